@@ -1,0 +1,82 @@
+"""Border checks: shape and finiteness, once, where arrays enter; inside they are trusted."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calib.errors import InputError
+
+Array = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+Index = NDArray[np.int64]
+
+
+def frozen(values: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
+    """Read-only C-ordered copy (or the same array if it already is one)."""
+    array = np.asarray(values, dtype=dtype)
+    if array.flags.writeable or not array.flags.c_contiguous:
+        array = np.array(array, dtype=dtype, order="C")
+        array.setflags(write=False)
+    return array
+
+
+def check(spec: str, **arrays: ArrayLike) -> tuple[Array, ...]:
+    """Turn inputs into read-only float64 arrays of the shapes named in `spec`.
+
+    Parameters
+    ----------
+    spec : str
+        One shape per keyword, in order, separated by commas; letters bind across arrays, digits are
+        literal: ``"m n, m 3"``.
+    **arrays : array_like
+        The arrays under their public names.
+
+    Raises
+    ------
+    InputError
+        Names the array, the place of the first offending element and what was expected.
+
+    Examples
+    --------
+    >>> q, p = check("m n, m 3", q=[[0, 1]], p=[[1, 2, 3]])
+    >>> q.shape, p.flags.writeable
+    ((1, 2), False)
+    """
+    sizes: dict[str, int] = {}
+    checked = []
+    for shape, (name, value) in zip(spec.split(","), arrays.items(), strict=True):
+        try:
+            array = frozen(value)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{name} is not an array of numbers", code="A1", field=name) from error
+        wanted = shape.split()
+        if array.ndim != len(wanted):
+            raise InputError(
+                f"{name} has shape {array.shape}",
+                code="A1",
+                field=name,
+                value=array.shape,
+                allowed=f"expected ({', '.join(wanted)})",
+            )
+        for axis, (size, letter) in enumerate(zip(array.shape, wanted, strict=True)):
+            expected = int(letter) if letter.isdigit() else sizes.setdefault(letter, size)
+            if size != expected:
+                raise InputError(
+                    f"{name} has shape {array.shape}",
+                    code="A1",
+                    field=name,
+                    value=array.shape,
+                    allowed=f"axis {axis} ({letter}) should be {expected}",
+                )
+        if not np.isfinite(array).all():
+            where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+            raise InputError(
+                f"{name}{list(where)} is {array[where]}",
+                code="A2",
+                field=name,
+                value=float(array[where]),
+                allowed="every value must be finite",
+            )
+        checked.append(array)
+    return tuple(checked)

@@ -1,0 +1,57 @@
+"""The errors this project raises: what is wrong, where, what was allowed and the likely fix."""
+
+
+class CalibError(Exception):
+    """Base of every error that leaves a public function.
+
+    Parameters
+    ----------
+    message : str
+        The thing and its value, e.g. ``q[3, 1] is nan``.
+    code : str
+        Short stable identifier, e.g. ``A2`` or ``S37``.
+    where : str
+        File, file and line, or table; empty inside `calib`.
+    field : str
+        Name of the array, key or column.
+    value : object
+        What was found.
+    allowed : str
+        What would have been accepted.
+    fix : str
+        The likely remedy, as an imperative.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        code: str,
+        where: str = "",
+        field: str = "",
+        value: object = None,
+        allowed: str = "",
+        fix: str = "",
+    ) -> None:
+        self.message = message
+        self.code = code
+        self.where = where
+        self.field = field
+        self.value = value
+        self.allowed = allowed
+        self.fix = fix
+        super().__init__(str(self))
+
+    def __str__(self) -> str:
+        body = "; ".join(part for part in (self.message, self.allowed, self.fix) if part)
+        place = f"{self.where}: " if self.where else ""
+        stop = "" if body.endswith(("?", ".", "!")) else "."
+        return f"{place}{body}{stop} [{self.code}]"
+
+
+class InputError(CalibError):
+    """What was handed in cannot be used; nothing was computed (exit code 2)."""
+
+
+class MachineError(CalibError):
+    """The machine failed: disk, memory, a lock; the run can be resumed (exit code 3)."""

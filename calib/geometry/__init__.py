@@ -1,0 +1,1 @@
+"""Frames, chains, their Jacobian and the named numbers of a robot model."""

@@ -1,0 +1,188 @@
+"""The serial chain: all its geometric numbers in one frozen value, and its forward kinematics."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, check, frozen
+from calib.errors import InputError
+from calib.geometry.frames import inverse, is_rigid, step_transform, transform, transform_step
+
+JointKind = Literal["revolute", "prismatic"]
+COLUMNS = ("theta", "d", "a", "alpha", "beta")
+"""Order of the five numbers of a link: Rz(q + theta) Tz(d) Tx(a) Rx(alpha) Ry(beta)."""
+ANGLE_COLUMNS = (True, False, False, True, True)
+FRAME_AXES = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chain:
+    """Modified Denavit-Hartenberg chain with Hayati's beta, base and tool: 12 + 5 n numbers.
+
+    T_world_tool = T_world_base A_1 ... A_n T_flange_tool with
+    A_i = Rz(q_i + theta_i) Tz(d_i) Tx(a_i) Rx(alpha_i) Ry(beta_i); a prismatic joint adds q_i to
+    d_i instead.
+
+    References
+    ----------
+    Wen et al. 2022, eq. (1); Hayati 1983 for beta.
+    """
+
+    links: Array
+    """(n, 5) theta [rad], d [m], a [m], alpha [rad], beta [rad]."""
+    kinds: tuple[JointKind, ...] = ()
+    """(n,) joint kinds; empty means all revolute."""
+    T_world_base: Array = field(default_factory=lambda: np.eye(4))
+    """(4, 4) base in the world, the frame measurements are reported in [m]."""
+    T_flange_tool: Array = field(default_factory=lambda: np.eye(4))
+    """(4, 4) tool in the flange [m]."""
+
+    def __post_init__(self) -> None:
+        links, base, tool = check(
+            "n 5, 4 4, 4 4",
+            links=self.links,
+            T_world_base=self.T_world_base,
+            T_flange_tool=self.T_flange_tool,
+        )
+        kinds = tuple(self.kinds) or ("revolute",) * len(links)
+        if len(kinds) != len(links) or set(kinds) - {"revolute", "prismatic"}:
+            raise InputError(
+                f"kinds is {kinds}",
+                code="A3",
+                field="kinds",
+                value=kinds,
+                allowed=f"{len(links)} entries, each revolute or prismatic",
+            )
+        for name, T in (("T_world_base", base), ("T_flange_tool", tool)):
+            if not is_rigid(T):
+                raise InputError(
+                    f"{name} is not a rigid transform",
+                    code="A3",
+                    field=name,
+                    allowed="an orthonormal right-handed rotation, last row 0 0 0 1",
+                )
+        for name, value in (
+            ("links", links),
+            ("kinds", kinds),
+            ("T_world_base", base),
+            ("T_flange_tool", tool),
+        ):
+            object.__setattr__(self, name, value)
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints n."""
+        return len(self.links)
+
+    @property
+    def n_numbers(self) -> int:
+        """All geometric numbers, 12 + 5 n."""
+        return 12 + 5 * len(self.links)
+
+    @property
+    def prismatic(self) -> Array:
+        """(n,) 1.0 where the joint slides, else 0.0."""
+        return np.array([kind == "prismatic" for kind in self.kinds], dtype=np.float64)
+
+    def moved(self, step: ArrayLike) -> "Chain":
+        """Chain after a step (12 + 5 n,) in the order of `chain_names` [m, rad].
+
+        Links add; base and tool are multiplied on the right by [Exp(r), t; 0, 1], so they move in
+        their own axes about their own origin.
+        """
+        (step,) = check(f"{self.n_numbers}", step=step)
+        return replace(
+            self,
+            links=self.links + step[6:-6].reshape(-1, 5),
+            T_world_base=reorthonormalized(self.T_world_base @ step_transform(step[:6])),
+            T_flange_tool=reorthonormalized(self.T_flange_tool @ step_transform(step[-6:])),
+        )
+
+    def step_to(self, other: "Chain") -> Array:
+        """Step (12 + 5 n,) that moves this chain to `other`: ``a.moved(a.step_to(b))`` is b."""
+        if self.kinds != other.kinds:
+            raise InputError(
+                f"chains differ in their joints: {self.kinds} and {other.kinds}",
+                code="A3",
+                field="kinds",
+            )
+        return np.concatenate(
+            [
+                transform_step(inverse(self.T_world_base) @ other.T_world_base),
+                (other.links - self.links).ravel(),
+                transform_step(inverse(self.T_flange_tool) @ other.T_flange_tool),
+            ]
+        )
+
+
+def reorthonormalized(T: Array) -> Array:
+    """The rigid transform (4, 4) nearest to T: rounding removed so that it never accumulates."""
+    U, _, Vt = np.linalg.svd(T[:3, :3])
+    return transform(U @ Vt, T[:3, 3])
+
+
+def chain_names(n_joints: int) -> tuple[str, ...]:
+    """Names of the 12 + 5 n numbers: ``base.x`` ... ``theta1`` ... ``tool.rz``."""
+    return (
+        *(f"base.{axis}" for axis in FRAME_AXES),
+        *(f"{column}{i + 1}" for i in range(n_joints) for column in COLUMNS),
+        *(f"tool.{axis}" for axis in FRAME_AXES),
+    )
+
+
+def link_rotation_parts(
+    chain: Chain, q: Array
+) -> Sequence[tuple[Array, Array, Array, Array, Array, Array, Array, Array]]:
+    """Cosines, sines and slides per link: c, s (turn), d, a, ca, sa (alpha), cb, sb (beta)."""
+    turn = q * (1 - chain.prismatic) + chain.links[:, 0]
+    shift = q * chain.prismatic + chain.links[:, 1]
+    c, s = np.cos(turn), np.sin(turn)
+    ca, sa = np.cos(chain.links[:, 3]), np.sin(chain.links[:, 3])
+    cb, sb = np.cos(chain.links[:, 4]), np.sin(chain.links[:, 4])
+    a = chain.links[:, 2]
+    return [
+        (c[:, i, None], s[:, i, None], shift[:, i, None], a[i], ca[i], sa[i], cb[i], sb[i])
+        for i in range(chain.n_joints)
+    ]
+
+
+def joint_vectors(chain: Chain, q: ArrayLike) -> Array:
+    """Joint vectors (m, n) [rad, m] checked against the chain: the border of all kinematics."""
+    (q,) = check("m n", q=q)
+    if q.shape[1] != chain.n_joints:
+        raise InputError(
+            f"q has shape {q.shape}",
+            code="A1",
+            field="q",
+            value=q.shape,
+            allowed=f"axis 1 should be {chain.n_joints}, the joints of the chain",
+        )
+    return frozen(q)
+
+
+def forward(chain: Chain, q: ArrayLike) -> Array:
+    """Tool poses T_world_tool (m, 4, 4) at joint vectors q (m, n) [rad, m].
+
+    References
+    ----------
+    Wen et al. 2022, eq. (1).
+
+    Examples
+    --------
+    >>> chain = Chain([[0, 0.3, 0.1, 0, 0]])
+    >>> forward(chain, [[0.0]])[0, :3, 3]
+    array([0.1, 0. , 0.3])
+    """
+    q = joint_vectors(chain, q)
+    R = np.broadcast_to(chain.T_world_base[:3, :3], (len(q), 3, 3))
+    p = np.broadcast_to(chain.T_world_base[:3, 3], (len(q), 3))
+    x, y, z = R[..., 0], R[..., 1], R[..., 2]
+    for c, s, d, a, ca, sa, cb, sb in link_rotation_parts(chain, q):
+        x, y = c * x + s * y, c * y - s * x
+        p = p + d * z + a * x
+        y, z = ca * y + sa * z, ca * z - sa * y
+        x, z = cb * x - sb * z, sb * x + cb * z
+    return transform(np.stack([x, y, z], -1), p) @ chain.T_flange_tool

@@ -1,0 +1,132 @@
+"""Rigid-body algebra on stacks: rotations, rotation vectors, transforms, in SI units.
+
+`T_a_b` (..., 4, 4) maps b coordinates into a. A rotation vector is axis times angle [rad].
+"""
+
+import numpy as np
+
+from calib.arrays import Array
+
+
+def skew(v: Array) -> Array:
+    """Matrix [v]x (..., 3, 3) with [v]x w = v x w."""
+    out = np.zeros((*v.shape, 3), dtype=v.dtype)
+    x, y, z = v[..., 0], v[..., 1], v[..., 2]
+    out[..., 0, 1], out[..., 0, 2] = -z, y
+    out[..., 1, 0], out[..., 1, 2] = z, -x
+    out[..., 2, 0], out[..., 2, 1] = -y, x
+    return out
+
+
+def exp_so3(w: Array) -> Array:
+    """Rotation matrix (..., 3, 3) of a rotation vector (..., 3) [rad] (Rodrigues)."""
+    angle = np.linalg.norm(w, axis=-1)[..., None, None]
+    K = skew(w)
+    # sinc keeps both factors exact down to angle = 0
+    return np.asarray(
+        np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (K @ K),
+        dtype=np.float64,
+    )
+
+
+def log_so3(R: Array) -> Array:
+    """Rotation vector (..., 3) [rad] of a rotation matrix (..., 3, 3), angle in [0, pi].
+
+    The angle comes from atan2 of sine and cosine, exact near 0 and near pi; near pi the axis comes
+    from the symmetric part, whose largest column is far from zero there.
+    """
+    sine_axis = 0.5 * np.stack(
+        [R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], -1
+    )
+    sine = np.linalg.norm(sine_axis, axis=-1)
+    cosine = (np.trace(R, axis1=-2, axis2=-1) - 1) / 2
+    angle = np.arctan2(sine, cosine)
+    small = sine < 1e-7
+    factor = np.where(small, 1.0, angle / np.where(small, 1.0, sine))
+    w = factor[..., None] * sine_axis
+    flip = small & (cosine < 0)
+    near_pi = (cosine < 0) & (sine < 1e-3)
+    if np.any(near_pi):
+        S = 0.5 * (R + np.swapaxes(R, -1, -2)) - cosine[..., None, None] * np.eye(3)
+        column = np.argmax(np.diagonal(S, axis1=-2, axis2=-1), axis=-1)
+        axis = np.take_along_axis(S, column[..., None, None], axis=-1)[..., 0]
+        axis = axis / np.maximum(np.linalg.norm(axis, axis=-1), 1e-300)[..., None]
+        sign = np.where(np.sum(axis * sine_axis, axis=-1) < 0, -1.0, 1.0)
+        exact = (sign * angle)[..., None] * axis
+        w = np.where((near_pi | flip)[..., None], exact, w)
+    return np.asarray(w, dtype=np.float64)
+
+
+def right_jacobian_inverse(e: Array) -> Array:
+    """Jr^-1(e) (..., 3, 3): Log(Exp(e) Exp(w)) = e + Jr^-1(e) w + O(w^2).
+
+    References
+    ----------
+    Sola, Deray, Atchuthan, arXiv 1812.01537, eq. (144).
+    """
+    t = np.linalg.norm(e, axis=-1)[..., None, None]
+    K = skew(e)
+    small = t < 1e-3  # series: 1/12 + t^2/720 + t^4/30240
+    safe = np.where(small, 1.0, t)
+    factor = np.where(
+        small,
+        1 / 12 + t**2 / 720,
+        1 / safe**2 - (1 + np.cos(safe)) / (2 * safe * np.sin(safe)),
+    )
+    return np.asarray(np.eye(3) + 0.5 * K + factor * (K @ K), dtype=np.float64)
+
+
+def transform(R: Array, p: Array) -> Array:
+    """Homogeneous transforms (..., 4, 4) from rotations (..., 3, 3) and positions (..., 3)."""
+    shape = np.broadcast_shapes(R.shape[:-2], p.shape[:-1])
+    T = np.zeros((*shape, 4, 4), dtype=np.result_type(R, p))
+    T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = R, p, 1
+    return T
+
+
+def inverse(T: Array) -> Array:
+    """Inverse (..., 4, 4) of rigid transforms."""
+    Rt = np.swapaxes(T[..., :3, :3], -1, -2)
+    return transform(Rt, -(Rt @ T[..., :3, 3, None])[..., 0])
+
+
+def step_transform(step: Array) -> Array:
+    """[Exp(r), t; 0, 1] (4, 4) of a frame step [t (m); r (rad)] (6,)."""
+    return transform(exp_so3(step[3:]), step[:3])
+
+
+def transform_step(T: Array) -> Array:
+    """Frame step [t (m); Log R (rad)] (6,) of a transform: the inverse of `step_transform`."""
+    return np.concatenate([T[:3, 3], log_so3(T[:3, :3])])
+
+
+def rot_x(angle: float) -> Array:
+    """Turn about x by `angle` [rad], (4, 4)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[1, 0, 0, 0], [0, c, -s, 0], [0, s, c, 0], [0, 0, 0, 1]], dtype=np.float64)
+
+
+def rot_y(angle: float) -> Array:
+    """Turn about y by `angle` [rad], (4, 4)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, 0, s, 0], [0, 1, 0, 0], [-s, 0, c, 0], [0, 0, 0, 1]], dtype=np.float64)
+
+
+def rot_z(angle: float) -> Array:
+    """Turn about z by `angle` [rad], (4, 4)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], dtype=np.float64)
+
+
+def slide(x: float, y: float, z: float) -> Array:
+    """Translation (4, 4) [m]."""
+    T = np.eye(4)
+    T[:3, 3] = x, y, z
+    return T
+
+
+def is_rigid(T: Array, tolerance: float = 1e-9) -> bool:
+    """Whether the rotation part (4, 4) is orthonormal with determinant +1 within `tolerance`."""
+    R = T[:3, :3]
+    off = float(np.abs(R.T @ R - np.eye(3)).max())
+    return off <= tolerance and float(np.linalg.det(R)) > 0 and bool((T[3] == [0, 0, 0, 1]).all())

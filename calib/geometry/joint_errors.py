@@ -1,0 +1,107 @@
+"""Joint errors outside the geometry: gravity sag and gear harmonics as a linear basis.
+
+dq(q) = sum_k c_k b_k(q), each b_k a sine or cosine of a whole-number combination of joint values,
+and each acting on one joint. An amplitude with a phase is two terms:
+A sin(q + phi) = (A cos phi) sin q + (A sin phi) cos q.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from calib.arrays import Array, check
+from calib.errors import InputError
+
+
+@dataclass(frozen=True, slots=True)
+class JointTerm:
+    """One basis function b(q) = wave(weights . q) and the joint it turns."""
+
+    name: str
+    """Public name, e.g. ``gravity2.sin2`` or ``harmonic3.cos1``."""
+    joint: int
+    """Joint that is displaced, 0-based."""
+    wave: Literal["sin", "cos"]
+    weights: tuple[int, ...]
+    """(n,) whole-number factor of each joint value inside the wave."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointErrors:
+    """A sum of joint terms with their coefficients; empty for a purely geometric robot."""
+
+    terms: tuple[JointTerm, ...] = ()
+    coefficients: Array = ()  # type: ignore[assignment]  # becomes an array in __post_init__
+    """(k,) one coefficient per term [rad or m]."""
+
+    def __post_init__(self) -> None:
+        (coefficients,) = check("k", coefficients=self.coefficients)
+        if len(coefficients) != len(self.terms):
+            raise InputError(
+                f"coefficients has {len(coefficients)} entries",
+                code="A1",
+                field="coefficients",
+                allowed=f"one per term, {len(self.terms)}",
+            )
+        object.__setattr__(self, "coefficients", coefficients)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """(k,) names of the terms."""
+        return tuple(term.name for term in self.terms)
+
+    @property
+    def joints(self) -> list[int]:
+        """(k,) displaced joint of each term, 0-based."""
+        return [term.joint for term in self.terms]
+
+    def basis(self, q: Array) -> Array:
+        """Values b_k(q) (m, k), dimensionless."""
+        if not self.terms:
+            return np.zeros((len(q), 0))
+        phase = q @ np.array([term.weights for term in self.terms], dtype=np.float64).T
+        cosine = np.array([term.wave == "cos" for term in self.terms])
+        return np.where(cosine, np.cos(phase), np.sin(phase))
+
+    def offsets(self, q: Array) -> Array:
+        """Joint offsets dq (m, n) [rad or m] at joint values q (m, n)."""
+        dq = np.zeros_like(q)
+        np.add.at(dq.T, self.joints, (self.basis(q) * self.coefficients).T)
+        return dq
+
+
+def gravity_terms(n_joints: int) -> tuple[JointTerm, ...]:
+    """Sag of a vertical-plane arm: dq2 = g1 sin q2 + g2 sin(q2+q3), dq3 = g3 sin(q2+q3).
+
+    Closed form for an arm whose joints 2 and 3 have parallel horizontal axes and whose zero pose is
+    the candle; positive coefficients droop away from it.
+    """
+    if n_joints < 3:
+        raise InputError(
+            f"the closed gravity form needs three joints; the chain has {n_joints}",
+            code="A3",
+            field="n_joints",
+        )
+    upper = tuple(int(i == 1) for i in range(n_joints))
+    fore = tuple(int(i in (1, 2)) for i in range(n_joints))
+    return (
+        JointTerm("gravity2.upper", 1, "sin", upper),
+        JointTerm("gravity2.fore", 1, "sin", fore),
+        JointTerm("gravity3.fore", 2, "sin", fore),
+    )
+
+
+def harmonic_terms(n_joints: int, orders: tuple[int, ...] = (1, 2)) -> tuple[JointTerm, ...]:
+    """Sine and cosine of each order per joint: what an eccentric gear or encoder leaves."""
+    return tuple(
+        JointTerm(
+            f"harmonic{i + 1}.{wave}{order}",
+            i,
+            wave,
+            tuple(order * int(k == i) for k in range(n_joints)),
+        )
+        for i in range(n_joints)
+        for order in orders
+        for wave in ("sin", "cos")
+    )

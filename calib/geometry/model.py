@@ -1,0 +1,72 @@
+"""The robot model, a chain plus its joint errors: identified, predicted with and exported."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, check
+from calib.geometry.chain import Chain, chain_names, forward, joint_vectors
+from calib.geometry.joint_errors import JointErrors
+from calib.geometry.sweep import joint_columns, pose_and_jacobian
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotModel:
+    """Geometry and joint errors; T(q) = forward(chain, q + dq(q))."""
+
+    chain: Chain
+    joint_errors: JointErrors = field(default_factory=JointErrors)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """(P,) names of all numbers: base, links, tool, joint terms."""
+        return (*chain_names(self.chain.n_joints), *self.joint_errors.names)
+
+    @property
+    def is_length(self) -> tuple[bool, ...]:
+        """(P,) whether a number is a length [m]; all others are angles [rad]."""
+        frame = (True, True, True, False, False, False)
+        link = (False, True, True, False, False)
+        terms = tuple(self.chain.kinds[joint] == "prismatic" for joint in self.joint_errors.joints)
+        return (*frame, *(link * self.chain.n_joints), *frame, *terms)
+
+    @property
+    def n_numbers(self) -> int:
+        """Length P of the full parameter vector."""
+        return self.chain.n_numbers + len(self.joint_errors.terms)
+
+    def moved(self, step: ArrayLike) -> "RobotModel":
+        """Model after a step (P,) [m, rad]: chain as in `Chain.moved`, coefficients add."""
+        (step,) = check(f"{self.n_numbers}", step=step)
+        k = self.chain.n_numbers
+        errors = replace(self.joint_errors, coefficients=self.joint_errors.coefficients + step[k:])
+        return RobotModel(self.chain.moved(step[:k]), errors)
+
+    def step_to(self, other: "RobotModel") -> Array:
+        """Step (P,) that moves this model to `other`, which must carry the same joint terms."""
+        (own, there) = check(
+            "k, k",
+            own=self.joint_errors.coefficients,
+            other=other.joint_errors.coefficients,
+        )
+        return np.concatenate([self.chain.step_to(other.chain), there - own])
+
+    def poses(self, q: ArrayLike) -> Array:
+        """Tool poses T_world_tool (m, 4, 4) at commanded joint values q (m, n)."""
+        q = joint_vectors(self.chain, q)
+        return forward(self.chain, q + self.joint_errors.offsets(q))
+
+    def poses_and_jacobian(self, q: ArrayLike) -> tuple[Array, Array]:
+        """Poses (m, 4, 4) and Jacobian (m, 6, P), rows [dp; dr] in world axes.
+
+        A joint term's column is its joint's own column times the basis value: exact, because the
+        offset is linear in the coefficient.
+        """
+        q = joint_vectors(self.chain, q)
+        T, J = pose_and_jacobian(self.chain, q + self.joint_errors.offsets(q))
+        if not self.joint_errors.terms:
+            return T, J
+        own = np.array(joint_columns(self.chain))[self.joint_errors.joints]
+        extra = J[:, :, own] * self.joint_errors.basis(q)[:, None, :]
+        return T, np.concatenate([J, extra], axis=-1)

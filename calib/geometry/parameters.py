@@ -1,0 +1,102 @@
+"""Which numbers of a model are free, and in what units their columns are scaled."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+
+import numpy as np
+
+from calib.arrays import Array, Bool, check, frozen
+from calib.errors import InputError
+from calib.geometry.model import RobotModel
+
+CHARACTERISTIC_LENGTH = 0.3
+"""L [m]: one radian counts like L metres in scaled columns and rows; about half a TX60's reach."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Parameters:
+    """Names of all P numbers of a model, the free ones, and their column scale."""
+
+    names: tuple[str, ...]
+    """(P,) as in `RobotModel.names`."""
+    is_length: Bool
+    """(P,) length [m] or else angle [rad]."""
+    free: Bool
+    """(P,) identified; the others stay where the model has them."""
+    scale: Array
+    """(P,) step that counts as one scaled unit [m or rad]: 1 m, and 1/L rad for angles."""
+
+    def __post_init__(self) -> None:
+        p = len(self.names)
+        (scale,) = check(f"{p}", scale=self.scale)
+        if (scale <= 0).any():
+            raise InputError("scale must be positive", code="A3", field="scale")
+        object.__setattr__(self, "scale", scale)
+        for name in ("is_length", "free"):
+            object.__setattr__(self, name, frozen(getattr(self, name), np.bool_))
+
+    @property
+    def free_names(self) -> tuple[str, ...]:
+        """(f,) names of the free numbers, in the order of the full vector."""
+        return tuple(name for name, free in zip(self.names, self.free, strict=True) if free)
+
+    @property
+    def n_free(self) -> int:
+        """Number f of free numbers."""
+        return int(self.free.sum())
+
+    @property
+    def free_index(self) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+        """(f,) positions of the free numbers in the full vector."""
+        return np.flatnonzero(self.free)
+
+    @property
+    def free_scale(self) -> Array:
+        """(f,) column scale of the free numbers [m or rad]."""
+        return self.scale[self.free]
+
+    def freeing(self, names: Iterable[str]) -> "Parameters":
+        """Same table with exactly `names` free."""
+        wanted = tuple(names)
+        for name in wanted:
+            if name not in self.names:
+                close = get_close_matches(name, self.names, 1)
+                raise InputError(
+                    f'no parameter is called "{name}"',
+                    code="A4",
+                    field="free",
+                    value=name,
+                    fix=f'did you mean "{close[0]}"?' if close else "see the model's names",
+                )
+        return replace(self, free=np.array([name in wanted for name in self.names]))
+
+    def expand(self, step: Array) -> Array:
+        """Full step (P,) from a step of the free numbers (f,)."""
+        full = np.zeros(len(self.names))
+        full[self.free] = step
+        return full
+
+
+def parameters_of(
+    model: RobotModel, free: Iterable[str] | None = None, *, length: float = CHARACTERISTIC_LENGTH
+) -> Parameters:
+    """Parameter table of a model; all numbers free unless `free` names some.
+
+    Parameters
+    ----------
+    model : RobotModel
+        Whose numbers are listed.
+    free : iterable of str, optional
+        Names to free.
+    length : float
+        Characteristic length L [m].
+    """
+    is_length = np.array(model.is_length)
+    table = Parameters(
+        model.names,
+        is_length,
+        np.ones(len(model.names), dtype=bool),
+        np.where(is_length, 1.0, 1.0 / length),
+    )
+    return table if free is None else table.freeing(free)

@@ -1,0 +1,188 @@
+"""Nonlinear least squares with exact derivatives: trust-region steps, and a certificate of the end.
+
+Knows nothing of robots. The unknown may live on a manifold: the caller says how to move it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from calib.arrays import Array, frozen
+from calib.errors import InputError
+from calib.identification.tangent import Tangent, column_norms, tangent_plane
+
+X = TypeVar("X")
+
+MOST_REFUSALS = 30
+"""Refused steps in a row, each a quarter of the one before, after which none will help."""
+
+
+class Status(Enum):
+    """How a fit ended, in a sentence."""
+
+    CONVERGED = "converged: no parameter can lower the sum of squares any further"
+    STALLED = (
+        "stopped where no step lowers the sum of squares, but without a certificate; "
+        "check the derivatives or start closer to the answer"
+    )
+    LIMIT = "stopped at the iteration limit; allow more iterations or start closer to the answer"
+    DEFICIENT = (
+        "stopped where some parameters cannot be told apart; free fewer of them or add observations"
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution(Generic[X]):
+    """Where a fit ended and why it may be believed."""
+
+    x: X
+    """The answer."""
+    residual: Array
+    """(n,) seen minus predicted there."""
+    jacobian: Array
+    """(n, p) derivative of the prediction there."""
+    certificate: float
+    """Relative offset, or |Q1'r| for an exact fit; see `tangent.relative_offset`."""
+    status: Status
+    iterations: int
+    """Steps taken."""
+    trace: Array
+    """(iterations + 1,) sum of squares at the start and after each step."""
+
+
+def solve(
+    evaluate: Callable[[X], tuple[Array, Array]],
+    start: X,
+    *,
+    move: Callable[[X, Array], X],
+    reach: Array | None = None,
+    most: int = 500,
+    report: Callable[[int, float], None] | None = None,
+) -> Solution[X]:
+    """Minimize the sum of squares |r(x)|^2 from `start`.
+
+    Each step is the best one inside a trust region, by the singular values of A with its columns
+    scaled: a Levenberg-Marquardt step far away, a plain Gauss-Newton step near the answer, until
+    what is left is 1e-10 standard deviations.
+
+    Parameters
+    ----------
+    evaluate : callable
+        x -> residual r (n,), seen minus predicted, and A (n, p), exact derivative of the prediction
+        by a small step at x. May return values that are not finite: the step is then refused.
+    start : X
+        First point, of any type.
+    move : callable
+        (x, step (p,)) -> the point after the step.
+    reach : (p,) array, optional
+        Typical size of each unknown: the first step goes no further. Without it the first step is a
+        plain Gauss-Newton step, right where the start is good.
+    most : int
+        Largest number of steps.
+    report : callable, optional
+        Told the step count and the sum of squares after each step.
+
+    Returns
+    -------
+    Solution
+        `status` is CONVERGED only with the certificate, whatever else happened.
+
+    References
+    ----------
+    More 1978 (trust region, column scale), Bates & Watts 1988 (relative offset).
+
+    Examples
+    --------
+    >>> t = np.arange(4.0)
+    >>> solution = solve(
+    ...     lambda x: (np.exp(-0.5 * t) - np.exp(-x * t), -t[:, None] * np.exp(-x * t)[:, None]),
+    ...     np.array([1.0]),
+    ...     move=lambda x, step: x + step,
+    ... )
+    >>> float(solution.x[0].round(9)), solution.status.name
+    (0.5, 'CONVERGED')
+    """
+    x, here = start, _system(evaluate, start)
+    if here is None:
+        raise InputError(
+            "the residual or its derivative is not finite at the start",
+            code="A2",
+            field="start",
+            fix="start where the model can be computed",
+        )
+    if here.A.shape[1] > len(here.r):
+        raise InputError(
+            f"{len(here.r)} rows for {here.A.shape[1]} unknowns",
+            code="M27",
+            field="residual",
+            value=len(here.r),
+            allowed="at least as many rows as unknowns",
+        )
+    radius = np.inf if reach is None else float(np.linalg.norm(here.scale * reach)) or np.inf
+    trace, refused = [here.cost], 0
+    while not here.finished and len(trace) <= most and refused < MOST_REFUSALS:
+        step, length, predicted = here.step(radius)
+        candidate = move(x, step)
+        there = _system(evaluate, candidate, here.scale)
+        drop = here.cost - there.cost if there is not None else -np.inf
+        gain = drop / predicted if predicted > 0 else -np.inf
+        nearer = there is not None and _nearer(here, there)
+        if gain > 0.75 and length > 0.95 * radius:
+            radius *= 2
+        elif gain < 0.25 and not nearer:
+            radius = 0.25 * length
+        if there is not None and (nearer or (gain > 1e-4 and not here.at_rounding)):
+            x, here, refused = candidate, there, 0
+            trace.append(here.cost)
+            if report is not None:
+                report(len(trace) - 1, here.cost)
+        elif here.at_rounding:
+            break
+        else:
+            refused += 1
+    return Solution(
+        x,
+        frozen(here.r),
+        frozen(here.A),
+        here.certificate,
+        _status(here, len(trace) > most),
+        len(trace) - 1,
+        frozen(trace),
+    )
+
+
+def _system(
+    evaluate: Callable[[X], tuple[Array, Array]], x: X, least: Array | float = 0.0
+) -> Tangent | None:
+    """Tangent plane at x; None where the model cannot be computed.
+
+    The scale of a column never falls below `least`, the scale before: a column that fades on the
+    way must not let its unknown run away.
+    """
+    # a trial step may be far too long: overflow there is an answer, not a mishap
+    with np.errstate(all="ignore"):
+        r, A = evaluate(x)
+        usable = np.isfinite(r @ r) and np.isfinite(np.einsum("ij,ij->", A, A))
+    return tangent_plane(r, A, np.maximum(column_norms(A), least)) if usable else None
+
+
+def _nearer(here: Tangent, there: Tangent) -> bool:
+    """Whether a step halved the offset without raising the sum of squares beyond its rounding.
+
+    Near the answer the sum of squares is flat to rounding; the offset is the finer judge.
+    """
+    level = there.exact or there.cost <= here.cost * (1 + 1e-12)
+    return level and there.offset <= 0.5 * here.offset
+
+
+def _status(here: Tangent, out_of_steps: bool) -> Status:
+    """How the fit ended."""
+    here = tangent_plane(here.r, here.A, column_norms(here.A))
+    if here.deficient:
+        return Status.DEFICIENT
+    if here.certified:
+        return Status.CONVERGED
+    return Status.LIMIT if out_of_steps else Status.STALLED

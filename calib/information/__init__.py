@@ -1,0 +1,1 @@
+"""What measurements can tell: rank, redundancies, observability indices, propagation."""

@@ -1,0 +1,64 @@
+"""Rank: how many directions a measurement tells apart, and how many of them teach something."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, check
+from calib.geometry.parameters import Parameters
+
+RANK_TOLERANCE = 1e-9
+"""A singular value counts above this part of the largest (TX60: the gap is 0.19 to 1e-15)."""
+PRACTICAL_RATIO = 0.5
+"""A direction is learned when measuring brings its sd below this part of its prior sd."""
+
+
+def singular_values(A: ArrayLike) -> Array:
+    """Singular values (min(N, f),) of a matrix (N, f), largest first."""
+    (A,) = check("N f", A=A)
+    if 0 in A.shape:
+        return np.zeros(0)
+    return np.asarray(np.linalg.svd(triangle(A), compute_uv=False), dtype=np.float64)
+
+
+def triangle(A: Array) -> Array:
+    """Upper triangle (f, f) with the singular values and column angles of a tall A (N, f), or A."""
+    return np.asarray(np.linalg.qr(A, mode="r")) if len(A) > A.shape[1] else A
+
+
+def rank(A: ArrayLike, *, tolerance: float = RANK_TOLERANCE) -> int:
+    """Number of directions that the columns of A (N, f) span, by relative singular values."""
+    return count(singular_values(A), tolerance)
+
+
+def practical_rank(A: ArrayLike, prior_sd: ArrayLike, *, ratio: float = PRACTICAL_RATIO) -> int:
+    """Directions whose standard deviation after measuring is below `ratio` of the prior one.
+
+    Tells structure from usefulness: two singular values of 1e-5 raise the rank, yet teach nothing.
+
+    Parameters
+    ----------
+    A : (N, f) array
+        Whitened Jacobian, columns in any units.
+    prior_sd : (f,) array
+        Prior standard deviation of each number, in the units of its column.
+    ratio : float
+        Posterior over prior sd below which a direction counts as learned.
+
+    References
+    ----------
+    MATH 3. In prior units the posterior sd along a singular direction is 1 / sqrt(1 + sigma^2).
+    """
+    A, prior_sd = check("N f, f", A=A, prior_sd=prior_sd)
+    return int((singular_values(A * prior_sd) > np.sqrt(ratio**-2 - 1)).sum())
+
+
+def weak_prior_sd(parameters: Parameters) -> Array:
+    """Prior sd (f,) of the free numbers when nothing is known: 0.6 mm, 0.1 deg; 1 mm for frames."""
+    frame = np.array([name.startswith(("base.", "tool.")) for name in parameters.names])
+    length = np.where(frame, 1e-3, 0.6e-3)
+    return np.where(parameters.is_length, length, np.deg2rad(0.1))[parameters.free]
+
+
+def count(singular: Array, tolerance: float) -> int:
+    """Number of singular values (k,) above `tolerance` times the largest."""
+    return int((singular > tolerance * singular[0]).sum()) if singular.size else 0

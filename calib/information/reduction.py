@@ -1,0 +1,251 @@
+"""Which numbers the measurements can tell apart: a kept set, and the dependencies in words."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, Bool, Index, check, frozen
+from calib.errors import InputError
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
+from calib.information.rank import RANK_TOLERANCE, count, practical_rank, singular_values, triangle
+from calib.information.rank import rank as rank
+from calib.information.rank import weak_prior_sd as weak_prior_sd
+
+KEEP_TOLERANCE = 1e-6
+"""A column is kept when more than this part of it lies outside the columns already kept."""
+PARALLEL = np.cos(np.deg2rad(1.0))
+"""Axes within 1 degree count as parallel: then beta is telling and d is not (Hayati)."""
+STILL = 1e-9
+"""A joint [rad, m] or an orientation [rad] that spreads less than this never moves."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reduction:
+    """What the free numbers are worth: rank, those kept, and what each dropped one looks like."""
+
+    singular_values: Array
+    """(min(N, f),) singular values of the scaled columns, largest first."""
+    rank: int
+    """Number of singular values above the tolerance: directions that can be told apart."""
+    tolerance: float
+    """Part of the largest singular value below which one counts as zero."""
+    condition: float
+    """Largest over smallest singular value of the kept scaled columns."""
+    kept: tuple[str, ...]
+    """(p,) names of the kept numbers, in the order of the full vector."""
+    dropped: tuple[str, ...]
+    """(f - p,) names of the others."""
+    mixing: Array
+    """(p, f) to first order, step of the kept numbers that looks like one of all free [m, rad]."""
+    sentences: tuple[str, ...]
+    """What lies behind the loss of rank, then one sentence per dropped number."""
+    unobservable: tuple[str, ...]
+    """Free numbers without any effect on the measurements: no kept number stands for them."""
+    practical_rank: int | None = None
+    """Directions learned beyond the prior; None if no prior was given."""
+
+
+class _Kept(NamedTuple):
+    """Columns kept, in the order they were met, and all columns in terms of them."""
+
+    places: list[int]
+    coordinates: Array  # (p, f) scaled
+    silent: Index  # columns of no size
+
+
+def reduce(
+    A: ArrayLike,
+    parameters: Parameters,
+    *,
+    model: RobotModel,
+    q: ArrayLike | None = None,
+    prior_sd: ArrayLike | None = None,
+    tolerance: float = RANK_TOLERANCE,
+) -> Reduction:
+    """Find the free numbers that can be told apart, and say in words what the others look like.
+
+    Columns are met in a fixed order (base, tool, links, joint terms) and kept when they add
+    something; within a link, d comes last if the next axis is parallel and beta otherwise, because
+    that is the one that is then least telling. On a TX60 this keeps the thirty readable numbers.
+
+    Parameters
+    ----------
+    A : (N, f) array
+        Jacobian of the free numbers, columns times `parameters.free_scale`, rows whitened (or
+        rotation rows times the characteristic length).
+    parameters : Parameters
+        The free numbers and their scale.
+    model : RobotModel
+        Where the Jacobian was taken; its axes decide the order.
+    q : (m, n) array, optional
+        Joint values [rad, m] of the poses: lets the sentences name a joint that never moves and an
+        orientation that never changes.
+    prior_sd : (f,) array, optional
+        Prior sd of the free numbers [m, rad]: the practical rank is then given too.
+    tolerance : float
+        Relative size below which a singular value counts as zero.
+
+    References
+    ----------
+    MATH 3; Hayati 1983 for d and beta of parallel axes.
+    """
+    (A,) = check("N f", A=A)
+    if parameters.names != model.names:
+        raise InputError("parameters and model list different numbers", code="A1", field="names")
+    if A.shape[1] != parameters.n_free:
+        raise InputError(
+            f"A has shape {A.shape}",
+            code="A1",
+            field="A",
+            value=A.shape,
+            allowed=f"one column per free number, {parameters.n_free}",
+        )
+    if not A.size:
+        raise InputError(
+            "nothing to reduce",
+            code="M27",
+            field="A",
+            value=A.shape,
+            allowed="at least one row and one free number",
+        )
+    small = triangle(A)
+    singular = singular_values(small)
+    found = _kept_columns(small, _order(parameters, model))
+    keep = sorted(found.places)
+    rows = np.argsort(found.places)
+    scale, names = parameters.free_scale, parameters.free_names
+    # a scaled column is J_k s_k, so a step x_k of number k is x_k / s_k of its column
+    mixing = found.coordinates[rows] * scale[keep][:, None] / scale
+    mixing[:, keep] = np.eye(len(keep))
+    rank_found, left = count(singular, tolerance), sorted(set(range(len(names))) - set(keep))
+    lengths = parameters.is_length[parameters.free]
+    sentences = [
+        *_causes(model, parameters, q, rank_found < len(names)),
+        *_count_sentences(len(A), len(keep), rank_found, len(names)),
+        *(_dependency(names, lengths, keep, mixing, k) for k in left),
+    ]
+    spread = singular_values(small[:, keep]) if keep else np.ones(1)
+    return Reduction(
+        singular_values=frozen(singular),
+        rank=rank_found,
+        tolerance=tolerance,
+        condition=float(spread[0] / spread[-1]),
+        kept=tuple(names[k] for k in keep),
+        dropped=tuple(names[k] for k in left),
+        mixing=frozen(mixing),
+        sentences=tuple(sentences),
+        unobservable=tuple(names[k] for k in sorted(found.silent)),
+        practical_rank=None if prior_sd is None else practical_rank(A / scale, prior_sd),
+    )
+
+
+def _order(parameters: Parameters, model: RobotModel) -> list[int]:
+    """Positions among the free numbers, in the order in which columns are offered."""
+    n = model.chain.n_joints
+    tool = range(6 + 5 * n, 12 + 5 * n)
+    # direction of the next joint axis in the frame of this one: Rx(alpha) Ry(beta) z
+    cosine = np.cos(model.chain.links[:, 3]) * np.cos(model.chain.links[:, 4])
+    late = [6 + 5 * i + (1 if abs(cosine[i]) > PARALLEL else 4) for i in range(n - 1)]
+    links = [k for k in range(6, 6 + 5 * n) if k not in late]
+    order = [*range(6), *tool, *links, *late, *range(12 + 5 * n, len(parameters.names))]
+    place = {int(k): i for i, k in enumerate(parameters.free_index)}
+    return [place[k] for k in order if k in place]
+
+
+def _kept_columns(A: Array, order: Sequence[int]) -> _Kept:
+    """Gram-Schmidt, twice per column, in the given order; all columns in terms of the kept ones."""
+    size = np.linalg.norm(A, axis=0)
+    silent = np.flatnonzero(size <= RANK_TOLERANCE * size.max())
+    basis = np.zeros((A.shape[0], min(A.shape)))
+    kept: list[int] = []
+    for k in order:
+        if size[k] == 0 or k in silent or len(kept) == basis.shape[1]:
+            continue
+        rest = A[:, k] / size[k]
+        Q = basis[:, : len(kept)]
+        for _ in range(2):
+            rest = rest - Q @ (Q.T @ rest)
+        length = float(np.linalg.norm(rest))
+        if length > KEEP_TOLERANCE:
+            basis[:, len(kept)] = rest / length
+            kept.append(k)
+    Q = basis[:, : len(kept)]
+    C = Q.T @ A
+    coordinates = np.zeros((len(kept), A.shape[1]))
+    if kept:
+        coordinates[:] = np.linalg.solve(C[:, kept], C)
+    coordinates[:, silent] = 0.0
+    return _Kept(kept, coordinates, silent)
+
+
+def _causes(
+    model: RobotModel, parameters: Parameters, q: ArrayLike | None, lost: bool
+) -> list[str]:
+    """Sentences on joints that never move and an orientation that never changes."""
+    if q is None or not lost:
+        return []
+    (q,) = check(f"m {model.chain.n_joints}", q=q)
+    if len(q) < 2:
+        return []
+    said = [
+        f"joint {i + 1} never moves: its link cannot be told from the links beside it; "
+        "choose poses that move it"
+        for i in np.flatnonzero(np.ptp(q, axis=0) < STILL)
+    ]
+    free = [name for name in ("tool.x", "tool.y", "tool.z") if name in parameters.free_names]
+    R = model.poses(q)[:, :3, :3]
+    if free and np.abs(R - R[0]).max() < STILL:
+        said.append(
+            f"the tool keeps one orientation in all poses: {', '.join(free)} cannot be told from a "
+            "shift of the robot; hold them fixed or turn the tool"
+        )
+    return said
+
+
+def _count_sentences(n_rows: int, n_kept: int, rank_found: int, n_free: int) -> list[str]:
+    """Sentences on too few equations, and on directions between the two tolerances."""
+    said = []
+    if n_rows < n_free and n_kept == n_rows:
+        said.append(
+            f"{n_rows} equations tell at most {n_rows} of {n_free} numbers apart: "
+            "more poses may tell more"
+        )
+    if rank_found != n_kept:
+        said.append(
+            f"{n_kept} numbers are kept but the singular values count {rank_found} directions: "
+            "some are seen so weakly that rounding decides"
+        )
+    return said
+
+
+def _dependency(
+    names: Sequence[str], lengths: Bool, keep: Sequence[int], mixing: Array, k: int
+) -> str:
+    """What dropped number k looks like, in words."""
+    name, column = names[k], mixing[:, k]
+    # 1e-6 of a meter per radian or the like is below what the projection test resolves
+    terms = np.flatnonzero(np.abs(column) > KEEP_TOLERANCE)
+    if not terms.size:
+        return f"{name} has no effect on anything measured: no measurement can find it"
+    terms = terms[np.argsort(-np.abs(column[terms]), kind="stable")].tolist()
+    others = [names[keep[i]] for i in terms]
+    if len(terms) == 1 and abs(abs(column[terms[0]]) - 1) < KEEP_TOLERANCE:
+        same = "the same" if column[terms[0]] > 0 else "the opposite"
+        return (
+            f"{name} cannot be told from {others[0]}: any change of {name} looks like {same} "
+            f"change of {others[0]}"
+        )
+    shown = [
+        f"{column[i]:+.3g} {'m' if lengths[keep[i]] else 'rad'} of {other}"
+        for i, other in zip(terms[:4], others[:4], strict=True)
+    ]
+    more = f" and {len(terms) - 4} smaller terms" if len(terms) > 4 else ""
+    unit = "m" if lengths[k] else "rad"
+    return (
+        f"{name} cannot be told from {', '.join(others[:4])}{more}: 1 {unit} of {name} looks like "
+        f"{', '.join(shown)}{more}"
+    )

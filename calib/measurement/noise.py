@@ -1,0 +1,182 @@
+"""What a measurement scatters: covariance of each observation, and the matrices that whiten it.
+
+Every 6 x 6 covariance is of [position (m); rotation vector (rad)] in world axes.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, check
+from calib.errors import InputError
+from calib.geometry.model import RobotModel
+from calib.geometry.sweep import joint_columns, pose_and_jacobian, reflector_rows
+
+SMALLEST_PIVOT = 1e-13
+"""Pivot of the correlation matrix below which float64 cannot tell it from a singular one."""
+
+
+def isotropic_covariance(m: int, sigma_position: float, sigma_rotation: float) -> Array:
+    """Same noise on every axis of every pose (m, 6, 6).
+
+    Parameters
+    ----------
+    m : int
+        Number of observations.
+    sigma_position : float
+        Standard deviation per axis [m].
+    sigma_rotation : float
+        Standard deviation per axis [rad].
+    """
+    variance = np.repeat([sigma_position**2, sigma_rotation**2], 3)
+    return np.tile(np.diag(variance), (m, 1, 1))
+
+
+def spherical_covariance(
+    target: ArrayLike,
+    T_world_tracker: ArrayLike,
+    *,
+    range_sd: tuple[float, float],
+    transverse_sd: tuple[float, float],
+    rotation_sd: tuple[float, float, float],
+    centering_sd: float = 0.0,
+    R_world_target: ArrayLike | None = None,
+) -> Array:
+    """Noise of a laser tracker (m, 6, 6): little along the beam, growing with range across it.
+
+    Sigma = s_rho^2 u u' + s_T^2 (I - u u') + s_c^2 I along the unit beam u at range rho, with
+    s_rho = a + b rho and s_T = c + e rho. The rotation part is independent of the position.
+
+    Parameters
+    ----------
+    target : (m, 3) array_like
+        Targets in the world [m].
+    T_world_tracker : (4, 4) array_like
+        Tracker in the world, origin at the gimbal point [m].
+    range_sd : (a, b)
+        Standard deviation along the beam: a [m] plus b [m/m] times range.
+    transverse_sd : (c, e)
+        Standard deviation across the beam: c [m] plus e [m/m] times range.
+    rotation_sd : (rx, ry, rz)
+        Standard deviation of the target's rotation about its own axes [rad].
+    centering_sd : float
+        Standard deviation of the target's center, any direction [m].
+    R_world_target : (m, 3, 3) array_like, optional
+        Axes that `rotation_sd` refers to; the world's by default.
+
+    References
+    ----------
+    s_r^2 uu' + s_t^2 (I - uu') + s_c^2 I along the unit beam u, s_r and s_t growing with range.
+    """
+    target, T = check("m 3, 4 4", target=target, T_world_tracker=T_world_tracker)
+    beam = target - T[:3, 3]
+    distance = np.linalg.norm(beam, axis=1)
+    if (distance == 0).any():
+        row = int(np.argmin(distance))
+        raise InputError(
+            f"target[{row}] lies at the tracker's own origin",
+            code="A3",
+            field="target",
+            value=row,
+            allowed="a beam needs a length",
+        )
+    u = beam / distance[:, None]
+    along = (range_sd[0] + range_sd[1] * distance) ** 2
+    across = (transverse_sd[0] + transverse_sd[1] * distance) ** 2
+    covariance = np.zeros((len(target), 6, 6))
+    covariance[:, :3, :3] = (along - across)[:, None, None] * (u[:, :, None] * u[:, None, :])
+    covariance[:, :3, :3] += (across + centering_sd**2)[:, None, None] * np.eye(3)
+    covariance[:, 3:, 3:] = np.diag(np.square(rotation_sd))
+    if R_world_target is not None:
+        _, R = check("m 3, m 3 3", target=target, R_world_target=R_world_target)
+        covariance[:, 3:, 3:] = R @ covariance[:, 3:, 3:] @ np.swapaxes(R, -1, -2)
+    return covariance
+
+
+def with_joint_noise(
+    model: RobotModel,
+    q: ArrayLike,
+    covariance: ArrayLike,
+    sigma_q: ArrayLike,
+    *,
+    offset: ArrayLike | None = None,
+) -> Array:
+    """Covariance (m, 6, 6) of the device plus what the joints scatter, Sigma + J_q diag(s^2) J_q'.
+
+    Joint repeatability is input noise; to first order this equals fitting the joints as well.
+
+    Parameters
+    ----------
+    model : RobotModel
+        Where the joint columns J_q are taken.
+    q : (m, n) array_like
+        Commanded joint values [rad, m].
+    covariance : (m, 6, 6) array_like
+        Of the measuring device alone [m^2, m rad, rad^2].
+    sigma_q : (n,) array_like
+        Standard deviation of each joint [rad or m].
+    offset : (m, 3) array_like, optional
+        Reflector in the tool frame, for point observations [m]; the tool origin by default.
+
+    References
+    ----------
+    Hollerbach & Wampler 1996 (input noise).
+    """
+    n = model.chain.n_joints
+    q, covariance, sigma_q = check(
+        f"m {n}, m 6 6, {n}", q=q, covariance=covariance, sigma_q=sigma_q
+    )
+    T, J = pose_and_jacobian(model.chain, q + model.joint_errors.offsets(q))
+    J_q = J[:, :, joint_columns(model.chain)]
+    if offset is not None:
+        _, offset = check("m 6 6, m 3", covariance=covariance, offset=offset)
+        J_q[:, :3] = reflector_rows(T, J_q, offset)[1]
+    J_q = J_q * sigma_q
+    return np.asarray(covariance + J_q @ np.swapaxes(J_q, -1, -2))
+
+
+def whiteners(covariance: ArrayLike) -> Array:
+    """Inverse lower Cholesky factors N (m, r, r) of covariances (m, r, r): N Sigma N' = I.
+
+    Raises
+    ------
+    InputError
+        Names the observation and its smallest eigenvalue if a covariance is not symmetric positive
+        definite, judged on the correlation matrix so that meters and radians do not mix.
+    """
+    (covariance,) = check("m r r", covariance=covariance)
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    if (variance <= 0).any():
+        _refuse(covariance, int(np.argwhere((variance <= 0).any(1))[0, 0]))
+    scale = np.sqrt(variance)
+    correlation = covariance / (scale[:, :, None] * scale[:, None, :])
+    asymmetry = np.abs(correlation - np.swapaxes(correlation, -1, -2)).max((-1, -2), initial=0.0)
+    if (asymmetry > 1e-9).any():
+        row = int(np.argmax(asymmetry))
+        raise InputError(
+            f"covariance[{row}] is not symmetric, by {asymmetry[row]:.1e} of its scale",
+            code="M34",
+            field="covariance",
+            value=row,
+            fix="give the full symmetric matrix",
+        )
+    try:
+        L = np.linalg.cholesky(correlation)
+    except np.linalg.LinAlgError:
+        _refuse(covariance, int(np.argmin(np.linalg.eigvalsh(correlation)[:, 0])))
+    pivots = np.square(np.diagonal(L, axis1=1, axis2=2)).min(-1, initial=1.0)
+    if (pivots < SMALLEST_PIVOT).any():
+        _refuse(covariance, int(np.argmin(pivots)))
+    return np.linalg.solve(L, np.eye(L.shape[-1])) / scale[:, None, :]
+
+
+def _refuse(covariance: Array, row: int) -> None:
+    """Raise for one covariance that is not positive definite."""
+    smallest = float(np.linalg.eigvalsh(covariance[row])[0])
+    raise InputError(
+        f"covariance[{row}] is not positive definite: smallest eigenvalue {smallest:.3g}",
+        code="M34",
+        field="covariance",
+        value=smallest,
+        allowed="every direction must scatter a little",
+        fix="give each axis a standard deviation above zero",
+    )

@@ -1,0 +1,1 @@
+"""How uncertain the identified numbers and the tool point are."""

@@ -1,0 +1,134 @@
+"""Regions that hold the truth with a stated probability: factors, ellipsoids, inside or outside."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import chdtri, stdtrit
+
+from calib.arrays import Array, Bool
+from calib.errors import InputError
+
+
+def coverage_factor(dimension: int = 1, probability: float = 0.95) -> float:
+    """Factor k of the ellipsoid that holds a normal m-vector: sqrt of the chi-square quantile.
+
+    For 95 %: 1.9600, 2.4477, 2.7955, 3.5485 and 6.0345 in 1, 2, 3, 6 and 24 dimensions.
+
+    References
+    ----------
+    JCGM 102:2011.
+    """
+    if dimension < 1:
+        raise InputError(
+            f"dimension is {dimension}",
+            code="A3",
+            field="dimension",
+            value=dimension,
+            allowed="1 or more",
+        )
+    return float(np.sqrt(chdtri(dimension, 1 - _checked(probability))))
+
+
+def student_factor(degrees_of_freedom: ArrayLike, probability: float = 0.95) -> Array:
+    """Factor t of a single number whose standard uncertainty came from few repeats.
+
+    Infinite degrees of freedom give the normal factor; nine give 2.26 for 95 %.
+
+    References
+    ----------
+    JCGM 100:2008, G.3.
+    """
+    return np.asarray(stdtrit(degrees_of_freedom, (1 + _checked(probability)) / 2))
+
+
+def expanded(standard: Array, *, dimension: int = 1, probability: float = 0.95) -> Array:
+    """Expanded uncertainty U = k u of the same shape and unit as `standard`.
+
+    `dimension` is that of the statement: 1 for an interval of one number, 3 for a semi-axis of the
+    ellipsoid of a point.
+    """
+    return coverage_factor(dimension, probability) * standard
+
+
+def ellipsoid(covariance: Array, *, probability: float = 0.95) -> tuple[Array, Array]:
+    """Semi-axes (..., d) and orientation (..., d, d) of the coverage ellipsoid, longest axis first.
+
+    Parameters
+    ----------
+    covariance : (..., d, d) array
+        Of a point, e.g. the first three rows and columns of a tool covariance [m^2].
+    probability : float
+        Content of the region.
+
+    Returns
+    -------
+    semi_axes : (..., d) array
+        Half lengths k sqrt(eigenvalue) [m].
+    orientation : (..., d, d) array
+        Right-handed rotation; its columns are the axes, in the frame of the covariance.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    values, vectors = values[..., ::-1], vectors[..., ::-1]
+    # an axis has no sign: point its largest component up, then make the last one right-handed
+    largest = np.argmax(np.abs(vectors), axis=-2)[..., None, :]
+    vectors = vectors * np.where(np.take_along_axis(vectors, largest, axis=-2) < 0, -1.0, 1.0)
+    hand = np.where(np.linalg.det(vectors) < 0, -1.0, 1.0)
+    vectors = np.concatenate([vectors[..., :-1], vectors[..., -1:] * hand[..., None, None]], -1)
+    k = coverage_factor(covariance.shape[-1], probability)
+    return k * np.sqrt(np.maximum(values, 0.0)), vectors
+
+
+def mahalanobis_squared(error: Array, covariance: Array) -> Array:
+    """Squared distance e' C^-1 e (...,) from the center in units of the covariance.
+
+    Parameters
+    ----------
+    error : (..., d) array
+        True minus stated value.
+    covariance : (..., d, d) array
+        Of the stated value, positive definite.
+
+    References
+    ----------
+    Chi-square with d degrees of freedom if the statement is honest (NEES).
+    """
+    # scaled to unit diagonal first, so that metres and radians solve equally well
+    u = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+    if not (u > 0).all():
+        raise InputError(
+            "covariance has a direction without variance",
+            code="A3",
+            field="covariance",
+            allowed="positive definite matrices",
+            fix="leave fixed numbers out of the statement",
+        )
+    try:
+        root = np.linalg.cholesky(covariance / (u[..., :, None] * u[..., None, :]))
+    except np.linalg.LinAlgError:
+        raise InputError(
+            "covariance is not positive definite",
+            code="A3",
+            field="covariance",
+            allowed="positive definite matrices",
+            fix="leave dependent numbers out of the statement",
+        ) from None
+    white = np.linalg.solve(root, (error / u)[..., None])[..., 0]
+    return np.asarray((white**2).sum(axis=-1))
+
+
+def inside(error: Array, covariance: Array, *, probability: float = 0.95) -> Bool:
+    """Whether the coverage ellipsoid holds the truth (...,); arguments as `mahalanobis_squared`."""
+    k = coverage_factor(error.shape[-1], probability)
+    return np.asarray(mahalanobis_squared(error, covariance) <= k**2)
+
+
+def _checked(probability: float) -> float:
+    """A probability strictly between 0 and 1."""
+    if not 0 < probability < 1:
+        raise InputError(
+            f"probability is {probability}",
+            code="A3",
+            field="probability",
+            value=probability,
+            allowed="between 0 and 1, e.g. 0.95",
+        )
+    return probability

@@ -1,0 +1,104 @@
+"""Type A: what repeated calibrations say about the scatter of one, and how well they say it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import chdtri, fdtri
+
+from calib.arrays import Array, check, frozen
+from calib.errors import InputError
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TypeA:
+    """Mean and experimental standard deviation of v repeated estimates of f numbers."""
+
+    mean: Array
+    """(f,) mean of the estimates [m or rad]."""
+    standard: Array
+    """(f,) standard deviation of one estimate, not of the mean [m or rad]."""
+    degrees_of_freedom: int
+    """v - 1."""
+
+    def scatter_range(self, probability: float = 0.95) -> tuple[float, float]:
+        """Range that holds s / sigma with `probability`: see `scatter_range`."""
+        return scatter_range(self.degrees_of_freedom, probability)
+
+
+def type_a(estimates: ArrayLike) -> TypeA:
+    """Experimental standard deviation of repeated estimates, with n - 1.
+
+    Parameters
+    ----------
+    estimates : (v, f) array_like
+        One row per repeated calibration [m or rad]; steps from nominal or plain values alike.
+
+    Notes
+    -----
+    Repeats see what changes between them: tracker noise and joint repeatability. A bias that all of
+    them share (tool offset, model error) leaves no trace here.
+
+    References
+    ----------
+    Wen et al. 2022, eq. (7); JCGM 100:2008, 4.2.
+    """
+    (estimates,) = check("v f", estimates=estimates)
+    if len(estimates) < 2:
+        raise InputError(
+            f"estimates has {len(estimates)} row(s)",
+            code="A3",
+            field="estimates",
+            value=len(estimates),
+            allowed="a standard deviation needs at least two repeated calibrations",
+            fix="repeat the calibration; the paper takes ten",
+        )
+    return TypeA(
+        frozen(estimates.mean(axis=0)),
+        frozen(estimates.std(axis=0, ddof=1)),
+        len(estimates) - 1,
+    )
+
+
+def scatter_range(degrees_of_freedom: int, probability: float = 0.95) -> tuple[float, float]:
+    """Range that holds s / sigma with `probability`, for normal estimates.
+
+    Ten repeats (nine degrees of freedom) leave 0.55 to 1.45: the second digit of such an s means
+    nothing.
+
+    References
+    ----------
+    (n - 1) s^2 / sigma^2 is chi-square with n - 1 degrees of freedom; JCGM 100:2008, E.4.
+    """
+    nu, tail = degrees_of_freedom, (1 - probability) / 2
+    # chdtri takes the probability above
+    return float(np.sqrt(chdtri(nu, 1 - tail) / nu)), float(np.sqrt(chdtri(nu, tail) / nu))
+
+
+def ratio_range(
+    degrees_of_freedom: int, other: int, probability: float = 0.95
+) -> tuple[float, float]:
+    """Range that holds s1 / s2 with `probability` when both sigmas are equal.
+
+    A ratio of two type A figures inside it shows no difference. For ten repeats each: 0.50 to 2.01.
+
+    References
+    ----------
+    s1^2 / s2^2 of equal sigmas follows Fisher's F.
+    """
+    tail = (1 - probability) / 2
+    low, high = fdtri(degrees_of_freedom, other, [tail, 1 - tail])
+    return float(np.sqrt(low)), float(np.sqrt(high))
+
+
+def root_sum_square(*components: ArrayLike) -> Array:
+    """Combined standard uncertainty (f,) of uncorrelated contributors (f,) or scalars [m or rad].
+
+    References
+    ----------
+    Wen et al. 2022, eqs. (8) and (9); JCGM 100:2008, eq. (11a).
+    """
+    squares = np.stack(
+        np.broadcast_arrays(*(np.asarray(part, dtype=np.float64) for part in components))
+    )
+    return frozen(np.sqrt(np.square(squares).sum(axis=0)))

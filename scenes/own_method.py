@@ -1,0 +1,57 @@
+"""A selection method of one's own against the shipped ones, on equal terms.
+
+The idea tried here: poses as far from each other in joint space as possible. Same robots, same
+noise, same estimator; only the poses differ.
+
+Run it: python scenes/own_method.py
+"""
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.design.detmax import detmax
+from calib.design.sampling import random_selection
+from calib.identification.identify import identify
+from testbed.comparison import compare, true_step
+from testbed.scenario import changed, load_scenario
+from testbed.setting import make_setting, open_bench
+from testbed.streams import stream
+
+POSES = 29
+
+
+def farthest(q: Array, m: int, rng: np.random.Generator) -> Index:
+    """Places (m,) of joint vectors, each the farthest from those already taken."""
+    chosen = [int(rng.integers(len(q)))]
+    distance = np.linalg.norm(q - q[chosen[0]], axis=1)
+    while len(chosen) < m:
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(q - q[chosen[-1]], axis=1))
+    return np.array(chosen)
+
+
+def contest(robots: int = 8) -> dict[str, Array]:
+    """Mean held-out error [mm] of each robot, per method."""
+    errors: dict[str, list[float]] = {"DETMAX": [], "random": [], "farthest": []}
+    for seed in range(robots):
+        scenario = changed(load_scenario("quick"), {"seed": seed})
+        bench = open_bench(scenario, make_setting(scenario))
+        blocks, q = bench.design_blocks("whitened"), bench.setting.pool_q
+        sets = {
+            "DETMAX": detmax(blocks, POSES, "O1", stream(seed, "DETMAX")).indices,
+            "random": random_selection(len(q), POSES, stream(seed, "random")),
+            "farthest": farthest(q, POSES, stream(seed, "farthest")),
+        }
+        for name, chosen in sets.items():
+            seen = bench.measure_pool(chosen, name)
+            found = identify(bench.setting.nominal, seen, bench.free("whitened"))
+            truth = true_step(bench.setting, found, seen)
+            judged = compare(bench.setting, found, seen, truth)
+            errors[name].append(judged.accuracy_after.mean * 1e3)
+    return {name: np.array(values) for name, values in errors.items()}
+
+
+if __name__ == "__main__":
+    for method, error in contest().items():
+        spread = error.std(ddof=1) / len(error) ** 0.5
+        print(f"{method:9s} {error.mean():.4f} +- {spread:.4f} mm over {len(error)} robots")

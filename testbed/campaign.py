@@ -1,0 +1,91 @@
+"""The straight line from a scenario to a campaign: which records there are and how each is made.
+
+A record depends on the scenario, its own key and the records it asks for; its random numbers come
+from streams named after it, so records can be made in any order.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from testbed.records import (
+    Campaign,
+    PaperBudget,
+    PoseCountStudy,
+    RandomSetsStudy,
+    Setting,
+    ToolPointStudy,
+    Trial,
+)
+from testbed.scenario import Scenario
+
+SETTING, POSE_COUNT, RANDOM_SETS = "setting", "pose_count", "random_sets"
+PAPER_BUDGET, TOOL_POINT = "paper_budget", "tool_point"
+
+Get = Callable[[str], Any]
+
+
+def record_keys(scenario: Scenario) -> tuple[str, ...]:
+    """Keys of all records of a scenario, in the order in which they are usually made."""
+    studies = scenario.studies
+    wanted = (
+        (POSE_COUNT, studies.pose_count),
+        (RANDOM_SETS, studies.random_sets > 0),
+        (PAPER_BUDGET, studies.paper_budget),
+        (TOOL_POINT, studies.tool_point),
+    )
+    return (
+        SETTING,
+        *(trial.name for trial in scenario.trial),
+        *(key for key, on in wanted if on),
+    )
+
+
+def record_type(key: str) -> type:
+    """Class of the record stored under `key`."""
+    types: dict[str, type] = {
+        SETTING: Setting,
+        POSE_COUNT: PoseCountStudy,
+        RANDOM_SETS: RandomSetsStudy,
+        PAPER_BUDGET: PaperBudget,
+        TOOL_POINT: ToolPointStudy,
+    }
+    return types.get(key, Trial)
+
+
+def compute(scenario: Scenario, key: str, get: Get) -> Any:
+    """Make one record; `get` hands over another record by key, making it first if need be."""
+    from testbed import studies
+    from testbed.setting import make_setting
+    from testbed.trial import play_trial
+
+    if key == SETTING:
+        return make_setting(scenario)
+    setting = get(SETTING)
+    if key == POSE_COUNT:
+        return studies.pose_count_study(scenario, setting)
+    if key == RANDOM_SETS:
+        return studies.random_sets_study(scenario, setting, get)
+    if key == PAPER_BUDGET:
+        return studies.paper_budget_study(scenario, setting, get)
+    if key == TOOL_POINT:
+        return studies.tool_point_study(scenario, setting, get)
+    return play_trial(scenario, setting, key)
+
+
+def gather(scenario: Scenario, get: Get) -> Campaign:
+    """The whole campaign from its records."""
+    keys = record_keys(scenario)
+
+    def optional(key: str) -> Any:
+        return get(key) if key in keys else None
+
+    random_sets = optional(RANDOM_SETS)
+    return Campaign(
+        scenario=scenario,
+        setting=get(SETTING),
+        trials=tuple(get(trial.name) for trial in scenario.trial),
+        pose_count=optional(POSE_COUNT),
+        random_sets=random_sets.sets if random_sets else (),
+        paper_budget=optional(PAPER_BUDGET),
+        tool_point=optional(TOOL_POINT),
+    )

@@ -1,0 +1,1 @@
+"""The true robot, the tracker, the feasible poses."""

@@ -1,0 +1,197 @@
+"""Candidate poses: drawn in the joint limits, kept if in the box, hitting nothing and seen."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, Index, check, frozen
+from calib.errors import InputError
+from calib.geometry.frames import inverse
+from testbed.laboratory.simulator import Simulator
+from testbed.robots.catalog import Robot
+from testbed.scenario import PoolSettings
+
+BOX, LIMITS, ITSELF, FLOOR, SIGHT = range(5)
+REASONS = ("outside the box", "joint limits", "self-collision", "floor", "line of sight")
+"""Why a candidate is rejected, in the order of the tests; the first that applies counts."""
+REMEDIES = (
+    "move box_center_mm into the robot's reach or enlarge box_size_mm",
+    "lower joint_margin_deg",
+    "move the box away from the robot's own body, or write self_collision = false",
+    "raise the box above the floor",
+    "move [tracker] station_mm, or write line_of_sight = false",
+)
+SAMPLE = 100
+"""Rejected candidates kept for each reason, so that rare reasons can be looked at too."""
+PATIENCE = ((200_000, 1e-4), (4_000, 1e-2))
+"""After so many candidates (drawn; in the box), give up below this feasible share."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pool:
+    """Feasible joint vectors, and what was thrown away on the way to them."""
+
+    q: Array
+    """(N, n) feasible joints, in the order they were drawn [rad, m]."""
+    T: Array
+    """(N, 4, 4) their nominal tool poses in the world [m]."""
+    rejected_q: Array
+    """(R, n) the first rejected candidates of each reason, R <= 500 [rad, m]."""
+    rejected_reason: tuple[str, ...]
+    """(R,) why, from `rejection_names`."""
+    rejection_names: tuple[str, ...]
+    """(5,) reasons, in the order of the tests."""
+    rejection_counts: Index
+    """(5,) candidates rejected for each reason, the first that applied."""
+    n_drawn: int
+    """Candidates up to the last one kept: N plus all rejections."""
+
+
+def draw_pool(
+    robot: Robot,
+    simulator: Simulator,
+    settings: PoolSettings,
+    station: ArrayLike,
+    rng: np.random.Generator,
+    *,
+    size: int | None = None,
+    aim: ArrayLike = (0.0, 0.0, 0.0),
+    exclude: Array | None = None,
+) -> Pool:
+    """Draw feasible poses; the held-out ones come from here too, with their own `rng`.
+
+    Blocks of four candidates per pose wanted are uniform in the joint limits. A candidate is kept
+    if its nominal tool lies in the box, its joints keep their margin, the robot hits neither itself
+    nor the floor (both under `self_collision`), and the tracker sees the target.
+
+    Parameters
+    ----------
+    robot : Robot
+        Nominal robot and its limits.
+    simulator : Simulator
+        Of the robot's nominal chain, with its parts.
+    settings : PoolSettings
+        Box, margin and tests.
+    station : (3,) array_like
+        Where the beam starts, in the world [m].
+    rng : Generator
+        Candidates.
+    size : int, optional
+        Poses wanted; the size in the settings by default.
+    aim : (3,) array_like
+        Target in the tool frame [m].
+    exclude : (k, n) array, optional
+        Joint vectors that must not come again: the pool, when held-out poses are drawn.
+
+    Raises
+    ------
+    InputError
+        If feasible poses are so rare that something is set wrong; says which test lets least pass.
+
+    References
+    ----------
+    The box is that of Wen et al. 2022, 900 x 1200 x 800 mm; with all tests off the draw is plain
+    rejection sampling in joint space.
+    """
+    station, aim = check("3, 3", station=station, aim=aim)
+    wanted = settings.size if size is None else size
+    taken = set() if exclude is None else {row.tobytes() for row in np.asarray(exclude)}
+    lower, upper = robot.limits.T
+    blocks: list[Array] = []
+    faults: list[Index] = []
+    rejected, drawn = np.zeros(len(REASONS), dtype=np.int64), 0
+    while drawn - rejected.sum() < wanted:
+        block = rng.uniform(lower, upper, (4 * wanted, len(lower)))
+        if taken:
+            block = block[[row.tobytes() not in taken for row in block]]
+        blocks.append(block)
+        faults.append(first_fault(robot, simulator, settings, station, aim, block))
+        rejected, drawn = rejected + counts(faults[-1]), drawn + len(block)
+        _check_patience(rejected, drawn, wanted)
+    q, reason = np.concatenate(blocks), np.concatenate(faults)
+    end = np.flatnonzero(reason < 0)[wanted - 1] + 1
+    q, reason = q[:end], reason[:end]
+    sample = np.concatenate([np.flatnonzero(reason == k)[:SAMPLE] for k in range(len(REASONS))])
+    kept = frozen(q[reason < 0])
+    return Pool(
+        q=kept,
+        T=frozen(robot.model.poses(kept)),
+        rejected_q=frozen(q[sample]),
+        rejected_reason=tuple(REASONS[k] for k in reason[sample]),
+        rejection_names=REASONS,
+        rejection_counts=frozen(counts(reason), np.int64),
+        n_drawn=int(end),
+    )
+
+
+def first_fault(
+    robot: Robot,
+    simulator: Simulator,
+    settings: PoolSettings,
+    station: Array,
+    aim: Array,
+    q: Array,
+) -> Index:
+    """Index (m,) into `REASONS` of the first test each candidate q (m, n) fails, -1 if none.
+
+    Cheap tests first; a later test looks only at what the earlier ones left.
+    """
+    reason = np.full(len(q), -1, dtype=np.int64)
+    reason[~in_box(robot, settings, q)] = BOX
+    reason[(reason < 0) & ~keeps_margin(robot, settings, q)] = LIMITS
+    if settings.self_collision:
+        left = np.flatnonzero(reason < 0)
+        itself, floor = simulator.contacts(q[left])
+        reason[left[floor]] = FLOOR
+        reason[left[itself]] = ITSELF
+    if settings.line_of_sight:
+        left = np.flatnonzero(reason < 0)
+        reason[left[~simulator.sees(q[left], station, aim)]] = SIGHT
+    return reason
+
+
+def in_box(
+    robot: Robot, settings: PoolSettings, q: Array
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Whether (m,) the nominal tool lies in the box, which is fixed to the base frame."""
+    T = inverse(robot.model.chain.T_world_base) @ robot.model.poses(q)
+    center = np.array(settings.box_center_mm) / 1e3
+    half = np.array(settings.box_size_mm) / 2e3
+    return np.asarray((np.abs(T[:, :3, 3] - center) < half).all(axis=1))
+
+
+def keeps_margin(
+    robot: Robot, settings: PoolSettings, q: Array
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Whether (m,) every revolute joint keeps the margin from both its limits."""
+    margin = np.radians(settings.joint_margin_deg) * (1 - robot.model.chain.prismatic)
+    lower, upper = robot.limits.T
+    return np.asarray(((q >= lower + margin) & (q <= upper - margin)).all(axis=1))
+
+
+def counts(reason: Index) -> Index:
+    """Candidates (5,) rejected for each reason."""
+    return np.bincount(reason[reason >= 0], minlength=len(REASONS)).astype(np.int64)
+
+
+def _check_patience(rejected: Index, drawn: int, wanted: int) -> None:
+    """Raise if feasible candidates are too rare to go on."""
+    feasible = drawn - int(rejected.sum())
+    entered = drawn - np.concatenate([[0], np.cumsum(rejected)[:-1]])  # each of the tests
+    hopeless = any(
+        n >= patience and feasible < share * n
+        for n, (patience, share) in zip((drawn, int(entered[LIMITS])), PATIENCE, strict=True)
+    )
+    if feasible >= wanted or not hopeless:
+        return
+    # the test that lets the smallest share pass, not the first one, which sees them all
+    worst = int(np.argmax(rejected / np.maximum(entered, 1)))
+    raise InputError(
+        f"[pool] only {feasible} of {wanted} poses are feasible after {drawn} draws",
+        code="S37",
+        field="pool",
+        value=feasible,
+        allowed=f'the test "{REASONS[worst]}" rejects {rejected[worst]} of {entered[worst]}',
+        fix=REMEDIES[worst],
+    )

@@ -1,0 +1,91 @@
+"""manifest.json: what a run folder says about itself."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from calib.errors import InputError
+from testbed.output.layout import FORMAT, MANIFEST, SCENARIO
+from testbed.output.npz import pretty_json, strict_json
+from testbed.versions import number_versions
+
+
+def manifest_bytes(about: Mapping[str, Any]) -> bytes:
+    """The manifest's file: format, `about`, and the versions that decide the numbers."""
+    return pretty_json({"format": FORMAT, **about, "versions": number_versions()})
+
+
+def read_manifest(path: Path) -> dict[str, Any]:
+    """The manifest of a run folder, checked.
+
+    Raises
+    ------
+    InputError
+        It is no run folder, or one of a newer version, or damaged.
+    """
+    try:
+        document = strict_json((path / MANIFEST).read_bytes())
+    except OSError as error:
+        raise InputError(
+            "is not a run folder",
+            code="D42",
+            where=str(path),
+            allowed=f"a run folder holds {MANIFEST}",
+            fix="give the folder that `truebed run` wrote",
+        ) from error
+    except ValueError as error:
+        raise _damaged(path, str(error)) from error
+    version = document.get("format")
+    if isinstance(version, int) and version > FORMAT:
+        raise InputError(
+            f"has format {version}",
+            code="D42",
+            where=str(path / MANIFEST),
+            field="format",
+            value=version,
+            allowed=f"this version reads format {FORMAT}",
+            fix="install a newer truebed",
+        )
+    if version != FORMAT or isinstance(version, bool):
+        raise _damaged(path, f"format is {version!r}")
+    for name, kind in (("scenario_sha256", str), ("versions", dict)):
+        if not isinstance(document.get(name), kind):
+            raise _damaged(path, f"{name} is missing")
+    return document
+
+
+def check_same_run(path: Path, scenario_hash: str) -> None:
+    """Refuse to go on with a run of another scenario or begun with other versions."""
+    document = read_manifest(path)
+    if document["scenario_sha256"] != scenario_hash:
+        raise InputError(
+            "holds a run of another scenario, seed or robot",
+            code="D42",
+            where=str(path),
+            field="--resume",
+            fix=f"run {path / SCENARIO} to go on with that one, or choose another --out",
+        )
+    ours, theirs = number_versions(), document["versions"]
+    changes = [
+        f"{name} {theirs.get(name, 'unknown')} there, {ours[name]} here"
+        for name in ours
+        if theirs.get(name) != ours[name]
+    ]
+    if changes:
+        raise InputError(
+            f"was begun with other versions: {'; '.join(changes)}",
+            code="D42",
+            where=str(path),
+            field="--resume",
+            fix="install those, or start again in another --out",
+        )
+
+
+def _damaged(path: Path, reason: str) -> InputError:
+    """The manifest cannot be used."""
+    return InputError(
+        f"is damaged: {reason}",
+        code="D42",
+        where=str(path / MANIFEST),
+        fix=f"run {path / SCENARIO} again with another --out",
+    )

@@ -1,0 +1,136 @@
+"""The recording of a campaign: its first trial told on one timeline, scene, numbers and screen."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from calib.errors import MachineError
+from testbed.output.recording_blueprint import blueprint
+from testbed.output.recording_cell import (
+    draw_ghost,
+    draw_pool,
+    draw_robot,
+    draw_tracker,
+    floor_height,
+)
+from testbed.output.recording_errors import draw_held_out, draw_measured, factors
+from testbed.output.recording_plots import draw_curves, draw_parameters
+from testbed.output.recording_story import Story, tell
+from testbed.output.recording_text import draw_texts
+from testbed.output.recording_writer import Writer
+from testbed.output.verdict import headline_verdict
+from testbed.records import Campaign
+from testbed.robots.catalog import Robot
+
+APPLICATION = "truebed"
+
+
+def write_recording(campaign: Campaign, robot: Robot, path: str | Path) -> None:
+    """Write the first trial of a campaign, with its default estimator, as a Rerun recording.
+
+    The same campaign gives the same content each time, though not the same bytes: the format gives
+    every row an identifier of its own.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Finished; nothing is computed again but poses of known models.
+    robot : Robot
+        Whose parts are drawn.
+    path : path
+        File to write, replaced if it is there.
+
+    Raises
+    ------
+    MachineError
+        If the file cannot be written.
+    """
+    trial = campaign.trials[0]
+    story = tell(campaign.setting, trial, trial.estimates[0])
+    with strict_mode(), open_stream(campaign, story, robot, Path(path)) as stream:
+        writer = Writer(stream, story)
+        _send_properties(writer, campaign)
+        box = campaign.scenario.pool
+        factor = factors(story)
+        ghost = draw_ghost(writer, robot)
+        draw_texts(writer, campaign, headline_verdict(campaign).sentence, factor, ghost)
+        draw_robot(writer, robot)
+        draw_tracker(writer, robot)
+        draw_pool(writer, np.array(box.box_center_mm) / 1e3, np.array(box.box_size_mm) / 1e3)
+        draw_measured(writer, factor.arrows)
+        draw_held_out(writer, factor)
+        matching = (sets for sets in campaign.random_sets if sets.trial == trial.name)
+        draw_curves(writer, next(matching, None))
+        draw_parameters(writer)
+
+
+@contextmanager
+def strict_mode() -> Iterator[None]:
+    """Bad calls raise inside, as they would not by default; the caller's setting comes back."""
+    import rerun as rr
+
+    before = rr.strict_mode()
+    rr.set_strict_mode(True)
+    try:
+        yield
+    finally:
+        rr.set_strict_mode(before)
+
+
+@contextmanager
+def open_stream(campaign: Campaign, story: Story, robot: Robot, path: Path) -> Iterator[object]:
+    """A stream into a file, closed with its footer; no clock of this machine gets in."""
+    import rerun as rr
+
+    scenario = campaign.scenario
+    name = f"{scenario.name}, seed {scenario.seed}"
+    stream = rr.RecordingStream(APPLICATION, recording_id=f"{scenario.name}-{scenario.seed}")
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    floor = floor_height(story, robot)
+    try:
+        path.unlink(missing_ok=True)
+        # before the first row: what comes earlier would not be in the file
+        stream.save(path, default_blueprint=blueprint(story, floor))
+    except (OSError, RuntimeError) as error:
+        raise MachineError(
+            f"the recording cannot be written ({error})", code="F3", where=str(path), field="path"
+        ) from error
+    try:
+        stream.send_recording_name(name)
+        stream.send_recording_start_time_nanos(0)
+        stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        yield stream
+    finally:
+        stream.flush()
+        stream.disconnect()
+
+
+def _send_properties(writer: Writer, campaign: Campaign) -> None:
+    """The numbers behind the pictures as properties, in float64 and SI."""
+    import rerun as rr
+
+    story, scenario = writer.story, campaign.scenario
+    setting, found = story.setting, story.estimate.identification
+    writer.stream.send_property(
+        "campaign",
+        rr.AnyValues(
+            scenario=scenario.name,
+            robot=scenario.robot,
+            seed=scenario.seed,
+            trial=story.trial.name,
+            estimator=story.estimate.mode,
+            parameters=list(found.parameters.free_names),
+            step=found.step,
+            standard_uncertainty=found.standard_uncertainty,
+            true_step=story.estimate.comparison.true_step,
+            true_links=setting.true.chain.links.ravel(),
+            true_T_world_base=setting.true.chain.T_world_base.ravel(),
+            true_T_flange_tool=setting.true.chain.T_flange_tool.ravel(),
+            true_joint_errors=setting.true.joint_errors.coefficients,
+            nominal_links=setting.nominal.chain.links.ravel(),
+            T_world_tracker=setting.T_world_tracker.ravel(),
+        ),
+    )

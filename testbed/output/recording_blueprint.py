@@ -1,0 +1,118 @@
+"""The screen of a recording: cell, texts, parameters, phase bar and one plot window per phase."""
+
+from typing import Any
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.geometry.frames import rot_z
+from testbed.output.recording_plots import parameter_bounds
+from testbed.output.recording_story import Phase, PhaseName, Story
+
+FRAMES_PER_SECOND = 24.0
+ASIDE, TOWARD_TRACKER = np.radians(140.0), 0.13
+"""Camera: turned so far from the tracker's direction, aimed at this part of the way to it."""
+PLOTS: dict[PhaseName, str] = {
+    "select": "1 Index, best so far (gray: best random)",
+    "measure": "2 Seen mm: red before, green after",
+    "identify": "3 log10(sum of squares / dof)",
+    "evaluate": "4 Held-out mm: red before, green after",
+}
+
+
+def blueprint(story: Story, floor: float) -> Any:
+    """Layout of the viewer, embedded in the recording; `floor` is its height in the world [m]."""
+    import rerun.blueprint as rrb
+
+    top = rrb.Horizontal(
+        cell(story, floor),
+        rrb.Vertical(
+            rrb.TextDocumentView(origin="/summary", name="Summary"),
+            rrb.TextDocumentView(origin="/now", name="Now"),
+            row_shares=[1.35, 1],
+        ),
+        parameters(story),
+        column_shares=[2.5, 1.2, 1],
+    )
+    bar = rrb.StateTimelineView(origin="/phase", name="Phase")
+    plots = rrb.Horizontal(*(plot(phase) for phase in story.phases))
+    return rrb.Blueprint(
+        rrb.Vertical(top, bar, plots, row_shares=[6.5, 1.05, 2.4]),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline="step", fps=FRAMES_PER_SECOND),
+        auto_views=False,
+    )
+
+
+def cell(story: Story, floor: float) -> Any:
+    """The robot's cell, the robot in front and the tracker in the background."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    position, target = camera(story)
+    return rrb.Spatial3DView(
+        origin="/world",
+        name="Cell",
+        background=[246, 247, 249],
+        line_grid=rrb.LineGrid3D(
+            visible=True,
+            spacing=0.25,
+            plane=rr.components.Plane3D.XY.with_distance(floor),
+            color=[120, 130, 140, 70],
+        ),
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital,
+            position=position,
+            look_target=target,
+            eye_up=(0, 0, 1),
+        ),
+    )
+
+
+def camera(story: Story) -> tuple[Array, Array]:
+    """Eye and the point it looks at (3,), so that workspace and tracker are both in view [m]."""
+    pool = story.setting.pool_nominal[:, :3, 3]
+    base = story.setting.nominal.chain.T_world_base[:3, 3]
+    middle = (pool.mean(axis=0) + base) / 2
+    radius = float(np.quantile(np.linalg.norm(pool - middle, axis=1), 0.95))
+    away = story.setting.T_world_tracker[:3, 3] - middle
+    away[2] = 0.0
+    distance = float(np.linalg.norm(away))
+    ahead = away / distance if distance > 0 else np.array([1.0, 0.0, 0.0])
+    front = pool.mean(axis=0) - base
+    sides = [rot_z(sign * ASIDE)[:3, :3] @ ahead for sign in (1, -1)]
+    side = max(sides, key=lambda direction: float(direction @ front))
+    target = middle + TOWARD_TRACKER * away - [0, 0, 0.2 * radius]
+    return target + radius * (2.9 * side + np.array([0, 0, 1.15])), target
+
+
+def plot(phase: Phase) -> Any:
+    """The curve window of a phase, held on the phase's stretch of the timeline."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    boundary = rr.TimeRangeBoundary
+    hidden = rrb.PlotLegend(visible=False)
+    return rrb.TimeSeriesView(
+        origin=f"/{phase.name}",
+        name=PLOTS[phase.name],
+        plot_legend=hidden,
+        axis_x=rrb.TimeAxis(
+            view_range=rr.TimeRange(
+                start=boundary.absolute(seq=phase.start), end=boundary.absolute(seq=phase.stop - 1)
+            )
+        ),
+    )
+
+
+def parameters(story: Story) -> Any:
+    """The parameter plot, all rows in view."""
+    import rerun.blueprint as rrb
+
+    x, y = parameter_bounds(story.estimate.identification.parameters.n_free)
+    return rrb.Spatial2DView(
+        origin="/parameters",
+        name="Parameter error / stated u",
+        visual_bounds=rrb.VisualBounds2D(x_range=x, y_range=y),
+    )

@@ -1,0 +1,113 @@
+"""report.html: one self-contained page that says how good a calibration is, verdict first."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from testbed.output import (
+    report_design,
+    report_headline,
+    report_paper,
+    report_parameters,
+    report_results,
+)
+from testbed.output.claims import examine
+from testbed.output.report_parts import Code, Section, Table, Text
+from testbed.output.verdict import headline_verdict
+from testbed.records import Campaign
+from testbed.scenario import dump_scenario
+
+BANNER = "SIMULATED - not a calibration certificate"
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """Everything the template prints."""
+
+    banner: str
+    title: str
+    subtitle: str
+    believable: bool
+    verdict: str
+    reasons: tuple[str, ...]
+    headline: Table
+    next_step: str
+    sections: tuple[Section, ...]
+
+
+def report_html(campaign: Campaign, *, versions: Mapping[str, str]) -> str:
+    """The report of a campaign as one HTML page: no network, same bytes each time.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Played once.
+    versions : mapping of str to str
+        Program and packages, as the run folder's manifest has them.
+
+    Returns
+    -------
+    str
+        UTF-8 text of one HTML page.
+    """
+    return render(page_of(campaign, versions))
+
+
+def render(page: Page) -> str:
+    """The page as HTML; whatever a user wrote is escaped."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("report.html.j2").render(page=page)
+
+
+def page_of(campaign: Campaign, versions: Mapping[str, str]) -> Page:
+    """The content of the page; sections without data are left out."""
+    scenario = campaign.scenario
+    verdict = headline_verdict(campaign)
+    sections = (
+        report_results.accuracy_section(campaign),
+        report_results.belief_section(campaign),
+        report_parameters.identifiable_section(campaign),
+        report_design.design_section(campaign),
+        report_paper.tool_section(campaign),
+        report_paper.paper_section(campaign, examine(campaign)),
+        report_parameters.parameter_section(campaign),
+        record_section(campaign, versions),
+    )
+    return Page(
+        banner=BANNER,
+        title=scenario.title or scenario.name,
+        subtitle=f"Scenario {scenario.name}, seed {scenario.seed}, robot {scenario.robot}",
+        believable=verdict.believable,
+        verdict=verdict.sentence,
+        reasons=tuple(
+            reason[:1].upper() + reason[1:].rstrip(".") + "." for reason in verdict.reasons
+        ),
+        headline=report_headline.headline_table(campaign),
+        next_step=report_headline.next_step(campaign),
+        sections=tuple(section for section in sections if section is not None),
+    )
+
+
+def record_section(campaign: Campaign, versions: Mapping[str, str]) -> Section:
+    """What is needed to play the campaign again: versions, seed, the scenario in full."""
+    table = Table(
+        caption="Versions",
+        head=("program or package", "version"),
+        rows=tuple(versions.items()),
+        align="ll",
+    )
+    text = (
+        f"Seed {campaign.scenario.seed}. Every number of this report comes from the scenario "
+        "below; playing it again with the same versions gives the same bytes."
+    )
+    scenario = dump_scenario(campaign.scenario)
+    return Section("record", "Scenario and versions", (Text(text), table, Code(scenario)))

@@ -1,0 +1,175 @@
+"""The report's sections on accuracy and on belief: before, after, and do the intervals hold."""
+
+import numpy as np
+
+from testbed.output import plots, plots_uncertainty
+from testbed.output.quantities import (
+    DEG,
+    fixed,
+    millimetres,
+    percent,
+    significant,
+)
+from testbed.output.report_headline import NONE, SHORT
+from testbed.output.report_parts import Block, Figure, Points, Section, Table
+from testbed.records import Campaign, Estimate, Trial
+
+
+def accuracy_section(campaign: Campaign) -> Section:
+    """Before and after, on held-out and on calibration poses."""
+    rows = []
+    for trial in campaign.trials:
+        for estimate in trial.estimates:
+            seen = estimate.comparison
+            rows.append(
+                (
+                    trial.name,
+                    SHORT[estimate.mode],
+                    millimetres(seen.identification_before.mean),
+                    millimetres(seen.identification_after.mean),
+                    millimetres(seen.accuracy_before.mean),
+                    millimetres(seen.accuracy_after.mean),
+                    significant(float(seen.accuracy_before.mean / seen.accuracy_after.mean), 2),
+                    significant(float(seen.rotation_before.mean() * DEG), 2),
+                    significant(float(seen.rotation_after.mean() * DEG), 2),
+                )
+            )
+    table = Table(
+        caption="Mean errors before and after calibration",
+        head=(
+            "trial",
+            "estimator",
+            "calibration poses before mm",
+            "after mm",
+            "held-out before mm",
+            "after mm",
+            "gain",
+            "rotation before deg",
+            "after deg",
+        ),
+        rows=tuple(rows),
+        align="llrrrrrrr",
+        note="At the calibration poses the distance is to what the tracker measured, noise "
+        "included, and the model was fitted to just these poses: only the held-out columns say how "
+        "good the calibration is. gain: held-out before divided by after.",
+    )
+    return Section(
+        "accuracy",
+        "Before and after",
+        (
+            Figure(
+                "Position error at the held-out poses, against noise-free truth; "
+                f"these poses were never used for identification{plots.only(campaign.trials)}.",
+                plots.held_out_errors(campaign),
+            ),
+            table,
+            Figure(
+                "Position error at the calibration poses, against the measured tool points"
+                f"{plots.only(campaign.trials)}.",
+                plots.calibration_errors(campaign),
+            ),
+        ),
+    )
+
+
+def belief_section(campaign: Campaign) -> Section:
+    """Whether the stated intervals hold the truth, estimator by estimator."""
+    rows, sentences = [], []
+    for trial in campaign.trials:
+        for estimate in trial.estimates:
+            rows.append(_belief_row(trial, estimate))
+            sentences.append(intervals_in_words(trial, estimate))
+    table = Table(
+        caption="Stated 95 % intervals and regions against the truth",
+        head=(
+            "trial",
+            "estimator",
+            "parameters inside",
+            "tool points inside",
+            "replications",
+            "mean NEES / rank",
+            "honest band",
+            "parameter coverage",
+            "tool coverage",
+            "stated / true sd",
+        ),
+        rows=tuple(rows),
+        align="llrrrrrrrr",
+        size="small",
+        note="parameters and tool points inside: this one calibration (one robot, one noise draw; "
+        "its poses share one parameter error, so the share may be far from 95 % by chance). "
+        "Replications measure and identify the same poses again with fresh noise. honest band: "
+        "where mean NEES / rank stays with 99.9 % probability if the stated covariance is true. "
+        "parameter coverage: smallest to largest share of replications whose interval held a "
+        "parameter. stated / true sd: smallest to largest ratio of the stated to the experimental "
+        "standard deviation; 1 is honest about noise, and says nothing about bias.",
+    )
+    blocks: list[Block] = [table, Points(tuple(sentences))]
+    blocks.append(
+        Figure(
+            "Every parameter of the first trial: its error in units of its own stated standard "
+            "uncertainty, and how often its interval held the true value.",
+            plots_uncertainty.parameter_errors(campaign.trials[0]),
+        )
+    )
+    return Section("belief", "Can the stated uncertainty be believed?", tuple(blocks))
+
+
+def _belief_row(trial: Trial, estimate: Estimate) -> tuple[str, ...]:
+    """One row of the table of intervals."""
+    seen, played = estimate.comparison, estimate.replications
+    f, t = len(seen.parameter_inside), len(seen.inside)
+    here = (
+        trial.name,
+        SHORT[estimate.mode],
+        f"{int(seen.parameter_inside.sum())} of {f}",
+        f"{int(seen.inside.sum())} of {t}",
+    )
+    if played is None:
+        return (*here, "0", *[NONE] * 5)
+    low, high = played.nees_band / f
+    covered = played.parameter_coverage
+    return (
+        *here,
+        str(played.count),
+        significant(float(played.nees.mean()) / f, 3),
+        f"{low:.2f} to {high:.2f}",
+        f"{percent(float(covered.min()))} to {percent(float(covered.max()))}",
+        percent(float(played.tool_coverage.mean())),
+        f"{fixed(float(played.sd_ratio.min()), 2)} to {fixed(float(played.sd_ratio.max()), 2)}",
+    )
+
+
+def intervals_in_words(trial: Trial, estimate: Estimate) -> str:
+    """Whether the intervals of one estimate hold, and which parameters say otherwise."""
+    who = f"{trial.name}, {plots.mode_name(estimate)}"
+    played = estimate.replications
+    if played is None:
+        share = percent(float(estimate.comparison.inside.mean()))
+        return f"{who}: no replications were played; {share} of the held-out points lie inside."
+    low, high = played.coverage_band
+    names, covered = estimate.identification.names, played.parameter_coverage
+    worst = np.argsort(covered, kind="stable")
+    below = [i for i in worst if covered[i] < low]
+    above = int((covered > high).sum())
+    nees_low, nees_high = played.nees_band
+    honest = nees_low <= played.nees.mean() <= nees_high
+    if not below and not above and honest:
+        return (
+            f"{who}: the intervals hold. Every parameter's 95 % interval held the truth in "
+            f"{percent(float(covered.min()))} to {percent(float(covered.max()))} of replications "
+            f"(an honest one stays within {percent(float(low))} to {percent(float(high))})."
+        )
+    said = []
+    if below:
+        listed = ", ".join(f"{names[i]} {percent(float(covered[i]))}" for i in below[:5])
+        more = f" and {len(below) - 5} more" if len(below) > 5 else ""
+        said.append(f"too narrow for {len(below)} of {len(covered)} parameters ({listed}{more})")
+    if above:
+        said.append(f"too wide for {above} of {len(covered)}")
+    if not honest:
+        said.append(
+            f"mean NEES {significant(float(played.nees.mean()), 3)} instead of "
+            f"{significant(float(nees_low), 3)} to {significant(float(nees_high), 3)}"
+        )
+    return f"{who}: the intervals fail: {'; '.join(said)}."

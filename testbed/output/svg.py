@@ -1,0 +1,113 @@
+"""The drawing surface of all figures: one style, and a figure turned into small, repeatable SVG."""
+
+import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+INK, SOFT, FAINT = "#1a1a1a", "#6b6b6b", "#c4c4c4"
+DARK, MIDDLE, LIGHT = "#0b4f8a", "#d55e00", "#e8a33d"
+"""Blue, vermilion, amber: told apart by hue, in gray by lightness, and each has its own marker."""
+FONT = "'Liberation Sans', Arial, Helvetica, sans-serif"
+
+STYLE: Any = {
+    "svg.hashsalt": "truebed",
+    "svg.fonttype": "none",
+    "font.family": "DejaVu Sans",
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 8.0,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": SOFT,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.5,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.minor.width": 0.4,
+    "ytick.minor.width": 0.4,
+    "legend.fontsize": 7.5,
+    "legend.frameon": False,
+    "legend.handlelength": 1.6,
+    "lines.linewidth": 1.3,
+    "lines.markersize": 4.0,
+    "figure.constrained_layout.use": True,
+    "axes.unicode_minus": True,
+}
+WIDTH = 7.1
+"""Width of a full figure [in]: the text width of an A4 page."""
+
+
+@contextmanager
+def drawing(
+    rows: int = 1, columns: int = 1, *, height: float = 2.6, width: float = WIDTH, **share: Any
+) -> Iterator[tuple["Figure", "list[Axes]"]]:
+    """A figure and its axes, row by row, inside the house style [in]."""
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context(STYLE):
+        figure = Figure(figsize=(width, height))
+        axes = figure.subplots(rows, columns, squeeze=False, **share)
+        yield figure, [ax for row in axes for ax in row]
+
+
+def svg_of(figure: "Figure") -> str:
+    """The figure as an `<svg>` element to stand inside HTML: same bytes for the same figure.
+
+    Prolog, metadata and every id that nothing refers to are left out, and the style sheet, which
+    would reach the whole page, is moved into attributes of the element.
+    """
+    from matplotlib import rc_context
+
+    buffer = io.StringIO()
+    with rc_context(STYLE):
+        engine = figure.get_layout_engine()
+        if engine is not None:
+            # savefig would draw everything once more just to lay it out
+            engine.execute(figure)
+            figure.set_layout_engine("none")
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return tidy(buffer.getvalue())
+
+
+def tidy(text: str) -> str:
+    """An SVG document cut down to an element that can share a page with others."""
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
+    text = re.sub(r"<style type=\"text/css\">.*?</style>\s*", "", text, flags=re.DOTALL)
+    text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
+    text = re.sub(r"<defs>\s*</defs>\s*", "", text)
+    used = set(re.findall(r"(?:href=\"|url\()#([^\")]+)", text))
+
+    def keep(match: "re.Match[str]") -> str:
+        """Only ids that something refers to."""
+        return match.group(0) if match.group(1) in used else ""
+
+    text = re.sub(r"\s+id=\"([^\"]+)\"", keep, text)
+    text = text.replace("'DejaVu Sans'", FONT.replace('"', "'"))
+    text = re.sub(r"<svg ([^>]*)>", _opening, text, count=1)
+    return re.sub(r"\n\s*", "\n", text).strip() + "\n"
+
+
+def _opening(match: "re.Match[str]") -> str:
+    """The opening tag, as wide as its column and with the joins of the dropped style sheet."""
+    attributes = re.sub(r"\b(?:width|height|version)=\"[^\"]*\"\s*", "", match.group(1)).strip()
+    return f'<svg {attributes} stroke-linejoin="round" stroke-linecap="butt">'

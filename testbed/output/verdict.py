@@ -1,0 +1,103 @@
+"""The verdict: how good a calibration is, and whether its stated uncertainty can be believed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.identification.identify import Status
+from calib.information.propagation import point_uncertainty
+from testbed.records import Campaign, Estimate, Trial
+
+ALARM = 1e-3
+"""Chi-square p-value below which the residuals contradict the model."""
+MM = 1e3
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """One estimate judged."""
+
+    believable: bool
+    """Whether the stated uncertainty may be used."""
+    sentence: str
+    """How good, and whether that can be believed."""
+    reasons: tuple[str, ...]
+    """One sentence per test, the failed ones first."""
+
+
+def judge(trial: Trial, estimate: Estimate) -> Verdict:
+    """Judge one estimate of one trial by its residuals, its held-out poses and its replications.
+
+    Residuals are what a real laboratory has too; the other two need the truth.
+    """
+    found, seen, played = estimate.identification, estimate.comparison, estimate.replications
+    failed: list[str] = []
+    passed: list[str] = []
+
+    def say(good: bool, sentence: str) -> None:
+        (passed if good else failed).append(sentence)
+
+    if found.mode == "whitened":
+        ratio, p = found.chi_square / found.dof, found.p_value
+        said = f"chi-square per degree of freedom is {ratio:.2f} (p {_probability(p)})"
+        say(
+            p >= ALARM,
+            f"{said}: the residuals "
+            + ("agree with the model" if p >= ALARM else "contradict the model"),
+        )
+    else:
+        passed.append("unweighted rows have no chi-square test: no warning if the model is wrong")
+    if played is not None:
+        low, high = played.nees_band
+        nees = float(played.nees.mean())
+        say(
+            bool(low <= nees <= high),
+            f"mean NEES of {played.count} replications is {nees:.2f}; an honest statement gives "
+            f"{low:.2f} to {high:.2f}",
+        )
+        low, high = played.coverage_band
+        covered = played.parameter_coverage
+        outside = int(((covered < low) | (covered > high)).sum())
+        say(
+            outside == 0,
+            f"95 % intervals held the true parameter in {covered.min():.0%} to {covered.max():.0%} "
+            f"of {played.count} replications"
+            + (
+                f"; {outside} of {len(covered)} lie outside {low:.0%} to {high:.0%}" * (outside > 0)
+            ),
+        )
+        share = float(played.tool_coverage.mean())
+        say(
+            bool(low <= share),
+            f"95 % regions held the true tool point in {share:.0%} of all replications and "
+            "held-out poses",
+        )
+    else:
+        share = float(seen.inside.mean())
+        # one robot's poses share its parameter error: only a gross failure can be told from one
+        say(share >= 0.5, f"{share:.0%} of the held-out points lie inside their 95 % regions")
+    if found.status is not Status.CONVERGED:
+        failed.insert(0, f"the fit {found.status.value}")
+    u = np.sqrt(np.mean(point_uncertainty(seen.covariance) ** 2))
+    size = (
+        f"{trial.name} brings the mean tool error on held-out poses from "
+        f"{seen.accuracy_before.mean * MM:.3f} to {seen.accuracy_after.mean * MM:.3f} mm"
+    )
+    stated = f"its stated uncertainty (rms u {u * MM:.4f} mm)"
+    sentence = (
+        f"{size}, and {stated} can be believed."
+        if not failed
+        else f"{size}, but {stated} must not be believed: {failed[0]}."
+    )
+    return Verdict(not failed, sentence, (*failed, *passed))
+
+
+def headline_verdict(campaign: Campaign) -> Verdict:
+    """Verdict on the first estimate of the first trial: what the report opens with."""
+    trial = campaign.trials[0]
+    return judge(trial, trial.estimates[0])
+
+
+def _probability(p: float) -> str:
+    """A p-value for people."""
+    return "< 1e-12" if p < 1e-12 else f"{p:.2g}"

@@ -1,0 +1,233 @@
+"""What a campaign leaves behind: frozen records, each kept in its own file; nothing is computed.
+
+Everything that knows the truth says so in its name or docstring; planning and identification never
+see these fields.
+"""
+
+from dataclasses import dataclass
+
+from calib.arrays import Array, Bool, Index
+from calib.design.selection import Selection
+from calib.geometry.model import RobotModel
+from calib.identification.identify import Identification, Mode
+from calib.information.observability import Observability
+from calib.measurement.accuracy import Accuracy
+from calib.measurement.observations import Measurements
+from testbed.scenario import Scenario
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Setting:
+    """What all trials of a campaign share: the robot nominal and true, the pool, the test poses."""
+
+    nominal: RobotModel
+    true: RobotModel
+    """The secret: geometry and joint errors of the true robot."""
+    joint_repeatability: Array
+    """(n,) sd of each joint at each approach [rad or m]."""
+    pool_q: Array
+    """(N, n) feasible candidate joints [rad, m]."""
+    pool_nominal: Array
+    """(N, 4, 4) nominal tool poses of the pool in the world [m]."""
+    rejected_q: Array
+    """(R, n) a sample (at most 500) of rejected candidates [rad, m]."""
+    rejected_reason: tuple[str, ...]
+    """(R,) why: one of `rejection_names`."""
+    rejection_names: tuple[str, ...]
+    """Reasons, in the order they are tested: box, joint limits, self-collision, line of sight."""
+    rejection_counts: Index
+    """Candidates rejected for each reason, the first that applied."""
+    n_drawn: int
+    """Candidates drawn in all."""
+    test_q: Array
+    """(t, n) held-out poses, never used for identification [rad, m]."""
+    test_true: Array
+    """(t, 4, 4) noise-free true tool poses at the held-out joints [m]."""
+    T_world_tracker: Array
+    """(4, 4) tracker station [m]."""
+    target: Array
+    """(3,) the tool point that is judged, in the tool frame: the reflector, else the origin [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """An identified model against the truth, on held-out poses and parameter by parameter."""
+
+    before: Array
+    """(t,) held-out position error of the nominal model against noise-free truth [m]."""
+    after: Array
+    """(t,) the same for the identified model [m]."""
+    rotation_before: Array
+    """(t,) rotation error [rad]."""
+    rotation_after: Array
+    """(t,) rotation error [rad]."""
+    error: Array
+    """(t, 3) held-out position error vector, true minus identified, world axes [m]."""
+    covariance: Array
+    """(t, 6, 6) stated covariance of the predicted tool pose [m, rad]."""
+    inside: Bool
+    """(t,) true tool point inside the stated 95 % region."""
+    identification_before: Accuracy
+    """Position error at the identification poses, nominal model against what was measured [m]."""
+    identification_after: Accuracy
+    """The same for the identified model [m]."""
+    accuracy_before: Accuracy
+    """Of `before` [m]."""
+    accuracy_after: Accuracy
+    """Of `after` [m]."""
+    true_step: Array
+    """(f,) true values minus nominal of the estimated parameters, in their gauge [m, rad]."""
+    parameter_inside: Bool
+    """(f,) true value inside the stated 95 % interval."""
+    nees: float
+    """Normalized estimation error squared e' C^-1 e; expected f."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Replications:
+    """The same poses measured and identified again and again: what the stated intervals hold."""
+
+    count: int
+    nees: Array
+    """(K,) normalized estimation error squared of each replication."""
+    parameter_coverage: Array
+    """(f,) share of replications whose 95 % interval holds the true value."""
+    tool_coverage: Array
+    """(t,) share of replications whose 95 % region holds the true tool point, per held-out pose."""
+    sd_ratio: Array
+    """(f,) mean stated over empirical sd: 1 for an honest statement."""
+    mean_error: Array
+    """(K,) mean held-out position error of each replication [m]."""
+    nees_band: Array
+    """(2,) 99.9 % band of the mean NEES if the statement is true."""
+    coverage_band: Array
+    """(2,) 99.9 % binomial band of one coverage figure if the statement is true."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """One estimator applied to one trial."""
+
+    mode: Mode
+    """"whitened" (default estimator) or "paper" (24 parameters, 12 unweighted rows)."""
+    identification: Identification
+    repeated: Array
+    """(v, f) steps identified from each of v repeated measurements [m, rad]."""
+    type_a: Array
+    """(f,) experimental sd of `repeated` (n - 1), Wen et al. 2022 eq. (7) [m, rad]."""
+    comparison: Comparison
+    replications: Replications | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trial:
+    """One pose set, measured and identified."""
+
+    name: str
+    method: str
+    """random, greedy or detmax."""
+    rows: str
+    """Rows and units in which the criterion was computed: "whitened" or "paper"."""
+    selection: Selection
+    observability: Observability
+    """Of the free parameters, in the paper's rows and units (12 rows, mm, rad)."""
+    whitened_observability: Observability
+    """Of whitened rows and scaled columns (L = 0.3 m)."""
+    measurements: Measurements
+    """The first visit of each pose: what is identified."""
+    estimates: tuple[Estimate, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseCountStudy:
+    """Mean index of random sets against the number of poses, and where the rule stops."""
+
+    counts: Index
+    """(k,) poses per set."""
+    names: tuple[str, ...]
+    """(i,) O1 ... O5."""
+    mean: Array
+    """(i, k) mean index over the random sets, paper rows; O3, O4, O5 as printed."""
+    mean_per_pose: Array
+    """(i, k) correct per-pose form."""
+    spread: Array
+    """(i, k) standard deviation over the sets (printed form)."""
+    chosen: tuple[int | None, ...]
+    """Poses the rule chooses for O1 and for O2, in that order; None if it never settles."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RandomSets:
+    """The index of one trial's set beside those of random sets of the same size."""
+
+    trial: str
+    criterion: str
+    n_poses: int
+    chosen_value: float
+    values: Array
+    """(100,) index of each random set."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RandomSetsStudy:
+    """Every designed trial's set beside random sets."""
+
+    sets: tuple[RandomSets, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PaperBudget:
+    """The paper's uncertainties per parameter: contributors and their combination [m, rad]."""
+
+    names: tuple[str, ...]
+    """(f,) parameter names."""
+    best_repeatability: Array
+    """(f,) u_r of the optimal set."""
+    repeatability: Array
+    """(f,) u_r of 50 random poses, v repeats."""
+    pose_number: Array
+    """(f,) u_p over sets of 30, 50, ..., 150 poses."""
+    location: Array
+    """(f,) u_w over four regions."""
+    best: Array
+    """(f,) u_best = RSS(u_r, u_c), eq. (8)."""
+    random: Array
+    """(f,) u_rand = RSS(u_r, u_c, u_p, u_w), eq. (9)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ToolPointStudy:
+    """Monte Carlo of the tool point: zero pose first, then the held-out poses.
+
+    The paper's form draws independent parameters and looks at |P|; the correct form draws from the
+    full covariance and looks at all three directions.
+    """
+
+    source: tuple[str, ...]
+    """(s,) whose uncertainties: "table 3 best", "table 3 random", "ours best", "ours random"."""
+    distance_sd: Array
+    """(s, 1 + t) sd of |P|, paper form [m]."""
+    distance_range: Array
+    """(s, 2) smallest and largest of |P| minus its mean at the zero pose [m]."""
+    spread: Array
+    """(s, 1 + t, 3) sd of x, y, z with the same independent draws [m]."""
+    trial: str
+    """Trial whose full covariance the correct form uses."""
+    covariance: Array
+    """(1 + t, 3, 3) Monte Carlo covariance of the tool point, correct form [m^2]."""
+    linear: Array
+    """(1 + t, 3, 3) closed form J C J' [m^2]."""
+    draws: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Campaign:
+    """A scenario played once."""
+
+    scenario: Scenario
+    setting: Setting
+    trials: tuple[Trial, ...]
+    pose_count: PoseCountStudy | None
+    random_sets: tuple[RandomSets, ...]
+    paper_budget: PaperBudget | None
+    tool_point: ToolPointStudy | None

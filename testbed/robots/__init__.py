@@ -1,0 +1,1 @@
+"""Robots and the tracker as files, body trees and meshes."""

@@ -1,0 +1,156 @@
+"""The schemas of robot.toml and tracker.toml: every key with its unit, as people write them."""
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from testbed.robots.strict_toml import Strict, did_you_mean
+
+Vector = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=64)]
+Color = Annotated[
+    tuple[Annotated[float, Field(ge=0, le=1)], ...], Field(min_length=3, max_length=3)
+]
+
+
+def _inside(file: str) -> str:
+    """Refuse a path that could leave the model's folder."""
+    if file.startswith(("/", "\\")) or ".." in file.replace("\\", "/").split("/") or ":" in file:
+        raise ValueError("must stay inside the model's folder")
+    return file
+
+
+ModelFile = Annotated[str, AfterValidator(_inside)]
+
+
+class Link(Strict):
+    """What revolute and prismatic joints share: the link product and the body they move."""
+
+    theta_deg: float
+    d_mm: float
+    a_mm: float
+    alpha_deg: float
+    beta_deg: float = 0.0
+    mass_kg: Positive
+    center_mm: Vector
+    inertia_kg_m2: Annotated[tuple[Positive, ...], Field(min_length=3, max_length=3)]
+
+    @model_validator(mode="after")
+    def _inertia_can_exist(self) -> "Link":
+        """The largest principal moment is at most the sum of the others."""
+        *small, large = sorted(self.inertia_kg_m2)
+        if large > sum(small) * (1 + 1e-12):
+            raise ValueError("inertia_kg_m2: the largest moment exceeds the sum of the others")
+        return self
+
+
+class RevoluteLink(Link):
+    """A turning joint."""
+
+    kind: Literal["revolute"]
+    lower_deg: float
+    upper_deg: float
+    max_speed_deg_s: Positive
+    repeatability_urad: NotNegative
+
+    @model_validator(mode="after")
+    def _range_is_not_empty(self) -> "RevoluteLink":
+        """Lower limit below upper."""
+        if self.lower_deg >= self.upper_deg:
+            raise ValueError(f"lower_deg {self.lower_deg} is not below upper_deg {self.upper_deg}")
+        return self
+
+
+class PrismaticLink(Link):
+    """A sliding joint."""
+
+    kind: Literal["prismatic"]
+    lower_mm: float
+    upper_mm: float
+    max_speed_mm_s: Positive
+    repeatability_um: NotNegative
+
+    @model_validator(mode="after")
+    def _range_is_not_empty(self) -> "PrismaticLink":
+        """Lower limit below upper."""
+        if self.lower_mm >= self.upper_mm:
+            raise ValueError(f"lower_mm {self.lower_mm} is not below upper_mm {self.upper_mm}")
+        return self
+
+
+class Frame(Strict):
+    """A fixed frame: place and rotation vector."""
+
+    position_mm: Vector = (0.0, 0.0, 0.0)
+    rotation_vector_deg: Vector = (0.0, 0.0, 0.0)
+
+
+class Part(Strict):
+    """One mesh file: on which body it sits, its color, whether it can hit others."""
+
+    name: Name
+    link: Annotated[int, Field(ge=0)]
+    file: ModelFile
+    color: str
+    collides: bool = False
+
+
+class Drawn(Strict):
+    """What robots and instruments share: a name, a picture, where it all comes from."""
+
+    format: Literal[1]
+    name: Name
+    title: str
+    drawing: str = ""
+    colors: dict[str, Color] = Field(default_factory=dict)
+    parts: tuple[Part, ...] = ()
+    sources: dict[str, str]
+
+    @model_validator(mode="after")
+    def _parts_are_sound(self) -> "Drawn":
+        """Part names differ and their colors exist."""
+        for part in self.parts:
+            if part.color not in self.colors:
+                raise ValueError(
+                    f'part {part.name}: no color "{part.color}"; '
+                    f"{did_you_mean(part.color, self.colors)}"
+                )
+        names = [part.name for part in self.parts]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"part {twice[0]} is there twice")
+        return self
+
+
+class RobotFile(Drawn):
+    """A robot model, ``robot.toml``."""
+
+    floor_mm: float = 0.0
+    base: Frame = Frame()
+    tool: Frame = Frame()
+    joints: Annotated[
+        tuple[Annotated[RevoluteLink | PrismaticLink, Field(discriminator="kind")], ...],
+        Field(min_length=1),
+    ]
+    never_collide: tuple[Annotated[tuple[int, ...], Field(min_length=2, max_length=2)], ...] = ()
+    free_sets: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _links_exist(self) -> "RobotFile":
+        """Parts and exclusions name bodies from 0 (base) to n."""
+        n = len(self.joints)
+        for part in self.parts:
+            if part.link > n:
+                raise ValueError(f"part {part.name} is on link {part.link}; the last is {n}")
+        for pair in self.never_collide:
+            if not all(0 <= link <= n for link in pair) or pair[0] == pair[1]:
+                raise ValueError(f"never_collide has {list(pair)}; allowed: two of 0 to {n}")
+        return self
+
+
+class TrackerFile(Drawn):
+    """A drawn instrument, ``tracker.toml``: link 0 stands, 1 turns about z, 2 tilts about y."""
+
+    beam_height_mm: Positive

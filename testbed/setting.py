@@ -1,0 +1,159 @@
+"""The bench of a campaign: the robot, its secret true twin, the tracker, the pool; a visit."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.design.blocks import paper_blocks, scaled_blocks
+from calib.geometry.parameters import Parameters, parameters_of
+from calib.identification.identify import Mode
+from calib.information.reduction import reduce
+from calib.measurement.observations import Measurements
+from calib.measurement.residual import point_blocks, whitened_blocks
+from testbed.laboratory.pool import Pool, draw_pool
+from testbed.laboratory.simulator import Simulator
+from testbed.laboratory.tracker import Tracker, tracker_from
+from testbed.laboratory.truth import TrueRobot, draw_truth
+from testbed.records import Setting
+from testbed.robots.catalog import Robot, load_robot
+from testbed.scenario import PAPER_SET, Scenario
+from testbed.streams import stream
+
+PROBED_POSES = 200
+"""Pool poses from which identifiability is judged before anything is selected."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bench:
+    """A scenario's laboratory, ready to measure."""
+
+    scenario: Scenario
+    setting: Setting
+    robot: Robot
+    truth: TrueRobot
+    tracker: Tracker
+
+    def covariance(self, q: Array) -> Array:
+        """Stated covariance (m, 6, 6) of one visit of each pose, from nominal poses [m, rad]."""
+        return self.tracker.covariance(self.setting.nominal, q, self.setting.joint_repeatability)
+
+    def measure(self, q: Array, pose_id: Index, *names: str | int, repeat: int = 0) -> Measurements:
+        """Approach and measure poses q (m, n) once; random numbers from streams under `names`."""
+        seed = self.scenario.seed
+        T = self.truth.poses(q, rng=stream(seed, "approach", *names, repeat))
+        return self.tracker.measure(
+            T,
+            q,
+            pose_id=pose_id,
+            repeat=repeat,
+            covariance=self.covariance(q),
+            rng=stream(seed, "tracker", *names, repeat),
+        )
+
+    def measure_pool(self, indices: Index, *names: str | int, repeat: int = 0) -> Measurements:
+        """Measure pool poses by index (m,)."""
+        return self.measure(self.setting.pool_q[indices], indices, *names, repeat=repeat)
+
+    def whitened_rows(self, q: Array) -> Array:
+        """Whitened Jacobian blocks (m, r, P) of poses not measured yet, all P columns."""
+        covariance = self.covariance(q)
+        if self.scenario.tracker.measures == "pose":
+            return whitened_blocks(self.setting.nominal, q, covariance)
+        offset = np.broadcast_to(self.setting.target, (len(q), 3))
+        return point_blocks(self.setting.nominal, q, covariance[:, :3, :3], offset)
+
+    def free(self, mode: Mode) -> Parameters:
+        """Parameters that an estimator may move, before reduction."""
+        return free_parameters(self.scenario, self.robot, mode)
+
+    def kept(self) -> Parameters:
+        """Free numbers of the default estimator that generic poses of the pool can tell apart."""
+        parameters = self.free("whitened")
+        q = self.setting.pool_q[:PROBED_POSES]
+        A = self.whitened_rows(q)[:, :, parameters.free] * parameters.free_scale
+        found = reduce(
+            A.reshape(-1, parameters.n_free), parameters, model=self.setting.nominal, q=q
+        )
+        return parameters.freeing(found.kept)
+
+    def design_blocks(self, rows: str) -> Array:
+        """Blocks (N, r, p) of the whole pool in which an index is computed.
+
+        `rows` is "whitened" (whitened rows, columns scaled to 1 m and 1/L rad) or "paper" (twelve
+        unweighted rows, mm and rad, in their six-row equivalent).
+        """
+        if rows == "whitened":
+            return scaled_blocks(self.whitened_rows(self.setting.pool_q), self.kept())
+        free = self.free("paper") if PAPER_SET in self.robot.free_sets else self.kept()
+        return paper_blocks(self.setting.nominal, free, self.setting.pool_q)
+
+
+def open_bench(scenario: Scenario, setting: Setting) -> Bench:
+    """Set up the laboratory around a setting."""
+    robot = load_robot(scenario.robot)
+    truth = TrueRobot(setting.true, setting.joint_repeatability)
+    return Bench(scenario, setting, robot, truth, tracker_from(scenario.tracker, robot.model.chain))
+
+
+def free_parameters(scenario: Scenario, robot: Robot, mode: Mode) -> Parameters:
+    """Parameters that the estimator `mode` may move.
+
+    The paper's estimator always identifies the robot's set ``wen2022`` with base and tool fixed.
+    """
+    table = parameters_of(robot.model)
+    if mode == "paper":
+        return table.freeing(robot.free_sets[PAPER_SET])
+    wanted = scenario.identification.free
+    if isinstance(wanted, str):
+        names = table.names if wanted == "identifiable" else robot.free_sets[wanted]
+    else:
+        names = wanted
+    fixed = tuple(
+        f"{frame}."
+        for frame, state in (
+            ("base", scenario.identification.base),
+            ("tool", scenario.identification.tool),
+        )
+        if state == "fixed"
+    )
+    return table.freeing(name for name in names if not name.startswith(fixed or ("\0",)))
+
+
+def make_setting(scenario: Scenario) -> Setting:
+    """Draw the true robot, the feasible pool and the held-out poses of a scenario."""
+    robot = load_robot(scenario.robot)
+    truth = draw_truth(robot, scenario.truth, scenario.seed)
+    chain = robot.model.chain
+    tracker, nominal = tracker_from(scenario.tracker, chain), Simulator(robot, chain)
+
+    def feasible(name: str, size: int, exclude: Array | None = None) -> Pool:
+        return draw_pool(
+            robot,
+            nominal,
+            scenario.pool,
+            tracker.station,
+            stream(scenario.seed, name),
+            size=size,
+            aim=tracker.aim(chain),
+            exclude=exclude,
+        )
+
+    pool = feasible("pool", scenario.pool.size)
+    test = feasible("test", scenario.test.poses, pool.q)
+    return Setting(
+        nominal=robot.model,
+        true=truth.model,
+        joint_repeatability=truth.joint_repeatability,
+        pool_q=pool.q,
+        pool_nominal=pool.T,
+        rejected_q=pool.rejected_q,
+        rejected_reason=pool.rejected_reason,
+        rejection_names=pool.rejection_names,
+        rejection_counts=pool.rejection_counts,
+        n_drawn=pool.n_drawn,
+        test_q=test.q,
+        test_true=truth.poses(test.q),
+        T_world_tracker=tracker.T_world_tracker,
+        target=tracker.reflector,
+    )

@@ -1,0 +1,271 @@
+"""The settings of a campaign: typed, checked, and resolved from their presets."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+FORMAT = 1
+"""Version of the scenario file format this program writes; it reads this one."""
+STUDY_KEYS = ("pose_count", "random_sets", "paper_budget", "tool_point")
+RESERVED = ("setting", *STUDY_KEYS)
+"""Record names that no trial may take."""
+MAX_TRIALS = 200
+
+Name = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_.-]{0,63}$")]
+Criterion = Literal["O1", "O2", "O3", "O4", "O5"]
+Finite3 = tuple[float, float, float]
+Length = Annotated[float, Field(ge=-50_000.0, le=50_000.0)]
+Point = tuple[Length, Length, Length]
+Side = Annotated[float, Field(gt=0.0, le=50_000.0)]
+AngleSd = Annotated[float, Field(ge=0.0, le=5.0)]
+LengthSd = Annotated[float, Field(ge=0.0, le=50.0)]
+Sag = Annotated[float, Field(ge=-1000.0, le=1000.0)]
+Micrometres = Annotated[float, Field(ge=0.0, le=10_000.0)]
+Noise = Annotated[float, Field(gt=0.0, le=10_000.0)]
+
+
+class Settings(BaseModel):
+    """One table of the file: frozen, no unknown keys, no silent conversion, no nan."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class TruthSettings(Settings):
+    """[truth]: how far the true robot lies from the nominal one."""
+
+    preset: Literal["rigid", "wen2022"]
+    perturb: str | tuple[str, ...]
+    """Numbers that differ: a free set of the robot, "links" for all link numbers, or names."""
+    angle_sd_deg: AngleSd
+    length_sd_mm: LengthSd
+    gravity_mdeg: tuple[Sag, Sag, Sag]
+    """g1, g2, g3 of the closed-form sag of joints 2 and 3."""
+    harmonic_mdeg: Annotated[float, Field(ge=0.0, le=1000.0)]
+    frame_sd_mm: LengthSd
+    """Base and tool frames, per axis."""
+    frame_sd_deg: AngleSd
+    joint_repeatability_mdeg: Annotated[float, Field(ge=0.0, le=1000.0)] | None
+    """Every joint, per approach; None: the robot's own (written "robot" in the file)."""
+
+
+class PaperTracker(Settings):
+    """[tracker] preset "paper": isotropic noise, the robot's repeatability included in it."""
+
+    preset: Literal["paper"] = "paper"
+    station_mm: Point = (2600.0, -2000.0, 300.0)
+    """Beam origin in the base frame."""
+    measures: Literal["pose", "point"] = "pose"
+    reflector_mm: Point = (0.0, 0.0, 0.0)
+    """Reflector in the tool frame; only for measures = "point"."""
+    position_um: Noise = 17.5
+    """Standard deviation per axis."""
+    rotation_mdeg: Noise = 11.0
+    """Standard deviation per axis."""
+
+
+class At960Tracker(Settings):
+    """[tracker] preset "at960": spherical noise, constant and per metre of range."""
+
+    preset: Literal["at960"] = "at960"
+    station_mm: Point = (2600.0, -2000.0, 300.0)
+    """Beam origin in the base frame."""
+    measures: Literal["pose", "point"] = "pose"
+    reflector_mm: Point = (0.0, 0.0, 0.0)
+    """Reflector in the tool frame; only for measures = "point"."""
+    range_um: tuple[Noise, Micrometres] = (2.0, 0.15)
+    """Along the beam: constant, per metre."""
+    transverse_um: tuple[Noise, Micrometres] = (3.0, 1.5)
+    """Across the beam: constant, per metre."""
+    centering_um: Micrometres = 2.5
+    rotation_mdeg: tuple[Noise, Noise, Noise] = (2.0, 2.0, 3.5)
+    """Pitch, yaw, roll of the target, about its own axes."""
+
+
+TrackerSettings = Annotated[PaperTracker | At960Tracker, Field(discriminator="preset")]
+
+
+class PoolSettings(Settings):
+    """[pool]: the candidate poses."""
+
+    size: Annotated[int, Field(ge=10, le=20_000)] = 1000
+    box_center_mm: Point = (250.0, 0.0, 200.0)
+    """Of the nominal tool position, base frame."""
+    box_size_mm: tuple[Side, Side, Side] = (900.0, 1200.0, 800.0)
+    self_collision: bool = True
+    line_of_sight: bool = True
+    joint_margin_deg: Annotated[float, Field(ge=0.0, le=90.0)] = 0.0
+    """Kept from every joint limit; prismatic joints ignore it."""
+
+
+class HeldOutSettings(Settings):
+    """[test]: poses that judge and are never used for identification."""
+
+    poses: Annotated[int, Field(ge=1, le=5000)] = 50
+
+
+class IdentificationSettings(Settings):
+    """[identification]: what the estimators may move."""
+
+    free: str | tuple[str, ...] = "identifiable"
+    """"identifiable", a free set of the robot, or parameter names."""
+    base: Literal["free", "fixed"] = "free"
+    tool: Literal["free", "fixed"] = "free"
+    estimators: Annotated[tuple[Literal["whitened", "paper"], ...], Field(min_length=1)] = (
+        "whitened",
+        "paper",
+    )
+
+
+class UncertaintySettings(Settings):
+    """[uncertainty]: how often things are repeated and drawn."""
+
+    repeats: Annotated[int, Field(ge=2, le=1000)] = 10
+    """Visits of each pose, type A."""
+    replications: Annotated[int, Field(ge=0, le=100_000)] = 200
+    """Calibrations repeated to check the stated intervals; 0 skips the check."""
+    draws: Annotated[int, Field(ge=100, le=10_000_000)] = 10_000
+    """Monte Carlo draws of the tool point."""
+
+
+class StudySettings(Settings):
+    """[studies]: which extra studies are played."""
+
+    pose_count: bool = False
+    pose_count_max: Annotated[int, Field(ge=30, le=1000)] = 150
+    random_sets: Annotated[int, Field(ge=0, le=10_000)] = 100
+    """Random sets each designed set is compared with; 0 skips the study."""
+    paper_budget: bool = False
+    tool_point: bool = False
+
+
+class TrialSettings(Settings):
+    """[[trial]]: one pose set."""
+
+    name: Name
+    poses: Annotated[int, Field(ge=1, le=5000)]
+    method: Literal["random", "greedy", "detmax"]
+    criterion: Criterion = "O1"
+    """Index that greedy (O1 only) or detmax raises; random ignores it."""
+    rows: Literal["whitened", "paper"] = "whitened"
+    """Rows and units the index is computed in; "paper": 12 unweighted rows, mm and rad."""
+
+
+class Scenario(Settings):
+    """A campaign, fully resolved: presets applied, every default written out."""
+
+    format: Literal[1]
+    name: Name
+    title: Annotated[str, Field(max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")] = ""
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    robot: Annotated[str, Field(min_length=1, max_length=4096, pattern=r"^[^\x00-\x1f\x7f]*$")]
+    """Name of a shipped robot, or path of a robot.toml or its folder."""
+    truth: TruthSettings
+    tracker: TrackerSettings = PaperTracker()
+    pool: PoolSettings = PoolSettings()
+    test: HeldOutSettings = HeldOutSettings()
+    identification: IdentificationSettings = IdentificationSettings()
+    uncertainty: UncertaintySettings = UncertaintySettings()
+    studies: StudySettings = StudySettings()
+    trial: Annotated[tuple[TrialSettings, ...], Field(min_length=1, max_length=MAX_TRIALS)]
+
+    @property
+    def trials(self) -> tuple[TrialSettings, ...]:
+        """The trials, in the order of the file."""
+        return self.trial
+
+    def trial_named(self, name: str) -> TrialSettings:
+        """The trial with this name."""
+        return next(trial for trial in self.trial if trial.name == name)
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> "Scenario":
+        """Collect every contradiction between tables."""
+        found = contradictions(self)
+        if found:
+            raise ValueError("\n".join(found))
+        return self
+
+
+def contradictions(scenario: Scenario) -> list[str]:
+    """Sentences, one per contradiction between the tables of a scenario; empty if it is sound."""
+    point = scenario.tracker.measures == "point"
+    names = [trial.name for trial in scenario.trial]
+    found = [
+        f'[[trial]] name "{name}" is used {names.count(name)} times; rename all but one'
+        for name in dict.fromkeys(names)
+        if names.count(name) > 1
+    ]
+    for trial in scenario.trial:
+        place = f'[[trial]] "{trial.name}"'
+        if trial.name in RESERVED:
+            found.append(
+                f"{place} has a reserved name; not one of {', '.join(RESERVED)}; rename it"
+            )
+        if trial.poses > scenario.pool.size:
+            found.append(
+                f"{place} poses is {trial.poses}; [pool] size is {scenario.pool.size}; "
+                "choose fewer poses or a larger pool"
+            )
+        if trial.method == "greedy" and trial.criterion != "O1":
+            found.append(
+                f'{place} criterion is "{trial.criterion}"; greedy raises O1 only; '
+                'write criterion = "O1" or method = "detmax"'
+            )
+        if trial.rows == "paper" and point:
+            found.append(
+                f'{place} rows is "paper", which needs full poses; [tracker] measures is "point"; '
+                'write rows = "whitened"'
+            )
+    if not point and any(scenario.tracker.reflector_mm):
+        found.append(
+            '[tracker] reflector_mm is set, but measures is "pose"; '
+            'write measures = "point" or remove reflector_mm'
+        )
+    if point and "paper" in scenario.identification.estimators:
+        found.append(
+            '[identification] estimators has "paper", which needs full poses; '
+            '[tracker] measures is "point"; write estimators = ["whitened"]'
+        )
+    if point and scenario.studies.paper_budget:
+        found.append(
+            '[studies] paper_budget needs full poses; [tracker] measures is "point"; '
+            "write paper_budget = false"
+        )
+    if len(set(scenario.identification.estimators)) < len(scenario.identification.estimators):
+        found.append("[identification] estimators names one twice; remove the copy")
+    return found
+
+
+TRUTH_PRESETS: dict[str, dict[str, object]] = {
+    "rigid": {"gravity_mdeg": [0.0, 0.0, 0.0], "harmonic_mdeg": 0.0},
+    "wen2022": {"gravity_mdeg": [10.0, 6.0, 8.0], "harmonic_mdeg": 6.0},
+}
+"""What differs between the presets; the rest is common (project specification, section 5)."""
+TRUTH_COMMON: dict[str, object] = {
+    "angle_sd_deg": 0.02,
+    "length_sd_mm": 0.12,
+    "frame_sd_mm": 0.0,
+    "frame_sd_deg": 0.0,
+}
+
+
+def resolved(document: Mapping[str, Any]) -> dict[str, Any]:
+    """The document with presets applied; wrong types are left for the strict check to name."""
+    out = dict(document)
+    truth = out.get("truth", {})
+    tracker = out.get("tracker", {})
+    if isinstance(tracker, Mapping):
+        tracker = out["tracker"] = {"preset": "paper", **tracker}
+    if isinstance(truth, Mapping):
+        preset = truth.get("preset", "wen2022")
+        chosen = TRUTH_PRESETS.get(preset, {}) if isinstance(preset, str) else {}
+        filled = TRUTH_PRESETS["wen2022"] | TRUTH_COMMON | chosen | {"preset": preset}
+        filled["perturb"] = "wen2022" if out.get("robot") == "staubli_tx60" else "links"
+        at960 = isinstance(tracker, Mapping) and tracker.get("preset") == "at960"
+        filled["joint_repeatability_mdeg"] = None if at960 else 0.0
+        filled |= truth
+        if filled["joint_repeatability_mdeg"] == "robot":
+            filled["joint_repeatability_mdeg"] = None
+        out["truth"] = filled
+    return out

@@ -1,0 +1,80 @@
+"""One trial: a pose set is selected, visited, measured, identified and compared with the truth."""
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.design.detmax import detmax
+from calib.design.greedy import greedy
+from calib.design.sampling import random_selection
+from calib.design.selection import Selection, finished
+from calib.identification.identify import Mode, identify
+from calib.information.observability import Observability, indices, singular_values
+from calib.measurement.observations import Measurements
+from calib.uncertainty.type_a import type_a
+from testbed.comparison import compare, true_step
+from testbed.records import Estimate, Setting, Trial
+from testbed.replication import replicate
+from testbed.scenario import Scenario, TrialSettings
+from testbed.setting import Bench, open_bench
+from testbed.streams import stream
+
+
+def play_trial(scenario: Scenario, setting: Setting, name: str) -> Trial:
+    """Select, measure, identify and judge the trial called `name`."""
+    settings = scenario.trial_named(name)
+    bench = open_bench(scenario, setting)
+    selection = select(
+        bench.design_blocks(settings.rows), settings, stream(scenario.seed, "select", name)
+    )
+    chosen = selection.indices
+    visits = [
+        bench.measure_pool(chosen, "visit", name, repeat=k)
+        for k in range(scenario.uncertainty.repeats)
+    ]
+    rows = "paper" if scenario.tracker.measures == "pose" else "whitened"
+    return Trial(
+        name=name,
+        method=settings.method,
+        rows=settings.rows,
+        selection=selection,
+        observability=observed(bench.design_blocks(rows)[chosen]),
+        whitened_observability=observed(bench.design_blocks("whitened")[chosen]),
+        measurements=visits[0],
+        estimates=tuple(
+            estimate(bench, mode, visits, name) for mode in scenario.identification.estimators
+        ),
+    )
+
+
+def select(blocks: Array, settings: TrialSettings, rng: np.random.Generator) -> Selection:
+    """The pose set of a trial from the blocks (N, r, p) of the pool."""
+    if settings.method == "random":
+        chosen = random_selection(len(blocks), settings.poses, rng)
+        return finished(
+            blocks, chosen, settings.criterion, trace=(), method="random", evaluations=0
+        )
+    if settings.method == "greedy":
+        return greedy(blocks, settings.poses, settings.criterion)
+    return detmax(blocks, settings.poses, settings.criterion, rng)
+
+
+def observed(blocks: Array) -> Observability:
+    """All indices of the poses whose blocks (m, r, p) are given."""
+    return indices(singular_values(blocks.reshape(-1, blocks.shape[-1])), len(blocks))
+
+
+def estimate(bench: Bench, mode: Mode, visits: list[Measurements], name: str) -> Estimate:
+    """Identify from the first visit; repeat for type A; replicate to check the statement."""
+    nominal, parameters = bench.setting.nominal, bench.free(mode)
+    identifications = [identify(nominal, visit, parameters, mode=mode) for visit in visits]
+    first = identifications[0]
+    truth = true_step(bench.setting, first, visits[0])
+    repeated = np.array([found.step for found in identifications])
+    return Estimate(
+        mode=mode,
+        identification=first,
+        repeated=repeated,
+        type_a=type_a(repeated).standard,
+        comparison=compare(bench.setting, first, visits[0], truth),
+        replications=replicate(bench, first, visits[0], truth, name),
+    )

@@ -1,0 +1,40 @@
+"""Versions of the program and of the packages that decide its numbers."""
+
+import platform
+import tomllib
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+NUMBERS = ("numpy", "scipy", "mujoco")
+"""A run goes on only with the same version of these (and of truebed)."""
+OTHERS = ("yourdfpy", "trimesh", "rerun-sdk", "pydantic", "matplotlib")
+
+
+def own_version() -> str:
+    """Version of truebed, installed or run from a checkout."""
+    project = Path(__file__).resolve().parent.parent / "pyproject.toml"
+    if project.is_file():  # a checkout: an older copy may be installed beside it
+        return str(tomllib.loads(project.read_text(encoding="utf-8"))["project"]["version"])
+    return _version("truebed")
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def number_versions() -> dict[str, str]:
+    """What must not change when a run goes on."""
+    return {"truebed": own_version(), **{name: _version(name) for name in NUMBERS}}
+
+
+def all_versions() -> dict[str, str]:
+    """Everything a report or a bug report should state."""
+    return {
+        **number_versions(),
+        **{name: _version(name) for name in OTHERS},
+        "python": platform.python_version(),
+        "system": f"{platform.system()} {platform.machine()}",
+    }

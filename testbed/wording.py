@@ -1,0 +1,208 @@
+"""Validation errors of a scenario in the words of the file: table, key, value, likely fix."""
+
+import json
+import math
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from testbed import settings
+from testbed.mistakes import Fault, Path, did_you_mean, place
+from testbed.settings import Scenario
+
+TAGS = ("paper", "at960")
+"""Presets of the tracker; pydantic puts the chosen one into the path of a fault."""
+TABLES = tuple(
+    key for key in Scenario.model_fields if key not in ("format", "name", "title", "seed", "robot")
+)
+TEXTS = (("truth", "perturb"), ("identification", "free"))
+"""Keys that hold one text or a list of texts."""
+REPEATABILITY = ("truth", "joint_repeatability_mdeg")
+UNITS = {"um": 1e-6, "mm": 1e-3, "m": 1.0, "mdeg": 1e-3, "deg": 1.0, "rad": 180 / math.pi}
+"""Unit suffixes of keys; lengths in metres, angles in degrees."""
+LENGTHS = ("um", "mm", "m")
+ALIASES = {"noise": "position", "sigma": "position"}
+"""Words people write for a quantity, and the word used here."""
+WANTED = {
+    "float_type": ("a number", "write it like 17.5"),
+    "int_type": ("a whole number", "write it like 29"),
+    "int_from_float": ("a whole number", "write it like 29"),
+    "bool_type": ("true or false", "write one of them, without quotes"),
+    "string_type": ("text", "put it in quotes"),
+    "tuple_type": ("a list", "put it in [brackets]"),
+    "model_type": ("a table", "write [{key}] and its keys below"),
+    "dict_type": ("a table", "write [{key}] and its keys below"),
+    "model_attributes_type": ("a table", "write [{key}] and its keys below"),
+}
+"""What a key must hold, and the likely fix, by kind of error."""
+BOUNDS = {
+    "greater_than": "larger than {gt:.15g}",
+    "greater_than_equal": "{ge:.15g} or larger",
+    "less_than": "smaller than {lt:.15g}",
+    "less_than_equal": "{le:.15g} or smaller",
+    "string_too_short": "at least {min_length} character long",
+    "string_too_long": "at most {max_length} characters long",
+}
+EXAMPLES = {
+    "format": "format = 1",
+    "name": 'name = "..."',
+    "robot": 'robot = "staubli_tx60"',
+    "trial": "a [[trial]] with name, poses and method",
+    "poses": "poses = 29",
+    "method": 'method = "detmax"',
+}
+"""Lines that mend a missing key."""
+
+
+def sentences(
+    error: ValidationError, document: Mapping[str, Any], *, skip: Collection[Path]
+) -> list[Fault]:
+    """One fault per place; none at a place in `skip`."""
+    faults: dict[object, Fault] = {}
+    for item in error.errors(include_url=False):
+        path = _path(item["loc"])
+        context = item.get("ctx", {})
+        if item["type"] == "value_error":
+            lines = str(context["error"]).split("\n")
+            faults |= {(i, "contradiction"): Fault(path, line) for i, line in enumerate(lines)}
+        elif item["type"] == "too_short" and len(item["input"]) >= context["min_length"]:
+            continue  # counts only sound entries; the others have their own fault
+        elif path not in skip and path not in faults:
+            faults[path] = _sentence(path, item["type"], context, item["input"], document)
+    return list(faults.values())
+
+
+def _path(location: Path) -> Path:
+    """Where a fault lies in the file: without the branches pydantic adds for unions."""
+    if location[:1] == ("tracker",):
+        return location[:1] + location[2:]
+    for key in TEXTS:
+        if location[:2] == key:
+            return location[:2] + tuple(part for part in location[2:] if isinstance(part, int))
+    return location
+
+
+def _sentence(
+    path: Path, kind: str, context: Mapping[str, Any], value: object, document: Mapping[str, Any]
+) -> Fault:
+    """One fault in our words."""
+    at = place(path, document, TABLES)
+    said = f"{at} is {_shown(value)}"
+    key = str(path[-1])
+    if kind == "extra_forbidden":
+        return _unknown_key(path, value, document)
+    if kind == "missing":
+        return _missing(path, value, document)
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        tag = document["tracker"].get("preset")
+        message = f"[tracker] preset is {_shown(tag)}"
+        fix = did_you_mean(str(tag), TAGS) or "choose one of these"
+        return Fault((*path, "preset"), message, "S37", _allowed(TAGS), fix, tag)
+    if kind == "literal_error":
+        if key == "format":
+            return Fault(
+                path, said, "D42", "this version reads format 1", "write format = 1", value
+            )
+        choices = [
+            word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")
+        ]
+        fix = did_you_mean(str(value), choices) or "choose one of these"
+        return Fault(path, said, "S37", _allowed(choices), fix, value)
+    if kind in ("too_short", "too_long"):
+        wanted = context.get("min_length", context.get("max_length"))
+        bound = "at least" if kind == "too_short" else "at most"
+        entries = "entry" if wanted == 1 else "entries"
+        found = len(value) if isinstance(value, list) else context["actual_length"]
+        message = f"{at} has {found} {'entry' if found == 1 else 'entries'}"
+        allowed = f"{bound} {wanted} {entries} belong{'s' if wanted == 1 else ''} there"
+        return Fault(path, message, "S37", allowed, "mend the list", value)
+    if kind in BOUNDS:
+        allowed = f"it must be {BOUNDS[kind].format(**context)}"
+        return Fault(path, said, "C41", allowed, "choose a value in range", value)
+    if kind == "string_pattern_mismatch":
+        named = key == "name"
+        allowed = "are small letters, digits, - _ and ." if named else "is one line of plain text"
+        return Fault(path, said, "S37", f"allowed {allowed}", "rename it", value)
+    wanted, fix = WANTED.get(kind, ("what the list of keys says", "see `truebed scenes quick`"))
+    if path in TEXTS:
+        wanted, fix = "text or a list of texts", "put names in quotes"
+    if path == REPEATABILITY:
+        wanted, fix = 'a number or "robot"', "choose one of these"
+    if path == ("trial",):
+        wanted, fix = "a list of tables", "write [[trial]] with two brackets"
+    return Fault(path, said, "S37", f"it must be {wanted}", fix.format(key=key), value)
+
+
+def _missing(path: Path, value: object, document: Mapping[str, Any]) -> Fault:
+    """A key, or the end of a list, that is not there."""
+    if isinstance(path[-1], int) and isinstance(value, list):
+        at = place(path[:-1], document, TABLES)
+        count = f"{len(value)} {'entry' if len(value) == 1 else 'entries'}"
+        return Fault(path[:-1], f"{at} has {count}", fix="add what is missing", value=value)
+    key = str(path[-1])
+    return Fault(
+        path, f"{place(path, document, TABLES)} is missing", fix=f"add {EXAMPLES.get(key, key)}"
+    )
+
+
+def keys_by_table() -> dict[str, tuple[str, ...]]:
+    """The keys each table of a scenario file knows; the empty name is the top of the file."""
+    tables: dict[str, type[BaseModel]] = {
+        "": Scenario,
+        "truth": settings.TruthSettings,
+        "pool": settings.PoolSettings,
+        "test": settings.HeldOutSettings,
+        "identification": settings.IdentificationSettings,
+        "uncertainty": settings.UncertaintySettings,
+        "studies": settings.StudySettings,
+        "trial": settings.TrialSettings,
+        "paper": settings.PaperTracker,
+        "at960": settings.At960Tracker,
+    }
+    return {name: tuple(model.model_fields) for name, model in tables.items()}
+
+
+def _unknown_key(path: Path, value: object, document: Mapping[str, Any]) -> Fault:
+    """A key nobody reads: a slip, a wrong unit, or a key of another table or preset."""
+    key, tables = str(path[-1]), keys_by_table()
+    table = str(path[0]) if len(path) > 1 else ""
+    owner = place(path[:-1], document, TABLES) if table else "the file"
+    message = f'{owner} has no key "{key}"'
+    if table == "tracker":
+        preset = document[table].get("preset", "paper")
+        table = preset
+        other = next(tag for tag in TAGS if tag != preset)
+        if key in tables[other]:
+            return Fault(path, message, fix=f'it belongs to preset = "{other}"', value=value)
+    known = tables[table]
+    homes = [name for name, keys in tables.items() if key in keys and name not in TAGS]
+    fix = _right_unit(key, value, known) or did_you_mean(key, known)
+    if not fix and homes:
+        fix = f"move it to {f'[{homes[0]}]' if homes[0] else 'the top of the file'}"
+    allowed = "" if fix else f"known are {', '.join(known)}"
+    return Fault(path, message, "S37", allowed, fix or "remove it", value)
+
+
+def _right_unit(key: str, value: object, known: Collection[str]) -> str:
+    """The fix for a key whose word is known in another unit, its value converted if it can be."""
+    stem, _, unit = key.rpartition("_")
+    for right in known if unit in UNITS else ():
+        word, _, wanted = right.rpartition("_")
+        if word == ALIASES.get(stem, stem) and wanted in UNITS and wanted != unit:
+            same = (unit in LENGTHS) == (wanted in LENGTHS)
+            if same and isinstance(value, int | float) and not isinstance(value, bool):
+                return f"write {right} = {value * UNITS[unit] / UNITS[wanted]:g}"
+            return f'the key is "{right}": give the value in {wanted}'
+    return ""
+
+
+def _allowed(words: Collection[str]) -> str:
+    """What may stand there."""
+    return f"allowed are {', '.join(json.dumps(word) for word in words)}"
+
+
+def _shown(value: object) -> str:
+    """A value as the file has it, on one line, shortened."""
+    text = json.dumps(value, ensure_ascii=False, default=str)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,27 @@
+"""How long one fit takes: 29 poses, reduction included (bar: 10 ms); run with --benchmark-only."""
+
+import numpy as np
+import pytest
+
+from calib.geometry.parameters import parameters_of
+from calib.identification.identify import identify
+from calib.measurement.residual import stacked
+from tests.reference import WEN24, pool_r, rigid_truth, tx60
+from tests.truth.measuring import measured
+
+TABLE = measured(rigid_truth(np.random.default_rng(1)), pool_r()[:29], np.random.default_rng(2))
+
+
+@pytest.mark.parametrize(
+    ("free", "mode"),
+    [(WEN24, "whitened"), (None, "whitened"), (WEN24, "paper")],
+    ids=["24", "42 reduced to 30", "paper 24"],
+)
+def test_one_fit_of_29_poses(benchmark, free, mode):
+    parameters = parameters_of(tx60(), free)
+    result = benchmark(identify, tx60(), TABLE, parameters, mode=mode)
+    assert result.status.name == "CONVERGED"
+
+
+def test_one_residual_and_jacobian_of_29_poses(benchmark):
+    benchmark(stacked, tx60(), TABLE)

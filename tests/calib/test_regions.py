@@ -1,0 +1,97 @@
+"""Coverage regions: their factors, their axes, and whether they hold what they promise."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from calib.errors import InputError
+from calib.uncertainty.regions import (
+    coverage_factor,
+    ellipsoid,
+    expanded,
+    inside,
+    mahalanobis_squared,
+    student_factor,
+)
+
+
+def random_covariances(count, dimension, seed=0):
+    L = np.random.default_rng(seed).normal(size=(count, dimension, dimension))
+    return L @ np.swapaxes(L, 1, 2)
+
+
+def test_the_factors_are_the_tabled_ones():
+    factors = [coverage_factor(m) for m in (1, 2, 3, 6, 24)]
+    # half a unit of the fourth printed decimal
+    np.testing.assert_allclose(factors, [1.9600, 2.4477, 2.7955, 3.5485, 6.0345], atol=5.1e-5)
+    np.testing.assert_allclose(
+        [coverage_factor(m, 0.99) for m in (1, 3)],
+        np.sqrt(stats.chi2.ppf(0.99, [1, 3])),
+        rtol=1e-12,
+    )
+
+
+def test_few_repeats_need_students_factor_and_many_the_normal_one():
+    np.testing.assert_allclose(student_factor([9.0, 49.0]), stats.t.ppf(0.975, [9, 49]), rtol=1e-12)
+    assert student_factor(np.inf) == pytest.approx(coverage_factor(1), rel=1e-12)
+
+
+def test_expanded_uncertainty_is_k_times_u():
+    u = np.array([1.0, 2.0])
+    np.testing.assert_array_equal(expanded(u, dimension=3), coverage_factor(3) * u)
+
+
+def test_axes_and_orientation_rebuild_the_covariance():
+    C = random_covariances(50, 3)
+    axes, R = ellipsoid(C)
+    k = coverage_factor(3)
+    np.testing.assert_allclose(
+        R @ (axes[:, :, None] ** 2 / k**2 * np.swapaxes(R, 1, 2)), C, atol=1e-13 * np.abs(C).max()
+    )
+    np.testing.assert_allclose(np.linalg.det(R), 1.0, rtol=1e-12)
+    assert (np.diff(axes, axis=1) <= 0).all()
+
+
+def test_the_ends_of_the_axes_lie_on_the_border():
+    C = random_covariances(50, 3)
+    axes, R = ellipsoid(C)
+    for i in range(3):
+        tip = axes[:, i, None] * R[:, :, i]
+        # inverse of the smallest variance costs the condition number, up to 1e5 here
+        np.testing.assert_allclose(mahalanobis_squared(tip, C), coverage_factor(3) ** 2, rtol=1e-8)
+        assert inside(0.999 * tip, C).all()
+        assert not inside(1.001 * tip, C).any()
+
+
+@pytest.mark.parametrize("dimension", [1, 2, 3, 6])
+def test_a_95_percent_region_holds_95_percent_of_normal_errors(dimension):
+    rng = np.random.default_rng(dimension)
+    C = random_covariances(1, dimension, seed=dimension)[0]
+    error = rng.normal(size=(40_000, dimension)) @ np.linalg.cholesky(C).T
+    held = inside(error, np.broadcast_to(C, (len(error), dimension, dimension))).mean()
+    # binomial sd .0011, band 4 sd
+    assert held == pytest.approx(0.95, abs=0.0044)
+
+
+def test_squared_distance_does_not_care_about_units():
+    C, e = random_covariances(5, 6), np.random.default_rng(3).normal(size=(5, 6))
+    to_mm = np.array([1e3, 1e3, 1e3, 1, 1, 1])
+    np.testing.assert_allclose(
+        mahalanobis_squared(e * to_mm, C * to_mm[:, None] * to_mm),
+        mahalanobis_squared(e, C),
+        rtol=1e-9,
+    )
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: coverage_factor(3, 95.0), "probability is 95.0"),
+        (lambda: coverage_factor(0), "dimension"),
+        (lambda: mahalanobis_squared(np.ones(2), np.diag([1.0, 0.0])), "without variance"),
+        (lambda: mahalanobis_squared(np.ones(2), np.ones((2, 2))), "positive definite"),
+    ],
+)
+def test_regions_that_do_not_exist_are_refused(call, message):
+    with pytest.raises(InputError, match=message):
+        call()

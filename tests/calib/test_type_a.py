@@ -1,0 +1,63 @@
+"""Scatter of repeated calibrations: what ten repeats say, and what they cannot."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from calib.errors import InputError
+from calib.uncertainty.type_a import ratio_range, root_sum_square, scatter_range, type_a
+
+
+def test_the_standard_uncertainty_is_that_of_one_estimate_with_n_minus_one():
+    # by hand: deviations -2, 1, 1 and 0, 3, -3 -> sqrt(6 / 2), sqrt(18 / 2)
+    found = type_a([[1.0, 5.0], [4.0, 8.0], [4.0, 2.0]])
+    np.testing.assert_allclose(found.mean, [3.0, 5.0], rtol=1e-15)
+    np.testing.assert_allclose(found.standard, [np.sqrt(3.0), 3.0], rtol=1e-15)
+    assert found.degrees_of_freedom == 2
+    assert not found.standard.flags.writeable
+
+
+def test_a_bias_shared_by_all_repeats_leaves_no_trace():
+    estimates = np.random.default_rng(0).normal(size=(10, 4))
+    # 1000 added to numbers near 1 costs three digits
+    np.testing.assert_allclose(
+        type_a(estimates + 1000.0).standard, type_a(estimates).standard, rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize("repeats", [2, 5, 10, 50])
+def test_the_scatter_range_is_the_chi_square_one(repeats):
+    nu = repeats - 1
+    expected = np.sqrt(stats.chi2.ppf([0.025, 0.975], nu) / nu)
+    np.testing.assert_allclose(scatter_range(nu), expected, rtol=1e-10)
+
+
+def test_ten_repeats_leave_u_between_55_and_145_percent_of_the_truth():
+    low, high = scatter_range(9)
+    assert (round(low, 2), round(high, 2)) == (0.55, 1.45)
+    # and so it happens: 20 000 campaigns of ten repeats; binomial sd of .95 is .0015, band 4 sd
+    s = type_a(np.random.default_rng(1).normal(size=(10, 20_000))).standard
+    assert np.mean((low < s) & (s < high)) == pytest.approx(0.95, abs=0.006)
+
+
+def test_two_equal_robots_show_ratios_of_half_to_two_after_ten_repeats():
+    low, high = ratio_range(9, 9)
+    assert low == pytest.approx(0.50, abs=0.005)
+    assert high == pytest.approx(2.01, abs=0.005)
+    assert low * high == pytest.approx(1.0, rel=1e-9)  # swapping the robots inverts the ratio
+    rng = np.random.default_rng(2)
+    a, b = (type_a(rng.normal(size=(10, 20_000))).standard for _ in range(2))
+    assert np.mean((low < a / b) & (a / b < high)) == pytest.approx(0.95, abs=0.006)
+
+
+def test_root_sum_square_takes_numbers_and_arrays_together():
+    np.testing.assert_allclose(root_sum_square([3.0, 0.0], 4.0), [5.0, 4.0], rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("estimates", "message"),
+    [([[1.0, 2.0]], "two repeated"), ([1.0, 2.0], "shape"), ([[1.0], [np.nan]], "nan")],
+)
+def test_unusable_repeats_are_refused_with_the_reason(estimates, message):
+    with pytest.raises(InputError, match=message):
+        type_a(estimates)

@@ -1,0 +1,33 @@
+"""Write the golden headline numbers: python -m tests.golden.write [SCENE...]; commit says why."""
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+SCENES = ("quick", "wen2022", "position_only")
+
+
+def golden_file(scene: str) -> Path:
+    """Where a scene's headline numbers lie."""
+    return HERE / f"{scene}.json"
+
+
+def headline_of(scene: str) -> dict[str, Any]:
+    """Play a shipped scene in memory and return its headline."""
+    from testbed.output.results import headline
+    from testbed.runner import play
+    from testbed.scenario import load_scenario
+
+    return json.loads(json.dumps(headline(play(load_scenario(scene))), allow_nan=False))
+
+
+if __name__ == "__main__":
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ[name] = "1"
+    os.environ.setdefault("MUJOCO_GL", "disable")
+    for scene in sys.argv[1:] or SCENES:
+        text = json.dumps(headline_of(scene), indent=1, sort_keys=True, allow_nan=False)
+        golden_file(scene).write_text(text + "\n", encoding="utf-8")

@@ -1,0 +1,83 @@
+"""A small campaign to record, played once per process, and how to read a recording back."""
+
+import re
+from functools import cache
+
+import numpy as np
+
+from testbed import campaign
+from testbed.output.recording import write_recording
+from testbed.robots.catalog import load_robot
+from testbed.scenario import changed, load_scenario
+
+SMALL = {
+    "pool.size": 60,
+    "test.poses": 12,
+    "uncertainty.repeats": 2,
+    "uncertainty.replications": 3,
+    "studies.random_sets": 5,
+}
+
+
+@cache
+def small_campaign():
+    """The scene quick with gravity, fewer poses and fewer repeats."""
+    scenario = changed(
+        load_scenario("quick"), {**SMALL, "truth.preset": "wen2022", "truth.harmonic_mdeg": 4.0}
+    )
+    records = {}
+
+    def get(key):
+        if key not in records:
+            records[key] = campaign.compute(scenario, key, get)
+        return records[key]
+
+    return campaign.gather(scenario, get)
+
+
+def record(path, played=None):
+    """Write the recording of a campaign; returns its path."""
+    played = played or small_campaign()
+    write_recording(played, load_robot(played.scenario.robot), path)
+    return path
+
+
+def store(path):
+    """An opened recording."""
+    from rerun.chunk import RrdReader
+
+    return RrdReader(str(path)).store()
+
+
+def column(opened, entity, component, timeline="step"):
+    """Sequence (r,) and cells (r lists) of a component's rows, in the order of the timeline."""
+    at, cells = [], []
+    for chunk in opened.stream().filter(content=entity):
+        batch = chunk.to_record_batch()
+        if {timeline, component} <= set(batch.schema.names):
+            at += np.asarray(batch[timeline]).astype(np.int64).tolist()
+            cells += batch[component].to_pylist()
+    order = np.argsort(at, kind="stable")
+    return np.array(at)[order], [cells[k] for k in order]
+
+
+def scalars(opened, entity, timeline="step"):
+    """Sequence (r,) and values (r,) of a curve."""
+    at, cells = column(opened, entity, "Scalars:scalars", timeline)
+    return at, np.array([cell[0] for cell in cells])
+
+
+def properties(opened):
+    """The numbers behind the pictures, by name."""
+    (chunk,) = list(opened.stream().filter(content="/__properties/campaign"))
+    batch = chunk.to_record_batch()
+    return {name: batch[name].to_pylist()[0] for name in batch.schema.names}
+
+
+def structure(opened):
+    """Sorted lines: every entity with its timelines and components, without counts and factors."""
+    lines = {
+        re.sub(r"_x\d+", "_xN", re.sub(r" rows=\d+", "", line))
+        for line in opened.summary().splitlines()
+    }
+    return sorted(line for line in lines if not line.endswith("cols=[]"))

@@ -1,0 +1,108 @@
+"""Small campaigns to report on, each played once per process, and how to read a page."""
+
+from functools import cache
+from html.parser import HTMLParser
+
+from testbed import campaign
+from testbed.output.report import page_of, render
+from testbed.scenario import changed, load_scenario
+
+VERSIONS = {"truebed": "0.0.0", "numpy": "0"}
+SMALL = {
+    "pool.size": 160,
+    "test.poses": 20,
+    "uncertainty.repeats": 3,
+    "uncertainty.replications": 10,
+    "studies.random_sets": 30,
+}
+
+
+def played(name, changes):
+    """A shipped scene with some keys changed, played."""
+    scenario, records = changed(load_scenario(name), changes), {}
+
+    def get(key):
+        if key not in records:
+            records[key] = campaign.compute(scenario, key, get)
+        return records[key]
+
+    return campaign.gather(scenario, get)
+
+
+@cache
+def paper_campaign():
+    """The scene wen2022 with every study, but a smaller pool and fewer replications."""
+    return played("wen2022", SMALL)
+
+
+@cache
+def rigid_campaign():
+    """The scene quick: a rigid robot, both estimators, no study but random sets."""
+    return played("quick", {**SMALL, "uncertainty.replications": 40})
+
+
+@cache
+def bare_campaign():
+    """One random trial, no study, no replication."""
+    trial = [{"name": "only", "poses": 12, "method": "random"}]
+    return played("quick", {**SMALL, "uncertainty.replications": 0, "trial": trial})
+
+
+@cache
+def point_campaign():
+    """The scene position_only: one reflector, no paper mode."""
+    return played("position_only", {**SMALL, "uncertainty.replications": 5})
+
+
+@cache
+def page(make):
+    """The page of one of the campaigns above."""
+    return page_of(make(), VERSIONS)
+
+
+@cache
+def html(make):
+    """Its HTML."""
+    return render(page(make))
+
+
+VOID = frozenset({"meta", "br", "hr", "img", "link", "input"})
+
+
+class Reader(HTMLParser):
+    """Collects what tests ask of a page; complains about tags that are not closed in order."""
+
+    def __init__(self):
+        super().__init__(convert_charrefs=True)
+        self.open, self.tags, self.text, self.ids, self.links = [], [], [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        if tag not in VOID:
+            self.open.append(tag)
+        for name, value in attrs:
+            if name == "id":
+                self.ids.append(value)
+            if name in {"href", "xlink:href", "src"}:
+                self.links.append(value)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        if self.open.pop() != tag:
+            raise ValueError(f"</{tag}> closes something else")
+
+    def handle_data(self, data):
+        if data.strip() and "style" not in self.open and "title" not in self.open:
+            self.text.append(" ".join(data.split()))
+
+
+def read(html):
+    """A page, parsed."""
+    reader = Reader()
+    reader.feed(html)
+    reader.close()
+    return reader

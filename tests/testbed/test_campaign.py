@@ -1,0 +1,112 @@
+"""Records of a campaign: order, streams, and trials that leave each other alone."""
+
+import numpy as np
+import pytest
+
+from testbed import campaign
+from testbed.output.codec import pack
+from testbed.scenario import changed, load_scenario
+
+
+@pytest.fixture(scope="module")
+def small():
+    """Quick, but smaller."""
+    return changed(
+        load_scenario("quick"),
+        {
+            "pool.size": 80,
+            "test.poses": 12,
+            "uncertainty.repeats": 2,
+            "uncertainty.replications": 3,
+            "studies.random_sets": 5,
+            "studies.pose_count": True,
+            "studies.pose_count_max": 40,
+            "studies.paper_budget": True,
+            "studies.tool_point": True,
+            "uncertainty.draws": 200,
+        },
+    )
+
+
+def played(scenario, order=None):
+    """All records, made in `order`."""
+    records = {}
+
+    def get(key):
+        if key not in records:
+            records[key] = campaign.compute(scenario, key, get)
+        return records[key]
+
+    for key in order or campaign.record_keys(scenario):
+        get(key)
+    return records
+
+
+def same(a, b):
+    """Bit for bit."""
+    a, b = pack(a), pack(b)
+    return a.keys() == b.keys() and all(equal(a[k], b[k]) for k in a)
+
+
+def equal(a, b):
+    """One packed value; an undefined figure (nan) equals itself."""
+    if isinstance(a, np.ndarray):
+        return np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
+    return a == b
+
+
+def test_records_do_not_depend_on_the_order_in_which_they_are_made(small):
+    forward = played(small)
+    backward = played(small, reversed(campaign.record_keys(small)))
+    assert all(same(forward[key], backward[key]) for key in campaign.record_keys(small))
+
+
+def test_a_new_trial_moves_no_number_of_another(small):
+    document = small.model_dump(mode="json")["trial"]
+    extra = {"name": "extra-20", "poses": 20, "method": "random"}
+    more = changed(small, {"trial": [extra, *document]})
+    one, other = played(small), played(more)
+    assert "extra-20" in other
+    for trial in small.trial:
+        assert same(one[trial.name], other[trial.name])
+
+
+def test_another_seed_is_another_robot(small):
+    one = campaign.compute(small, "setting", None)
+    other = campaign.compute(changed(small, {"seed": 2}), "setting", None)
+    assert not np.array_equal(one.true.chain.links, other.true.chain.links)
+    assert not np.array_equal(one.pool_q, other.pool_q)
+
+
+def test_held_out_poses_are_not_in_the_pool(small):
+    setting = campaign.compute(small, "setting", None)
+    pool = {row.tobytes() for row in setting.pool_q}
+    assert not any(row.tobytes() in pool for row in setting.test_q)
+
+
+def test_planning_and_identification_never_see_the_truth(small):
+    """Another truth with the same readings gives the same estimate: shown by an equal selection."""
+    rigid = played(small, ["setting", "designed-29"])
+    soft = played(changed(small, {"truth.harmonic_mdeg": 6.0}), ["setting", "designed-29"])
+    chosen = [r["designed-29"].selection.indices for r in (rigid, soft)]
+    assert np.array_equal(*chosen)
+    q = rigid["designed-29"].measurements.q
+    assert np.array_equal(q, rigid["setting"].pool_q[chosen[0]])
+
+
+def test_the_campaign_gathers_what_was_asked_for(small):
+    records = played(small)
+    whole = campaign.gather(small, records.__getitem__)
+    assert [trial.name for trial in whole.trials] == ["designed-29", "random-29"]
+    assert whole.pose_count is not None
+    assert whole.paper_budget is not None
+    assert whole.tool_point.source == (
+        "table 3 best",
+        "table 3 random",
+        "ours best",
+        "ours random",
+    )
+    without = changed(small, {"studies.pose_count": False, "studies.tool_point": False})
+    bare = campaign.gather(without, records.__getitem__)
+    assert bare.pose_count is None
+    assert bare.tool_point is None

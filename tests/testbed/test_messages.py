@@ -1,0 +1,196 @@
+"""Every message a user may meet, word for word: one snapshot, so that a change is seen.
+
+Rewrite it with ``TRUEBED_UPDATE=1 pytest tests/testbed/test_messages.py`` and read the difference.
+"""
+
+import os
+from contextlib import ExitStack
+from copy import deepcopy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.errors import CalibError
+from testbed.archive import read_result, recording_of
+from testbed.output import layout
+from testbed.output.store import RunFolder
+from testbed.runner import play_run
+from testbed.scenario import load_scenario, parse_scenario, scenario_of
+from testbed.streams import stream
+from tests.testbed.fake_campaign import SCENARIO, Fake
+
+GOLDEN = Path(__file__).parents[1] / "golden" / "messages.txt"
+TRIAL = {"name": "best", "poses": 29, "method": "detmax"}
+
+
+def with_table(**tables):
+    return lambda _: scenario_of(deepcopy(SCENARIO) | tables, where="scenes/mine.toml")
+
+
+def without(key):
+    document = {name: value for name, value in SCENARIO.items() if name != key}
+    return lambda _: scenario_of(document, where="scenes/mine.toml")
+
+
+def text(content):
+    return lambda _: parse_scenario(content, where="scenes/mine.toml")
+
+
+def begun(path):
+    folder = RunFolder.create(path)
+    folder.begin("x = 1\n", {"scenario_sha256": "0" * 64})
+    return folder
+
+
+def folder(act, *, manifest=None):
+    """Do something with a finished run folder."""
+
+    def case(path):
+        with begun(path):
+            pass
+        if manifest is not None:
+            (path / layout.MANIFEST).write_text(manifest)
+        act(path)
+
+    return case
+
+
+def used(act):
+    """Do something with a run folder another process is writing."""
+
+    def case(path):
+        with ExitStack() as stack:
+            stack.enter_context(begun(path))
+            act(path)
+
+    return case
+
+
+def played(**tables):
+    scenario = scenario_of(deepcopy(SCENARIO) | tables)
+    return lambda _: play_run(scenario, stages=Fake(), where="scenes/mine.toml")
+
+
+def without_memory(path):
+    class Greedy(Fake):
+        def compute(self, *_):
+            raise MemoryError
+
+    play_run(scenario_of(SCENARIO), stages=Greedy())
+
+
+def file_in_the_way(path):
+    path.write_text("")
+    RunFolder.create(path)
+
+
+def foreign_folder(path):
+    path.mkdir()
+    (path / "thesis.tex").write_text("")
+    RunFolder.create(path, overwrite=True)
+
+
+CASES = {
+    "unknown key": with_table(tracker={"positoin_um": 3}),
+    "key of another preset": with_table(tracker={"range_um": [1, 2]}),
+    "key of another table": with_table(truth={"size": 3}),
+    "key nobody knows": with_table(test={"colour": 3}),
+    "other unit": with_table(tracker={"position_mm": 0.0175}),
+    "other unit and word": with_table(tracker={"noise_m": 2e-5}),
+    "other unit in a list": with_table(tracker={"station_m": [2.6, -2, 0.3]}),
+    "missing key": without("robot"),
+    "missing table": without("trial"),
+    "wrong type": with_table(pool={"size": "many"}),
+    "true as a number": with_table(pool={"size": True}),
+    "number as true": with_table(pool={"self_collision": 1}),
+    "fraction": with_table(pool={"size": 1000.0}),
+    "table wanted": with_table(pool=3),
+    "list wanted": with_table(pool={"box_size_mm": 900}),
+    "list too short": with_table(pool={"box_size_mm": [900, 1200]}),
+    "list too long": with_table(pool={"box_size_mm": [1, 2, 3, 4]}),
+    "one bracket": with_table(trial=TRIAL),
+    "too small": with_table(pool={"size": 3}),
+    "too large": with_table(uncertainty={"draws": 10**9}),
+    "negative": with_table(seed=-1),
+    "wrong word": with_table(truth={"preset": "soft"}),
+    "wrong word, close": with_table(trial=[TRIAL | {"method": "detmx"}]),
+    "wrong preset": with_table(tracker={"preset": "at690"}),
+    "wrong name": with_table(name="My Scene"),
+    "wrong title": with_table(title="two\nlines"),
+    "wrong repeatability": with_table(truth={"joint_repeatability_mdeg": "robots"}),
+    "text or list": with_table(truth={"perturb": 3}),
+    "nan": with_table(tracker={"position_um": float("nan")}),
+    "time": text("[tracker]\nposition_um = 12:30:45"),
+    "old format": with_table(format=0),
+    "newer format": with_table(format=2),
+    "two trials of one name": with_table(trial=[TRIAL, TRIAL]),
+    "reserved name": with_table(trial=[TRIAL | {"name": "setting"}]),
+    "more poses than candidates": with_table(trial=[TRIAL | {"poses": 2000}]),
+    "greedy on O2": with_table(trial=[TRIAL | {"method": "greedy", "criterion": "O2"}]),
+    "reflector without points": with_table(tracker={"reflector_mm": [1, 2, 3]}),
+    "points and the paper": with_table(tracker={"measures": "point"}),
+    "an estimator twice": with_table(identification={"estimators": ["whitened", "whitened"]}),
+    "several at once": with_table(sed=3, pool={"size": 1, "altitude": 2}),
+    "not UTF-8": text("name = 'ü'".encode("latin-1")),
+    "not TOML": text("seed = one\n"),
+    "nested": text("a = " + "[" * 5000),
+    "no such scene": lambda _: load_scenario("wen2202"),
+    "no such robot": played(robot="staubli_tx06"),
+    "no such parameters": played(truth={"perturb": ["theta9"]}, identification={"free": "wen2002"}),
+    "negative seed": lambda _: stream(-1),
+    "wrong order": lambda _: play_run(scenario_of(SCENARIO), stages=Fake(), order=["setting"]),
+    "output exists": folder(RunFolder.create),
+    "output is a file": file_in_the_way,
+    "output below a file": lambda path: (path.write_text(""), RunFolder.create(path / "run")),
+    "output is no run": foreign_folder,
+    "output in use": used(RunFolder.create),
+    "not a run": lambda path: RunFolder.reopen(path),
+    "another scenario": folder(lambda path: RunFolder.resume(path, "1" * 64)),
+    "newer run": folder(RunFolder.reopen, manifest='{"format": 2}'),
+    "damaged manifest": folder(RunFolder.reopen, manifest='{"format": 1, "format": 1}'),
+    "unfinished": folder(read_result),
+    "no recording": folder(recording_of),
+    "every trial failed": lambda _: play_run(
+        scenario_of(SCENARIO | {"trial": [TRIAL]}), stages=Fake(failing=("best",))
+    ),
+    "not enough memory": without_memory,
+}
+
+
+def message(case, path):
+    with pytest.raises(CalibError) as caught:
+        case(path)
+    shown = str(caught.value).replace(str(path), "RUN").replace(str(os.getpid()), "PID")
+    kind = type(caught.value).__name__.replace("SeveralInput", "Input")
+    return kind, shown
+
+
+def test_messages_are_word_for_word_as_written_down(tmp_path, monkeypatch):
+    blocks = []
+    for number, (name, case) in enumerate(CASES.items()):
+        kind, shown = message(case, tmp_path / f"{number}")
+        blocks.append(f"{name} ({kind})\n{shown}\n")
+    told = "\n".join(blocks)
+    # the clock time of a lock is not part of the wording
+    told = "\n".join(
+        f"{line.split(' since ')[0]} since HH:MM{line.split(' since ')[1][5:]}"
+        if " since " in line and "PID" in line
+        else line
+        for line in told.split("\n")
+    )
+    if os.environ.get("TRUEBED_UPDATE"):
+        GOLDEN.write_text(told, encoding="utf-8")
+    assert told == GOLDEN.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_each_message_is_short_has_a_code_and_knows_no_insides(name, tmp_path):
+    _, shown = message(CASES[name], tmp_path / "run")
+    for line in shown.splitlines():
+        assert line.endswith("]")
+        assert line[line.rindex("[") + 1 : -1].isalnum()
+        assert len(line) < 400
+        for word in ("pydantic", "Traceback", "NoneType", "dtype", "object at 0x", "<class"):
+            assert word not in line
+    assert np.all([ord(c) >= 32 or c == "\n" for c in shown])

@@ -1,0 +1,145 @@
+"""The shipped scenes and scripts: their headline numbers, and what they must show."""
+
+import importlib.util
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from testbed.assets import scenes
+from testbed.scenario import load_scenario
+from tests.golden.write import SCENES, golden_file, headline_of
+
+TOLERANCE = 1e-6
+"""Relative. A fit ends within 1e-8 standard deviations of the optimum, and other BLAS kernels leave
+1e-9 in a pose set's index; the replicated statistics divide such differences by small numbers."""
+UNSTABLE = ("certificate", "p_value", "sentence", "reasons")
+"""The certificate is rounding itself; the texts hold rounded numbers."""
+
+played = cache(headline_of)
+
+
+def differences(golden, now, path=""):
+    """Sentences, one per number that moved."""
+    if isinstance(golden, dict):
+        assert isinstance(now, dict)
+        missing = sorted(set(golden) ^ set(now))
+        found = [f"{path}: only on one side: {', '.join(missing)}"] if missing else []
+        for key in sorted(set(golden) & set(now)):
+            if key not in UNSTABLE:
+                found += differences(golden[key], now[key], f"{path}/{key}")
+        return found
+    if isinstance(golden, float) and isinstance(now, float):
+        close = abs(now - golden) <= TOLERANCE * max(abs(golden), abs(now), 1e-12)
+        return [] if close else [f"{path}: {golden!r} became {now!r}"]
+    return [] if golden == now else [f"{path}: {golden!r} became {now!r}"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", SCENES)
+def test_headline_numbers_are_the_golden_ones(scene):
+    golden = json.loads(golden_file(scene).read_text(encoding="utf-8"))
+    assert differences(golden, played(scene)) == []
+
+
+def test_every_shipped_scene_has_a_golden_file():
+    assert sorted(file.stem for file in scenes().glob("*.toml")) == sorted(SCENES)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_scene_has_its_line_in_the_scenes_readme(scene):
+    text = (scenes() / "README.md").read_text(encoding="utf-8")
+    line = next(line for line in text.splitlines() if line.startswith(f"| `{scene}`"))
+    assert " mm" in line
+
+
+@pytest.mark.slow
+def test_designed_sets_beat_every_random_set_in_their_own_index():
+    for scene in SCENES:
+        for name, sets in played(scene)["random_sets"].items():
+            assert sets["beaten"] == sets["of"] == 100, (scene, name)
+
+
+@pytest.mark.slow
+def test_the_statement_holds_on_a_rigid_robot_and_fails_where_the_joints_sag():
+    quick, paper = played("quick"), played("wen2022")
+    for trial in quick["trials"].values():
+        assert trial["estimates"]["whitened"]["believable"]
+        # unweighted rows claim 12 m - p degrees of freedom and the wrong weights
+        assert not trial["estimates"]["paper"]["believable"]
+    for trial in paper["trials"].values():
+        assert not trial["estimates"]["whitened"]["believable"]
+        assert trial["estimates"]["whitened"]["p_value"] < 1e-3
+    assert "must not be believed" in paper["verdict"]["sentence"]
+    assert "can be believed" in quick["verdict"]["sentence"]
+
+
+@pytest.mark.slow
+def test_one_reflector_tells_27_numbers_apart():
+    for trial in played("position_only")["trials"].values():
+        assert trial["estimates"]["whitened"]["rank"] == 27
+
+
+@pytest.mark.slow
+def test_wen2022_repeats_the_printed_tool_point_figures():
+    """Zero pose, u of |P|: 0.0030 mm from Table 3 (the printed 0.0034 is a misprint) and 0.031."""
+    figures = played("wen2022")["tool_point"]
+    best, random = figures["table 3 best"], figures["table 3 random"]
+    # 10 000 draws leave 0.7 % in a standard deviation; 2 % is three of those
+    assert best["zero_pose_u_distance_mm"] == pytest.approx(0.00295, rel=0.02)
+    assert random["zero_pose_u_distance_mm"] == pytest.approx(0.0314, rel=0.02)
+    ratio = best["held_out_mean_u_distance_mm"] / random["held_out_mean_u_distance_mm"]
+    assert ratio == pytest.approx(0.106, abs=0.003)
+    # what |P| hides
+    assert best["zero_pose_u_3d_mm"] == pytest.approx(0.0173, rel=0.02)
+    assert random["zero_pose_u_3d_mm"] == pytest.approx(0.1568, rel=0.02)
+
+
+@pytest.mark.slow
+def test_wen2022_pose_numbers_lie_where_the_rule_scatters():
+    # one repetition of the rule: on the unfiltered pool 24 of them gave 47 to 60 and 18 to 52, and
+    # tests/calib/test_pose_count.py holds their medians against 52 to 60 and 25 to 36; collisions
+    # and sight move a single one by a few poses more
+    counts = played("wen2022")["pose_count"]
+    assert 45 <= counts["O1_poses"] <= 65
+    assert 18 <= counts["O2_poses"] <= 52
+
+
+def script(name):
+    """A scenario script as a module."""
+    spec = importlib.util.spec_from_file_location(name, scenes() / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.slow
+def test_script_noise_sweep_error_and_statement_grow_with_the_noise():
+    rows = np.array(script("noise_sweep").sweep(replications=2))
+    assert (np.diff(rows[:, 1:3], axis=0) > 0).all()
+    # a linear problem: u is proportional to the noise
+    assert rows[:, 2] / rows[:, 0] == pytest.approx(rows[0, 2] / rows[0, 0], rel=1e-3)
+
+
+@pytest.mark.slow
+def test_script_own_robot_is_calibrated(tmp_path):
+    campaign = script("own_robot").calibrate(Path(tmp_path))
+    estimate = campaign.trials[0].estimates[0]
+    # 4 R + 2 P + 6 of a generic chain, for 3 revolute and 1 prismatic joint
+    assert estimate.identification.rank == 4 * 3 + 2 * 1 + 6
+    found = estimate.comparison
+    assert found.accuracy_after.mean < 0.1 * found.accuracy_before.mean
+
+
+@pytest.mark.slow
+def test_script_own_method_finds_the_design_ahead_of_random():
+    errors = script("own_method").contest(robots=4)
+    assert errors["DETMAX"].mean() < errors["random"].mean()
+
+
+def test_scripts_stay_short():
+    for file in scenes().glob("*.py"):
+        assert len(file.read_text(encoding="utf-8").splitlines()) <= 75, file.name
+    assert load_scenario("quick").name == "quick"
