@@ -30,11 +30,11 @@ class Setting:
     pool_nominal: Array
     """(N, 4, 4) nominal tool poses of the pool in the world [m]."""
     rejected_q: Array
-    """(R, n) a sample (at most 500) of rejected candidates [rad, m]."""
+    """(R, n) a sample (at most 100 a reason) of rejected candidates [rad, m]."""
     rejected_reason: tuple[str, ...]
     """(R,) why: one of `rejection_names`."""
     rejection_names: tuple[str, ...]
-    """Reasons, in the order they are tested: box, joint limits, self-collision, line of sight."""
+    """Reasons, in the order they are tested, from `laboratory.pool`."""
     rejection_counts: Index
     """Candidates rejected for each reason, the first that applied."""
     n_drawn: int
@@ -101,7 +101,7 @@ class Replications:
     nees_band: Array
     """(2,) 99.9 % band of the mean NEES if the statement is true."""
     coverage_band: Array
-    """(2,) 99.9 % binomial band of one coverage figure if the statement is true."""
+    """(2,) band that holds the coverage of all f parameters in 99.9 % of honest campaigns."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -55,7 +55,8 @@ def replicate(
         sd_ratio=stated.mean(axis=0) / steps.std(axis=0, ddof=1),
         mean_error=error.mean(axis=1),
         nees_band=chi_square_mean_band(f, count),
-        coverage_band=binomial_band(count),
+        # one alarm in a thousand campaigns for all parameters together, not for each
+        coverage_band=binomial_band(count, probability=1 - (1 - BAND) / f),
     )
 
 

@@ -199,7 +199,7 @@ def _concluded(
         )
     elif p_value < RED:
         notes += (
-            f"chi-square is {total / dof:.2f} per degree of freedom (p = {p_value:.1e}): the "
+            f"chi-square is {total / dof:.2f} per degree of freedom (p {_chance(p_value)}): the "
             "residuals are larger than the stated noise explains; do not believe the intervals, "
             "look for errors that the model leaves out",
         )
@@ -251,3 +251,8 @@ def _require_match(nominal: RobotModel, parameters: Parameters) -> None:
 def _ended(sentences: tuple[str, ...]) -> tuple[str, ...]:
     """Sentences with a full stop."""
     return tuple(f"{sentence}." for sentence in sentences)
+
+
+def _chance(p: float) -> str:
+    """A p-value, also where it underflows."""
+    return f"= {p:.1e}" if p > 0 else "< 1e-300"

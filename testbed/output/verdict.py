@@ -6,6 +6,7 @@ import numpy as np
 
 from calib.identification.identify import Status
 from calib.information.propagation import point_uncertainty
+from testbed.output.quantities import NARROW, percent, probability
 from testbed.records import Campaign, Estimate, Trial
 
 ALARM = 1e-3
@@ -39,7 +40,7 @@ def judge(trial: Trial, estimate: Estimate) -> Verdict:
 
     if found.mode == "whitened":
         ratio, p = found.chi_square / found.dof, found.p_value
-        said = f"chi-square per degree of freedom is {ratio:.2f} (p {_probability(p)})"
+        said = f"chi-square per degree of freedom is {ratio:.2f} (p {_chance(p)})"
         say(
             p >= ALARM,
             f"{said}: the residuals "
@@ -60,22 +61,24 @@ def judge(trial: Trial, estimate: Estimate) -> Verdict:
         outside = int(((covered < low) | (covered > high)).sum())
         say(
             outside == 0,
-            f"95 % intervals held the true parameter in {covered.min():.0%} to {covered.max():.0%} "
+            f"95 % intervals held the true parameter in {_percent(covered.min())} to "
+            f"{_percent(covered.max())} "
             f"of {played.count} replications"
             + (
-                f"; {outside} of {len(covered)} lie outside {low:.0%} to {high:.0%}" * (outside > 0)
+                f"; {outside} of {len(covered)} lie outside {_percent(low)} to {_percent(high)}"
+                * (outside > 0)
             ),
         )
         share = float(played.tool_coverage.mean())
         say(
             bool(low <= share),
-            f"95 % regions held the true tool point in {share:.0%} of all replications and "
+            f"95 % regions held the true tool point in {_percent(share)} of all replications and "
             "held-out poses",
         )
     else:
         share = float(seen.inside.mean())
         # one robot's poses share its parameter error: only a gross failure can be told from one
-        say(share >= 0.5, f"{share:.0%} of the held-out points lie inside their 95 % regions")
+        say(share >= 0.5, f"{_percent(share)} of the held-out points lie inside their 95 % regions")
     if found.status is not Status.CONVERGED:
         failed.insert(0, f"the fit {found.status.value}")
     u = np.sqrt(np.mean(point_uncertainty(seen.covariance) ** 2))
@@ -98,6 +101,11 @@ def headline_verdict(campaign: Campaign) -> Verdict:
     return judge(trial, trial.estimates[0])
 
 
-def _probability(p: float) -> str:
-    """A p-value for people."""
-    return "< 1e-12" if p < 1e-12 else f"{p:.2g}"
+def _percent(share: float) -> str:
+    """A share in percent, in plain text."""
+    return percent(share).replace(NARROW, " ")
+
+
+def _chance(p: float) -> str:
+    """A p-value after the letter p."""
+    return probability(p) if p < ALARM else f"= {probability(p)}"
