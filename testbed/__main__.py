@@ -1,6 +1,7 @@
 """The command `truebed`: prepares the process, then hands over to the verbs."""
 
 import os
+import sys
 
 ENVIRONMENT = {
     # one BLAS thread: sums keep their order, so the same scenario gives the same bytes
@@ -9,10 +10,10 @@ ENVIRONMENT = {
     "MKL_NUM_THREADS": "1",
     # MuJoCo computes only; without this its import loads a window library
     "MUJOCO_GL": "disable",
-    "RERUN_ANALYTICS_ENABLED": "false",
     "MPLBACKEND": "agg",
 }
 """Set before numpy is imported; the libraries themselves never touch the environment."""
+MACHINE = 3
 
 
 def main() -> None:
@@ -20,7 +21,13 @@ def main() -> None:
     os.environ.update(ENVIRONMENT)
     from testbed.cli import app
 
-    app(prog_name="truebed", windows_expand_args=False)
+    try:
+        app(prog_name="truebed", windows_expand_args=False)
+    except OSError as error:  # the help text itself could not be written
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        if not isinstance(error, BrokenPipeError):
+            os.write(2, f"stdout: cannot be written: {error.strerror}. [F3]\n".encode())
+            sys.exit(MACHINE)
 
 
 if __name__ == "__main__":

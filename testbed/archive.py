@@ -47,7 +47,7 @@ def read_result(path: str | Path) -> dict[str, Any]:
     file = Path(path) / layout.RESULT
     read_manifest(Path(path))
     try:
-        return strict_json(file.read_bytes())
+        return checked_result(strict_json(file.read_bytes()))
     except OSError as error:
         raise InputError(
             f"has no {layout.RESULT}: the run is not finished",
@@ -62,6 +62,16 @@ def read_result(path: str | Path) -> dict[str, Any]:
             where=str(file),
             fix=f"write it again by `truebed report {path}`",
         ) from error
+
+
+def checked_result(document: dict[str, Any]) -> dict[str, Any]:
+    """result.json, after making sure that it is one."""
+    missing = [
+        key for key in ("notice", "scenario", "seed", "trials", "verdict") if key not in document
+    ]
+    if missing:
+        raise ValueError(f"it has no {', '.join(missing)}")
+    return document
 
 
 def equal_runs(paths: Sequence[Path]) -> list[list[Path]]:

@@ -10,6 +10,7 @@ from typing import Any
 from testbed.records import (
     Campaign,
     PaperBudget,
+    PopulationStudy,
     PoseCountStudy,
     RandomSetsStudy,
     Setting,
@@ -19,7 +20,7 @@ from testbed.records import (
 from testbed.scenario import Scenario
 
 SETTING, POSE_COUNT, RANDOM_SETS = "setting", "pose_count", "random_sets"
-PAPER_BUDGET, TOOL_POINT = "paper_budget", "tool_point"
+PAPER_BUDGET, TOOL_POINT, POPULATION = "paper_budget", "tool_point", "population"
 
 Get = Callable[[str], Any]
 
@@ -32,6 +33,7 @@ def record_keys(scenario: Scenario) -> tuple[str, ...]:
         (RANDOM_SETS, studies.random_sets > 0),
         (PAPER_BUDGET, studies.paper_budget),
         (TOOL_POINT, studies.tool_point),
+        (POPULATION, studies.population > 0),
     )
     return (
         SETTING,
@@ -48,6 +50,7 @@ def record_type(key: str) -> type:
         RANDOM_SETS: RandomSetsStudy,
         PAPER_BUDGET: PaperBudget,
         TOOL_POINT: ToolPointStudy,
+        POPULATION: PopulationStudy,
     }
     return types.get(key, Trial)
 
@@ -55,11 +58,16 @@ def record_type(key: str) -> type:
 def compute(scenario: Scenario, key: str, get: Get) -> Any:
     """Make one record; `get` hands over another record by key, making it first if need be."""
     from testbed import studies
-    from testbed.setting import make_setting
+    from testbed.goals import goals_of, wants_goals
+    from testbed.population import population_study
+    from testbed.setting import make_setting, open_bench
     from testbed.trial import play_trial
 
     if key == SETTING:
-        return make_setting(scenario)
+        made = make_setting(scenario)
+        if wants_goals(scenario):
+            goals_of(open_bench(scenario, made))  # a goal out of reach is refused before any trial
+        return made
     setting = get(SETTING)
     if key == POSE_COUNT:
         return studies.pose_count_study(scenario, setting)
@@ -67,6 +75,8 @@ def compute(scenario: Scenario, key: str, get: Get) -> Any:
         return studies.random_sets_study(scenario, setting, get)
     if key == PAPER_BUDGET:
         return studies.paper_budget_study(scenario, setting, get)
+    if key == POPULATION:
+        return population_study(scenario, setting, get)
     if key == TOOL_POINT:
         return studies.tool_point_study(scenario, setting, get)
     return play_trial(scenario, setting, key)
@@ -88,4 +98,5 @@ def gather(scenario: Scenario, get: Get) -> Campaign:
         random_sets=random_sets.sets if random_sets else (),
         paper_budget=optional(PAPER_BUDGET),
         tool_point=optional(TOOL_POINT),
+        population=optional(POPULATION),
     )

@@ -93,6 +93,45 @@ def run(
             say(f"Next       truebed view {folder}")
 
 
+@app.command()
+def plan(
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="A scene's name or a .toml file.")],
+    out: Annotated[Path | None, typer.Option(help="Folder [runs/SCENE-seedN-plan].")] = None,
+    seed: Annotated[int | None, typer.Option(help="Another seed.")] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Rename an old plan of that name first.")
+    ] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Choose poses for a real robot: what to measure, in what order, what will come out."""
+    with guarded(debug=debug, as_json=as_json) as guard:
+        from testbed.scenario import changed, load_scenario, scenario_path
+
+        where = scenario_path(scene)[1]
+        scenario = load_scenario(scene)
+        if seed is not None:
+            scenario = changed(scenario, {"seed": seed}, where="--seed")
+        default = default_folder(scenario)
+        folder = out or default.with_name(f"{default.name}-plan")
+        from testbed.output.plan_files import play_plan
+        from testbed.output.plan_folder import PLAN, RECORDING, REPORT
+        from testbed.output.plan_words import terminal_text
+        from testbed.screen import progress
+
+        with progress(quiet=quiet or as_json) as tell:
+            made = play_plan(scenario, folder, overwrite=overwrite, progress=tell, where=where)
+        guard.code = SOME_FAILED if made.tour.blocked else guard.code
+        if as_json:
+            say((folder / PLAN).read_text(encoding="utf-8").rstrip())
+        elif not quiet:
+            say(terminal_text(made))
+            say()
+            say(f"Report     {folder / REPORT}")
+            say(f"Next       truebed view {folder / RECORDING}")
+
+
 def default_folder(scenario: "Scenario") -> Path:
     """Where a run goes unless --out says otherwise."""
     return Path("runs") / f"{scenario.name}-seed{scenario.seed}"
@@ -215,6 +254,7 @@ def view(
         from testbed.output import viewer
 
         file = recording_of(folder)
+        check_view(picture, html, step)
         if picture is not None:
             viewer.picture(file, picture, step=step)
             say(str(picture))
@@ -223,6 +263,30 @@ def view(
             say(str(html))
         if picture is None and html is None:
             viewer.open_viewer(file, warn)
+
+
+def check_view(picture: Path | None, html: Path | None, step: int | None) -> None:
+    """Refuse a picture or page that cannot be written, before a viewer is started."""
+    from calib.errors import InputError
+
+    for option, path, suffix in (("--picture", picture, ".png"), ("--html", html, ".html")):
+        if path is None:
+            continue
+        if path.suffix != suffix:
+            raise InputError(
+                f"{option} is {path}", code="C41", field=option, value=str(path),
+                allowed=f"a file name that ends in {suffix}",
+            )  # fmt: skip
+        if not path.parent.is_dir() or path.is_dir():
+            raise InputError(
+                f"{option} {path} cannot be written", code="C40", field=option, value=str(path),
+                allowed="a file in a folder that exists",
+            )  # fmt: skip
+    if step is not None and picture is None:
+        raise InputError(
+            f"--step is {step}, but there is no --picture", code="C41", field="--step", value=step,
+            fix="add --picture FILE.png",
+        )  # fmt: skip
 
 
 @app.command()

@@ -1,6 +1,6 @@
 """Identified against true: held-out errors, parameters, and whether the stated regions hold them.
 
-Only this module and the simulator ever look at the truth.
+This module, `replication` and `population` judge; with the simulator they alone look at the truth.
 """
 
 import numpy as np
@@ -17,6 +17,8 @@ from testbed.records import Comparison, Setting
 
 INTERVAL = coverage_factor(1)
 """Half width of a 95 % interval in standard uncertainties."""
+REFIT_POSES = 200
+"""Poses of the pool at which the truth is written down in the estimated numbers."""
 
 
 def target_points(T: Array, target: Array) -> Array:
@@ -59,11 +61,12 @@ def true_step(setting: Setting, identification: Identification, like: Measuremen
 
     The kept set is refitted to noise-free poses of the true geometry (without joint errors), so
     redundant truth lands where the estimate can hold it, exactly and not only to first order. Where
-    the estimated set cannot represent the truth this is its best fit over the held-out poses.
+    the estimated set cannot represent the truth this is its best fit over poses of the pool.
     """
     geometry = RobotModel(setting.true.chain)
-    covariance = np.broadcast_to(like.covariance[0], (len(setting.test_q), 6, 6))
-    table = noise_free(geometry, like, setting.test_q, covariance)
+    q = setting.pool_q[:REFIT_POSES]
+    covariance = np.broadcast_to(like.covariance[0], (len(q), 6, 6))
+    table = noise_free(geometry, like, q, covariance)
     exact = identify(setting.nominal, table, identification.parameters)
     if exact.parameters.free_names != identification.parameters.free_names:
         return np.asarray(setting.nominal.step_to(geometry)[identification.parameters.free])

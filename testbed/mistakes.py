@@ -12,6 +12,8 @@ MOST = 20
 """Faults of one file that are told at once."""
 Path = tuple[str | int, ...]
 """Keys and list positions that lead to a value of the document."""
+NESTED = (("plan", "stations", "grid"), ("plan", "stations"), ("plan", "goal"))
+"""Tables inside tables, inner ones first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +85,10 @@ def place(path: Path, document: Mapping[str, Any], tables: Collection[str]) -> s
             name = None
         words = f'[[trial]] "{name}"' if isinstance(name, str) else f"[[trial]] {_count(parts[1])}"
         parts = parts[2:]
+    elif tuple(parts[:2]) == ("cell", "obstacle") and len(parts) > 2:
+        words, parts = f"[[cell.obstacle]] {_count(parts[2])}", parts[3:]
+    elif nested := next((name for name in NESTED if tuple(parts[: len(name)]) == name), ()):
+        words, parts = f"[{'.'.join(nested)}]", parts[len(nested) :]
     elif parts[0] in tables:
         words, parts = f"[{parts[0]}]", parts[1:]
     key = ""

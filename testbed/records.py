@@ -125,14 +125,14 @@ class Trial:
 
     name: str
     method: str
-    """random, greedy or detmax."""
+    """random, best_of_random, greedy, detmax, fedorov or exchange."""
     rows: str
     """Rows and units in which the criterion was computed: "whitened" or "paper"."""
     selection: Selection
     observability: Observability
-    """Of the free parameters, in the paper's rows and units (12 rows, mm, rad)."""
+    """In the paper's rows (12, mm, rad), of the robot's set ``wen2022``, else the kept numbers."""
     whitened_observability: Observability
-    """Of whitened rows and scaled columns (L = 0.3 m)."""
+    """Whitened rows and scaled columns (L = 0.3 m), of the numbers the default estimator keeps."""
     measurements: Measurements
     """The first visit of each pose: what is identified."""
     estimates: tuple[Estimate, ...]
@@ -158,14 +158,28 @@ class PoseCountStudy:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RandomSets:
-    """The index of one trial's set beside those of random sets of the same size."""
+    """The figure of one trial's set beside those of random sets of the same size."""
 
     trial: str
     criterion: str
+    unit: str
+    """Of the figure: "1" for an index, "m" for an uncertainty."""
+    larger_is_better: bool
     n_poses: int
     chosen_value: float
     values: Array
-    """(100,) index of each random set."""
+    """(k,) figure of each random set."""
+
+    @property
+    def beaten(self) -> int:
+        """Random sets that are worse."""
+        sign = 1.0 if self.larger_is_better else -1.0
+        return int((sign * self.values < sign * self.chosen_value).sum())
+
+    @property
+    def best(self) -> float:
+        """Figure of the best random set."""
+        return float(self.values.max() if self.larger_is_better else self.values.min())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -221,6 +235,26 @@ class ToolPointStudy:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class PopulationStudy:
+    """Every trial's pose set on many virtual robots, each measured once: the robot is the unit."""
+
+    trials: tuple[str, ...]
+    """(s,) names."""
+    mean_error: Array
+    """(s, e, R) mean held-out position error against the truth, per trial, estimator, robot [m]."""
+    rms_error: Array
+    """(s, e, R) root mean square of the same [m]."""
+    stated_u: Array
+    """(s, e, R) root mean square over held-out poses of the stated 3-D u [m]."""
+    inside: Array
+    """(s, e, R) share of held-out points inside their stated 95 % region."""
+    before: Array
+    """(R,) mean held-out error of the nominal model [m]."""
+    goal_u: Array
+    """(s, R) RMS tool-point u over the goal that the set promised, from the nominal model [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Campaign:
     """A scenario played once."""
 
@@ -231,3 +265,4 @@ class Campaign:
     random_sets: tuple[RandomSets, ...]
     paper_budget: PaperBudget | None
     tool_point: ToolPointStudy | None
+    population: PopulationStudy | None

@@ -1,18 +1,22 @@
-"""The scenario file: read strictly, written with every default, and hashed."""
+"""The scenario file: read strictly, checked against its robot, written with every default."""
 
 import json
 import tomllib
 from collections.abc import Mapping
-from functools import lru_cache
-from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import ValidationError
 
 from calib.errors import InputError
 from testbed.assets import scene_names, scenes
-from testbed.mistakes import Fault, did_you_mean, foreign_values, one_error
+from testbed.checks import PAPER_SET as PAPER_SET
+from testbed.checks import check_robot as check_robot
+from testbed.hashes import canonical as canonical
+from testbed.hashes import record_hash as record_hash
+from testbed.hashes import robot_hash as robot_hash
+from testbed.hashes import scenario_hash as scenario_hash
+from testbed.mistakes import did_you_mean, foreign_values, one_error
 from testbed.settings import FORMAT as FORMAT
 from testbed.settings import RESERVED as RESERVED
 from testbed.settings import STUDY_KEYS as STUDY_KEYS
@@ -23,15 +27,17 @@ from testbed.settings import Scenario as Scenario
 from testbed.settings import TrialSettings as TrialSettings
 from testbed.settings import TruthSettings as TruthSettings
 from testbed.settings import resolved
+from testbed.settings_cell import BoxObstacle as BoxObstacle
+from testbed.settings_cell import CellSettings as CellSettings
+from testbed.settings_cell import MeshObstacle as MeshObstacle
+from testbed.settings_plan import BoxGoal as BoxGoal
+from testbed.settings_plan import ListGoal as ListGoal
+from testbed.settings_plan import PathGoal as PathGoal
+from testbed.settings_plan import PlanSettings as PlanSettings
+from testbed.settings_plan import StationSettings as StationSettings
 from testbed.wording import TABLES, sentences
 
-if TYPE_CHECKING:
-    from testbed.robots.catalog import Robot
-
 MAX_BYTES = 1_000_000
-PAPER_SET = "wen2022"
-"""Free set that the "paper" estimator identifies."""
-SETTING_TABLES = ("format", "seed", "truth", "tracker", "pool", "test")
 
 
 def scenario_path(name_or_path: str | Path) -> tuple[Path, str]:
@@ -116,7 +122,41 @@ def parse_scenario(data: bytes | str, *, where: str, folder: Path | None = None)
     robot = document.get("robot")
     if folder is not None and isinstance(robot, str) and _is_path(robot):
         document["robot"] = str((folder / robot).resolve())
+    if folder is not None:
+        _place_files(document, folder.resolve(), where)
     return scenario_of(document, where=where)
+
+
+def _place_files(document: dict[str, Any], folder: Path, where: str) -> None:
+    """Make the file names of obstacles and of measured poses absolute, in place."""
+    cell, plan = document.get("cell"), document.get("plan")
+    obstacles = cell.get("obstacle") if isinstance(cell, dict) else None
+    entries = [
+        *((f"[[cell.obstacle]] {k + 1} file", "file", entry) for k, entry in _tables(obstacles)),
+        *(("[plan] measured", "measured", entry) for _, entry in _tables([plan])),
+    ]
+    for at, key, table in entries:
+        name = table.get(key)
+        if not isinstance(name, str) or not name or "\0" in name or Path(name).is_absolute():
+            continue
+        file = (folder / name).resolve()
+        if not file.is_relative_to(folder):
+            raise InputError(
+                f"{at} is {_toml(name)}",
+                code="R6",
+                where=where,
+                field=key,
+                value=name,
+                allowed="a file beside the scenario or in a folder below it",
+                fix="copy it there",
+            )
+        table[key] = str(file)
+
+
+def _tables(entries: object) -> list[tuple[int, dict[str, Any]]]:
+    """The tables in a list, with their positions; nothing if it is no list."""
+    rows = enumerate(entries) if isinstance(entries, list) else ()
+    return [(k, entry) for k, entry in rows if isinstance(entry, dict)]
 
 
 def _is_path(robot: str) -> bool:
@@ -177,113 +217,26 @@ def changed(scenario: Scenario, changes: Mapping[str, Any], *, where: str = "") 
 def dump_scenario(scenario: Scenario) -> str:
     """The scenario as TOML text, every default written out; reading it back gives an equal one."""
     document = scenario.model_dump(mode="json")
-    trials = document.pop("trial")
     if document["truth"]["joint_repeatability_mdeg"] is None:
         document["truth"]["joint_repeatability_mdeg"] = "robot"
-    lines = [f"{k} = {_toml(v)}" for k, v in document.items() if not isinstance(v, dict)]
-    for name, table in document.items():
-        if isinstance(table, dict):
-            lines += ["", f"[{name}]", *(f"{k} = {_toml(v)}" for k, v in table.items())]
-    for trial in trials:
-        lines += ["", "[[trial]]", *(f"{k} = {_toml(v)}" for k, v in trial.items())]
-    return "\n".join(lines) + "\n"
+    return "\n".join(_table_lines(document, "")) + "\n"
+
+
+def _table_lines(table: Mapping[str, Any], name: str) -> list[str]:
+    """A table as TOML: its own keys, then the tables in it, then its lists of tables."""
+    inner = {k: v for k, v in table.items() if isinstance(v, dict)}
+    rows = {k: v for k, v in table.items() if isinstance(v, list) and v and isinstance(v[0], dict)}
+    plain = {k: v for k, v in table.items() if k not in inner and k not in rows and v is not None}
+    lines = [f"{k} = {_toml(v)}" for k, v in plain.items()]
+    dot = f"{name}." if name else ""
+    for key, value in inner.items():
+        lines += ["", f"[{dot}{key}]", *_table_lines(value, f"{dot}{key}")]
+    for key, values in rows.items():
+        for value in values:
+            lines += ["", f"[[{dot}{key}]]", *_table_lines(value, f"{dot}{key}")]
+    return lines
 
 
 def _toml(value: object) -> str:
     """One value as TOML; the strings and numbers of JSON are also TOML's."""
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
-
-
-def canonical(value: object) -> bytes:
-    """Canonical JSON bytes: sorted keys, shortest round-trip floats, no nan."""
-    text = json.dumps(
-        value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False
-    )
-    return text.encode()
-
-
-def scenario_hash(scenario: Scenario, robot: "Robot") -> str:
-    """Hex sha256 of everything that decides a campaign: resolved scenario and robot files."""
-    document = scenario.model_dump(mode="json") | {"robot": robot_hash(robot)}
-    return sha256(canonical(document)).hexdigest()
-
-
-def record_hash(scenario: Scenario, robot: "Robot", key: str) -> str:
-    """Hex sha256 of what one record depends on.
-
-    The setting does not depend on trials; a trial depends on no other trial and on no study, so
-    adding one leaves its file byte-identical; a study depends on everything but names and titles.
-    """
-    document = scenario.model_dump(mode="json")
-    kept: dict[str, Any] = {name: document[name] for name in SETTING_TABLES}
-    if key in STUDY_KEYS:
-        kept |= {
-            name: document[name] for name in ("identification", "uncertainty", "studies", "trial")
-        }
-    elif key != "setting":
-        kept |= {name: document[name] for name in ("identification", "uncertainty")}
-        kept["trial"] = next(trial for trial in document["trial"] if trial["name"] == key)
-    kept |= {"robot": robot_hash(robot), "key": key}
-    return sha256(canonical(kept)).hexdigest()
-
-
-@lru_cache(maxsize=4)
-def robot_hash(robot: "Robot") -> str:
-    """Hex sha256 of a robot's numbers and meshes, with no path of this machine in it."""
-    chain = robot.model.chain
-    numbers = (
-        chain.links,
-        chain.T_world_base,
-        chain.T_flange_tool,
-        robot.limits,
-        robot.speeds,
-        robot.masses,
-        robot.centers,
-        robot.inertias,
-        robot.repeatability,
-    )
-    document = {
-        "name": robot.name,
-        "kinds": chain.kinds,
-        "numbers": [array.tolist() for array in numbers],
-        "floor": robot.base_offset,
-        "exclusions": robot.exclusions,
-        "free_sets": dict(robot.free_sets),
-        "parts": [
-            [v.name, v.link, v.collides, sha256(v.file.read_bytes()).hexdigest()]
-            for v in robot.visuals
-        ],
-    }
-    return sha256(canonical(document)).hexdigest()
-
-
-def check_robot(scenario: Scenario, robot: "Robot", *, where: str) -> None:
-    """Raise one InputError if the scenario names parameters or sets the robot does not have."""
-    names = robot.model.names
-    faults = []
-    for table, key, value, word in (
-        ("truth", "perturb", scenario.truth.perturb, "links"),
-        ("identification", "free", scenario.identification.free, "identifiable"),
-    ):
-        known = (word, *robot.free_sets) if isinstance(value, str) else names
-        for name in [value] if isinstance(value, str) else value:
-            if name not in known:
-                fault = Fault(
-                    (table, key),
-                    f'[{table}] {key} has "{name}", which {robot.name} does not know',
-                    allowed=f"known are {', '.join(known)}" if isinstance(value, str) else "",
-                    fix=did_you_mean(name, known) or f"see `truebed robots {robot.name}`",
-                    value=name,
-                )
-                faults.append(fault)
-    if "paper" in scenario.identification.estimators and PAPER_SET not in robot.free_sets:
-        fault = Fault(
-            ("identification", "estimators"),
-            f'[identification] estimators has "paper", but {robot.name} has no free set '
-            f'"{PAPER_SET}"',
-            fix='write estimators = ["whitened"]',
-            value="paper",
-        )
-        faults.append(fault)
-    if faults:
-        raise one_error(faults, where)

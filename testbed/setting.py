@@ -6,11 +6,13 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.design.blocks import paper_blocks, scaled_blocks
+from calib.errors import InputError
 from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.identify import Mode
 from calib.information.reduction import reduce
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import point_blocks, whitened_blocks
+from testbed.laboratory.cell import cell_from
 from testbed.laboratory.pool import Pool, draw_pool
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.tracker import Tracker, tracker_from
@@ -125,7 +127,8 @@ def make_setting(scenario: Scenario) -> Setting:
     robot = load_robot(scenario.robot)
     truth = draw_truth(robot, scenario.truth, scenario.seed)
     chain = robot.model.chain
-    tracker, nominal = tracker_from(scenario.tracker, chain), Simulator(robot, chain)
+    tracker = tracker_from(scenario.tracker, chain)
+    nominal = Simulator(robot, chain, cell_from(scenario.cell, chain))
 
     def feasible(name: str, size: int, exclude: Array | None = None) -> Pool:
         return draw_pool(
@@ -136,12 +139,13 @@ def make_setting(scenario: Scenario) -> Setting:
             stream(scenario.seed, name),
             size=size,
             aim=tracker.aim(chain),
+            acceptance=tracker.acceptance,
             exclude=exclude,
         )
 
     pool = feasible("pool", scenario.pool.size)
     test = feasible("test", scenario.test.poses, pool.q)
-    return Setting(
+    setting = Setting(
         nominal=robot.model,
         true=truth.model,
         joint_repeatability=truth.joint_repeatability,
@@ -157,3 +161,24 @@ def make_setting(scenario: Scenario) -> Setting:
         T_world_tracker=tracker.T_world_tracker,
         target=tracker.reflector,
     )
+    require_poses(open_bench(scenario, setting))
+    return setting
+
+
+def require_poses(bench: Bench) -> None:
+    """Refuse a trial with too few poses before anything is played: M27, and how many it needs."""
+    rows = 6 if bench.scenario.tracker.measures == "pose" else 3
+    most = max(
+        bench.kept().n_free if mode == "whitened" else bench.free(mode).n_free
+        for mode in bench.scenario.identification.estimators
+    )
+    for trial in bench.scenario.trial:
+        if rows * trial.poses <= most:
+            raise InputError(
+                f'[[trial]] "{trial.name}" poses is {trial.poses}: {rows * trial.poses} equations '
+                f"for {most} parameters",
+                code="M27",
+                field="trial.poses",
+                value=trial.poses,
+                fix=f"write poses = {most // rows + 1} or more",
+            )

@@ -3,32 +3,25 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+
+from testbed.settings_cell import CellSettings
+from testbed.settings_plan import DEFAULT_POSES, PlanCriterion, PlanMethod, PlanSettings
+from testbed.settings_types import Name, PlainText, Point, Settings, Side
 
 FORMAT = 1
 """Version of the scenario file format this program writes; it reads this one."""
-STUDY_KEYS = ("pose_count", "random_sets", "paper_budget", "tool_point")
+STUDY_KEYS = ("pose_count", "random_sets", "paper_budget", "tool_point", "population")
 RESERVED = ("setting", *STUDY_KEYS)
 """Record names that no trial may take."""
 MAX_TRIALS = 200
 
-Name = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_.-]{0,63}$")]
-Criterion = Literal["O1", "O2", "O3", "O4", "O5"]
-Finite3 = tuple[float, float, float]
-Length = Annotated[float, Field(ge=-50_000.0, le=50_000.0)]
-Point = tuple[Length, Length, Length]
-Side = Annotated[float, Field(gt=0.0, le=50_000.0)]
 AngleSd = Annotated[float, Field(ge=0.0, le=5.0)]
 LengthSd = Annotated[float, Field(ge=0.0, le=50.0)]
 Sag = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 Micrometres = Annotated[float, Field(ge=0.0, le=10_000.0)]
 Noise = Annotated[float, Field(gt=0.0, le=10_000.0)]
-
-
-class Settings(BaseModel):
-    """One table of the file: frozen, no unknown keys, no silent conversion, no nan."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+HalfAngle = Annotated[float, Field(gt=0.0, le=180.0)]
 
 
 class TruthSettings(Settings):
@@ -62,6 +55,8 @@ class PaperTracker(Settings):
     """Standard deviation per axis."""
     rotation_mdeg: Noise = 11.0
     """Standard deviation per axis."""
+    acceptance_deg: HalfAngle = 180.0
+    """The target is seen within this angle about the tool's z axis; 180: from anywhere."""
 
 
 class At960Tracker(Settings):
@@ -80,6 +75,8 @@ class At960Tracker(Settings):
     centering_um: Micrometres = 2.5
     rotation_mdeg: tuple[Noise, Noise, Noise] = (2.0, 2.0, 3.5)
     """Pitch, yaw, roll of the target, about its own axes."""
+    acceptance_deg: HalfAngle = 180.0
+    """The target is seen within this angle about the tool's z axis; 180: from anywhere."""
 
 
 TrackerSettings = Annotated[PaperTracker | At960Tracker, Field(discriminator="preset")]
@@ -137,6 +134,8 @@ class StudySettings(Settings):
     """Random sets each designed set is compared with; 0 skips the study."""
     paper_budget: bool = False
     tool_point: bool = False
+    population: Annotated[int, Field(ge=0, le=10_000)] = 0
+    """Further virtual robots on which every trial's set is played; 0 skips the study."""
 
 
 class TrialSettings(Settings):
@@ -144,11 +143,14 @@ class TrialSettings(Settings):
 
     name: Name
     poses: Annotated[int, Field(ge=1, le=5000)]
-    method: Literal["random", "greedy", "detmax"]
-    criterion: Criterion = "O1"
-    """Index that greedy (O1 only) or detmax raises; random ignores it."""
+    method: PlanMethod
+    criterion: PlanCriterion = "O1"
+    """What the method makes best; random is only judged by it. V and G take their poses from
+    [plan.goal], as `truebed plan` does."""
     rows: Literal["whitened", "paper"] = "whitened"
     """Rows and units the index is computed in; "paper": 12 unweighted rows, mm and rad."""
+    sets: Annotated[int, Field(ge=1, le=10_000)] = 100
+    """Random sets of which best_of_random keeps the best; the other methods ignore it."""
 
 
 class Scenario(Settings):
@@ -158,15 +160,17 @@ class Scenario(Settings):
     name: Name
     title: Annotated[str, Field(max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")] = ""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    robot: Annotated[str, Field(min_length=1, max_length=4096, pattern=r"^[^\x00-\x1f\x7f]*$")]
+    robot: Annotated[PlainText, Field(min_length=1)]
     """Name of a shipped robot, or path of a robot.toml or its folder."""
     truth: TruthSettings
     tracker: TrackerSettings = PaperTracker()
     pool: PoolSettings = PoolSettings()
+    cell: CellSettings = CellSettings()
     test: HeldOutSettings = HeldOutSettings()
     identification: IdentificationSettings = IdentificationSettings()
     uncertainty: UncertaintySettings = UncertaintySettings()
     studies: StudySettings = StudySettings()
+    plan: PlanSettings
     trial: Annotated[tuple[TrialSettings, ...], Field(min_length=1, max_length=MAX_TRIALS)]
 
     @property
@@ -181,60 +185,12 @@ class Scenario(Settings):
     @model_validator(mode="after")
     def _fits_together(self) -> "Scenario":
         """Collect every contradiction between tables."""
+        from testbed.contradictions import contradictions
+
         found = contradictions(self)
         if found:
             raise ValueError("\n".join(found))
         return self
-
-
-def contradictions(scenario: Scenario) -> list[str]:
-    """Sentences, one per contradiction between the tables of a scenario; empty if it is sound."""
-    point = scenario.tracker.measures == "point"
-    names = [trial.name for trial in scenario.trial]
-    found = [
-        f'[[trial]] name "{name}" is used {names.count(name)} times; rename all but one'
-        for name in dict.fromkeys(names)
-        if names.count(name) > 1
-    ]
-    for trial in scenario.trial:
-        place = f'[[trial]] "{trial.name}"'
-        if trial.name in RESERVED:
-            found.append(
-                f"{place} has a reserved name; not one of {', '.join(RESERVED)}; rename it"
-            )
-        if trial.poses > scenario.pool.size:
-            found.append(
-                f"{place} poses is {trial.poses}; [pool] size is {scenario.pool.size}; "
-                "choose fewer poses or a larger pool"
-            )
-        if trial.method == "greedy" and trial.criterion != "O1":
-            found.append(
-                f'{place} criterion is "{trial.criterion}"; greedy raises O1 only; '
-                'write criterion = "O1" or method = "detmax"'
-            )
-        if trial.rows == "paper" and point:
-            found.append(
-                f'{place} rows is "paper", which needs full poses; [tracker] measures is "point"; '
-                'write rows = "whitened"'
-            )
-    if not point and any(scenario.tracker.reflector_mm):
-        found.append(
-            '[tracker] reflector_mm is set, but measures is "pose"; '
-            'write measures = "point" or remove reflector_mm'
-        )
-    if point and "paper" in scenario.identification.estimators:
-        found.append(
-            '[identification] estimators has "paper", which needs full poses; '
-            '[tracker] measures is "point"; write estimators = ["whitened"]'
-        )
-    if point and scenario.studies.paper_budget:
-        found.append(
-            '[studies] paper_budget needs full poses; [tracker] measures is "point"; '
-            "write paper_budget = false"
-        )
-    if len(set(scenario.identification.estimators)) < len(scenario.identification.estimators):
-        found.append("[identification] estimators names one twice; remove the copy")
-    return found
 
 
 TRUTH_PRESETS: dict[str, dict[str, object]] = {
@@ -268,4 +224,16 @@ def resolved(document: Mapping[str, Any]) -> dict[str, Any]:
         if filled["joint_repeatability_mdeg"] == "robot":
             filled["joint_repeatability_mdeg"] = None
         out["truth"] = filled
+    plan = out.get("plan", {})
+    if isinstance(plan, Mapping):
+        pool = out.get("pool", {})
+        size = pool.get("size") if isinstance(pool, Mapping) else None
+        small = type(size) is int and 10 <= size < DEFAULT_POSES
+        poses = size if small else DEFAULT_POSES
+        out["plan"] = {"poses": 0 if "target_um" in plan else poses} | dict(plan)
+        if isinstance(goal := plan.get("goal"), Mapping):
+            out["plan"]["goal"] = {"kind": "box"} | dict(goal)
+        if "plan" in document and "trial" not in document:
+            # a file made for planning can be played too, as one designed set
+            out["trial"] = [{"name": "designed", "poses": poses, "method": "detmax"}]
     return out

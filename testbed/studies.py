@@ -8,7 +8,7 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.design.blocks import fewest_poses
 from calib.design.pose_count import PoseCount, pose_counts
-from calib.design.sampling import best_of_random
+from calib.design.sampling import random_sets
 from calib.identification.identify import identify
 from calib.information.observability import CRITERIA, Form
 from calib.uncertainty.monte_carlo import distance_spread, point_spread
@@ -35,6 +35,7 @@ from testbed.records import (
 from testbed.scenario import Scenario
 from testbed.setting import Bench, open_bench
 from testbed.streams import stream
+from testbed.trial import criterion_of
 
 Get = Callable[[str], Any]
 SPARE_POSES = 2
@@ -68,16 +69,16 @@ def pose_count_study(scenario: Scenario, setting: Setting) -> PoseCountStudy:
 
 
 def random_sets_study(scenario: Scenario, setting: Setting, get: Get) -> RandomSetsStudy:
-    """Each designed trial's index beside that of random sets of the same size."""
+    """Each designed trial's figure beside that of random sets of the same size."""
     bench, sets = open_bench(scenario, setting), []
     for settings in scenario.trial:
         if settings.method == "random":
             continue
-        blocks = bench.design_blocks(settings.rows)
-        drawn = best_of_random(
+        blocks, criterion = bench.design_blocks(settings.rows), criterion_of(bench, settings)
+        drawn = random_sets(
             blocks,
             settings.poses,
-            settings.criterion,
+            criterion,
             stream(scenario.seed, "random_sets", settings.name),
             sets=scenario.studies.random_sets,
         )
@@ -86,6 +87,8 @@ def random_sets_study(scenario: Scenario, setting: Setting, get: Get) -> RandomS
             RandomSets(
                 trial=settings.name,
                 criterion=settings.criterion,
+                unit=criterion.unit if settings.rows == "whitened" else "1",
+                larger_is_better=criterion.larger_is_better,
                 n_poses=settings.poses,
                 chosen_value=trial.selection.value,
                 values=drawn.values,

@@ -3,15 +3,17 @@
 import numpy as np
 
 from calib.arrays import Array
-from calib.design.detmax import detmax
-from calib.design.greedy import greedy
-from calib.design.sampling import random_selection
-from calib.design.selection import Selection, finished
+from calib.design.sampling import best_of_random
+from calib.design.selection import Selection
 from calib.identification.identify import Mode, identify
+from calib.information.criteria.base import Criterion
+from calib.information.criteria.named import NEEDS_GOALS, criterion_named
 from calib.information.observability import Observability, indices, singular_values
 from calib.measurement.observations import Measurements
 from calib.uncertainty.type_a import type_a
 from testbed.comparison import compare, true_step
+from testbed.goals import goals_of
+from testbed.planning.design import METHODS
 from testbed.records import Estimate, Setting, Trial
 from testbed.replication import replicate
 from testbed.scenario import Scenario, TrialSettings
@@ -24,7 +26,10 @@ def play_trial(scenario: Scenario, setting: Setting, name: str) -> Trial:
     settings = scenario.trial_named(name)
     bench = open_bench(scenario, setting)
     selection = select(
-        bench.design_blocks(settings.rows), settings, stream(scenario.seed, "select", name)
+        bench.design_blocks(settings.rows),
+        settings,
+        stream(scenario.seed, "select", name),
+        criterion_of(bench, settings),
     )
     chosen = selection.indices
     visits = [
@@ -46,16 +51,19 @@ def play_trial(scenario: Scenario, setting: Setting, name: str) -> Trial:
     )
 
 
-def select(blocks: Array, settings: TrialSettings, rng: np.random.Generator) -> Selection:
+def criterion_of(bench: Bench, settings: TrialSettings) -> Criterion:
+    """What a trial's set is chosen by, with the scenario's goal where it needs one."""
+    goals = goals_of(bench) if settings.criterion in NEEDS_GOALS else None
+    return criterion_named(settings.criterion, goals=goals)
+
+
+def select(
+    blocks: Array, settings: TrialSettings, rng: np.random.Generator, criterion: Criterion
+) -> Selection:
     """The pose set of a trial from the blocks (N, r, p) of the pool."""
-    if settings.method == "random":
-        chosen = random_selection(len(blocks), settings.poses, rng)
-        return finished(
-            blocks, chosen, settings.criterion, trace=(), method="random", evaluations=0
-        )
-    if settings.method == "greedy":
-        return greedy(blocks, settings.poses, settings.criterion)
-    return detmax(blocks, settings.poses, settings.criterion, rng)
+    if settings.method == "best_of_random":
+        return best_of_random(blocks, settings.poses, criterion, rng, sets=settings.sets)
+    return METHODS[settings.method](blocks, settings.poses, criterion, rng)
 
 
 def observed(blocks: Array) -> Observability:

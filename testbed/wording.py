@@ -7,12 +7,16 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from testbed import settings
+from testbed import settings, settings_cell, settings_plan
 from testbed.mistakes import Fault, Path, did_you_mean, place
 from testbed.settings import Scenario
 
-TAGS = ("paper", "at960")
-"""Presets of the tracker; pydantic puts the chosen one into the path of a fault."""
+UNIONS = {
+    "tracker": ("paper", "at960"),
+    "plan.goal": ("box", "list", "path"),
+    "cell.obstacle": ("box", "mesh"),
+}
+"""Tables of several presets or kinds; pydantic puts the chosen one into the path of a fault."""
 TABLES = tuple(
     key for key in Scenario.model_fields if key not in ("format", "name", "title", "seed", "robot")
 )
@@ -31,9 +35,9 @@ WANTED = {
     "bool_type": ("true or false", "write one of them, without quotes"),
     "string_type": ("text", "put it in quotes"),
     "tuple_type": ("a list", "put it in [brackets]"),
-    "model_type": ("a table", "write [{key}] and its keys below"),
-    "dict_type": ("a table", "write [{key}] and its keys below"),
-    "model_attributes_type": ("a table", "write [{key}] and its keys below"),
+    "model_type": ("a table", "write {header} and its keys below"),
+    "dict_type": ("a table", "write {header} and its keys below"),
+    "model_attributes_type": ("a table", "write {header} and its keys below"),
 }
 """What a key must hold, and the likely fix, by kind of error."""
 BOUNDS = {
@@ -51,6 +55,7 @@ EXAMPLES = {
     "trial": "a [[trial]] with name, poses and method",
     "poses": "poses = 29",
     "method": 'method = "detmax"',
+    "kind": 'kind = "box" or kind = "mesh"',
 }
 """Lines that mend a missing key."""
 
@@ -75,8 +80,9 @@ def sentences(
 
 def _path(location: Path) -> Path:
     """Where a fault lies in the file: without the branches pydantic adds for unions."""
-    if location[:1] == ("tracker",):
-        return location[:1] + location[2:]
+    for depth, union in ((1, ("tracker",)), (2, ("plan", "goal")), (3, ("cell", "obstacle"))):
+        if location[: len(union)] == union:
+            return location[:depth] + location[depth + 1 :]
     for key in TEXTS:
         if location[:2] == key:
             return location[:2] + tuple(part for part in location[2:] if isinstance(part, int))
@@ -94,11 +100,15 @@ def _sentence(
         return _unknown_key(path, value, document)
     if kind == "missing":
         return _missing(path, value, document)
-    if kind in ("union_tag_invalid", "union_tag_not_found"):
-        tag = document["tracker"].get("preset")
-        message = f"[tracker] preset is {_shown(tag)}"
-        fix = did_you_mean(str(tag), TAGS) or "choose one of these"
-        return Fault((*path, "preset"), message, "S37", _allowed(TAGS), fix, tag)
+    if kind == "union_tag_not_found":
+        return _missing((*path, "kind"), value, document)
+    if kind == "union_tag_invalid":
+        name = context["discriminator"].strip("'")
+        tag = value.get(name) if isinstance(value, Mapping) else value
+        message = f"{place((*path, name), document, TABLES)} is {_shown(tag)}"
+        tags = [word.strip("'") for word in context["expected_tags"].split(", ")]
+        fix = did_you_mean(str(tag), tags) or "choose one of these"
+        return Fault((*path, name), message, "S37", _allowed(tags), fix, tag)
     if kind == "literal_error":
         if key == "format":
             return Fault(
@@ -131,7 +141,10 @@ def _sentence(
         wanted, fix = 'a number or "robot"', "choose one of these"
     if path == ("trial",):
         wanted, fix = "a list of tables", "write [[trial]] with two brackets"
-    return Fault(path, said, "S37", f"it must be {wanted}", fix.format(key=key), value)
+    if path == ("cell", "obstacle"):
+        wanted, fix = "a list of tables", "write [[cell.obstacle]] with two brackets"
+    header = at[: at.rindex("]") + 1] if "]" in at else f"[{key}]"
+    return Fault(path, said, "S37", f"it must be {wanted}", fix.format(header=header), value)
 
 
 def _missing(path: Path, value: object, document: Mapping[str, Any]) -> Fault:
@@ -159,6 +172,15 @@ def keys_by_table() -> dict[str, tuple[str, ...]]:
         "trial": settings.TrialSettings,
         "paper": settings.PaperTracker,
         "at960": settings.At960Tracker,
+        "cell": settings_cell.CellSettings,
+        "plan": settings_plan.PlanSettings,
+        "plan.stations": settings_plan.StationSettings,
+        "plan.stations.grid": settings_plan.GridSettings,
+        "cell.obstacle.box": settings_cell.BoxObstacle,
+        "cell.obstacle.mesh": settings_cell.MeshObstacle,
+        "plan.goal.box": settings_plan.BoxGoal,
+        "plan.goal.list": settings_plan.ListGoal,
+        "plan.goal.path": settings_plan.PathGoal,
     }
     return {name: tuple(model.model_fields) for name, model in tables.items()}
 
@@ -166,22 +188,38 @@ def keys_by_table() -> dict[str, tuple[str, ...]]:
 def _unknown_key(path: Path, value: object, document: Mapping[str, Any]) -> Fault:
     """A key nobody reads: a slip, a wrong unit, or a key of another table or preset."""
     key, tables = str(path[-1]), keys_by_table()
-    table = str(path[0]) if len(path) > 1 else ""
-    owner = place(path[:-1], document, TABLES) if table else "the file"
+    owner = place(path[:-1], document, TABLES) if len(path) > 1 else "the file"
     message = f'{owner} has no key "{key}"'
-    if table == "tracker":
-        preset = document[table].get("preset", "paper")
-        table = preset
-        other = next(tag for tag in TAGS if tag != preset)
-        if key in tables[other]:
-            return Fault(path, message, fix=f'it belongs to preset = "{other}"', value=value)
-    known = tables[table]
-    homes = [name for name, keys in tables.items() if key in keys and name not in TAGS]
+    table, tag = _table_of(path, document)
+    others = [name for name in UNIONS.get(table, ()) if name != tag]
+    for other in others:
+        if key in tables[_branch(table, other)]:
+            word = "preset" if table == "tracker" else "kind"
+            return Fault(path, message, fix=f'it belongs to {word} = "{other}"', value=value)
+    known = tables[_branch(table, tag) if tag else table]
+    branches = [_branch(name, tag) for name, tags in UNIONS.items() for tag in tags]
+    homes = [name for name, keys in tables.items() if key in keys and name not in branches]
     fix = _right_unit(key, value, known) or did_you_mean(key, known)
     if not fix and homes:
         fix = f"move it to {f'[{homes[0]}]' if homes[0] else 'the top of the file'}"
     allowed = "" if fix else f"known are {', '.join(known)}"
     return Fault(path, message, "S37", allowed, fix or "remove it", value)
+
+
+def _table_of(path: Path, document: Mapping[str, Any]) -> tuple[str, str]:
+    """Name of the table a key stands in, and its preset or kind if there are several."""
+    if path[0] == "tracker":
+        return "tracker", document["tracker"].get("preset", "paper")
+    if path[:2] == ("plan", "goal"):
+        return "plan.goal", document["plan"]["goal"].get("kind", "box")
+    if path[:2] == ("cell", "obstacle"):
+        return "cell.obstacle", document["cell"]["obstacle"][path[2]]["kind"]
+    return ".".join(str(part) for part in path[:-1] if isinstance(part, str)), ""
+
+
+def _branch(table: str, tag: str) -> str:
+    """What `keys_by_table` calls one preset or kind of a table."""
+    return tag if table == "tracker" else f"{table}.{tag}"
 
 
 def _right_unit(key: str, value: object, known: Collection[str]) -> str:

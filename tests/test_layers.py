@@ -29,7 +29,7 @@ HOMES = {
     "rich": ("testbed/screen.py",),
     "typer": ("testbed/cli.py", "testbed/guard.py"),
     "pydantic": (
-        "testbed/settings.py",
+        "testbed/settings",
         "testbed/scenario.py",
         "testbed/wording.py",
         "testbed/robots/",

@@ -1,13 +1,14 @@
-"""What one more pose would tell: blocks (N, r, p) of rows of candidate poses, and their checks."""
+"""What one more pose would tell: blocks (N, r, p) of rows of candidate poses, and what they see."""
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
-from calib.errors import InputError
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.information.rank import rank, singular_values
+from calib.information.rank import count, rank, singular_values, triangle
 
 PAPER_LENGTH = 1e-3
 """The paper counts lengths in mm: its indices depend on that."""
@@ -28,7 +29,7 @@ def paper_blocks(model: RobotModel, parameters: Parameters, q: ArrayLike) -> Arr
 
     References
     ----------
-    Wen et al. 2022, eq. (4); MATH 2.
+    Wen et al. 2022, eq. (4): with twelve rows H and six rows (J_w; J_p), H'H = 2 J_w'J_w + J_p'J_p.
     """
     _, J = model.poses_and_jacobian(q)
     rows = np.array([1.0, 1.0, 1.0, *[np.sqrt(2.0) * PAPER_LENGTH] * 3]) / PAPER_LENGTH
@@ -38,54 +39,67 @@ def paper_blocks(model: RobotModel, parameters: Parameters, q: ArrayLike) -> Arr
 
 def fewest_poses(blocks: Array) -> int:
     """Fewest poses of the pool (N, r, p) whose rows can reach rank p."""
-    return int(-(-blocks.shape[2] // max(rank(blocks[0]), 1)))
+    return int(-(-blocks.shape[2] // most_of_one(blocks)))
 
 
-def checked_blocks(blocks: ArrayLike, m: int) -> Array:
-    """Blocks (N, r, p), after refusing a size m they cannot give and numbers they cannot see."""
-    (blocks,) = check("N r p", blocks=blocks)
-    n_pool, n_rows, p = blocks.shape
-    if not blocks.size:
-        raise InputError(
-            f"blocks has shape {blocks.shape}", code="A1", field="blocks", allowed="none may be 0"
-        )
-    if m > n_pool:
-        raise InputError(
-            f"{m} poses wanted",
-            code="M27",
-            field="m",
-            value=m,
-            allowed=f"the pool has {n_pool}",
-            fix="enlarge the pool or choose fewer poses",
-        )
-    fewest = fewest_poses(blocks)
-    if m < fewest:
-        raise InputError(
-            f"{m} poses wanted",
-            code="M27",
-            field="m",
-            value=m,
-            allowed=f"{p} numbers need at least {fewest} poses of {n_rows} rows",
-            fix="choose more poses or free fewer numbers",
-        )
-    if is_singular(blocks):
-        raise InputError(
-            f"even all {n_pool} poses cannot tell the {p} numbers apart",
-            code="M28",
-            field="blocks",
-            fix="reduce the free numbers first (calib.information.reduction)",
-        )
-    return blocks
+def most_of_one(blocks: Array) -> int:
+    """Largest rank of one pose of the pool (N, r, p); at least one."""
+    full, most = min(blocks.shape[1:]), 1
+    for block in blocks:
+        # nearly always the first pose has all its rows
+        most = max(most, rank(block))
+        if most == full:
+            break
+    return most
+
+
+def directions_seen(A: Array) -> int:
+    """Directions that rows (N, p) tell apart, whatever the column units."""
+    size = np.linalg.norm(A, axis=0)
+    return count(singular_values(A / np.where(size > 0, size, 1.0)), NEARLY_SINGULAR)
 
 
 def is_singular(blocks: Array) -> bool:
     """Whether poses (m, r, p) together leave a direction unseen, whatever the column units."""
-    A = blocks.reshape(-1, blocks.shape[-1])
+    return not sees_all(blocks.reshape(-1, blocks.shape[-1]))
+
+
+def sees_all(A: Array) -> bool:
+    """Whether rows (N, p) tell all p numbers apart, whatever the column units."""
+    return directions_seen(A) == int(A.shape[1])
+
+
+def unseen_in_words(A: Array, names: Sequence[str] = ()) -> str:
+    """What rows (N, p) cannot tell apart, one clause per group of numbers."""
+    p = A.shape[1]
+    names = names or [f"number {k}" for k in range(p)]
     size = np.linalg.norm(A, axis=0)
-    if len(A) < A.shape[1] or not size.all():
-        return True
-    singular = singular_values(A / size)
-    return bool(singular[-1] < NEARLY_SINGULAR * singular[0])
+    unit = A / np.where(size > 0, size, 1.0)
+    _, singular, Vt = np.linalg.svd(triangle(np.concatenate([unit, np.zeros((p, p))])))
+    null = Vt[singular < NEARLY_SINGULAR * singular[0]] if singular[0] > 0 else np.eye(p)
+    projector = null.T @ null
+    linked = np.abs(projector) > NEARLY_SINGULAR
+    clauses, left = [], {int(k) for k in np.flatnonzero(linked.any(1))}
+    while left:
+        group, frontier = set[int](), {min(left)}
+        while frontier:
+            group |= frontier
+            frontier = {int(j) for k in frontier for j in np.flatnonzero(linked[k])} - group
+        left -= group
+        clauses.append(_clause(sorted(group), projector, names))
+    return "; ".join(clauses)
+
+
+def _clause(group: Sequence[int], projector: Array, names: Sequence[str]) -> str:
+    """Words for one group of numbers that share unseen directions."""
+    said = [names[k] for k in group]
+    if len(said) == 1:
+        return f"{said[0]} has no effect on anything measured"
+    lost = round(float(projector[group, group].sum()))
+    listed = ", ".join(said[:-1][:9]) + (", ..." if len(said) > 10 else "") + f" and {said[-1]}"
+    if len(said) == 2:
+        return f"{listed} cannot be told apart"
+    return f"{len(said)} numbers tell only {len(said) - lost} apart: {listed}"
 
 
 def information(blocks: Array) -> Array:

@@ -1,84 +1,148 @@
-"""A certificate for O1: how close a pose set is to the best possible, whatever found it."""
+"""A certificate: how close a pose set is to the best possible of its pool, whatever found it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import ceil, floor
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import solve_triangular
 
-from calib.arrays import Array
-from calib.design.blocks import checked_blocks, information
+from calib.design.problem import Problem, problem_of
+from calib.design.relaxation import ITERATIONS, TOLERANCE, Grams, relax
+from calib.information.criteria.base import Certifiable, Criterion
+from calib.information.criteria.d import D
 
-ITERATIONS = 200
-PATIENCE = 40
-ENOUGH = 1e-4
-"""Stop when log det / p of the bound falls by less than this in `PATIENCE` iterations."""
+CERTAIN = 1e-9
+"""Part below which a difference is none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Certificate:
-    """What no set of the same size can exceed, and where this one stands."""
+    """What no set of the same size from the same pool can exceed, and where this one stands."""
 
-    log_det: float
-    """log det M of the set."""
+    value: float
+    """Value of the criterion, larger is better: D log det M; A, V, G minus variance; E lambda_min.
+    """
     bound: float
-    """No set of this size, without repeats, has a larger log det M."""
-    d_efficiency: float
-    """exp((log_det - bound) / p): certified part of the best possible det^(1/p)."""
-    o1_efficiency: float
-    """Its square root: certified part of the best possible O1."""
+    """No set of this size has a larger value."""
+    efficiency: float
+    """Certain part of the best possible: of det^(1/p) for D, else of the figure; 0 to 1."""
+    figure: float
+    """Figure of the set: O1, u of the tool point [m], O3, ..."""
+    figure_bound: float
+    """Figure that no set can better."""
     iterations: int
     """Steps of the relaxation."""
+    sentence: str
+    """The same in words."""
 
 
-def o1_certificate(
-    blocks: ArrayLike, indices: ArrayLike, *, iterations: int = ITERATIONS
-) -> Certificate:
-    """Certify the O1 (D-optimality) of a pose set against every other set of its size.
-
-    Weights w on the pool replace the set; at any of them log det is concave, so its tangent bounds
-    the log det of every set: log det M* <= log det M(w) + p log(sum of the m largest d_j / p) with
-    d_j = tr(M(w)^-1 B_j'B_j). The weights follow w_j <- w_j d_j m / p and the least bound is kept.
+def certify(
+    blocks: ArrayLike,
+    indices: ArrayLike,
+    criterion: str | Criterion,
+    *,
+    prior: ArrayLike | None = None,
+    given: ArrayLike = (),
+    allowed: ArrayLike | None = None,
+    repeats: bool = False,
+    names: Sequence[str] = (),
+    iterations: int = ITERATIONS,
+    tolerance: float = TOLERANCE,
+) -> Certificate | None:
+    """Certify a set against every other set of its size; None for O2, O4, O5 (see `no_proof`).
 
     Parameters
     ----------
-    blocks : (N, r, p) array
+    blocks : (N, r, p) array_like
         Whitened, scaled rows of each candidate pose.
-    indices : (m,) array of int
-        The set, without repeats.
-    iterations : int
-        Most steps of the relaxation; the bound holds after any number of them.
+    indices : (m,) array_like of int
+        The set, without the poses `given`.
+    criterion, prior, given, allowed, repeats, names
+        The problem, as in `calib.design.problem.problem_of`.
+    iterations, tolerance
+        Of the relaxation; the bound holds after any number of steps.
 
     References
     ----------
-    MATH 8.4; Joshi and Boyd 2009.
+    The bounds are those of `calib.design.relaxation.relaxation`.
     """
-    chosen = np.unique(np.asarray(indices, dtype=np.int64))
-    m = len(chosen)
-    blocks = checked_blocks(blocks, m)
-    n_pool, r, p = blocks.shape
-    rows = blocks.reshape(-1, p)
-    weights, bound, recent, steps = np.full(n_pool, m / n_pool), np.inf, np.inf, 0
-    for steps in range(1, iterations + 1):
-        M = (rows * np.repeat(weights, r)[:, None]).T @ rows
-        d = _leverages(M, rows).reshape(n_pool, r).sum(1)
-        top = np.partition(d, n_pool - m)[n_pool - m :].sum()
-        bound = min(bound, float(np.linalg.slogdet(M)[1] + p * np.log(top / p)))
-        if steps % PATIENCE == 0:
-            if recent - bound < ENOUGH * p:
-                break
-            recent = bound
-        # no pose counts more than once in a set, so no weight need exceed one
-        weights = np.minimum(weights * d * (m / p), 1.0)
-        weights *= m / weights.sum()
-    log_det = float(np.linalg.slogdet(information(blocks[chosen]))[1])
-    efficiency = float(np.exp((log_det - bound) / p))
-    return Certificate(log_det, bound, efficiency, float(np.sqrt(efficiency)), steps)
+    problem = problem_of(
+        blocks,
+        np.size(indices),
+        criterion,
+        prior=prior,
+        given=given,
+        allowed=allowed,
+        repeats=repeats,
+        names=names,
+    )
+    chosen = problem.checked_set(indices, "indices")
+    return certificate_of(problem, chosen, iterations=iterations, tolerance=tolerance)
 
 
-def _leverages(M: Array, rows: Array) -> Array:
-    """Leverages a' M^-1 a (n,) of rows a (n, p)."""
-    lower = np.linalg.cholesky(M)
-    whitener = solve_triangular(lower, np.eye(len(M)), lower=True, check_finite=False)
-    Z = rows @ whitener.T
-    return np.asarray(np.einsum("ij,ij->i", Z, Z))
+def certificate_of(
+    problem: Problem,
+    chosen: ArrayLike,
+    *,
+    packed: Grams | None = None,
+    iterations: int = ITERATIONS,
+    tolerance: float = TOLERANCE,
+) -> Certificate | None:
+    """Certificate of a set of a checked problem; None where no bound is known or M is singular."""
+    criterion = problem.criterion
+    M = problem.information(chosen)
+    value = float(criterion.value(M))
+    if not isinstance(criterion, Certifiable) or not np.isfinite(value):
+        return None
+    relaxed = relax(problem, criterion, packed=packed, iterations=iterations, tolerance=tolerance)
+    return judged(problem, criterion, value, relaxed.bound, len(relaxed.trace))
+
+
+def judged(
+    problem: Problem, criterion: Certifiable, value: float, bound: float, iterations: int = 0
+) -> Certificate:
+    """A certificate from a value and a proven bound."""
+    p, n = problem.p, problem.n_poses
+    # a set that reaches the bound may lie above it by the rounding of both
+    bound = max(bound, value)
+    efficiency = min(criterion.efficiency(value, bound, p), 1.0)
+    figure = criterion.figure_of_value(value, p, n)
+    limit = criterion.figure_of_value(bound, p, n)
+    sentence = _sentence(problem, criterion, efficiency, figure, limit)
+    return Certificate(value, bound, efficiency, figure, limit, iterations, sentence)
+
+
+def no_proof(criterion: str | Criterion) -> str:
+    """Why a set of a criterion without certificate has none."""
+    name = criterion if isinstance(criterion, str) else criterion.name
+    if name in ("O2", "O4", "O5"):
+        return f"no certificate: no bound on the best possible {name} is known"
+    return "no certificate: the set leaves a direction unseen"
+
+
+def _sentence(
+    problem: Problem, criterion: Certifiable, efficiency: float, figure: float, limit: float
+) -> str:
+    """The certificate in words."""
+    # rounded down: the sentence must be as true as the number, but for what is no difference
+    change = _more(1 / efficiency if criterion.larger_is_better else 2 - efficiency)
+    part = f"{floor(min(efficiency + CERTAIN, 1.0) * 1000) / 1000:.3f}"
+    of = f"no {problem.m} of the {int(problem.open.sum())} poses"
+    if isinstance(criterion, D):
+        return f"D-efficiency at least {part}: {of} have a det^(1/p) {_more(1 / efficiency)} larger"
+    if criterion.unit == "m" and criterion.name != "A":
+        which = "worst" if criterion.name == "G" else "RMS"
+        return (
+            f"{criterion.name}-efficiency at least {part}: {of} give a tool point u ({which}) "
+            f"below {limit * 1e6:.4g} um; this set gives {figure * 1e6:.4g} um"
+        )
+    word = "larger" if criterion.larger_is_better else "smaller"
+    return f"{criterion.name}-efficiency at least {part}: {of} have a figure {change} {word}"
+
+
+def _more(factor: float) -> str:
+    """What a factor just above one says, in percent."""
+    # rounded up, as the efficiency is rounded down
+    percent = ceil(1e4 * (factor - 1)) / 100
+    return f"more than {percent:g} %" if factor - 1 > CERTAIN else "any"

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, frozen
-from calib.design.blocks import checked_blocks, fewest_poses
+from calib.design.blocks import fewest_poses
+from calib.design.problem import problem_of
 from calib.errors import InputError
 from calib.information.observability import (
     CRITERIA,
@@ -118,7 +119,7 @@ def settled(
 
     References
     ----------
-    MATH 8.1.
+    Wen et al. 2022, section 3.1, made definite: |mean after - mean before| < 0.5 % of the latter.
     """
     sizes, values = np.asarray(counts), np.asarray(mean)
     if len(values) < 2 * window:
@@ -140,10 +141,9 @@ def _checked(blocks: ArrayLike, counts: Iterable[int] | None, sets: int) -> tupl
             f"sets is {sets}", code="A3", field="sets", value=sets, allowed="at least 1"
         )
     if given is not None:
-        blocks = checked_blocks(blocks, int(given[-1]))
-        checked_blocks(blocks, int(given[0]))
-        return blocks, given
-    blocks = checked_blocks(blocks, len(np.asarray(blocks)))
+        problem_of(blocks, int(given[0]), "D")
+        return problem_of(blocks, int(given[-1]), "D").blocks, given
+    blocks = problem_of(blocks, max(len(np.asarray(blocks)), 1), "D").blocks
     return blocks, np.arange(fewest_poses(blocks), min(LARGEST, len(blocks)) + 1)
 
 

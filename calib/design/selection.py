@@ -1,13 +1,17 @@
-"""The outcome of a pose selection: which poses, how good, and how it was found."""
+"""The outcome of a pose selection: which poses, how good, how it was found, what is proven."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, frozen
-from calib.information.observability import Criterion, index_of_singular
+from calib.design.certificate import Certificate, certificate_of, no_proof
+from calib.design.problem import NO_POSES, Problem
+from calib.information.criteria.base import Criterion
+from calib.information.criteria.named import criterion_named
+from calib.information.observability import index_of_singular
 from calib.information.rank import singular_values
 
 
@@ -16,47 +20,72 @@ class Selection:
     """A pose set chosen from a pool."""
 
     indices: Index
-    """(m,) places in the pool, none twice."""
-    criterion: Criterion
-    """Index that was maximized, in its correct form."""
+    """(m,) places in the pool, none twice unless asked for."""
+    criterion: str
+    """Criterion that was made best, by the name it was asked for."""
     value: float
-    """That index, from the singular values of the stacked rows."""
+    """Its figure: O1 to O5 from the singular values of the stacked rows, u of the tool point [m].
+    """
     trace: Array
-    """(t,) best value known after each local search, draw or step."""
+    """(t,) best figure known after each local search, draw or step."""
     method: str
-    """``"random"``, ``"greedy"`` or ``"detmax"``."""
+    """Name of the algorithm, such as ``"greedy"``, ``"detmax"`` or ``"exchange"``."""
     searches: int
     """Local searches, draws or steps taken."""
     evaluations: int
     """Candidate sets evaluated exactly; bounds disposed of the others."""
+    certificate: Certificate | None = None
+    """What is proven about it; None where nothing is (see `proof`)."""
+    given: Index = field(default_factory=lambda: NO_POSES)
+    """(k,) places of poses already measured, counted in the value."""
+    prior: bool = False
+    """Whether a prior precision is counted in the value."""
 
     def __len__(self) -> int:
         return len(self.indices)
 
+    @property
+    def proof(self) -> str:
+        """How close this is to the best possible set, or why nothing is known, in one sentence."""
+        return no_proof(self.criterion) if self.certificate is None else self.certificate.sentence
 
-def set_value(blocks: Array, indices: ArrayLike, criterion: Criterion) -> float:
-    """Index of a pose set, recomputed from the rows: no update, no squaring."""
+
+def set_value(blocks: Array, indices: ArrayLike, criterion: str | Criterion) -> float:
+    """Figure of a pose set, recomputed from the rows: no update, no squaring."""
     chosen = np.asarray(indices)
-    singular = singular_values(blocks[chosen].reshape(-1, blocks.shape[-1]))
-    return float(index_of_singular(singular, len(chosen), criterion))
+    rows = blocks[chosen].reshape(-1, blocks.shape[-1])
+    return figure_of_rows(rows, len(chosen), criterion_named(criterion))
+
+
+def figure_of_rows(rows: Array, n_poses: int, criterion: Criterion) -> float:
+    """Figure of stacked rows (n, p); an index from their singular values."""
+    if criterion.index is not None:
+        singular = np.zeros(rows.shape[1])
+        found = singular_values(rows)
+        singular[: len(found)] = found
+        return float(index_of_singular(singular, n_poses, criterion.index))
+    return criterion.figure(rows.T @ rows, n_poses)
 
 
 def finished(
-    blocks: Array,
+    problem: Problem,
     indices: ArrayLike,
-    criterion: Criterion,
     *,
     trace: Sequence[float],
     method: str,
     evaluations: int,
+    certified: bool = True,
 ) -> Selection:
-    """A selection with its value computed afresh."""
+    """A selection with its value computed afresh and, where there is one, its certificate."""
     return Selection(
         indices=frozen(indices, np.int64),
-        criterion=criterion,
-        value=set_value(blocks, indices, criterion),
+        criterion=problem.criterion.name,
+        value=figure_of_rows(problem.rows(indices), problem.n_poses, problem.criterion),
         trace=frozen(trace),
         method=method,
         searches=len(trace),
         evaluations=evaluations,
+        certificate=certificate_of(problem, indices) if certified else None,
+        given=problem.given,
+        prior=problem.prior,
     )

@@ -18,6 +18,9 @@ X = TypeVar("X")
 
 MOST_REFUSALS = 30
 """Refused steps in a row, each a quarter of the one before, after which none will help."""
+LEVEL = 1e-10
+"""Part by which a sum of squares may rise by rounding alone: metres in double precision, divided by
+a noise of micrometres, leave 1e-10 in each whitened residual."""
 
 
 class Status(Enum):
@@ -170,11 +173,11 @@ def _system(
 
 
 def _nearer(here: Tangent, there: Tangent) -> bool:
-    """Whether a step halved the offset without raising the sum of squares beyond its rounding.
+    """Whether a step halved the offset and left the sum of squares level.
 
     Near the answer the sum of squares is flat to rounding; the offset is the finer judge.
     """
-    level = there.exact or there.cost <= here.cost * (1 + 1e-12)
+    level = there.exact or there.cost <= here.cost * (1 + LEVEL)
     return level and there.offset <= 0.5 * here.offset
 
 

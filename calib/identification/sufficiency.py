@@ -29,7 +29,7 @@ def require_equations(
         return
     poses = f"{count} different pose{'s' if count != 1 else ''}"
     raise InputError(
-        f"{poses} give {have} equations for {numbers} parameters",
+        f"{poses} give{'s' if count == 1 else ''} {have} equations for {numbers} parameters",
         code="M27",
         field="measurements",
         value=count,

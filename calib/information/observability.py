@@ -11,7 +11,8 @@ from calib.arrays import Array, Index, check
 from calib.errors import InputError
 from calib.information.rank import singular_values as singular_values
 
-Criterion = Literal["O1", "O2", "O3", "O4", "O5"]
+IndexName = Literal["O1", "O2", "O3", "O4", "O5"]
+Criterion = IndexName
 CRITERIA: tuple[Criterion, ...] = ("O1", "O2", "O3", "O4", "O5")
 Form = Literal["printed", "correct", "per_pose"]
 FORMS: tuple[Form, ...] = ("printed", "correct", "per_pose")
@@ -171,7 +172,7 @@ def index_of(M: Array, n_poses: int | Index, criterion: Criterion, form: Form = 
 
     References
     ----------
-    MATH 7: O1 = exp(log det M / 2p) / sqrt(poses); the others from eigenvalues sigma^2.
+    Wen et al. 2022, eq. (6): O1 = exp(log det M / 2p) / sqrt(poses), the others from eigenvalues.
     """
     known(criterion, form)
     if criterion == "O1":

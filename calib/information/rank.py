@@ -46,7 +46,7 @@ def practical_rank(A: ArrayLike, prior_sd: ArrayLike, *, ratio: float = PRACTICA
 
     References
     ----------
-    MATH 3. In prior units the posterior sd along a singular direction is 1 / sqrt(1 + sigma^2).
+    In prior units the posterior sd along a singular direction is 1 / sqrt(1 + sigma^2).
     """
     A, prior_sd = check("N f, f", A=A, prior_sd=prior_sd)
     return int((singular_values(A * prior_sd) > np.sqrt(ratio**-2 - 1)).sum())

@@ -91,7 +91,7 @@ def reduce(
 
     References
     ----------
-    MATH 3; Hayati 1983 for d and beta of parallel axes.
+    Hayati 1983 for d and beta of parallel axes.
     """
     (A,) = check("N f", A=A)
     if parameters.names != model.names:

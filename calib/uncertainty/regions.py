@@ -7,6 +7,9 @@ from scipy.special import chdtri, stdtrit
 from calib.arrays import Array, Bool
 from calib.errors import InputError
 
+FLAT = 1e-12
+"""A direction whose variance is below this part of the largest has none: rounding of J C J'."""
+
 
 def coverage_factor(dimension: int = 1, probability: float = 0.95) -> float:
     """Factor k of the ellipsoid that holds a normal m-vector: sqrt of the chi-square quantile.
@@ -116,9 +119,30 @@ def mahalanobis_squared(error: Array, covariance: Array) -> Array:
 
 
 def inside(error: Array, covariance: Array, *, probability: float = 0.95) -> Bool:
-    """Whether the coverage ellipsoid holds the truth (...,); arguments as `mahalanobis_squared`."""
-    k = coverage_factor(error.shape[-1], probability)
-    return np.asarray(mahalanobis_squared(error, covariance) <= k**2)
+    """Whether the coverage region holds the truth (...,).
+
+    A direction without variance (few numbers estimated, or a posture that some of them do not move)
+    has no width: there the truth must lie in the region's plane, and the ellipsoid has fewer
+    dimensions.
+
+    Parameters
+    ----------
+    error : (..., d) array
+        True minus stated value.
+    covariance : (..., d, d) array
+        Of the stated value, positive semidefinite.
+    probability : float
+        Content of the region.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    along = (np.swapaxes(vectors, -1, -2) @ error[..., None])[..., 0]
+    flat = values <= FLAT * values[..., -1:]
+    square = np.where(flat, 0.0, along**2 / np.where(flat, 1.0, values)).sum(axis=-1)
+    off_plane = (flat & (along**2 > FLAT * values[..., -1:])).any(axis=-1)
+    factors = np.array(
+        [0.0, *(coverage_factor(k, probability) for k in range(1, flat.shape[-1] + 1))]
+    )
+    return np.asarray((square <= factors[(~flat).sum(axis=-1)] ** 2) & ~off_plane)
 
 
 def _checked(probability: float) -> float:

@@ -12,14 +12,24 @@ from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot
 from testbed.scenario import PoolSettings
 
-BOX, LIMITS, ITSELF, FLOOR, SIGHT = range(5)
-REASONS = ("outside the box", "joint limits", "self-collision", "floor", "line of sight")
+BOX, LIMITS, CONE, ITSELF, FLOOR, OBSTACLE, SIGHT = range(7)
+REASONS = (
+    "outside the box",
+    "joint limits",
+    "acceptance cone",
+    "self-collision",
+    "floor",
+    "obstacle",
+    "line of sight",
+)
 """Why a candidate is rejected, in the order of the tests; the first that applies counts."""
 REMEDIES = (
     "move box_center_mm into the robot's reach or enlarge box_size_mm",
     "lower joint_margin_deg",
+    "move [tracker] station_mm in front of the probe, or raise acceptance_deg",
     "move the box away from the robot's own body, or write self_collision = false",
     "raise the box above the floor",
+    "move the box away from the [[cell.obstacle]] tables, or them away from the robot",
     "move [tracker] station_mm, or write line_of_sight = false",
 )
 SAMPLE = 100
@@ -37,13 +47,13 @@ class Pool:
     T: Array
     """(N, 4, 4) their nominal tool poses in the world [m]."""
     rejected_q: Array
-    """(R, n) the first rejected candidates of each reason, R <= 500 [rad, m]."""
+    """(R, n) the first rejected candidates of each reason, at most 100 each [rad, m]."""
     rejected_reason: tuple[str, ...]
     """(R,) why, from `rejection_names`."""
     rejection_names: tuple[str, ...]
-    """(5,) reasons, in the order of the tests."""
+    """(k,) reasons, in the order of the tests: all but those of things the scene has not."""
     rejection_counts: Index
-    """(5,) candidates rejected for each reason, the first that applied."""
+    """(k,) candidates rejected for each reason, the first that applied."""
     n_drawn: int
     """Candidates up to the last one kept: N plus all rejections."""
 
@@ -57,13 +67,15 @@ def draw_pool(
     *,
     size: int | None = None,
     aim: ArrayLike = (0.0, 0.0, 0.0),
+    acceptance: float = np.pi,
     exclude: Array | None = None,
 ) -> Pool:
     """Draw feasible poses; the held-out ones come from here too, with their own `rng`.
 
     Blocks of four candidates per pose wanted are uniform in the joint limits. A candidate is kept
-    if its nominal tool lies in the box, its joints keep their margin, the robot hits neither itself
-    nor the floor (both under `self_collision`), and the tracker sees the target.
+    if its nominal tool lies in the box, its joints keep their margin, the target faces the tracker,
+    the robot hits neither itself nor the floor (both under `self_collision`) nor an obstacle of the
+    simulator, and the tracker sees the target.
 
     Parameters
     ----------
@@ -81,6 +93,9 @@ def draw_pool(
         Poses wanted; the size in the settings by default.
     aim : (3,) array_like
         Target in the tool frame [m].
+    acceptance : float
+        Half angle of the cone about the tool's z axis in which the tracker must stand, seen from
+        the target [rad]; pi: anywhere.
     exclude : (k, n) array, optional
         Joint vectors that must not come again: the pool, when held-out poses are drawn.
 
@@ -106,12 +121,13 @@ def draw_pool(
         if taken:
             block = block[[row.tobytes() not in taken for row in block]]
         blocks.append(block)
-        faults.append(first_fault(robot, simulator, settings, station, aim, block))
+        faults.append(first_fault(robot, simulator, settings, station, aim, block, acceptance))
         rejected, drawn = rejected + counts(faults[-1]), drawn + len(block)
         _check_patience(rejected, drawn, wanted)
     q, reason = np.concatenate(blocks), np.concatenate(faults)
     end = np.flatnonzero(reason < 0)[wanted - 1] + 1
     q, reason = q[:end], reason[:end]
+    apply = applying(simulator, acceptance)
     sample = np.concatenate([np.flatnonzero(reason == k)[:SAMPLE] for k in range(len(REASONS))])
     kept = frozen(q[reason < 0])
     return Pool(
@@ -119,8 +135,8 @@ def draw_pool(
         T=frozen(robot.model.poses(kept)),
         rejected_q=frozen(q[sample]),
         rejected_reason=tuple(REASONS[k] for k in reason[sample]),
-        rejection_names=REASONS,
-        rejection_counts=frozen(counts(reason), np.int64),
+        rejection_names=tuple(REASONS[k] for k in apply),
+        rejection_counts=frozen(counts(reason)[apply], np.int64),
         n_drawn=int(end),
     )
 
@@ -132,6 +148,7 @@ def first_fault(
     station: Array,
     aim: Array,
     q: Array,
+    acceptance: float = np.pi,
 ) -> Index:
     """Index (m,) into `REASONS` of the first test each candidate q (m, n) fails, -1 if none.
 
@@ -140,11 +157,16 @@ def first_fault(
     reason = np.full(len(q), -1, dtype=np.int64)
     reason[~in_box(robot, settings, q)] = BOX
     reason[(reason < 0) & ~keeps_margin(robot, settings, q)] = LIMITS
-    if settings.self_collision:
+    if acceptance < np.pi:
         left = np.flatnonzero(reason < 0)
-        itself, floor = simulator.contacts(q[left])
-        reason[left[floor]] = FLOOR
-        reason[left[itself]] = ITSELF
+        reason[left[~faces(robot, q[left], station, aim, acceptance)]] = CONE
+    if settings.self_collision or simulator.obstacles:
+        left = np.flatnonzero(reason < 0)
+        itself, floor, obstacle = simulator.contacts(q[left])
+        reason[left[obstacle]] = OBSTACLE
+        if settings.self_collision:
+            reason[left[floor]] = FLOOR
+            reason[left[itself]] = ITSELF
     if settings.line_of_sight:
         left = np.flatnonzero(reason < 0)
         reason[left[~simulator.sees(q[left], station, aim)]] = SIGHT
@@ -170,8 +192,25 @@ def keeps_margin(
     return np.asarray(((q >= lower + margin) & (q <= upper - margin)).all(axis=1))
 
 
+def faces(
+    robot: Robot, q: Array, station: Array, aim: Array, acceptance: float
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Whether (m,) the tracker stands in the cone about the tool's z axis, seen from the target."""
+    T = robot.model.poses(q)
+    beam = station - (T[:, :3, 3] + T[:, :3, :3] @ aim)
+    along = np.einsum("mi,mi->m", T[:, :3, 2], beam)
+    return np.asarray(along >= np.cos(acceptance) * np.linalg.norm(beam, axis=1))
+
+
+def applying(simulator: Simulator, acceptance: float) -> list[int]:
+    """Tests that can reject: that of the cone and that of obstacles only if there are any."""
+    off = {CONE} if acceptance >= np.pi else set()
+    off |= set() if simulator.obstacles else {OBSTACLE}
+    return [k for k in range(len(REASONS)) if k not in off]
+
+
 def counts(reason: Index) -> Index:
-    """Candidates (5,) rejected for each reason."""
+    """Candidates (7,) rejected for each reason."""
     return np.bincount(reason[reason >= 0], minlength=len(REASONS)).astype(np.int64)
 
 

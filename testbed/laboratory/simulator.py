@@ -5,6 +5,7 @@ as fast as MuJoCo's batches are on one thread, and ten times faster on the thirt
 """
 
 import logging
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,11 +14,12 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, Bool, check
 from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.frames import slide, transform
+from testbed.laboratory.cell import Obstacle
 from testbed.robots.catalog import Robot
 from testbed.robots.placements import quaternion_wxyz
 
-ROBOT_BIT, FLOOR_BIT = 1, 2
-"""Collision bits: parts of the robot meet each other and the floor."""
+ROBOT_BIT, FLOOR_BIT, OBSTACLE_BIT = 1, 2, 4
+"""Collision bits: parts of the robot meet each other, the floor and the obstacles of the cell."""
 TOUCH = 1e-3
 """A ray that ends within this share of the target's distance has reached the target."""
 
@@ -29,6 +31,8 @@ class Contacts(NamedTuple):
     """(m,) two parts of the robot overlap, the base and the probe included."""
     floor: Bool
     """(m,) a part reaches below the floor."""
+    obstacle: Bool
+    """(m,) a moving part overlaps an obstacle; the base may stand in one, such as a table."""
 
 
 class Simulator:
@@ -40,15 +44,19 @@ class Simulator:
         Whose parts collide and block the view; None for bare kinematics: nothing collides.
     chain : Chain
         Geometry of the bodies: the robot's nominal one, or any other with as many joints.
+    obstacles : sequence of Obstacle
+        What else stands in the cell, fixed to the world.
 
     Notes
     -----
     Holds one `MjData`, so an instance must not be shared between threads.
     """
 
-    __slots__ = ("_carrier", "_chain", "_data", "_floor", "_model", "_tool")
+    __slots__ = ("_carrier", "_chain", "_data", "_floor", "_model", "_tool", "obstacles")
 
-    def __init__(self, robot: Robot | None, chain: Chain) -> None:
+    def __init__(
+        self, robot: Robot | None, chain: Chain, obstacles: Sequence[Obstacle] = ()
+    ) -> None:
         import mujoco
 
         from testbed.robots.mjcf import build_spec, compile_spec
@@ -57,7 +65,10 @@ class Simulator:
         spec = build_spec(chain, robot)
         if robot is not None:
             _lay_floor(spec, chain.T_world_base @ slide(0.0, 0.0, robot.base_offset))
+        for obstacle in obstacles:
+            _stand(spec, obstacle)
         self._chain = chain
+        self.obstacles = tuple(obstacles)
         self._model = compile_spec(spec)
         self._data = mujoco.MjData(self._model)
         self._tool = self._model.site("tool").id
@@ -82,27 +93,65 @@ class Simulator:
         import mujoco
 
         q = joint_vectors(self._chain, q)
-        itself, floor = np.zeros(len(q), dtype=bool), np.zeros(len(q), dtype=bool)
+        itself, floor, obstacle = np.zeros((3, len(q)), dtype=bool)
         model, data = self._model, self._data
+        obstacles = [model.geom(one.name).id for one in self.obstacles]
         for k, joints in enumerate(q):
             data.qpos[:] = joints
             mujoco.mj_kinematics(model, data)
             mujoco.mj_collision(model, data)
             if data.ncon:
-                below = (data.contact.geom == self._floor).any(axis=1)
-                itself[k], floor[k] = not below.all(), below.any()
-        return Contacts(itself, floor)
+                pairs = data.contact.geom
+                below = (pairs == self._floor).any(axis=1)
+                beside = np.isin(pairs, obstacles).any(axis=1)
+                itself[k] = not (below | beside).all()
+                floor[k], obstacle[k] = below.any(), beside.any()
+        return Contacts(itself, floor, obstacle)
 
     def collides(self, q: ArrayLike) -> Bool:
-        """Whether (m,) the robot hits itself or the floor at joint values q (m, n) [rad, m]."""
-        itself, floor = self.contacts(q)
-        return np.asarray(itself | floor)
+        """Whether (m,) the robot hits itself, the floor or an obstacle at q (m, n) [rad, m]."""
+        import mujoco
+
+        q = joint_vectors(self._chain, q)
+        out = np.empty(len(q), dtype=bool)
+        model, data = self._model, self._data
+        for k, joints in enumerate(q):
+            data.qpos[:] = joints
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_collision(model, data)
+            out[k] = data.ncon > 0
+        return out
+
+    def travel_bounds(self) -> Array:
+        """How far any point of the robot can move per unit of each joint (n,) [m/rad or 1].
+
+        For a turning joint the largest distance of a drawn point beyond it from its axis, the arm
+        taken as stretched and every part as its bounding ball: a bound, never too small. Sliding
+        joints beyond count with their full limits.
+        """
+        model, n = self._model, len(self._chain.kinds)
+        first = int(model.jnt_bodyid[0])
+        far = np.zeros(n)
+        for body in range(n):
+            own = model.geom_bodyid == first + body
+            ends = [*(np.linalg.norm(model.geom_pos[own], axis=1) + model.geom_rbound[own])]
+            if body == n - 1:
+                ends.append(np.linalg.norm(model.site_pos[self._tool]))
+            far[body] = max(ends, default=0.0)
+        # radius of all that hangs on a body, seen from its origin, inner bodies last
+        for body in range(n - 2, -1, -1):
+            arm = np.linalg.norm(model.body_pos[first + body + 1])
+            if self._chain.kinds[body + 1] == "prismatic":
+                arm += np.abs(model.jnt_range[body + 1]).max()
+            far[body] = max(far[body], arm + far[body + 1])
+        slides = self._chain.prismatic.astype(bool)
+        return np.where(slides, 1.0, far)
 
     def sees(self, q: ArrayLike, station: ArrayLike, target_offset: ArrayLike) -> Bool:
         """Whether (m,) a straight line from the station reaches the target.
 
         The body that carries the target is transparent: the target is a part of it, and its own
-        surface would end every ray. All other bodies, the base and the floor block.
+        surface would end every ray. All other bodies, the base, the floor and the obstacles block.
 
         Parameters
         ----------
@@ -146,6 +195,33 @@ def _lay_floor(spec: Any, T_world_floor: Array) -> None:
         contype=FLOOR_BIT,
         conaffinity=0,
     )
+
+
+def _stand(spec: Any, obstacle: Obstacle) -> None:
+    """Add an obstacle to a MuJoCo spec, in the world, so that it meets the moving parts."""
+    import mujoco
+
+    for geom in spec.geoms:
+        if geom.contype & ROBOT_BIT:
+            geom.conaffinity |= OBSTACLE_BIT
+    place = {
+        "name": obstacle.name,
+        "pos": obstacle.T_world_obstacle[:3, 3],
+        "quat": quaternion_wxyz(obstacle.T_world_obstacle[:3, :3]),
+        "contype": OBSTACLE_BIT,
+        "conaffinity": 0,
+        "mass": 0.0,
+    }
+    if obstacle.mesh is None:
+        size = obstacle.size / 2
+        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=size, **place)
+        return
+    spec.add_mesh(
+        name=obstacle.name,
+        uservert=obstacle.mesh.vertices.ravel(),
+        userface=obstacle.mesh.faces.ravel().astype(np.int32),
+    )
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=obstacle.name, **place)
 
 
 def _log_warning(message: str) -> None:

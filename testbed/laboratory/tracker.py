@@ -36,6 +36,8 @@ class Tracker:
     """Of the target's center, any direction [m]."""
     rotation_sd: tuple[float, float, float]
     """Of the target's rotation about the tool's x, y, z [rad]."""
+    acceptance: float = np.pi
+    """Half angle of the cone about the tool's z axis from which the target is seen [rad]."""
 
     def __post_init__(self) -> None:
         T, reflector = check(
@@ -153,6 +155,7 @@ def tracker_from(settings: PaperTracker | At960Tracker, chain: Chain) -> Tracker
     """The tracker of a scenario; `chain` is nominal, its base is what the station refers to."""
     T_world_tracker = chain.T_world_base @ slide(*(np.array(settings.station_mm) / 1e3))
     reflector = np.array(settings.reflector_mm) / 1e3
+    acceptance = float(np.radians(settings.acceptance_deg))
     if isinstance(settings, PaperTracker):
         every_axis = (settings.position_um * 1e-6, 0.0)
         turn = float(np.radians(settings.rotation_mdeg * 1e-3))
@@ -164,6 +167,7 @@ def tracker_from(settings: PaperTracker | At960Tracker, chain: Chain) -> Tracker
             transverse_sd=every_axis,
             centering_sd=0.0,
             rotation_sd=(turn, turn, turn),
+            acceptance=acceptance,
         )
     pitch, yaw, roll = (float(np.radians(sd * 1e-3)) for sd in settings.rotation_mdeg)
     return Tracker(
@@ -174,6 +178,7 @@ def tracker_from(settings: PaperTracker | At960Tracker, chain: Chain) -> Tracker
         transverse_sd=_in_meters(settings.transverse_um),
         centering_sd=settings.centering_um * 1e-6,
         rotation_sd=(pitch, yaw, roll),
+        acceptance=acceptance,
     )
 
 

@@ -4,10 +4,14 @@ import numpy as np
 
 from calib.information.propagation import point_uncertainty
 from testbed import paper
-from testbed.output.finding import Finding
+from testbed.output.finding import Finding, Verdict
 from testbed.output.quantities import MM, fixed, percent, significant
 from testbed.output.verdict import ALARM
 from testbed.records import Campaign, Estimate, Trial
+
+LOW_SHARE = 0.7
+"""Below this a 95 % statement has failed on one robot. Its poses share one parameter error, so an
+honest share is not binomial: single rigid robots of the shipped scenes hold 74 to 98 %."""
 
 
 def estimate_of(trial: Trial, mode: str) -> Estimate | None:
@@ -127,9 +131,9 @@ def parameter_ratio(campaign: Campaign) -> Finding | None:
 def like_for_like(campaign: Campaign) -> Finding | None:
     """Claim 15: standard uncertainty of designed against random sets of the same size."""
     parts, ratios = [], []
-    for trial in campaign.trials:
-        if trial.method == "random":
-            continue
+    designed = [trial for trial in campaign.trials if trial.method != "random"]
+    # where other designs are played beside the paper's, the claim is about the paper's
+    for trial in [trial for trial in designed if trial.rows == "paper"] or designed:
         partner = trial_like(
             campaign, len(trial.selection.indices), optimal=False, index=trial.selection.criterion
         )
@@ -176,13 +180,19 @@ def coverage(campaign: Campaign) -> Finding | None:
         )
     return Finding(
         16,
-        "does not hold" if share < 0.8 else "holds",
+        claim_16(share, full),
         f"{percent(share)} inside instead of 95 %",
         f"This campaign, {trial.name} in paper mode: {own}the full 95 % region of the fit holds "
         f"{percent(full)}. The mean error after calibration is "
         f"{fixed(seen.accuracy_after.mean * MM, 3)} mm"
-        + (": repeats cannot see what the model lacks." if share < 0.8 else "."),
+        + (": repeats cannot see what the model lacks." if share < LOW_SHARE else "."),
     )
+
+
+def claim_16(share: float, full: float) -> Verdict:
+    """Verdict from the share that 2 u of |P| holds, and the share in the fit's full 95 % region."""
+    held = [part >= LOW_SHARE for part in (share, full)]
+    return "holds" if all(held) else "in part" if any(held) else "does not hold"
 
 
 def nonlinear(campaign: Campaign) -> Finding | None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.model import RobotModel
-from testbed.output.quantities import MM
+from testbed.output.quantities import MM, UM
 from testbed.output.svg import DARK, FAINT, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
 from testbed.records import Campaign, Estimate, PoseCountStudy, RandomSets, Trial
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 MOST_PANELS = 6
 """Trials shown in one figure; the tables hold all."""
+UNCERTAINTIES = ("A", "V", "G")
+"""Criteria whose figure is a standard uncertainty, smaller is better; the others are indices."""
 Look = dict[str, Any]
 """Properties of a line, as matplotlib names them."""
 MOST_VIEWS = 4
@@ -113,7 +115,7 @@ def pose_space(campaign: Campaign) -> str:
     with drawing(rows, columns, height=0.4 + 1.75 * rows) as (figure, axes):
         for k, (ax, (trial, (i, j, view))) in enumerate(zip(axes, panels, strict=True)):
             chosen = pool[trial.selection.indices]
-            _dots(ax, pool[:, [i, j]])
+            dots(ax, pool[:, [i, j]])
             random = trial.method == "random"
             look: Look = {"color": MIDDLE if random else DARK, "markersize": 3.2}
             ax.plot(chosen[:, i], chosen[:, j], "^" if random else "o", **look)
@@ -122,12 +124,12 @@ def pose_space(campaign: Campaign) -> str:
             if k >= len(panels) - columns:
                 ax.set_xlabel("x [mm]")
             if view == "above":
-                _toward(ax, station)
+                toward(ax, station)
             ax.set_aspect("equal")
         return svg_of(figure)
 
 
-def _toward(ax: "Axes", station: Array) -> None:
+def toward(ax: "Axes", station: Array) -> None:
     """A small arrow in a corner that points where the tracker (2,) stands, far outside the view."""
     heading = station / max(float(np.linalg.norm(station)), 1e-12)
     ax.annotate(
@@ -144,7 +146,7 @@ def _toward(ax: "Axes", station: Array) -> None:
     )
 
 
-def _dots(ax: "Axes", points: Array) -> None:
+def dots(ax: "Axes", points: Array, color: str = FAINT) -> None:
     """Many small round dots as one path: a tenth of the bytes of a marker each."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
@@ -153,7 +155,7 @@ def _dots(ax: "Axes", points: Array) -> None:
     path = Path(vertices, np.tile([Path.MOVETO, Path.LINETO], len(points)))
     # dots have no length: simplification would drop every one
     path.should_simplify = False
-    ax.add_patch(PathPatch(path, edgecolor=FAINT, linewidth=1.6, capstyle="round", fill=False))
+    ax.add_patch(PathPatch(path, edgecolor=color, linewidth=1.6, capstyle="round", fill=False))
     ax.update_datalim(points)
     ax.autoscale_view()
 
@@ -164,22 +166,34 @@ def search_convergence(trials: Sequence[Trial]) -> str:
     with drawing(1, len(trials), height=2.1) as (figure, axes):
         for ax, trial in zip(axes, trials, strict=True):
             chosen = trial.selection
-            x = np.arange(1, len(chosen.trace) + 1)
-            ax.step(x, chosen.trace, where="post", color=DARK)
-            best = int(np.argmax(chosen.trace >= chosen.trace[-1]))
-            ax.plot(x[best], chosen.trace[best], "o", color=MIDDLE)
+            scale, name = unit_factor(unit_of_criterion(trial), chosen.criterion)
+            trace = chosen.trace * scale
+            x = np.arange(1, len(trace) + 1)
+            ax.step(x, trace, where="post", color=DARK)
+            best = int(np.argmax(trace == trace[-1]))
+            ax.plot(x[best], trace[best], "o", color=MIDDLE)
             ax.annotate(
                 f"best: search {x[best]}",
-                (x[best], chosen.trace[best]),
+                (x[best], trace[best]),
                 xytext=(5, -11),
                 textcoords="offset points",
                 fontsize=7,
             )
             ax.set_title(trial.name)
             ax.set_xlabel("local search")
-            ax.set_ylabel(f"best {chosen.criterion}, {trial.rows} rows")
-            _short_ticks(ax)
+            ax.set_ylabel(f"best {name}, {trial.rows} rows")
+            short_ticks(ax)
         return svg_of(figure)
+
+
+def unit_of_criterion(trial: Trial) -> str:
+    """Unit of the figure a set was chosen by: "m" for an uncertainty, "1" for an index."""
+    return "m" if trial.selection.criterion in UNCERTAINTIES and trial.rows == "whitened" else "1"
+
+
+def unit_factor(unit: str, criterion: str) -> tuple[float, str]:
+    """Factor from SI to what an axis shows, and the axis's name."""
+    return (UM, f"{criterion} [µm]") if unit == "m" else (1.0, criterion)
 
 
 def pose_count(study: PoseCountStudy) -> str:
@@ -203,7 +217,7 @@ def pose_count(study: PoseCountStudy) -> str:
             ax.set_title(f"{name}: mean and standard deviation of 50 random sets")
             ax.set_xlabel("poses per set")
             ax.set_ylabel(name)
-            _short_ticks(ax)
+            short_ticks(ax)
         forms = (
             (study.mean, "as printed: O3, O4, O5 go on moving"),
             (study.mean_per_pose, "per pose: all five settle"),
@@ -223,26 +237,27 @@ def pose_count(study: PoseCountStudy) -> str:
 
 
 def random_sets(sets: Sequence[RandomSets]) -> str:
-    """The index of each designed set beside those of random sets of the same size."""
+    """The figure of each designed set beside those of random sets of the same size."""
     sets = sets[:MOST_VIEWS]
     with drawing(1, len(sets), height=2.1) as (figure, axes):
         for ax, one in zip(axes, sets, strict=True):
-            ax.hist(one.values, bins=14, color="#c9d6e3", edgecolor="white", linewidth=0.5)
-            ax.axvline(one.chosen_value, color=MIDDLE, linewidth=1.6)
+            scale, name = unit_factor(one.unit, one.criterion)
+            ax.hist(one.values * scale, bins=14, color="#c9d6e3", edgecolor="white", linewidth=0.5)
+            ax.axvline(one.chosen_value * scale, color=MIDDLE, linewidth=1.6)
             ax.annotate(
                 "chosen set",
-                (one.chosen_value, 0.96),
+                (one.chosen_value * scale, 0.96),
                 xycoords=("data", "axes fraction"),
-                xytext=(-3, 0),
+                xytext=(-3 if one.larger_is_better else 3, 0),
                 textcoords="offset points",
-                ha="right",
+                ha="right" if one.larger_is_better else "left",
                 va="top",
                 fontsize=7.5,
             )
             ax.set_title(f"{one.trial}: {one.n_poses} poses")
-            ax.set_xlabel(one.criterion)
+            ax.set_xlabel(name)
             ax.set_ylabel("random sets")
-            _short_ticks(ax, axis="x")
+            short_ticks(ax, axis="x")
         return svg_of(figure)
 
 
@@ -260,7 +275,7 @@ def plain_log(ax: "Axes") -> None:
     ax.yaxis.set_minor_formatter(NullFormatter())
 
 
-def _short_ticks(ax: "Axes", axis: str = "y") -> None:
+def short_ticks(ax: "Axes", axis: str = "y") -> None:
     """At most five ticks, small numbers with one common power of ten."""
     ax.locator_params(axis=axis, nbins=5)  # type: ignore[arg-type]  # "x" or "y"
     ax.ticklabel_format(axis=axis, style="sci", scilimits=(-3, 4), useMathText=True)  # type: ignore[arg-type]  # "x" or "y"

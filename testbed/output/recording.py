@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +18,9 @@ from testbed.output.recording_cell import (
 )
 from testbed.output.recording_errors import draw_held_out, draw_measured, factors
 from testbed.output.recording_plots import draw_curves, draw_parameters
-from testbed.output.recording_story import Story, tell
+from testbed.output.recording_story import tell
 from testbed.output.recording_text import draw_texts
-from testbed.output.recording_writer import Writer
+from testbed.output.recording_writer import Pen, Writer
 from testbed.output.verdict import headline_verdict
 from testbed.records import Campaign
 from testbed.robots.catalog import Robot
@@ -49,10 +50,13 @@ def write_recording(campaign: Campaign, robot: Robot, path: str | Path) -> None:
     """
     trial = campaign.trials[0]
     story = tell(campaign.setting, trial, trial.estimates[0])
-    with strict_mode(), open_stream(campaign, story, robot, Path(path)) as stream:
-        writer = Writer(stream, story)
+    scenario = campaign.scenario
+    identity, name = f"{scenario.name}-{scenario.seed}", f"{scenario.name}, seed {scenario.seed}"
+    screen = blueprint(story, floor_height(story.setting.nominal.chain, robot))
+    with strict_mode(), open_stream(Path(path), identity, name, screen) as stream:
+        writer = Pen(stream, story)
         _send_properties(writer, campaign)
-        box = campaign.scenario.pool
+        box = scenario.pool
         factor = factors(story)
         ghost = draw_ghost(writer, robot)
         draw_texts(writer, campaign, headline_verdict(campaign).sentence, factor, ghost)
@@ -80,20 +84,27 @@ def strict_mode() -> Iterator[None]:
 
 
 @contextmanager
-def open_stream(campaign: Campaign, story: Story, robot: Robot, path: Path) -> Iterator[object]:
-    """A stream into a file, closed with its footer; no clock of this machine gets in."""
+def open_stream(path: Path, identity: str, name: str, layout: object) -> Iterator[Any]:
+    """A stream into a file, closed with its footer; no clock of this machine gets in.
+
+    Parameters
+    ----------
+    path : Path
+        File to write, replaced if it is there.
+    identity, name : str
+        Identifier of the recording, and its name for people.
+    layout : rerun.blueprint.Blueprint
+        Screen to begin with.
+    """
     import rerun as rr
 
-    scenario = campaign.scenario
-    name = f"{scenario.name}, seed {scenario.seed}"
-    stream = rr.RecordingStream(APPLICATION, recording_id=f"{scenario.name}-{scenario.seed}")
+    stream = rr.RecordingStream(APPLICATION, recording_id=identity)
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
-    floor = floor_height(story, robot)
     try:
         path.unlink(missing_ok=True)
         # before the first row: what comes earlier would not be in the file
-        stream.save(path, default_blueprint=blueprint(story, floor))
+        stream.save(path, default_blueprint=layout)
     except (OSError, RuntimeError) as error:
         raise MachineError(
             f"the recording cannot be written ({error})", code="F3", where=str(path), field="path"

@@ -47,10 +47,18 @@ def blueprint(story: Story, floor: float) -> Any:
 
 def cell(story: Story, floor: float) -> Any:
     """The robot's cell, the robot in front and the tracker in the background."""
+    setting = story.setting
+    pool, chain = setting.pool_nominal[:, :3, 3], setting.nominal.chain
+    return cell_view(
+        *camera(pool, chain.T_world_base[:3, 3], setting.T_world_tracker[:3, 3]), floor
+    )
+
+
+def cell_view(position: Array, target: Array, floor: float) -> Any:
+    """A view of the world from `position` (3,) toward `target` (3,), with a floor at a height."""
     import rerun as rr
     import rerun.blueprint as rrb
 
-    position, target = camera(story)
     return rrb.Spatial3DView(
         origin="/world",
         name="Cell",
@@ -70,13 +78,19 @@ def cell(story: Story, floor: float) -> Any:
     )
 
 
-def camera(story: Story) -> tuple[Array, Array]:
-    """Eye and the point it looks at (3,), so that workspace and tracker are both in view [m]."""
-    pool = story.setting.pool_nominal[:, :3, 3]
-    base = story.setting.nominal.chain.T_world_base[:3, 3]
+def camera(pool: Array, base: Array, station: Array) -> tuple[Array, Array]:
+    """Eye and the point it looks at (3,), so that workspace and tracker are both in view [m].
+
+    Parameters
+    ----------
+    pool : (N, 3) array
+        Tool positions.
+    base, station : (3,) array
+        The robot's base and the tracker.
+    """
     middle = (pool.mean(axis=0) + base) / 2
     radius = float(np.quantile(np.linalg.norm(pool - middle, axis=1), 0.95))
-    away = story.setting.T_world_tracker[:3, 3] - middle
+    away = station - middle
     away[2] = 0.0
     distance = float(np.linalg.norm(away))
     ahead = away / distance if distance > 0 else np.array([1.0, 0.0, 0.0])
@@ -89,18 +103,23 @@ def camera(story: Story) -> tuple[Array, Array]:
 
 def plot(phase: Phase) -> Any:
     """The curve window of a phase, held on the phase's stretch of the timeline."""
+    return plot_over(phase.name, PLOTS[phase.name], phase.start, phase.stop)
+
+
+def plot_over(origin: str, name: str, start: int, stop: int) -> Any:
+    """A curve window held on the steps from `start` to before `stop`."""
     import rerun as rr
     import rerun.blueprint as rrb
 
     boundary = rr.TimeRangeBoundary
     hidden = rrb.PlotLegend(visible=False)
     return rrb.TimeSeriesView(
-        origin=f"/{phase.name}",
-        name=PLOTS[phase.name],
+        origin=f"/{origin}",
+        name=name,
         plot_legend=hidden,
         axis_x=rrb.TimeAxis(
             view_range=rr.TimeRange(
-                start=boundary.absolute(seq=phase.start), end=boundary.absolute(seq=phase.stop - 1)
+                start=boundary.absolute(seq=start), end=boundary.absolute(seq=stop - 1)
             )
         ),
     )

@@ -14,7 +14,7 @@ from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from calib.geometry.sweep import pose_and_jacobian
 from testbed.comparison import target_points
 from testbed.output.recording_story import Story, nice_factor
-from testbed.output.recording_writer import Color, Writer
+from testbed.output.recording_writer import Color, Pen, Timeline, Writer
 from testbed.robots.catalog import Robot, Visual, load_tracker_visuals
 from testbed.robots.meshes import Mesh, load_mesh
 from testbed.robots.placements import joint_motion, placements
@@ -37,7 +37,7 @@ def mesh(file: Path) -> Mesh:
 def draw_robot(writer: Writer, robot: Robot) -> None:
     """The robot as its maker describes it, moving through the whole story."""
     chain, story = writer.story.setting.nominal.chain, writer.story
-    _draw_arm(writer, "world/robot", robot, story.q, (chain,), np.zeros(story.n_steps, np.int64))
+    draw_arm(writer, "world/robot", robot, story.q, (chain,), np.zeros(story.n_steps, np.int64))
 
 
 def draw_ghost(writer: Writer, robot: Robot) -> int:
@@ -56,7 +56,7 @@ def draw_ghost(writer: Writer, robot: Robot) -> int:
         - story.known[:, None] * identified.joint_errors.offsets(story.q)
     )
     path = f"world/true_x{factor}"
-    _draw_arm(writer, path, robot, q, chains, index.reshape(-1), GHOST_COLOR)
+    draw_arm(writer, path, robot, q, chains, index.reshape(-1), GHOST_COLOR)
     return factor
 
 
@@ -88,8 +88,8 @@ def smallest_equal(chain: Chain, step: Array, q: Array) -> Array:
     return np.asarray(columns * np.linalg.lstsq(A, A @ (step / columns), rcond=1e-9)[0])
 
 
-def _draw_arm(
-    writer: Writer,
+def draw_arm(
+    writer: Pen[Timeline],
     root: str,
     robot: Robot,
     q: Array,
@@ -118,7 +118,7 @@ def _draw_arm(
 
 
 def _draw_parts(
-    writer: Writer,
+    writer: Pen[Timeline],
     paths: Mapping[int, str],
     visuals: tuple[Visual, ...],
     color: Color | None = None,
@@ -142,12 +142,17 @@ def _draw_parts(
 
 def draw_tracker(writer: Writer, robot: Robot) -> None:
     """The tracker at its station, looking at the target; the beam while it measures."""
+    setting, measure = writer.story.setting, writer.story.phase("measure")
+    target = target_points(setting.nominal.poses(writer.story.q), setting.target)
+    floor = floor_height(setting.nominal.chain, robot)
+    draw_station(writer, setting.T_world_tracker, target, floor)
+    draw_beam(writer, setting.T_world_tracker, target, measure.start, measure.stop)
+
+
+def draw_station(writer: Pen[Timeline], station: Array, target: Array, floor: float) -> None:
+    """A tracker at its station (4, 4), its head on a target (s, 3) at every step [m]."""
     import rerun as rr
 
-    story = writer.story
-    setting, measure = story.setting, story.phase("measure")
-    station = setting.T_world_tracker
-    target = target_points(setting.nominal.poses(story.q), setting.target)
     x, y, z = (target @ station[:3, :3] - station[:3, 3] @ station[:3, :3]).T
     azimuth, elevation = np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
     writer.transforms("world/tracker", station)
@@ -157,7 +162,7 @@ def draw_tracker(writer: Writer, robot: Robot) -> None:
     names = ("world/tracker/stand", "world/tracker/yoke", "world/tracker/yoke/head")
     _draw_parts(writer, dict(enumerate(names)), visuals)
     foot = min(float(mesh(visual.file).vertices[:, 2].min()) for visual in visuals)
-    height = station[2, 3] + foot - floor_height(story, robot)
+    height = station[2, 3] + foot - floor
     if height > 1e-3:  # a station above the stand's own height needs something to stand on
         writer.static(
             "world/tracker/plinth",
@@ -168,15 +173,21 @@ def draw_tracker(writer: Writer, robot: Robot) -> None:
                 fill_mode="solid",
             ),
         )
-    beam = [[[station[:3, 3], point]] for point in target[measure.steps]]
-    writer.every_step("world/beam", rr.LineStrips3D.columns(strips=beam), measure.steps)
+
+
+def draw_beam(writer: Pen[Timeline], station: Array, target: Array, start: int, stop: int) -> None:
+    """The beam from the station (4, 4) to the target (s, 3) from one step to another [m]."""
+    import rerun as rr
+
+    beam = [[[station[:3, 3], point]] for point in target[start:stop]]
+    writer.every_step("world/beam", rr.LineStrips3D.columns(strips=beam), np.arange(start, stop))
     writer.static("world/beam", rr.LineStrips3D.from_fields(radii=0.0022, colors=BEAM_COLOR))
-    writer.clear(measure.stop, ["world/beam"])
+    writer.clear(stop, ["world/beam"])
 
 
-def floor_height(story: Story, robot: Robot) -> float:
+def floor_height(chain: Chain, robot: Robot) -> float:
     """Height of the floor in the world [m]."""
-    return float((story.setting.nominal.chain.T_world_base @ slide(0, 0, robot.base_offset))[2, 3])
+    return float((chain.T_world_base @ slide(0, 0, robot.base_offset))[2, 3])
 
 
 def draw_pool(writer: Writer, box_center: Array, box_size: Array) -> None:
@@ -195,9 +206,7 @@ def draw_pool(writer: Writer, box_center: Array, box_size: Array) -> None:
     setting, select, identify = story.setting, story.phase("select"), story.phase("identify")
     pool = setting.pool_nominal[:, :3, 3]
     writer.static("world/pool", rr.Points3D(pool, radii=0.0028, colors=POOL_COLOR))
-    base = setting.nominal.chain.T_world_base
-    edges = box_edges(box_center, box_size) @ base[:3, :3].T + base[:3, 3]
-    writer.static("world/box", rr.LineStrips3D(edges, radii=0.0015, colors=(*POOL_COLOR, 150)))
+    draw_box(writer, "world/box", setting.nominal.chain, box_center, box_size)
     outside = setting.rejection_names[0] if setting.rejection_names else ""
     inside = [k for k, reason in enumerate(setting.rejected_reason) if reason != outside]
     if inside:
@@ -211,6 +220,22 @@ def draw_pool(writer: Writer, box_center: Array, box_size: Array) -> None:
     writer.at(int(select.at[-1]), path, rr.Points3D(chosen))
     writer.static(path, rr.Points3D.from_fields(radii=0.009, colors=CHOSEN_COLOR))
     writer.clear(identify.stop, [path])
+
+
+def draw_box(
+    writer: Pen[Timeline],
+    path: str,
+    chain: Chain,
+    center: Array,
+    size: Array,
+    color: Color = (*POOL_COLOR, 150),
+) -> None:
+    """The edges of a box given in the base frame of `chain` [m]."""
+    import rerun as rr
+
+    base = chain.T_world_base
+    edges = box_edges(center, size) @ base[:3, :3].T + base[:3, 3]
+    writer.static(path, rr.LineStrips3D(edges, radii=0.0015, colors=color))
 
 
 def box_edges(center: Array, size: Array) -> Array:

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, Index
 from testbed.output.recording_errors import seen_minus_predicted
-from testbed.output.recording_story import Phase
-from testbed.output.recording_writer import Color, Writer
+from testbed.output.recording_story import search_trace
+from testbed.output.recording_writer import Color, Pen, Stretch, Timeline, Writer
 from testbed.records import RandomSets
 
 LINE_COLOR, STATED_COLOR, MUTED_COLOR = (92, 150, 240), (140, 160, 250), (150, 156, 164)
@@ -24,13 +24,19 @@ ROW = 10.0
 
 
 def draw_curve(
-    writer: Writer, path: str, phase: Phase, values: Array, color: Color, name: str = ""
+    writer: Pen[Timeline],
+    path: str,
+    phase: Stretch,
+    values: Array,
+    color: Color,
+    name: str = "",
+    local: Index | None = None,
 ) -> None:
     """One scalar per item of a phase, exactly as the record has it times the unit's factor."""
     import rerun as rr
 
     name = name or path.rsplit("/", 1)[1]
-    writer.rows(path, phase, rr.Scalars.columns(scalars=values))
+    writer.rows(path, phase, rr.Scalars.columns(scalars=values), local)
     writer.static(path, rr.SeriesLines(colors=color, names=name, widths=2))
     if len(values) < FEW:
         writer.static(
@@ -45,10 +51,10 @@ def draw_curves(writer: Writer, random_sets: RandomSets | None) -> None:
     trial, judged = story.trial, story.estimate.comparison
     found = story.estimate.identification
     draw_curve(
-        writer, f"select/{trial.selection.criterion}", select, trial.selection.trace, LINE_COLOR
+        writer, f"select/{trial.selection.criterion}", select, search_trace(trial), LINE_COLOR
     )
     if random_sets is not None:
-        best = np.full(len(select.at), random_sets.values.max())
+        best = np.full(len(select.at), random_sets.best)
         draw_curve(
             writer,
             "select/random",

@@ -76,7 +76,7 @@ class Story:
 
 def tell(setting: Setting, trial: Trial, estimate: Estimate) -> Story:
     """Lay out the frames of one estimate."""
-    searches, iterations = len(trial.selection.trace), len(estimate.identification.trace)
+    searches, iterations = len(search_trace(trial)), len(estimate.identification.trace)
     measured, tests = trial.measurements.q, setting.test_q
     lengths: dict[PhaseName, tuple[int, int]] = {
         "select": (searches, max(1, SELECT_FRAMES // searches)),
@@ -106,6 +106,12 @@ def tell(setting: Setting, trial: Trial, estimate: Estimate) -> Story:
     known[identify.steps] = eased(np.linspace(0, 1, identify.stop - identify.start))
     known[evaluate.start :] = 1
     return Story(setting, trial, estimate, tuple(phases), q, known)
+
+
+def search_trace(trial: Trial) -> Array:
+    """Best index after each search (t,); a set that was not searched for has its own value."""
+    trace = trial.selection.trace
+    return trace if len(trace) else np.array([trial.selection.value])
 
 
 def frames_per_pose(poses: int) -> int:

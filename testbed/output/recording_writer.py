@@ -2,13 +2,13 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index
-from testbed.output.recording_story import Phase, Story
+from testbed.output.recording_story import Story
 from testbed.robots.placements import quaternion_wxyz
 
 Color = tuple[int, ...]
@@ -17,13 +17,39 @@ VIRIDIS = np.array(
 )
 
 
+class Timeline(Protocol):
+    """What a pen has to know of a story."""
+
+    @property
+    def n_steps(self) -> int:
+        """Steps of the whole timeline."""
+        ...
+
+
+class Stretch(Protocol):
+    """What a pen has to know of a phase."""
+
+    @property
+    def at(self) -> Index:
+        """(k,) step of each item."""
+        ...
+
+    @property
+    def local(self) -> str:
+        """Name of the phase's own timeline."""
+        ...
+
+
+Told = TypeVar("Told", bound=Timeline, covariant=True)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Writer:
+class Pen(Generic[Told]):
     """A recording stream and the story it tells."""
 
     stream: Any
     """Open `rerun.RecordingStream`."""
-    story: Story
+    story: Told
 
     def static(self, path: str, what: Any) -> None:
         """Log what holds at all times; styles too, but never a component that has rows."""
@@ -38,7 +64,7 @@ class Writer:
             path, indexes=[rr.TimeColumn("step", sequence=at)], columns=columns
         )
 
-    def rows(self, path: str, phase: Phase, columns: Any, local: Index | None = None) -> None:
+    def rows(self, path: str, phase: Stretch, columns: Any, local: Index | None = None) -> None:
         """One row per item of a phase, on the story's timeline and on the phase's own."""
         import rerun as rr
 
@@ -75,6 +101,10 @@ class Writer:
             self.static(path, rr.Transform3D(translation=T[:3, 3], quaternion=xyzw))
         else:
             self.every_step(path, rr.Transform3D.columns(translation=T[:, :3, 3], quaternion=xyzw))
+
+
+Writer = Pen[Story]
+"""The pen of a campaign's recording."""
 
 
 def first(values: ArrayLike, lengths: Index) -> Array:

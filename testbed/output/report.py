@@ -4,11 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from testbed.contest import has_contest
 from testbed.output import (
     report_design,
     report_headline,
     report_paper,
     report_parameters,
+    report_population,
+    report_pose_sets,
     report_results,
 )
 from testbed.output.claims import examine
@@ -18,6 +21,9 @@ from testbed.records import Campaign
 from testbed.scenario import dump_scenario
 
 BANNER = "SIMULATED - not a calibration certificate"
+GOOD = "✓ The stated uncertainty can be believed"
+BAD = "✗ The stated uncertainty must not be believed"
+OPEN = "? The stated uncertainty was not tested"
 TEMPLATES = Path(__file__).parent / "templates"
 
 
@@ -29,6 +35,8 @@ class Page:
     title: str
     subtitle: str
     believable: bool
+    mark: str
+    """The verdict in a few words, behind a tick or a cross."""
     verdict: str
     reasons: tuple[str, ...]
     headline: Table
@@ -72,11 +80,16 @@ def page_of(campaign: Campaign, versions: Mapping[str, str]) -> Page:
     """The content of the page; sections without data are left out."""
     scenario = campaign.scenario
     verdict = headline_verdict(campaign)
+    # with many pose sets the question is which one; the single robot comes after it
+    many = has_contest(campaign)
+    each = report_headline.headline_table(campaign)
     sections = (
-        report_results.accuracy_section(campaign),
+        report_pose_sets.pose_sets_section(campaign) if many else None,
+        report_results.accuracy_section(campaign, each if many else None),
         report_results.belief_section(campaign),
         report_parameters.identifiable_section(campaign),
         report_design.design_section(campaign),
+        None if many else report_population.population_section(campaign),
         report_paper.tool_section(campaign),
         report_paper.paper_section(campaign, examine(campaign)),
         report_parameters.parameter_section(campaign),
@@ -87,11 +100,12 @@ def page_of(campaign: Campaign, versions: Mapping[str, str]) -> Page:
         title=scenario.title or scenario.name,
         subtitle=f"Scenario {scenario.name}, seed {scenario.seed}, robot {scenario.robot}",
         believable=verdict.believable,
+        mark=GOOD if verdict.believable else BAD if verdict.contradicted else OPEN,
         verdict=verdict.sentence,
         reasons=tuple(
             reason[:1].upper() + reason[1:].rstrip(".") + "." for reason in verdict.reasons
         ),
-        headline=report_headline.headline_table(campaign),
+        headline=report_pose_sets.summary_table(campaign) if many else each,
         next_step=report_headline.next_step(campaign),
         sections=tuple(section for section in sections if section is not None),
     )
@@ -107,7 +121,8 @@ def record_section(campaign: Campaign, versions: Mapping[str, str]) -> Section:
     )
     text = (
         f"Seed {campaign.scenario.seed}. Every number of this report comes from the scenario "
-        "below; playing it again with the same versions gives the same bytes."
+        "below; playing it again with the same versions on the same kind of processor gives the "
+        "same bytes."
     )
     scenario = dump_scenario(campaign.scenario)
     return Section("record", "Scenario and versions", (Text(text), table, Code(scenario)))

@@ -16,7 +16,7 @@ from testbed.output.quantities import (
     significant,
 )
 from testbed.output.report_parts import Table
-from testbed.output.verdict import ALARM, judge
+from testbed.output.verdict import ALARM, Verdict, judge
 from testbed.records import Campaign, Trial
 
 NONE = "–"
@@ -45,7 +45,7 @@ def headline_table(campaign: Campaign) -> Table:
                     significant(found.reduction.condition, 3),
                     str(found.rank),
                     significant(seen.nees, 3),
-                    "yes" if judge(trial, estimate).believable else "NO",
+                    in_a_word(judge(trial, estimate)),
                 )
             )
     return Table(
@@ -98,8 +98,8 @@ def _statistics(error: Accuracy) -> tuple[str, ...]:
 def set_in_words(trial: Trial) -> str:
     """How many poses and how they were chosen."""
     number = counted(len(trial.selection.indices), "pose")
-    how = "random" if trial.method == "random" else f"{trial.method} {trial.selection.criterion}"
-    return f"{number}, {how}"
+    method = trial.method.replace("_", " ")
+    return f"{number}, {method if method == 'random' else f'{method} {trial.selection.criterion}'}"
 
 
 def next_step(campaign: Campaign) -> str:
@@ -122,7 +122,7 @@ def next_step(campaign: Campaign) -> str:
             f"{errors} instead of the stated uncertainty. More poses do not help: they shrink the "
             "stated uncertainty, not the error."
         )
-    if not judge(trial, estimate).believable:
+    if judge(trial, estimate).contradicted:
         return f"Do not quote the stated uncertainty; quote the {errors}."
     u = float(np.sqrt(np.mean(point_uncertainty(seen.covariance) ** 2)))
     return (
@@ -130,3 +130,8 @@ def next_step(campaign: Campaign) -> str:
         f"rms u = {millimetres(u, 2)} mm (3-D, k = 1) and the 95 % ellipsoid of each pose "
         f"(k = {coverage_factor(3):.2f} along its axes). Four times the poses would halve u."
     )
+
+
+def in_a_word(verdict: Verdict) -> str:
+    """Whether to believe, for a table."""
+    return "yes" if verdict.believable else "NO" if verdict.contradicted else "?"

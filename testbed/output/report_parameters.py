@@ -25,15 +25,26 @@ def parameter_section(campaign: Campaign) -> Section:
             "true value lies in the stated 95 % interval. Base and tool rows are displacements "
             "from the nominal frame, along and about its own axes. The true column is the truth "
             "seen through the parameters that were estimated: what redundant parameters really "
-            "did is carried by the ones that stand for them."
+            "did is carried by the ones that stand for them." + others(campaign)
         )
     ]
     blocks += [
         parameter_table(campaign.setting.nominal, trial, estimate)
-        for trial in campaign.trials
+        for trial in plots.shown(campaign)
         for estimate in trial.estimates
     ]
     return Section("parameters", "Parameters", tuple(blocks))
+
+
+def others(campaign: Campaign) -> str:
+    """Where the numbers of trials are that have no table; empty if there are none."""
+    left = len(campaign.trials) - len(plots.shown(campaign))
+    if not left:
+        return ""
+    return (
+        f" Shown are the first {plots.MOST_PANELS} trials; the numbers of the other {left} are in "
+        "arrays.npz."
+    )
 
 
 def parameter_table(nominal: RobotModel, trial: Trial, estimate: Estimate) -> Table:

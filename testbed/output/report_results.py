@@ -11,13 +11,15 @@ from testbed.output.quantities import (
     significant,
 )
 from testbed.output.report_headline import NONE, SHORT
-from testbed.output.report_parts import Block, Figure, Points, Section, Table
+from testbed.output.report_parts import Block, Figure, Points, Section, Table, Text
 from testbed.records import Campaign, Estimate, Trial
 
 
-def accuracy_section(campaign: Campaign) -> Section:
-    """Before and after, on held-out and on calibration poses."""
+def accuracy_section(campaign: Campaign, every_trial: Table | None = None) -> Section:
+    """Before and after, on held-out and on calibration poses; `every_trial` if not said before."""
     rows = []
+    # one reflector does not see the tool's rotation about itself
+    turns = campaign.scenario.tracker.measures == "pose"
     for trial in campaign.trials:
         for estimate in trial.estimates:
             seen = estimate.comparison
@@ -30,8 +32,10 @@ def accuracy_section(campaign: Campaign) -> Section:
                     millimetres(seen.accuracy_before.mean),
                     millimetres(seen.accuracy_after.mean),
                     significant(float(seen.accuracy_before.mean / seen.accuracy_after.mean), 2),
-                    significant(float(seen.rotation_before.mean() * DEG), 2),
-                    significant(float(seen.rotation_after.mean() * DEG), 2),
+                    *(
+                        significant(float(angle.mean() * DEG), 2) if turns else "–"
+                        for angle in (seen.rotation_before, seen.rotation_after)
+                    ),
                 )
             )
     table = Table(
@@ -57,6 +61,7 @@ def accuracy_section(campaign: Campaign) -> Section:
         "accuracy",
         "Before and after",
         (
+            *((every_trial,) if every_trial else ()),
             Figure(
                 "Position error at the held-out poses, against noise-free truth; "
                 f"these poses were never used for identification{plots.only(campaign.trials)}.",
@@ -104,7 +109,9 @@ def belief_section(campaign: Campaign) -> Section:
         "parameter. stated / true sd: smallest to largest ratio of the stated to the experimental "
         "standard deviation; 1 is honest about noise, and says nothing about bias.",
     )
-    blocks: list[Block] = [table, Points(tuple(sentences))]
+    blocks: list[Block] = [table, Points(tuple(sentences[: plots.MOST_PANELS]))]
+    if len(sentences) > plots.MOST_PANELS:
+        blocks.append(Text(f"The other {len(sentences) - plots.MOST_PANELS} are in the table."))
     blocks.append(
         Figure(
             "Every parameter of the first trial: its error in units of its own stated standard "

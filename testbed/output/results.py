@@ -7,8 +7,9 @@ import numpy as np
 
 from calib.information.propagation import point_uncertainty
 from calib.measurement.accuracy import Accuracy
+from testbed.contest import contest_of
 from testbed.output.verdict import headline_verdict, judge
-from testbed.records import Campaign, Estimate, Setting, Trial
+from testbed.records import Campaign, Estimate, PopulationStudy, Setting, Trial
 
 FORMAT = 1
 MM, DEG = 1e3, 180 / np.pi
@@ -26,6 +27,7 @@ def headline(campaign: Campaign) -> dict[str, Any]:
         "robot": _robot_name(campaign.scenario.robot),
         "verdict": {
             "believable": verdict.believable,
+            "contradicted": verdict.contradicted,
             "sentence": verdict.sentence,
             "reasons": list(verdict.reasons),
         },
@@ -41,8 +43,8 @@ def headline(campaign: Campaign) -> dict[str, Any]:
                 "criterion": sets.criterion,
                 "chosen": sets.chosen_value,
                 "random_mean": float(sets.values.mean()),
-                "random_best": float(sets.values.max()),
-                "beaten": int((sets.values < sets.chosen_value).sum()),
+                "random_best": sets.best,
+                "beaten": sets.beaten,
                 "of": len(sets.values),
             }
             for sets in campaign.random_sets
@@ -73,6 +75,8 @@ def headline(campaign: Campaign) -> dict[str, Any]:
             "zero_pose_u_3d_mm": float(full[0] * MM),
             "held_out_mean_u_3d_mm": float(full[1:].mean() * MM),
         }
+    if campaign.population is not None:
+        out["population"] = _population(campaign.population, campaign)
     return out
 
 
@@ -108,6 +112,46 @@ def arrays(campaign: Campaign) -> dict[str, np.ndarray[Any, Any]]:
         out["pose_count/counts"] = campaign.pose_count.counts
         out["pose_count/mean"] = campaign.pose_count.mean
     return {name: np.asarray(value) for name, value in out.items()}
+
+
+def _population(study: PopulationStudy, campaign: Campaign) -> dict[str, Any]:
+    """Errors over many robots."""
+    modes, against = campaign.scenario.identification.estimators, _against_random(campaign)
+    return {
+        "robots": study.before.size,
+        "before_mean_mm": float(study.before.mean() * MM),
+        "trials": {
+            name: {
+                mode: {
+                    "mean_mm": float(study.mean_error[i, j].mean() * MM),
+                    "rms_mm": float(np.sqrt(np.mean(study.rms_error[i, j] ** 2)) * MM),
+                    "stated_u_3d_rms_mm": float(np.sqrt(np.mean(study.stated_u[i, j] ** 2)) * MM),
+                    "inside_95": float(study.inside[i, j].mean()),
+                }
+                for j, mode in enumerate(modes)
+            }
+            | {"promised_u_3d_rms_mm": float(np.sqrt(np.mean(study.goal_u[i] ** 2)) * MM)}
+            | ({"against_random": against[name]} if name in against else {})
+            for i, name in enumerate(study.trials)
+        },
+    }
+
+
+def _against_random(campaign: Campaign) -> dict[str, Any]:
+    """Error ratio of each set to the random set of its size, by itself and with all others."""
+    if campaign.population is None or campaign.population.before.size < 2:
+        return {}
+    return {
+        entry.trial.name: {
+            "error_ratio": float(np.exp(entry.ratio.value)),
+            "ci_95": [float(np.exp(entry.ratio.low)), float(np.exp(entry.ratio.high))],
+            "joint_ci_95": [float(np.exp(entry.joint.low)), float(np.exp(entry.joint.high))],
+            "outcome": entry.outcome,
+            "smaller_error_share": entry.wins,
+        }
+        for entry in contest_of(campaign).entries
+        if entry.ratio is not None and entry.joint is not None
+    }
 
 
 def _robot_name(robot: str) -> str:

@@ -19,7 +19,9 @@ class Verdict:
     """One estimate judged."""
 
     believable: bool
-    """Whether the stated uncertainty may be used."""
+    """Whether the stated uncertainty passed every test, replications against the truth included."""
+    contradicted: bool
+    """Whether a test failed; a statement that was never tested is neither."""
     sentence: str
     """How good, and whether that can be believed."""
     reasons: tuple[str, ...]
@@ -87,12 +89,17 @@ def judge(trial: Trial, estimate: Estimate) -> Verdict:
         f"{seen.accuracy_before.mean * MM:.3f} to {seen.accuracy_after.mean * MM:.3f} mm"
     )
     stated = f"its stated uncertainty (rms u {u * MM:.4f} mm)"
-    sentence = (
-        f"{size}, and {stated} can be believed."
-        if not failed
-        else f"{size}, but {stated} must not be believed: {failed[0]}."
-    )
-    return Verdict(not failed, sentence, (*failed, *passed))
+    believable = played is not None and not failed
+    if failed:
+        ending = f", but {stated} must not be believed: {failed[0]}."
+    elif believable:
+        ending = f", and {stated} can be believed."
+    else:
+        ending = (
+            f"; {stated} was not tested against the truth: play the scenario with "
+            "[uncertainty] replications = 200."
+        )
+    return Verdict(believable, bool(failed), size + ending, (*failed, *passed))
 
 
 def headline_verdict(campaign: Campaign) -> Verdict:

@@ -1,15 +1,16 @@
-"""Candidate pools for the design tests, and an exchange scorer that tries every pose."""
+"""Candidate pools and goals for the design tests, and a criterion that tries every pose."""
 
 import itertools
 
 import numpy as np
 
-from calib.arrays import Array, Bool, Index
+from calib.arrays import Array, Bool
 from calib.design.blocks import paper_blocks, scaled_blocks
-from calib.design.exchange import Move
 from calib.design.selection import set_value
 from calib.geometry.parameters import parameters_of
-from calib.information.observability import Criterion, index_of
+from calib.information.criteria.base import Criterion, Move, Pool
+from calib.information.criteria.named import criterion_named
+from calib.information.goals import Goals, goal_matrix
 from tests.reference import SIGMA_POSITION, SIGMA_ROTATION, WEN24, pool_r, tx60
 
 
@@ -31,8 +32,24 @@ def small_pool(seed: int, n: int = 12, r: int = 2, p: int = 5) -> Array:
     return rng.normal(size=(n, r, p)) * rng.uniform(0.3, 3, (n, 1, 1))
 
 
-def best_of_all(blocks: Array, m: int, criterion: Criterion) -> tuple[tuple[int, ...], float]:
-    """Best set of m poses, by trying all of them."""
+def goal_set(free: tuple[str, ...] = WEN24, n: int = 2000) -> Goals:
+    """First n poses of goal set G for pool R."""
+    return goal_matrix(tx60(), pool_r(2000, 99)[:n], parameters_of(tx60(), free))
+
+
+def small_goals(seed: int, p: int = 5, g: int = 6) -> Goals:
+    """Random goals for a small pool."""
+    rng = np.random.default_rng(seed)
+    return Goals(rng.normal(size=(g, 3, p)) * rng.uniform(0.3, 3, (g, 1, 1)), np.ones(g))
+
+
+def small_criterion(name: str, p: int = 5) -> Criterion:
+    """A criterion for a small pool."""
+    return criterion_named(name, goals=small_goals(99, p))
+
+
+def best_of_all(blocks: Array, m: int, criterion: str) -> tuple[tuple[int, ...], float]:
+    """Best set of m poses by an index, by trying all of them."""
     values = {
         chosen: set_value(blocks, chosen, criterion)
         for chosen in itertools.combinations(range(len(blocks)), m)
@@ -42,19 +59,22 @@ def best_of_all(blocks: Array, m: int, criterion: Criterion) -> tuple[tuple[int,
 
 
 class BruteForce:
-    """Scorer that computes the index of every candidate set in full."""
+    """A criterion whose moves come from the value of every candidate set in full."""
 
-    def __init__(self, blocks: Array, criterion: Criterion) -> None:
-        self.gram = np.swapaxes(blocks, 1, 2) @ blocks
-        self.criterion = criterion
+    def __init__(self, criterion: Criterion | str) -> None:
+        self.real = criterion_named(criterion)
 
-    def values(self, M: Array, gram: Array, sign: float) -> Array:
-        return index_of(M + sign * gram, 1, self.criterion)
+    def __getattr__(self, name: str):
+        return getattr(self.real, name)
 
-    def add(self, M: Array, inside: Bool) -> Move:
-        values = np.where(inside, -1.0, self.values(M, self.gram, 1.0))
-        return Move(int(values.argmax()), len(values))
+    def gains(self, M: Array, blocks: Array, sign: float) -> Array:
+        gram = np.swapaxes(blocks, 1, 2) @ blocks
+        return self.real.value(M + sign * gram) - self.real.value(M)
 
-    def drop(self, M: Array, chosen: Index) -> Move:
-        values = self.values(M, self.gram[chosen], -1.0)
-        return Move(int(values.argmax()), len(values))
+    def best_add(self, M: Array, pool: Pool, allowed: Bool, _floor: float = -np.inf) -> Move:
+        gains = np.where(allowed, self.gains(M, pool.blocks, 1.0), -np.inf)
+        return Move(int(gains.argmax()), float(gains.max()), len(gains))
+
+    def best_drop(self, M: Array, blocks: Array) -> Move:
+        gains = self.gains(M, blocks, -1.0)
+        return Move(int(gains.argmax()), float(gains.max()), len(gains))

@@ -243,3 +243,24 @@ def test_a_start_that_cannot_be_computed_is_refused():
 def test_more_unknowns_than_rows_are_refused():
     with pytest.raises(InputError, match="1 rows for 2 unknowns"):
         solve(lambda _: (np.ones(1), np.ones((1, 2))), np.zeros(2), move=np.add)
+
+
+def test_rounding_of_a_large_prediction_does_not_stall_the_fit():
+    # 3e6 stands for 3 m in units of 1 um of noise: each residual is rounded by 5e-10, so the sum of
+    # squares is level to 1e-11 only; judged by it alone, certificates ended at 2e-7
+    t = np.linspace(0.0, 3.0, 100)
+    for seed in range(40):
+        noise = np.random.default_rng(seed).normal(size=100)
+        seen = 3e6 + 1e4 * np.exp(-0.7 * t) * np.cos(2.0 * t) + noise
+
+        def evaluate(x, seen=seen):
+            a, b, w = x
+            fading, wave = np.exp(-b * t), np.cos(w * t)
+            A = np.stack(
+                [fading * wave, -a * t * fading * wave, -a * t * fading * np.sin(w * t)], axis=1
+            )
+            return seen - (3e6 + a * fading * wave), A
+
+        found = solve(evaluate, np.array([8e3, 0.5, 1.9]), move=lambda x, step: x + step)
+        assert found.status is Status.CONVERGED
+        assert found.certificate < 1e-8

@@ -95,3 +95,20 @@ def test_squared_distance_does_not_care_about_units():
 def test_regions_that_do_not_exist_are_refused(call, message):
     with pytest.raises(InputError, match=message):
         call()
+
+
+def test_a_flat_region_holds_only_what_lies_in_its_plane():
+    flat = np.diag([4.0, 1.0, 0.0])
+    k = coverage_factor(2)
+    errors = np.array([[2 * k - 1e-9, 0, 0], [2 * k + 1e-9, 0, 0], [0, 0, 1e-3], [0, 0, 0]])
+    covariance = np.broadcast_to(flat, (4, 3, 3))
+    assert inside(errors, covariance).tolist() == [True, False, False, True]
+
+
+def test_inside_of_a_full_region_is_the_mahalanobis_test():
+    rng = np.random.default_rng(4)
+    A = rng.normal(size=(200, 3, 3)) * [1.0, 0.5, 0.2]
+    covariance = A @ np.swapaxes(A, 1, 2)
+    error = (A @ rng.normal(size=(200, 3, 1)))[..., 0]
+    expected = mahalanobis_squared(error, covariance) <= coverage_factor(3) ** 2
+    assert np.array_equal(inside(error, covariance), expected)

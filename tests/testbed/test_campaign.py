@@ -1,9 +1,12 @@
 """Records of a campaign: order, streams, and trials that leave each other alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from testbed import campaign
+from testbed.laboratory.truth import TrueRobot
 from testbed.output.codec import pack
 from testbed.scenario import changed, load_scenario
 
@@ -84,14 +87,27 @@ def test_held_out_poses_are_not_in_the_pool(small):
     assert not any(row.tobytes() in pool for row in setting.test_q)
 
 
-def test_planning_and_identification_never_see_the_truth(small):
-    """Another truth with the same readings gives the same estimate: shown by an equal selection."""
-    rigid = played(small, ["setting", "designed-29"])
-    soft = played(changed(small, {"truth.harmonic_mdeg": 6.0}), ["setting", "designed-29"])
-    chosen = [r["designed-29"].selection.indices for r in (rigid, soft)]
-    assert np.array_equal(*chosen)
-    q = rigid["designed-29"].measurements.q
-    assert np.array_equal(q, rigid["setting"].pool_q[chosen[0]])
+def test_planning_and_identification_never_see_the_truth(small, monkeypatch):
+    """The same readings under a falsified truth: same selection, same estimate, other judgment."""
+    settings = played(small, ["setting"])
+    honest = campaign.compute(small, "designed-29", settings.__getitem__)
+    setting = settings["setting"]
+    shifted = setting.test_true.copy()
+    shifted[:, 0, 3] += 0.01
+    lie = replace(
+        setting,
+        true=replace(setting.true, chain=setting.true.chain.moved(np.full(42, 1e-4))),
+        test_true=shifted,
+    )
+    monkeypatch.setattr(
+        "testbed.setting.TrueRobot", lambda *_: TrueRobot(setting.true, np.zeros(6))
+    )
+    told = campaign.compute(small, "designed-29", {"setting": lie}.__getitem__)
+    assert np.array_equal(honest.selection.indices, told.selection.indices)
+    for one, other in zip(honest.estimates, told.estimates, strict=True):
+        assert same(one.identification, other.identification)
+        assert np.array_equal(one.repeated, other.repeated)
+        assert other.comparison.accuracy_after.mean > 0.009
 
 
 def test_the_campaign_gathers_what_was_asked_for(small):

@@ -146,7 +146,10 @@ def test_a_defect_of_ours_keeps_its_traceback_in_the_run_folder(truebed, scene):
     assert "Traceback" in result.stderr
 
 
-WRONG = ["--see 3", "run", "run quick --seed 1.5", "plan quick", "run quick --workers 2", "run a b"]
+WRONG = [
+    "--see 3", "run", "run quick --seed 1.5", "run quick --workers 2", "run a b",
+    "plan", "plan quick --seed 1.5", "plan quick --poses 3", "identify staubli_tx60 points.csv",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("words", WRONG)
@@ -195,10 +198,20 @@ def test_doctor_notices_a_wrong_model(truebed, monkeypatch):
 
 def test_every_verb_has_help_and_no_verb_is_a_stub(truebed):
     listed = truebed("--help").stdout
-    for verb in ("run", "scenes", "robots", "compare", "report", "record", "view", "doctor"):
+    for verb in (
+        "run",
+        "plan",
+        "scenes",
+        "robots",
+        "compare",
+        "report",
+        "record",
+        "view",
+        "doctor",
+    ):
         assert verb in listed
         assert truebed(verb, "--help").exit_code == 0
-    assert "plan" not in listed
+    assert "identify" not in listed
 
 
 def process(*words, **options):

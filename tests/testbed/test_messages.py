@@ -14,13 +14,18 @@ import pytest
 from calib.errors import CalibError
 from testbed.archive import read_result, recording_of
 from testbed.output import layout
+from testbed.output.plan_folder import check_free
 from testbed.output.store import RunFolder
+from testbed.plan import plan
+from testbed.planning.joint_lists import read_joints
 from testbed.runner import play_run
 from testbed.scenario import load_scenario, parse_scenario, scenario_of
 from testbed.streams import stream
+from tests.planned import QUICK, ROBOT, SMALL, scenario
 from tests.testbed.fake_campaign import SCENARIO, Fake
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "messages.txt"
+POINT = {"tracker.measures": "point", "identification.estimators": ["whitened"]}
 TRIAL = {"name": "best", "poses": 29, "method": "detmax"}
 
 
@@ -91,6 +96,25 @@ def foreign_folder(path):
     RunFolder.create(path, overwrite=True)
 
 
+def planned(**changes):
+    return lambda _: plan(scenario(QUICK, **changes), where="scenes/mine.toml")
+
+
+def measured(rows):
+    """Read a CSV of measured poses with these rows."""
+
+    def case(path):
+        path.write_text(f"q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n{rows}\n")
+        read_joints(ROBOT, path)
+
+    return case
+
+
+def plan_like(path):
+    path.mkdir()
+    (path / "plan.json").write_text("{}")
+
+
 CASES = {
     "unknown key": with_table(tracker={"positoin_um": 3}),
     "key of another preset": with_table(tracker={"range_um": [1, 2]}),
@@ -127,10 +151,16 @@ CASES = {
     "two trials of one name": with_table(trial=[TRIAL, TRIAL]),
     "reserved name": with_table(trial=[TRIAL | {"name": "setting"}]),
     "more poses than candidates": with_table(trial=[TRIAL | {"poses": 2000}]),
-    "greedy on O2": with_table(trial=[TRIAL | {"method": "greedy", "criterion": "O2"}]),
+    "uncertainty in paper rows": with_table(trial=[TRIAL | {"criterion": "V", "rows": "paper"}]),
     "reflector without points": with_table(tracker={"reflector_mm": [1, 2, 3]}),
     "points and the paper": with_table(tracker={"measures": "point"}),
     "an estimator twice": with_table(identification={"estimators": ["whitened", "whitened"]}),
+    "obstacle without a kind": with_table(cell={"obstacle": [{"size_mm": [1, 2, 3]}]}),
+    "wrong kind": with_table(plan={"goal": {"kind": "lst"}}),
+    "key of another kind": with_table(plan={"goal": {"step_mm": 5}}),
+    "poses and a target": with_table(plan={"poses": 29, "target_um": 30}),
+    "target without a goal": with_table(plan={"target_um": 30, "criterion": "D"}),
+    "goal without poses": with_table(plan={"goal": {"kind": "path"}}),
     "several at once": with_table(sed=3, pool={"size": 1, "altitude": 2}),
     "not UTF-8": text("name = 'ü'".encode("latin-1")),
     "not TOML": text("seed = one\n"),
@@ -155,7 +185,35 @@ CASES = {
         scenario_of(SCENARIO | {"trial": [TRIAL]}), stages=Fake(failing=("best",))
     ),
     "not enough memory": without_memory,
-}
+    "plan with too few poses": planned(**{"plan.poses": 3}),
+    "plan with too many poses": planned(**{"plan.poses": 61}),
+    "plan for what nobody sees": planned(
+        **POINT, **{"tracker.reflector_mm": [0.0, 0.0, 60.0], "plan.point_mm": [0.0, 0.0, 200.0]}
+    ),
+    "plan for a goal out of reach": planned(
+        **{"plan.goal": {"kind": "list", "tool_mm_deg": [[2000.0, 0.0, 0.0, 0.0, 0.0, 0.0]]}}
+    ),
+    "plan for one goal twice": planned(
+        **{"plan.goal": {"kind": "list", "joints_deg": [[0.0] * 6, [0.0] * 6]}}
+    ),
+    "plan from a blind station": planned(
+        **{"plan.stations.list_mm": [[350.0, -150.0, 0.0]], "cell.obstacle": SMALL["cell.obstacle"]}
+    ),
+    "plan with an unreachable target": planned(**{"plan.poses": 0, "plan.target_um": 1.0}),
+    "plan from a start in collision": planned(
+        **{"plan.start_deg": [0.0, 120.0, 140.0, 0.0, 0.0, 0.0]}
+    ),
+    "measured poses with a gap": measured("1,2,,4,5,6"),
+    "measured poses twice": measured("1,2,3,4,5,6\n1,2,3,4,5,6"),
+    "measured poses beyond a limit": measured("1,2,300,4,5,6"),
+    "plan exists": lambda path: (plan_like(path), check_free(path, overwrite=False)),
+    "plan below a file": lambda path: (
+        path.write_text(""), check_free(path / "out", overwrite=False)
+    ),
+    "output is no plan": lambda path: (
+        path.mkdir(), (path / "thesis.tex").write_text(""), check_free(path, overwrite=True)
+    ),
+}  # fmt: skip
 
 
 def message(case, path):

@@ -10,12 +10,15 @@ from calib.errors import InputError
 from calib.geometry.chain import forward
 from calib.geometry.frames import rot_z, slide
 from calib.geometry.model import RobotModel
-from testbed.laboratory.pool import PATIENCE, REASONS, SAMPLE, Pool, draw_pool
+from testbed.laboratory.pool import CONE, OBSTACLE, PATIENCE, SAMPLE, Pool, draw_pool
+from testbed.laboratory.pool import REASONS as ALL
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot, load_robot
 from testbed.scenario import PoolSettings
 from tests.reference import TX60_LIMITS, pool_r, tx60
 
+REASONS = tuple(name for k, name in enumerate(ALL) if k not in (CONE, OBSTACLE))
+"""Without obstacles and with a probe that is seen from anywhere."""
 STATION, AIM = (2.6, -2.0, 0.3), (0.0, 0.0, 0.06)
 
 
@@ -38,7 +41,7 @@ def drawn(
     robot: Robot, simulator: Simulator, *, seed: int = 5, station: Any = STATION, **changes: Any
 ) -> Pool:
     """Pool of 1000 from a numbered stream, with changed settings; size and exclude go through."""
-    extra = {key: changes.pop(key) for key in ("size", "exclude") if key in changes}
+    extra = {key: changes.pop(key) for key in ("size", "exclude", "acceptance") if key in changes}
     return draw_pool(
         robot,
         simulator,
@@ -79,7 +82,7 @@ def test_every_candidate_is_kept_or_rejected_for_the_first_reason_that_applies(r
     block = np.random.default_rng(5).uniform(*TX60_LIMITS.T, (4000, 6))[: pool.n_drawn]
     p = forward(tx60().chain, block)[:, :3, 3]
     margin = np.radians(10.0)
-    itself, floor = simulator.contacts(block)
+    itself, floor, _ = simulator.contacts(block)
     fails = np.array(
         [
             (np.abs(p - [0.25, 0, 0.2]) >= [0.45, 0.6, 0.4]).any(1),
@@ -205,3 +208,26 @@ def test_a_rare_pool_is_still_filled(robot, simulator):
     assert len(rare.q) == 20
     assert rare.n_drawn > 20 / 1e-2
     assert PATIENCE[0][1] < 20 / rare.n_drawn
+
+
+def test_the_acceptance_cone_keeps_the_probe_turned_to_the_tracker(robot, simulator, pool):
+    half = np.radians(40.0)
+    narrow = drawn(robot, simulator, size=200, acceptance=half)
+
+    def angle(q):
+        T = forward(tx60().chain, q)
+        beam = np.array(STATION) - (T @ [*AIM, 1.0])[:, :3]
+        cross = np.linalg.norm(np.cross(T[:, :3, 2], beam), axis=1)
+        return np.arctan2(cross, np.einsum("mi,mi->m", T[:, :3, 2], beam))  # not by arccos
+
+    assert (angle(narrow.q) <= half + 1e-12).all()
+    assert angle(narrow.q).max() > 0.9 * half  # the cone is used up to its edge
+    lost = narrow.rejected_q[[name == "acceptance cone" for name in narrow.rejected_reason]]
+    assert len(lost) == SAMPLE
+    assert (angle(lost) > half).all()
+    assert "acceptance cone" not in pool.rejection_names  # a full cone is none
+
+
+def test_a_cone_that_nothing_fits_in_says_so(robot, simulator):
+    with pytest.raises(InputError, match=r'"acceptance cone" rejects .* raise acceptance_deg'):
+        drawn(robot, simulator, size=50, acceptance=1e-4)

@@ -16,8 +16,10 @@ from testbed.output.recording_cell import box_edges, ghost_chains, smallest_equa
 from testbed.output.recording_errors import factors
 from testbed.output.recording_plots import place
 from testbed.output.recording_story import glide, growing, nice_factor, tell
+from testbed.robots.catalog import load_robot
 from testbed.robots.placements import placements
 from tests.recorded import column, properties, record, scalars, small_campaign, store, structure
+from tests.reported import SMALL, played
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "recording.txt"
 SINGLE = 2e-6
@@ -326,3 +328,11 @@ if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
         lines = structure(store(record(Path(folder) / "campaign.rrd")))
     GOLDEN.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def test_a_campaign_without_any_search_is_recorded_too(tmp_path):
+    """A random set was not searched for: its select phase shows its own index."""
+    trial = [{"name": "only", "poses": 10, "method": "random"}]
+    campaign = played("quick", {**SMALL, "trial": trial, "uncertainty.replications": 0})
+    recording.write_recording(campaign, load_robot("staubli_tx60"), tmp_path / "only.rrd")
+    assert viewer.verify(tmp_path / "only.rrd")

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import re
 from functools import cache
 from pathlib import Path
 
@@ -10,13 +11,16 @@ import pytest
 
 from testbed.assets import scenes
 from testbed.scenario import load_scenario
-from tests.golden.write import SCENES, golden_file, headline_of
+from tests.golden.write import LONG, SCENES, golden_file, headline_of
 
 TOLERANCE = 1e-6
 """Relative. A fit ends within 1e-8 standard deviations of the optimum, and other BLAS kernels leave
 1e-9 in a pose set's index; the replicated statistics divide such differences by small numbers."""
 UNSTABLE = ("certificate", "p_value", "sentence", "reasons")
 """The certificate is rounding itself; the texts hold rounded numbers."""
+
+PLANS = ("plan_tx60",)
+"""Scenes made for `truebed plan`, which knows no truth; test_plan*.py look at them."""
 
 played = cache(headline_of)
 
@@ -44,21 +48,31 @@ def test_headline_numbers_are_the_golden_ones(scene):
     assert differences(golden, played(scene)) == []
 
 
-def test_every_shipped_scene_has_a_golden_file():
-    assert sorted(file.stem for file in scenes().glob("*.toml")) == sorted(SCENES)
+def test_every_shipped_scene_has_a_golden_file_or_is_a_plan():
+    shipped = {file.stem for file in scenes().glob("*.toml")}
+    assert shipped - set(SCENES) == set(PLANS)
 
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_every_scene_has_its_line_in_the_scenes_readme(scene):
     text = (scenes() / "README.md").read_text(encoding="utf-8")
     line = next(line for line in text.splitlines() if line.startswith(f"| `{scene}`"))
-    assert " mm" in line
+    golden = json.loads(golden_file(scene).read_text(encoding="utf-8"))
+    first = golden["trials"][load_scenario(scene).trial[0].name]["estimates"]["whitened"]
+    before, after = (first[f"held_out_{when}"]["mean_mm"] for when in ("before", "after"))
+    stated = re.search(r"mean held-out error ([0-9.]+) -> ([0-9.]+) mm", line)
+    for text, value in zip(stated.groups(), (before, after), strict=True):
+        assert text == f"{value:.{len(text.split('.')[1])}f}"
 
 
 @pytest.mark.slow
 def test_designed_sets_beat_every_random_set_in_their_own_index():
     for scene in SCENES:
         for name, sets in played(scene)["random_sets"].items():
+            if played(scene)["trials"][name]["method"] == "best_of_random":
+                # one of a hundred like those it is compared with
+                assert sets["beaten"] > 90, (scene, name)
+                continue
             assert sets["beaten"] == sets["of"] == 100, (scene, name)
 
 
@@ -74,6 +88,21 @@ def test_the_statement_holds_on_a_rigid_robot_and_fails_where_the_joints_sag():
         assert trial["estimates"]["whitened"]["p_value"] < 1e-3
     assert "must not be believed" in paper["verdict"]["sentence"]
     assert "can be believed" in quick["verdict"]["sentence"]
+
+
+@pytest.mark.slow
+def test_the_pose_sets_are_the_same_on_both_kinds_of_robots_and_promise_the_same():
+    """The promise comes from the nominal robot; whether it is kept depends on the true ones."""
+    soft, rigid = (played(scene)["population"]["trials"] for scene in LONG)
+    kept = []
+    for name, trial in soft.items():
+        u = trial["promised_u_3d_rms_mm"]
+        assert u == pytest.approx(rigid[name]["promised_u_3d_rms_mm"], rel=1e-12)
+        assert trial["whitened"]["rms_mm"] > 3 * u
+        kept.append(rigid[name]["whitened"]["rms_mm"] / u)
+    # over 8 robots the rms of one set scatters by 10 to 15 %, independently of the other 26 sets:
+    # their mean by 3 %, three of those
+    assert np.mean(kept) == pytest.approx(1.0, abs=0.09)
 
 
 @pytest.mark.slow

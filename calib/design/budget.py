@@ -1,0 +1,221 @@
+"""How many poses a target needs: what designed sets reach, and what no set can."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, Index, frozen
+from calib.design.blocks import directions_seen, most_of_one
+from calib.design.certificate import judged
+from calib.design.exchange import best_exchange
+from calib.design.problem import Problem, problem_of
+from calib.design.relaxation import Grams, relax
+from calib.errors import InputError
+from calib.information.criteria.base import Certifiable, Criterion
+
+STARTS = 3
+"""Starts of the exchange at each number of poses."""
+LARGEST = 200
+"""Largest number of poses looked at unless told otherwise."""
+STEP = 1.25
+"""Ratio of neighboring numbers of poses on the curve."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Budget:
+    """Uncertainty against the number of poses: reached by a designed set, and possible at all."""
+
+    criterion: str
+    """``"V"`` or ``"G"``, or another criterion whose figure falls with more poses."""
+    target: float
+    """Figure asked for: standard uncertainty of the tool point [m]."""
+    counts: Index
+    """(k,) numbers of poses, ascending."""
+    reached: Array
+    """(k,) figure of the designed set of each size [m]."""
+    possible: Array
+    """(k,) figure that no set of that size can better [m]."""
+    smallest: int | None
+    """Fewest poses with which a designed set reaches the target; None if none does."""
+    proven: int | None
+    """No set of fewer poses reaches the target; None if not even the bound does."""
+    chosen: Index
+    """(m,) the designed set of `smallest` poses, or of the largest number looked at."""
+    sentence: str
+    """The same in words."""
+
+
+class _Curve:
+    """Designed sets and bounds of one problem at any number of poses, each computed once."""
+
+    def __init__(
+        self, problem: Problem, criterion: Certifiable, rng: np.random.Generator, starts: int
+    ) -> None:
+        self.problem, self.criterion, self.rng, self.starts = problem, criterion, rng, starts
+        self.packed = Grams(problem.blocks[problem.open])
+        self.sets: dict[int, tuple[Index, float, float]] = {}
+
+    def at(self, m: int) -> tuple[Index, float, float]:
+        """The designed set of m poses, its figure, and the figure no set of m can better."""
+        if m not in self.sets:
+            problem = self.problem.sized(m)
+            best = best_exchange(problem, self.rng, starts=self.starts)
+            bound = relax(problem, self.criterion, packed=self.packed).bound
+            found = judged(problem, self.criterion, best.value, bound)
+            self.sets[m] = best.chosen, found.figure, found.figure_bound
+        return self.sets[m]
+
+    def first(self, column: int, target: float, low: int, high: int) -> int | None:
+        """Fewest poses in low..high whose figure (1) or bound (2) reaches the target."""
+        if float(self.at(high)[column]) > target:
+            return None
+        while low < high:
+            middle = (low + high) // 2
+            if float(self.at(middle)[column]) <= target:
+                high = middle
+            else:
+                low = middle + 1
+        return high
+
+
+def pose_budget(
+    blocks: ArrayLike,
+    criterion: Criterion,
+    target: float,
+    rng: np.random.Generator,
+    *,
+    counts: Sequence[int] | None = None,
+    largest: int | None = None,
+    starts: int = STARTS,
+    prior: ArrayLike | None = None,
+    given: ArrayLike = (),
+    allowed: ArrayLike | None = None,
+    names: Sequence[str] = (),
+) -> Budget:
+    """Fewest poses that reach a target, the proven least number, and the curve of both.
+
+    Parameters
+    ----------
+    blocks : (N, r, p) array_like
+        Whitened, scaled rows of each candidate pose.
+    criterion : Criterion
+        V or G of the goal (A will do too).
+    target : float
+        Standard uncertainty of the tool point asked for, mean (V) or worst (G) [m]; U / 2 for an
+        expanded uncertainty U with k = 2.
+    rng : numpy.random.Generator
+        Draws the starts of each design.
+    counts : sequence of int, optional
+        Numbers of poses to show; by default from the fewest on, each a quarter more than the last,
+        a little past the target.
+    largest : int, optional
+        Largest number looked at; by default 200, or the pool.
+    starts : int
+        Starts of the exchange at each number.
+    prior, given, allowed, names
+        The problem, as in `calib.design.problem.problem_of`.
+    """
+    if not isinstance(criterion, Certifiable) or criterion.larger_is_better:
+        name = criterion if isinstance(criterion, str) else criterion.name
+        raise InputError(
+            f"a pose budget cannot be made by {name}",
+            code="A4",
+            field="criterion",
+            value=name,
+            allowed="V or G, with goal poses",
+        )
+    if not (np.isfinite(target) and target > 0):
+        raise InputError(
+            f"target is {target} m", code="A3", field="target", value=target, allowed="above zero"
+        )
+    problem = problem_of(
+        blocks,
+        _open_poses(blocks, given, allowed),
+        criterion,
+        prior=prior,
+        given=given,
+        allowed=allowed,
+        names=names,
+    )
+    free, least = int(problem.open.sum()), _fewest(problem)
+    top = min(LARGEST if largest is None else largest, free)
+    if top < least:
+        problem_of(blocks, top, criterion, prior=prior, given=given, allowed=allowed, names=names)
+    curve = _Curve(problem, criterion, rng, starts)
+    grid = _grid(least, top) if counts is None else sorted({int(m) for m in counts})
+    if not grid or grid[0] < least or grid[-1] > free:
+        raise InputError(
+            "counts holds numbers of poses that cannot be",
+            code="M27",
+            field="counts",
+            allowed=f"{least} to {free}",
+        )
+    low, high = grid[0], grid[-1]
+    if counts is None:
+        for high in grid:
+            if curve.at(high)[1] <= target:
+                break
+            low = high + 1
+        shown = [m for m in grid if m <= high or grid.index(m) == grid.index(high) + 1]
+    else:
+        shown = grid
+    smallest = curve.first(1, target, min(low, high), high)
+    if smallest is not None:
+        # designed sets are not always better the larger they are: any set made on the way will do
+        smallest = min(m for m, found in curve.sets.items() if found[1] <= target)
+    proven = curve.first(2, target, least, high if smallest is None else smallest)
+    sizes = sorted({*shown, *filter(None, (smallest, proven))})
+    points = [curve.at(m) for m in sizes]
+    return Budget(
+        criterion=criterion.name,
+        target=float(target),
+        counts=frozen(sizes, np.int64),
+        reached=frozen([point[1] for point in points]),
+        possible=frozen([point[2] for point in points]),
+        smallest=smallest,
+        proven=proven,
+        chosen=frozen(curve.at(high if smallest is None else smallest)[0], np.int64),
+        sentence=_sentence(target, smallest, proven, high, curve),
+    )
+
+
+def _open_poses(blocks: ArrayLike, given: ArrayLike, allowed: ArrayLike | None) -> int:
+    """Poses of the pool that may be chosen, before anything is checked."""
+    inside = len(np.asarray(blocks)) if np.ndim(blocks) else 0
+    if allowed is None:
+        return max(inside - np.size(given), 1)
+    free = set(np.flatnonzero(allowed).tolist()) - set(np.asarray(given).reshape(-1).tolist())
+    return max(len(free), 1)
+
+
+def _fewest(problem: Problem) -> int:
+    """Fewest poses with which every direction can be seen; at least one."""
+    missing = problem.p - directions_seen(problem.before)
+    return max(-(-missing // most_of_one(problem.blocks[problem.open])), 1)
+
+
+def _grid(least: int, top: int) -> list[int]:
+    """Numbers of poses from `least` to `top`, each a quarter more than the last."""
+    grid = [least]
+    while grid[-1] < top:
+        grid.append(min(max(round(grid[-1] * STEP), grid[-1] + 1), top))
+    return grid
+
+
+def _sentence(
+    target: float, smallest: int | None, proven: int | None, high: int, curve: _Curve
+) -> str:
+    """The budget in words."""
+    asked = f"u = {target * 1e6:.4g} um"
+    if smallest is None:
+        figure, bound = curve.at(high)[1:]
+        words = f"{asked} is not reached with {high} poses: the designed set gives "
+        words += f"{figure * 1e6:.4g} um"
+        if proven is None:
+            return words + f", and no set of {high} gives less than {bound * 1e6:.4g} um"
+        return words + f"; fewer than {proven} poses are proven to be too few"
+    if proven == smallest:
+        return f"{smallest} poses reach {asked}, and no fewer can"
+    return f"{smallest} poses reach {asked}; fewer than {proven} are proven to be too few"

@@ -1,0 +1,88 @@
+"""Local searches: exchange poses of a set one at a time until nothing improves; shaking a set."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from calib.arrays import Index
+from calib.design.problem import Problem
+from calib.design.sampling import nonsingular_set
+from calib.information.criteria.lazy import best_swap
+
+SHAKES = 100
+"""Shakes tried before a set that tells all numbers apart is drawn anew."""
+
+
+class Local(NamedTuple):
+    """End of one local search."""
+
+    chosen: Index
+    value: float
+    evaluated: int
+
+
+def add_and_drop(problem: Problem, chosen: Index) -> Local:
+    """Add the best and drop the worst until they are the same pose or the value stops rising.
+
+    The set stays in ascending order and its information is summed afresh each round, so that a
+    value belongs to a set and not to the way to it.
+
+    References
+    ----------
+    Mitchell 1974.
+    """
+    criterion, blocks, evaluated = problem.criterion, problem.blocks, 0
+    M = problem.information(chosen)
+    value = float(criterion.value(M))
+    while (allowed := problem.addable(chosen)).any():
+        added = criterion.best_add(M, problem.pool, allowed)
+        larger = np.sort(np.append(chosen, added.place))
+        B = blocks[added.place]
+        dropped = criterion.best_drop(M + B.T @ B, blocks[larger])
+        evaluated += added.evaluated + dropped.evaluated
+        if larger[dropped.place] == added.place:
+            break
+        candidate = np.delete(larger, dropped.place)
+        M = problem.information(candidate)
+        reached = float(criterion.value(M))
+        if not criterion.rises(reached, value):
+            break
+        chosen, value = candidate, reached
+    return Local(chosen, value, evaluated)
+
+
+def best_pairs(problem: Problem, chosen: Index) -> Local:
+    """Take the best of all exchanges of one pose for another until the value stops rising.
+
+    References
+    ----------
+    Fedorov 1972.
+    """
+    criterion, evaluated = problem.criterion, 0
+    M = problem.information(chosen)
+    value = float(criterion.value(M))
+    while (allowed := problem.addable(chosen)).any():
+        swap = best_swap(criterion, M, problem.blocks[chosen], problem.pool, allowed)
+        evaluated += swap.evaluated
+        if swap.leaving < 0:
+            break
+        candidate = np.sort(np.append(np.delete(chosen, swap.leaving), swap.entering))
+        M = problem.information(candidate)
+        reached = float(criterion.value(M))
+        if not criterion.rises(reached, value):
+            break
+        chosen, value = candidate, reached
+    return Local(chosen, value, evaluated)
+
+
+def shaken(problem: Problem, chosen: Index, swaps: int, rng: np.random.Generator) -> Index:
+    """The set with `swaps` of its poses exchanged for others of the pool; still nonsingular."""
+    outside = np.flatnonzero(problem.addable(chosen))
+    swaps = min(swaps, len(chosen), len(outside))
+    for _ in range(SHAKES):
+        leaving = rng.choice(len(chosen), swaps, replace=False)
+        entering = rng.choice(outside, swaps, replace=False)
+        changed = np.sort(np.concatenate([np.delete(chosen, leaving), entering]))
+        if not problem.is_singular(changed):
+            return np.asarray(changed, dtype=np.int64)
+    return nonsingular_set(problem, rng)

@@ -1,0 +1,109 @@
+"""Best moves without trying all: cheap bounds first, then only the few candidates that can win.
+
+Candidates are met best bound first; once the next bound falls below the best score, no other can
+win. The result is that of brute force.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from calib.arrays import Array, Bool, Index
+from calib.information.criteria.base import Criterion, Pool, Swap
+
+TIE = 1e-12
+"""Scores closer than this part are equal; the lowest place in the pool then wins."""
+SLACK = 1e-9
+"""Part by which bounds are widened against rounding; it costs no evaluation worth the name."""
+FIRST = 8
+"""Candidates evaluated exactly in the first round; later rounds double."""
+MOST = 64
+ILL_CONDITIONED = 1e-3
+"""Part of a pose's information left without it below which a swap is not taken as drop and add."""
+
+
+def first_best(values: Array) -> int:
+    """Place of the largest value; of equal ones (within `TIE`) the first."""
+    top = values.max()
+    return int(np.argmax(values >= top - TIE * abs(top)))
+
+
+def best_first(
+    upper: Array,
+    exact: Callable[[Index], Array],
+    may_win: Callable[[Index, float], Bool] | None = None,
+    floor: float = -np.inf,
+) -> tuple[int, float, int]:
+    """Place and size of the best exact score (-1 if none reaches `floor`), and the evaluations.
+
+    Bounds `upper` (N,) are -inf where a pose may not be taken; `may_win` sorts out candidates that
+    certainly do not reach a score.
+    """
+    order = np.argsort(-upper, kind="stable")
+    values = np.full(len(upper), -np.inf)
+    best, start, batch, evaluated = floor, 0, FIRST, 0
+    while start < len(order):
+        pick = order[start : start + batch]
+        # ties must be met, whatever the order of their bounds
+        least = best - TIE * abs(best) if np.isfinite(best) else np.finfo(np.float64).min
+        pick = pick[upper[pick] >= least]
+        if not pick.size:
+            break
+        if may_win is not None and np.isfinite(best):
+            pick = pick[may_win(pick, least)]
+        if pick.size:
+            values[pick] = exact(pick)
+            evaluated += len(pick)
+            best = max(best, float(values[pick].max()))
+        start, batch = start + batch, min(2 * batch, MOST)
+    if not np.isfinite(values.max(initial=-np.inf)):
+        # nothing finite: the first allowed pose, unless a floor was asked for
+        place = int(np.argmax(upper > -np.inf)) if (upper > -np.inf).any() else -1
+        return (-1 if np.isfinite(floor) else place), -np.inf, evaluated
+    place = first_best(values)
+    if values[place] < floor - TIE * abs(floor):
+        return -1, -np.inf, evaluated
+    return place, float(values[place]), evaluated
+
+
+def best_swap(criterion: Criterion, M: Array, leaving: Array, pool: Pool, allowed: Bool) -> Swap:
+    """Best exchange of one block of `leaving` (k, r, p) for one of the pool; ties to the first.
+
+    For each pose that leaves, the best addition to what remains; where almost nothing of what that
+    pose told remains, the exact gain of every exchange instead.
+    """
+    value = float(criterion.value(M))
+    dropped = criterion.drop(M, leaving)
+    best = np.full(len(leaving), -np.inf)
+    entering, evaluated, top = np.full(len(leaving), -1), 0, -np.inf
+    for i in np.argsort(-dropped, kind="stable"):
+        B = leaving[i]
+        if _remains(M, B):
+            floor = value + top - TIE * abs(value + top) if np.isfinite(top) else -np.inf
+            rest = M - B.T @ B
+            found = criterion.best_add(rest, pool, allowed, floor)
+            gain = found.gain + float(criterion.value(rest)) - value
+            entering[i], evaluated = found.place, evaluated + found.evaluated
+        else:
+            places = np.flatnonzero(allowed)
+            gains = criterion.swap(M, B[None], pool.blocks[places])[0]
+            place = first_best(gains)
+            entering[i], gain = places[place], float(gains[place])
+            evaluated += len(places)
+        if entering[i] >= 0:
+            best[i] = gain
+            top = max(top, gain)
+    if not np.isfinite(best).any():
+        return Swap(-1, -1, -np.inf, evaluated)
+    out = int(np.argmax(best >= best.max() - TIE * abs(value + best.max())))
+    return Swap(out, int(entering[out]), float(best[out]), evaluated)
+
+
+def _remains(M: Array, B: Array) -> bool:
+    """Whether M - B'B (p, p) keeps more than rounding in every direction."""
+    try:
+        L = np.linalg.cholesky(M)
+    except np.linalg.LinAlgError:
+        return False
+    Z = np.linalg.solve(L, B.T)
+    return bool(np.linalg.norm(Z, 2) ** 2 < 1 - ILL_CONDITIONED)

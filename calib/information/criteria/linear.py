@@ -1,0 +1,162 @@
+"""Criteria linear in the covariance, tr(C M^-1): the moves that A and V share."""
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from calib.arrays import Array, Bool, Index
+from calib.information.criteria.base import Certifiable, Move, Pool
+from calib.information.criteria.lazy import SLACK, best_first, first_best
+from calib.information.criteria.whitened import (
+    identity_plus,
+    relative_rounding,
+    sandwich,
+    squares_along,
+    transpose,
+    whitener,
+)
+from calib.information.observability import IndexName
+
+RISE = 1e-12
+"""A set counts as better when its value rises by more than this part; ties would cycle."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linear(Certifiable):
+    """Value -tr(C M^-1) for C = F F'; figure its root.
+
+    With K_ij = B_i M^-1 B_j' and Q_ij = B_i M^-1 C M^-1 B_j': adding gains tr[(I + K_jj)^-1 Q_jj],
+    dropping loses tr[(I - K_ii)^-1 Q_ii]. With phi = tr(C M^-1) no addition gains more than
+    phi t / (phi + t), t = tr Q_jj, because tr(C M*^-1) >= phi^2 / tr(M^-1 C M^-1 M*) for every M*.
+
+    References
+    ----------
+    Fedorov 1972; the bound is Cauchy-Schwarz's inequality.
+    """
+
+    root: Array | None = field(default=None, repr=False)
+    """(p, k) F; None for the identity."""
+
+    convex: ClassVar[bool] = True
+    index: ClassVar[IndexName | None] = None
+    larger_is_better: ClassVar[bool] = False
+    sharpness: ClassVar[tuple[float, ...]] = (1.0,)
+
+    @property
+    def n_numbers(self) -> int | None:
+        """Numbers of the goal; None for A."""
+        return None if self.root is None else len(self.root)
+
+    def value(self, M: Array) -> Array:
+        """-tr(C M^-1) (...,); -inf where M is singular."""
+        return -variance(M, np.eye(M.shape[-1]) if self.root is None else self.root)
+
+    def figure(self, M: Array, n_poses: int) -> float:
+        """Root of the variance."""
+        return self.figure_of_value(float(self.value(M)), len(M), n_poses)
+
+    def figure_of_value(self, value: float, p: int, n_poses: int) -> float:
+        """Root of minus the value."""
+        return float(np.sqrt(-value))
+
+    def rises(self, value: float, before: float) -> bool:
+        """Whether the variance falls by more than rounding."""
+        return value > before + RISE * abs(before) or before == -np.inf < value
+
+    def add(self, M: Array, blocks: Array) -> Array:
+        """Gains tr[(I + K)^-1 Q] (N,)."""
+        W = whitener(M)
+        Z = blocks @ W
+        return sandwich(identity_plus(Z @ transpose(Z)), blocks @ _worth(W, self.root))
+
+    def drop(self, M: Array, blocks: Array) -> Array:
+        """Gains -tr[(I - K)^-1 Q] (k,); -inf where nothing is left."""
+        W = whitener(M)
+        Z = blocks @ W
+        return -sandwich(identity_plus(-(Z @ transpose(Z))), blocks @ _worth(W, self.root))
+
+    def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
+        """Gains (k, N): the addition, then the deletion from what is known with it.
+
+        With T = I + K_jj and X = K_ij T^-1 the pose i, seen from M + B_j'B_j, has
+        I - K_ii + X T X' instead of I - K_ii, and rows B_i - X B_j instead of B_i.
+        """
+        W = whitener(M)
+        H = _worth(W, self.root)
+        Zi, Zj = leaving @ W, entering @ W
+        Yi, Yj = leaving @ H, entering @ H
+        T = identity_plus(Zj @ transpose(Zj))
+        gained = sandwich(T, Yj)
+        solved, rows = np.asarray(np.linalg.solve(T, Zj)), np.linalg.solve(T, Yj)
+        left = identity_plus(-(Zi @ transpose(Zi)))
+        out = np.empty((len(leaving), len(entering)))
+        for i, (Z, Y) in enumerate(zip(Zi, Yi, strict=True)):
+            K = Z @ transpose(Zj)
+            remains = left[i] + K @ transpose(Z @ transpose(solved))
+            out[i] = gained - sandwich(remains, Y - K @ rows)
+        return out
+
+    def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
+        """Best addition, met in the order of tr Q."""
+        W = whitener(M)
+        H = _worth(W, self.root)
+        phi, t = float(-self.value(M)), squares_along(pool.pages, H)
+        upper = np.where(allowed, phi * t / (phi + t) * (1 + SLACK), -np.inf)
+
+        def exact(pick: Index) -> Array:
+            Z = pool.blocks[pick] @ W
+            return sandwich(identity_plus(Z @ transpose(Z)), pool.blocks[pick] @ H)
+
+        return Move(*best_first(upper, exact, floor=floor + phi))
+
+    def best_drop(self, M: Array, blocks: Array) -> Move:
+        """Best deletion; all are evaluated."""
+        gains = self.drop(M, blocks)
+        place = first_best(gains)
+        return Move(place, float(gains[place]), len(gains))
+
+    def dual(self, M: Array, sharpness: float) -> Array:
+        """S = M^-1 C M^-1."""
+        H = _worth(whitener(M), self.root)
+        return H @ H.T
+
+    def ceiling(self, M: Array, S: Array, top: float) -> float:
+        """-phi^2 / top."""
+        return -(float(self.value(M)) ** 2) / top
+
+    def widened(self, bound: float, M: Array) -> float:
+        """The bound less the part that rounding may be."""
+        return bound * (1 - min(relative_rounding(M), 1.0))
+
+    def exponent(self, sharpness: float) -> float:
+        """One half: weights follow the root of what a pose is worth."""
+        return 0.5
+
+    def efficiency(self, value: float, bound: float, p: int) -> float:
+        """Smallest possible figure over this one."""
+        return float(np.sqrt(bound / value)) if np.isfinite([bound, value]).all() else 0.0
+
+
+def variance(M: Array, F: Array) -> Array:
+    """tr(F' M^-1 F) (...,) of information M (..., p, p); inf where M is not positive definite."""
+    return np.asarray(forms(M, F).sum(-1))
+
+
+def forms(M: Array, F: Array) -> Array:
+    """Variances f' M^-1 f (..., k) along the columns f of F (p, k); inf where M is singular."""
+    scale = np.sqrt(np.maximum(np.diagonal(M, axis1=-2, axis2=-1), np.finfo(np.float64).tiny))
+    try:
+        lower = np.linalg.cholesky(M / (scale[..., :, None] * scale[..., None, :]))
+    except np.linalg.LinAlgError:
+        flat = M.reshape(-1, *M.shape[-2:])
+        if len(flat) == 1:
+            return np.full((*M.shape[:-2], F.shape[1]), np.inf)
+        return np.array([forms(one, F) for one in flat]).reshape(*M.shape[:-2], F.shape[1])
+    Y = np.linalg.solve(lower, F / scale[..., :, None])
+    return np.asarray(np.einsum("...ik,...ik->...k", Y, Y))
+
+
+def _worth(W: Array, root: Array | None) -> Array:
+    """H (p, k) with H H' = M^-1 C M^-1, from W W' = M^-1."""
+    return np.asarray(W @ (W.T if root is None else W.T @ root))

@@ -1,0 +1,65 @@
+"""Criteria by name, as a scenario or a command asks for them."""
+
+from collections.abc import Callable
+from difflib import get_close_matches
+
+from calib.errors import InputError
+from calib.information.criteria.a import A
+from calib.information.criteria.base import Criterion
+from calib.information.criteria.d import D
+from calib.information.criteria.e import E
+from calib.information.criteria.g import g_of
+from calib.information.criteria.o2 import O2
+from calib.information.criteria.o4 import O4
+from calib.information.criteria.o5 import O5
+from calib.information.criteria.v import v_of
+from calib.information.goals import Goals
+
+_FREE_OF_GOALS: dict[str, Callable[[str], Criterion]] = {
+    "D": D,
+    "O1": D,
+    "A": A,
+    "E": E,
+    "O3": E,
+    "O2": O2,
+    "O4": O4,
+    "O5": O5,
+}
+_OF_GOALS: dict[str, Callable[[Goals, str], Criterion]] = {"V": v_of, "G": g_of}
+NAMES = ("D", "A", "V", "G", "E", "O1", "O2", "O3", "O4", "O5")
+"""O1 is D, and O3 is E, under the name of the paper."""
+NEEDS_GOALS = tuple(_OF_GOALS)
+
+
+def criterion_named(criterion: "str | Criterion", *, goals: Goals | None = None) -> Criterion:
+    """The criterion of a name; a criterion is returned as it is.
+
+    Parameters
+    ----------
+    criterion : str or Criterion
+        ``"D"``, ``"A"``, ``"V"``, ``"G"``, ``"E"``, or ``"O1"`` to ``"O5"``.
+    goals : Goals, optional
+        The poses that matter and their weights; V and G need them.
+    """
+    if isinstance(criterion, Criterion):
+        return criterion
+    if criterion in _FREE_OF_GOALS:
+        return _FREE_OF_GOALS[criterion](criterion)
+    if criterion in _OF_GOALS:
+        if goals is None:
+            raise InputError(
+                f'criterion "{criterion}" needs goal poses',
+                code="M29",
+                field="goals",
+                fix="name the poses or the box where the tool must be right",
+            )
+        return _OF_GOALS[criterion](goals, criterion)
+    close = get_close_matches(str(criterion).upper(), NAMES, 1)
+    raise InputError(
+        f'criterion is "{criterion}"',
+        code="A4",
+        field="criterion",
+        value=criterion,
+        allowed=f"one of {', '.join(NAMES)}",
+        fix=f'did you mean "{close[0]}"?' if close else "",
+    )

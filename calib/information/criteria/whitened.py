@@ -1,0 +1,96 @@
+"""Candidate rows in units of what is already known: the matrices that D, A, V and G share."""
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from calib.arrays import Array, Bool
+
+CHUNK = 4096
+"""Poses handled at once, so that intermediate rows stay in memory close by."""
+
+
+def whitener(M: Array) -> Array:
+    """Upper triangular W (p, p) with W W' = M^-1."""
+    lower = np.linalg.cholesky(M)
+    return np.asarray(
+        solve_triangular(lower, np.eye(len(M)), lower=True, check_finite=False, trans=0).T
+    )
+
+
+def squares_along(pages: Array, H: Array) -> Array:
+    """tr(H' B_j'B_j H) (N,) of pages (r, N, p) along the columns of H (p, k)."""
+    found = np.empty(pages.shape[1])
+    for start in range(0, len(found), CHUNK):
+        Z = pages[:, start : start + CHUNK] @ H
+        found[start : start + CHUNK] = np.einsum("rjk,rjk->j", Z, Z)
+    return found
+
+
+def identity_plus(K: Array) -> Array:
+    """I + K of small matrices (..., r, r)."""
+    return np.asarray(K + np.eye(K.shape[-1]))
+
+
+def transpose(X: Array) -> Array:
+    """Last two axes exchanged."""
+    return np.asarray(np.swapaxes(X, -1, -2))
+
+
+def log_det(S: Array) -> Array:
+    """Log det (...,) of symmetric matrices (..., r, r); -inf where it is not positive."""
+    sign, value = np.linalg.slogdet(S)
+    return np.where(sign > 0, value, -np.inf)
+
+
+def log_det_left(S: Array) -> Array:
+    """Log det (N,) of what a deletion leaves (N, r, r); -inf if that is nothing, to rounding.
+
+    Two eigenvalues that rounding has made negative would give a positive determinant. No eigenvalue
+    is above one, so that only a determinant below the first bad eigenvalue is in doubt.
+    """
+    value = log_det(S)
+    doubtful = value < np.log(4 * S.shape[-1] * np.finfo(np.float64).eps)
+    if doubtful.any():
+        value[doubtful] = np.where(sound(eigenvalues(S[doubtful])), value[doubtful], -np.inf)
+    return value
+
+
+def eigenvalues(S: Array) -> Array:
+    """Eigenvalues (..., r) of symmetric matrices (..., r, r), ascending."""
+    return np.asarray(np.linalg.eigvalsh(S), dtype=np.float64)
+
+
+def sound(w: Array) -> Bool:
+    """Whether eigenvalues (N, r), ascending, of I - K, or of sums with it, are above rounding.
+
+    If not, the pose stands alone in some direction: without it nothing remains there.
+    """
+    return np.asarray(
+        w[:, 0] > w.shape[1] * np.finfo(np.float64).eps * np.maximum(w[:, -1], 1.0), dtype=bool
+    )
+
+
+def grams(blocks: Array) -> Array:
+    """B_j'B_j (N, p, p) of blocks (N, r, p)."""
+    return np.asarray(transpose(blocks) @ blocks)
+
+
+def sandwich(S: Array, Y: Array) -> Array:
+    """tr(Y' S^-1 Y) (N,) of small symmetric S (N, r, r) and Y (N, r, k); inf if S is not sound."""
+    good = sound(eigenvalues(S))
+    safe = np.where(good[:, None, None], S, np.eye(S.shape[-1]))
+    value = np.einsum("jrk,jrk->j", Y, np.linalg.solve(safe, Y))
+    return np.where(good, value, np.inf)
+
+
+def relative_rounding(M: Array, *, any_units: bool = True) -> float:
+    """Part of its smallest eigenvalue that rounding may have taken from M (p, p), or given to it.
+
+    `any_units` for what does not depend on the units of the columns.
+    """
+    if any_units:
+        scale = np.sqrt(np.maximum(np.diagonal(M), np.finfo(np.float64).tiny))
+        M = M / scale / scale[:, None]
+    w = eigenvalues(M)
+    least = np.finfo(np.float64).eps * w[-1]
+    return float(4 * len(w) * least / max(float(w[0]), least))

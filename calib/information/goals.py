@@ -1,0 +1,91 @@
+"""What the calibration is for: the poses where the tool point must be right, and their weights."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, check, frozen
+from calib.errors import InputError
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
+from calib.geometry.sweep import reflector_rows
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Goals:
+    """Goal poses as a design sees them: how each scaled parameter moves the tool point there."""
+
+    rows: Array
+    """(g, 3, p) tool point per scaled parameter [m]."""
+    weights: Array
+    """(g,) share of each pose, summing to one."""
+
+    def __post_init__(self) -> None:
+        rows, weights = check("g 3 p, g", rows=self.rows, weights=self.weights)
+        if not len(rows):
+            raise InputError(
+                "the goal has no poses",
+                code="M29",
+                field="goals",
+                allowed="at least one",
+                fix="name the poses or the box where the tool must be right",
+            )
+        if not rows.any():
+            raise InputError(
+                "no free number moves the tool point at the goal",
+                code="M29",
+                field="goals",
+                fix="free the numbers that matter there",
+            )
+        if (weights < 0).any() or not weights.sum() > 0:
+            raise InputError(
+                "weights must not be negative, nor all zero", code="A3", field="weights"
+            )
+        object.__setattr__(self, "rows", rows)
+        object.__setattr__(self, "weights", frozen(weights / weights.sum()))
+
+    @property
+    def mean(self) -> Array:
+        """C (p, p): tr(C covariance) is the weighted mean squared tool-point uncertainty [m^2]."""
+        seen = (self.rows * np.sqrt(self.weights)[:, None, None]).reshape(-1, self.rows.shape[2])
+        return np.asarray(seen.T @ seen)
+
+
+def goal_matrix(
+    model: RobotModel,
+    q_goals: ArrayLike,
+    parameters: Parameters,
+    *,
+    weights: ArrayLike | None = None,
+    target: ArrayLike = (0.0, 0.0, 0.0),
+) -> Goals:
+    """Goals from the joint values of the poses that matter.
+
+    Parameters
+    ----------
+    model : RobotModel
+        Nominal model.
+    q_goals : (g, n) array_like
+        Joint values of a box of poses, a list, or a path [rad, m].
+    parameters : Parameters
+        The free numbers and their scale, as in the blocks of the pool.
+    weights : (g,) array_like, optional
+        How much each pose matters; equally by default.
+    target : (3,) array_like
+        The tool point, in the tool frame [m].
+
+    References
+    ----------
+    u^2 = tr(J_t Sigma J_t'), averaged over the goal poses t; the test-pose criterion of
+    Klimchik et al., arXiv 1311.6658.
+    """
+    q, target = check(f"g {model.chain.n_joints}, 3", q_goals=q_goals, target=target)
+    g = len(q)
+    share = np.ones(g) if weights is None else weights
+    if g:
+        T, J = model.poses_and_jacobian(q)
+        rows = reflector_rows(T, J, np.tile(target, (g, 1)))[1]
+    else:
+        rows = np.zeros((0, 3, model.n_numbers))
+    return Goals(rows[:, :, parameters.free] * parameters.free_scale, np.asarray(share))

@@ -1,0 +1,110 @@
+"""Hashes of what decides a number: scenarios, robots, meshes; by content, not by place."""
+
+import json
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from calib.errors import InputError
+from calib.information.criteria.named import NEEDS_GOALS
+from testbed.settings import STUDY_KEYS, Scenario
+
+if TYPE_CHECKING:
+    from testbed.robots.catalog import Robot
+
+SETTING_TABLES = ("format", "seed", "truth", "tracker", "pool", "cell", "test")
+
+
+def canonical(value: object) -> bytes:
+    """Canonical JSON bytes: sorted keys, shortest round-trip floats, no nan."""
+    text = json.dumps(
+        value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False
+    )
+    return text.encode()
+
+
+def scenario_hash(scenario: Scenario, robot: "Robot") -> str:
+    """Hex sha256 of all that decides a campaign or plan: resolved scenario, robot, mesh files."""
+    document = hashed_document(scenario) | {"robot": robot_hash(robot)}
+    return sha256(canonical(document)).hexdigest()
+
+
+def record_hash(scenario: Scenario, robot: "Robot", key: str) -> str:
+    """Hex sha256 of what one record depends on.
+
+    The setting does not depend on trials; a trial depends on no other trial and on no study, so
+    adding one leaves its file byte-identical; one for V or G depends on the goal; a study depends
+    on everything but names and titles.
+    """
+    document = hashed_document(scenario)
+    kept: dict[str, Any] = {name: document[name] for name in SETTING_TABLES}
+    if key in STUDY_KEYS:
+        kept |= {
+            name: document[name] for name in ("identification", "uncertainty", "studies", "trial")
+        }
+        kept |= _goal(document)
+    elif key != "setting":
+        kept |= {name: document[name] for name in ("identification", "uncertainty")}
+        kept["trial"] = next(trial for trial in document["trial"] if trial["name"] == key)
+        if kept["trial"]["criterion"] in NEEDS_GOALS:
+            kept |= _goal(document)
+    kept |= {"robot": robot_hash(robot), "key": key}
+    return sha256(canonical(kept)).hexdigest()
+
+
+def _goal(document: dict[str, Any]) -> dict[str, Any]:
+    """What decides where the tool point counts."""
+    return {"plan": {name: document["plan"][name] for name in ("goal", "point_mm")}}
+
+
+def hashed_document(scenario: Scenario) -> dict[str, Any]:
+    """The scenario for hashing: files by what is in them, with no path of this machine in it."""
+    document = scenario.model_dump(mode="json")
+    for table, key in (
+        *((entry, "file") for entry in document["cell"]["obstacle"]),
+        (document["plan"], "measured"),
+    ):
+        if table.get(key):
+            try:
+                table[key] = sha256(Path(table[key]).read_bytes()).hexdigest()
+            except (OSError, ValueError) as error:
+                raise InputError(
+                    f'{key} "{table[key]}" cannot be read',
+                    code="R7",
+                    where=scenario.name,
+                    field=key,
+                    value=table[key],
+                    fix="check the name; it starts from the scenario file",
+                ) from error
+    return document
+
+
+@lru_cache(maxsize=4)
+def robot_hash(robot: "Robot") -> str:
+    """Hex sha256 of a robot's numbers and meshes, with no path of this machine in it."""
+    chain = robot.model.chain
+    numbers = (
+        chain.links,
+        chain.T_world_base,
+        chain.T_flange_tool,
+        robot.limits,
+        robot.speeds,
+        robot.masses,
+        robot.centers,
+        robot.inertias,
+        robot.repeatability,
+    )
+    document = {
+        "name": robot.name,
+        "kinds": chain.kinds,
+        "numbers": [array.tolist() for array in numbers],
+        "floor": robot.base_offset,
+        "exclusions": robot.exclusions,
+        "free_sets": dict(robot.free_sets),
+        "parts": [
+            [v.name, v.link, v.collides, sha256(v.file.read_bytes()).hexdigest()]
+            for v in robot.visuals
+        ],
+    }
+    return sha256(canonical(document)).hexdigest()

@@ -1,0 +1,1 @@
+"""The plan of a real measurement: goal, pose set, order, readings and what will come out."""

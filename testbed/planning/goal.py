@@ -1,0 +1,183 @@
+"""The goal of a plan: the postures at which the tool point has to be right."""
+
+import numpy as np
+
+from calib.arrays import Array, frozen
+from calib.errors import InputError
+from calib.geometry.frames import exp_so3, inverse, log_so3, slide, transform
+from testbed.planning.bench import PlanBench
+from testbed.planning.inverse import STARTS, reached_by
+from testbed.planning.joint_lists import from_deg
+from testbed.planning.records import Goal
+from testbed.scenario import BoxGoal, ListGoal, PathGoal, Scenario
+from testbed.streams import stream
+
+Corner = tuple[float, float, float]
+MOST_POSES = 5000
+"""A path is cut into at most so many postures."""
+
+
+def goal_of(bench: PlanBench) -> Goal:
+    """The goal postures of a scenario's [plan.goal], with weights that sum to one.
+
+    Raises
+    ------
+    InputError
+        The goal lies outside the robot's reach; says which entry.
+    """
+    plan = bench.scenario.plan
+    settings = plan.goal
+    point = point_of(bench)
+    if isinstance(settings, ListGoal):
+        q = _entries(bench, settings)
+        shares = np.array(settings.weights) if settings.weights else np.ones(len(q))
+        text = f"{len(q)} listed poses"
+    elif isinstance(settings, PathGoal):
+        q, shares, length = _path(bench, settings)
+        text = f"a path of {length * 1e3:.0f} mm in {len(q)} postures, each meter counting the same"
+    else:
+        q = box_poses(bench, settings)
+        shares = np.ones(len(q))
+        middle, size = box_of(bench.scenario, settings)
+        x, y, z = size
+        center = ", ".join(f"{value:g}" for value in middle)
+        text = (
+            f"{len(q)} random feasible poses in a box of {x:g} x {y:g} x {z:g} mm around "
+            f"({center}) mm in the base frame"
+        )
+    if point.any():
+        text += (
+            f", for the point ({', '.join(f'{value * 1e3:g}' for value in point)}) mm of the tool"
+        )
+    return Goal(frozen(q), frozen(shares / shares.sum()), point, text)
+
+
+def point_of(bench: PlanBench) -> Array:
+    """The point (3,) of the tool that counts [m]: [plan] point_mm, else what the tracker tracks.
+
+    One reflector tells nothing of how the tool is turned about it: where nothing else is asked for
+    the reflector itself is what can be known.
+    """
+    wanted = np.array(bench.scenario.plan.point_mm) / 1e3
+    return frozen(wanted if wanted.any() else bench.tracker.reflector)
+
+
+def box_of(scenario: Scenario, goal: BoxGoal) -> tuple[Corner, Corner]:
+    """Center and edges of the goal's box in the base frame [mm]; the pool's unless given."""
+    center, size = goal.center_mm, goal.size_mm
+    return center or scenario.pool.box_center_mm, size or scenario.pool.box_size_mm
+
+
+def box_poses(bench: PlanBench, goal: BoxGoal) -> Array:
+    """Feasible postures (g, n) in the goal's box, seen by the tracker or not."""
+    scenario = bench.scenario
+    center, size = box_of(scenario, goal)
+    pool = scenario.pool.model_copy(update={"box_center_mm": center, "box_size_mm": size})
+    rng = stream(scenario.seed, "plan", "goal")
+    try:
+        return bench.pool(pool, rng, size=goal.poses, seen=False).q
+    except InputError as error:
+        raise InputError(
+            error.message.replace("[pool]", "[plan.goal]"),
+            code=error.code,
+            field="plan.goal",
+            value=error.value,
+            allowed=error.allowed,
+            fix=error.fix.replace("box_center_mm", "center_mm").replace("box_size_mm", "size_mm"),
+        ) from error
+
+
+def _entries(bench: PlanBench, goal: ListGoal | PathGoal) -> Array:
+    """Joint values (k, n) of the goal's entries, solved for where tool poses are given."""
+    robot = bench.robot
+    if goal.joints_deg:
+        return from_deg(robot, goal.joints_deg, "[plan.goal] joints_deg")
+    poses = _tool_poses(bench, goal)
+    q = list[Array]()
+    for k, T in enumerate(poses):
+        q.append(_posture(bench, T, q[-1] if q else None, f"[plan.goal] tool_mm_deg entry {k + 1}"))
+    return np.array(q)
+
+
+def _tool_poses(bench: PlanBench, goal: ListGoal | PathGoal) -> Array:
+    """Wanted tool poses (k, 4, 4) in the world [m]."""
+    values = np.array(goal.tool_mm_deg)
+    T_base_tool = transform(exp_so3(np.radians(values[:, 3:])), values[:, :3] / 1e3)
+    return np.asarray(bench.robot.model.chain.T_world_base @ T_base_tool)
+
+
+def _posture(bench: PlanBench, T: Array, before: Array | None, name: str) -> Array:
+    """The posture (n,) nearest to the one before it that brings the tool to T and hits nothing."""
+    robot = bench.robot
+    lower, upper = robot.limits.T
+    starts = stream(bench.scenario.seed, "plan", "inverse").uniform(
+        lower, upper, (STARTS, len(lower))
+    )
+    if before is not None:
+        starts[0] = before
+    q, missed = reached_by(robot, T, starts)
+    if not len(q):
+        x, y, z = (inverse(robot.model.chain.T_world_base) @ T)[:3, 3] * 1e3
+        near = f"the tool comes no nearer than {missed * 1e3:.4g} mm" if missed > 1e-6 else ""
+        raise InputError(
+            f"{name} at ({x:g}, {y:g}, {z:g}) mm is outside the robot's reach",
+            code="S37",
+            field="plan.goal",
+            allowed=near or "the tool cannot take that orientation there inside the joint limits",
+            fix="move it into reach or turn it",
+        )
+    free = ~bench.simulator.collides(q) if bench.scenario.pool.self_collision else np.ones(len(q))
+    if not free.any():
+        raise InputError(
+            f"{name} makes the robot hit itself, the floor or an obstacle in every posture found",
+            code="S37",
+            field="plan.goal",
+            fix="move it",
+        )
+    q = q[np.flatnonzero(free)]
+    reference = robot.limits.mean(axis=1) if before is None else before
+    return np.asarray(q[np.argmin(np.abs(q - reference).max(axis=1))])
+
+
+def _path(bench: PlanBench, goal: PathGoal) -> tuple[Array, Array, float]:
+    """Postures (g, n) along a path, what each counts (g,), and the tool's way [m]."""
+    corners, model = _entries(bench, goal), bench.robot.model
+    lines = len(corners) - 1
+    weights = np.array(goal.weights) if goal.weights else np.ones(lines)
+    targets = _tool_poses(bench, goal) if goal.tool_mm_deg else None
+    postures, shares, total = list[Array](), list[float](), 0.0
+    for k in range(lines):
+        if targets is None:
+            fine = corners[k] + np.linspace(0, 1, 101)[:, None] * (corners[k + 1] - corners[k])
+            ends = model.poses(fine)[:, :3, 3]
+        else:
+            ends = targets[k : k + 2, :3, 3]
+        length = float(np.linalg.norm(np.diff(ends, axis=0), axis=1).sum())
+        pieces = max(1, int(np.ceil(length / (goal.step_mm / 1e3))))
+        if len(postures) + pieces > MOST_POSES:
+            raise InputError(
+                f"[plan.goal] step_mm is {goal.step_mm:g}, which cuts the path into more than "
+                f"{MOST_POSES} postures",
+                code="S37",
+                field="plan.goal.step_mm",
+                fix="choose a larger step",
+            )
+        # middles of equal pieces: no corner counts twice, and the sum over a line is its length
+        for part in (np.arange(pieces) + 0.5) / pieces:
+            if targets is None:
+                postures.append(corners[k] + part * (corners[k + 1] - corners[k]))
+            else:
+                T = _between(targets[k], targets[k + 1], float(part))
+                before = postures[-1] if postures else corners[0]
+                name = f"[plan.goal] the line from corner {k + 1} to {k + 2}"
+                postures.append(_posture(bench, T, before, name))
+            shares.append(weights[k] * max(length, 1e-9) / pieces)
+        total += length
+    return np.array(postures), np.array(shares), total
+
+
+def _between(start: Array, end: Array, part: float) -> Array:
+    """The pose `part` of the way from one to another, straight and turning evenly."""
+    turn = log_so3((start[:3, :3].T @ end[:3, :3])[None])[0]
+    place = start[:3, 3] + part * (end[:3, 3] - start[:3, 3])
+    return np.asarray(slide(*place) @ transform(start[:3, :3] @ exp_so3(part * turn), np.zeros(3)))

@@ -1,0 +1,158 @@
+"""Joint vectors that people hand in: lists of the scenario and CSV files of joint targets."""
+
+import csv
+import io
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, frozen
+from calib.errors import InputError
+from testbed.robots.catalog import Robot
+
+MAX_BYTES = 10_000_000
+UNITS = {"deg": np.pi / 180, "rad": 1.0, "mm": 1e-3, "m": 1.0}
+SAME = 1e-9
+"""Joint vectors nearer than this in every joint are one pose [rad, m]."""
+
+
+def from_deg(robot: Robot, rows: Sequence[Sequence[float]], where: str) -> Array:
+    """Joint vectors (k, n) [rad, m] from numbers in deg, or mm where a joint slides.
+
+    Checks their length, the joint limits and that none comes twice; `where` names the key.
+    """
+    n = robot.model.chain.n_joints
+    for k, row in enumerate(rows):
+        if len(row) != n:
+            raise InputError(
+                f"{where} entry {k + 1} has {len(row)} numbers",
+                code="S37",
+                field=where,
+                value=list(row),
+                allowed=f"{robot.name} has {n} joints",
+                fix="mend the list",
+            )
+    scale = np.where(robot.model.chain.prismatic, 1e-3, np.pi / 180)
+    q = np.array(rows, dtype=np.float64).reshape(-1, n) * scale
+    check_joints(robot, q, [f"{where} entry {k + 1}" for k in range(len(q))], where)
+    return frozen(q)
+
+
+def check_joints(robot: Robot, q: ArrayLike, names: Sequence[str], field: str) -> None:
+    """Refuse joint vectors (k, n) that are not finite, beyond a limit, or the same pose twice."""
+    q = np.asarray(q)
+    lower, upper = robot.limits.T
+    for row, name in zip(q, names, strict=True):
+        if not np.isfinite(row).all():
+            raise InputError(
+                f"{name}: joint {int(np.argmin(np.isfinite(row))) + 1} is not a number",
+                code="M25",
+                field=field,
+                fix="mend or remove that pose",
+            )
+        # degrees written with few decimals may round a joint at its limit outward
+        beyond = np.flatnonzero((row < lower - 1e-6) | (row > upper + 1e-6))
+        if beyond.size:
+            j = int(beyond[0])
+            unit, size = ("mm", 1e3) if robot.model.chain.prismatic[j] else ("deg", 180 / np.pi)
+            raise InputError(
+                f"{name}: joint {j + 1} is {row[j] * size:.6g} {unit}",
+                code="M20",
+                field=field,
+                value=float(row[j]),
+                allowed=f"its limits are {lower[j] * size:g} to {upper[j] * size:g} {unit}",
+                fix="give joint values in deg inside the limits",
+            )
+    order = np.lexsort(np.round(q / SAME).T[::-1]) if len(q) else np.zeros(0, dtype=np.int64)
+    for a, b in pairwise(order):
+        if np.abs(q[a] - q[b]).max() < SAME:
+            first, second = sorted((int(a), int(b)))
+            raise InputError(
+                f"{names[second]} is the same pose as {names[first]}",
+                code="M26",
+                field=field,
+                fix="remove one of them",
+            )
+
+
+def read_joints(robot: Robot, path: str | Path) -> Array:
+    """Joint targets (k, n) [rad, m] of a CSV file with columns q1_deg ... (also _rad, _mm, _m).
+
+    Other columns are ignored; where there is a column ``role``, only rows with the role "identify"
+    count, so that a plan.csv can be read back.
+    """
+    file = Path(path)
+    try:
+        size = file.stat().st_size
+        text = file.read_bytes().decode("utf-8-sig") if size <= MAX_BYTES else ""
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise InputError(
+            f"cannot be read: {reason}", code="M35", where=str(path), field="plan.measured"
+        ) from error
+    if size > MAX_BYTES:
+        raise InputError(
+            f"is {size / 1e6:.0f} MB", code="M36", where=str(path), allowed="at most 10 MB"
+        )
+    rows = list(csv.reader(io.StringIO(text, newline="")))
+    head = [cell.strip() for cell in rows[0]] if rows else []
+    places, scale = _columns(robot, head, str(path))
+    role = head.index("role") if "role" in head else None
+    q, names = [], []
+    for line, row in enumerate(rows[1:], start=2):
+        if not any(cell.strip() for cell in row):
+            continue
+        if role is not None and len(row) > role and row[role].strip() in ("test", "via"):
+            continue
+        q.append([_number(row, k, f"{path}:{line}", head[k]) for k in places])
+        names.append(f"{path}:{line}")
+    if not q:
+        raise InputError("has no joint targets", code="M35", where=str(path), fix="add some rows")
+    joints = np.array(q) * scale
+    check_joints(robot, joints, names, "plan.measured")
+    return frozen(joints)
+
+
+def _columns(robot: Robot, head: list[str], where: str) -> tuple[list[int], Array]:
+    """Place of each joint's column in the head, and the factor to SI."""
+    places, scale = [], []
+    for j in range(robot.model.chain.n_joints):
+        units = ("mm", "m") if robot.model.chain.prismatic[j] else ("deg", "rad")
+        wanted = [f"q{j + 1}_{unit}" for unit in units]
+        found = [name for name in wanted if name in head]
+        if len(found) != 1 or head.count(found[0]) != 1:
+            raise InputError(
+                f"has {'no' if not found else 'more than one'} column for joint {j + 1}",
+                code="M35",
+                where=where,
+                field="plan.measured",
+                value=", ".join(head)[:200],
+                allowed=f"one of {', '.join(wanted)} belongs in the first line",
+                fix="name the columns q1_deg, q2_deg ...",
+            )
+        places.append(head.index(found[0]))
+        scale.append(UNITS[found[0].rsplit("_", 1)[1]])
+    return places, np.array(scale)
+
+
+def _number(row: list[str], k: int, where: str, column: str) -> float:
+    """One finite cell."""
+    text = row[k].strip() if k < len(row) else ""
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise InputError(
+            f'{column} is "{text[:40]}"',
+            code="M25",
+            where=where,
+            field=column,
+            value=text[:40],
+            allowed="it must be a number",
+            fix="mend or remove that row",
+        )
+    return value

@@ -1,0 +1,77 @@
+"""A small plan with a target, made once per process, and how to read its table back."""
+
+import csv
+import io
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from testbed.output.plan_table import plan_csv
+from testbed.plan import plan
+from testbed.robots.catalog import load_robot
+from testbed.scenario import changed, load_scenario
+
+ROBOT = load_robot("staubli_tx60")
+SMALL: dict[str, Any] = {
+    "pool.size": 200,
+    "plan.goal.poses": 60,
+    "plan.held_out": 6,
+    "plan.target_um": 20.0,
+    "plan.stations.list_mm": [[2600.0, 0.0, 300.0], [1800.0, 1500.0, 300.0], [-2500.0, 0.0, 300.0]],
+    # a post in the middle of the work: some straight moves are blocked
+    "cell.obstacle": [
+        {
+            "kind": "box",
+            "size_mm": [60.0, 60.0, 1000.0],
+            "position_mm": [350.0, -150.0, 0.0],
+        }
+    ],
+}
+QUICK: dict[str, Any] = {
+    **SMALL,
+    "plan.target_um": 0.0,
+    "plan.poses": 8,
+    "plan.method": "greedy",
+    "plan.stations.list_mm": [],
+    "plan.goal.poses": 20,
+    "pool.size": 60,
+    "cell.obstacle": [],
+}
+"""Changes for a plan that is made in a second."""
+
+
+def scenario(changes=None, **more):
+    """The scene plan_tx60, made small, with further changes."""
+    return changed(load_scenario("plan_tx60"), (SMALL if changes is None else changes) | more)
+
+
+@cache
+def small_plan():
+    """A plan with a target, three stations and a post in the way."""
+    return plan(scenario())
+
+
+@cache
+def quick_plan():
+    """Eight poses without target, station or obstacle."""
+    return plan(scenario(QUICK))
+
+
+def rows_of(made):
+    """The rows of plan.csv, by column."""
+    return list(csv.DictReader(io.StringIO(plan_csv(made))))
+
+
+def joints(rows):
+    """Joint targets (s, 6) of rows [rad]."""
+    return np.radians([[float(row[f"q{j}_deg"]) for j in range(1, 7)] for row in rows])
+
+
+@cache
+def with_blocked_move():
+    """The quick plan, as if no way had been found to the third pose of its order."""
+    made = quick_plan()
+    sentence = "No free way was found to pose 3 of the order."
+    return replace(made, tour=replace(made.tour, blocked=(2,), sentence=sentence))

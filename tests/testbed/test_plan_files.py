@@ -1,0 +1,190 @@
+"""The folder of a plan: the same bytes each time, numbers as in the plan, whole or not at all."""
+
+import json
+import re
+import tomllib
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from calib.errors import MachineError
+from testbed.cli import app
+from testbed.output import plan_files, plan_folder
+from testbed.output.plan_files import plan_numbers, play_plan
+from testbed.output.plan_programs import programs
+from testbed.output.plan_stops import stops_of
+from testbed.output.plan_words import next_step, promise, reasons, terminal_text
+from testbed.scenario import dump_scenario, load_scenario
+from tests.planned import QUICK, ROBOT, scenario, small_plan, with_blocked_move
+
+FILES = {
+    "plan.csv", "plan.json", "plan_report.html", "plan.rrd", "scenario.toml",
+    "program.val3.txt", "program.rapid.txt", "program.krl.txt", "program.urscript.txt",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("plan") / "out"
+    play_plan(scenario(QUICK), path)
+    return path
+
+
+def truebed(*words):
+    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+
+
+def content(path):
+    """Bytes of every file but the recording, whose row ids are never the same."""
+    return {file.name: file.read_bytes() for file in path.iterdir() if file.suffix != ".rrd"}
+
+
+def test_a_plan_has_its_files_and_a_second_one_the_same_bytes(folder, tmp_path):
+    assert {file.name for file in folder.iterdir()} == FILES
+    again = tmp_path / "again"
+    file = tmp_path / "mine.toml"
+    file.write_text(dump_scenario(scenario(QUICK)), encoding="utf-8")
+    result = truebed("plan", file, "--out", again, "--quiet")
+    assert (result.exit_code, result.output) == (0, "")
+    assert content(again) == content(folder)
+    assert load_scenario(again / "scenario.toml") == scenario(QUICK)
+    assert not [path for path in tmp_path.iterdir() if path.name not in ("again", "mine.toml")]
+
+
+def test_json_holds_the_plans_numbers_in_the_units_of_its_keys():
+    made = small_plan()
+    document = json.loads(json.dumps(plan_numbers(made, ROBOT), allow_nan=False))
+    u = np.sqrt((made.goal.weights * made.u**2).sum())
+    said = document["predicted"]
+    assert said["u_mean_um"] == pytest.approx(u * 1e6, rel=1e-12)
+    assert said["U_mean_um"] == pytest.approx(2 * u * 1e6, rel=1e-12)
+    assert said["U_worst_um"] == pytest.approx(2e6 * made.u.max(), rel=1e-12)
+    budget = document["budget"]
+    assert budget["smallest_reaching"] == document["poses"] == len(made.places)
+    assert budget["proven_fewest"] <= document["poses"]
+    at = budget["poses"].index(document["poses"])
+    # the curve, the promise and the certificate speak of one set
+    assert budget["U_um"][at] == pytest.approx(said["U_mean_um"], rel=1e-12)
+    assert document["certificate"]["efficiency"] == pytest.approx(
+        budget["U_bound_um"][at] / budget["U_um"][at], rel=1e-9
+    )
+    assert [one["pose_id"] for one in document["order"]][:1] == ["P1"]
+    assert document["duration_s"] == pytest.approx(
+        document["moving_s"] + 4.0 * (document["poses"] + document["held_out_poses"])
+    )
+    best = document["stations"]["compared"][document["stations"]["best"] - 1]
+    assert best["U_mean_um"] == min(one["U_mean_um"] for one in document["stations"]["compared"])
+    kept = document["candidates"]["drawn"] - sum(document["candidates"]["rejected"].values())
+    assert kept == document["candidates"]["feasible"] == 200
+
+
+def targets(text, pattern):
+    """Joint targets (s, 6) of a program."""
+    return np.array([[float(n) for n in re.findall(r"-?\d+\.\d+", hit)]
+                     for hit in re.findall(pattern, text)])  # fmt: skip
+
+
+PATTERNS = {
+    "program.val3.txt": (r"jPose\[\d+\]=\{(.*?)\}", np.degrees, 1e-6),
+    "program.rapid.txt": (r"MoveAbsJ \[\[(.*?)\]", np.degrees, 1e-6),
+    "program.krl.txt": (r"PTP \{(.*?)\}", np.degrees, 1e-6),
+    "program.urscript.txt": (r"movej\(\[(.*?)\]", np.asarray, 1e-9),
+}
+"""Where each program has its joint targets, in which unit, to which decimal."""
+WAITS = {"val3": "delay(4)", "rapid": "WaitTime 4;", "krl": "WAIT SEC 4", "urscript": "sleep(4)"}
+
+
+@pytest.mark.parametrize("name", PATTERNS)
+def test_a_program_goes_to_every_target_in_order_and_waits_at_the_measured_ones(name):
+    made = small_plan()
+    text, (pattern, unit, decimal) = programs(made)[name], PATTERNS[name]
+    stops = stops_of(made)
+    assert len(stops) > len(made.tour)  # some stops are only passed
+    expected = unit(np.array([stop.q for stop in stops]))
+    assert np.abs(targets(text, pattern) - expected).max() <= decimal
+    assert text.count(WAITS[name.split(".")[1]]) == len(made.tour)
+    lines = [line for line in text.splitlines() if re.search(r"[PT]\d+(via\d+)?$", line)]
+    assert [line.split()[-1] for line in lines] == [stop.name for stop in stops]
+    assert "SIMULATED" in text
+    assert text.isascii()
+
+
+def test_urscript_moves_take_the_plans_own_times():
+    made = small_plan()
+    seconds = [
+        float(t) for t in re.findall(r"t=(\d+\.\d+)", programs(made)["program.urscript.txt"])
+    ]
+    expected = [max(stop.seconds, 0.1) for stop in stops_of(made)]
+    assert seconds == pytest.approx(expected, abs=0.0005)
+
+
+def test_with_a_blocked_move_there_is_no_program_and_that_is_said(monkeypatch, tmp_path):
+    made = with_blocked_move()
+    assert programs(made) == {}
+    assert "no robot programs" in next_step(made)
+    assert "No free way was found to pose 3" in terminal_text(made)
+    monkeypatch.setattr(plan_files, "make_plan", lambda *_, **__: made)
+    result = truebed("plan", "plan_tx60", "--out", tmp_path / "out")
+    assert result.exit_code == 1
+    assert {file.name for file in (tmp_path / "out").iterdir()} == {
+        name for name in FILES if not name.startswith("program")
+    }
+
+
+def test_the_words_name_poses_uncertainty_time_and_station():
+    made = small_plan()
+    assert promise(made).startswith(f"{len(made.places)} poses in about 1 min")
+    assert f"U = {2e6 * made.u_mean:.1f} µm (k = 2, RMS over the goal)" in promise(made)
+    proof, count, route, station = reasons(made)
+    assert "V-efficiency at least" in proof
+    assert count == f"{len(made.places)} poses reach U = 20 µm (k = 2); it is proven that fewer " \
+        f"than {made.curve.fewest} from this pool do not."  # fmt: skip
+    assert "stop on the way around" in route
+    best = made.stations.best
+    assert f"station {best + 1} at" in station
+    # the comparison says for how many poses it holds: they are not those of the plan
+    assert f"{len(made.stations.designs[best])} poses designed from there give U = " in station
+    assert f"U = {2e6 * made.stations.u_mean[best]:.1f} µm" in station
+
+
+def test_json_on_the_terminal_is_the_file_and_a_second_plan_is_refused(folder):
+    before = content(folder)
+    again = truebed("plan", "plan_tx60", "--out", folder, "--json")
+    assert again.exit_code == 2
+    assert "exists already" in json.loads(again.stdout)["error"]["message"]
+    assert content(folder) == before
+
+
+def test_overwrite_renames_the_old_plan_and_another_seed_gives_another(folder, tmp_path):
+    file, out = tmp_path / "mine.toml", tmp_path / "out"
+    file.write_text(dump_scenario(scenario(QUICK)), encoding="utf-8")
+    out.mkdir()
+    for path in folder.iterdir():
+        (out / path.name).write_bytes(path.read_bytes())
+    result = truebed("plan", file, "--out", out, "--overwrite", "--seed", 8, "--json")
+    assert result.exit_code == 0
+    assert json.loads(result.stdout) == json.loads((out / "plan.json").read_bytes())
+    assert content(tmp_path / "out.old-1") == content(folder)
+    assert (out / "plan.csv").read_bytes() != (folder / "plan.csv").read_bytes()
+    assert tomllib.loads((out / "scenario.toml").read_text())["seed"] == 8
+
+
+@pytest.mark.parametrize("stage", ["plan_report_html", "write_plan_recording"])
+def test_nothing_is_left_when_a_file_cannot_be_written(monkeypatch, tmp_path, stage):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(plan_files, "make_plan", lambda *_, **__: small_plan())
+    monkeypatch.setattr(plan_files, stage, full)
+    with pytest.raises(MachineError, match="No space left"):
+        play_plan(scenario(QUICK), tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_foreign_folder_is_never_renamed(tmp_path):
+    (tmp_path / "thesis.tex").write_text("")
+    result = truebed("plan", "plan_tx60", "--out", tmp_path, "--overwrite")
+    assert result.exit_code == 2
+    assert "is not a plan's folder" in result.stderr
+    assert plan_folder.PLAN not in {file.name for file in tmp_path.iterdir()}
