@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from testbed.checks_truth import truth_faults
 from testbed.mistakes import Fault, did_you_mean, one_error
 from testbed.settings import Scenario
 
@@ -40,6 +41,7 @@ def check_robot(scenario: Scenario, robot: "Robot", *, where: str) -> None:
             value="paper",
         )
         faults.append(fault)
+    faults += truth_faults(scenario.truth, robot)
     faults = faults or free_faults(scenario, robot)
     if faults:
         raise one_error(faults, where)

@@ -3,6 +3,8 @@
 from calib.information.criteria.named import NEEDS_GOALS
 from testbed.settings import RESERVED, Scenario
 from testbed.settings_plan import plan_contradictions
+from testbed.settings_tracker import tracker_contradictions
+from testbed.settings_truth import truth_contradictions
 
 
 def contradictions(scenario: Scenario) -> list[str]:
@@ -78,4 +80,7 @@ def contradictions(scenario: Scenario) -> list[str]:
     ]
     if len(set(scenario.identification.estimators)) < len(scenario.identification.estimators):
         found.append("[identification] estimators names one twice; remove the copy")
+    poses = {trial.name: trial.poses for trial in scenario.trial}
+    found += truth_contradictions(scenario.truth)
+    found += tracker_contradictions(scenario.tracker, poses)
     return found + plan_contradictions(scenario.plan)

@@ -42,7 +42,7 @@ def population_study(
     for k in range(count):
         seed = int(stream(scenario.seed, "population", "robot", k).integers(2**62))
         other = replace(bench, truth=draw_truth(bench.robot, scenario.truth, seed))
-        true = target_points(other.truth.poses(setting.test_q), setting.target)
+        true = target_points(other.held_out(setting.test_q), setting.target)
         before[k] = distances(true, nominal).mean()
         for i, trial in enumerate(trials):
             chosen = set_for(bench, trial, k)

@@ -16,10 +16,10 @@ from testbed.laboratory.cell import cell_from
 from testbed.laboratory.pool import Pool, draw_pool
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.tracker import Tracker, tracker_from
-from testbed.laboratory.truth import TrueRobot, draw_truth
+from testbed.laboratory.truth import TrueRobot, beyond, draw_truth
 from testbed.records import Setting
 from testbed.robots.catalog import Robot, load_robot
-from testbed.scenario import PAPER_SET, Scenario
+from testbed.scenario import PAPER_SET, At960Tracker, Scenario
 from testbed.streams import stream
 
 PROBED_POSES = 200
@@ -40,10 +40,24 @@ class Bench:
         """Stated covariance (m, 6, 6) of one visit of each pose, from nominal poses [m, rad]."""
         return self.tracker.covariance(self.setting.nominal, q, self.setting.joint_repeatability)
 
-    def measure(self, q: Array, pose_id: Index, *names: str | int, repeat: int = 0) -> Measurements:
-        """Approach and measure poses q (m, n) once; random numbers from streams under `names`."""
+    def measure(
+        self,
+        q: Array,
+        pose_id: Index,
+        *names: str | int,
+        repeat: int = 0,
+        start: float = 0.0,
+    ) -> Measurements:
+        """Approach and measure poses q (m, n) once; random numbers from streams under `names`.
+
+        The poses are visited in the order given, from joint zero on, the first one at `start`
+        after the campaign began [s]. Missed shots leave no row.
+        """
         seed = self.scenario.seed
-        T = self.truth.poses(q, rng=stream(seed, "approach", *names, repeat))
+        time, previous = journey(q, start, self.tracker.pose_time)
+        T = self.truth.poses(
+            q, rng=stream(seed, "approach", *names, repeat), time=time, previous=previous
+        )
         return self.tracker.measure(
             T,
             q,
@@ -51,11 +65,20 @@ class Bench:
             repeat=repeat,
             covariance=self.covariance(q),
             rng=stream(seed, "tracker", *names, repeat),
+            time=time,
         )
 
-    def measure_pool(self, indices: Index, *names: str | int, repeat: int = 0) -> Measurements:
+    def measure_pool(
+        self, indices: Index, *names: str | int, repeat: int = 0, start: float = 0.0
+    ) -> Measurements:
         """Measure pool poses by index (m,)."""
-        return self.measure(self.setting.pool_q[indices], indices, *names, repeat=repeat)
+        return self.measure(
+            self.setting.pool_q[indices], indices, *names, repeat=repeat, start=start
+        )
+
+    def held_out(self, q: Array) -> Array:
+        """True poses (m, 4, 4) without scatter at held-out joints q (m, n) [m]."""
+        return held_out_poses(self.truth, self.scenario, q)
 
     def whitened_rows(self, q: Array) -> Array:
         """Whitened Jacobian blocks (m, r, P) of poses not measured yet, all P columns."""
@@ -94,8 +117,26 @@ class Bench:
 def open_bench(scenario: Scenario, setting: Setting) -> Bench:
     """Set up the laboratory around a setting."""
     robot = load_robot(scenario.robot)
-    truth = TrueRobot(setting.true, setting.joint_repeatability)
-    return Bench(scenario, setting, robot, truth, tracker_from(scenario.tracker, robot.model.chain))
+    truth = TrueRobot(setting.true, setting.joint_repeatability, beyond(robot, scenario.truth))
+    tracker = tracker_from(scenario.tracker, robot.model.chain, seed=scenario.seed)
+    return Bench(scenario, setting, robot, truth, tracker)
+
+
+def journey(q: Array, start: float, pose_time: float) -> tuple[Array, Array]:
+    """Times (m,) at which poses q (m, n) are visited in turn [s], and where each came from."""
+    time: Array = start + pose_time * np.arange(len(q), dtype=np.float64)
+    return time, np.vstack([np.zeros((1, q.shape[1])), q[:-1]])[: len(q)]
+
+
+def validation_start(scenario: Scenario) -> float:
+    """When held-out poses are visited: after one visit of the largest trial [s]."""
+    return scenario.tracker.pose_s * max(trial.poses for trial in scenario.trial)
+
+
+def held_out_poses(truth: TrueRobot, scenario: Scenario, q: Array) -> Array:
+    """True poses (m, 4, 4) without scatter at q (m, n), visited in turn after the trials [m]."""
+    time, previous = journey(q, validation_start(scenario), scenario.tracker.pose_s)
+    return truth.poses(q, time=time, previous=previous)
 
 
 def free_parameters(scenario: Scenario, robot: Robot, mode: Mode) -> Parameters:
@@ -157,7 +198,7 @@ def make_setting(scenario: Scenario) -> Setting:
         rejection_counts=pool.rejection_counts,
         n_drawn=pool.n_drawn,
         test_q=test.q,
-        test_true=truth.poses(test.q),
+        test_true=held_out_poses(truth, scenario, test.q),
         T_world_tracker=tracker.T_world_tracker,
         target=tracker.reflector,
     )
@@ -172,13 +213,18 @@ def require_poses(bench: Bench) -> None:
         bench.kept().n_free if mode == "whitened" else bench.free(mode).n_free
         for mode in bench.scenario.identification.estimators
     )
+    tracker = bench.scenario.tracker
+    missed = tracker.missed if isinstance(tracker, At960Tracker) else 0
+    if bench.scenario.uncertainty.replications:
+        missed *= 2  # they visit what was seen, and miss shots again
     for trial in bench.scenario.trial:
-        if rows * trial.poses <= most:
+        if rows * (trial.poses - missed) <= most:
             raise InputError(
-                f'[[trial]] "{trial.name}" poses is {trial.poses}: {rows * trial.poses} equations '
+                f'[[trial]] "{trial.name}" poses is {trial.poses}: '
+                f"{rows * max(trial.poses - missed, 0)} equations "
                 f"for {most} parameters",
                 code="M27",
                 field="trial.poses",
                 value=trial.poses,
-                fix=f"write poses = {most // rows + 1} or more",
+                fix=f"write poses = {most // rows + 1 + missed} or more",
             )

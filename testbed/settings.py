@@ -7,6 +7,11 @@ from pydantic import Field, model_validator
 
 from testbed.settings_cell import CellSettings
 from testbed.settings_plan import DEFAULT_POSES, PlanCriterion, PlanMethod, PlanSettings
+from testbed.settings_tracker import At960Tracker as At960Tracker
+from testbed.settings_tracker import PaperTracker as PaperTracker
+from testbed.settings_tracker import TrackerSettings
+from testbed.settings_truth import TruthSettings as TruthSettings
+from testbed.settings_truth import resolved_truth
 from testbed.settings_types import Name, PlainText, Point, Settings, Side
 
 FORMAT = 1
@@ -15,71 +20,6 @@ STUDY_KEYS = ("pose_count", "random_sets", "paper_budget", "tool_point", "popula
 RESERVED = ("setting", *STUDY_KEYS)
 """Record names that no trial may take."""
 MAX_TRIALS = 200
-
-AngleSd = Annotated[float, Field(ge=0.0, le=5.0)]
-LengthSd = Annotated[float, Field(ge=0.0, le=50.0)]
-Sag = Annotated[float, Field(ge=-1000.0, le=1000.0)]
-Micrometres = Annotated[float, Field(ge=0.0, le=10_000.0)]
-Noise = Annotated[float, Field(gt=0.0, le=10_000.0)]
-HalfAngle = Annotated[float, Field(gt=0.0, le=180.0)]
-
-
-class TruthSettings(Settings):
-    """[truth]: how far the true robot lies from the nominal one."""
-
-    preset: Literal["rigid", "wen2022"]
-    perturb: str | tuple[str, ...]
-    """Numbers that differ: a free set of the robot, "links" for all link numbers, or names."""
-    angle_sd_deg: AngleSd
-    length_sd_mm: LengthSd
-    gravity_mdeg: tuple[Sag, Sag, Sag]
-    """g1, g2, g3 of the closed-form sag of joints 2 and 3."""
-    harmonic_mdeg: Annotated[float, Field(ge=0.0, le=1000.0)]
-    frame_sd_mm: LengthSd
-    """Base and tool frames, per axis."""
-    frame_sd_deg: AngleSd
-    joint_repeatability_mdeg: Annotated[float, Field(ge=0.0, le=1000.0)] | None
-    """Every joint, per approach; None: the robot's own (written "robot" in the file)."""
-
-
-class PaperTracker(Settings):
-    """[tracker] preset "paper": isotropic noise, the robot's repeatability included in it."""
-
-    preset: Literal["paper"] = "paper"
-    station_mm: Point = (2600.0, -2000.0, 300.0)
-    """Beam origin in the base frame."""
-    measures: Literal["pose", "point"] = "pose"
-    reflector_mm: Point = (0.0, 0.0, 0.0)
-    """Reflector in the tool frame; only for measures = "point"."""
-    position_um: Noise = 17.5
-    """Standard deviation per axis."""
-    rotation_mdeg: Noise = 11.0
-    """Standard deviation per axis."""
-    acceptance_deg: HalfAngle = 180.0
-    """The target is seen within this angle about the tool's z axis; 180: from anywhere."""
-
-
-class At960Tracker(Settings):
-    """[tracker] preset "at960": spherical noise, constant and per metre of range."""
-
-    preset: Literal["at960"] = "at960"
-    station_mm: Point = (2600.0, -2000.0, 300.0)
-    """Beam origin in the base frame."""
-    measures: Literal["pose", "point"] = "pose"
-    reflector_mm: Point = (0.0, 0.0, 0.0)
-    """Reflector in the tool frame; only for measures = "point"."""
-    range_um: tuple[Noise, Micrometres] = (2.0, 0.15)
-    """Along the beam: constant, per metre."""
-    transverse_um: tuple[Noise, Micrometres] = (3.0, 1.5)
-    """Across the beam: constant, per metre."""
-    centering_um: Micrometres = 2.5
-    rotation_mdeg: tuple[Noise, Noise, Noise] = (2.0, 2.0, 3.5)
-    """Pitch, yaw, roll of the target, about its own axes."""
-    acceptance_deg: HalfAngle = 180.0
-    """The target is seen within this angle about the tool's z axis; 180: from anywhere."""
-
-
-TrackerSettings = Annotated[PaperTracker | At960Tracker, Field(discriminator="preset")]
 
 
 class PoolSettings(Settings):
@@ -193,19 +133,6 @@ class Scenario(Settings):
         return self
 
 
-TRUTH_PRESETS: dict[str, dict[str, object]] = {
-    "rigid": {"gravity_mdeg": [0.0, 0.0, 0.0], "harmonic_mdeg": 0.0},
-    "wen2022": {"gravity_mdeg": [10.0, 6.0, 8.0], "harmonic_mdeg": 6.0},
-}
-"""What differs between the presets; the rest is common (project specification, section 5)."""
-TRUTH_COMMON: dict[str, object] = {
-    "angle_sd_deg": 0.02,
-    "length_sd_mm": 0.12,
-    "frame_sd_mm": 0.0,
-    "frame_sd_deg": 0.0,
-}
-
-
 def resolved(document: Mapping[str, Any]) -> dict[str, Any]:
     """The document with presets applied; wrong types are left for the strict check to name."""
     out = dict(document)
@@ -214,16 +141,8 @@ def resolved(document: Mapping[str, Any]) -> dict[str, Any]:
     if isinstance(tracker, Mapping):
         tracker = out["tracker"] = {"preset": "paper", **tracker}
     if isinstance(truth, Mapping):
-        preset = truth.get("preset", "wen2022")
-        chosen = TRUTH_PRESETS.get(preset, {}) if isinstance(preset, str) else {}
-        filled = TRUTH_PRESETS["wen2022"] | TRUTH_COMMON | chosen | {"preset": preset}
-        filled["perturb"] = "wen2022" if out.get("robot") == "staubli_tx60" else "links"
         at960 = isinstance(tracker, Mapping) and tracker.get("preset") == "at960"
-        filled["joint_repeatability_mdeg"] = None if at960 else 0.0
-        filled |= truth
-        if filled["joint_repeatability_mdeg"] == "robot":
-            filled["joint_repeatability_mdeg"] = None
-        out["truth"] = filled
+        out["truth"] = resolved_truth(truth, robot=out.get("robot"), at960=at960)
     plan = out.get("plan", {})
     if isinstance(plan, Mapping):
         pool = out.get("pool", {})

@@ -32,8 +32,9 @@ def play_trial(scenario: Scenario, setting: Setting, name: str) -> Trial:
         criterion_of(bench, settings),
     )
     chosen = selection.indices
+    span = len(chosen) * bench.tracker.pose_time
     visits = [
-        bench.measure_pool(chosen, "visit", name, repeat=k)
+        bench.measure_pool(chosen, "visit", name, repeat=k, start=k * span)
         for k in range(scenario.uncertainty.repeats)
     ]
     rows = "paper" if scenario.tracker.measures == "pose" else "whitened"

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from testbed import settings, settings_cell, settings_plan
+from testbed import settings, settings_cell, settings_plan, settings_truth
 from testbed.mistakes import Fault, Path, did_you_mean, place
 from testbed.settings import Scenario
 
@@ -73,9 +73,18 @@ def sentences(
             faults |= {(i, "contradiction"): Fault(path, line) for i, line in enumerate(lines)}
         elif item["type"] == "too_short" and len(item["input"]) >= context["min_length"]:
             continue  # counts only sound entries; the others have their own fault
+        elif path in settings_truth.NUMBERS and _other_branch(item):
+            continue
         elif path not in skip and path not in faults:
             faults[path] = _sentence(path, item["type"], context, item["input"], document)
     return list(faults.values())
+
+
+def _other_branch(item: Mapping[str, Any]) -> bool:
+    """Whether a fault says only that a number is no list, or a list no number."""
+    kind, value = item["type"], item["input"]
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return (kind == "float_type" and isinstance(value, list)) or (kind == "tuple_type" and number)
 
 
 def _path(location: Path) -> Path:
@@ -83,7 +92,7 @@ def _path(location: Path) -> Path:
     for depth, union in ((1, ("tracker",)), (2, ("plan", "goal")), (3, ("cell", "obstacle"))):
         if location[: len(union)] == union:
             return location[:depth] + location[depth + 1 :]
-    for key in TEXTS:
+    for key in (*TEXTS, *settings_truth.NUMBERS):
         if location[:2] == key:
             return location[:2] + tuple(part for part in location[2:] if isinstance(part, int))
     return location
@@ -137,6 +146,8 @@ def _sentence(
     wanted, fix = WANTED.get(kind, ("what the list of keys says", "see `truebed scenes quick`"))
     if path in TEXTS:
         wanted, fix = "text or a list of texts", "put names in quotes"
+    if path in settings_truth.NUMBERS:
+        wanted, fix = "a number or a list of numbers", "write one for all joints or one for each"
     if path == REPEATABILITY:
         wanted, fix = 'a number or "robot"', "choose one of these"
     if path == ("trial",):

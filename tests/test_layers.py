@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 ALLOWED = {
-    "calib": {"numpy", "scipy", "calib"},
+    "calib": {"numpy", "scipy", "numba", "calib"},
     "testbed": {
         "numpy", "scipy", "calib", "testbed", "mujoco", "yourdfpy", "trimesh", "manifold3d",
         "lxml", "rerun", "rerun_cli", "pyarrow", "pydantic", "typer", "rich", "matplotlib",
@@ -18,6 +18,7 @@ ALLOWED = {
     },
 }  # fmt: skip
 HOMES = {
+    "numba": ("calib/kernels/",),
     "mujoco": ("testbed/robots/mjcf.py", "testbed/laboratory/"),
     "rerun": ("testbed/output/recording", "testbed/output/viewer.py"),
     "rerun_cli": ("testbed/output/viewer.py",),
@@ -39,6 +40,7 @@ HOMES = {
 ORDER = {
     "errors": 0,
     "arrays": 1,
+    "kernels": 2,
     "geometry": 2,
     "measurement": 3,
     "information": 4,
@@ -47,7 +49,17 @@ ORDER = {
     "uncertainty": 6,
 }
 """Rooms of calib: a room imports itself and lower ones only, so there are no cycles."""
-HEAVY = ("mujoco", "rerun", "trimesh", "yourdfpy", "matplotlib", "jinja2", "lxml", "manifold3d")
+HEAVY = (
+    "numba",
+    "mujoco",
+    "rerun",
+    "trimesh",
+    "yourdfpy",
+    "matplotlib",
+    "jinja2",
+    "lxml",
+    "manifold3d",
+)
 
 
 def imports(path):
@@ -145,6 +157,11 @@ def tree(root, texts):
             "rerun belongs to testbed/output/recording, testbed/output/viewer.py, "
             "not to testbed/cli.py",
         ),
+        (
+            "calib/uncertainty/bad.py",
+            "def f():\n    import numba\n",
+            "numba belongs to calib/kernels/, not to calib/uncertainty/bad.py",
+        ),
         ("testbed/bad.py", "import models\n", "testbed/bad.py may not import models"),
         ("testbed/bad.py", "from tests import reference\n", "testbed/bad.py may not import tests"),
         ("testbed/bad.py", "from .tracker import T\n", "testbed/bad.py may not import .tracker"),
@@ -173,6 +190,7 @@ def loaded_by(statement):
         "import testbed.campaign, testbed.output.results",
         "import testbed.robots.catalog; testbed.robots.catalog.load_robot('staubli_tx60')",
         "import testbed.output.report, testbed.output.recording, testbed.output.viewer",
+        "import calib.uncertainty.bootstrap, calib.uncertainty.point_moments",
     ],
 )
 def test_what_is_not_needed_yet_stays_unloaded(statement):

@@ -21,7 +21,7 @@ from calib.information.criteria.linear import Linear
 
 STARTS = 6
 """Starts unless told otherwise: the greedy set, for A and V the best for D, the others random."""
-STARTS_OF_D = 4
+STARTS_OF_D = 2
 """Starts of that search for D."""
 PAIRS_OF_G = 5000
 """Exchanges of two poses that G tries at most: each needs every goal pose."""
@@ -54,9 +54,8 @@ def exchange(
     The first start is the greedy set, so that the result is never worse than that. The second, for
     A and V, is the best set found for D: variances have more local optima than the determinant.
     From each, the best pose is added and the worst dropped until nothing changes; the best of the
-    ends, and that of the second start, go on by best pairs until no exchange of two poses helps. G
-    begins with the best set for the mean instead of the greedy one, and tries pairs in small pools
-    only.
+    ends goes on by best pairs until no exchange of two poses helps. G begins with the best set for
+    the mean instead of the greedy one, and tries pairs in small pools only.
 
     Parameters
     ----------
@@ -108,19 +107,15 @@ def best_exchange(
         first = mean.chosen.tolist()
     chosen, value, trace, evaluated = np.zeros(0, np.int64), -np.inf, list[float](), 0
     for start in range(starts):
-        of_d = start == 1 and isinstance(criterion, Linear)
         if start == 0:
             begin = _first(problem, rng, first)
-        elif of_d:
+        elif start == 1 and isinstance(criterion, Linear):
             by_d = replace(problem, criterion=D())
-            begin = best_exchange(by_d, rng, starts=STARTS_OF_D, pairs=pairs).chosen
+            begin = best_exchange(by_d, rng, starts=STARTS_OF_D).chosen
         else:
             begin = nonsingular_set(problem, rng)
         end = add_and_drop(problem, begin)
         evaluated += end.evaluated
-        if of_d and pairs:
-            end = best_pairs(problem, end.chosen)
-            evaluated += end.evaluated
         if not trace or criterion.rises(end.value, value):
             chosen, value = end.chosen, end.value
         trace.append(criterion.figure(problem.information(chosen), problem.n_poses))

@@ -158,6 +158,8 @@ def relax(
                 if criterion.efficiency(bound, recent, p) > 1 - tolerance / 5:
                     break
                 recent = bound
+            if not d.any():
+                break  # no pose adds anything at this M: every choice of weights is as good
             w = _capped(w * d ** criterion.exponent(order), m, cap)
     M = problem.base + products.weighted(best)
     return _weights(problem, criterion, places, best, M, bound, trace)

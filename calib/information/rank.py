@@ -53,10 +53,19 @@ def practical_rank(A: ArrayLike, prior_sd: ArrayLike, *, ratio: float = PRACTICA
 
 
 def weak_prior_sd(parameters: Parameters) -> Array:
-    """Prior sd (f,) of the free numbers when nothing is known: 0.6 mm, 0.1 deg; 1 mm for frames."""
+    """Prior sd (f,) of the free numbers when nothing is known: 0.6 mm, 0.1 deg; 1 mm for frames.
+
+    Joint terms by name: gravity 50 mdeg, first harmonics 20, higher ones 12.
+    """
     frame = np.array([name.startswith(("base.", "tool.")) for name in parameters.names])
     length = np.where(frame, 1e-3, 0.6e-3)
-    return np.where(parameters.is_length, length, np.deg2rad(0.1))[parameters.free]
+    sd = np.where(parameters.is_length, length, np.deg2rad(0.1))
+    for k, name in enumerate(parameters.names):
+        if name.startswith("gravity") and not parameters.is_length[k]:
+            sd[k] = np.deg2rad(0.050)
+        elif name.startswith("harmonic") and not parameters.is_length[k]:
+            sd[k] = np.deg2rad(0.020 if name.endswith(("sin1", "cos1")) else 0.012)
+    return np.asarray(sd[parameters.free])
 
 
 def count(singular: Array, tolerance: float) -> int:

@@ -15,6 +15,7 @@ from calib.arrays import Array, Bool, check
 from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.frames import slide, transform
 from testbed.laboratory.cell import Obstacle
+from testbed.laboratory.terms import grown
 from testbed.robots.catalog import Robot
 from testbed.robots.placements import quaternion_wxyz
 
@@ -75,14 +76,22 @@ class Simulator:
         self._carrier = int(self._model.site_bodyid[self._tool])
         self._floor = self._model.geom("floor").id if robot is not None else -1
 
-    def poses(self, q: ArrayLike) -> Array:
-        """Tool poses T_world_tool (m, 4, 4) at joint values q (m, n) [rad, m]."""
+    def poses(self, q: ArrayLike, *, growth: Array | None = None) -> Array:
+        """Tool poses T_world_tool (m, 4, 4) at joint values q (m, n) [rad, m].
+
+        `growth` (m,) is how much longer the links are at each pose, as a share; once it is given,
+        give it always: the model keeps the last geometry.
+        """
         import mujoco
+
+        from testbed.robots.mjcf import set_geometry
 
         q = joint_vectors(self._chain, q)
         position, rotation = np.empty((len(q), 3)), np.empty((len(q), 9))
         model, data, tool = self._model, self._data, self._tool
         for k, joints in enumerate(q):
+            if growth is not None:
+                set_geometry(model, grown(self._chain, float(growth[k])))
             data.qpos[:] = joints
             mujoco.mj_kinematics(model, data)
             position[k], rotation[k] = data.site_xpos[tool], data.site_xmat[tool]

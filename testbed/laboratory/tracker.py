@@ -1,6 +1,6 @@
 """The virtual laser tracker: what it reports of a true pose, and the scatter it states."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -12,7 +12,11 @@ from calib.geometry.frames import exp_so3, inverse, slide
 from calib.geometry.model import RobotModel
 from calib.measurement.noise import spherical_covariance, with_joint_noise
 from calib.measurement.observations import POINT, POSE, Measurements
+from testbed.laboratory.drift import NESTS, Drift
+from testbed.laboratory.mishaps import Mishaps, some_rows, streams_below
+from testbed.laboratory.station_bias import BiasSize, StationBias
 from testbed.scenario import At960Tracker, PaperTracker
+from testbed.streams import stream
 
 PROBE_CENTER = (0.0, 0.0, 0.060)
 """Where the reflector of the drawn 6-D probe sits in the flange frame [m]."""
@@ -38,6 +42,14 @@ class Tracker:
     """Of the target's rotation about the tool's x, y, z [rad]."""
     acceptance: float = np.pi
     """Half angle of the cone about the tool's z axis from which the target is seen [rad]."""
+    pose_time: float = 10.0
+    """From one shot to the next [s]."""
+    bias: StationBias | None = None
+    """What it gets wrong the same way all campaign long; None: nothing."""
+    drift: Drift | None = None
+    """How its station wanders; None: it stands still."""
+    mishaps: Mishaps = field(default_factory=Mishaps)
+    """Wrong and failed shots."""
 
     def __post_init__(self) -> None:
         T, reflector = check(
@@ -81,17 +93,21 @@ class Tracker:
         Hollerbach & Wampler 1996 (input noise): Sigma_j = Sigma_tracker + J_q diag(sigma_q^2) J_q'.
         """
         T = model.poses(q)
-        own = spherical_covariance(
-            self.targets(T),
+        own = self.own_covariance(self.targets(T), T[:, :3, :3])
+        return with_joint_noise(
+            model, q, own, sigma_q, offset=np.broadcast_to(self.reflector, (len(T), 3))
+        )
+
+    def own_covariance(self, target: Array, R: Array | None = None) -> Array:
+        """Scatter (m, 6, 6) of shots at targets (m, 3) on tools R (m, 3, 3), world axes."""
+        return spherical_covariance(
+            target,
             self.T_world_tracker,
             range_sd=self.range_sd,
             transverse_sd=self.transverse_sd,
             rotation_sd=self.rotation_sd,
             centering_sd=self.centering_sd,
-            R_world_target=T[:, :3, :3],
-        )
-        return with_joint_noise(
-            model, q, own, sigma_q, offset=np.broadcast_to(self.reflector, (len(T), 3))
+            R_world_target=R,
         )
 
     def measure(
@@ -102,10 +118,14 @@ class Tracker:
         repeat: int,
         covariance: Array,
         rng: np.random.Generator,
+        *,
+        time: ArrayLike | None = None,
     ) -> Measurements:
-        """One reading of each true tool pose.
+        """One reading of each true tool pose, but for those that are missed.
 
         The noise follows the shot as it is, not the stated covariance, which only travels along.
+        Drift, outliers and missed shots have streams of their own below `rng`: switching one of
+        them never moves the noise or the others.
 
         Parameters
         ----------
@@ -121,6 +141,8 @@ class Tracker:
             What is stated with the readings, from `covariance`.
         rng : Generator
             Noise of this visit: nine normal numbers a row.
+        time : (m,) array_like, optional
+            Of each shot; one every `pose_time` by default. The visit begins with the first [s].
         """
         m = len(T_true)
         beam_noise, center_noise, turn_noise = rng.standard_normal((m, 3, 3)).swapaxes(0, 1)
@@ -134,12 +156,27 @@ class Tracker:
         share = (u * beam_noise).sum(axis=1, keepdims=True)
         position = true + across * beam_noise + (along - across) * share * u
         position += self.centering_sd * center_noise
+        turn = (R @ (turn_noise * self.rotation_sd)[..., None])[..., 0]
+        if self.bias is not None:
+            fixed = self.bias.errors(true, R, self.T_world_tracker)
+            position, turn = position + fixed[:, :3], turn + fixed[:, 3:]
+        rotation = exp_so3(turn) @ R
+        axes = self.T_world_tracker[:3, :3]
+        walk_rng, nest_rng, wrong_rng, lost_rng = streams_below(rng)
+        if self.drift is not None:
+            since = np.arange(m) * self.pose_time if time is None else np.asarray(time)
+            elapsed = since - since[:1]
+            position = position + self.drift.walk(elapsed, walk_rng) @ axes.T
+            nests = self.own_covariance(self.drift.nests)[:, :3, :3]
+            position = position + self.drift.nest_noise(elapsed, nests, nest_rng)
+        if self.mishaps.outliers:
+            rows = some_rows(m, self.mishaps.outliers, wrong_rng, "outliers")
+            gross = wrong_rng.standard_normal((2, len(rows), 3))
+            position[rows] += gross[0] * self.mishaps.position_sd
+            rotation[rows] = exp_so3(gross[1] * self.mishaps.rotation_sd) @ rotation[rows]
         if self.measures == POINT:
             rotation = np.broadcast_to(np.eye(3), (m, 3, 3))
-        else:
-            turn = (R @ (turn_noise * self.rotation_sd)[..., None])[..., 0]
-            rotation = exp_so3(turn) @ R
-        return Measurements(
+        found = Measurements(
             q=q,
             position=position,
             rotation=rotation,
@@ -149,10 +186,28 @@ class Tracker:
             pose_id=pose_id,
             repeat=np.full(m, repeat),
         )
+        if not self.mishaps.missed:
+            return found
+        seen = np.ones(m, dtype=bool)
+        seen[some_rows(m, self.mishaps.missed, lost_rng, "missed")] = False
+        return found.rows(seen)
 
 
-def tracker_from(settings: PaperTracker | At960Tracker, chain: Chain) -> Tracker:
-    """The tracker of a scenario; `chain` is nominal, its base is what the station refers to."""
+def tracker_from(
+    settings: PaperTracker | At960Tracker, chain: Chain, *, seed: int | None = None
+) -> Tracker:
+    """The tracker of a scenario.
+
+    Parameters
+    ----------
+    settings : PaperTracker or At960Tracker
+        [tracker] of the scenario.
+    chain : Chain
+        Nominal; its base is what the station refers to.
+    seed : int, optional
+        Seed of the campaign, from which systematic errors are drawn; without it there are none:
+        planning does not know them.
+    """
     T_world_tracker = chain.T_world_base @ slide(*(np.array(settings.station_mm) / 1e3))
     reflector = np.array(settings.reflector_mm) / 1e3
     acceptance = float(np.radians(settings.acceptance_deg))
@@ -168,6 +223,7 @@ def tracker_from(settings: PaperTracker | At960Tracker, chain: Chain) -> Tracker
             centering_sd=0.0,
             rotation_sd=(turn, turn, turn),
             acceptance=acceptance,
+            pose_time=settings.pose_s,
         )
     pitch, yaw, roll = (float(np.radians(sd * 1e-3)) for sd in settings.rotation_mdeg)
     return Tracker(
@@ -179,7 +235,44 @@ def tracker_from(settings: PaperTracker | At960Tracker, chain: Chain) -> Tracker
         centering_sd=settings.centering_um * 1e-6,
         rotation_sd=(pitch, yaw, roll),
         acceptance=acceptance,
+        pose_time=settings.pose_s,
+        bias=_bias(settings, seed),
+        drift=_drift(settings, chain),
+        mishaps=Mishaps(
+            settings.outliers,
+            settings.outlier_mm / 1e3,
+            float(np.radians(settings.outlier_deg)),
+            settings.missed,
+        ),
     )
+
+
+def bias_size(settings: At960Tracker) -> BiasSize:
+    """How large the systematic errors of a scenario's tracker may be."""
+    return BiasSize(
+        settings.range_offset_um * 1e-6,
+        settings.scale_um_per_m * 1e-6,
+        _in_meters(settings.encoder_um),
+        settings.target_offset_um * 1e-6,
+        float(np.radians(settings.target_turn_mdeg * 1e-3)),
+    )
+
+
+def _bias(settings: At960Tracker, seed: int | None) -> StationBias | None:
+    """Systematic errors drawn once for a campaign."""
+    if not settings.systematic or seed is None:
+        return None
+    size = bias_size(settings)
+    return StationBias(size, size.draw(stream(seed, "station", "bias")))
+
+
+def _drift(settings: At960Tracker, chain: Chain) -> Drift | None:
+    """How the station wanders; the nests stand around the robot's base."""
+    if not settings.drift_um_per_sqrt_h:
+        return None
+    T = chain.T_world_base
+    nests = np.array(NESTS) @ T[:3, :3].T + T[:3, 3]
+    return Drift(settings.drift_um_per_sqrt_h * 1e-6 / 60.0, settings.nests_s, nests)
 
 
 def _in_meters(pair: tuple[float, float]) -> tuple[float, float]:

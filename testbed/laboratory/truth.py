@@ -7,20 +7,33 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check
 from calib.errors import InputError
-from calib.geometry.chain import Chain, chain_names, forward, joint_vectors
-from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_terms
+from calib.geometry.chain import chain_names, joint_vectors
+from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
+from testbed.checks_truth import require_truth
+from testbed.laboratory.elastic import ElasticArm
+from testbed.laboratory.play import backlash
 from testbed.laboratory.simulator import Simulator
+from testbed.laboratory.terms import (
+    Beyond,
+    Springs,
+    Thermal,
+    encoder,
+    gravity,
+    harmonics,
+    high_harmonics,
+    joined,
+    mdeg,
+    per_joint,
+)
+from testbed.laboratory.terms import is_candle as is_candle
 from testbed.robots.catalog import Robot
-from testbed.robots.placements import link_poses
 from testbed.robots.strict_toml import did_you_mean
 from testbed.scenario import TruthSettings
 from testbed.streams import stream
 
 LINKS = "links"
 """Value of `perturb` that means every link number."""
-UPRIGHT = np.radians(1.0)
-"""An arm this close to upright counts as upright [rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,8 +44,10 @@ class TrueRobot:
     """Geometry and joint errors [m, rad]."""
     joint_repeatability: Array
     """(n,) standard deviation of each joint at each approach [rad or m]."""
-    simulator: Simulator = field(init=False, repr=False)
-    """The same geometry as a MuJoCo body tree."""
+    beyond: Beyond = field(default_factory=Beyond)
+    """Play, warmth and springs, which `model` does not know."""
+    simulator: Simulator | ElasticArm = field(init=False, repr=False)
+    """The same geometry as a MuJoCo body tree, sprung where the arm gives way."""
 
     def __post_init__(self) -> None:
         n = self.model.chain.n_joints
@@ -46,19 +61,49 @@ class TrueRobot:
                 allowed="standard deviations are not negative",
             )
         object.__setattr__(self, "joint_repeatability", sd)
-        object.__setattr__(self, "simulator", Simulator(None, self.model.chain))
+        chain, springs = self.model.chain, self.beyond.springs
+        arm = ElasticArm(chain, springs) if springs else Simulator(None, chain)
+        object.__setattr__(self, "simulator", arm)
 
-    def poses(self, q: ArrayLike, *, rng: np.random.Generator | None = None) -> Array:
+    def poses(
+        self,
+        q: ArrayLike,
+        *,
+        rng: np.random.Generator | None = None,
+        time: ArrayLike | None = None,
+        previous: ArrayLike | None = None,
+    ) -> Array:
         """True tool poses T_world_tool (m, 4, 4) at commanded joints q (m, n) [rad, m].
 
         Each row is one approach. Without `rng` the joints stop where their errors put them; with it
         every approach also has its own joint repeatability.
+
+        Parameters
+        ----------
+        q : (m, n) array_like
+            Commanded joints [rad, m].
+        rng : Generator, optional
+            Joint repeatability of each approach.
+        time : (m,) array_like, optional
+            Since the start of the campaign; a cold robot by default [s].
+        previous : (m, n) array_like, optional
+            Where each move came from; all joints at zero by default [rad, m].
         """
         q = joint_vectors(self.model.chain, q)
         reached = q + self.model.joint_errors.offsets(q)
+        if self.beyond.backlash is not None:
+            (before,) = check(
+                f"{len(q)} {q.shape[1]}",
+                previous=np.zeros_like(q) if previous is None else previous,
+            )
+            reached = reached + self.beyond.backlash.offsets(q, before)
         if rng is not None:
             reached = reached + rng.standard_normal(q.shape) * self.joint_repeatability
-        return self.simulator.poses(reached)
+        growth = None
+        if self.beyond.thermal is not None:
+            (since,) = check(f"{len(q)}", time=np.zeros(len(q)) if time is None else time)
+            growth = self.beyond.thermal.growth(since)
+        return self.simulator.poses(reached, growth=growth)
 
 
 def draw_truth(robot: Robot, truth: TruthSettings, seed: int) -> TrueRobot:
@@ -81,28 +126,73 @@ def draw_truth(robot: Robot, truth: TruthSettings, seed: int) -> TrueRobot:
     Magnitudes after what fits to measured arms of this size leave behind: 0.02 deg and 0.12 mm of
     geometry, joint sag and gear harmonics of some millidegrees (assumed, not a maker's figures).
     """
-    chain = robot.model.chain.moved(
+    require_truth(robot, truth)
+    nominal = robot.model.chain
+    chain = nominal.moved(
         geometry_step(robot, truth, stream(seed, "truth", "geometry"))
-        + frame_step(robot.model.chain.n_joints, truth, stream(seed, "truth", "frames"))
+        + frame_step(nominal.n_joints, truth, stream(seed, "truth", "frames"))
     )
     errors = JointErrors()
     if any(truth.gravity_mdeg):
-        errors = joined(errors, gravity(robot.model.chain, mdeg(truth.gravity_mdeg)))
-    if truth.harmonic_mdeg:
+        errors = joined(errors, gravity(nominal, mdeg(truth.gravity_mdeg)))
+    if np.any(truth.harmonic_mdeg):
         rng = stream(seed, "truth", "harmonics")
-        errors = joined(errors, harmonics(robot.model.chain, mdeg(truth.harmonic_mdeg), rng))
-    return TrueRobot(RobotModel(chain, errors), joint_repeatability(robot, truth))
+        errors = joined(errors, harmonics(nominal, per_joint(nominal, truth.harmonic_mdeg), rng))
+    if np.any(truth.high_harmonic_mdeg):
+        rng = stream(seed, "truth", "high harmonics")
+        size = per_joint(nominal, truth.high_harmonic_mdeg)
+        errors = joined(errors, high_harmonics(nominal, size, rng))
+    if np.any(truth.encoder_mdeg):
+        rng = stream(seed, "truth", "encoder")
+        size = per_joint(nominal, truth.encoder_mdeg)
+        errors = joined(errors, encoder(nominal, size, truth.encoder_periods, rng))
+    model = RobotModel(chain, errors)
+    return TrueRobot(model, joint_repeatability(robot, truth), beyond(robot, truth))
 
 
-def mdeg(value: ArrayLike) -> Array:
-    """Thousandths of a degree in rad."""
-    return np.asarray(np.radians(np.asarray(value, dtype=np.float64) * 1e-3))
+def beyond(robot: Robot, truth: TruthSettings) -> Beyond:
+    """Play, warmth and springs of a scenario; nothing of them is drawn.
+
+    Raises
+    ------
+    InputError
+        If the play goes by the posture of an arm of another kind; see `is_candle`.
+    """
+    chain, play, warmth, springs = robot.model.chain, None, None, None
+    if np.any(truth.backlash_mdeg):
+        if truth.backlash_side == "posture" and not (is_candle(chain) and chain.n_joints >= 5):
+            raise InputError(
+                '[truth] backlash_side = "posture" does not fit this arm',
+                code="S37",
+                field="truth.backlash_side",
+                value="posture",
+                allowed="an upright arm of five joints or more, joints 2 and 3 level and parallel",
+                fix='write backlash_side = "load" or "approach"',
+            )
+        width = np.where(chain.prismatic, 0.0, per_joint(chain, truth.backlash_mdeg))
+        play = backlash(robot, truth, width / 2)
+    if truth.thermal_k:
+        warmth = Thermal(truth.thermal_k, truth.thermal_h * 3600, truth.thermal_um_per_m_k * 1e-6)
+    if truth.drive_nm_per_mrad:
+        springs = Springs(
+            robot.masses,
+            robot.centers,
+            robot.inertias,
+            np.array(truth.drive_nm_per_mrad) * 1e3,
+            np.array(truth.bearing_nm_per_mrad) * 1e3,
+            truth.payload_kg,
+            np.array(truth.payload_center_mm) / 1e3,
+        )
+    return Beyond(play, warmth, springs)
 
 
 def geometry_step(robot: Robot, truth: TruthSettings, rng: np.random.Generator) -> Array:
     """Normal errors (12 + 5 n,) of the perturbed numbers, zero for all others [m, rad]."""
     model = robot.model
     sd = np.where(model.is_length, truth.length_sd_mm / 1e3, np.radians(truth.angle_sd_deg))
+    letters = np.array([name.rstrip("0123456789") for name in model.names])
+    sd[np.isin(letters, ("alpha", "beta"))] *= truth.twist_share
+    sd[letters == "d"] *= truth.offset_share
     chosen = perturbed_names(robot, truth.perturb)
     mask = np.array([name in chosen for name in model.names])
     # drawn for all numbers, so that a number's error does not depend on which others are chosen
@@ -150,68 +240,6 @@ def frame_step(n_joints: int, truth: TruthSettings, rng: np.random.Generator) ->
     sd = np.repeat([truth.frame_sd_mm / 1e3, np.radians(truth.frame_sd_deg)], 3)
     base, tool = rng.standard_normal((2, 6)) * sd
     return np.concatenate([base, np.zeros(5 * n_joints), tool])
-
-
-def gravity(chain: Chain, amplitudes: Array) -> JointErrors:
-    """Sag of joints 2 and 3 with amplitudes g1, g2, g3 [rad]: dq2 = g1 sin q2 + g2 sin(q2+q3), ...
-
-    Raises
-    ------
-    InputError
-        If the arm is not one the closed form holds for; see `is_candle`.
-    """
-    if not is_candle(chain):
-        raise InputError(
-            "[truth] gravity_mdeg does not fit this arm",
-            code="S37",
-            field="truth.gravity_mdeg",
-            value=tuple(np.degrees(amplitudes * 1e3).round(9).tolist()),
-            allowed="joints 2 and 3 with level parallel axes, and an upright arm at joint zero",
-            fix='write gravity_mdeg = [0, 0, 0] or preset = "rigid"',
-        )
-    return JointErrors(gravity_terms(chain.n_joints), amplitudes)
-
-
-def is_candle(chain: Chain) -> bool:
-    """Whether joints 2 and 3 turn about level parallel axes, and the arm stands upright at zero.
-
-    Only then do the torques of gravity go with sin q2 and sin(q2 + q3).
-    """
-    if chain.n_joints < 3 or "prismatic" in chain.kinds[1:3]:
-        return False
-    bodies = link_poses(chain, np.zeros((1, chain.n_joints)))[0]
-    slack = np.sin(UPRIGHT)
-    axis, shoulder, elbow = bodies[2, :3, 2], bodies[2, :3, 3], bodies[3, :3, 3]
-    # opposite axes are out as well: the forearm would lean by q2 - q3
-    level = abs(axis[2]) <= slack and axis @ bodies[3, :3, 2] >= np.cos(UPRIGHT)
-    for arm in (elbow - shoulder, forward(chain, np.zeros((1, chain.n_joints)))[0, :3, 3] - elbow):
-        across = arm - axis * (axis @ arm)  # the part that gravity turns
-        level = level and across[2] >= np.cos(UPRIGHT) * np.linalg.norm(across)
-    return bool(level)
-
-
-def harmonics(chain: Chain, amplitude: float | Array, rng: np.random.Generator) -> JointErrors:
-    """Gear errors of every revolute joint: dq = h [A sin(q + phi1) + 0.5 B sin(2 q + phi2)].
-
-    A and B are uniform on 0.5 to 1.5, the phases on a full turn, drawn anew for each joint;
-    `amplitude` is h [rad].
-    """
-    n = chain.n_joints
-    size = rng.uniform(0.5, 1.5, (n, 2)) * [1.0, 0.5]
-    phase = rng.uniform(0.0, 2 * np.pi, (n, 2))
-    # A sin(kq + phi) = (A cos phi) sin kq + (A sin phi) cos kq; terms run joint, order, sin, cos
-    parts = amplitude * size[..., None] * np.stack([np.cos(phase), np.sin(phase)], axis=-1)
-    turning = [kind == "revolute" for kind in chain.kinds for _ in range(4)]
-    terms = [term for term, turns in zip(harmonic_terms(n), turning, strict=True) if turns]
-    return JointErrors(tuple(terms), parts.ravel()[turning])
-
-
-def joined(first: JointErrors, second: JointErrors) -> JointErrors:
-    """Both sums of joint terms as one."""
-    return JointErrors(
-        (*first.terms, *second.terms),
-        np.concatenate([first.coefficients, second.coefficients]),
-    )
 
 
 def joint_repeatability(robot: Robot, truth: TruthSettings) -> Array:

@@ -41,8 +41,8 @@ def procedure(campaign: Campaign, contest: Contest) -> str:
         "was drawn anew for each robot. A designed set is one set, chosen on the nominal robot: "
         "what is said of it is said of this set from this pool. Intervals are confidence "
         "intervals over robots (Student's t on the logarithm of the ratio). The tables give each "
-        "95 % interval by itself; better and worse are said by intervals that all hold at once "
-        f"with 95 % probability (Bonferroni, {counted(contest.comparisons, 'comparison')})."
+        "95 % interval by itself; better and worse are said by joint intervals, which all hold "
+        f"at once with 95 % probability (Bonferroni, {counted(contest.comparisons, 'comparison')})."
     )
 
 
@@ -62,10 +62,10 @@ def in_short(contest: Contest) -> tuple[str, ...]:
 
 def leader(contest: Contest, poses: int) -> str:
     """Which set of one size did best."""
-    first = contest.of_size(poses)[0]
-    if first.outcome != "better":
+    shown = [entry for entry in contest.of_size(poses) if entry.outcome == "better"]
+    if not shown:
         return f"With {poses} poses no set is shown to be better than random ones."
-    return f"With {poses} poses the smallest error comes first: {sentence(first, contest)}"
+    return f"With {poses} poses the best of those shown to be better: {sentence(shown[0], contest)}"
 
 
 def source(contest: Contest) -> str:
@@ -95,14 +95,14 @@ def sentence(entry: Entry, contest: Contest) -> str:
     tail = f"smaller error on {percent(entry.wins)} of {counted(contest.robots, 'robot')}"
     if entry.outcome == "undecided":
         return (
-            f"{who} and {rivals} cannot be told apart ({signed(middle)}, 95 % CI {signed(low)} to "
-            f"{signed(high)}; {tail})."
+            f"{who} and {rivals} cannot be told apart ({signed(middle)}, joint 95 % CI "
+            f"{signed(low)} to {signed(high)}; {tail})."
         )
     if entry.outcome == "better":
         middle, low, high = -middle, -high, -low
     return (
-        f"{who} is {fixed(middle, 1)} % {entry.outcome} than {rivals} (95 % CI {fixed(low, 1)} to "
-        f"{fixed(high, 1)} %; {tail})."
+        f"{who} is {fixed(middle, 1)} % {entry.outcome} than {rivals} (joint 95 % CI "
+        f"{fixed(low, 1)} to {fixed(high, 1)} %; {tail})."
     )
 
 

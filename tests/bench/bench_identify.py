@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from calib.geometry.parameters import parameters_of
+from calib.identification.extended import extended_model
 from calib.identification.identify import identify
+from calib.identification.prior import weak_prior
 from calib.measurement.residual import stacked
 from tests.reference import WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
@@ -20,6 +22,20 @@ TABLE = measured(rigid_truth(np.random.default_rng(1)), pool_r()[:29], np.random
 def test_one_fit_of_29_poses(benchmark, free, mode):
     parameters = parameters_of(tx60(), free)
     result = benchmark(identify, tx60(), TABLE, parameters, mode=mode)
+    assert result.status.name == "CONVERGED"
+
+
+def test_one_extended_fit_of_29_poses(benchmark):
+    """69 numbers under a prior: more columns, the same steps."""
+    wide = extended_model(tx60())
+    parameters = parameters_of(wide)
+    result = benchmark(identify, wide, TABLE, parameters, prior=weak_prior(parameters))
+    assert result.status.name == "CONVERGED"
+
+
+@pytest.mark.parametrize("loss", ["huber", "cauchy"])
+def test_one_robust_fit_of_29_poses(benchmark, loss):
+    result = benchmark(identify, tx60(), TABLE, parameters_of(tx60()), loss=loss)
     assert result.status.name == "CONVERGED"
 
 

@@ -86,6 +86,7 @@ def from_rows(name: str, A: Array, before: Array) -> float:
     return -float(u2.max() if name == "G" else u2.mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CONVEX)
 @pytest.mark.parametrize("kind", ["uneven", "integer", "units", "twins"])
 def test_no_set_exceeds_the_bound_of_a_pool_made_to_break_it(kind: str, name: str):

@@ -16,6 +16,7 @@ ALL = ("D", "A", "V", "G", "E", "O2", "O4", "O5")
 METHODS = {"exchange": exchange, "fedorov": fedorov}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ALL)
 @pytest.mark.parametrize("known", [False, True])
 def test_the_best_of_all_sets_is_found(name: str, known: bool):

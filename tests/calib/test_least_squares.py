@@ -1,6 +1,7 @@
 """The solver alone: certified problems of NIST, laws of least squares, honest ends."""
 
 import re
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -87,8 +88,8 @@ def read(name: str) -> tuple[Array, Array, Array]:
     return data[:, 1:].T.squeeze(), y, np.array(table, dtype=float)
 
 
-def fit(name: str, start: int) -> tuple[Solution[Array], Array]:
-    """Solution and certified table; the derivative by complex step."""
+def problem(name: str):
+    """Function b -> residual and exact derivative (by complex step), and the certified table."""
     x, y, table = read(name)
     model = MODELS[name]
 
@@ -97,6 +98,13 @@ def fit(name: str, start: int) -> tuple[Solution[Array], Array]:
         columns = [model(b + 1j * step, x).imag / step.sum() for step in np.diag(h)]
         return y - model(b, x), np.transpose(columns)
 
+    return evaluate, table
+
+
+@cache
+def fit(name: str, start: int) -> tuple[Solution[Array], Array]:
+    """Solution and certified table."""
+    evaluate, table = problem(name)
     return solve(
         evaluate, table[:, start], move=np.add, reach=np.abs(table[:, start]), most=20000
     ), table
@@ -120,7 +128,12 @@ def valley(x: Array) -> tuple[Array, Array]:
     return np.array([0.0, 1.0, 2.0]) - prediction, J
 
 
-@pytest.mark.skipif(not STRD.is_dir(), reason="needs the NIST StRD files in ../shared/reference")
+needs_files = pytest.mark.skipif(
+    not STRD.is_dir(), reason="needs the NIST StRD files in ../shared/reference"
+)
+
+
+@needs_files
 @pytest.mark.parametrize("start", [0, 1], ids=["far start", "near start"])
 @pytest.mark.parametrize("name", MODELS)
 def test_certified_nist_problems_are_solved_to_six_digits(name, start):
@@ -132,6 +145,47 @@ def test_certified_nist_problems_are_solved_to_six_digits(name, start):
     K, r = covariance_factor(solution.jacobian), solution.residual
     variance = r @ r / (len(r) - len(solution.x))
     assert digits(np.sqrt(variance * np.square(K).sum(1)), table[:, 3]) >= 6
+
+
+@needs_files
+def test_certified_nist_problems_are_solved_to_ten_digits_on_average():
+    """54 starts: all to six digits, the mean at least ten, standard deviations of 52 to six."""
+    values, deviations = [], []
+    for name in MODELS:
+        for start in (0, 1):
+            solution, table = fit(name, start)
+            values.append(digits(solution.x, table[:, 2]))
+            K, r = covariance_factor(solution.jacobian), solution.residual
+            variance = r @ r / (len(r) - len(solution.x))
+            deviations.append(digits(np.sqrt(variance * np.square(K).sum(1)), table[:, 3]))
+    assert len(values) == 54
+    assert min(values) >= 6
+    assert np.mean(values) >= 10
+    assert sum(d >= 6 for d in deviations) == 52
+
+
+@needs_files
+@pytest.mark.parametrize("name", ["Hahn1", "MGH09", "Thurber"])
+def test_a_false_success_is_caught_by_the_certificate(name):
+    """scipy's defaults call these far starts solved; our certificate of the same points does not.
+
+    It asks what the parameters could still explain, not whether the last step was short.
+    """
+    evaluate, table = problem(name)
+    theirs = least_squares(lambda b: -evaluate(b)[0], table[:, 0])
+    assert theirs.success
+    assert digits(theirs.x, table[:, 2]) < 6
+    assert relative_offset(*evaluate(theirs.x)) > 1e-6
+
+
+def test_a_fit_led_astray_by_a_wrong_derivative_is_not_called_converged():
+    """One column with the wrong sign: the steps lead astray, and where they end is not believed."""
+
+    def evaluate(x):
+        r, A = valley(x)
+        return r, A * [-1.0, 1.0]
+
+    assert solve(evaluate, np.array([-1.2, 1.0]), move=np.add).status is not Status.CONVERGED
 
 
 def test_a_straight_line_is_fitted_in_one_step():

@@ -10,6 +10,7 @@ from calib.information.observability import CRITERIA, Criterion
 from tests.calib.design_cases import paper_pool, small_pool, whitened_pool
 
 
+@pytest.mark.slow
 @pytest.mark.truth
 @pytest.mark.parametrize(("criterion", "low", "high"), [("O1", 52, 60), ("O2", 25, 36)])
 def test_the_rule_lands_in_the_published_ranges(criterion: Criterion, low: int, high: int):

@@ -8,6 +8,8 @@ import pytest
 from calib.design.blocks import information
 from calib.design.relaxation import Grams, relaxation
 from calib.errors import InputError
+from calib.information.criteria.named import criterion_named
+from calib.information.goals import Goals
 from tests.calib.design_cases import small_criterion, small_pool, whitened_pool
 
 
@@ -69,3 +71,13 @@ def test_a_bound_within_a_thousandth_of_the_last_is_reached_in_few_steps():
 def test_a_criterion_that_is_not_concave_is_refused():
     with pytest.raises(InputError, match="O2 has no relaxation"):
         relaxation(small_pool(0), 5, "O2")
+
+
+@pytest.mark.parametrize("name", ["V", "G"])
+def test_a_goal_that_no_pose_teaches_anything_about_is_bounded_by_what_is_known(name: str):
+    blocks, rows = small_pool(0), np.zeros((1, 3, 5))
+    blocks[:, :, 2], rows[0, 0, 2] = 0, 1
+    criterion = criterion_named(name, goals=Goals(rows, np.ones(1)))
+    found = relaxation(blocks, 5, criterion, prior=np.diag([0, 0, 4.0, 0, 0]))
+    assert found.figure == pytest.approx(0.5, rel=1e-9)
+    assert found.w.sum() == pytest.approx(5)

@@ -14,7 +14,12 @@ from numpy.typing import NDArray
 
 from calib.arrays import Array, Bool, Index
 from calib.errors import CalibError
+from calib.geometry.parameters import parameters_of
+from calib.identification.identify import Identification, identify
+from calib.identification.prior import weak_prior
 from testbed.output.codec import pack, unpack
+from tests.reference import pool_r, rigid_truth, tx60
+from tests.truth.measuring import measured
 
 
 class Mood(Enum):
@@ -164,3 +169,22 @@ def test_content_that_does_not_fit_the_class_is_refused(change, message):
     del good["text"]
     with pytest.raises(ValueError, match="text is missing"):
         unpack(Leaf, good)
+
+
+@pytest.mark.parametrize("loss", ["squared", "cauchy"])
+def test_an_identification_with_prior_repeats_and_weights_comes_back(loss):
+    rng = np.random.default_rng(1)
+    q = np.tile(pool_r()[:12], (2, 1))
+    parameters = parameters_of(tx60())
+    table = measured(rigid_truth(rng), q, rng)
+    found = identify(tx60(), table, parameters, prior=weak_prior(parameters), loss=loss)
+    back = unpack(Identification, pack(found))
+    assert (back.loss, back.lack_of_fit) == (loss, found.lack_of_fit)
+    assert (back.log_evidence, back.dof_effective) == (found.log_evidence, found.dof_effective)
+    assert back.prior.names == found.prior.names
+    np.testing.assert_array_equal(back.prior.precision, found.prior.precision)
+    np.testing.assert_array_equal(back.weights, found.weights)
+    plain = identify(tx60(), table, parameters)
+    again = unpack(Identification, pack(plain))
+    assert again.prior is None
+    assert np.isnan(again.log_evidence)

@@ -196,12 +196,25 @@ def test_a_sentence_reads_as_it_should():
     contest = contest_of(with_errors(lucky(rng, factors, 40, 1e-5)))
     said = {e.trial.name: report_pose_sets.sentence(e, contest) for e in contest.entries if e.ratio}
     assert said["paper-o1-29"] == (
-        "The paper's O1 set of 29 is 12.0 % worse than random sets of 29 (95 % CI 12.0 to 12.0 %; "
-        "smaller error on 0\u202f% of 40 robots)."
+        "The paper's O1 set of 29 is 12.0 % worse than random sets of 29 (joint 95 % CI 12.0 "
+        "to 12.0 %; smaller error on 0\u202f% of 40 robots)."
     )
     assert said["v-29"].startswith("The V set by exchange of 29 is 10.0 % better than random sets")
     assert said["best-of-random-15"].startswith("The best of 100 random sets by D of 15 is 12.0 %")
     assert report_pose_sets.leader(contest, 15).endswith("better than random ones.")
+    assert "The V set by exchange" in report_pose_sets.leader(contest, 29)
+
+
+def test_a_set_that_is_better_leads_even_if_an_undecided_one_has_the_smaller_mean():
+    names = crowd().population.trials
+    rng = np.random.default_rng(6)
+    errors = lucky(rng, [0.95 if name == "v-29" else 1.0 for name in names], 40, 1e-5)
+    luck = rng.normal(size=40)
+    errors[names.index("e-29")] *= 0.9 * np.exp(luck - luck.mean())
+    contest = contest_of(with_errors(errors))
+    outcome = {e.trial.name: e.outcome for e in contest.entries}
+    assert (outcome["v-29"], outcome["e-29"]) == ("better", "undecided")
+    assert contest.of_size(29)[0].trial.name == "e-29"
     assert "The V set by exchange" in report_pose_sets.leader(contest, 29)
 
 

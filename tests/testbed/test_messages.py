@@ -6,23 +6,29 @@ Rewrite it with ``TRUEBED_UPDATE=1 pytest tests/testbed/test_messages.py`` and r
 import os
 from contextlib import ExitStack
 from copy import deepcopy
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from calib.errors import CalibError
+from calib.geometry.frames import rot_x
+from calib.geometry.model import RobotModel
 from testbed.archive import read_result, recording_of
+from testbed.laboratory.truth import draw_truth
 from testbed.output import layout
 from testbed.output.plan_folder import check_free
 from testbed.output.store import RunFolder
 from testbed.plan import plan
 from testbed.planning.joint_lists import read_joints
+from testbed.robots.catalog import load_robot
 from testbed.runner import play_run
 from testbed.scenario import load_scenario, parse_scenario, scenario_of
 from testbed.streams import stream
 from tests.planned import QUICK, ROBOT, SMALL, scenario
 from tests.testbed.fake_campaign import SCENARIO, Fake
+from tests.testbed.outcomes import settings as outcome_settings
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "messages.txt"
 POINT = {"tracker.measures": "point", "identification.estimators": ["whitened"]}
@@ -85,6 +91,12 @@ def without_memory(path):
     play_run(scenario_of(SCENARIO), stages=Greedy())
 
 
+def on_a_wall():
+    robot = load_robot("staubli_tx60")
+    lying = replace(robot.model.chain, T_world_base=rot_x(np.pi / 2))
+    return replace(robot, model=RobotModel(lying))
+
+
 def file_in_the_way(path):
     path.write_text("")
     RunFolder.create(path)
@@ -137,13 +149,44 @@ CASES = {
     "too small": with_table(pool={"size": 3}),
     "too large": with_table(uncertainty={"draws": 10**9}),
     "negative": with_table(seed=-1),
-    "wrong word": with_table(truth={"preset": "soft"}),
+    "wrong word": with_table(truth={"preset": "stiff"}),
+    "wrong word, close to a preset": with_table(truth={"preset": "wen2002"}),
     "wrong word, close": with_table(trial=[TRIAL | {"method": "detmx"}]),
     "wrong preset": with_table(tracker={"preset": "at690"}),
     "wrong name": with_table(name="My Scene"),
     "wrong title": with_table(title="two\nlines"),
     "wrong repeatability": with_table(truth={"joint_repeatability_mdeg": "robots"}),
     "text or list": with_table(truth={"perturb": 3}),
+    "amplitude below zero": with_table(truth={"encoder_mdeg": -1}),
+    "amplitude below zero in a list": with_table(truth={"harmonic_mdeg": [1, -2]}),
+    "amplitude in words": with_table(truth={"backlash_mdeg": "much"}),
+    "empty list of amplitudes": with_table(truth={"harmonic_mdeg": []}),
+    "spring without stiffness": with_table(truth={"drive_nm_per_mrad": [90, 0]}),
+    "payload below zero": with_table(truth={"preset": "elastic", "payload_kg": -1}),
+    "no time to warm up": with_table(truth={"thermal_h": 0}),
+    "no such side": with_table(truth={"backlash_side": "loads"}),
+    "play the closed form does not know": with_table(
+        truth={"preset": "unmodelled", "backlash_mdeg": [8, 0, 8, 0, 8, 8]}
+    ),
+    "play everywhere by the closed form": with_table(
+        truth={"preset": "unmodelled", "backlash_mdeg": 8}
+    ),
+    "droop twice": with_table(truth={"preset": "elastic", "gravity_mdeg": [10, 6, 8]}),
+    "payload on a stiff arm": with_table(truth={"payload_kg": 2}),
+    "bearings without drives": with_table(truth={"bearing_nm_per_mrad": [1, 2, 3, 4, 5, 6]}),
+    "half as many springs": played(truth={"preset": "elastic", "drive_nm_per_mrad": [90, 90, 40]}),
+    "amplitudes of five joints": played(truth={"encoder_mdeg": [1, 1, 1, 1, 1]}),
+    "play by the posture of a wall robot": lambda _: draw_truth(
+        on_a_wall(), outcome_settings("unmodelled", gravity_mdeg=[0, 0, 0]), 0
+    ),
+    "springs too soft": lambda _: draw_truth(
+        load_robot("staubli_tx60"), outcome_settings("elastic", drive_nm_per_mrad=[0.5] * 6), 0
+    ).poses(np.full((1, 6), 0.5)),
+    "outliers everywhere": with_table(tracker={"preset": "at960", "outliers": 30}),
+    "missed below zero": with_table(tracker={"preset": "at960", "missed": -1}),
+    "outliers of the paper": with_table(tracker={"outliers": 3}),
+    "drift in another unit": with_table(tracker={"preset": "at960", "drift_mm_per_sqrt_h": 0.02}),
+    "yes for true": with_table(tracker={"preset": "at960", "systematic": 1}),
     "nan": with_table(tracker={"position_um": float("nan")}),
     "time": text("[tracker]\nposition_um = 12:30:45"),
     "old format": with_table(format=0),

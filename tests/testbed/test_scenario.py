@@ -137,7 +137,10 @@ def test_every_fault_is_told_at_once_up_to_twenty():
         ({"tracker": {"range_um": [1, 2]}}, 'it belongs to preset = "at960"'),
         ({"tracker": {"preset": "at690"}}, '[tracker] preset is "at690"; allowed are "paper"'),
         ({"tracker": {"preset": 3}}, '[tracker] preset is 3; allowed are "paper", "at960"'),
-        ({"truth": {"preset": "soft"}}, '[truth] preset is "soft"; allowed are "rigid", "wen2022"'),
+        (
+            {"truth": {"preset": "stiff"}},
+            '[truth] preset is "stiff"; allowed are "rigid", "wen2022", "soft"',
+        ),
         ({"truth": {"size": 3}}, 'has no key "size"; move it to [pool]'),
         ({"pool": {"seed": 3}}, 'has no key "seed"; move it to the top of the file'),
         ({"pool": {"size": 5}}, "[pool] size is 5; it must be 10 or larger"),

@@ -1,0 +1,211 @@
+"""What is known of the numbers before measuring, in their own units, and as rows of a fit."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, Index, check, frozen
+from calib.errors import InputError
+from calib.geometry.frames import exp_so3, right_jacobian_inverse
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
+from calib.information.rank import weak_prior_sd
+
+AGREE = 1e-6
+"""Part by which `sd` may differ from what `precision` says, where both are given."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prior:
+    """Normal belief about some numbers of a model, as the step that leads from the nominal model.
+
+    Give `sd` for independent numbers; for correlated ones use `Prior.of_precision`.
+    """
+
+    mean: Array
+    """(k,) believed step from the nominal model [m, rad]."""
+    sd: Array
+    """(k,) standard deviation of each number [m, rad]."""
+    names: tuple[str, ...]
+    """(k,) numbers believed in; all of them free in the fit."""
+    precision: Array = ()  # type: ignore[assignment]  # becomes an array in __post_init__
+    """(k, k) Lambda0, inverse covariance [1/m^2, 1/(m rad), 1/rad^2]; from `sd` unless given."""
+
+    def __post_init__(self) -> None:
+        names = tuple(self.names)
+        mean, sd = check(f"{len(names)}, {len(names)}", mean=self.mean, sd=self.sd)
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if not names or twice:
+            raise InputError(
+                f"the prior names {', '.join(twice)} twice" if twice else "the prior is empty",
+                code="A3",
+                field="names",
+                value=tuple(twice),
+                allowed="each name once, at least one",
+            )
+        if (sd <= 0).any():
+            k = int(np.argmin(sd))
+            raise InputError(
+                f"the prior sd of {names[k]} is {sd[k]:g}",
+                code="A3",
+                field="sd",
+                value=float(sd[k]),
+                allowed="above zero",
+                fix="hold a number fixed that is known exactly: do not free it",
+            )
+        if np.size(self.precision):
+            (precision,) = check(f"{len(names)} {len(names)}", precision=self.precision)
+            stated = _sd_of(precision)
+            off = np.abs(sd / stated - 1)
+            if (off > AGREE).any():
+                k = int(np.argmax(off))
+                raise InputError(
+                    f"the prior sd of {names[k]} is {sd[k]:.6g}, "
+                    f"its precision says {stated[k]:.6g}",
+                    code="A3",
+                    field="sd",
+                    value=float(sd[k]),
+                    allowed="the same in both",
+                    fix="give the precision alone, with Prior.of_precision",
+                )
+        else:
+            precision = frozen(np.diag(sd**-2.0))
+        for name, value in zip(
+            ("mean", "sd", "names", "precision"), (mean, sd, names, precision), strict=True
+        ):
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def of_precision(cls, mean: ArrayLike, precision: ArrayLike, names: Sequence[str]) -> "Prior":
+        """Prior of correlated numbers, from its precision (k, k), symmetric positive definite."""
+        (precision,) = check("k k", precision=precision)
+        return cls(frozen(mean), _sd_of(precision), tuple(names), precision)
+
+    def joined(self, other: "Prior") -> "Prior":
+        """Both beliefs as one; they must be about different numbers."""
+        a, b = len(self.names), len(other.names)
+        precision = np.zeros((a + b, a + b))
+        precision[:a, :a], precision[a:, a:] = self.precision, other.precision
+        return Prior(
+            np.concatenate([self.mean, other.mean]),
+            np.concatenate([self.sd, other.sd]),
+            (*self.names, *other.names),
+            precision,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PriorRows:
+    """A prior as whitened rows of a least-squares problem about one nominal model."""
+
+    nominal: RobotModel
+    mean: Array
+    """(k,) believed step [m, rad]."""
+    index: Index
+    """(k,) positions of the numbers in the full vector."""
+    root: Array
+    """(k, k) upper triangle U with U'U the precision."""
+
+    def at(self, model: RobotModel) -> tuple[Array, Array]:
+        """Residual U (mean - x) (k,) and derivative U dx (k, P) by a small step of every number.
+
+        x is the whole step from the nominal model; in a turned frame a small step counts along the
+        axes the frame has now, which the derivative takes into account.
+        """
+        step = self.nominal.step_to(model)
+        rows = self.root @ step_derivative(step, model)[self.index]
+        return self.root @ (self.mean - step[self.index]), rows
+
+
+def weak_prior(parameters: Parameters) -> Prior:
+    """What is believed of the free numbers of any carefully built arm: they are near nominal.
+
+    Angles 0.1 deg, lengths 0.6 mm, frames 1 mm and 0.1 deg, gravity terms 50 mdeg, first harmonics
+    20 mdeg, higher ones 12 mdeg. Some five times what is usually found: measurements overrule it.
+    """
+    sd = weak_prior_sd(parameters)
+    return Prior(np.zeros(len(sd)), sd, parameters.free_names)
+
+
+def prior_rows(prior: Prior, nominal: RobotModel, parameters: Parameters) -> PriorRows:
+    """The rows that a prior adds to a fit that starts at `nominal`.
+
+    Raises
+    ------
+    InputError
+        If the prior names a number that the model does not have, or that is not free.
+    """
+    for name in prior.names:
+        if name in parameters.free_names:
+            continue
+        known = name in parameters.names
+        close = get_close_matches(name, parameters.names, 1)
+        raise InputError(
+            f'the prior names "{name}", which is not free'
+            if known
+            else f'the prior names "{name}", which the model does not have',
+            code="A4",
+            field="prior",
+            value=name,
+            allowed="names of free numbers",
+            fix=f'free it, or leave "{name}" out of the prior'
+            if known
+            else f'did you mean "{close[0]}"?'
+            if close
+            else "see the model's names",
+        )
+    index = np.array([parameters.names.index(name) for name in prior.names], dtype=np.int64)
+    return PriorRows(nominal, prior.mean, index, _root(prior.precision))
+
+
+def step_derivative(step: Array, model: RobotModel) -> Array:
+    """Change of a step (P,) from some model to `model`, by a small step (P,) of `model` (P, P).
+
+    Links and joint terms add: identity. A frame [t; r] composes: dt turned by Exp(r), and Jr^-1(r)
+    dr.
+
+    References
+    ----------
+    Sola, Deray, Atchuthan, arXiv 1812.01537, eqs. (144) and (176).
+    """
+    derivative = np.eye(len(step))
+    for k in (0, model.chain.n_numbers - 6):
+        turn = step[k + 3 : k + 6]
+        derivative[k : k + 3, k : k + 3] = exp_so3(turn)
+        derivative[k + 3 : k + 6, k + 3 : k + 6] = right_jacobian_inverse(turn)
+    return derivative
+
+
+def _root(precision: Array) -> Array:
+    """U (k, k) with U'U = precision, unit-free; refuses what is not positive definite."""
+    size = np.sqrt(np.abs(np.diag(precision)))
+    scaled = precision / np.outer(np.where(size > 0, size, 1.0), np.where(size > 0, size, 1.0))
+    if np.abs(scaled - scaled.T).max() > 1e-9:
+        i, j = (int(k) for k in np.argwhere(np.abs(scaled - scaled.T) > 1e-9)[0])
+        raise InputError(
+            f"precision[{i}, {j}] and [{j}, {i}] differ",
+            code="A3",
+            field="precision",
+            value=float(precision[i, j] - precision[j, i]),
+            allowed="a symmetric matrix",
+        )
+    lowest = float(np.linalg.eigvalsh(scaled)[0])
+    if lowest < 1e-13:
+        raise InputError(
+            f"the precision of the prior has the scaled eigenvalue {lowest:.3g}",
+            code="A3",
+            field="precision",
+            value=lowest,
+            allowed="a positive definite matrix",
+            fix="leave numbers out of which nothing is known beforehand",
+        )
+    return np.asarray(np.linalg.cholesky((scaled + scaled.T) / 2).T * size)
+
+
+def _sd_of(precision: Array) -> Array:
+    """Standard deviations (k,) that a precision (k, k) leaves to each number alone."""
+    inverse = np.linalg.solve(_root(precision), np.eye(len(precision)))
+    return frozen(np.linalg.norm(inverse, axis=1))

@@ -1,0 +1,106 @@
+"""Losses that gross errors cannot pull: one weight per observation, and what the estimate is worth.
+
+An observation of rows r_j, whitened, has the size s = |r_j| / sqrt(rows), about 1 if it is sound.
+"""
+
+from typing import Literal
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.identification.tangent import covariance_factor
+
+Loss = Literal["squared", "huber", "cauchy"]
+LOSSES: tuple[Loss, ...] = ("squared", "huber", "cauchy")
+HUBER = 1.5
+"""Size from which Huber's loss grows like s instead of s^2."""
+CAUCHY = 2.0
+"""Size at which Cauchy's weight is one half."""
+
+
+def sizes(r: Array, row_of: Index) -> Array:
+    """Size (m,) of each observation: root mean square of its whitened rows (N,)."""
+    rows = np.bincount(row_of)
+    return np.sqrt(np.bincount(row_of, r * r) / np.maximum(rows, 1))
+
+
+def loss_weights(size: Array, loss: Loss) -> Array:
+    """Weight (m,) of each observation in iteratively reweighted least squares, 0 to 1.
+
+    References
+    ----------
+    Huber min(1, 1.5 / s); Cauchy 1 / (1 + (s / 2)^2).
+    """
+    if loss == "huber":
+        return np.asarray(HUBER / np.maximum(size, HUBER))
+    if loss == "cauchy":
+        return np.asarray(1 / (1 + (size / CAUCHY) ** 2))
+    return np.ones_like(size)
+
+
+def mean_loss(size: Array, loss: Loss) -> Array:
+    """Loss (m,) of each observation per row; s^2 for small s, its derivative by s^2 the weight."""
+    if loss == "huber":
+        near = np.minimum(size, HUBER)
+        return np.asarray(near**2 + 2 * HUBER * (size - near))
+    if loss == "cauchy":
+        return np.asarray(CAUCHY**2 * np.log1p((size / CAUCHY) ** 2))
+    return np.asarray(size**2)
+
+
+def flattened(r: Array, A: Array, row_of: Index, loss: Loss) -> tuple[Array, Array]:
+    """Residual (N,) whose sum of squares is the total loss, and its exact derivative (N, f).
+
+    Each observation is shortened in place, r_j sqrt(loss_j) / |r_j|, so a solver for plain least
+    squares minimizes the robust loss and certifies that very minimum: that of reweighted least
+    squares, whose weights would have to be frozen while the solver judges its step.
+
+    Parameters
+    ----------
+    r : (N,) array
+        Whitened residual; rows of one observation stand together.
+    A : (N, f) array
+        Derivative of the prediction.
+    row_of : (N,) array of int
+        Observation of each row; every observation has rows.
+    loss : {"squared", "huber", "cauchy"}
+        The loss.
+    """
+    if loss == "squared":
+        return r, A
+    size = sizes(r, row_of)
+    seen = np.where(size > 0, size, 1.0)
+    shorter = np.where(size > 0, np.sqrt(mean_loss(size, loss)) / seen, 1.0)
+    # along the residual itself the loss rises more slowly than across it
+    along = loss_weights(size, loss) / shorter**2 - 1
+    starts = np.flatnonzero(np.diff(row_of, prepend=-1))
+    rows = np.bincount(row_of)
+    unit = r / (seen * np.sqrt(np.maximum(rows, 1)))[row_of]
+    drift = np.add.reduceat(unit[:, None] * A, starts)[row_of]
+    factor = shorter[row_of]
+    return factor * r, factor[:, None] * (A + (along[row_of] * unit)[:, None] * drift)
+
+
+def sandwich_factor(A: Array, row_of: Index, weights: Array, scatter: Array, prior: Array) -> Array:
+    """K (f, N + k) with K K' the covariance of an estimate that weighs its observations.
+
+    Parameters
+    ----------
+    A : (N, f) array
+        Whitened derivative at the answer.
+    row_of : (N,) array of int
+        Observation of each row.
+    weights : (m,) array
+        Weight of each observation in the fit.
+    scatter : (m,) array
+        Standard deviation that its whitened rows really have: 1 where the stated noise holds.
+    prior : (k, f) array
+        Whitened rows of the prior; none if empty.
+
+    References
+    ----------
+    C = inv(H) (J'W S W J + Lambda0) inv(H), H = J'W J + Lambda0, weights as they came out.
+    """
+    root = covariance_factor(np.concatenate([np.sqrt(weights)[row_of, None] * A, prior]))
+    moved = np.concatenate([(weights * scatter)[row_of, None] * A, prior])
+    return np.asarray(root @ (moved @ root).T)

@@ -1,0 +1,1 @@
+"""Compiled loops that numpy cannot reach; the only room that knows numba."""

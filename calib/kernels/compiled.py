@@ -1,0 +1,57 @@
+"""How loops are compiled: at import, for one signature, kept beside the source where possible.
+
+Threads then find them ready. Fused and reordered arithmetic stays off: the same bits on every CPU
+and for any number of threads. The cache of a loop watches its own file only, so that each file
+holds all the compiled code it calls.
+"""
+
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from numba import njit, types
+
+
+def _cacheable() -> bool:
+    """Whether compiled code may be kept: beside this file, or where NUMBA_CACHE_DIR says."""
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        return True
+    folder = Path(__file__).parent / "__pycache__"
+    try:
+        folder.mkdir(exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def compiled(*signature: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Compile at once for one signature; where the cache cannot be written, without it."""
+    options = {"nogil": True, "error_model": "numpy", "fastmath": False}
+
+    def compile_(function: Callable[..., None]) -> Callable[..., None]:
+        if _cacheable():
+            try:
+                return njit([types.void(*signature)], cache=True, **options)(function)  # type: ignore[no-any-return]  # numba is untyped
+            except (RuntimeError, OSError):
+                pass  # no place, or no room on the disk: the code is compiled again below
+        return njit([types.void(*signature)], **options)(function)  # type: ignore[no-any-return]  # numba is untyped
+
+    return compile_
+
+
+def array_in(dimensions: int, kind: Any = types.float64) -> Any:
+    """An input array: contiguous; a read-only signature takes writeable arrays too."""
+    return types.Array(kind, dimensions, "C", readonly=True)
+
+
+def array_out(dimensions: int) -> Any:
+    """An array that is written."""
+    return types.Array(types.float64, dimensions, "C")
+
+
+def part(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A piece of a loop, compiled into those that call it."""
+    return njit(error_model="numpy", fastmath=False)(function)  # type: ignore[no-any-return]  # numba is untyped

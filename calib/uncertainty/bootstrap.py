@@ -1,0 +1,193 @@
+"""End-to-end bootstrap: simulate the campaign of the identified robot, identify, compare."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, frozen
+from calib.errors import InputError
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
+from calib.measurement.observations import Measurements
+from calib.uncertainty.chunks import in_chunks
+from calib.uncertainty.covariance import covariance_factor, standard_uncertainty
+from calib.uncertainty.refit import BLOCKS, LANES, STEPS, Frozen, Refits, descend, freeze, joined
+
+REPLICATES = 1000
+"""Virtual campaigns; they leave 2 % in each standard deviation."""
+FEWEST = 100
+"""Replicates below which a standard deviation (7 %) checks nothing."""
+BAND = 4.0
+"""Standard errors that a sound result stays within: one of 16 000 numbers goes beyond."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bootstrap:
+    """What N virtual calibrations of the identified robot say about the stated covariance."""
+
+    names: tuple[str, ...]
+    """(f,) numbers estimated."""
+    estimates: Array
+    """(N, f) estimate minus the robot that was simulated [m, rad]."""
+    chi_square: Array
+    """(N,) whitened sum of squares of each fit, without the prior."""
+    covariance: Array
+    """(f, f) stated: inv(A'A + Lambda0) at the identified robot."""
+    dof: int
+    """Rows minus numbers estimated."""
+    unconverged: int
+    """Replicates whose last step was still long; they are counted, not dropped."""
+
+    @property
+    def replicates(self) -> int:
+        """Number N of virtual calibrations."""
+        return len(self.estimates)
+
+    @property
+    def empirical(self) -> Array:
+        """(f, f) covariance over the replicates."""
+        return np.cov(self.estimates, rowvar=False).reshape(self.covariance.shape)
+
+    @property
+    def ratio(self) -> Array:
+        """(f,) standard deviation over the replicates by the stated one."""
+        return np.asarray(
+            self.estimates.std(axis=0, ddof=1) / standard_uncertainty(self.covariance)
+        )
+
+    @property
+    def bias(self) -> Array:
+        """(f,) mean error in units of the stated standard deviation."""
+        return np.asarray(self.estimates.mean(axis=0) / standard_uncertainty(self.covariance))
+
+    @property
+    def agrees(self) -> bool:
+        """Whether scatter and bias are what the covariance says, within sampling error."""
+        N = self.replicates
+        return bool(
+            (np.abs(self.ratio - 1) <= BAND / np.sqrt(2 * N)).all()
+            and (np.abs(self.bias) <= BAND / np.sqrt(N)).all()
+            and not self.unconverged
+        )
+
+    @property
+    def sentence(self) -> str:
+        """The outcome in words."""
+        N, off = self.replicates, np.abs(self.ratio - 1)
+        worst, lean = int(np.argmax(off)), int(np.argmax(np.abs(self.bias)))
+        if self.unconverged:
+            return (
+                f"{self.unconverged} of {N} virtual calibrations did not settle in the steps "
+                "allowed; take more steps"
+            )
+        if self.agrees:
+            return (
+                f"{N} virtual calibrations scatter as the stated covariance says: standard "
+                f"deviations within {100 * off[worst]:.1f} %, bias within "
+                f"{abs(self.bias[lean]):.3f} standard deviations"
+            )
+        return (
+            f"{N} virtual calibrations do not scatter as the stated covariance says: "
+            f"{self.names[worst]} by a factor {self.ratio[worst]:.3f}, bias of {self.names[lean]} "
+            f"{self.bias[lean]:+.3f} standard deviations; the model is not linear over its own "
+            "uncertainty, believe the replicates"
+        )
+
+
+def bootstrap(
+    model: RobotModel,
+    measurements: Measurements,
+    parameters: Parameters,
+    rng: np.random.Generator,
+    *,
+    replicates: int = REPLICATES,
+    steps: int = STEPS,
+    prior_precision: ArrayLike | None = None,
+    threads: int = 1,
+) -> Bootstrap:
+    """Measure and identify the identified robot again and again, with the stated noise.
+
+    What it can show is that linear propagation holds; model errors are in no replicate.
+
+    Parameters
+    ----------
+    model : RobotModel
+        The identified robot: the truth of every replicate.
+    measurements : Measurements
+        The plan: joints, covariances, kinds of rows.
+    parameters : Parameters
+        Numbers that were identified, `Identification.parameters`.
+    rng : numpy.random.Generator
+        Source of the draws; each chunk of replicates has its own child stream.
+    replicates : int
+        N, at least 100.
+    steps : int
+        Steps of each fit.
+    prior_precision : (f, f) array_like, optional
+        Lambda0 of the identification; the center of the prior is drawn anew for each replicate, so
+        that the scatter to expect is inv(A'A + Lambda0).
+    threads : int
+        At work side by side; the result does not depend on it.
+
+    References
+    ----------
+    x += inv(A'A + Lambda0) (A(x)'r(x) + Lambda0 (x0 - x)), the Hessian frozen at the model.
+    """
+    if replicates < FEWEST:
+        raise InputError(
+            f"replicates is {replicates}",
+            code="A3",
+            field="replicates",
+            value=replicates,
+            allowed=f"{FEWEST} or more: fewer leave a standard deviation unknown by 7 %",
+        )
+    start = freeze(model, measurements, parameters, prior_precision=prior_precision)
+    spread = _prior_spread(start)
+    import calib.kernels.replicates  # noqa: F401  # compiled before threads start
+
+    parts = in_chunks(
+        lambda stream, count: _replicate(start, spread, stream, count, steps),
+        rng,
+        replicates,
+        size=BLOCKS * LANES,
+        threads=threads,
+    )
+    whole = joined(parts)
+    return Bootstrap(
+        names=parameters.free_names,
+        estimates=whole.steps,
+        chi_square=whole.chi_square,
+        covariance=start.covariance,
+        dof=start.n_rows - parameters.n_free,
+        unconverged=int((~whole.converged).sum()),
+    )
+
+
+def _replicate(
+    start: Frozen, spread: Array, rng: np.random.Generator, count: int, steps: int
+) -> Refits:
+    """One chunk of virtual campaigns."""
+    from calib.kernels.replicates import shots
+
+    plan, blocks = start.measurements, -(-count // LANES)
+    normal = rng.standard_normal((blocks, len(plan), 6, LANES))
+    seen = np.empty((blocks, len(plan), 12, LANES))
+    shots(normal, plan.position, plan.rotation, start.factor, seen)
+    center = np.zeros((blocks, len(spread), LANES))
+    if spread.any():
+        center = spread @ rng.standard_normal(center.shape)
+    return descend(start, seen, center, steps).first(count)
+
+
+def _prior_spread(start: Frozen) -> Array:
+    """G (f, f) with G G' the covariance of the prior; zero where nothing is known beforehand."""
+    if not start.prior.any():
+        return start.prior
+    factor = covariance_factor(start.prior)
+    known = np.flatnonzero(np.diagonal(start.prior))
+    spread = np.zeros_like(factor)
+    own = np.ix_(known, known)
+    # Lambda0 = L L': inv(L') scatters with inv(Lambda0)
+    spread[own] = np.linalg.solve(factor[own].T, np.eye(len(known)))
+    return frozen(spread)

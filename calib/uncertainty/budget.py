@@ -1,0 +1,249 @@
+"""The uncertainty budget: what each source leaves in the parameters and at the tool."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, check, frozen
+from calib.errors import InputError
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
+from calib.information.propagation import point_uncertainty, tool_covariance
+from calib.uncertainty.covariance import (
+    common_input_covariance,
+    covariance_factor,
+    standard_uncertainty,
+)
+from calib.uncertainty.refit import Frozen
+from calib.uncertainty.regions import student_factor
+from calib.uncertainty.type_b import CommonInput, estimator_maps
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RowNoise:
+    """A source that scatters anew in every row: tracker noise, joint repeatability."""
+
+    name: str
+    covariance: Array
+    """(m, 6, 6) what it adds to the covariance of each row [m^2, m rad, rad^2], world axes."""
+    degrees_of_freedom: float = np.inf
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Source:
+    """One line of a budget."""
+
+    name: str
+    covariance: Array
+    """(f, f) what it leaves in the estimate [m, rad]."""
+    degrees_of_freedom: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ToolBudget:
+    """What each source leaves at the tool point of N postures."""
+
+    names: tuple[str, ...]
+    """(s,) sources."""
+    standard: Array
+    """(s, N) u_3D from each source alone [m]."""
+    covariance: Array
+    """(N, 3, 3) combined [m^2]."""
+    degrees_of_freedom: Array
+    """(N,) effective, of the combined u_3D."""
+
+    @property
+    def combined(self) -> Array:
+        """(N,) combined u_3D [m]."""
+        return point_uncertainty(self.covariance)
+
+    @property
+    def share(self) -> Array:
+        """(s, N) part of the combined variance that each source brings; sums to one."""
+        return np.asarray(self.standard**2 / np.square(self.combined))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Budget:
+    """Contributions to the covariance of the estimate, source by source."""
+
+    parameters: Parameters
+    sources: tuple[Source, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """(s,) names of the sources."""
+        return tuple(source.name for source in self.sources)
+
+    @property
+    def covariance(self) -> Array:
+        """(f, f) of the estimate, all sources together."""
+        return np.asarray(sum(source.covariance for source in self.sources))
+
+    @property
+    def standard(self) -> Array:
+        """(s, f) standard uncertainty of each number from each source alone [m, rad]."""
+        return np.stack([standard_uncertainty(source.covariance) for source in self.sources])
+
+    @property
+    def combined(self) -> Array:
+        """(f,) combined standard uncertainty [m, rad]."""
+        return standard_uncertainty(self.covariance)
+
+    @property
+    def degrees_of_freedom(self) -> Array:
+        """(f,) effective degrees of freedom of the combined standard uncertainties."""
+        return effective_dof(self.standard, self._dof)
+
+    @property
+    def _dof(self) -> Array:
+        """(s,) degrees of freedom of the sources."""
+        return np.array([source.degrees_of_freedom for source in self.sources])
+
+    def expanded(self, probability: float = 0.95) -> Array:
+        """Expanded uncertainty (f,) with the Student factor of the effective degrees [m, rad]."""
+        return _student(self.degrees_of_freedom, probability) * self.combined
+
+    def at_tool(self, model: RobotModel, q: ArrayLike) -> ToolBudget:
+        """The same at the tool point of joints q (N, n)."""
+        index = self.parameters.free_index
+        parts = []
+        for source in self.sources:
+            full = np.zeros((model.n_numbers,) * 2)
+            full[np.ix_(index, index)] = source.covariance
+            parts.append(tool_covariance(model, q, full)[:, :3, :3])
+        standard = np.stack([point_uncertainty(part) for part in parts])
+        return ToolBudget(
+            self.names,
+            frozen(standard),
+            frozen(sum(parts)),
+            frozen(effective_dof(standard, self._dof)),
+        )
+
+
+def budget(
+    start: Frozen,
+    noise: Sequence[RowNoise],
+    *,
+    common: Sequence[CommonInput] = (),
+    added: Sequence[Source] = (),
+) -> Budget:
+    """Take the covariance of an estimate apart by source.
+
+    Parameters
+    ----------
+    start : Frozen
+        From `freeze`: the identified robot, the plan with the covariances that weighted the fit,
+        the prior. Its sources need not be those the fit believed in: the budget tells what the
+        estimate really does with them.
+    noise : sequence of RowNoise
+        What scatters anew in every row. If these sum to the covariance of the plan, they and the
+        prior sum to inv(A'A + Lambda0).
+    common : sequence of CommonInput
+        What is wrong the same way all campaign long.
+    added : sequence of Source
+        Anything else, as a covariance of the free numbers.
+
+    References
+    ----------
+    F Sigma F' for each source, F = inv(A'A + Lambda0) A'N; JCGM 100:2008, 5.1 and 8.
+    """
+    F, m, f = estimator_maps(start), len(start.measurements), start.parameters.n_free
+    sources = []
+    for own in noise:
+        (covariance,) = check(f"{m} 6 6", covariance=own.covariance)
+        roots = np.stack([covariance_factor(block) for block in covariance])
+        # (F L)(F L)' stays positive
+        columns = np.moveaxis(F @ roots, 1, 0).reshape(f, m * 6)
+        sources.append(Source(own.name, frozen(columns @ columns.T), own.degrees_of_freedom))
+    for shared in common:
+        C = common_input_covariance(F, _same_rows(shared, m), shared.covariance)
+        sources.append(Source(shared.name, C, shared.degrees_of_freedom))
+    if start.prior.any():
+        G = start.covariance @ covariance_factor(start.prior)
+        sources.append(Source("prior", frozen(G @ G.T), np.inf))
+    for extra in added:
+        (covariance,) = check(f"{f} {f}", covariance=extra.covariance)
+        covariance_factor(covariance)
+        sources.append(Source(extra.name, covariance, extra.degrees_of_freedom))
+    if not sources:
+        raise InputError("the budget has no source", code="A3", field="noise", fix="name one")
+    return Budget(start.parameters, tuple(sources))
+
+
+def effective_dof(standard: ArrayLike, degrees_of_freedom: ArrayLike) -> Array:
+    """Effective degrees of freedom (...) of a sum of uncorrelated contributions (s, ...).
+
+    Infinite where no contribution with finite degrees of freedom counts. Not for correlated
+    contributions: the formula does not hold for them.
+
+    References
+    ----------
+    Welch-Satterthwaite; JCGM 100:2008, G.4.1.
+    """
+    u = np.asarray(standard, dtype=np.float64)
+    (nu,) = check_dof(degrees_of_freedom, len(u))
+    total = np.square(np.square(u).sum(axis=0))
+    finite = np.isfinite(nu)
+    lost = (u[finite] ** 4 / nu[finite].reshape(-1, *([1] * (u.ndim - 1)))).sum(axis=0)
+    return np.asarray(np.divide(total, lost, out=np.full(total.shape, np.inf), where=lost > 0))
+
+
+def check_dof(degrees_of_freedom: ArrayLike, count: int) -> tuple[Array]:
+    """Degrees of freedom (s,), each above zero, infinity allowed."""
+    nu = np.asarray(degrees_of_freedom, dtype=np.float64)
+    if nu.shape != (count,) or not (nu > 0).all():
+        raise InputError(
+            f"degrees_of_freedom is {nu.tolist()}",
+            code="A3",
+            field="degrees_of_freedom",
+            allowed=f"{count} values above zero",
+        )
+    return (nu,)
+
+
+def combined_standard(standard: ArrayLike, correlation: ArrayLike | None = None) -> float:
+    """Combined standard uncertainty of contributions (s,), each already times its sensitivity.
+
+    References
+    ----------
+    JCGM 100:2008, eqs. (11a) and (16).
+    """
+    (u,) = check("s", standard=standard)
+    if correlation is None:
+        return float(np.sqrt(np.square(u).sum()))
+    (rho,) = check(f"{len(u)} {len(u)}", correlation=correlation)
+    return float(np.linalg.norm(u @ covariance_factor(rho)))
+
+
+def expanded_uncertainty(
+    standard: ArrayLike, degrees_of_freedom: ArrayLike, probability: float = 0.95
+) -> float:
+    """U = t u of uncorrelated contributions (s,), effective degrees of freedom rounded down.
+
+    References
+    ----------
+    JCGM 100:2008, G.4.1, G.6.4.
+    """
+    nu = effective_dof(standard, degrees_of_freedom)
+    return float(_student(nu, probability)) * combined_standard(standard)
+
+
+def _student(nu: Array, probability: float) -> Array:
+    """Student factor, degrees of freedom rounded down to a whole number of at least one."""
+    return student_factor(np.maximum(np.floor(nu), 1.0), probability)
+
+
+def _same_rows(shared: CommonInput, m: int) -> Array:
+    """Its sensitivity, if it has a row for each of the plan."""
+    if len(shared.sensitivity) != m:
+        raise InputError(
+            f'"{shared.name}" has {len(shared.sensitivity)} rows',
+            code="A1",
+            field="sensitivity",
+            value=len(shared.sensitivity),
+            allowed=f"one per row of the plan, {m}",
+        )
+    return shared.sensitivity

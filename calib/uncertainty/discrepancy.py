@@ -1,0 +1,81 @@
+"""What the model leaves out, as a covariance: seen at independent poses, added to the statement."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import fdtri
+
+from calib.arrays import Array, frozen
+from calib.errors import InputError
+from calib.uncertainty.held_out import HeldOut
+
+FEWEST = 10
+"""Held-out poses below which a 3 x 3 covariance is not worth stating."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Discrepancy:
+    """Covariance of position errors beyond what parameters and measurements explain."""
+
+    covariance: Array
+    """(3, 3) Sigma_d, positive semidefinite, world axes [m^2]."""
+    raw: Array
+    """(3, 3) before negative directions were set to zero [m^2]."""
+    n_poses: int
+    """Held-out poses behind it."""
+
+    def factor(self, probability: float = 0.95) -> float:
+        """Factor of the region of Sigma_t + Sigma_d: as if all of it were known from n poses.
+
+        Larger than the chi-square factor (2.80): 3.00 for 40 poses, 3.27 for 19.
+
+        References
+        ----------
+        Hotelling's T^2 with n degrees of freedom: 3 n / (n - 2) F(3, n - 2).
+        """
+        if not 0 < probability < 1:
+            raise InputError(
+                f"probability is {probability}", code="C41", field="probability",
+                value=probability, allowed="between 0 and 1, e.g. 0.95",
+            )  # fmt: skip
+        n = self.n_poses
+        return float(np.sqrt(3 * n / (n - 2) * fdtri(3, n - 2, probability)))
+
+    @property
+    def sentence(self) -> str:
+        """What it says, in words."""
+        size = 1e6 * float(np.sqrt(np.trace(self.covariance)))
+        if size == 0:
+            return (
+                f"{self.n_poses} held-out poses show no error beyond what parameters and "
+                "measurements explain"
+            )
+        return (
+            f"{self.n_poses} held-out poses show {size:.0f} um (3-D, one standard deviation) that "
+            "the model does not explain; the interval with this discrepancy is approximate: it "
+            "treats a systematic error as if it were drawn anew at each pose"
+        )
+
+
+def discrepancy(validation: HeldOut) -> Discrepancy:
+    """Sigma_d from independent held-out poses.
+
+    References
+    ----------
+    Positive semidefinite part of mean(e e') - mean(Sigma_t) - mean(Sigma_meas).
+    """
+    n = len(validation)
+    if n < FEWEST:
+        raise InputError(
+            f"{n} validation poses",
+            code="A3",
+            field="validation",
+            value=n,
+            allowed=f"{FEWEST} or more for a discrepancy",
+            fix="measure more poses where the robot will be used",
+        )
+    e = validation.error
+    raw = e.T @ e / n - validation.predicted.mean(axis=0) - validation.measured.mean(axis=0)
+    values, vectors = np.linalg.eigh((raw + raw.T) / 2)
+    positive = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return Discrepancy(frozen((positive + positive.T) / 2), frozen(raw), n)

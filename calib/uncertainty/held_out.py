@@ -1,0 +1,116 @@
+"""Errors at poses that the identification never saw, and whether the covariance explains them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import chdtrc
+
+from calib.arrays import Array, check, frozen
+from calib.errors import InputError
+from calib.geometry.model import RobotModel
+from calib.measurement.observations import Measurements
+from calib.uncertainty.covariance import covariance_factor
+
+SAME_POSE = 1e-9
+"""Largest difference of joint values [rad, m] within which two poses are the same one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldOut:
+    """Position errors at n held-out poses, and what was predicted for them."""
+
+    error: Array
+    """(n, 3) measured minus predicted position, world axes [m]."""
+    predicted: Array
+    """(n, 3, 3) Sigma_t, from the covariance of the parameters [m^2]."""
+    measured: Array
+    """(n, 3, 3) of the measurements themselves [m^2]."""
+    chi_square: float
+    """Of all errors together; the parameter error they share is taken into account."""
+    p_value: float
+    """Chance of a larger one if model, covariance and noise are right."""
+
+    def __len__(self) -> int:
+        return len(self.error)
+
+    @property
+    def distance(self) -> Array:
+        """(n,) length of the errors [m]."""
+        return np.asarray(np.linalg.norm(self.error, axis=1))
+
+
+def held_out(
+    model: RobotModel,
+    covariance: ArrayLike,
+    validation: Measurements,
+    used_q: ArrayLike,
+) -> HeldOut:
+    """Predict held-out poses and compare.
+
+    Parameters
+    ----------
+    model : RobotModel
+        Identified.
+    covariance : (P, P) array_like
+        Of its full parameter vector, `Identification.full_covariance`.
+    validation : Measurements
+        Poses or points drawn from where the robot will be used, never from the designed set.
+    used_q : (m, n) array_like
+        Joints that the identification used.
+
+    Raises
+    ------
+    InputError
+        If a pose was used for the identification, too.
+
+    References
+    ----------
+    e' inv(J C J' + Sigma) e over all poses together, chi-square with 3 n degrees of freedom.
+    """
+    require_disjoint(validation.q, used_q)
+    (covariance,) = check(f"{model.n_numbers} {model.n_numbers}", covariance=covariance)
+    T, J = model.poses_and_jacobian(validation.q)
+    arm = (T[:, :3, :3] @ validation.offset[:, :, None])[..., 0]
+    rows = J[:, :3] + np.cross(J[:, 3:], arm[:, :, None], axisa=1, axisb=1, axisc=1)
+    error = validation.position - T[:, :3, 3] - arm
+    sigma = validation.covariance[:, :3, :3]
+    G = rows @ covariance_factor(covariance)  # (n, 3, P)
+    try:
+        root = np.linalg.cholesky(sigma)
+    except np.linalg.LinAlgError:
+        raise InputError(
+            "a validation measurement has a covariance that is not positive definite",
+            code="M34",
+            field="validation.covariance",
+            allowed="every direction must scatter a little",
+            fix="give each axis a standard deviation above zero",
+        ) from None
+    white = np.linalg.solve(root, error[..., None])[..., 0].ravel()
+    U = np.linalg.solve(root, G).reshape(len(white), -1)
+    # one shared parameter error: inverse of I + U U' by the small system
+    pull = U.T @ white
+    chi_square = float(white @ white - pull @ np.linalg.solve(np.eye(len(pull)) + U.T @ U, pull))
+    return HeldOut(
+        frozen(error),
+        frozen(G @ np.swapaxes(G, -1, -2)),
+        frozen(sigma),
+        chi_square,
+        float(chdtrc(len(white), chi_square)),
+    )
+
+
+def require_disjoint(q: ArrayLike, used_q: ArrayLike) -> None:
+    """Refuse validation poses (n, j) that the identification (m, j) used: they are no test."""
+    q, used_q = check("n j, m j", q=q, used_q=used_q)
+    for row, pose in enumerate(q):
+        same = (np.abs(used_q - pose) <= SAME_POSE).all(axis=1)
+        if same.any():
+            raise InputError(
+                f"validation pose {row} is pose {int(np.argmax(same))} of the identification",
+                code="A3",
+                field="validation",
+                value=row,
+                allowed="poses that the identification did not use",
+                fix="measure other poses, or leave these out of the identification",
+            )

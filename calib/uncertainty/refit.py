@@ -1,0 +1,258 @@
+"""Many identifications at once: exact gradient, frozen Hessian, replicates in compiled lanes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import solve_triangular
+
+from calib.arrays import Array, Bool, check, frozen
+from calib.errors import InputError
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
+from calib.measurement.observations import Measurements
+from calib.measurement.residual import stacked, table_whiteners
+from calib.uncertainty.chunks import mapped
+from calib.uncertainty.covariance import RANK_TOLERANCE, covariance_factor
+from calib.uncertainty.lanes import LANES as LANES
+from calib.uncertainty.lanes import Lanes
+
+BLOCKS = 16
+"""Blocks of `LANES` replicates in a chunk; part of what fixes the bits of a result."""
+SETTLED = 0.01
+"""Longest last step, in standard deviations, of a replicate that counts as converged."""
+LARGEST_TERM = 0.05
+"""Largest turn [rad] by a step of the joint terms, for which the compiled loop has a series; a
+replicate beyond it does not count as converged."""
+STEPS = 2
+"""Steps from the model itself: after them 1e-8 standard deviations are left."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Refits:
+    """K fits of one set of numbers to K tables that differ only in what was seen."""
+
+    steps: Array
+    """(K, f) estimate minus model, as `RobotModel.step_to` would say [m, rad]."""
+    chi_square: Array
+    """(K,) whitened sum of squares of the rows, without the prior."""
+    last: Array
+    """(K,) length of the last step in standard deviations."""
+
+    def first(self, count: int) -> "Refits":
+        """The first `count` fits: what fills the last block up is left out."""
+        return Refits(self.steps[:count], self.chi_square[:count], self.last[:count])
+
+    @property
+    def converged(self) -> Bool:
+        """(K,) whether the last step hardly moved."""
+        return np.asarray(self.last <= SETTLED)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frozen:
+    """What all replicates share: one model, one plan, and the curvature there."""
+
+    model: RobotModel
+    """Where the Hessian is taken, and where every fit starts."""
+    parameters: Parameters
+    """Free numbers, all of which the rows or the prior can tell."""
+    measurements: Measurements
+    """The plan: joints, covariances and kinds of rows; what was seen is as the model says."""
+    weight: Array
+    """(m, 6, 6) inverse covariances; zero for the rotation of point rows."""
+    factor: Array
+    """(m, 6, 6) lower factors of the covariances; zero likewise."""
+    precision: Array
+    """(f, f) Hessian A'A + Lambda0 at the model."""
+    prior: Array
+    """(f, f) Lambda0; zero without a prior."""
+    covariance: Array
+    """(f, f) its inverse, the covariance of each estimate."""
+
+    @property
+    def n_rows(self) -> int:
+        """Scalar equations of the plan."""
+        return self.measurements.n_equations
+
+
+def freeze(
+    model: RobotModel,
+    measurements: Measurements,
+    parameters: Parameters,
+    *,
+    prior_precision: ArrayLike | None = None,
+) -> Frozen:
+    """Take the curvature of a fit at a model, for use in `refit`.
+
+    Parameters
+    ----------
+    model : RobotModel
+        The identified robot, or any start close to the answers.
+    measurements : Measurements
+        The plan; what it saw is not used.
+    parameters : Parameters
+        Free numbers: those that were identified, `Identification.parameters`.
+    prior_precision : (f, f) array_like, optional
+        Lambda0, inverse covariance of what is known beforehand, positive semidefinite.
+
+    Raises
+    ------
+    InputError
+        Rows that cannot tell all free numbers; a covariance or prior that is not positive.
+    """
+    f = parameters.n_free
+    T = model.poses(measurements.q)
+    arm = (T[:, :3, :3] @ measurements.offset[:, :, None])[..., 0]
+    perfect = replace(measurements, position=T[:, :3, 3] + arm, rotation=T[:, :3, :3])
+    N = table_whiteners(measurements)
+    A = stacked(model, perfect, whitening=N).A[:, parameters.free_index]
+    prior, rows = np.zeros((f, f)), A
+    if prior_precision is not None:
+        (prior,) = check(f"{f} {f}", prior_precision=prior_precision)
+        rows = np.concatenate([A, covariance_factor(prior).T])
+    scale = np.linalg.norm(rows, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    R = np.linalg.qr(rows / scale, mode="r")
+    singular = np.linalg.svd(R, compute_uv=False)
+    rank = int((singular > RANK_TOLERANCE * singular[0]).sum()) if f else 0
+    if rank < f or not f:
+        raise InputError(
+            f"the rows have rank {rank}, with {f} free numbers",
+            code="A5",
+            field="parameters",
+            value=rank,
+            allowed="at least one free number, all of them identifiable",
+            fix="free only what was identified (Identification.parameters), or give a prior",
+        )
+    root = solve_triangular(R, np.eye(f)) / scale[:, None]
+    N = N.copy()
+    N[~measurements.is_pose, 3:] = 0
+    factor = np.linalg.cholesky(_blocks(measurements))
+    factor[~measurements.is_pose, 3:] = 0
+    return Frozen(
+        model,
+        parameters,
+        perfect,
+        frozen(np.swapaxes(N, -1, -2) @ N),
+        frozen(factor),
+        frozen(rows.T @ rows),
+        frozen(prior),
+        frozen(root @ root.T),
+    )
+
+
+def _blocks(measurements: Measurements) -> Array:
+    """Covariances (m, 6, 6), those of points padded with an uncorrelated unit rotation."""
+    covariance = measurements.covariance.copy()
+    points = np.flatnonzero(~measurements.is_pose)
+    covariance[points, 3:] = 0
+    covariance[points, :, 3:] = 0
+    covariance[points, 3:, 3:] = np.eye(3)
+    return covariance
+
+
+def refit(
+    start: Frozen,
+    position: ArrayLike,
+    rotation: ArrayLike,
+    *,
+    prior_mean: ArrayLike | None = None,
+    steps: int = STEPS,
+    threads: int = 1,
+) -> Refits:
+    """Fit the free numbers to each of K tables.
+
+    Parameters
+    ----------
+    start : Frozen
+        From `freeze`; two steps suffice where it is the answer to within the noise, about five
+        where it is the nominal robot.
+    position : (K, m, 3) array_like
+        Positions seen, in the world: tool origin, or reflector for point rows [m].
+    rotation : (K, m, 3, 3) array_like
+        Rotations seen; anything for point rows.
+    prior_mean : (K, f) or (f,) array_like, optional
+        Where the prior of each replicate has its center, as a step from the model [m, rad].
+    steps : int
+        Steps of each fit.
+    threads : int
+        At work side by side; the result does not depend on it.
+    """
+    m, f = len(start.measurements), start.parameters.n_free
+    position, rotation = check(f"k {m} 3, k {m} 3 3", position=position, rotation=rotation)
+    K = len(position)
+    if K == 0 or steps < 1:
+        raise InputError(
+            f"{K} tables and {steps} steps",
+            code="A3",
+            field="steps" if K else "position",
+            allowed="at least one of each",
+        )
+    center = np.zeros((K, f)) if prior_mean is None else np.asarray(prior_mean, dtype=np.float64)
+    (center,) = check(f"{K} {f}", prior_mean=np.broadcast_to(center, (K, f)))
+    size = BLOCKS * LANES
+    import calib.kernels.replicates  # noqa: F401  # compiled before threads start
+
+    def work(first: int) -> Refits:
+        part = np.arange(first, first + min(size, K - first))
+        lanes = np.resize(part, -(-len(part) // LANES) * LANES).reshape(-1, LANES)
+        seen = np.empty((len(lanes), m, 12, LANES))
+        seen[:, :, :3] = np.moveaxis(position[lanes], 1, -1)
+        seen[:, :, 3:] = np.moveaxis(rotation.reshape(K, m, 9)[lanes], 1, -1)
+        whole = descend(start, seen, np.moveaxis(center[lanes], 1, -1), steps)
+        return whole.first(len(part))
+
+    return joined(mapped(work, range(0, K, size), threads))
+
+
+def joined(parts: Sequence[Refits]) -> Refits:
+    """Parts of a whole, in order."""
+    return Refits(
+        *(
+            frozen(np.concatenate([getattr(part, name) for part in parts]))
+            for name in Refits.__slots__
+        )
+    )
+
+
+def descend(start: Frozen, seen: Array, center: Array, steps: int) -> Refits:
+    """Fit the tables of one chunk, in lanes: x += C (J'W r + Lambda0 (center - x)).
+
+    Parameters
+    ----------
+    start : Frozen
+        Model, plan, curvature.
+    seen : (B, m, 12, 32) array
+        Position and rotation rows seen [m].
+    center : (B, f, 32) array
+        Center of the prior, as a step from the model.
+    steps : int
+        Steps to take; inputs are trusted.
+    """
+    from calib.kernels.replicates import gradient
+
+    at = Lanes(start.model, start.parameters, start.measurements, len(seen))
+    B, f = len(seen), start.parameters.n_free
+    free = start.parameters.free_index
+    slope = np.empty((B, start.model.n_numbers, LANES))
+    square = np.empty((B, LANES))
+    for _ in range(steps):
+        gradient(
+            at.links, at.base, at.tool, at.terms, seen, start.weight, start.measurements.offset,
+            *at.plan, slope, square,
+        )  # fmt: skip
+        own = slope[:, free]
+        pull = own + start.prior @ (center - at.x)
+        step = start.covariance @ pull
+        at.move(step)
+    data = start.precision - start.prior
+    chi_square = square - np.einsum("bfl,bfl->bl", step, 2 * own - data @ step)
+    length = np.sqrt(np.einsum("bfl,bfl->bl", step, start.precision @ step))
+    length[at.turned > LARGEST_TERM] = np.inf
+    return Refits(
+        np.moveaxis(at.x, 1, -1).reshape(-1, f),
+        chi_square.ravel(),
+        length.ravel(),
+    )

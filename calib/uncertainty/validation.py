@@ -1,0 +1,219 @@
+"""Whether first-order propagation may be trusted: its result against Monte Carlo, to the digits."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, check, frozen
+from calib.errors import InputError
+from calib.uncertainty.adaptive import Adaptive
+from calib.uncertainty.adaptive_vector import AdaptiveVector
+from calib.uncertainty.covariance import correlation, covariance_factor
+from calib.uncertainty.monte_carlo import numerical_tolerance
+from calib.uncertainty.regions import coverage_factor, student_factor
+
+Outcome = Literal["validated", "not validated", "undecided"]
+DIFFERENCE_STEP = 1e-2
+"""Step of the derivatives, in standard uncertainties of each input."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FirstOrder:
+    """What the law of propagation says about k outputs."""
+
+    value: Array
+    """(k,) the model at the means of the inputs."""
+    covariance: Array
+    """(k, k) C U C' with sensitivities C."""
+    sensitivity: Array
+    """(k, n) derivative of each output by each input."""
+
+    @property
+    def standard(self) -> Array:
+        """(k,) standard uncertainties."""
+        return np.sqrt(np.diagonal(self.covariance))
+
+    @property
+    def correlation(self) -> Array:
+        """(k, k) correlation of the outputs."""
+        return correlation(self.covariance)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Validation:
+    """The verdict on first-order propagation, and what it rests on."""
+
+    outcome: Outcome
+    differences: Array
+    """(d,) absolute differences from Monte Carlo: ends of the interval, or all of a vector."""
+    tolerance: Array
+    """(d,) what each may be."""
+    sentence: str
+
+    @property
+    def validated(self) -> bool:
+        """Whether the first-order result may stand."""
+        return self.outcome == "validated"
+
+
+def first_order(
+    model: Callable[[Array], Array], mean: ArrayLike, covariance: ArrayLike
+) -> FirstOrder:
+    """Propagate means (n,) and covariance (n, n) of the inputs by the law of propagation.
+
+    Parameters
+    ----------
+    model : callable
+        (M, n) inputs -> (M,) or (M, k) outputs, row by row.
+    mean, covariance : (n,), (n, n) array_like
+        Of the inputs, correlations included.
+
+    References
+    ----------
+    JCGM 100:2008, 5.1.2, 5.2.2; derivatives by five-point differences.
+    """
+    mean, covariance = check("n, n n", mean=mean, covariance=covariance)
+    covariance_factor(covariance)
+    h = DIFFERENCE_STEP * np.sqrt(np.diagonal(covariance))
+    moving = np.flatnonzero(h)
+    steps = np.zeros((len(moving), 4, len(mean)))
+    for row, i in enumerate(moving):
+        steps[row, :, i] = h[i] * np.array([-2, -1, 1, 2])
+    points = np.concatenate([mean[None], (mean + steps).reshape(-1, len(mean))])
+    out = np.asarray(model(points), dtype=np.float64)
+    (out,) = check(f"{len(points)} k", model=out.reshape(len(points), -1))
+    around = out[1:].reshape(len(moving), 4, -1)
+    slope = np.einsum("s,nsk->kn", np.array([1, -8, 8, -1]) / 12, around) / h[moving]
+    C = np.zeros((out.shape[1], len(mean)))
+    C[:, moving] = slope
+    sigma = C @ covariance @ C.T
+    return FirstOrder(frozen(out[0]), frozen((sigma + sigma.T) / 2), frozen(C))
+
+
+def validate(
+    value: float,
+    standard: float,
+    monte_carlo: Adaptive,
+    *,
+    digits: int = 2,
+    degrees_of_freedom: float = np.inf,
+) -> Validation:
+    """Compare the interval y -+ k u with the Monte Carlo interval, to `digits` digits of u.
+
+    Parameters
+    ----------
+    value, standard : float
+        y and u by the law of propagation.
+    monte_carlo : Adaptive
+        Run with ``finer=5``: its own error must not matter.
+    digits : int
+        Significant digits of u that are to be stated.
+    degrees_of_freedom : float
+        Effective, for the Student factor; the normal factor by default.
+
+    References
+    ----------
+    JCGM 101:2008, clause 8: both ends within delta, Monte Carlo run to delta / 5.
+    """
+    delta = numerical_tolerance(standard, digits)
+    low, high = monte_carlo.spread.interval
+    half = float(student_factor(degrees_of_freedom, monte_carlo.spread.probability)) * standard
+    differences = np.abs([value - half - low, value + half - high])
+    outcome = _verdict(differences, np.full(2, delta), monte_carlo.error[2:])
+    k = int(np.argmax(differences))
+    return Validation(
+        outcome,
+        frozen(differences),
+        frozen(np.full(2, delta)),
+        _words(
+            outcome,
+            f"the {('low', 'high')[k]} end of the interval differs by {differences[k]:.3g} with a "
+            f"tolerance of {delta:.3g}",
+        ),
+    )
+
+
+def validate_vector(
+    value: ArrayLike,
+    covariance: ArrayLike,
+    monte_carlo: AdaptiveVector,
+    *,
+    digits: int = 2,
+) -> Validation:
+    """Compare means, u, largest eigenvalue of the correlation and k_p with Monte Carlo.
+
+    Parameters
+    ----------
+    value, covariance : (k,), (k, k) array_like
+        By the law of propagation.
+    monte_carlo : AdaptiveVector
+        Run with ``finer=5``, region "ellipsoid".
+    digits : int
+        Significant digits that are to be stated.
+
+    References
+    ----------
+    JCGM 102:2011, clause 8.
+    """
+    value, covariance = check("k, k k", value=value, covariance=covariance)
+    if monte_carlo.region != "ellipsoid":
+        raise InputError(
+            f'monte_carlo has the region "{monte_carlo.region}"',
+            code="A3",
+            field="monte_carlo",
+            allowed="ellipsoid: the region that a normal vector has a factor for",
+        )
+    u = np.sqrt(np.diagonal(covariance))
+    largest = float(np.linalg.eigvalsh(correlation(covariance))[-1])
+    factor = coverage_factor(len(u), monte_carlo.probability)
+    own = np.array([*value, *u, largest, factor])
+    other = np.array(
+        [
+            *(*monte_carlo.mean, *monte_carlo.standard),
+            *(monte_carlo.largest_eigenvalue, monte_carlo.factor),
+        ]
+    )
+    delta = [numerical_tolerance(float(v), digits) for v in u]
+    tolerance = np.array(
+        [*delta, *delta, numerical_tolerance(largest, digits), numerical_tolerance(factor, digits)]
+    )
+    differences = np.abs(own - other)
+    outcome = _verdict(differences, tolerance, monte_carlo.error)
+    names = [f"{what} {i + 1}" for what in ("value", "uncertainty") for i in range(len(u))]
+    names += ["largest eigenvalue of the correlation", "coverage factor"]
+    k = int(np.argmax(differences / tolerance))
+    return Validation(
+        outcome,
+        frozen(differences),
+        frozen(tolerance),
+        _words(
+            outcome,
+            f"{names[k]} differs by {differences[k]:.3g} with a tolerance of {tolerance[k]:.3g}",
+        ),
+    )
+
+
+def _verdict(differences: Array, tolerance: Array, error: Array) -> Outcome:
+    """Beyond the tolerance by more than Monte Carlo's own error: no. Within, and certain: yes."""
+    if (differences - error > tolerance).any():
+        return "not validated"
+    if not (error <= tolerance / 5 * (1 + 1e-9)).all():
+        return "undecided"
+    return "validated" if (differences <= tolerance).all() else "not validated"
+
+
+def _words(outcome: Outcome, finding: str) -> str:
+    """The verdict as a sentence."""
+    if outcome == "validated":
+        return f"first-order propagation is validated: {finding}"
+    if outcome == "undecided":
+        return (
+            f"undecided: {finding}, but the Monte Carlo run is not five times finer; run it with "
+            "finer=5"
+        )
+    return (
+        f"first-order propagation is not validated: {finding}; state the Monte Carlo result instead"
+    )
