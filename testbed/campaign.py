@@ -17,7 +17,9 @@ from testbed.records import (
     ToolPointStudy,
     Trial,
 )
+from testbed.records_coverage import CoverageStudy
 from testbed.scenario import Scenario
+from testbed.settings_coverage import COVERAGE_KEYS
 
 SETTING, POSE_COUNT, RANDOM_SETS = "setting", "pose_count", "random_sets"
 PAPER_BUDGET, TOOL_POINT, POPULATION = "paper_budget", "tool_point", "population"
@@ -39,12 +41,19 @@ def record_keys(scenario: Scenario) -> tuple[str, ...]:
         SETTING,
         *(trial.name for trial in scenario.trial),
         *(key for key, on in wanted if on),
+        *coverage_keys(scenario),
     )
+
+
+def coverage_keys(scenario: Scenario) -> tuple[str, ...]:
+    """Keys of the coverage study, one per kind of robot; none if it is off."""
+    coverage = scenario.coverage
+    return tuple(f"coverage.{truth}" for truth in coverage.truths if coverage.robots)
 
 
 def record_type(key: str) -> type:
     """Class of the record stored under `key`."""
-    types: dict[str, type] = {
+    types: dict[str, type] = dict.fromkeys(COVERAGE_KEYS, CoverageStudy) | {
         SETTING: Setting,
         POSE_COUNT: PoseCountStudy,
         RANDOM_SETS: RandomSetsStudy,
@@ -58,6 +67,7 @@ def record_type(key: str) -> type:
 def compute(scenario: Scenario, key: str, get: Get) -> Any:
     """Make one record; `get` hands over another record by key, making it first if need be."""
     from testbed import studies
+    from testbed.coverage import coverage_study
     from testbed.goals import goals_of, wants_goals
     from testbed.population import population_study
     from testbed.setting import make_setting, open_bench
@@ -79,6 +89,8 @@ def compute(scenario: Scenario, key: str, get: Get) -> Any:
         return population_study(scenario, setting, get)
     if key == TOOL_POINT:
         return studies.tool_point_study(scenario, setting, get)
+    if key in COVERAGE_KEYS:
+        return coverage_study(scenario, setting, COVERAGE_KEYS[key], get)
     return play_trial(scenario, setting, key)
 
 
@@ -99,4 +111,5 @@ def gather(scenario: Scenario, get: Get) -> Campaign:
         paper_budget=optional(PAPER_BUDGET),
         tool_point=optional(TOOL_POINT),
         population=optional(POPULATION),
+        coverage=tuple(get(key) for key in coverage_keys(scenario)),
     )

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from testbed.checks_coverage import coverage_faults
 from testbed.checks_truth import truth_faults
 from testbed.mistakes import Fault, did_you_mean, one_error
 from testbed.settings import Scenario
@@ -42,6 +43,7 @@ def check_robot(scenario: Scenario, robot: "Robot", *, where: str) -> None:
         )
         faults.append(fault)
     faults += truth_faults(scenario.truth, robot)
+    faults += coverage_faults(scenario, robot)
     faults = faults or free_faults(scenario, robot)
     if faults:
         raise one_error(faults, where)

@@ -2,6 +2,7 @@
 
 from calib.information.criteria.named import NEEDS_GOALS
 from testbed.settings import RESERVED, Scenario
+from testbed.settings_coverage import coverage_contradictions
 from testbed.settings_plan import plan_contradictions
 from testbed.settings_tracker import tracker_contradictions
 from testbed.settings_truth import truth_contradictions
@@ -83,4 +84,5 @@ def contradictions(scenario: Scenario) -> list[str]:
     poses = {trial.name: trial.poses for trial in scenario.trial}
     found += truth_contradictions(scenario.truth)
     found += tracker_contradictions(scenario.tracker, poses)
+    found += coverage_contradictions(scenario.coverage, scenario.tracker)
     return found + plan_contradictions(scenario.plan)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from calib.errors import InputError
 from calib.information.criteria.named import NEEDS_GOALS
 from testbed.settings import STUDY_KEYS, Scenario
+from testbed.settings_coverage import COVERAGE_KEYS, coverage_truth
 
 if TYPE_CHECKING:
     from testbed.robots.catalog import Robot
@@ -35,7 +36,8 @@ def record_hash(scenario: Scenario, robot: "Robot", key: str) -> str:
 
     The setting does not depend on trials; a trial depends on no other trial and on no study, so
     adding one leaves its file byte-identical; one for V or G depends on the goal; a study depends
-    on everything but names and titles.
+    on everything but names and titles. Coverage of one kind of robot depends on the first trial and
+    on that kind, not on the others.
     """
     document = hashed_document(scenario)
     kept: dict[str, Any] = {name: document[name] for name in SETTING_TABLES}
@@ -44,6 +46,12 @@ def record_hash(scenario: Scenario, robot: "Robot", key: str) -> str:
             name: document[name] for name in ("identification", "uncertainty", "studies", "trial")
         }
         kept |= _goal(document)
+    elif key in COVERAGE_KEYS:
+        truth = coverage_truth(scenario, COVERAGE_KEYS[key])
+        kept |= {"identification": document["identification"], "trial": document["trial"][0]}
+        kept |= {"coverage": document["coverage"] | {"truths": truth.model_dump(mode="json")}}
+        # when validation poses are visited hangs on the largest trial
+        kept |= {"poses": [trial["poses"] for trial in document["trial"]]} | _goal(document)
     elif key != "setting":
         kept |= {name: document[name] for name in ("identification", "uncertainty")}
         kept["trial"] = next(trial for trial in document["trial"] if trial["name"] == key)

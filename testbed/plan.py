@@ -6,6 +6,7 @@ from calib.arrays import Array, frozen
 from calib.errors import InputError
 from calib.information.goals import goal_matrix
 from testbed.laboratory.pool import Pool
+from testbed.laboratory.station import point_u
 from testbed.laboratory.stations import StationComparison, compare_stations, station_grid
 from testbed.planning.bench import PlanBench, open_plan_bench
 from testbed.planning.design import Task, designed, next_poses, proof_of, quick_design
@@ -16,11 +17,11 @@ from testbed.planning.predict import (
     covariance_of,
     information_of,
     leverages,
-    point_u,
     u_while_measuring,
 )
 from testbed.planning.readings import readings_of
 from testbed.planning.records import Goal, Plan
+from testbed.planning.refusals import check_ranges, check_stations, check_tested
 from testbed.planning.tour import start_of, tour_of
 from testbed.runner import located
 from testbed.scenario import Scenario, check_robot
@@ -59,8 +60,10 @@ def plan(scenario: Scenario, *, progress: Progress | None = None, where: str = "
 def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     """`plan`, with errors that do not name the scenario yet."""
     tell(STEPS[0], 0, len(STEPS))
+    check_tested(scenario)
     bench = open_plan_bench(scenario)
     check_robot(scenario, bench.robot, where=where)
+    check_stations(bench)
     robot, settings = bench.robot, scenario.plan
     goal = goal_of(bench)
     measured, start = _measured(bench), start_of(bench)
@@ -69,6 +72,7 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     if stations is not None:
         bench = bench.standing_at(stations.stations[stations.best])
     pool = candidates(bench, measured)
+    apart = held_out(bench, goal, np.vstack([pool.q, measured]))
     tell(STEPS[2], 2, len(STEPS))
     shown = np.vstack([pool.q[:PROBED_POSES], measured])
     parameters, reduction = bench.reduction(shown)
@@ -77,9 +81,9 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     names = parameters.free_names
     before = bench.blocks(measured, parameters).reshape(-1, parameters.n_free)
     task = Task(bench.blocks(pool.q, parameters), goals, before, settings, names)
-    places, curve = designed(task, stream(scenario.seed, "plan", "select"))
+    places, method, curve = designed(task, stream(scenario.seed, "plan", "select"))
+    check_ranges(bench, np.vstack([pool.q[places], apart]))
     tell(STEPS[3], 3, len(STEPS))
-    apart = held_out(bench, goal, np.vstack([pool.q, measured]))
     tour = tour_of(bench, start, pool.q[places], places, apart, pool.q)
     M = information_of(task.blocks[places], task.prior)
     ordered = tour.pool_place[tour.pool_place >= 0]
@@ -99,6 +103,7 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
         reflector=bench.tracker.reflector,
         covariance=frozen(covariance_of(M, parameters)),
         goal=goal,
+        method=method,
         u=frozen(point_u(M, goals.rows)),
         u_of_step=frozen(
             u_while_measuring(task.blocks[ordered], task.before, goals.rows, goals.weights)

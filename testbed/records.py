@@ -13,6 +13,7 @@ from calib.identification.identify import Identification, Mode
 from calib.information.observability import Observability
 from calib.measurement.accuracy import Accuracy
 from calib.measurement.observations import Measurements
+from testbed.records_coverage import CoverageStudy
 from testbed.scenario import Scenario
 
 
@@ -266,3 +267,5 @@ class Campaign:
     paper_budget: PaperBudget | None
     tool_point: ToolPointStudy | None
     population: PopulationStudy | None
+    coverage: tuple[CoverageStudy, ...] = ()
+    """One per kind of robot, in the order of the scenario."""

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from testbed.settings_cell import CellSettings
+from testbed.settings_coverage import COVERAGE_KEYS, CoverageSettings
 from testbed.settings_plan import DEFAULT_POSES, PlanCriterion, PlanMethod, PlanSettings
 from testbed.settings_tracker import At960Tracker as At960Tracker
 from testbed.settings_tracker import PaperTracker as PaperTracker
@@ -17,7 +18,7 @@ from testbed.settings_types import Name, PlainText, Point, Settings, Side
 FORMAT = 1
 """Version of the scenario file format this program writes; it reads this one."""
 STUDY_KEYS = ("pose_count", "random_sets", "paper_budget", "tool_point", "population")
-RESERVED = ("setting", *STUDY_KEYS)
+RESERVED = ("setting", *STUDY_KEYS, *COVERAGE_KEYS)
 """Record names that no trial may take."""
 MAX_TRIALS = 200
 
@@ -110,6 +111,7 @@ class Scenario(Settings):
     identification: IdentificationSettings = IdentificationSettings()
     uncertainty: UncertaintySettings = UncertaintySettings()
     studies: StudySettings = StudySettings()
+    coverage: CoverageSettings = CoverageSettings()
     plan: PlanSettings
     trial: Annotated[tuple[TrialSettings, ...], Field(min_length=1, max_length=MAX_TRIALS)]
 

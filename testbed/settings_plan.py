@@ -110,6 +110,9 @@ class PlanSettings(Settings):
     """Joint speed of the moves, as a share of the robot's largest."""
     settle_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 3.0
     """Rest at each pose: settling and measuring."""
+    clearance_mm: Annotated[float, Field(ge=0.0, le=1000.0)] = 10.0
+    """Poses and moves keep so far from obstacles and floor; 0: only no touch. The base may stand on
+    either, and the goal may lie nearer."""
     start_deg: Annotated[tuple[Length, ...], Field(max_length=32)] = ()
     """Posture the robot starts from; deg, mm where a joint slides; empty: all joints at zero."""
     stations: StationSettings = StationSettings()
@@ -129,6 +132,17 @@ def plan_contradictions(plan: PlanSettings) -> list[str]:
         found.append(
             f'[plan] criterion is "{plan.criterion}"; target_um needs "V" or "G", '
             'which know the goal; write criterion = "V"'
+        )
+    if plan.target_um and plan.method in ("random", "best_of_random"):
+        found.append(
+            f'[plan] method is "{plan.method}", which does not look for the fewest poses that '
+            'reach target_um; write method = "exchange" or poses'
+        )
+    if plan.measured and plan.stations.given:
+        found.append(
+            "[plan] measured and [plan.stations] contradict each other: poses measured from one "
+            "station do not count at another, where the robot's base has to be found anew; remove "
+            "[plan.stations] and write where they were measured from as [tracker] station_mm"
         )
     if plan.stations.grid and plan.stations.list_mm:
         found.append("[plan.stations] has list_mm and grid; remove one")

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from testbed import settings, settings_cell, settings_plan, settings_truth
+from testbed import settings, settings_cell, settings_coverage, settings_plan, settings_truth
 from testbed.mistakes import Fault, Path, did_you_mean, place
 from testbed.settings import Scenario
 
@@ -180,6 +180,7 @@ def keys_by_table() -> dict[str, tuple[str, ...]]:
         "identification": settings.IdentificationSettings,
         "uncertainty": settings.UncertaintySettings,
         "studies": settings.StudySettings,
+        "coverage": settings_coverage.CoverageSettings,
         "trial": settings.TrialSettings,
         "paper": settings.PaperTracker,
         "at960": settings.At960Tracker,

@@ -150,7 +150,12 @@ class Work:
                 for key in set(STUDY_KEYS) & set(self.failed)
             }
         )
-        sound = self.scenario.model_copy(update={"trial": trials, "studies": studies})
+        coverage = self.scenario.coverage
+        kinds = tuple(t for t in coverage.truths if f"coverage.{t}" not in self.failed)
+        coverage = coverage.model_copy(update={"truths": kinds})
+        sound = self.scenario.model_copy(
+            update={"trial": trials, "studies": studies, "coverage": coverage}
+        )
         return self.stages.gather(sound, self.get)
 
     def derive(self, names: Iterable[str]) -> Any:

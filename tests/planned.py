@@ -75,3 +75,11 @@ def with_blocked_move():
     made = quick_plan()
     sentence = "No free way was found to pose 3 of the order."
     return replace(made, tour=replace(made.tour, blocked=(2,), sentence=sentence))
+
+
+def legs(made):
+    """Ends (l, 2, n) of every straight joint move, stops on the way included."""
+    stops = [made.tour.start]
+    for q, via in zip(made.tour.q, made.tour.vias, strict=True):
+        stops += [*via, q]
+    return np.stack([stops[:-1], stops[1:]], axis=1)

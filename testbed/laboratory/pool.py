@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import KDTree
 
 from calib.arrays import Array, Index, check, frozen
 from calib.errors import InputError
@@ -12,6 +13,8 @@ from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot
 from testbed.scenario import PoolSettings
 
+SAME = 1e-7
+"""Joint vectors nearer than this in every joint are one pose: a table keeps it [rad, m]."""
 BOX, LIMITS, CONE, ITSELF, FLOOR, OBSTACLE, SIGHT = range(7)
 REASONS = (
     "outside the box",
@@ -97,7 +100,8 @@ def draw_pool(
         Half angle of the cone about the tool's z axis in which the tracker must stand, seen from
         the target [rad]; pi: anywhere.
     exclude : (k, n) array, optional
-        Joint vectors that must not come again: the pool, when held-out poses are drawn.
+        Joint vectors that must not come again, to within 1e-7 rad or m: the pool, when held-out
+        poses are drawn.
 
     Raises
     ------
@@ -111,15 +115,14 @@ def draw_pool(
     """
     station, aim = check("3, 3", station=station, aim=aim)
     wanted = settings.size if size is None else size
-    taken = set() if exclude is None else {row.tobytes() for row in np.asarray(exclude)}
+    taken = np.zeros((0, len(robot.limits))) if exclude is None else np.asarray(exclude)
     lower, upper = robot.limits.T
     blocks: list[Array] = []
     faults: list[Index] = []
     rejected, drawn = np.zeros(len(REASONS), dtype=np.int64), 0
     while drawn - rejected.sum() < wanted:
         block = rng.uniform(lower, upper, (4 * wanted, len(lower)))
-        if taken:
-            block = block[[row.tobytes() not in taken for row in block]]
+        block = block[is_new(block, taken)]
         blocks.append(block)
         faults.append(first_fault(robot, simulator, settings, station, aim, block, acceptance))
         rejected, drawn = rejected + counts(faults[-1]), drawn + len(block)
@@ -171,6 +174,14 @@ def first_fault(
         left = np.flatnonzero(reason < 0)
         reason[left[~simulator.sees(q[left], station, aim)]] = SIGHT
     return reason
+
+
+def is_new(q: Array, taken: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Whether (m,) joint vectors q (m, n) differ from all of `taken` (k, n) in some joint."""
+    if not len(taken):
+        return np.ones(len(q), dtype=bool)
+    distance, _ = KDTree(taken).query(q, p=np.inf, distance_upper_bound=SAME)
+    return np.asarray(np.isinf(distance))
 
 
 def in_box(

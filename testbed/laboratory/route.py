@@ -194,19 +194,10 @@ def _check_free(simulator: Simulator, stops: Array) -> None:
     hits = np.flatnonzero(simulator.collides(stops))
     if not len(hits):
         return
-    found = simulator.contacts(stops[hits[:1]])
-    what = next(
-        word
-        for word, hit in (
-            ("an obstacle", found.obstacle),
-            ("the floor", found.floor),
-            ("itself", found.itself),
-        )
-        if hit[0]
-    )
     at_start = hits[0] == 0
     raise InputError(
-        f"in {'the start posture' if at_start else f'pose {hits[0] - 1}'} the robot hits {what}",
+        f"in {'the start posture' if at_start else f'pose {hits[0] - 1}'} the robot hits "
+        f"{simulator.hit_word(stops[hits[0]])}",
         code="M27",
         field="start" if at_start else "q",
         value=stops[hits[0]].tolist(),

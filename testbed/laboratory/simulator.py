@@ -47,6 +47,9 @@ class Simulator:
         Geometry of the bodies: the robot's nominal one, or any other with as many joints.
     obstacles : sequence of Obstacle
         What else stands in the cell, fixed to the world.
+    clearance : float
+        Moving parts nearer than this to the floor or an obstacle count as touching it; the base
+        stands on the floor and may touch both [m].
 
     Notes
     -----
@@ -56,7 +59,12 @@ class Simulator:
     __slots__ = ("_carrier", "_chain", "_data", "_floor", "_model", "_tool", "obstacles")
 
     def __init__(
-        self, robot: Robot | None, chain: Chain, obstacles: Sequence[Obstacle] = ()
+        self,
+        robot: Robot | None,
+        chain: Chain,
+        obstacles: Sequence[Obstacle] = (),
+        *,
+        clearance: float = 0.0,
     ) -> None:
         import mujoco
 
@@ -65,9 +73,10 @@ class Simulator:
         mujoco.set_mju_user_warning(_log_warning)
         spec = build_spec(chain, robot)
         if robot is not None:
-            _lay_floor(spec, chain.T_world_base @ slide(0.0, 0.0, robot.base_offset))
+            T_world_floor = chain.T_world_base @ slide(0.0, 0.0, robot.base_offset)
+            _lay_floor(spec, T_world_floor, clearance)
         for obstacle in obstacles:
-            _stand(spec, obstacle)
+            _stand(spec, obstacle, clearance)
         self._chain = chain
         self.obstacles = tuple(obstacles)
         self._model = compile_spec(spec)
@@ -75,6 +84,12 @@ class Simulator:
         self._tool = self._model.site("tool").id
         self._carrier = int(self._model.site_bodyid[self._tool])
         self._floor = self._model.geom("floor").id if robot is not None else -1
+        mujoco.mj_kinematics(self._model, self._data)
+
+    def _surroundings(self) -> list[int]:
+        """The floor and the obstacles, as MuJoCo numbers them."""
+        obstacles = [self._model.geom(one.name).id for one in self.obstacles]
+        return obstacles if self._floor < 0 else [self._floor, *obstacles]
 
     def poses(self, q: ArrayLike, *, growth: Array | None = None) -> Array:
         """Tool poses T_world_tool (m, 4, 4) at joint values q (m, n) [rad, m].
@@ -104,7 +119,7 @@ class Simulator:
         q = joint_vectors(self._chain, q)
         itself, floor, obstacle = np.zeros((3, len(q)), dtype=bool)
         model, data = self._model, self._data
-        obstacles = [model.geom(one.name).id for one in self.obstacles]
+        obstacles = [k for k in self._surroundings() if k != self._floor]
         for k, joints in enumerate(q):
             data.qpos[:] = joints
             mujoco.mj_kinematics(model, data)
@@ -130,6 +145,40 @@ class Simulator:
             mujoco.mj_collision(model, data)
             out[k] = data.ncon > 0
         return out
+
+    def hit_word(self, q: Array) -> str:
+        """What the robot hits at one posture q (n,) that collides."""
+        _, floor, obstacle = (bool(hit[0]) for hit in self.contacts(q[None]))
+        return "an obstacle" if obstacle else "the floor" if floor else "itself"
+
+    def clearances(self, q: ArrayLike, *, most: float) -> Array:
+        """Distance (m,) from the moving parts to the floor and the obstacles at q (m, n) [m].
+
+        Between convex hulls, negative where they overlap, `most` where nothing is nearer.
+        """
+        import mujoco
+
+        q = joint_vectors(self._chain, q)
+        out = np.full(len(q), most)
+        model, data, around = self._model, self._data, self._surroundings()
+        moves = model.body_weldid[model.geom_bodyid] > 0
+        parts = np.flatnonzero(moves & ((model.geom_contype & ROBOT_BIT) > 0))
+        for k, joints in enumerate(q):
+            data.qpos[:] = joints
+            mujoco.mj_kinematics(model, data)
+            for part in parts:
+                for other in around:
+                    found = mujoco.mj_geomDistance(model, data, part, other, most, None)
+                    out[k] = min(out[k], found)
+        return out
+
+    def above_floor(self, point: ArrayLike) -> float:
+        """How far a point (3,) of the world lies above the floor; infinite without a floor [m]."""
+        (point,) = check("3", point=point)
+        if self._floor < 0:
+            return np.inf
+        up = self._data.geom_xmat[self._floor].reshape(3, 3)[:, 2]
+        return float(up @ (point - self._data.geom_xpos[self._floor]))
 
     def travel_bounds(self) -> Array:
         """How far any point of the robot can move per unit of each joint (n,) [m/rad or 1].
@@ -161,6 +210,7 @@ class Simulator:
 
         The body that carries the target is transparent: the target is a part of it, and its own
         surface would end every ray. All other bodies, the base, the floor and the obstacles block.
+        Nothing is seen from below the floor, which stops rays from above only.
 
         Parameters
         ----------
@@ -175,7 +225,9 @@ class Simulator:
 
         q = joint_vectors(self._chain, q)
         start, offset = check("3, 3", station=station, target_offset=target_offset)
-        out = np.empty(len(q), dtype=bool)
+        out = np.zeros(len(q), dtype=bool)
+        if self.above_floor(start) < 0:
+            return out
         model, data, tool = self._model, self._data, self._tool
         hit = np.zeros(1, dtype=np.int32)
         for k, joints in enumerate(q):
@@ -188,7 +240,7 @@ class Simulator:
         return out
 
 
-def _lay_floor(spec: Any, T_world_floor: Array) -> None:
+def _lay_floor(spec: Any, T_world_floor: Array, margin: float) -> None:
     """Add the floor plane to a MuJoCo spec; every colliding part may meet it."""
     import mujoco
 
@@ -203,10 +255,11 @@ def _lay_floor(spec: Any, T_world_floor: Array) -> None:
         quat=quaternion_wxyz(T_world_floor[:3, :3]),
         contype=FLOOR_BIT,
         conaffinity=0,
+        margin=margin,
     )
 
 
-def _stand(spec: Any, obstacle: Obstacle) -> None:
+def _stand(spec: Any, obstacle: Obstacle, margin: float) -> None:
     """Add an obstacle to a MuJoCo spec, in the world, so that it meets the moving parts."""
     import mujoco
 
@@ -220,6 +273,7 @@ def _stand(spec: Any, obstacle: Obstacle) -> None:
         "contype": OBSTACLE_BIT,
         "conaffinity": 0,
         "mass": 0.0,
+        "margin": margin,
     }
     if obstacle.mesh is None:
         size = obstacle.size / 2

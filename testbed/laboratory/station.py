@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Bool, Index, frozen
-from calib.design.blocks import scaled_blocks
+from calib.design.blocks import information, scaled_blocks, sees_all
 from calib.errors import CalibError
 from calib.geometry.parameters import Parameters
 from calib.measurement.residual import point_blocks, whitened_blocks
@@ -109,18 +109,24 @@ def station_rows(robot: Robot, tracker: Tracker, q: Array, sigma_q: ArrayLike) -
 
 
 def goal_uncertainty(blocks: Array, goal: Array) -> Array:
-    """Predicted standard uncertainty (g,) of the tool point after measuring blocks (m, r, p) [m].
+    """Predicted 3-D standard uncertainty (g,) of the tool point after measuring blocks (m, r, p).
 
-    From the triangular factor of the rows: the information matrix is never squared up. Infinite
-    if the rows leave a number undetermined.
+    `goal` (g, 3, p) [m]. Infinite if the rows leave a number undetermined.
     """
-    A = blocks.reshape(-1, blocks.shape[-1])
-    if len(A) < A.shape[1]:
+    if not sees_all(blocks.reshape(-1, blocks.shape[-1])):
         return np.full(len(goal), np.inf)
-    size = np.linalg.norm(A, axis=0)
-    if not size.all():
-        return np.full(len(goal), np.inf)
-    _, singular, Vt = np.linalg.svd(A / size, full_matrices=False)
-    if singular[-1] < 1e-12 * singular[0]:
-        return np.full(len(goal), np.inf)
-    return np.asarray(np.linalg.norm((goal / size) @ (Vt.T / singular), axis=(1, 2)))
+    return point_u(information(blocks), goal)
+
+
+def point_u(M: Array, rows: Array) -> Array:
+    """3-D standard uncertainty (g,) of the tool point at the goal, from its rows (g, 3, p) [m].
+
+    References
+    ----------
+    JCGM 102:2011, 6.2: the covariance of a linear function y = J x is J C J'; here C = M^-1, and
+    u^2 = tr(J_t M^-1 J_t') adds the variances of the three coordinates.
+    """
+    lower = np.linalg.cholesky(M)
+    g, _, p = rows.shape
+    half = np.linalg.solve(lower, rows.reshape(-1, p).T)
+    return np.asarray(np.sqrt((half**2).sum(axis=0).reshape(g, 3).sum(axis=1)))

@@ -16,8 +16,6 @@ from testbed.scenario import At960Tracker, PaperTracker, StationSettings
 
 TOLD = 5
 """Stations whose fault is told when none can be used."""
-CLOSE = 0.01
-"""Stations whose uncertainty differs by less than this part are called equally good."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,8 +45,6 @@ class StationComparison:
     """(s,) what became of each station, in words."""
     best: int
     """Station with the smallest mean uncertainty; ties to the first."""
-    sentence: str
-    """Which one is best, and why."""
 
 
 def station_grid(settings: StationSettings) -> Array:
@@ -78,7 +74,7 @@ def compare_stations(
     weights: ArrayLike | None = None,
     line_of_sight: bool = True,
 ) -> StationComparison:
-    """Design from every station with the same pool and say which station is best, and why.
+    """Design from every station with the same pool and say which station is best.
 
     Parameters
     ----------
@@ -139,16 +135,15 @@ def compare_stations(
         for k, (station, row) in enumerate(zip(stations, rows, strict=True))
     )
     if not np.isfinite(u_mean).any():
+        nobody = f"none of {len(rows)} stations can" if len(rows) > 1 else "the station cannot"
         raise InputError(
-            f"[plan.stations] none of {len(stations)} stations can be used: "
-            + "; ".join(statements[:TOLD]),
+            f"[plan.stations] {nobody} be used: " + "; ".join(statements[:TOLD]),
             code="M28",
             field="plan.stations",
             value=stations.tolist(),
             allowed="the tracker must see poses that tell the parameters apart",
             fix="move the stations to where the probe faces them and nothing stands between",
         )
-    best = int(np.argmin(u_mean))
     return StationComparison(
         stations=frozen(stations),
         n_candidates=len(q),
@@ -160,12 +155,11 @@ def compare_stations(
         u_mean=frozen(u_mean),
         u_worst=frozen([row.u_worst for row in rows]),
         statements=statements,
-        best=best,
-        sentence=_why(stations, rows, best, len(q)),
+        best=int(np.argmin(u_mean)),
     )
 
 
-def _place(k: int, station: Array) -> str:
+def place_word(k: int, station: Array) -> str:
     """A station as people name it."""
     x, y, z = station * 1e3
     return f"station {k + 1} at ({x:.0f}, {y:.0f}, {z:.0f}) mm"
@@ -183,40 +177,8 @@ def _statement(k: int, station: Array, row: View, n: int) -> str:
     ]
     because = f" ({', '.join(lost)})" if lost else ""
     if not row.visible:
-        return f"{_place(k, station)} sees nothing: of {n} candidates {' and '.join(lost)}"
-    seen = f"{_place(k, station)} sees {row.visible} of {n} candidates{because}"
+        return f"{place_word(k, station)} sees nothing: of {n} candidates {' and '.join(lost)}"
+    seen = f"{place_word(k, station)} sees {row.visible} of {n} candidates{because}"
     if row.fault:
         return f"{seen}, but no design: {row.fault}"
     return f"{seen} at {row.range_mean:.2f} m on average and predicts u = {row.u_mean * 1e6:.1f} um"
-
-
-def _why(stations: Array, rows: list[View], best: int, n: int) -> str:
-    """Which station is best, against the next one, and in what it is ahead."""
-    top = rows[best]
-    head = (
-        f"{_place(best, stations[best])} is best: predicted u = {top.u_mean * 1e6:.1f} um mean, "
-        f"{top.u_worst * 1e6:.1f} um worst over the goal; it sees {top.visible} of {n} candidates "
-        f"at {top.range_mean:.2f} m on average"
-    )
-    order = np.argsort([row.u_mean for row in rows], kind="stable")
-    others = [k for k in order if k != best and np.isfinite(rows[k].u_mean)]
-    blind = sum(not np.isfinite(row.u_mean) for row in rows)
-    if not others:
-        only = "; it is the only one" if len(rows) == 1 else "; no other station can be used"
-        return f"{head}{only}"
-    second = rows[others[0]]
-    ahead = []
-    if top.visible > second.visible:
-        ahead.append(f"sees {top.visible - second.visible} more candidates")
-    if top.range_mean < second.range_mean:
-        ahead.append(f"stands {second.range_mean - top.range_mean:.2f} m nearer")
-    if not ahead:
-        ahead.append("sees the poses from a better side")
-    loss = second.u_mean / top.u_mean - 1
-    close = " (hardly a difference)" if loss < CLOSE else ""
-    rest = f"; {blind} of {len(rows)} stations cannot be used" if blind else ""
-    return (
-        f"{head}. The next best, {_place(others[0], stations[others[0]])}, predicts "
-        f"{second.u_mean * 1e6:.1f} um, {100 * loss:.1f} % more{close}: the best one "
-        f"{' and '.join(ahead)}{rest}"
-    )

@@ -20,7 +20,7 @@ from testbed.output.plan_programs import programs
 from testbed.output.plan_report import plan_report_html
 from testbed.output.plan_stops import joint_units, pose_ids
 from testbed.output.plan_table import plan_csv
-from testbed.output.plan_words import station_words
+from testbed.output.plan_words import station_words, untested
 from testbed.output.recording_plan import write_plan_recording
 from testbed.output.results import SIMULATED
 from testbed.plan import plan as make_plan
@@ -63,7 +63,7 @@ def write_plan(plan: Plan, robot: Robot, out: Path, *, overwrite: bool = False) 
 def plan_numbers(plan: Plan, robot: Robot) -> dict[str, Any]:
     """plan.json: every headline number, units in the keys."""
     scenario, settings, tour = plan.scenario, plan.scenario.plan, plan.tour
-    k = settings.coverage
+    k, names = settings.coverage, pose_ids(plan)
     counts = dict(zip(plan.pool.rejection_names, map(int, plan.pool.rejection_counts), strict=True))
     return {
         "format": FORMAT,
@@ -76,7 +76,9 @@ def plan_numbers(plan: Plan, robot: Robot) -> dict[str, Any]:
         "versions": number_versions(),
         "goal": plan.goal.sentence,
         "criterion": settings.criterion,
-        "method": settings.method,
+        "method": plan.method,
+        "station_mm": list(plan.station_mm),
+        "start_joints_deg": (tour.start * joint_units(plan)).tolist(),
         "poses": len(plan.places),
         "poses_measured_already": len(plan.measured_q),
         "held_out_poses": tour.roles.count("test"),
@@ -104,13 +106,16 @@ def plan_numbers(plan: Plan, robot: Robot) -> dict[str, Any]:
             "proven_fewest": plan.curve.fewest,
             "sentence": plan.curve.sentence,
         },
+        "blocked": [names[k] for k in tour.blocked],
+        "clearance_mm": {"wanted": settings.clearance_mm, "smallest": tour.clearance * 1e3},
+        "untested": list(untested(plan)),
         "duration_s": tour.duration,
         "moving_s": float(tour.move.sum()),
         "settle_s": tour.settle,
         "route": tour.sentence,
         "order": [
             {"pose_id": name, "role": role, "pool": int(place) if place >= 0 else None}
-            for name, role, place in zip(pose_ids(plan), tour.roles, tour.pool_place, strict=True)
+            for name, role, place in zip(names, tour.roles, tour.pool_place, strict=True)
         ],
         "next_poses": [
             {

@@ -1,14 +1,18 @@
 """Robot programs of a plan as plain text: joint moves in measuring order, a wait at each pose."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from calib.arrays import Array
 from testbed.output.plan_stops import Stop, stops_of
+from testbed.output.quantities import counted
 from testbed.output.results import SIMULATED
 from testbed.planning.records import Plan
 
+ACCELERATION = 1.4
+"""Of the joint that turns farthest, URScript [rad/s^2]."""
 JOINTS = 6
 """These programs are for arms with so many turning joints."""
 
@@ -30,14 +34,18 @@ def _notes(plan: Plan, mark: str) -> list[str]:
     """Comment lines that head every program."""
     scenario, tour = plan.scenario, plan.tour
     found = ", ".join(f"{value:.3f}" for value in np.degrees(tour.start))
+    # a robot of one's own is named by its folder
+    robot = Path(scenario.robot).parent.name or scenario.robot
     lines = [
+        f"Joint values are those of robot {robot}, not of this controller: check signs and zeros.",
         SIMULATED,
-        f"Plan {scenario.name}, seed {scenario.seed}, robot {scenario.robot}: {len(tour)} poses,",
+        f"Plan {scenario.name}, seed {scenario.seed}, robot {robot}: {counted(len(tour), 'pose')},",
         f"{100 * scenario.plan.speed_share:g} % joint speed, {tour.settle:g} s at each pose.",
-        f"Starts at joints ({found}) deg.",
+        "First bring the robot by hand to the start, joints",
+        f"({found}) deg:",
+        "the first move was checked only from there. The program begins with a move to the start.",
         "Moves were checked against the nominal robot and the obstacles of the scenario only:",
-        "compare signs and zeros of the joints with the controller, then run it once at low",
-        "speed with a hand on the stop.",
+        "run it once at low speed with a hand on the stop.",
     ]
     return [f"{mark} {line}" for line in lines]
 
@@ -90,11 +98,18 @@ def krl(plan: Plan, stops: Sequence[Stop]) -> list[str]:
 
 
 def urscript(plan: Plan, stops: Sequence[Stop]) -> list[str]:
-    """URScript: moves with the plan's own times, in radians."""
+    """URScript: moves in radians; `v` is that of the joint that turns farthest.
+
+    It is such that the slowest joint, which decides the time, keeps its share of its largest speed.
+    """
     lines = ["def truebed_plan():", *(f"  {line}" for line in _notes(plan, "#"))]
+    slowest, before = float(plan.tour.speeds.min()), plan.tour.start
     for stop in stops:
-        seconds = max(stop.seconds, 0.1)
-        lines.append(f"  movej([{_list(stop.q, 9)}], t={seconds:.3f}) # {stop.name}")
+        turn = float(np.abs(stop.q - before).max())
+        # nobody knows from where the start is reached: there no joint is faster than the slowest
+        v = turn / stop.seconds if stop.seconds > 0 else slowest
+        lines.append(f"  movej([{_list(stop.q, 9)}], a={ACCELERATION:g}, v={v:.6f}) # {stop.name}")
+        before = stop.q
         if stop.measured:
             lines.append(f"  sleep({plan.tour.settle:g})")
     return [*lines, "end"]

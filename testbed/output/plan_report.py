@@ -8,9 +8,11 @@ from testbed.output.plan_words import (
     PROMISED,
     certificate_word,
     headline_rows,
+    mark,
     next_step,
     promise,
     reasons,
+    untested,
 )
 from testbed.output.report import BANNER, Page, render
 from testbed.output.report_parts import Code, Section, Table, Text
@@ -32,16 +34,13 @@ def plan_report_html(plan: Plan, robot: Robot, *, versions: Mapping[str, str]) -
         Program and packages.
     """
     scenario = plan.scenario
-    good = not plan.tour.blocked
     page = Page(
         banner=BANNER,
         title=scenario.title or scenario.name,
         subtitle=f"Measuring plan {scenario.name}, seed {scenario.seed}, {robot.title}. Predicted "
         "from the nominal robot; nothing has been measured.",
-        believable=good,
-        mark="✓ Every pose can be measured and every move is free"
-        if good
-        else "✗ Not every move is free",
+        believable=not plan.tour.blocked and not untested(plan),
+        mark=mark(plan),
         verdict=promise(plan),
         reasons=reasons(plan),
         headline=headline(plan),

@@ -59,7 +59,7 @@ def station_section(plan: Plan) -> Section | None:
 def candidate_section(plan: Plan) -> Section:
     """The pool: what was refused and why, and what each pose is worth."""
     low, high = plan_plots.shade_range(plan)
-    pool = plan.pool
+    pool, clearance = plan.pool, plan.scenario.plan.clearance_mm
     return Section(
         "candidates",
         "Candidate poses",
@@ -69,6 +69,11 @@ def candidate_section(plan: Plan) -> Section:
                 f"of K_jj): from {low} or less, pale, to {high} or more, dark, in equal steps. "
                 "Vermilion: the chosen poses.",
                 plan_plots.leverage_map(plan),
+            ),
+            Text(
+                f"Refused by floor or obstacle: nearer than {clearance:g} mm to it, the base aside."
+                if clearance
+                else "Refused by floor or obstacle: touches it, the base aside."
             ),
             pool_rows(pool.n_drawn, pool.rejection_names, pool.rejection_counts, len(pool.q)),
             Figure(

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.arrays import Array
 from testbed.laboratory.moves import travel_times
-from testbed.planning.records import Plan
+from testbed.planning.records import Move, Plan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -16,31 +16,36 @@ class Stop:
 
     name: str
     """Of the pose, or of the stop on the way to it."""
-    role: Literal["identify", "test", "via"]
-    """Measured to identify, measured to check, or only passed."""
+    role: Literal["identify", "test", "via", "start"]
+    """Measured to identify, measured to check, only passed, or where to bring the robot first."""
     place: int
-    """Its pose's place in the measuring order."""
+    """Its pose's place in the measuring order; -1 for the start."""
+    move: Move | None
+    """How the robot gets there; None for the start, which nothing is known about."""
     q: Array
     """(n,) joints [rad, m]."""
     seconds: float
-    """Time of the straight joint move to it [s]."""
+    """Time of the straight joint move to it; nan where there is no free one [s]."""
 
     @property
     def measured(self) -> bool:
         """Whether the robot rests there to be measured."""
-        return self.role != "via"
+        return self.role in ("identify", "test")
 
 
 def stops_of(plan: Plan) -> list[Stop]:
-    """Every joint target of the tour in turn."""
-    tour, before, stops = plan.tour, plan.tour.start, list[Stop]()
+    """Every joint target of the tour in turn, the start first."""
+    tour, before = plan.tour, plan.tour.start
+    stops = [Stop("start", "start", -1, None, before, np.nan)]
     for k, (name, role) in enumerate(zip(pose_ids(plan), tour.roles, strict=True)):
+        move = tour.move_word(k)
         for number, q in enumerate(tour.vias[k]):
             seconds = float(travel_times(before, q, tour.speeds))
-            stops.append(Stop(f"{name}via{number + 1}", "via", k, q, seconds))
+            stops.append(Stop(f"{name}via{number + 1}", "via", k, move, q, seconds))
             before = q
         q = tour.q[k]
-        stops.append(Stop(name, role, k, q, float(travel_times(before, q, tour.speeds))))
+        seconds = float(travel_times(before, q, tour.speeds)) if move != "blocked" else np.nan
+        stops.append(Stop(name, role, k, move, q, seconds))
         before = q
     return stops
 

@@ -17,7 +17,9 @@ READING = ("x_mm", "y_mm", "z_mm", "azimuth_deg", "elevation_deg", "range_mm")
 def plan_csv(plan: Plan) -> str:
     """The table of a plan, to be read by people, controllers and `[plan] measured`.
 
-    Rows with the role ``via`` are passed, not measured: whoever follows all rows hits nothing.
+    The first row, with the role ``start``, is where to bring the robot by hand; rows with the role
+    ``via`` are passed, not measured: whoever follows all rows hits nothing, unless a move is
+    ``blocked``, which has no time.
     """
     scale = joint_units(plan)
     head = ["pose_id", "role", "order", *joint_columns(plan)]
@@ -25,7 +27,7 @@ def plan_csv(plan: Plan) -> str:
         head += [f"{reading.target}_{name}" for name in READING]
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*head, "approach_s"])
+    writer.writerow([*head, "move", "approach_s"])
     for stop in stops_of(plan):
         row = [stop.name, stop.role, str(stop.place + 1) if stop.measured else ""]
         row += [f"{value:.{DECIMALS}f}" for value in stop.q * scale]
@@ -37,5 +39,6 @@ def plan_csv(plan: Plan) -> str:
             angles = (reading.azimuth[stop.place], reading.elevation[stop.place])
             row += [f"{np.degrees(angle):.6f}" for angle in angles]
             row += [f"{reading.range[stop.place] * 1e3:.4f}"]
-        writer.writerow([*row, f"{stop.seconds:.3f}"])
+        seconds = f"{stop.seconds:.3f}" if np.isfinite(stop.seconds) else ""
+        writer.writerow([*row, stop.move or "", seconds])
     return text.getvalue()

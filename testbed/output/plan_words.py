@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from testbed.laboratory.stations import CLOSE
 from testbed.output.quantities import MM, UM, counted, fixed, percent, significant
 from testbed.output.results import SIMULATED
-from testbed.planning.records import Plan
+from testbed.planning.records import FAR, Plan
 
+CLOSE = 0.01
+"""Stations whose uncertainty differs by less than this part are called equally good."""
 PROMISED = (3, 4)
 """Rows of the headline that say what will come out."""
 
@@ -97,9 +98,79 @@ def certificate_word(plan: Plan) -> str:
 
 
 def reasons(plan: Plan) -> tuple[str, ...]:
-    """The sentences under the promise: what is proven, how long it takes, where to stand."""
-    said = (plan.proof.sentence, plan.curve.sentence, plan.tour.sentence, station_words(plan))
+    """The sentences under the promise: warnings, what is proven, how long, from where."""
+    said = (
+        *untested(plan),
+        plan.proof.sentence,
+        plan.curve.sentence,
+        plan.tour.sentence,
+        clearance_words(plan),
+        measured_words(plan),
+        station_words(plan),
+    )
     return tuple(s[:1].upper() + s[1:].rstrip(".") + "." for s in said if s)
+
+
+def mark(plan: Plan) -> str:
+    """What holds of every pose and move, as far as it was tested."""
+    if plan.tour.blocked:
+        return "✗ Not every move is free"
+    tested = ["is free of collisions"]
+    if tests_cone(plan):
+        tested.append("faces the tracker")
+    if plan.scenario.pool.line_of_sight:
+        tested.append("is in its line of sight" if tests_cone(plan) else
+                      "is in the tracker's line of sight")  # fmt: skip
+    listed = " and ".join([", ".join(tested[:-1]), tested[-1]] if tested[1:] else tested)
+    return f"{'!' if untested(plan) else '✓'} Every pose {listed}, and every move is free"
+
+
+def tests_cone(plan: Plan) -> bool:
+    """Whether poses were tested for facing the tracker."""
+    return plan.scenario.tracker.acceptance_deg < 180.0
+
+
+def untested(plan: Plan) -> tuple[str, ...]:
+    """Warnings, one for each thing that decides whether a pose can be measured and was not asked.
+
+    A reflector alone may be seen from all around; a 6-D target never is.
+    """
+    said = []
+    if plan.scenario.tracker.measures == "pose" and not tests_cone(plan):
+        said.append(
+            "Warning: whether the probe faces the tracker was not tested, since [tracker] "
+            "acceptance_deg is 180; write what the probe can take, such as 60, or some of these "
+            "poses cannot be measured"
+        )
+    if not plan.scenario.pool.line_of_sight:
+        said.append(
+            "Warning: whether the beam is blocked was not tested, since [pool] line_of_sight is "
+            "false; some of these poses may be hidden"
+        )
+    return tuple(said)
+
+
+def clearance_words(plan: Plan) -> str:
+    """How near the robot comes to what stands around it."""
+    smallest, wanted = plan.tour.clearance, plan.scenario.plan.clearance_mm
+    if smallest >= FAR:
+        return f"The robot keeps {FAR * MM:g} mm or more from floor and obstacles"
+    rule = f"at least {wanted:g} mm was kept" if wanted else "only no touch was asked for"
+    return (
+        f"The robot comes to {significant(smallest * MM, 3)} mm from floor or obstacles where the "
+        f"moves were tested; {rule}"
+    )
+
+
+def measured_words(plan: Plan) -> str:
+    """From where the poses measured already were measured; nothing if there are none."""
+    if not len(plan.measured_q):
+        return ""
+    x, y, z = plan.station_mm
+    return (
+        f"The {counted(len(plan.measured_q), 'pose')} measured already count as measured from "
+        f"[tracker] station_mm, ({x:.0f}, {y:.0f}, {z:.0f}) mm, with this tracker and base"
+    )
 
 
 def station_words(plan: Plan) -> str:
@@ -112,7 +183,8 @@ def station_words(plan: Plan) -> str:
     usable = [int(n) for n in order if np.isfinite(seen.u_mean[n])]
     head = (
         f"Of {counted(len(order), 'station')}, {_station(plan, top)} is best: "
-        f"{len(seen.designs[top])} poses designed from there give U = "
+        f"{counted(len(seen.designs[top]), 'pose')} designed from there "
+        f"{'gives' if len(seen.designs[top]) == 1 else 'give'} U = "
         f"{significant(k * float(seen.u_mean[top]) * UM, 3)} µm (k = {k:g}, RMS over the goal)"
     )
     if len(usable) < 2:
@@ -121,7 +193,9 @@ def station_words(plan: Plan) -> str:
     more = float(seen.u_mean[second] / seen.u_mean[top]) - 1
     ahead = []
     if seen.visible[top] > seen.visible[second]:
-        ahead.append(f"sees {seen.visible[top] - seen.visible[second]} candidates more")
+        ahead.append(
+            f"sees {counted(int(seen.visible[top] - seen.visible[second]), 'candidate')} more"
+        )
     if seen.range_mean[top] < seen.range_mean[second]:
         ahead.append(f"stands {float(seen.range_mean[second] - seen.range_mean[top]):.2f} m nearer")
     why = " and ".join(ahead) or "sees the poses from a better side"

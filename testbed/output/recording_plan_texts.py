@@ -1,6 +1,7 @@
 """The words of a plan's recording: the summary, and what each phase shows."""
 
 from testbed.output.plan_words import PROMISED, certificate_word, headline_rows, minutes, promise
+from testbed.output.quantities import counted
 from testbed.output.recording_plan_cell import reasons_shown
 from testbed.output.recording_plan_story import PlanPhaseName, PlanStory
 from testbed.output.recording_writer import Color, Pen
@@ -81,7 +82,7 @@ def explanation(story: PlanStory, phase: PlanPhaseName) -> str:
         ]
     elif phase == "tour":
         lines = [
-            f"#### 3 Tour: {len(tour)} poses in {minutes(tour.duration)}",
+            f"#### 3 Tour: {counted(len(tour), 'pose')} in {minutes(tour.duration)}",
             "- numbers: measuring order; blue: to identify from, orange: held out",
             "- line: the way of the tool; red: the beam",
             f"- {tour.sentence}",

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from testbed.contest import has_contest
 from testbed.output import (
+    report_coverage,
+    report_coverage_tables,
     report_design,
     report_headline,
     report_paper,
@@ -81,11 +83,17 @@ def page_of(campaign: Campaign, versions: Mapping[str, str]) -> Page:
     scenario = campaign.scenario
     verdict = headline_verdict(campaign)
     # with many pose sets the question is which one; the single robot comes after it
-    many = has_contest(campaign)
+    many, covered = has_contest(campaign), bool(campaign.coverage)
     each = report_headline.headline_table(campaign)
+    headline = each
+    if covered:
+        headline = report_coverage_tables.summary_table(campaign.coverage)
+    elif many:
+        headline = report_pose_sets.summary_table(campaign)
     sections = (
+        report_coverage.coverage_section(campaign),
         report_pose_sets.pose_sets_section(campaign) if many else None,
-        report_results.accuracy_section(campaign, each if many else None),
+        report_results.accuracy_section(campaign, each if many or covered else None),
         report_results.belief_section(campaign),
         report_parameters.identifiable_section(campaign),
         report_design.design_section(campaign),
@@ -105,7 +113,7 @@ def page_of(campaign: Campaign, versions: Mapping[str, str]) -> Page:
         reasons=tuple(
             reason[:1].upper() + reason[1:].rstrip(".") + "." for reason in verdict.reasons
         ),
-        headline=report_pose_sets.summary_table(campaign) if many else each,
+        headline=headline,
         next_step=report_headline.next_step(campaign),
         sections=tuple(section for section in sections if section is not None),
     )

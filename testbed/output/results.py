@@ -8,6 +8,7 @@ import numpy as np
 from calib.information.propagation import point_uncertainty
 from calib.measurement.accuracy import Accuracy
 from testbed.contest import contest_of
+from testbed.output.results_coverage import coverage_arrays, coverage_headline
 from testbed.output.verdict import headline_verdict, judge
 from testbed.records import Campaign, Estimate, PopulationStudy, Setting, Trial
 
@@ -77,6 +78,8 @@ def headline(campaign: Campaign) -> dict[str, Any]:
         }
     if campaign.population is not None:
         out["population"] = _population(campaign.population, campaign)
+    if campaign.coverage:
+        out["coverage"] = coverage_headline(campaign.coverage)
     return out
 
 
@@ -111,6 +114,7 @@ def arrays(campaign: Campaign) -> dict[str, np.ndarray[Any, Any]]:
     if campaign.pose_count is not None:
         out["pose_count/counts"] = campaign.pose_count.counts
         out["pose_count/mean"] = campaign.pose_count.mean
+    out |= coverage_arrays(campaign.coverage)
     return {name: np.asarray(value) for name, value in out.items()}
 
 

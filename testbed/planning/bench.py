@@ -11,10 +11,10 @@ from calib.geometry.parameters import Parameters
 from calib.information.goals import goal_matrix
 from calib.information.rank import RANK_TOLERANCE
 from calib.information.reduction import Reduction, reduce
-from calib.measurement.residual import point_blocks, whitened_blocks
 from testbed.laboratory.cell import Obstacle, cell_from
 from testbed.laboratory.pool import Pool, draw_pool
 from testbed.laboratory.simulator import Simulator
+from testbed.laboratory.station import station_rows
 from testbed.laboratory.tracker import Tracker, tracker_from
 from testbed.laboratory.truth import joint_repeatability
 from testbed.robots.catalog import Robot, load_robot
@@ -32,6 +32,9 @@ class PlanBench:
     scenario: Scenario
     robot: Robot
     simulator: Simulator
+    """Of the cell with the clearance that poses and moves of a plan keep."""
+    touching: Simulator
+    """Of the same cell without: the robot works as near to things as it likes."""
     cell: tuple[Obstacle, ...]
     tracker: Tracker
     sigma_q: Array
@@ -39,12 +42,7 @@ class PlanBench:
 
     def whitened_rows(self, q: Array) -> Array:
         """Whitened Jacobian blocks (m, r, P) of poses q (m, n), all P columns."""
-        model, tracker = self.robot.model, self.tracker
-        covariance = tracker.covariance(model, q, self.sigma_q)
-        if tracker.measures == "pose":
-            return whitened_blocks(model, q, covariance)
-        offset = np.broadcast_to(tracker.reflector, (len(q), 3))
-        return point_blocks(model, q, covariance[:, :3, :3], offset)
+        return station_rows(self.robot, self.tracker, q, self.sigma_q)
 
     def blocks(self, q: Array, parameters: Parameters) -> Array:
         """Whitened blocks (m, r, p) of the free numbers in scaled units."""
@@ -110,14 +108,18 @@ class PlanBench:
         *,
         size: int,
         seen: bool = True,
+        near: bool = False,
         exclude: Array | None = None,
     ) -> Pool:
-        """Feasible poses; `seen` False asks the robot and its cell only, not the tracker."""
+        """Feasible poses; `seen` False asks the robot and its cell only, not the tracker.
+
+        `near` lets them come as near to the cell as the robot can without touching it.
+        """
         if not seen:
             settings = settings.model_copy(update={"line_of_sight": False})
         return draw_pool(
             self.robot,
-            self.simulator,
+            self.touching if near else self.simulator,
             settings,
             self.tracker.station,
             rng,
@@ -136,6 +138,7 @@ def open_plan_bench(scenario: Scenario) -> PlanBench:
     return PlanBench(
         scenario,
         robot,
+        Simulator(robot, chain, cell, clearance=scenario.plan.clearance_mm / 1e3),
         Simulator(robot, chain, cell),
         cell,
         tracker_from(scenario.tracker, chain),

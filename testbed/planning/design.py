@@ -22,7 +22,8 @@ from calib.information.criteria.base import Criterion
 from calib.information.criteria.named import criterion_named
 from calib.information.goals import Goals
 from calib.information.rank import rank
-from testbed.planning.predict import information_of, point_u, rms, stacked
+from testbed.laboratory.station import point_u
+from testbed.planning.predict import information_of, rms, stacked
 from testbed.planning.records import Curve, NextPose, Proof
 from testbed.scenario import PlanSettings
 from testbed.settings_plan import DEFAULT_POSES
@@ -35,6 +36,8 @@ CURVE_POINTS = 9
 NEXT_POSES = 5
 NO_TARGET = 1e-12
 """Below what any number of poses reaches [m]: the curve alone is wanted."""
+OVER = {"V": "RMS over the goal", "G": "worst of the goal"}
+"""What a figure of each criterion of the goal is."""
 METHODS: dict[str, Callable[..., Selection]] = {
     "random": random_set,
     "best_of_random": best_of_random,
@@ -90,10 +93,11 @@ class Task:
         return method(self.blocks, m, self.criterion, rng, prior=self.prior, names=self.names)
 
 
-def designed(task: Task, rng: np.random.Generator) -> tuple[Index, Curve]:
-    """The chosen places (m,) in the pool, and the curve of uncertainty against their number.
+def designed(task: Task, rng: np.random.Generator) -> tuple[Index, str, Curve]:
+    """The chosen places (m,) in the pool, who found them, and uncertainty against their number.
 
-    With a target the number is the smallest that reaches it.
+    With a target the number is the smallest that reaches it, and the method is that of the set
+    kept: the scenario's, or the exchange behind the curve.
 
     Raises
     ------
@@ -108,7 +112,7 @@ def designed(task: Task, rng: np.random.Generator) -> tuple[Index, Curve]:
             counts=_counts(task, task.settings.poses), starts=1, prior=task.prior,
             names=task.names,
         )  # fmt: skip
-        return np.sort(places), _curve(task, budget, places, rng)
+        return np.sort(places), task.settings.method, _curve(task, budget, places, rng)
     budget = pose_budget(
         task.blocks, task.judge, task.target, rng,
         starts=CURVE_STARTS, prior=task.prior, names=task.names,
@@ -116,8 +120,8 @@ def designed(task: Task, rng: np.random.Generator) -> tuple[Index, Curve]:
     if budget.smallest is None:
         k = task.settings.coverage * 1e6
         raise InputError(
-            f"[plan] target_um is {task.settings.target_um:g}, which {len(budget.chosen)} poses "
-            "do not reach",
+            f"[plan] target_um is {task.settings.target_um:g}, which "
+            f"{_poses(len(budget.chosen), 'do', 'does')} not reach",
             code="S37",
             field="plan.target_um",
             value=task.settings.target_um,
@@ -125,14 +129,17 @@ def designed(task: Task, rng: np.random.Generator) -> tuple[Index, Curve]:
             f"goes below {float(budget.possible[-1]) * k:.3g} um",
             fix="ask for less, measure better, or enlarge [pool] size",
         )
-    places = min((task.select(budget.smallest, rng).indices, budget.chosen), key=task.u)
+    own, method = task.select(budget.smallest, rng).indices, task.settings.method
+    places = min((own, budget.chosen), key=task.u)
+    if places is budget.chosen:
+        method = "exchange"
     while len(places) > (budget.proven or 1):
         # the curve's few starts may miss a smaller set that the method itself finds
         fewer = task.select(len(places) - 1, rng).indices
         if task.u(fewer) > task.target:
             break
-        places = fewer
-    return np.sort(places), _curve(task, budget, places, rng)
+        places, method = fewer, task.settings.method
+    return np.sort(places), method, _curve(task, budget, places, rng)
 
 
 def _counts(task: Task, m: int) -> list[int]:
@@ -152,12 +159,14 @@ def _curve(task: Task, budget: Budget, places: Index, rng: np.random.Generator) 
         limit = certify(task.blocks, places, task.judge, prior=task.prior, names=task.names)
         counts, u = np.insert(counts, at, m), np.insert(u, at, np.inf)
         bound = np.insert(bound, at, np.nan if limit is None else limit.figure_bound)
-    u = np.where(counts == m, np.minimum(task.u(places), u), u)
+    own = task.u(places)
+    # another pose never hurts: what fewer poses reach, more reach as well
+    u = np.minimum.accumulate(np.where(counts == m, np.minimum(own, u), u))
     wanted = task.target is not None
     return Curve(
         counts=frozen(counts, np.int64),
-        # another pose never hurts: what fewer poses reach, more reach as well
-        u=frozen(np.minimum.accumulate(u)),
+        # but the plan's point is what it promises, even where another set does better
+        u=frozen(np.where(counts == m, own, u)),
         # and what more poses cannot, fewer cannot either
         bound=frozen(np.fmax.accumulate(bound[::-1])[::-1]),
         random=frozen(random_u(task, counts, rng)),
@@ -171,15 +180,24 @@ def _curve(task: Task, budget: Budget, places: Index, rng: np.random.Generator) 
 
 def _sentence(task: Task, m: int, proven: int | None) -> str:
     """What is proven about the number of poses."""
-    k = task.settings.coverage
-    asked = f"U = {task.settings.target_um:g} µm (k = {k:g})"
-    more = "more " if len(task.before) else ""
+    settings = task.settings
+    over = OVER["G" if settings.target_is == "worst" else "V"]
+    asked = f"U = {settings.target_um:g} µm (k = {settings.coverage:g}, {over})"
+    reach = _poses(m, "reach", "reaches", more=bool(len(task.before)))
     if m == proven:
-        return f"{m} {more}poses reach {asked}, and it is proven that no fewer can"
-    return (
-        f"{m} {more}poses reach {asked}; it is proven that fewer than {proven} from this pool do "
-        "not"
-    )
+        return f"{reach} {asked}, and it is proven that no fewer can"
+    return f"{reach} {asked}; it is proven that fewer than {proven} from this pool do not"
+
+
+def _poses(m: int, verb: str, singular: str, *, more: bool = False) -> str:
+    """So many poses do something."""
+    noun, verb = ("pose", singular) if m == 1 else ("poses", verb)
+    return f"{m} more {noun} {verb}" if more else f"{m} {noun} {verb}"
+
+
+def four(value: float) -> str:
+    """Four significant digits, without a point at the end."""
+    return f"{value:#.4g}".rstrip(".")
 
 
 def proof_of(task: Task, places: Index) -> Proof:
@@ -192,10 +210,11 @@ def proof_of(task: Task, places: Index) -> Proof:
         # in the unit of everything else a plan says: expanded, not standard, uncertainty
         part = floor(found.efficiency * 1000) / 1000  # as true as the number
         sentence = (
-            f"{task.settings.criterion}-efficiency at least {part:.3f}: no other "
-            f"{len(places)} poses of the {len(task.blocks)} in the pool go below "
-            f"U = {k * found.figure_bound * 1e6:#.4g} µm (k = {k:g}); these reach "
-            f"{k * found.figure * 1e6:#.4g} µm"
+            f"{task.settings.criterion}-efficiency at least {part:.3f}: no other set of "
+            f"{len(places)} from the {len(task.blocks)} poses of the pool goes below "
+            f"U = {four(k * found.figure_bound * 1e6)} µm "
+            f"(k = {k:g}, {OVER[task.settings.criterion]}); this one reaches "
+            f"{four(k * found.figure * 1e6)} µm"
         )
     return Proof(found.efficiency, found.figure_bound, sentence)
 

@@ -31,10 +31,13 @@ def goal_of(bench: PlanBench) -> Goal:
     if isinstance(settings, ListGoal):
         q = _entries(bench, settings)
         shares = np.array(settings.weights) if settings.weights else np.ones(len(q))
-        text = f"{len(q)} listed poses"
+        text = f"{len(q)} listed {noun(len(q), 'pose')}"
     elif isinstance(settings, PathGoal):
         q, shares, length = _path(bench, settings)
-        text = f"a path of {length * 1e3:.0f} mm in {len(q)} postures, each meter counting the same"
+        text = (
+            f"a path of {length * 1e3:.0f} mm in {len(q)} {noun(len(q), 'posture')}, each meter "
+            "counting the same"
+        )
     else:
         q = box_poses(bench, settings)
         shares = np.ones(len(q))
@@ -42,14 +45,19 @@ def goal_of(bench: PlanBench) -> Goal:
         x, y, z = size
         center = ", ".join(f"{value:g}" for value in middle)
         text = (
-            f"{len(q)} random feasible poses in a box of {x:g} x {y:g} x {z:g} mm around "
-            f"({center}) mm in the base frame"
+            f"{len(q)} random feasible {noun(len(q), 'pose')} in a box of {x:g} x {y:g} x {z:g} mm "
+            f"around ({center}) mm in the base frame"
         )
     if point.any():
         text += (
             f", for the point ({', '.join(f'{value * 1e3:g}' for value in point)}) mm of the tool"
         )
     return Goal(frozen(q), frozen(shares / shares.sum()), point, text)
+
+
+def noun(number: int, word: str) -> str:
+    """A noun after its count."""
+    return word if number == 1 else f"{word}s"
 
 
 def point_of(bench: PlanBench) -> Array:
@@ -75,28 +83,48 @@ def box_poses(bench: PlanBench, goal: BoxGoal) -> Array:
     pool = scenario.pool.model_copy(update={"box_center_mm": center, "box_size_mm": size})
     rng = stream(scenario.seed, "plan", "goal")
     try:
-        return bench.pool(pool, rng, size=goal.poses, seen=False).q
+        return bench.pool(pool, rng, size=goal.poses, seen=False, near=True).q
     except InputError as error:
-        raise InputError(
-            error.message.replace("[pool]", "[plan.goal]"),
-            code=error.code,
-            field="plan.goal",
-            value=error.value,
-            allowed=error.allowed,
-            fix=error.fix.replace("box_center_mm", "center_mm").replace("box_size_mm", "size_mm"),
-        ) from error
+        raise of_the_goal(error) from error
+
+
+def of_the_goal(error: InputError) -> InputError:
+    """An error of a draw in the goal's box, in the words of [plan.goal]."""
+    return InputError(
+        error.message.replace("[pool]", "[plan.goal]"),
+        code=error.code,
+        field="plan.goal",
+        value=error.value,
+        allowed=error.allowed,
+        fix=error.fix.replace("box_center_mm", "center_mm").replace("box_size_mm", "size_mm"),
+    )
 
 
 def _entries(bench: PlanBench, goal: ListGoal | PathGoal) -> Array:
     """Joint values (k, n) of the goal's entries, solved for where tool poses are given."""
     robot = bench.robot
     if goal.joints_deg:
-        return from_deg(robot, goal.joints_deg, "[plan.goal] joints_deg")
+        listed = from_deg(robot, goal.joints_deg, "[plan.goal] joints_deg")
+        for k, q_k in enumerate(listed):
+            _check_free(bench, q_k, f"[plan.goal] joints_deg entry {k + 1}")
+        return listed
     poses = _tool_poses(bench, goal)
     q = list[Array]()
     for k, T in enumerate(poses):
         q.append(_posture(bench, T, q[-1] if q else None, f"[plan.goal] tool_mm_deg entry {k + 1}"))
     return np.array(q)
+
+
+def _check_free(bench: PlanBench, q: Array, name: str) -> None:
+    """Refuse a goal posture q (n,) at which the robot hits something."""
+    if bench.touching.collides(q[None])[0]:
+        raise InputError(
+            f"{name} makes the robot hit {bench.touching.hit_word(q)}",
+            code="S37",
+            field="plan.goal",
+            value=q.tolist(),
+            fix="move it",
+        )
 
 
 def _tool_poses(bench: PlanBench, goal: ListGoal | PathGoal) -> Array:
@@ -126,7 +154,7 @@ def _posture(bench: PlanBench, T: Array, before: Array | None, name: str) -> Arr
             allowed=near or "the tool cannot take that orientation there inside the joint limits",
             fix="move it into reach or turn it",
         )
-    free = ~bench.simulator.collides(q) if bench.scenario.pool.self_collision else np.ones(len(q))
+    free = ~bench.touching.collides(q)
     if not free.any():
         raise InputError(
             f"{name} makes the robot hit itself, the floor or an obstacle in every posture found",
@@ -164,12 +192,13 @@ def _path(bench: PlanBench, goal: PathGoal) -> tuple[Array, Array, float]:
             )
         # middles of equal pieces: no corner counts twice, and the sum over a line is its length
         for part in (np.arange(pieces) + 0.5) / pieces:
+            name = f"[plan.goal] the line from corner {k + 1} to {k + 2}"
             if targets is None:
                 postures.append(corners[k] + part * (corners[k + 1] - corners[k]))
+                _check_free(bench, postures[-1], name)
             else:
                 T = _between(targets[k], targets[k + 1], float(part))
                 before = postures[-1] if postures else corners[0]
-                name = f"[plan.goal] the line from corner {k + 1} to {k + 2}"
                 postures.append(_posture(bench, T, before, name))
             shares.append(weights[k] * max(length, 1e-9) / pieces)
         total += length

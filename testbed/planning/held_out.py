@@ -3,9 +3,10 @@
 import numpy as np
 
 from calib.arrays import Array, frozen
-from testbed.laboratory.pool import first_fault
+from calib.errors import InputError
+from testbed.laboratory.pool import first_fault, is_new
 from testbed.planning.bench import PlanBench
-from testbed.planning.goal import box_of
+from testbed.planning.goal import box_of, of_the_goal
 from testbed.planning.records import Goal
 from testbed.scenario import BoxGoal
 from testbed.streams import stream
@@ -42,12 +43,21 @@ def held_out(bench: PlanBench, goal: Goal, taken: Array) -> Array:
             goal.q,
             bench.tracker.acceptance,
         )
-        known = {row.tobytes() for row in taken}
-        new = np.array([row.tobytes() not in known for row in goal.q])
-        seen = goal.q[new & (fault < 0)]
+        seen = goal.q[is_new(goal.q, taken) & (fault < 0)]
         found = seen[rng.permutation(len(seen))[:count]]
     if len(found) == count:
         return frozen(found)
     exclude = np.vstack([taken, found])
-    rest = bench.pool(pool, rng, size=count - len(found), exclude=exclude).q
+    try:
+        rest = bench.pool(pool, rng, size=count - len(found), exclude=exclude).q
+    except InputError as error:
+        error = of_the_goal(error) if isinstance(settings, BoxGoal) else error
+        raise InputError(
+            error.message.replace("poses are feasible", "held-out poses are feasible"),
+            code=error.code,
+            field=error.field,
+            value=error.value,
+            allowed=error.allowed,
+            fix=f"{error.fix}, or lower [plan] held_out",
+        ) from error
     return frozen(np.vstack([found, rest]))

@@ -19,16 +19,20 @@ SAME = 1e-9
 """Joint vectors nearer than this in every joint are one pose [rad, m]."""
 
 
-def from_deg(robot: Robot, rows: Sequence[Sequence[float]], where: str) -> Array:
+def from_deg(
+    robot: Robot, rows: Sequence[Sequence[float]], where: str, *, single: bool = False
+) -> Array:
     """Joint vectors (k, n) [rad, m] from numbers in deg, or mm where a joint slides.
 
-    Checks their length, the joint limits and that none comes twice; `where` names the key.
+    Checks their length, the joint limits and that none comes twice; `where` names the key, which
+    holds one pose only if `single`.
     """
     n = robot.model.chain.n_joints
+    names = [where if single else f"{where} entry {k + 1}" for k in range(len(rows))]
     for k, row in enumerate(rows):
         if len(row) != n:
             raise InputError(
-                f"{where} entry {k + 1} has {len(row)} numbers",
+                f"{names[k]} has {len(row)} {'number' if len(row) == 1 else 'numbers'}",
                 code="S37",
                 field=where,
                 value=list(row),
@@ -37,7 +41,7 @@ def from_deg(robot: Robot, rows: Sequence[Sequence[float]], where: str) -> Array
             )
     scale = np.where(robot.model.chain.prismatic, 1e-3, np.pi / 180)
     q = np.array(rows, dtype=np.float64).reshape(-1, n) * scale
-    check_joints(robot, q, [f"{where} entry {k + 1}" for k in range(len(q))], where)
+    check_joints(robot, q, names, where)
     return frozen(q)
 
 
@@ -81,8 +85,8 @@ def check_joints(robot: Robot, q: ArrayLike, names: Sequence[str], field: str) -
 def read_joints(robot: Robot, path: str | Path) -> Array:
     """Joint targets (k, n) [rad, m] of a CSV file with columns q1_deg ... (also _rad, _mm, _m).
 
-    Other columns are ignored; where there is a column ``role``, only rows with the role "identify"
-    count, so that a plan.csv can be read back.
+    Other columns are ignored; where there is a column ``role``, rows that a plan.csv does not
+    identify from do not count: "test", "via" and "start".
     """
     file = Path(path)
     try:
@@ -105,7 +109,7 @@ def read_joints(robot: Robot, path: str | Path) -> Array:
     for line, row in enumerate(rows[1:], start=2):
         if not any(cell.strip() for cell in row):
             continue
-        if role is not None and len(row) > role and row[role].strip() in ("test", "via"):
+        if role is not None and len(row) > role and row[role].strip() in ("test", "via", "start"):
             continue
         q.append([_number(row, k, f"{path}:{line}", head[k]) for k in places])
         names.append(f"{path}:{line}")

@@ -6,6 +6,7 @@ from scipy.linalg import cho_factor, cho_solve
 from calib.arrays import Array
 from calib.design.blocks import information, sees_all
 from calib.geometry.parameters import Parameters
+from testbed.laboratory.station import point_u
 
 
 def covariance_of(M: Array, parameters: Parameters) -> Array:
@@ -13,20 +14,6 @@ def covariance_of(M: Array, parameters: Parameters) -> Array:
     C = cho_solve(cho_factor(M), np.eye(len(M)))
     scale = parameters.free_scale
     return np.asarray((C + C.T) / 2 * np.outer(scale, scale))
-
-
-def point_u(M: Array, rows: Array) -> Array:
-    """3-D standard uncertainty (g,) of the tool point at the goal, from its rows (g, 3, p) [m].
-
-    References
-    ----------
-    JCGM 102:2011, 6.2: the covariance of a linear function y = J x is J C J'; here C = M^-1, and
-    u^2 = tr(J_t M^-1 J_t') adds the variances of the three coordinates.
-    """
-    lower = np.linalg.cholesky(M)
-    g, _, p = rows.shape
-    half = np.linalg.solve(lower, rows.reshape(-1, p).T)
-    return np.asarray(np.sqrt((half**2).sum(axis=0).reshape(g, 3).sum(axis=1)))
 
 
 def rms(u: Array, weights: Array) -> float:

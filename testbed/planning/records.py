@@ -11,7 +11,10 @@ from testbed.laboratory.pool import Pool
 from testbed.laboratory.stations import StationComparison
 from testbed.scenario import Scenario
 
+FAR = 0.5
+"""Distances to floor and obstacles are looked at up to here [m]."""
 Role = Literal["identify", "test"]
+Move = Literal["free", "around", "blocked"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,8 +114,17 @@ class Tour:
     """Rest at each pose [s]."""
     blocked: tuple[int, ...]
     """Places in the tour that no free move was found to."""
+    clearance: float
+    """Smallest distance of the moving robot to floor and obstacles on all free ways, poses
+    included, as far as was looked; negative: they overlap [m]."""
     sentence: str
     """How long it takes and whether every move is free."""
+
+    def move_word(self, k: int) -> Move:
+        """How the robot gets to the k-th pose."""
+        if k in self.blocked:
+            return "blocked"
+        return "around" if len(self.vias[k]) else "free"
 
     @property
     def duration(self) -> float:
@@ -150,6 +162,8 @@ class Plan:
     covariance: Array
     """(p, p) predicted, of `parameters` in their own units [m, rad]."""
     goal: Goal
+    method: str
+    """By which the chosen set was found."""
     u: Array
     """(g,) predicted 3-D standard uncertainty of the tool point at each goal posture [m]."""
     u_of_step: Array

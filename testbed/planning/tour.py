@@ -7,7 +7,7 @@ from calib.errors import InputError
 from testbed.laboratory.route import Route, measuring_route
 from testbed.planning.bench import PlanBench
 from testbed.planning.joint_lists import from_deg
-from testbed.planning.records import Tour
+from testbed.planning.records import FAR, Tour
 from testbed.streams import stream
 
 
@@ -60,8 +60,22 @@ def tour_of(
         speeds=frozen(bench.robot.speeds * plan.speed_share),
         settle=route.settle,
         blocked=blocked,
+        clearance=_clearance(bench, route, blocked),
         sentence=_sentence(route, blocked),
     )
+
+
+def _clearance(bench: PlanBench, route: Route, blocked: tuple[int, ...]) -> float:
+    """Smallest distance to floor and obstacles at every posture that the moves were tested at."""
+    simulator = bench.simulator
+    bounds, postures, here = simulator.travel_bounds(), [route.start[None]], route.start
+    for k, (q, via) in enumerate(zip(route.q, route.via, strict=True)):
+        for there in (*via, q):
+            count = max(int(np.ceil(np.abs(there - here) @ bounds / route.resolution)), 1)
+            share = np.linspace(0, 1, count + 1)[:, None] if k not in blocked else np.ones((1, 1))
+            postures.append(here + share * (there - here))
+            here = there
+    return float(simulator.clearances(np.vstack(postures), most=FAR).min())
 
 
 def _sentence(route: Route, blocked: tuple[int, ...]) -> str:
@@ -90,12 +104,15 @@ def start_of(bench: PlanBench) -> Array:
     lower, upper = robot.limits.T
     start = np.where((lower <= 0) & (upper >= 0), 0.0, (lower + upper) / 2)
     if given:
-        start = np.asarray(from_deg(robot, [given], "[plan] start_deg")[0])
+        start = np.asarray(from_deg(robot, [given], "[plan] start_deg", single=True)[0])
     if bench.simulator.collides(start[None])[0]:
+        what = bench.simulator.hit_word(start)
+        near = not bench.touching.collides(start[None])[0]
+        verb = f"comes nearer than {bench.scenario.plan.clearance_mm:g} mm to" if near else "hits"
         raise InputError(
-            "[plan] start_deg: the robot hits itself, the floor or an obstacle there"
+            f"[plan] start_deg: the robot {verb} {what} there"
             if given
-            else "[plan] has no start_deg, and with joints at zero the robot hits something",
+            else f"[plan] has no start_deg, and with joints at zero the robot {verb} {what}",
             code="M27",
             field="plan.start_deg",
             value=start.tolist(),

@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).resolve().parent
-SCENES = ("quick", "wen2022", "position_only", "pose_sets", "pose_sets_rigid")
+SCENES = ("quick", "wen2022", "position_only", "pose_sets", "pose_sets_rigid", "coverage")
 SMALLER = {"studies.population": 8, "uncertainty.replications": 4}
 """What is played less often where the whole scene takes too long to play in a test."""
 LONG = ("pose_sets", "pose_sets_rigid")
+FEWER = {"coverage": {"coverage.robots": 8, "uncertainty.replications": 4}}
+"""The same for scenes with numbers of their own."""
 
 
 def golden_file(scene: str) -> Path:
@@ -27,6 +29,7 @@ def headline_of(scene: str) -> dict[str, Any]:
     scenario = load_scenario(scene)
     if scene in LONG:
         scenario = changed(scenario, SMALLER)
+    scenario = changed(scenario, FEWER.get(scene, {}))
     return json.loads(json.dumps(headline(play(scenario)), allow_nan=False))
 
 

@@ -48,6 +48,33 @@ def box_file(path: Path, size: Array) -> Path:
     return path
 
 
+def test_nothing_is_seen_from_below_the_floor(robot):
+    q = anywhere(50)
+    chain, floor = robot.model.chain, robot.base_offset
+    cell = simulator(robot)
+    below = chain.T_world_base @ [1.5, 0.0, floor - 0.01, 1.0]
+    assert cell.above_floor(below[:3]) == pytest.approx(-0.01)
+    assert not cell.sees(q, below[:3], AIM).any()
+    assert cell.sees(q, below[:3] + np.array([0.0, 0.0, 0.02]), AIM).any()
+
+
+def test_a_clearance_keeps_the_robot_as_far_from_floor_and_box_as_it_says(robot):
+    """The distance is that of another search than the contact's, and the base may stand on both."""
+    q, chain = anywhere(2000), robot.model.chain
+    cell = cell_from(CellSettings(obstacle=(BOX,)), chain)
+    distance = Simulator(robot, chain, cell).clearances(q, most=0.3)
+    for clearance in (0.0, 0.01, 0.1):
+        hit = Simulator(robot, chain, cell, clearance=clearance).contacts(q)
+        np.testing.assert_array_equal(hit.floor | hit.obstacle, distance < clearance)
+    assert ((distance > 0) & (distance < 0.01)).sum() > 5
+    # the hulls of the robot itself are not inflated
+    own = [Simulator(robot, chain, cell, clearance=c).contacts(q).itself for c in (0.0, 0.1)]
+    np.testing.assert_array_equal(*own)
+    # the foot stands on the floor
+    home = Simulator(robot, chain, clearance=0.1).contacts(np.zeros((1, 6)))
+    assert not np.concatenate(home).any()
+
+
 def crosses(start: Array, end: Array, obstacle: Obstacle) -> np.ndarray:
     """Whether segments (m, 3) from one start meet a box: slabs, a second way to the same answer."""
     T = inverse(obstacle.T_world_obstacle)

@@ -16,6 +16,7 @@ from calib.errors import CalibError
 from calib.geometry.frames import rot_x
 from calib.geometry.model import RobotModel
 from testbed.archive import read_result, recording_of
+from testbed.checks import check_robot
 from testbed.laboratory.truth import draw_truth
 from testbed.output import layout
 from testbed.output.plan_folder import check_free
@@ -26,7 +27,7 @@ from testbed.robots.catalog import load_robot
 from testbed.runner import play_run
 from testbed.scenario import load_scenario, parse_scenario, scenario_of
 from testbed.streams import stream
-from tests.planned import QUICK, ROBOT, SMALL, scenario
+from tests.planned import QUICK, ROBOT, scenario
 from tests.testbed.fake_campaign import SCENARIO, Fake
 from tests.testbed.outcomes import settings as outcome_settings
 
@@ -203,7 +204,27 @@ CASES = {
     "key of another kind": with_table(plan={"goal": {"step_mm": 5}}),
     "poses and a target": with_table(plan={"poses": 29, "target_um": 30}),
     "target without a goal": with_table(plan={"target_um": 30, "criterion": "D"}),
+    "target and random poses": with_table(
+        plan={"poses": 0, "target_um": 30, "method": "random"}
+    ),
+    "measured and stations": with_table(
+        plan={"poses": 9, "measured": "a.csv", "stations": {"list_mm": [[3000, 0, 0]]}}
+    ),
     "goal without poses": with_table(plan={"goal": {"kind": "path"}}),
+    "coverage with few poses": with_table(coverage={"robots": 8, "validation_poses": 18}),
+    "coverage of an unknown robot": with_table(coverage={"robots": 8, "truths": ["wen2002"]}),
+    "coverage of no robot": with_table(coverage={"robots": 8, "truths": []}),
+    "coverage of a kind twice": with_table(coverage={"robots": 8, "truths": ["soft", "soft"]}),
+    "coverage of one robot": with_table(coverage={"robots": 1}),
+    "coverage of everything": with_table(coverage={"robots": 8, "level": 1.0}),
+    "coverage of points": with_table(
+        tracker={"measures": "point"},
+        identification={"estimators": ["whitened"]},
+        coverage={"robots": 8},
+    ),
+    "coverage of a wall robot": lambda _: check_robot(
+        scenario_of(deepcopy(SCENARIO) | {"coverage": {"robots": 8}}), on_a_wall(), where="x.toml"
+    ),
     "several at once": with_table(sed=3, pool={"size": 1, "altitude": 2}),
     "not UTF-8": text("name = 'ü'".encode("latin-1")),
     "not TOML": text("seed = one\n"),
@@ -240,7 +261,27 @@ CASES = {
         **{"plan.goal": {"kind": "list", "joints_deg": [[0.0] * 6, [0.0] * 6]}}
     ),
     "plan from a blind station": planned(
-        **{"plan.stations.list_mm": [[350.0, -150.0, 0.0]], "cell.obstacle": SMALL["cell.obstacle"]}
+        **{
+            "plan.stations.list_mm": [[2600.0, 0.0, 300.0]],
+            "cell.obstacle": [
+                {
+                    "kind": "box",
+                    "size_mm": [200.0, 200.0, 200.0],
+                    "position_mm": [2600.0, 0.0, 300.0],
+                }
+            ],
+        }
+    ),
+    "plan from below the floor": planned(**{"tracker.station_mm": [0.0, 0.0, -3000.0]}),
+    "plan from within the work space": planned(
+        **{"plan.stations.list_mm": [[2600.0, 0.0, 300.0], [600.0, 0.0, 500.0]]}
+    ),
+    "plan from one station twice": planned(
+        **{"plan.stations.list_mm": [[2600.0, 0.0, 300.0], [2600.0, 0.5, 300.0]]}
+    ),
+    "plan without tests of collision": planned(**{"pool.self_collision": False}),
+    "plan for a goal in collision": planned(
+        **{"plan.goal": {"kind": "list", "joints_deg": [[0.0, 120.0, 140.0, 0.0, 0.0, 0.0]]}}
     ),
     "plan with an unreachable target": planned(**{"plan.poses": 0, "plan.target_um": 1.0}),
     "plan from a start in collision": planned(

@@ -6,11 +6,16 @@ from typer.testing import CliRunner
 
 from testbed.cli import app
 from testbed.scenario import dump_scenario
-from tests.planned import QUICK, SMALL, scenario
+from tests.planned import QUICK, scenario
 
 HEAD = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n"
 POINT = {"tracker.measures": "point", "identification.estimators": ["whitened"]}
 LIST = {"kind": "list"}
+INSIDE = [2600.0, 0.0, 300.0]
+SCREEN = [{"kind": "box", "size_mm": [200.0, 200.0, 200.0], "position_mm": INSIDE}]
+"""A box around the tracker."""
+WALL = [{"kind": "box", "size_mm": [10.0, 280.0, 280.0], "position_mm": [1500.0, 0.0, 230.0]}]
+"""Between the tracker and the middle of the robot's work space."""
 POSE = [0.0, 10.0, 20.0, 0.0, 30.0, 0.0]
 
 
@@ -63,21 +68,58 @@ CASES = {
         {"plan.goal": LIST | {"joints_deg": [[0.0, 10.0, 300.0, 0.0, 30.0, 0.0]]}},
         ["joint 3 is 300 deg", "-142.5 to 142.5 deg"],
     ),
-    # inside the post
     "station that sees nothing": (
-        {
-            "plan.stations.list_mm": [[350.0, -150.0, 0.0]],
-            "cell.obstacle": SMALL["cell.obstacle"],
-        },
-        ["none of 1 stations can be used", "(350, -150, 0) mm sees nothing", "of 60 candidates"],
+        {"plan.stations.list_mm": [INSIDE], "cell.obstacle": SCREEN},
+        ["the station cannot be used", "(2600, 0, 300) mm sees nothing", "of 60 candidates"],
     ),
     "station that sees too little": (
-        {"plan.stations.list_mm": [[0.0, 0.0, -3000.0]]},
+        {"plan.stations.list_mm": [[0.0, 0.0, 3000.0]], "tracker.acceptance_deg": 10.0},
         ["but no design: 8 poses wanted, the pool has"],
     ),
     "own station that sees nothing": (
-        {"tracker.station_mm": [350.0, -150.0, 0.0], "cell.obstacle": SMALL["cell.obstacle"]},
+        {"tracker.station_mm": INSIDE, "cell.obstacle": SCREEN},
         ["only 0 of 60 poses are feasible", "line of sight"],
+    ),
+    "station below the floor": (
+        {"plan.stations.list_mm": [INSIDE, [2600.0, 0.0, -900.0]]},
+        ["station 2 at (2600, 0, -900) mm lies 525 mm below the floor"],
+    ),
+    "own station below the floor": (
+        {"tracker.station_mm": [0.0, 0.0, -3000.0]},
+        ["[tracker] station_mm at (0, 0, -3000) mm lies 2625 mm below the floor"],
+    ),
+    "station in the work space": (
+        {"plan.stations.list_mm": [INSIDE, [600.0, 0.0, 500.0]]},
+        ["station 2 at (600, 0, 500) mm is 0.78 m from the base", "work space", "1.19 m or more"],
+    ),
+    "station twice": (
+        {"plan.stations.list_mm": [INSIDE, [2600.0, 0.5, 300.0]]},
+        ["station 2 at (2600, 0, 300) mm is the same as station 1"],
+    ),
+    "collisions not tested": (
+        {"pool.self_collision": False},
+        ["self_collision is false", "a plan is for a real robot", "remove that key"],
+    ),
+    "goal pose in collision": (
+        {"plan.goal": LIST | {"joints_deg": [POSE, [0.0, 120.0, 140.0, 0.0, 0.0, 0.0]]}},
+        ["joints_deg entry 2 makes the robot hit itself"],
+    ),
+    "path corner in collision": (
+        {"plan.goal": {"kind": "path", "joints_deg": [POSE, [0.0, 120.0, 140.0, 0.0, 0.0, 0.0]]}},
+        ["joints_deg entry 2 makes the robot hit itself"],
+    ),
+    "held-out poses nobody can measure": (
+        {
+            "tracker.station_mm": INSIDE,
+            "plan.goal.center_mm": [350.0, 0.0, 150.0],
+            "plan.goal.size_mm": [120.0, 120.0, 120.0],
+            "cell.obstacle": WALL,
+        },
+        ["[plan.goal] only", "held-out poses are feasible"],
+    ),
+    "start with too few joints": (
+        {"plan.start_deg": [1.0, 2.0]},
+        ["[plan] start_deg has 2 numbers", "6 joints"],
     ),
     "measured pose twice": (
         measured(HEAD + "1,2,3,4,5,6\n9,8,7,6,5,4\n1,2,3,4,5,6\n"),

@@ -16,7 +16,16 @@ from testbed.output.plan_programs import programs
 from testbed.output.plan_stops import stops_of
 from testbed.output.plan_words import next_step, promise, reasons, terminal_text
 from testbed.scenario import dump_scenario, load_scenario
-from tests.planned import QUICK, ROBOT, scenario, small_plan, with_blocked_move
+from tests.planned import (
+    QUICK,
+    ROBOT,
+    joints,
+    legs,
+    rows_of,
+    scenario,
+    small_plan,
+    with_blocked_move,
+)
 
 FILES = {
     "plan.csv", "plan.json", "plan_report.html", "plan.rrd", "scenario.toml",
@@ -52,6 +61,46 @@ def test_a_plan_has_its_files_and_a_second_one_the_same_bytes(folder, tmp_path):
     assert not [path for path in tmp_path.iterdir() if path.name not in ("again", "mine.toml")]
 
 
+def test_the_table_read_back_is_the_plan():
+    made = small_plan()
+    rows = rows_of(made)
+    assert [rows[0][key] for key in ("role", "order", "move", "approach_s")] == [
+        "start",
+        "",
+        "",
+        "",
+    ]
+    measured = [row for row in rows if row["role"] not in ("via", "start")]
+    # nine decimals of a degree
+    assert joints(measured) == pytest.approx(made.tour.q, abs=1e-11)
+    assert [row["role"] for row in measured] == list(made.tour.roles)
+    assert [row["order"] for row in measured] == [str(k + 1) for k in range(len(made.tour))]
+    path = joints(rows)
+    ends = legs(made)
+    assert path[0] == pytest.approx(made.tour.start, abs=1e-11)
+    assert path[1:] == pytest.approx(ends[:, 1], abs=1e-11)
+    around = [bool(len(via)) for via in made.tour.vias]
+    assert [row["move"] == "around" for row in measured] == around
+    seconds = sum(float(row["approach_s"]) for row in rows[1:])
+    assert seconds == pytest.approx(made.tour.move.sum(), abs=0.0005 * len(rows))
+    for target in ("tool", "probe"):
+        x, y, z, r = (
+            np.array([float(row[f"{target}_{name}_mm"]) for row in measured])
+            for name in ("x", "y", "z", "range")
+        )
+        azimuth, elevation = (
+            np.array([float(row[f"{target}_{name}_deg"]) for row in measured])
+            for name in ("azimuth", "elevation")
+        )
+        # printed to 0.1 um and 1e-6 deg
+        assert np.abs(np.sqrt(x * x + y * y + z * z) - r).max() < 2e-4
+        assert np.abs(np.degrees(np.arctan2(y, x)) - azimuth).max() < 1e-5
+        assert np.abs(np.degrees(np.arctan2(z, np.hypot(x, y))) - elevation).max() < 1e-5
+    ids = [row["pose_id"] for row in rows]
+    assert len(set(ids)) == len(ids)
+    assert sum(name.startswith("T") for name in ids if "via" not in name) == 6
+
+
 def test_json_holds_the_plans_numbers_in_the_units_of_its_keys():
     made = small_plan()
     document = json.loads(json.dumps(plan_numbers(made, ROBOT), allow_nan=False))
@@ -60,6 +109,9 @@ def test_json_holds_the_plans_numbers_in_the_units_of_its_keys():
     assert said["u_mean_um"] == pytest.approx(u * 1e6, rel=1e-12)
     assert said["U_mean_um"] == pytest.approx(2 * u * 1e6, rel=1e-12)
     assert said["U_worst_um"] == pytest.approx(2e6 * made.u.max(), rel=1e-12)
+    assert document["station_mm"] == pytest.approx(made.station_mm)
+    assert np.radians(document["start_joints_deg"]) == pytest.approx(made.tour.start)
+    assert document["blocked"] == document["untested"] == []
     budget = document["budget"]
     assert budget["smallest_reaching"] == document["poses"] == len(made.places)
     assert budget["proven_fewest"] <= document["poses"]
@@ -104,24 +156,39 @@ def test_a_program_goes_to_every_target_in_order_and_waits_at_the_measured_ones(
     expected = unit(np.array([stop.q for stop in stops]))
     assert np.abs(targets(text, pattern) - expected).max() <= decimal
     assert text.count(WAITS[name.split(".")[1]]) == len(made.tour)
-    lines = [line for line in text.splitlines() if re.search(r"[PT]\d+(via\d+)?$", line)]
+    lines = [line for line in text.splitlines() if re.search(r" ([PT]\d+(via\d+)?|start)$", line)]
     assert [line.split()[-1] for line in lines] == [stop.name for stop in stops]
     assert "SIMULATED" in text
+    comments = [
+        line.split(maxsplit=1)[1] for line in text.splitlines() if line.strip()[0] in "/!;#"
+    ]
+    assert comments[0] == (
+        "Joint values are those of robot staubli_tx60, not of this controller: "
+        "check signs and zeros."
+    )
+    assert "First bring the robot by hand to the start" in text
+    assert lines[0].endswith("start")
     assert text.isascii()
 
 
-def test_urscript_moves_take_the_plans_own_times():
+def test_urscript_moves_keep_every_joint_at_or_below_its_share_and_the_slowest_at_it():
     made = small_plan()
-    seconds = [
-        float(t) for t in re.findall(r"t=(\d+\.\d+)", programs(made)["program.urscript.txt"])
-    ]
-    expected = [max(stop.seconds, 0.1) for stop in stops_of(made)]
-    assert seconds == pytest.approx(expected, abs=0.0005)
+    text = programs(made)["program.urscript.txt"]
+    assert "t=" not in text
+    v = np.array([float(t) for t in re.findall(r"a=1\.4, v=(\d+\.\d+)", text)])
+    turns = np.abs(np.diff(np.array([stop.q for stop in stops_of(made)]), axis=0))
+    # v is that of the joint that turns farthest; the others keep step with it
+    share = turns * (v[1:] / turns.max(axis=1))[:, None] / (0.3 * ROBOT.speeds)
+    assert share.max(axis=1) == pytest.approx(np.ones(len(turns)), abs=1e-5)
+    assert v[0] == pytest.approx(0.3 * ROBOT.speeds.min(), abs=1e-6)
 
 
 def test_with_a_blocked_move_there_is_no_program_and_that_is_said(monkeypatch, tmp_path):
     made = with_blocked_move()
     assert programs(made) == {}
+    row = rows_of(made)[3]
+    assert (row["order"], row["move"], row["approach_s"]) == ("3", "blocked", "")
+    assert plan_numbers(made, ROBOT)["blocked"] == [row["pose_id"]]
     assert "no robot programs" in next_step(made)
     assert "No free way was found to pose 3" in terminal_text(made)
     monkeypatch.setattr(plan_files, "make_plan", lambda *_, **__: made)
@@ -136,10 +203,13 @@ def test_the_words_name_poses_uncertainty_time_and_station():
     made = small_plan()
     assert promise(made).startswith(f"{len(made.places)} poses in about 1 min")
     assert f"U = {2e6 * made.u_mean:.1f} µm (k = 2, RMS over the goal)" in promise(made)
-    proof, count, route, station = reasons(made)
+    proof, count, route, clearance, station = reasons(made)
+    assert f"comes to {1e3 * made.tour.clearance:.1f} mm from floor or obstacles" in clearance
     assert "V-efficiency at least" in proof
-    assert count == f"{len(made.places)} poses reach U = 20 µm (k = 2); it is proven that fewer " \
-        f"than {made.curve.fewest} from this pool do not."  # fmt: skip
+    assert count == (
+        f"{len(made.places)} poses reach U = 20 µm (k = 2, RMS over the goal); it is proven that "
+        f"fewer than {made.curve.fewest} from this pool do not."
+    )
     assert "stop on the way around" in route
     best = made.stations.best
     assert f"station {best + 1} at" in station

@@ -1,13 +1,16 @@
 """plan_report.html: the promise first, self-contained, its numbers those of the plan."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from testbed.output import plan_plots
 from testbed.output.plan_report import plan_report_html
+from testbed.output.plan_words import terminal_text
 from testbed.output.report import BANNER
+from testbed.scenario import changed
 from tests.planned import ROBOT, quick_plan, small_plan, with_blocked_move
 from tests.reported import VERSIONS, read
 
@@ -48,10 +51,23 @@ def test_the_first_screen_has_promise_proof_time_and_next_step(text):
         f"U = {2e6 * made.u_mean:.1f} µm (k = 2, RMS over the goal)",
         "V-efficiency at least",
         "it is proven that fewer than",
-        "Every pose can be measured and every move is free",
+        "✓ Every pose is free of collisions, faces the tracker and is in its line of sight, and "
+        "every move is free",
         "Compare signs and zeros of the joints",
     ):
         assert wanted in first
+
+
+def test_what_was_not_tested_is_a_warning_and_not_in_the_tick():
+    made = quick_plan()
+    loose = changed(made.scenario, {"tracker.acceptance_deg": 180.0, "pool.line_of_sight": False})
+    page = plan_report_html(replace(made, scenario=loose), ROBOT, versions=VERSIONS)
+    text = " ".join(read(page).text)
+    assert "! Every pose is free of collisions, and every move is free" in text
+    assert "acceptance_deg is 180" in text
+    assert "line_of_sight is false" in text
+    assert "acceptance_deg is 180" in terminal_text(replace(made, scenario=loose))
+    assert "Warning" not in terminal_text(made)
 
 
 def test_a_blocked_move_is_the_verdict():

@@ -200,6 +200,16 @@ def test_a_hopeless_pool_says_which_test_to_change(robot, simulator, changes, me
     assert caught.value.code == "S37"
 
 
+def test_a_pose_that_lost_digits_in_a_table_does_not_come_again(robot, simulator):
+    """Nine decimals of a degree are kept: 1e-11 rad, not the bytes."""
+    first = drawn(robot, simulator, size=20)
+    read = np.radians(np.round(np.degrees(first.q[:5]), 9))
+    assert not np.array_equal(read, first.q[:5])
+    again = drawn(robot, simulator, size=20, exclude=read)
+    assert np.abs(again.q[:, None] - read[None]).max(axis=2).min() > 1e-3
+    assert np.array_equal(again.q[:15], first.q[5:])
+
+
 def test_a_rare_pool_is_still_filled(robot, simulator):
     # a box of 6 cm: one candidate in thousands, well above where patience ends
     rare = drawn(

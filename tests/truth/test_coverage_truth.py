@@ -1,0 +1,107 @@
+"""Does the stated uncertainty hold? The whole scene, and ranks of truths drawn from the prior."""
+
+import numpy as np
+import pytest
+
+from testbed.coverage_summary import cells, followed, numbers_check
+from testbed.records_coverage import MODELS
+from testbed.scenario import load_scenario
+from tests.reported import played
+from tests.sbc import evenness, prior_ranks
+
+pytestmark = pytest.mark.truth
+GEOMETRIC, EXTENDED = range(2)
+
+
+FULL = 200
+
+
+@pytest.fixture(scope="module", params=[24, pytest.param(FULL, marks=pytest.mark.study)])
+def campaign(request):
+    return played("coverage", {"coverage.robots": request.param})
+
+
+@pytest.fixture(scope="module")
+def slack(campaign):
+    """What chance may take from a share: a robot's conformal share scatters by 0.04 about 0.955."""
+    return 0.0 if len(campaign.coverage[0].converged.T) >= FULL else 3 * 0.04 / np.sqrt(24)
+
+
+@pytest.fixture(scope="module")
+def studies(campaign):
+    return {study.truth: study for study in campaign.coverage}
+
+
+@pytest.fixture(scope="module")
+def share(campaign):
+    return {(c.truth, c.model, c.statement): c.share for c in cells(campaign.coverage)}
+
+
+def test_the_scene_has_at_least_200_robots_of_every_kind():
+    coverage = load_scenario("coverage").coverage
+    assert coverage.robots >= 200
+    assert len(coverage.truths) == 5
+
+
+def test_on_rigid_robots_the_geometric_model_states_what_is_true(studies, campaign):
+    cell = cells(campaign.coverage)[0]
+    assert (cell.truth, cell.model, cell.statement, cell.outcome) == (
+        "rigid", "geometric", "model", "holds",
+    )  # fmt: skip
+    assert cell.share.low <= 0.95 <= cell.share.high
+    check = numbers_check(studies["rigid"])
+    assert len(check.names) == 30
+    assert check.passed
+
+
+@pytest.mark.parametrize("truth", ["wen2022", "soft", "elastic"])
+def test_where_joints_give_way_the_geometric_region_is_flagged_and_the_others_hold(
+    truth, studies, share, slack
+):
+    assert studies[truth].flagged[GEOMETRIC].mean() >= 0.95
+    assert share[truth, "geometric", "model"].value < 0.05
+    assert share[truth, "geometric", "discrepancy"].low >= 0.80
+    assert share[truth, "geometric", "conformal"].value >= 0.94 - slack
+
+
+def test_the_extended_model_states_what_is_true_where_it_holds_the_truth(share):
+    for truth in ("rigid", "wen2022", "soft"):
+        assert share[truth, "extended", "model"].low >= 0.90
+        assert share[truth, "extended", "model"].high <= 0.99
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_conformal_ball_holds_whatever_the_errors_are_made_of(model, share, studies, slack):
+    for truth in studies:
+        assert share[truth, model, "conformal"].value >= 0.94 - slack
+
+
+def test_the_evidence_climbs_only_where_the_joints_ask_for_it(studies):
+    for truth, study in studies.items():
+        climbed = study.extended.mean()
+        assert climbed < 0.1 if truth == "rigid" else climbed == 1.0
+        assert study.converged.all()
+
+
+def test_advice_followed_holds_nearly_what_it_promises(studies):
+    """Where no test can see the misfit of a robot, its model-based region is believed in vain."""
+    for study in studies.values():
+        shares, without = followed(study)
+        assert without == 0
+        assert shares.mean() >= 0.90
+
+
+def test_ranks_of_truths_drawn_from_the_prior_are_even():
+    ranks = prior_ranks(300, 29, seed=7)
+    p = evenness(ranks)
+    # one alarm in a thousand for all 69 numbers together
+    assert p.min() * p.size >= 1e-3
+    # an uncertainty a third too small would be seen at once
+    assert evenness(prior_ranks(300, 29, seed=7, shrunk=0.67)).min() < 1e-6
+
+
+def test_ranks_are_even_on_average_over_all_numbers():
+    """Numbers of one fit are correlated: the band comes from replications, not from counting."""
+    ranks = prior_ranks(300, 29, seed=8)
+    middle = ranks.mean(axis=1) - 49.5
+    assert abs(middle.mean()) < 3.5 * middle.std(ddof=1) / np.sqrt(len(middle))
