@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from calib.errors import InputError
 from testbed.output import layout
-from testbed.output.manifest import read_manifest
+from testbed.output.manifest import read_manifest, require_campaign
 from testbed.output.npz import strict_json
 from testbed.output.store import RunFolder
 from testbed.runner import robot_of
@@ -45,7 +45,7 @@ def rederive(
 def read_result(path: str | Path) -> dict[str, Any]:
     """result.json of a run folder."""
     file = Path(path) / layout.RESULT
-    read_manifest(Path(path))
+    require_campaign(Path(path), read_manifest(Path(path)))
     try:
         return checked_result(strict_json(file.read_bytes()))
     except OSError as error:
@@ -106,6 +106,7 @@ def recording_of(path: str | Path) -> Path:
 def _open(path: Path, stages: Stages | None) -> Work:
     """The records of a run folder, none of which will be computed."""
     manifest = read_manifest(path)
+    require_campaign(path, manifest)
     scenario, where = _scenario(path)
     robot = robot_of(scenario, where)
     if scenario_hash(scenario, robot) != manifest["scenario_sha256"]:

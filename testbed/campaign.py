@@ -17,11 +17,17 @@ from testbed.records import (
     ToolPointStudy,
     Trial,
 )
+from testbed.records_compensation import CompensationStudy
 from testbed.records_coverage import CoverageStudy
+from testbed.records_reexamined import PoolSets, Reexamined
+from testbed.records_statement import Validation
 from testbed.scenario import Scenario
+from testbed.settings_compensation import COMPENSATION_KEYS, compensation_keys
 from testbed.settings_coverage import COVERAGE_KEYS
+from testbed.settings_reexamined import REEXAMINED_KEYS, SETS_KEY, reexamined_keys
 
-SETTING, POSE_COUNT, RANDOM_SETS = "setting", "pose_count", "random_sets"
+SETTING, VALIDATION = "setting", "validation"
+POSE_COUNT, RANDOM_SETS = "pose_count", "random_sets"
 PAPER_BUDGET, TOOL_POINT, POPULATION = "paper_budget", "tool_point", "population"
 
 Get = Callable[[str], Any]
@@ -39,9 +45,12 @@ def record_keys(scenario: Scenario) -> tuple[str, ...]:
     )
     return (
         SETTING,
+        VALIDATION,
         *(trial.name for trial in scenario.trial),
         *(key for key, on in wanted if on),
         *coverage_keys(scenario),
+        *reexamined_keys(scenario.reexamined),
+        *compensation_keys(scenario.compensation),
     )
 
 
@@ -54,7 +63,11 @@ def coverage_keys(scenario: Scenario) -> tuple[str, ...]:
 def record_type(key: str) -> type:
     """Class of the record stored under `key`."""
     types: dict[str, type] = dict.fromkeys(COVERAGE_KEYS, CoverageStudy) | {
+        **dict.fromkeys(REEXAMINED_KEYS, Reexamined),
+        **dict.fromkeys(COMPENSATION_KEYS, CompensationStudy),
+        SETS_KEY: PoolSets,
         SETTING: Setting,
+        VALIDATION: Validation,
         POSE_COUNT: PoseCountStudy,
         RANDOM_SETS: RandomSetsStudy,
         PAPER_BUDGET: PaperBudget,
@@ -67,11 +80,15 @@ def record_type(key: str) -> type:
 def compute(scenario: Scenario, key: str, get: Get) -> Any:
     """Make one record; `get` hands over another record by key, making it first if need be."""
     from testbed import studies
+    from testbed.compensation import compensation_study
     from testbed.coverage import coverage_study
     from testbed.goals import goals_of, wants_goals
     from testbed.population import population_study
+    from testbed.reexamined import reexamined_study
+    from testbed.reexamined_sets import pool_sets_study
     from testbed.setting import make_setting, open_bench
     from testbed.trial import play_trial
+    from testbed.validation import validation_visit
 
     if key == SETTING:
         made = make_setting(scenario)
@@ -79,6 +96,8 @@ def compute(scenario: Scenario, key: str, get: Get) -> Any:
             goals_of(open_bench(scenario, made))  # a goal out of reach is refused before any trial
         return made
     setting = get(SETTING)
+    if key == VALIDATION:
+        return validation_visit(scenario, setting)
     if key == POSE_COUNT:
         return studies.pose_count_study(scenario, setting)
     if key == RANDOM_SETS:
@@ -91,7 +110,13 @@ def compute(scenario: Scenario, key: str, get: Get) -> Any:
         return studies.tool_point_study(scenario, setting, get)
     if key in COVERAGE_KEYS:
         return coverage_study(scenario, setting, COVERAGE_KEYS[key], get)
-    return play_trial(scenario, setting, key)
+    if key in COMPENSATION_KEYS:
+        return compensation_study(scenario, setting, COMPENSATION_KEYS[key], get)
+    if key == SETS_KEY:
+        return pool_sets_study(scenario, setting)
+    if key in REEXAMINED_KEYS:
+        return reexamined_study(scenario, setting, REEXAMINED_KEYS[key], get)
+    return play_trial(scenario, setting, get(VALIDATION), key)
 
 
 def gather(scenario: Scenario, get: Get) -> Campaign:
@@ -105,6 +130,7 @@ def gather(scenario: Scenario, get: Get) -> Campaign:
     return Campaign(
         scenario=scenario,
         setting=get(SETTING),
+        validation=get(VALIDATION),
         trials=tuple(get(trial.name) for trial in scenario.trial),
         pose_count=optional(POSE_COUNT),
         random_sets=random_sets.sets if random_sets else (),
@@ -112,4 +138,7 @@ def gather(scenario: Scenario, get: Get) -> Campaign:
         tool_point=optional(TOOL_POINT),
         population=optional(POPULATION),
         coverage=tuple(get(key) for key in coverage_keys(scenario)),
+        pool_sets=optional(SETS_KEY),
+        reexamined=tuple(get(key) for key in reexamined_keys(scenario.reexamined)[1:]),
+        compensation=tuple(get(key) for key in compensation_keys(scenario.compensation)),
     )

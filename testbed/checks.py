@@ -3,15 +3,15 @@
 from typing import TYPE_CHECKING
 
 from testbed.checks_coverage import coverage_faults
+from testbed.checks_identification import prior_faults
+from testbed.checks_pool import pool_faults
 from testbed.checks_truth import truth_faults
 from testbed.mistakes import Fault, did_you_mean, one_error
 from testbed.settings import Scenario
+from testbed.settings_robot import PAPER_SET as PAPER_SET
 
 if TYPE_CHECKING:
     from testbed.robots.catalog import Robot
-
-PAPER_SET = "wen2022"
-"""Name of the free set that the paper's estimator identifies."""
 
 
 def check_robot(scenario: Scenario, robot: "Robot", *, where: str) -> None:
@@ -22,7 +22,7 @@ def check_robot(scenario: Scenario, robot: "Robot", *, where: str) -> None:
         ("truth", "perturb", scenario.truth.perturb, "links"),
         ("identification", "free", scenario.identification.free, "identifiable"),
     ):
-        known = (word, *robot.free_sets) if isinstance(value, str) else names
+        known = tuple(dict.fromkeys((word, *robot.free_sets))) if isinstance(value, str) else names
         for name in [value] if isinstance(value, str) else value:
             if name not in known:
                 fault = Fault(
@@ -42,9 +42,10 @@ def check_robot(scenario: Scenario, robot: "Robot", *, where: str) -> None:
             value="paper",
         )
         faults.append(fault)
+    faults += pool_faults(scenario.pool, robot)
     faults += truth_faults(scenario.truth, robot)
     faults += coverage_faults(scenario, robot)
-    faults = faults or free_faults(scenario, robot)
+    faults = faults or free_faults(scenario, robot) or prior_faults(scenario, robot)
     if faults:
         raise one_error(faults, where)
 

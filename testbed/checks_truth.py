@@ -8,6 +8,11 @@ from testbed.settings_truth import TruthSettings
 if TYPE_CHECKING:
     from testbed.robots.catalog import Robot
 
+CLOSED_FORM = (
+    "joints 2 and 3 with level parallel axes on an upright joint 1, and an arm that stands upright "
+    "or lies level at joint zero"
+)
+"""The arms whose joints sag by sines and cosines of q2 and q2 + q3."""
 LISTS = (
     "harmonic_mdeg",
     "high_harmonic_mdeg",
@@ -21,6 +26,8 @@ LISTS = (
 
 def truth_faults(truth: TruthSettings, robot: "Robot") -> list[Fault]:
     """Faults of a truth that this robot cannot have."""
+    from calib.identification.extended import gravity_quarters
+
     n = robot.model.chain.n_joints
     faults = []
     for key in LISTS:
@@ -29,6 +36,17 @@ def truth_faults(truth: TruthSettings, robot: "Robot") -> list[Fault]:
             entries = "entry" if len(value) == 1 else "entries"
             message = f"[truth] {key} has {len(value)} {entries}; {robot.name} has {n} joints"
             faults.append(Fault(("truth", key), message, fix="give one per joint", value=value))
+    if any(truth.gravity_mdeg) and gravity_quarters(robot.model.chain) is None:
+        faults.append(
+            Fault(
+                ("truth", "gravity_mdeg"),
+                f"[truth] gravity_mdeg does not fit this arm, {robot.name}: its sag is no sine of "
+                "q2 and q2 + q3",
+                allowed=CLOSED_FORM,
+                fix='write gravity_mdeg = [0, 0, 0], or preset = "rigid" or "elastic"',
+                value=truth.gravity_mdeg,
+            )
+        )
     slides = [i + 1 for i, kind in enumerate(robot.model.chain.kinds) if kind == "prismatic"]
     if truth.drive_nm_per_mrad and slides:
         faults.append(

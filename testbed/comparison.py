@@ -3,6 +3,9 @@
 This module, `replication` and `population` judge; with the simulator they alone look at the truth.
 """
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from calib.arrays import Array
@@ -13,7 +16,9 @@ from calib.identification.identify import Identification, identify
 from calib.measurement.accuracy import accuracy, rotation_errors
 from calib.measurement.observations import Measurements
 from calib.uncertainty.regions import coverage_factor, inside, mahalanobis_squared
+from calib.uncertainty.tool_statement import ToolStatement
 from testbed.records import Comparison, Setting
+from testbed.records_statement import Validation
 
 INTERVAL = coverage_factor(1)
 """Half width of a 95 % interval in standard uncertainties."""
@@ -59,11 +64,16 @@ def noise_free(model: RobotModel, like: Measurements, q: Array, covariance: Arra
 def true_step(setting: Setting, identification: Identification, like: Measurements) -> Array:
     """True values minus nominal (f,) of the estimated parameters, in the gauge they were kept in.
 
+    With a prior all free numbers are estimated, and none stands for another: the step as drawn.
+
     The kept set is refitted to noise-free poses of the true geometry (without joint errors), so
     redundant truth lands where the estimate can hold it, exactly and not only to first order. Where
     the estimated set cannot represent the truth this is its best fit over poses of the pool.
     """
-    geometry = RobotModel(setting.true.chain)
+    if identification.prior is not None:
+        return drawn_step(setting, identification)
+    # what the nominal model knows of joint errors belongs to the comparison
+    geometry = RobotModel(setting.true.chain, setting.nominal.joint_errors)
     q = setting.pool_q[:REFIT_POSES]
     covariance = np.broadcast_to(like.covariance[0], (len(q), 6, 6))
     table = noise_free(geometry, like, q, covariance)
@@ -73,8 +83,28 @@ def true_step(setting: Setting, identification: Identification, like: Measuremen
     return exact.step
 
 
+def drawn_step(setting: Setting, identification: Identification) -> Array:
+    """True minus nominal (f,) of the estimated numbers, term by term as they were drawn.
+
+    Joint terms of the true robot that the model does not have are left out.
+    """
+    nominal, true = setting.nominal, setting.true
+    values = dict(zip(nominal.names, nominal.chain.step_to(true.chain), strict=False))
+    for model, sign in ((true, 1.0), (nominal, -1.0)):
+        for name, value in zip(
+            model.joint_errors.names, model.joint_errors.coefficients, strict=True
+        ):
+            values[name] = values.get(name, 0.0) + sign * value
+    return np.array([values.get(name, 0.0) for name in identification.names])
+
+
 def compare(
-    setting: Setting, identification: Identification, measurements: Measurements, truth: Array
+    setting: Setting,
+    identification: Identification,
+    measurements: Measurements,
+    truth: Array,
+    *,
+    systematic: Array | None = None,
 ) -> Comparison:
     """Judge one identification.
 
@@ -88,11 +118,16 @@ def compare(
         What it was identified from.
     truth : (f,) array
         From `true_step` [m, rad].
+    systematic : (f, f) array, optional
+        Covariance that errors common to all rows add to that of the estimate.
     """
     q, target = setting.test_q, setting.target
+    stated = identification
+    if systematic is not None and systematic.any():
+        stated = replace(identification, covariance=identification.covariance + systematic)
     p_true, T0 = target_points(setting.test_true, target), setting.nominal.poses(q)
     point, R, covariance = target_prediction(
-        identification.model, q, target, identification.full_covariance
+        identification.model, q, target, stated.full_covariance
     )
     before = distances(p_true, target_points(T0, target))
     error = p_true - point
@@ -115,9 +150,23 @@ def compare(
         accuracy_before=accuracy(before),
         accuracy_after=accuracy(after),
         true_step=truth,
-        parameter_inside=np.abs(wrong) <= INTERVAL * identification.standard_uncertainty,
-        nees=float(mahalanobis_squared(wrong, identification.covariance)),
+        parameter_inside=np.abs(wrong) <= INTERVAL * stated.standard_uncertainty,
+        nees=float(mahalanobis_squared(wrong, stated.covariance)),
     )
+
+
+def attained(
+    validation: Validation, regions: Sequence[ToolStatement], radius: float | None
+) -> Array:
+    """Share (w,) of the true points at the judging poses that each statement holds.
+
+    `radius` [m] is that of a ball about the first one's points; None without a ball.
+    """
+    true = validation.judge_true
+    shares = [float(region.holds(true).mean()) for region in regions]
+    if radius is not None:
+        shares.append(float((distances(true, regions[0].position) <= radius).mean()))
+    return np.array(shares)
 
 
 def distances(a: Array, b: Array) -> Array:

@@ -1,15 +1,22 @@
 """What two tables of a scenario may not say together."""
 
+import re
+
 from calib.information.criteria.named import NEEDS_GOALS
+from testbed.checks_identification import default_contradictions
 from testbed.settings import RESERVED, Scenario
+from testbed.settings_compensation import compensation_contradictions
 from testbed.settings_coverage import coverage_contradictions
 from testbed.settings_plan import plan_contradictions
+from testbed.settings_reexamined import reexamined_contradictions
 from testbed.settings_tracker import tracker_contradictions
 from testbed.settings_truth import truth_contradictions
 
 
 def contradictions(scenario: Scenario) -> list[str]:
     """Sentences, one per contradiction between the tables of a scenario; empty if it is sound."""
+    # records of one study per kind of robot stand under its name
+    reserved = dict.fromkeys(re.sub(r"\..*", ".*", name) for name in RESERVED)
     point = scenario.tracker.measures == "point"
     names = [trial.name for trial in scenario.trial]
     found = [
@@ -21,7 +28,7 @@ def contradictions(scenario: Scenario) -> list[str]:
         place = f'[[trial]] "{trial.name}"'
         if trial.name in RESERVED:
             found.append(
-                f"{place} has a reserved name; not one of {', '.join(RESERVED)}; rename it"
+                f"{place} has a reserved name; not one of {', '.join(reserved)}; rename it"
             )
         if trial.poses > scenario.pool.size:
             found.append(
@@ -81,8 +88,12 @@ def contradictions(scenario: Scenario) -> list[str]:
     ]
     if len(set(scenario.identification.estimators)) < len(scenario.identification.estimators):
         found.append("[identification] estimators names one twice; remove the copy")
-    poses = {trial.name: trial.poses for trial in scenario.trial}
+    found += default_contradictions(scenario)
+    poses = {f'[[trial]] "{trial.name}"': trial.poses for trial in scenario.trial}
+    poses["[test]"] = scenario.test.poses
     found += truth_contradictions(scenario.truth)
     found += tracker_contradictions(scenario.tracker, poses)
-    found += coverage_contradictions(scenario.coverage, scenario.tracker)
+    found += coverage_contradictions(scenario.coverage, scenario.tracker, scenario.identification)
+    found += reexamined_contradictions(scenario.reexamined, scenario.tracker, scenario)
+    found += compensation_contradictions(scenario.compensation, scenario.tracker)
     return found + plan_contradictions(scenario.plan)

@@ -19,10 +19,11 @@ from calib.identification.least_squares import Status
 from calib.identification.model_choice import choose
 from calib.measurement.observations import Measurements
 from calib.uncertainty.conformal import conformal
+from calib.uncertainty.covariance import standard_uncertainty
 from calib.uncertainty.discrepancy import discrepancy
 from calib.uncertainty.held_out import held_out
 from calib.uncertainty.regions import mahalanobis_squared
-from calib.uncertainty.tool_statement import ToolStatement, tool_statement
+from calib.uncertainty.tool_statement import tool_statement
 from calib.uncertainty.trust import trust
 from testbed.comparison import distances, true_step
 from testbed.laboratory.cell import cell_from
@@ -35,6 +36,8 @@ from testbed.records_coverage import MODELS, STATEMENTS, CoverageStudy
 from testbed.scenario import Scenario
 from testbed.setting import Bench, open_bench, validation_start
 from testbed.settings_coverage import TruthName, coverage_truth
+from testbed.sources import full_covariance, systematic_covariance
+from testbed.statement import hidden_reach, left_out, mean_radius
 from testbed.streams import stream
 
 EXACT = 1e-9
@@ -187,22 +190,25 @@ def models(visit: Visit, free: Parameters) -> tuple[tuple[Identification, ...], 
 
 def judge(found: Identification, visit: Visit, level: float) -> Judged:
     """What one model states at the judging poses, three ways, and which points it holds."""
-    covariance = found.full_covariance
-    seen = held_out(found.model, covariance, visit.validation, visit.seen.q)
+    seen = held_out(found.model, found.full_covariance, visit.validation, visit.seen.q)
     beyond, ball = discrepancy(seen), conformal(seen.distance, probability=level)
+    shared = systematic_covariance(visit.bench, found, visit.seen)
+    covariance = full_covariance(found, found.covariance + shared)
     bare = tool_statement(found.model, visit.judge_q, covariance, probability=level)
     wide = tool_statement(
         found.model, visit.judge_q, covariance, discrepancy=beyond, probability=level
     )
+    radius = ball.radius + hidden_reach(found, shared, visit.judge_q, level=level)
     error = distances(visit.true, bare.position)
-    verdict = trust(found, held_out=seen, discrepancy=beyond, conformal=ball)
+    known = left_out(visit.bench, float(np.sqrt(np.mean(bare.point**2))))
+    verdict = trust(found, held_out=seen, discrepancy=beyond, conformal=ball, known=known)
     return Judged(
         inside=(
             float(bare.holds(visit.true).mean()),
             float(wide.holds(visit.true).mean()),
-            float((error <= ball.radius).mean()),
+            float((error <= radius).mean()),
         ),
-        radius=(mean_radius(bare), mean_radius(wide), ball.radius),
+        radius=(mean_radius(bare), mean_radius(wide), radius),
         p_value=found.p_value,
         held_out_p=seen.p_value,
         flagged=not verdict.model_valid,
@@ -210,12 +216,6 @@ def judge(found: Identification, visit: Visit, level: float) -> Judged:
         converged=found.status is Status.CONVERGED,
         mean_error=float(error.mean()),
     )
-
-
-def mean_radius(statement: ToolStatement) -> float:
-    """Mean over poses of the radius of the ball with the region's volume [m]."""
-    half, _ = statement.region
-    return float(np.cbrt(half.prod(axis=1)).mean())
 
 
 def parameter_errors(found: Identification, visit: Visit) -> tuple[Array, float] | None:
@@ -233,8 +233,9 @@ def parameter_errors(found: Identification, visit: Visit) -> tuple[Array, float]
     if distances(exact.poses(visit.judge_q)[:, :3, 3], visit.true).max() > EXACT:
         return None
     wrong = found.step - step
-    nees = float(mahalanobis_squared(wrong, found.covariance))
-    return wrong / found.standard_uncertainty, nees
+    covariance = found.covariance + systematic_covariance(visit.bench, found, visit.seen)
+    nees = float(mahalanobis_squared(wrong, covariance))
+    return wrong / standard_uncertainty(covariance), nees
 
 
 def per_model(judged: list[tuple[Judged, ...]], name: str) -> Any:

@@ -34,7 +34,7 @@ class Agreement:
 def check_kinematics(poses: int = POSES) -> list[Agreement]:
     """MDH against MuJoCo and against the shipped URDF, on random joints of each robot."""
     from testbed.laboratory.simulator import Simulator
-    from testbed.robots.urdf import read_urdf_chain
+    from testbed.robots.urdf_read import read_urdf_chain
 
     found = []
     for name in robot_names():

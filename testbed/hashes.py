@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 from calib.errors import InputError
 from calib.information.criteria.named import NEEDS_GOALS
 from testbed.settings import STUDY_KEYS, Scenario
+from testbed.settings_compensation import COMPENSATION_KEYS
 from testbed.settings_coverage import COVERAGE_KEYS, coverage_truth
+from testbed.settings_reexamined import REEXAMINED_KEYS, SETS_KEY
 
 if TYPE_CHECKING:
     from testbed.robots.catalog import Robot
@@ -37,7 +39,8 @@ def record_hash(scenario: Scenario, robot: "Robot", key: str) -> str:
     The setting does not depend on trials; a trial depends on no other trial and on no study, so
     adding one leaves its file byte-identical; one for V or G depends on the goal; a study depends
     on everything but names and titles. Coverage of one kind of robot depends on the first trial and
-    on that kind, not on the others.
+    on that kind, not on the others; so does its compensation; so does
+    the paper on robots of one kind, with all trials.
     """
     document = hashed_document(scenario)
     kept: dict[str, Any] = {name: document[name] for name in SETTING_TABLES}
@@ -52,11 +55,28 @@ def record_hash(scenario: Scenario, robot: "Robot", key: str) -> str:
         kept |= {"coverage": document["coverage"] | {"truths": truth.model_dump(mode="json")}}
         # when validation poses are visited hangs on the largest trial
         kept |= {"poses": [trial["poses"] for trial in document["trial"]]} | _goal(document)
-    elif key != "setting":
+    elif key in COMPENSATION_KEYS:
+        truth = coverage_truth(scenario, COMPENSATION_KEYS[key])
+        kept |= {"identification": document["identification"], "trial": document["trial"][0]}
+        kept |= {"compensation": document["compensation"]}
+        kept["compensation"] |= {"truths": truth.model_dump(mode="json")}
+        # when the program runs hangs on the largest trial
+        kept |= {"poses": [trial["poses"] for trial in document["trial"]]} | _goal(document)
+    elif key == SETS_KEY or key in REEXAMINED_KEYS:
+        kept |= {name: document[name] for name in ("studies", "trial", "uncertainty")}
+        kept |= {"pools": document["reexamined"]["pools"]} | _goal(document)
+        if key in REEXAMINED_KEYS:
+            truth = coverage_truth(scenario, REEXAMINED_KEYS[key])
+            kept |= {"robots": document["reexamined"]["robots"]}
+            kept |= {"kind": truth.model_dump(mode="json")}
+    elif key not in ("setting", "validation"):
         kept |= {name: document[name] for name in ("identification", "uncertainty")}
         kept["trial"] = next(trial for trial in document["trial"] if trial["name"] == key)
         if kept["trial"]["criterion"] in NEEDS_GOALS:
             kept |= _goal(document)
+    if document["truth"]["thermal_k"]:
+        # what the robot grows into until the held-out poses hangs on the largest trial
+        kept |= {"poses_before": max(trial["poses"] for trial in document["trial"])}
     kept |= {"robot": robot_hash(robot), "key": key}
     return sha256(canonical(kept)).hexdigest()
 
@@ -91,7 +111,9 @@ def hashed_document(scenario: Scenario) -> dict[str, Any]:
 @lru_cache(maxsize=4)
 def robot_hash(robot: "Robot") -> str:
     """Hex sha256 of a robot's numbers and meshes, with no path of this machine in it."""
-    chain = robot.model.chain
+    from testbed.robots.robot import IN_PLACE
+
+    chain, errors = robot.model.chain, robot.model.joint_errors
     numbers = (
         chain.links,
         chain.T_world_base,
@@ -115,4 +137,10 @@ def robot_hash(robot: "Robot") -> str:
             for v in robot.visuals
         ],
     }
+    moved = [v.affine for v in robot.visuals if v.affine != IN_PLACE]
+    if moved:
+        document["moved"] = moved
+    if errors.terms:
+        terms = [(t.name, t.joint, t.wave, t.weights) for t in errors.terms]
+        document["joint_terms"] = [terms, errors.coefficients.tolist()]
     return sha256(canonical(document)).hexdigest()

@@ -12,7 +12,14 @@ MOST = 20
 """Faults of one file that are told at once."""
 Path = tuple[str | int, ...]
 """Keys and list positions that lead to a value of the document."""
-NESTED = (("plan", "stations", "grid"), ("plan", "stations"), ("plan", "goal"))
+NESTED = (
+    ("identification", "prior", "sd_deg"),
+    ("identification", "prior", "sd_mm"),
+    ("identification", "prior"),
+    ("plan", "stations", "grid"),
+    ("plan", "stations"),
+    ("plan", "goal"),
+)
 """Tables inside tables, inner ones first."""
 
 

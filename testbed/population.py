@@ -15,16 +15,18 @@ from scipy.special import stdtrit
 from calib.arrays import Array, Index
 from calib.design.blocks import information
 from calib.design.sampling import random_selection
-from calib.identification.identify import identify
 from calib.information.criteria.v import v_of
 from calib.information.propagation import point_uncertainty
 from calib.uncertainty.regions import inside
 from testbed.comparison import distances, target_points, target_prediction
+from testbed.estimator import estimator_for
 from testbed.goals import goals_of
+from testbed.laboratory.tracker import tracker_from
 from testbed.laboratory.truth import draw_truth
 from testbed.records import PopulationStudy, Setting, Trial
 from testbed.scenario import Scenario
 from testbed.setting import Bench, open_bench
+from testbed.sources import full_covariance, systematic_covariance
 from testbed.streams import stream
 
 
@@ -41,7 +43,12 @@ def population_study(
     nominal = target_points(setting.nominal.poses(setting.test_q), setting.target)
     for k in range(count):
         seed = int(stream(scenario.seed, "population", "robot", k).integers(2**62))
-        other = replace(bench, truth=draw_truth(bench.robot, scenario.truth, seed))
+        other = replace(
+            bench,
+            truth=draw_truth(bench.robot, scenario.truth, seed),
+            # each robot meets a station with systematic errors of its own
+            tracker=tracker_from(scenario.tracker, setting.nominal.chain, seed=seed),
+        )
         true = target_points(other.held_out(setting.test_q), setting.target)
         before[k] = distances(true, nominal).mean()
         for i, trial in enumerate(trials):
@@ -69,9 +76,13 @@ def _judged(
     setting, out = bench.setting, []
     seen = bench.measure_pool(chosen, "population", name, repeat=robot)
     for mode in bench.scenario.identification.estimators:
-        found = identify(setting.nominal, seen, bench.free(mode), mode=mode)
+        found = estimator_for(bench, mode, seen).fit(seen)
+        shared = systematic_covariance(bench, found, seen)
         point, _, covariance = target_prediction(
-            found.model, setting.test_q, setting.target, found.full_covariance
+            found.model,
+            setting.test_q,
+            setting.target,
+            full_covariance(found, found.covariance + shared),
         )
         error = distances(true, point)
         out.append(

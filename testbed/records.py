@@ -13,7 +13,10 @@ from calib.identification.identify import Identification, Mode
 from calib.information.observability import Observability
 from calib.measurement.accuracy import Accuracy
 from calib.measurement.observations import Measurements
+from testbed.records_compensation import CompensationStudy
 from testbed.records_coverage import CoverageStudy
+from testbed.records_reexamined import PoolSets, Reexamined
+from testbed.records_statement import Statement, Validation
 from testbed.scenario import Scenario
 
 
@@ -118,6 +121,10 @@ class Estimate:
     """(f,) experimental sd of `repeated` (n - 1), Wen et al. 2022 eq. (7) [m, rad]."""
     comparison: Comparison
     replications: Replications | None
+    """None where the scenario asks for none, and where repeats of one robot cannot test what is
+    stated: a prior, or what the tracker gets wrong all campaign long."""
+    statement: Statement | None = None
+    """What to believe and why; only for the default estimator."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -261,6 +268,7 @@ class Campaign:
 
     scenario: Scenario
     setting: Setting
+    validation: Validation
     trials: tuple[Trial, ...]
     pose_count: PoseCountStudy | None
     random_sets: tuple[RandomSets, ...]
@@ -268,4 +276,10 @@ class Campaign:
     tool_point: ToolPointStudy | None
     population: PopulationStudy | None
     coverage: tuple[CoverageStudy, ...] = ()
+    """One per kind of robot, in the order of the scenario."""
+    pool_sets: PoolSets | None = None
+    """Pools and sets of the re-examination of the paper."""
+    reexamined: tuple[Reexamined, ...] = ()
+    """One per kind of robot, in the order of the scenario."""
+    compensation: tuple[CompensationStudy, ...] = ()
     """One per kind of robot, in the order of the scenario."""

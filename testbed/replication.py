@@ -8,10 +8,11 @@ import numpy as np
 from scipy.special import bdtr, chdtri
 
 from calib.arrays import Array
-from calib.identification.identify import Identification, identify
+from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.uncertainty.regions import inside, mahalanobis_squared
 from testbed.comparison import INTERVAL, distances, target_points, target_prediction
+from testbed.estimator import Estimator
 from testbed.records import Replications
 from testbed.setting import Bench
 
@@ -22,14 +23,18 @@ COVERAGE = 0.95
 
 def replicate(
     bench: Bench,
+    estimator: Estimator,
     first: Identification,
     visited: Measurements,
     truth: Array,
     name: str,
 ) -> Replications | None:
-    """Replicate the calibration of one trial; None if the scenario asks for no replications."""
+    """Replicate the calibration of one trial; None if the scenario asks for none.
+
+    Nor are fits with a prior replicated: one robot's repeats cannot show what a prior is worth.
+    """
     count, setting = bench.scenario.uncertainty.replications, bench.setting
-    if not count:
+    if not count or first.prior is not None:
         return None
     p_true = target_points(setting.test_true, setting.target)
     steps = np.zeros((count, len(truth)))
@@ -38,7 +43,7 @@ def replicate(
     held = np.zeros((count, len(p_true)), dtype=bool)
     for k in range(count):
         seen = bench.measure(visited.q, visited.pose_id, "replication", name, repeat=k)
-        found = identify(setting.nominal, seen, first.parameters, mode=first.mode)
+        found = estimator.fit(seen, first.parameters)
         point, _, covariance = target_prediction(
             found.model, setting.test_q, setting.target, found.full_covariance
         )

@@ -227,7 +227,7 @@ def _table_lines(table: Mapping[str, Any], name: str) -> list[str]:
     inner = {k: v for k, v in table.items() if isinstance(v, dict)}
     rows = {k: v for k, v in table.items() if isinstance(v, list) and v and isinstance(v[0], dict)}
     plain = {k: v for k, v in table.items() if k not in inner and k not in rows and v is not None}
-    lines = [f"{k} = {_toml(v)}" for k, v in plain.items()]
+    lines = [f"{_key(k)} = {_toml(v)}" for k, v in plain.items()]
     dot = f"{name}." if name else ""
     for key, value in inner.items():
         lines += ["", f"[{dot}{key}]", *_table_lines(value, f"{dot}{key}")]
@@ -235,6 +235,12 @@ def _table_lines(table: Mapping[str, Any], name: str) -> list[str]:
         for value in values:
             lines += ["", f"[[{dot}{key}]]", *_table_lines(value, f"{dot}{key}")]
     return lines
+
+
+def _key(name: str) -> str:
+    """A key as TOML: in quotes where it is not one bare word."""
+    bare = name.replace("_", "").replace("-", "").isalnum() and name.isascii()
+    return name if bare else _toml(name)
 
 
 def _toml(value: object) -> str:

@@ -142,7 +142,7 @@ def headline_rows(result: Mapping[str, Any]) -> list[list[str]]:
             _mm(found["stated_u_3d_rms_mm"]),
             f"{100 * found['held_out_inside_95']:.0f} %",
             "-" if found["chi_square_per_dof"] is None else f"{found['chi_square_per_dof']:.2f}",
-            "yes" if found["believable"] else "no",
+            "yes" if found["believable"] else "no" if found.get("contradicted", True) else "?",
         ]
         for name, trial in result["trials"].items()
         for mode, found in trial["estimates"].items()
@@ -192,4 +192,5 @@ def robot_text(robot: "Robot") -> str:
     for name, names in robot.free_sets.items():
         parts.append(f"free set {name}: {', '.join(names)}")
     parts += [f"source of {what}: {source}" for what, source in robot.sources.items()]
+    parts += [f"note: {note}" for note in robot.notes]
     return "\n".join(parts)

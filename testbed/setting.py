@@ -11,10 +11,10 @@ from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.identify import Mode
 from calib.information.reduction import reduce
 from calib.measurement.observations import Measurements
-from calib.measurement.residual import point_blocks, whitened_blocks
 from testbed.laboratory.cell import cell_from
 from testbed.laboratory.pool import Pool, draw_pool
 from testbed.laboratory.simulator import Simulator
+from testbed.laboratory.station import station_rows
 from testbed.laboratory.tracker import Tracker, tracker_from
 from testbed.laboratory.truth import TrueRobot, beyond, draw_truth
 from testbed.records import Setting
@@ -82,11 +82,7 @@ class Bench:
 
     def whitened_rows(self, q: Array) -> Array:
         """Whitened Jacobian blocks (m, r, P) of poses not measured yet, all P columns."""
-        covariance = self.covariance(q)
-        if self.scenario.tracker.measures == "pose":
-            return whitened_blocks(self.setting.nominal, q, covariance)
-        offset = np.broadcast_to(self.setting.target, (len(q), 3))
-        return point_blocks(self.setting.nominal, q, covariance[:, :3, :3], offset)
+        return station_rows(self.robot, self.tracker, q, self.setting.joint_repeatability)
 
     def free(self, mode: Mode) -> Parameters:
         """Parameters that an estimator may move, before reduction."""

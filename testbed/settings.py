@@ -6,19 +6,31 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from testbed.settings_cell import CellSettings
+from testbed.settings_compensation import COMPENSATION_KEYS, CompensationSettings
 from testbed.settings_coverage import COVERAGE_KEYS, CoverageSettings
+from testbed.settings_identification import IdentificationSettings as IdentificationSettings
 from testbed.settings_plan import DEFAULT_POSES, PlanCriterion, PlanMethod, PlanSettings
+from testbed.settings_reexamined import REEXAMINED_KEYS, SETS_KEY, ReexaminedSettings
+from testbed.settings_robot import facts_of, robot_of, with_workspace
 from testbed.settings_tracker import At960Tracker as At960Tracker
 from testbed.settings_tracker import PaperTracker as PaperTracker
 from testbed.settings_tracker import TrackerSettings
+from testbed.settings_truth import MAX_JOINTS, resolved_truth
 from testbed.settings_truth import TruthSettings as TruthSettings
-from testbed.settings_truth import resolved_truth
-from testbed.settings_types import Name, PlainText, Point, Settings, Side
+from testbed.settings_types import JointRange, Name, PlainText, Point, Settings, Side
 
 FORMAT = 1
 """Version of the scenario file format this program writes; it reads this one."""
 STUDY_KEYS = ("pose_count", "random_sets", "paper_budget", "tool_point", "population")
-RESERVED = ("setting", *STUDY_KEYS, *COVERAGE_KEYS)
+RESERVED = (
+    "setting",
+    "validation",
+    *STUDY_KEYS,
+    *COVERAGE_KEYS,
+    SETS_KEY,
+    *REEXAMINED_KEYS,
+    *COMPENSATION_KEYS,
+)
 """Record names that no trial may take."""
 MAX_TRIALS = 200
 
@@ -34,25 +46,16 @@ class PoolSettings(Settings):
     line_of_sight: bool = True
     joint_margin_deg: Annotated[float, Field(ge=0.0, le=90.0)] = 0.0
     """Kept from every joint limit; prismatic joints ignore it."""
+    joint_ranges_deg: Annotated[tuple[JointRange, ...], Field(max_length=MAX_JOINTS)] = ()
+    """Lowest and highest value of each joint in a posture; deg, mm where a joint slides; empty: the
+    joint limits. For arms whose joints turn more than once: half a turn to either side is enough,
+    and the moves between the poses stay short."""
 
 
 class HeldOutSettings(Settings):
     """[test]: poses that judge and are never used for identification."""
 
     poses: Annotated[int, Field(ge=1, le=5000)] = 50
-
-
-class IdentificationSettings(Settings):
-    """[identification]: what the estimators may move."""
-
-    free: str | tuple[str, ...] = "identifiable"
-    """"identifiable", a free set of the robot, or parameter names."""
-    base: Literal["free", "fixed"] = "free"
-    tool: Literal["free", "fixed"] = "free"
-    estimators: Annotated[tuple[Literal["whitened", "paper"], ...], Field(min_length=1)] = (
-        "whitened",
-        "paper",
-    )
 
 
 class UncertaintySettings(Settings):
@@ -112,6 +115,8 @@ class Scenario(Settings):
     uncertainty: UncertaintySettings = UncertaintySettings()
     studies: StudySettings = StudySettings()
     coverage: CoverageSettings = CoverageSettings()
+    reexamined: ReexaminedSettings = ReexaminedSettings()
+    compensation: CompensationSettings = CompensationSettings()
     plan: PlanSettings
     trial: Annotated[tuple[TrialSettings, ...], Field(min_length=1, max_length=MAX_TRIALS)]
 
@@ -137,14 +142,15 @@ class Scenario(Settings):
 
 def resolved(document: Mapping[str, Any]) -> dict[str, Any]:
     """The document with presets applied; wrong types are left for the strict check to name."""
-    out = dict(document)
+    robot = robot_of(document)
+    out = with_workspace(document, robot)
     truth = out.get("truth", {})
     tracker = out.get("tracker", {})
     if isinstance(tracker, Mapping):
         tracker = out["tracker"] = {"preset": "paper", **tracker}
     if isinstance(truth, Mapping):
         at960 = isinstance(tracker, Mapping) and tracker.get("preset") == "at960"
-        out["truth"] = resolved_truth(truth, robot=out.get("robot"), at960=at960)
+        out["truth"] = resolved_truth(truth, **facts_of(robot), at960=at960)
     plan = out.get("plan", {})
     if isinstance(plan, Mapping):
         pool = out.get("pool", {})

@@ -7,6 +7,8 @@ from pydantic import Field
 
 from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.discrepancy import FEWEST
+from testbed.settings_identification import IdentificationSettings
+from testbed.settings_robot import facts_of, robot_of
 from testbed.settings_tracker import At960Tracker, TrackerSettings
 from testbed.settings_truth import TruthSettings, resolved_truth
 from testbed.settings_types import Settings
@@ -34,8 +36,10 @@ class CoverageSettings(Settings):
     """Content that every statement promises."""
 
 
-def coverage_contradictions(coverage: CoverageSettings, tracker: TrackerSettings) -> list[str]:
-    """Sentences, one per contradiction of [coverage] with itself or the tracker."""
+def coverage_contradictions(
+    coverage: CoverageSettings, tracker: TrackerSettings, identification: IdentificationSettings
+) -> list[str]:
+    """Sentences, one per contradiction of [coverage] with itself, the tracker or the estimator."""
     found = []
     if len(set(coverage.truths)) < len(coverage.truths):
         found.append("[coverage] truths names one twice; remove the copy")
@@ -49,6 +53,12 @@ def coverage_contradictions(coverage: CoverageSettings, tracker: TrackerSettings
     if tracker.measures == "point":
         found.append(
             '[coverage] robots needs full poses; [tracker] measures is "point"; write robots = 0'
+        )
+    if identification.loss != "squared" or identification.prior is not None:
+        key = "loss" if identification.prior is None else "prior"
+        found.append(
+            f"[coverage] robots plays least squares and the weak prior; [identification] {key} "
+            f"says otherwise; remove {key}, or write robots = 0"
         )
     missed = tracker.missed if isinstance(tracker, At960Tracker) else 0
     needed = max(FEWEST, fewest_poses(coverage.level)) + missed
@@ -64,5 +74,6 @@ def coverage_contradictions(coverage: CoverageSettings, tracker: TrackerSettings
 def coverage_truth(scenario: "Scenario", truth: TruthName) -> TruthSettings:
     """[truth] of one kind of robot: its preset, as a file that names only the preset has it."""
     at960 = scenario.tracker.preset == "at960"
-    document = resolved_truth({"preset": truth}, robot=scenario.robot, at960=at960)
+    robot = robot_of({"robot": scenario.robot})
+    document = resolved_truth({"preset": truth}, **facts_of(robot), at960=at960)
     return TruthSettings.model_validate_json(json.dumps(document))

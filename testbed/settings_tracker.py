@@ -86,13 +86,12 @@ TrackerSettings = Annotated[PaperTracker | At960Tracker, Field(discriminator="pr
 def tracker_contradictions(
     tracker: PaperTracker | At960Tracker, poses: dict[str, int]
 ) -> list[str]:
-    """Sentences, one per contradiction of [tracker] with itself or the poses of each trial."""
+    """Sentences, one per contradiction of [tracker] with itself or the poses of each visit."""
     if isinstance(tracker, PaperTracker):
         return []
     return [
         f"[tracker] outliers is {tracker.outliers} and missed is {tracker.missed}; "
-        f'[[trial]] "{name}" '
-        f"has {count} {'pose' if count == 1 else 'poses'}; no good shot is left; lower them"
+        f"{name} has {count} {'pose' if count == 1 else 'poses'}; no good shot is left; lower them"
         for name, count in poses.items()
         if tracker.outliers + tracker.missed >= count
     ]

@@ -100,6 +100,8 @@ TRUTH_PRESETS: dict[str, dict[str, object]] = {
     },
 }
 """What differs between the presets; the rest is common (project specification, section 5)."""
+ALONG = ("harmonic_mdeg", "drive_nm_per_mrad", "bearing_nm_per_mrad")
+"""Keys whose lists follow the number of joints; play belongs to joints 3 and 5 of any arm."""
 TRUTH_COMMON: dict[str, object] = {
     "angle_sd_deg": 0.02,
     "length_sd_mm": 0.12,
@@ -108,17 +110,45 @@ TRUTH_COMMON: dict[str, object] = {
 }
 
 
-def resolved_truth(truth: Mapping[str, Any], *, robot: object, at960: bool) -> dict[str, Any]:
-    """[truth] with its preset applied; wrong types are left for the strict check to name."""
+def resolved_truth(
+    truth: Mapping[str, Any], *, joints: int, paper_set: bool, sags: bool, at960: bool
+) -> dict[str, Any]:
+    """[truth] with its preset applied; wrong types are left for the strict check to name.
+
+    `joints` is how many the robot has, `paper_set` whether the set that the paper identifies is one
+    of its free sets, `sags` whether the closed form of gravity holds for it; where it does not, a
+    file that names no preset leaves the sag out.
+    """
     preset = truth.get("preset", "wen2022")
     chosen = TRUTH_PRESETS.get(preset, {}) if isinstance(preset, str) else {}
     filled = TRUTH_PRESETS["wen2022"] | TRUTH_COMMON | chosen | {"preset": preset}
-    filled["perturb"] = "wen2022" if robot == "staubli_tx60" else "links"
+    for key in (*ALONG, "backlash_mdeg"):
+        values = filled.get(key)
+        if isinstance(values, list):
+            rest = [0.0] * (joints - len(values))
+            filled[key] = along(values, joints) if key in ALONG else [*values, *rest][:joints]
+    if not sags and "preset" not in truth:
+        filled["gravity_mdeg"] = [0.0, 0.0, 0.0]
+    filled["perturb"] = "wen2022" if paper_set else "links"
     filled["joint_repeatability_mdeg"] = None if at960 else 0.0
     filled |= truth
     if filled["joint_repeatability_mdeg"] == "robot":
         filled["joint_repeatability_mdeg"] = None
     return filled
+
+
+def along(values: list[float], joints: int) -> list[float]:
+    """A preset's list for six axes, spread along an arm of another number of joints.
+
+    Each joint takes the number of the axis that is as far along the six.
+
+    Examples
+    --------
+    >>> along([5.0, 5.0, 5.0, 8.0, 8.0, 8.0], 7)
+    [5.0, 5.0, 5.0, 5.0, 8.0, 8.0, 8.0]
+    """
+    last = len(values) - 1
+    return [values[(i * last) // max(joints - 1, 1)] for i in range(joints)]
 
 
 def truth_contradictions(truth: TruthSettings) -> list[str]:

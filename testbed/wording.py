@@ -7,7 +7,16 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from testbed import settings, settings_cell, settings_coverage, settings_plan, settings_truth
+from testbed import (
+    settings,
+    settings_cell,
+    settings_compensation,
+    settings_coverage,
+    settings_identification,
+    settings_plan,
+    settings_reexamined,
+    settings_truth,
+)
 from testbed.mistakes import Fault, Path, did_you_mean, place
 from testbed.settings import Scenario
 
@@ -136,6 +145,10 @@ def _sentence(
         message = f"{at} has {found} {'entry' if found == 1 else 'entries'}"
         allowed = f"{bound} {wanted} {entries} belong{'s' if wanted == 1 else ''} there"
         return Fault(path, message, "S37", allowed, "mend the list", value)
+    if path[:2] == settings_identification.PRIOR and kind == "greater_than":
+        allowed = "a prior is positive definite: every standard deviation is larger than 0"
+        fix = "hold a number fixed that is known exactly: leave it out of free"
+        return Fault(path, said, "M34", allowed, fix, value)
     if kind in BOUNDS:
         allowed = f"it must be {BOUNDS[kind].format(**context)}"
         return Fault(path, said, "C41", allowed, "choose a value in range", value)
@@ -178,9 +191,12 @@ def keys_by_table() -> dict[str, tuple[str, ...]]:
         "pool": settings.PoolSettings,
         "test": settings.HeldOutSettings,
         "identification": settings.IdentificationSettings,
+        "identification.prior": settings_identification.PriorSettings,
         "uncertainty": settings.UncertaintySettings,
         "studies": settings.StudySettings,
         "coverage": settings_coverage.CoverageSettings,
+        "compensation": settings_compensation.CompensationSettings,
+        "reexamined": settings_reexamined.ReexaminedSettings,
         "trial": settings.TrialSettings,
         "paper": settings.PaperTracker,
         "at960": settings.At960Tracker,

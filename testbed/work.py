@@ -12,6 +12,7 @@ from testbed.output.atomic import atomic_path
 from testbed.output.record_file import DONE, FAILED, Failure, record_bytes, record_from
 from testbed.output.store import RunFolder
 from testbed.scenario import STUDY_KEYS, Scenario, record_hash
+from testbed.settings_reexamined import SETS_KEY
 from testbed.stages import Stages
 from testbed.versions import all_versions, own_version
 
@@ -153,9 +154,16 @@ class Work:
         coverage = self.scenario.coverage
         kinds = tuple(t for t in coverage.truths if f"coverage.{t}" not in self.failed)
         coverage = coverage.model_copy(update={"truths": kinds})
-        sound = self.scenario.model_copy(
-            update={"trial": trials, "studies": studies, "coverage": coverage}
-        )
+        again = self.scenario.reexamined
+        kinds = tuple(t for t in again.truths if f"reexamined.{t}" not in self.failed)
+        off = SETS_KEY in self.failed or not kinds
+        again = again.model_copy(update={"truths": kinds, **({"robots": 0} if off else {})})
+        loop = self.scenario.compensation
+        kinds = tuple(t for t in loop.truths if f"compensation.{t}" not in self.failed)
+        loop = loop.model_copy(update={"truths": kinds})
+        update = {"trial": trials, "studies": studies, "coverage": coverage, "reexamined": again}
+        update["compensation"] = loop
+        sound = self.scenario.model_copy(update=update)
         return self.stages.gather(sound, self.get)
 
     def derive(self, names: Iterable[str]) -> Any:

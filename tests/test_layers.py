@@ -19,21 +19,22 @@ ALLOWED = {
 }  # fmt: skip
 HOMES = {
     "numba": ("calib/kernels/",),
-    "mujoco": ("testbed/robots/mjcf.py", "testbed/laboratory/"),
+    "mujoco": ("testbed/robots/mjcf", "testbed/laboratory/"),
     "rerun": ("testbed/output/recording", "testbed/output/viewer.py"),
     "rerun_cli": ("testbed/output/viewer.py",),
-    "yourdfpy": ("testbed/robots/urdf.py",),
+    "yourdfpy": ("testbed/robots/urdf",),
     "trimesh": ("testbed/robots/meshes.py", "testbed/robots/drawings/"),
     "lxml": ("testbed/robots/",),
     "matplotlib": ("testbed/output/",),
     "jinja2": ("testbed/output/report.py",),
     "rich": ("testbed/screen.py",),
-    "typer": ("testbed/cli.py", "testbed/guard.py"),
+    "typer": ("testbed/cli", "testbed/guard.py"),
     "pydantic": (
         "testbed/settings",
         "testbed/scenario.py",
         "testbed/wording.py",
         "testbed/robots/",
+        "testbed/files/",
     ),
 }
 """Where a package may be imported: files, or beginnings of paths."""
@@ -43,6 +44,7 @@ ORDER = {
     "kernels": 2,
     "geometry": 2,
     "measurement": 3,
+    "compensation": 4,
     "information": 4,
     "design": 5,
     "identification": 5,

@@ -13,6 +13,8 @@ import numpy as np
 from calib.arrays import Array, check
 from calib.errors import InputError
 
+_WAVES: tuple[Literal["sin", "cos"], ...] = ("sin", "cos")
+
 
 @dataclass(frozen=True, slots=True)
 class JointTerm:
@@ -71,11 +73,13 @@ class JointErrors:
         return dq
 
 
-def gravity_terms(n_joints: int) -> tuple[JointTerm, ...]:
+def gravity_terms(n_joints: int, quarters: tuple[int, int] = (0, 0)) -> tuple[JointTerm, ...]:
     """Sag of a vertical-plane arm: dq2 = g1 sin q2 + g2 sin(q2+q3), dq3 = g3 sin(q2+q3).
 
     Closed form for an arm whose joints 2 and 3 have parallel horizontal axes and whose zero pose is
-    the candle; positive coefficients droop away from it.
+    the candle; positive coefficients droop away from it. Where the zero pose is another one,
+    `quarters` says how many quarter turns from upright the upper arm and the forearm lie there, and
+    cosines stand for the sines of odd ones: the UR10, level at zero, has (1, 1).
     """
     if n_joints < 3:
         raise InputError(
@@ -85,10 +89,11 @@ def gravity_terms(n_joints: int) -> tuple[JointTerm, ...]:
         )
     upper = tuple(int(i == 1) for i in range(n_joints))
     fore = tuple(int(i in (1, 2)) for i in range(n_joints))
+    of_upper, of_fore = (_WAVES[k % 2] for k in quarters)
     return (
-        JointTerm("gravity2.upper", 1, "sin", upper),
-        JointTerm("gravity2.fore", 1, "sin", fore),
-        JointTerm("gravity3.fore", 2, "sin", fore),
+        JointTerm("gravity2.upper", 1, of_upper, upper),
+        JointTerm("gravity2.fore", 1, of_fore, fore),
+        JointTerm("gravity3.fore", 2, of_fore, fore),
     )
 
 

@@ -1,4 +1,4 @@
-"""The robot model, a chain plus its joint errors: identified, predicted with and exported."""
+"""The robot model: a chain, its joint errors, and the fixtures it is measured with."""
 
 from dataclasses import dataclass, field, replace
 
@@ -7,21 +7,28 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check
 from calib.geometry.chain import Chain, chain_names, forward, joint_vectors
+from calib.geometry.fixtures import Fixtures
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.sweep import joint_columns, pose_and_jacobian
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotModel:
-    """Geometry and joint errors; T(q) = forward(chain, q + dq(q))."""
+    """Geometry and joint errors, T(q) = forward(chain, q + dq(q)), and what stands beside them."""
 
     chain: Chain
     joint_errors: JointErrors = field(default_factory=JointErrors)
+    fixtures: Fixtures = field(default_factory=Fixtures)
+    """Reflectors, anchors and stations: they move no pose, but what is seen of it."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """(P,) names of all numbers: base, links, tool, joint terms."""
-        return (*chain_names(self.chain.n_joints), *self.joint_errors.names)
+        """(P,) names of all numbers: base, links, tool, joint terms, fixtures."""
+        return (
+            *chain_names(self.chain.n_joints),
+            *self.joint_errors.names,
+            *self.fixtures.names,
+        )
 
     @property
     def is_length(self) -> tuple[bool, ...]:
@@ -29,28 +36,38 @@ class RobotModel:
         frame = (True, True, True, False, False, False)
         link = (False, True, True, False, False)
         terms = tuple(self.chain.kinds[joint] == "prismatic" for joint in self.joint_errors.joints)
-        return (*frame, *(link * self.chain.n_joints), *frame, *terms)
+        links = link * self.chain.n_joints
+        return (*frame, *links, *frame, *terms, *self.fixtures.is_length)
 
     @property
     def n_numbers(self) -> int:
         """Length P of the full parameter vector."""
+        return self.first_fixture + self.fixtures.n_numbers
+
+    @property
+    def first_fixture(self) -> int:
+        """Place of the first number of the fixtures in the full parameter vector."""
         return self.chain.n_numbers + len(self.joint_errors.terms)
 
     def moved(self, step: ArrayLike) -> "RobotModel":
         """Model after a step (P,) [m, rad]: chain as in `Chain.moved`, coefficients add."""
         (step,) = check(f"{self.n_numbers}", step=step)
-        k = self.chain.n_numbers
-        errors = replace(self.joint_errors, coefficients=self.joint_errors.coefficients + step[k:])
-        return RobotModel(self.chain.moved(step[:k]), errors)
+        k, end = self.chain.n_numbers, self.first_fixture
+        errors = replace(
+            self.joint_errors, coefficients=self.joint_errors.coefficients + step[k:end]
+        )
+        return RobotModel(self.chain.moved(step[:k]), errors, self.fixtures.moved(step[end:]))
 
     def step_to(self, other: "RobotModel") -> Array:
-        """Step (P,) that moves this model to `other`, which must carry the same joint terms."""
+        """Step (P,) that moves this model to `other`, of the same joint terms and fixtures."""
         (own, there) = check(
             "k, k",
             own=self.joint_errors.coefficients,
             other=other.joint_errors.coefficients,
         )
-        return np.concatenate([self.chain.step_to(other.chain), there - own])
+        return np.concatenate(
+            [self.chain.step_to(other.chain), there - own, self.fixtures.step_to(other.fixtures)]
+        )
 
     def poses(self, q: ArrayLike) -> Array:
         """Tool poses T_world_tool (m, 4, 4) at commanded joint values q (m, n)."""
@@ -61,12 +78,16 @@ class RobotModel:
         """Poses (m, 4, 4) and Jacobian (m, 6, P), rows [dp; dr] in world axes.
 
         A joint term's column is its joint's own column times the basis value: exact, because the
-        offset is linear in the coefficient.
+        offset is linear in the coefficient. The columns of the fixtures are zero: no tool moves
+        with them.
         """
         q = joint_vectors(self.chain, q)
         T, J = pose_and_jacobian(self.chain, q + self.joint_errors.offsets(q))
-        if not self.joint_errors.terms:
+        if self.n_numbers == self.chain.n_numbers:
             return T, J
-        own = np.array(joint_columns(self.chain))[self.joint_errors.joints]
-        extra = J[:, :, own] * self.joint_errors.basis(q)[:, None, :]
-        return T, np.concatenate([J, extra], axis=-1)
+        parts = [J]
+        if self.joint_errors.terms:
+            own = np.array(joint_columns(self.chain))[self.joint_errors.joints]
+            parts.append(J[:, :, own] * self.joint_errors.basis(q)[:, None, :])
+        parts.append(np.zeros((len(q), 6, self.fixtures.n_numbers)))
+        return T, np.concatenate(parts, axis=-1)

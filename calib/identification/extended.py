@@ -1,5 +1,7 @@
 """The extended model: a chain with the joint errors that most arms have beyond their geometry."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from calib.errors import InputError
@@ -13,13 +15,21 @@ UPRIGHT = np.radians(1.0)
 """An arm this close to upright counts as upright [rad]."""
 
 
-def extended_model(nominal: RobotModel) -> RobotModel:
+def extended_model(nominal: RobotModel, mounted: Chain | None = None) -> RobotModel:
     """The model with gravity and harmonic terms added, all of them zero: same poses as before.
 
     Three gravity terms where their closed form holds, and sin q, cos q, sin 2q, cos 2q for every
     revolute joint: 27 terms on a six-axis arm. Terms that `nominal` has already are kept.
 
-    sin q2 stands twice, as sag and as harmonic: identify under a prior, and read their sum.
+    One wave of q2 stands twice, as sag and as harmonic: identify under a prior, and read their sum.
+
+    Parameters
+    ----------
+    nominal : RobotModel
+        What the terms are added to.
+    mounted : Chain, optional
+        The arm as it stands, with world z up, where `nominal` is not in such a world: a tracker's
+        own frame need not be level, nor its target on the axis of the forearm.
 
     Examples
     --------
@@ -30,15 +40,12 @@ def extended_model(nominal: RobotModel) -> RobotModel:
     chain, known = nominal.chain, nominal.joint_errors
     turning = [kind == "revolute" for kind in chain.kinds]
     wanted = [term for term in harmonic_terms(chain.n_joints) if turning[term.joint]]
-    if gravity_is_closed(chain):
-        wanted = [*gravity_terms(chain.n_joints), *wanted]
+    quarters = gravity_quarters(chain if mounted is None else mounted)
+    if quarters is not None:
+        wanted = [*gravity_terms(chain.n_joints, quarters), *wanted]
     added = tuple(term for term in wanted if term.name not in known.names)
-    return RobotModel(
-        chain,
-        JointErrors(
-            (*known.terms, *added), np.concatenate([known.coefficients, np.zeros(len(added))])
-        ),
-    )
+    coefficients = np.concatenate([known.coefficients, np.zeros(len(added))])
+    return replace(nominal, joint_errors=JointErrors((*known.terms, *added), coefficients))
 
 
 def extended_parameters(
@@ -61,36 +68,60 @@ def extended_parameters(
             allowed="a model with a revolute joint whose harmonics are not in it yet",
             fix="identify the model as it is",
         )
+    # the terms stand before the fixtures; they are angles, scaled like those of the base
+    k = nominal.first_fixture
     return Parameters(
         extended.names,
-        np.concatenate([parameters.is_length, extended.is_length[-added:]]),
-        np.concatenate([parameters.free, np.ones(added, dtype=bool)]),
-        # the terms are angles, scaled like those of the base
-        np.concatenate([parameters.scale, np.full(added, parameters.scale[3])]),
+        np.array(extended.is_length),
+        np.insert(parameters.free, k, np.ones(added, dtype=bool)),
+        np.insert(parameters.scale, k, np.full(added, parameters.scale[3])),
     )
 
 
 def gravity_is_closed(chain: Chain) -> bool:
-    """Whether sin q2 and sin(q2 + q3) are the torques of gravity on joints 2 and 3.
+    """Whether the closed form of gravity holds for joints 2 and 3; see `gravity_quarters`."""
+    return gravity_quarters(chain) is not None
 
-    So where these turn about level parallel axes, world z up, and the arm stands upright at joint
-    zero.
+
+def gravity_quarters(chain: Chain) -> tuple[int, int] | None:
+    """Quarter turns from upright, about axis 2, at which upper arm and forearm lie at joint zero.
+
+    None where waves of q2 and q2 + q3 are not the torques of gravity on joints 2 and 3. They are
+    where axis 1 is upright, world z up, or slides, axes 2 and 3 are level and parallel, and both
+    parts of the arm stand upright or lie level at zero. The forearm ends where axis 4 begins if
+    that is parallel too, else at the tool.
+
+    Examples
+    --------
+    >>> ur10 = [[0, 0.13, 0, np.pi / 2, 0], [0, 0, -0.6, 0, 0], [0, 0, -0.6, 0, 0]]
+    >>> gravity_quarters(Chain(ur10))
+    (1, 1)
     """
     if chain.n_joints < 3 or "prismatic" in chain.kinds[1:3]:
-        return False
-    second, third, tip = (
+        return None
+    near = np.cos(UPRIGHT)
+    second, third, fourth, tip = (
         forward(Chain(chain.links[:k], chain.kinds[:k], chain.T_world_base), np.zeros((1, k)))[0]
-        for k in (1, 2, chain.n_joints)
+        for k in (1, 2, 3, chain.n_joints)
     )
     tip = tip @ chain.T_flange_tool
     axis = second[:3, 2]
+    if chain.kinds[0] == "revolute" and abs(chain.T_world_base[2, 2]) < near:
+        return None
     # opposite axes are out as well: the forearm would lean by q2 - q3
-    upright = axis @ third[:3, 2] >= np.cos(UPRIGHT)
-    for arm in (third[:3, 3] - second[:3, 3], tip[:3, 3] - third[:3, 3]):
-        # the part that gravity turns; where it stands upright, the axis is level
-        across = arm - axis * (axis @ arm)
-        upright = upright and 0 < np.cos(UPRIGHT) * np.linalg.norm(across) <= across[2]
-    return bool(upright)
+    if abs(axis[2]) > np.sin(UPRIGHT) or axis @ third[:3, 2] < near:
+        return None
+    parallel = chain.n_joints > 3 and abs(axis @ fourth[:3, 2]) >= near
+    end = fourth if parallel else tip
+    found = []
+    for arm in (third[:3, 3] - second[:3, 3], end[:3, 3] - third[:3, 3]):
+        up, ahead = arm[2], np.cross(axis, [0.0, 0.0, 1.0]) @ arm  # the part that gravity turns
+        quarters = round(np.arctan2(ahead, up) / (np.pi / 2))
+        along = up * np.cos(quarters * np.pi / 2) + ahead * np.sin(quarters * np.pi / 2)
+        if not 0 < near * np.hypot(up, ahead) <= along:
+            return None
+        found.append(quarters % 4)
+    return found[0], found[1]
 
 
 def shared_waves(found: Identification) -> tuple[str, ...]:

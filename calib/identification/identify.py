@@ -35,9 +35,13 @@ def identify(
 ) -> Identification:
     """Find the free numbers of a model that fit a table best, starting from the nominal model.
 
-    *whitened* (default): six rows per pose and three per point, whitened by their covariance. Free
-    numbers that the table cannot tell apart are reduced to those it can; the others stay nominal.
-    The covariance is inv(A'A), not rescaled by the residuals: the noise is known.
+    The answer is looked for nearby: where base, tool or fixtures are not known to a few millimeters
+    and degrees, `start.start_frames` comes first.
+
+    *whitened* (default): six rows per pose, three per point and one per distance, whitened by their
+    covariance. Free numbers that the table cannot tell apart are reduced to those it can; the
+    others stay nominal. The covariance is inv(A'A), not rescaled by the residuals: the noise is
+    known.
 
     *paper*: twelve unweighted rows per pose in 1 and mm, exactly the free numbers, and the
     covariance that such a fit claims for itself.
@@ -45,7 +49,7 @@ def identify(
     Parameters
     ----------
     nominal : RobotModel
-        Start, and the value of every number that is not free.
+        Start, and the value of every number that is not free; its fixtures are numbers like others.
     measurements : Measurements
         What was seen.
     parameters : Parameters

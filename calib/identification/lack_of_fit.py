@@ -28,8 +28,8 @@ def lack_of_fit(
 ) -> LackOfFit | None:
     """Compare what is left of a fit with what repeats of one pose scatter among themselves.
 
-    Repeats are rows of one kind and reflector at the same commanded joints. If the robot did not
-    leave and approach the pose anew, they share its joint error and scatter too little.
+    Repeats are rows of one kind, reflector and station at the same commanded joints. If the robot
+    did not leave and approach the pose anew, they share its joint error and scatter too little.
 
     Parameters
     ----------
@@ -51,12 +51,12 @@ def lack_of_fit(
     ----------
     F = [(SS - SS_pe) / (rows of distinct poses - p)] / [SS_pe / dof_pe]; Draper & Smith 1998, 2.1.
     """
-    key = np.column_stack([measurements.q, measurements.offset, measurements.is_pose])
+    key = np.column_stack([measurements.q, measurements.target_key])
     distinct, group, visits = np.unique(key, axis=0, return_inverse=True, return_counts=True)
     if len(distinct) == len(key):
         return None
     group = group.ravel()
-    rows = np.where(measurements.is_pose, 6, 3)
+    rows = measurements.equations
     padded = np.zeros((len(key), 6))
     padded[np.arange(6) < rows[:, None]] = r
     transposed = np.swapaxes(whitening, -1, -2)

@@ -8,6 +8,7 @@ import numpy as np
 
 from calib.arrays import Array, frozen
 from calib.errors import InputError
+from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.extended import extended_model, extended_parameters, shared_waves
@@ -16,6 +17,7 @@ from calib.identification.prior import Prior, weak_prior
 from calib.identification.result import Identification
 from calib.identification.robust import Loss
 from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predict
 
 ASKED = float(np.log(20))
 """Log evidence from which the data ask for the extended model: odds of 20 to 1."""
@@ -54,6 +56,7 @@ def choose(
     held_out: Measurements | None = None,
     loss: Loss = "squared",
     report: Callable[[int, float], None] | None = None,
+    mounted: Chain | None = None,
 ) -> ModelChoice:
     """Identify the geometric and the extended model, and choose by evidence.
 
@@ -78,6 +81,8 @@ def choose(
         As in `identify`; a robust one keeps gross errors from calling for more terms.
     report : callable, optional
         As in `identify`, of both fits one after the other.
+    mounted : Chain, optional
+        The arm as it stands, where the world of `nominal` need not be level; see `extended_model`.
 
     Raises
     ------
@@ -103,9 +108,10 @@ def choose(
         )
     if held_out is not None:
         _require_disjoint(measurements, held_out)
-    wide = extended_model(nominal)
+    wide = extended_model(nominal, mounted)
     table = extended_parameters(nominal, wide, parameters)
-    added = table.freeing(wide.names[len(nominal.names) :])
+    # by name: the added terms stand before the fixtures
+    added = table.freeing(set(wide.names) - set(nominal.names))
     both = prior.joined(weak_prior(added) if term_prior is None else term_prior)
     geometric = identify(nominal, measurements, parameters, prior=prior, loss=loss, report=report)
     extended = identify(wide, measurements, table, prior=both, loss=loss, report=report)
@@ -145,10 +151,8 @@ def _require_disjoint(measurements: Measurements, held_out: Measurements) -> Non
 
 
 def _mean_distance(model: RobotModel, table: Measurements) -> float:
-    """Mean distance [m] between seen and predicted positions."""
-    T = model.poses(table.q)
-    p = T[:, :3, 3] + (T[:, :3, :3] @ table.offset[:, :, None])[:, :, 0]
-    return float(np.linalg.norm(table.position - p, axis=1).mean())
+    """Mean miss [m] of seen positions and distances by what is predicted."""
+    return float(predict(model, table).misses.mean())
 
 
 def _sentence(

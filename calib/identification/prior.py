@@ -164,15 +164,17 @@ def prior_rows(prior: Prior, nominal: RobotModel, parameters: Parameters) -> Pri
 def step_derivative(step: Array, model: RobotModel) -> Array:
     """Change of a step (P,) from some model to `model`, by a small step (P,) of `model` (P, P).
 
-    Links and joint terms add: identity. A frame [t; r] composes: dt turned by Exp(r), and Jr^-1(r)
-    dr.
+    Links, joint terms and points add: identity. A frame [t; r] composes: dt turned by Exp(r), and
+    Jr^-1(r) dr.
 
     References
     ----------
     Sola, Deray, Atchuthan, arXiv 1812.01537, eqs. (144) and (176).
     """
     derivative = np.eye(len(step))
-    for k in (0, model.chain.n_numbers - 6):
+    reflectors, anchors, stations = model.fixtures.counts
+    first = model.first_fixture + 3 * (reflectors + anchors)
+    for k in (0, model.chain.n_numbers - 6, *(first + 6 * s for s in range(stations))):
         turn = step[k + 3 : k + 6]
         derivative[k : k + 3, k : k + 3] = exp_so3(turn)
         derivative[k + 3 : k + 6, k + 3 : k + 6] = right_jacobian_inverse(turn)

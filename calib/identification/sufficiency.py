@@ -1,5 +1,7 @@
 """Whether a table holds enough independent equations for what is to be identified from it."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from calib.arrays import Array, check
@@ -7,7 +9,7 @@ from calib.errors import InputError
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.information.reduction import reduce
-from calib.measurement.observations import Measurements
+from calib.measurement.observations import GIVEN, Measurements
 from calib.measurement.residual import stacked
 
 
@@ -21,7 +23,7 @@ def require_equations(
     Numbers are counted as the directions that many poses of this kind would tell apart; one
     equation more than that leaves a residual to judge the fit by.
     """
-    count, have = _independent(measurements)
+    count, have = _independent(measurements, parameters)
     if have > parameters.n_free:
         return
     numbers = _generic_rank(nominal, measurements, parameters)
@@ -37,33 +39,48 @@ def require_equations(
     )
 
 
-def _independent(measurements: Measurements) -> tuple[int, int]:
+def _independent(measurements: Measurements, parameters: Parameters) -> tuple[int, int]:
     """Different joint vectors, and the equations they can give: a repeat adds none of its own.
 
-    Several reflectors seen at one joint vector give no more than the six of its pose.
+    Distances to one reflector at one joint vector give no more than the three of its place, and all
+    rows there no more than the six of its pose; what is beyond can only tell what is set up.
     """
-    key = np.column_stack([measurements.q, measurements.offset, measurements.is_pose])
-    first = np.unique(key, axis=0, return_index=True)[1]
-    _, pose = np.unique(measurements.q[first], axis=0, return_inverse=True)
-    rows = np.bincount(pose.ravel(), np.where(measurements.is_pose[first], 6, 3))
-    return len(rows), int(np.minimum(rows, 6).sum())
+    first = np.unique(
+        np.column_stack([measurements.q, measurements.target_key]), axis=0, return_index=True
+    )[1]
+    few = measurements.rows(first)
+    poses, pose = np.unique(few.q, axis=0, return_inverse=True)
+    seen = np.column_stack([pose.ravel(), few.offset, few.reflector, few.is_pose])
+    _, place, of_place = np.unique(seen, axis=0, return_index=True, return_inverse=True)
+    each = np.bincount(of_place.ravel(), few.equations)
+    told = np.minimum(each, np.where(few.is_pose[place], 6, 3))
+    rows = np.bincount(pose.ravel()[place], told, minlength=len(poses))
+    have = np.minimum(rows, 6)
+    free = [name.split(".")[0].rstrip("0123456789") for name in parameters.free_names]
+    anchors, reflectors, stations = (free.count(x) for x in ("anchor", "reflector", "station"))
+    # several anchors or stations see one place, several reflectors make one pose: what they tell
+    # beyond it is where these are; of reflectors alone how they stand to each other
+    if (few.reflector != GIVEN).all():
+        reflectors = max(reflectors - 6, 0)
+    more = min(int((each - told).sum()), anchors + stations)
+    more += min(int((rows - have).sum()), reflectors + stations)
+    return len(poses), int(have.sum()) + more
 
 
 def _generic_rank(nominal: RobotModel, measurements: Measurements, parameters: Parameters) -> int:
     """Free numbers that many poses of this kind, spread over the joints, would tell apart."""
     m = 2 * parameters.n_free
     (q,) = check(f"m {nominal.chain.n_joints}", q=_spread(m, nominal.chain.n_joints))
-    like = measurements.rows(np.arange(m) % len(measurements))
-    table = Measurements(
-        q=q,
-        position=like.position,
-        rotation=nominal.poses(q)[:, :3, :3],
-        covariance=like.covariance,
-        kind=like.kind,
-        offset=like.offset,
-        pose_id=np.arange(m),
-        repeat=np.zeros(m, dtype=np.int64),
+    kinds = np.unique(measurements.target_key, axis=0, return_index=True)[1]
+    # every kind of row in turn, each at enough poses
+    turn = np.arange(m * len(kinds)) % len(kinds)
+    table = replace(
+        measurements.rows(kinds[turn]),
+        q=np.repeat(q, len(kinds), axis=0),
+        pose_id=np.repeat(np.arange(m), len(kinds)),
+        repeat=np.zeros(len(turn), dtype=np.int64),
     )
+    table = replace(table, rotation=nominal.poses(table.q)[:, :3, :3])
     A = stacked(nominal, table).A[:, parameters.free_index] * parameters.free_scale
     return reduce(A, parameters, model=nominal).rank
 

@@ -55,9 +55,11 @@ def practical_rank(A: ArrayLike, prior_sd: ArrayLike, *, ratio: float = PRACTICA
 def weak_prior_sd(parameters: Parameters) -> Array:
     """Prior sd (f,) of the free numbers when nothing is known: 0.6 mm, 0.1 deg; 1 mm for frames.
 
-    Joint terms by name: gravity 50 mdeg, first harmonics 20, higher ones 12.
+    Reflectors, anchors and stations count as frames do. Joint terms by name: gravity 50 mdeg, first
+    harmonics 20, higher ones 12.
     """
-    frame = np.array([name.startswith(("base.", "tool.")) for name in parameters.names])
+    frames = ("base.", "tool.", "reflector", "anchor", "station")
+    frame = np.array([name.startswith(frames) for name in parameters.names])
     length = np.where(frame, 1e-3, 0.6e-3)
     sd = np.where(parameters.is_length, length, np.deg2rad(0.1))
     for k, name in enumerate(parameters.names):

@@ -68,9 +68,14 @@ def reduce(
 ) -> Reduction:
     """Find the free numbers that can be told apart, and say in words what the others look like.
 
-    Columns are met in a fixed order (base, tool, links, joint terms) and kept when they add
-    something; within a link, d comes last if the next axis is parallel and beta otherwise, because
-    that is the one that is then least telling. On a TX60 this keeps the thirty readable numbers.
+    Columns are met in a fixed order (anchors and stations, base, reflectors, tool, links, joint
+    terms) and kept when they add something; within a link, d comes last if the next axis is
+    parallel and beta otherwise, because that is the one that is then least telling. On a TX60 this
+    keeps the thirty readable numbers.
+
+    Where nothing ties anchors to a known place, the base is held and is the world; where only
+    reflectors of unknown place were seen, the tool is held and they are placed in it; where the
+    tool never turns, reflectors and tool are held and the base is found.
 
     Parameters
     ----------
@@ -147,11 +152,14 @@ def _order(parameters: Parameters, model: RobotModel) -> list[int]:
     """Positions among the free numbers, in the order in which columns are offered."""
     n = model.chain.n_joints
     tool = range(6 + 5 * n, 12 + 5 * n)
+    first, (k, _, _) = model.first_fixture, model.fixtures.counts
+    reflectors, placed = range(first, first + 3 * k), range(first + 3 * k, model.n_numbers)
     # direction of the next joint axis in the frame of this one: Rx(alpha) Ry(beta) z
     cosine = np.cos(model.chain.links[:, 3]) * np.cos(model.chain.links[:, 4])
     late = [6 + 5 * i + (1 if abs(cosine[i]) > PARALLEL else 4) for i in range(n - 1)]
     links = [k for k in range(6, 6 + 5 * n) if k not in late]
-    order = [*range(6), *tool, *links, *late, *range(12 + 5 * n, len(parameters.names))]
+    terms = range(12 + 5 * n, first)
+    order = [*placed, *range(6), *reflectors, *tool, *links, *late, *terms]
     place = {int(k): i for i, k in enumerate(parameters.free_index)}
     return [place[k] for k in order if k in place]
 
@@ -196,7 +204,8 @@ def _causes(
         "choose poses that move it"
         for i in np.flatnonzero(np.ptp(q, axis=0) < STILL)
     ]
-    free = [name for name in ("tool.x", "tool.y", "tool.z") if name in parameters.free_names]
+    arms = ("tool.x", "tool.y", "tool.z", *model.fixtures.names[: 3 * model.fixtures.counts[0]])
+    free = [name for name in arms if name in parameters.free_names]
     R = model.poses(q)[:, :3, :3]
     if free and np.abs(R - R[0]).max() < STILL:
         said.append(

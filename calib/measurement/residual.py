@@ -1,4 +1,4 @@
-"""Residuals, seen minus predicted, and Jacobians: whitened (6 or 3 rows) or the paper's 12 rows."""
+"""Whitened residuals, seen minus predicted, with Jacobians; and the paper's twelve rows."""
 
 from dataclasses import dataclass
 
@@ -7,11 +7,11 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, check, frozen
 from calib.errors import InputError
-from calib.geometry.frames import log_so3, right_jacobian_inverse
 from calib.geometry.model import RobotModel
 from calib.geometry.sweep import matrix_rows, reflector_rows
 from calib.measurement.noise import whiteners
 from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predict
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,24 +32,30 @@ class Stack:
 
 
 def table_whiteners(measurements: Measurements) -> Array:
-    """Whitening matrices (m, 6, 6) of a table; point rows use their first 3 x 3 covariance."""
-    covariance = measurements.covariance
-    points = ~measurements.is_pose
-    if points.any():
-        covariance = covariance.copy()
-        covariance[points, 3:] = 0
-        covariance[points, :, 3:] = 0
-        covariance[points, 3:, 3:] = np.eye(3)
-    return whiteners(covariance)
+    """Whitening matrices (m, 6, 6) of a table, the identity where a row has no entries.
+
+    Points use their first 3 x 3 covariance, distances the variance at [0, 0].
+    """
+    return whiteners(padded_covariance(measurements))
+
+
+def padded_covariance(measurements: Measurements) -> Array:
+    """Covariances (m, 6, 6) of a table, one and uncorrelated where a row has no entries."""
+    missing = np.arange(6) >= measurements.equations[:, None]
+    if not missing.any():
+        return measurements.covariance
+    covariance = np.where(missing[:, :, None] | missing[:, None, :], 0.0, measurements.covariance)
+    covariance[:, range(6), range(6)] += missing
+    return covariance
 
 
 def stacked(
     model: RobotModel, measurements: Measurements, *, whitening: Array | None = None
 ) -> Stack:
-    """Whitened residual and Jacobian of a table: six rows per pose, three per point.
+    """Whitened residual and Jacobian: six rows per pose, three per point, one per distance.
 
-    A pose row is [p_seen - p; Log(R_seen R')] in world axes; the derivative of its rotation part is
-    -Jr^-1(e) Jw, exact for any residual e.
+    A pose row is [p_seen - p; Log(R_seen R')] in the axes of its station; see
+    `prediction.predicted` for the derivatives.
 
     Parameters
     ----------
@@ -59,27 +65,13 @@ def stacked(
         What was seen.
     whitening : (m, 6, 6) array, optional
         `table_whiteners(measurements)` if already at hand; it does not depend on the model.
-
-    References
-    ----------
-    Sola, Deray, Atchuthan, arXiv 1812.01537, eq. (144).
     """
     N = table_whiteners(measurements) if whitening is None else whitening
-    T, J = model.poses_and_jacobian(measurements.q)
-    p, is_pose = T[:, :3, 3], measurements.is_pose
-    points = np.flatnonzero(~is_pose)
-    if len(points):
-        p = p.copy()
-        p[points], J[points, :3] = reflector_rows(T[points], J[points], measurements.offset[points])
-    e = log_so3(measurements.rotation @ np.swapaxes(T[:, :3, :3], -1, -2))
-    J[:, 3:] = right_jacobian_inverse(e) @ J[:, 3:]
-    raw = np.concatenate([measurements.position - p, e], axis=1)
-    keep = np.ones((len(raw), 6), dtype=bool)
-    keep[points, 3:] = False
+    seen = predict(model, measurements)
     return Stack(
-        (N @ raw[:, :, None])[:, :, 0][keep],
-        (N @ J)[keep],
-        np.nonzero(keep)[0],
+        (N @ seen.residual[:, :, None])[:, :, 0][seen.filled],
+        (N @ seen.rows)[seen.filled],
+        np.nonzero(seen.filled)[0],
     )
 
 
@@ -111,9 +103,18 @@ def paper_stack(model: RobotModel, measurements: Measurements) -> Stack:
     if not measurements.is_pose.all():
         row = int(np.argmin(measurements.is_pose))
         raise InputError(
-            f"row {row} is a point; the twelve rows need position and rotation",
+            f"row {row} is a {measurements.kind[row]}; the twelve rows need position and rotation",
             code="A3",
             field="kind",
+            value=row,
+            fix='use the mode "whitened"',
+        )
+    if measurements.station.any():
+        row = int(np.argmax(measurements.station > 0))
+        raise InputError(
+            f"row {row} was seen from a further station; the twelve rows know one",
+            code="A3",
+            field="station",
             value=row,
             fix='use the mode "whitened"',
         )

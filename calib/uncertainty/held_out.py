@@ -10,6 +10,7 @@ from calib.arrays import Array, check, frozen
 from calib.errors import InputError
 from calib.geometry.model import RobotModel
 from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predict
 from calib.uncertainty.covariance import covariance_factor
 
 SAME_POSE = 1e-9
@@ -21,7 +22,7 @@ class HeldOut:
     """Position errors at n held-out poses, and what was predicted for them."""
 
     error: Array
-    """(n, 3) measured minus predicted position, world axes [m]."""
+    """(n, 3) measured minus predicted position, axes of the station, most often the world [m]."""
     predicted: Array
     """(n, 3, 3) Sigma_t, from the covariance of the parameters [m^2]."""
     measured: Array
@@ -70,10 +71,17 @@ def held_out(
     """
     require_disjoint(validation.q, used_q)
     (covariance,) = check(f"{model.n_numbers} {model.n_numbers}", covariance=covariance)
-    T, J = model.poses_and_jacobian(validation.q)
-    arm = (T[:, :3, :3] @ validation.offset[:, :, None])[..., 0]
-    rows = J[:, :3] + np.cross(J[:, 3:], arm[:, :, None], axisa=1, axisb=1, axisc=1)
-    error = validation.position - T[:, :3, 3] - arm
+    if validation.is_distance.any():
+        row = int(np.argmax(validation.is_distance))
+        raise InputError(
+            f"validation row {row} is a distance; it shows no position",
+            code="A3",
+            field="validation",
+            value=row,
+            allowed="poses and points",
+        )
+    seen = predict(model, validation)
+    rows, error = seen.rows[:, :3], seen.residual[:, :3]
     sigma = validation.covariance[:, :3, :3]
     G = rows @ covariance_factor(covariance)  # (n, 3, P)
     try:

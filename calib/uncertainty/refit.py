@@ -11,8 +11,9 @@ from calib.arrays import Array, Bool, check, frozen
 from calib.errors import InputError
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.measurement.observations import Measurements
-from calib.measurement.residual import stacked, table_whiteners
+from calib.measurement.observations import GIVEN, Measurements
+from calib.measurement.prediction import targets
+from calib.measurement.residual import padded_covariance, stacked, table_whiteners
 from calib.uncertainty.chunks import mapped
 from calib.uncertainty.covariance import RANK_TOLERANCE, covariance_factor
 from calib.uncertainty.lanes import LANES as LANES
@@ -100,9 +101,11 @@ def freeze(
     Raises
     ------
     InputError
-        Rows that cannot tell all free numbers; a covariance or prior that is not positive.
+        Rows that cannot tell all free numbers; a covariance or prior that is not positive;
+        distances, several stations or free fixtures, which the compiled loops do not know.
     """
     f = parameters.n_free
+    measurements = _plain(model, measurements, parameters)
     T = model.poses(measurements.q)
     arm = (T[:, :3, :3] @ measurements.offset[:, :, None])[..., 0]
     perfect = replace(measurements, position=T[:, :3, 3] + arm, rotation=T[:, :3, :3])
@@ -129,7 +132,7 @@ def freeze(
     root = solve_triangular(R, np.eye(f)) / scale[:, None]
     N = N.copy()
     N[~measurements.is_pose, 3:] = 0
-    factor = np.linalg.cholesky(_blocks(measurements))
+    factor = np.linalg.cholesky(padded_covariance(measurements))
     factor[~measurements.is_pose, 3:] = 0
     return Frozen(
         model,
@@ -143,14 +146,24 @@ def freeze(
     )
 
 
-def _blocks(measurements: Measurements) -> Array:
-    """Covariances (m, 6, 6), those of points padded with an uncorrelated unit rotation."""
-    covariance = measurements.covariance.copy()
-    points = np.flatnonzero(~measurements.is_pose)
-    covariance[points, 3:] = 0
-    covariance[points, :, 3:] = 0
-    covariance[points, 3:, 3:] = np.eye(3)
-    return covariance
+def _plain(model: RobotModel, measurements: Measurements, parameters: Parameters) -> Measurements:
+    """The table with known reflectors as offsets; refuses what the compiled loops do not know."""
+    free = [name for name in parameters.free_names if name in model.fixtures.names]
+    for wrong, field, what in (
+        (measurements.is_distance.any(), "kind", "distances"),
+        (measurements.station.any(), "station", "rows of further stations"),
+        (bool(free), "parameters", f"free fixtures ({', '.join(free[:3])})"),
+    ):
+        if wrong:
+            raise InputError(
+                f"virtual calibrations know no {what}",
+                code="A3",
+                field=field,
+                allowed="poses and points seen from one station, fixtures held",
+                fix="use the covariance of the identification, or hold what was set up",
+            )
+    own = targets(model.fixtures, measurements)
+    return replace(measurements, offset=own, reflector=np.full(len(own), GIVEN))
 
 
 def refit(

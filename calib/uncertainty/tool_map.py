@@ -50,6 +50,7 @@ def tool_map(
     *,
     cell: float = 0.05,
     discrepancy: Discrepancy | None = None,
+    target: ArrayLike | None = None,
 ) -> ToolMap:
     """Map the tool-point uncertainty over the places that joints q (N, n) reach.
 
@@ -65,6 +66,8 @@ def tool_map(
         Edge of the cells [m].
     discrepancy : Discrepancy, optional
         Added everywhere.
+    target : (3,) array_like, optional
+        Point in the tool frame that is mapped; its origin by default [m].
     """
     (q,) = check(f"k {model.chain.n_joints}", q=q)
     if not len(q) or not (np.isfinite(cell) and cell > 0):
@@ -76,7 +79,9 @@ def tool_map(
             allowed="at least one posture and an edge above zero",
         )
     parts = [
-        tool_statement(model, q[start : start + BLOCK], covariance, discrepancy=discrepancy)
+        tool_statement(
+            model, q[start : start + BLOCK], covariance, discrepancy=discrepancy, target=target
+        )
         for start in range(0, len(q), BLOCK)
     ]
     position = np.concatenate([part.position for part in parts])

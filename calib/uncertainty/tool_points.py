@@ -81,7 +81,8 @@ def tool_points(at: Postures, steps: Array) -> Array:
     """
     chain, n = at.model.chain, at.model.chain.n_joints
     moves = steps[:, 6 : 6 + 5 * n].reshape(-1, n, 5)
-    base, tool, terms = steps[:, :6], steps[:, 6 + 5 * n :][:, :6], steps[:, 12 + 5 * n :]
+    base, tool = steps[:, :6], steps[:, 6 + 5 * n :][:, :6]
+    terms = steps[:, 12 + 5 * n : at.model.first_fixture]
     start = chain.T_flange_tool[:3, 3] + tool[:, :3] @ chain.T_flange_tool[:3, :3].T
     x, y, z = start.T[:, :, None]
     for i in reversed(range(n)):

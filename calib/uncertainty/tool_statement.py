@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Bool, check, frozen
 from calib.geometry.model import RobotModel
+from calib.geometry.sweep import reflector_rows
 from calib.information.propagation import axis_uncertainty, point_uncertainty, tool_covariance
 from calib.uncertainty.discrepancy import Discrepancy
 from calib.uncertainty.regions import coverage_factor, ellipsoid, inside
@@ -55,6 +57,7 @@ def tool_statement(
     *,
     discrepancy: Discrepancy | None = None,
     probability: float = 0.95,
+    target: ArrayLike | None = None,
 ) -> ToolStatement:
     """State the tool point at joints q (N, n) [rad, m].
 
@@ -70,14 +73,33 @@ def tool_statement(
         Added at every posture; the region then uses its wider factor.
     probability : float
         Content of each region.
+    target : (3,) array_like, optional
+        Point in the tool frame that is stated; its origin by default [m].
 
     References
     ----------
     Sigma_t = J C J'; JCGM 102:2011, 6.5 (ellipsoidal region).
     """
-    sigma = tool_covariance(model, q, covariance)[:, :3, :3]
+    if target is None:
+        position = model.poses(q)[:, :3, 3]
+        sigma = tool_covariance(model, q, covariance)[:, :3, :3]
+    else:
+        position, sigma = _of_target(model, q, covariance, target)
     factor = coverage_factor(3, probability)
     if discrepancy is not None and discrepancy.covariance.any():
         sigma = sigma + discrepancy.covariance
         factor = discrepancy.factor(probability)
-    return ToolStatement(frozen(model.poses(q)[:, :3, 3]), frozen(sigma), factor, probability)
+    return ToolStatement(frozen(position), frozen(sigma), factor, probability)
+
+
+def _of_target(
+    model: RobotModel, q: ArrayLike, covariance: ArrayLike, target: ArrayLike
+) -> tuple[Array, Array]:
+    """Positions (N, 3) and covariances (N, 3, 3) of a point fixed in the tool frame."""
+    covariance, target = check(
+        f"{model.n_numbers} {model.n_numbers}, 3", covariance=covariance, target=target
+    )
+    T, J = model.poses_and_jacobian(q)
+    position, rows = reflector_rows(T, J, np.broadcast_to(target, (len(T), 3)))
+    sigma = rows @ covariance @ np.swapaxes(rows, -1, -2)
+    return position, (sigma + np.swapaxes(sigma, -1, -2)) / 2

@@ -1,8 +1,10 @@
 """Which of the statements about the tool point is to be believed here, and why, in words."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from calib.identification.conclusion import RED
 from calib.identification.identify import Identification, Status
 from calib.uncertainty.bootstrap import Bootstrap
 from calib.uncertainty.conformal import Conformal
@@ -10,8 +12,6 @@ from calib.uncertainty.discrepancy import Discrepancy
 from calib.uncertainty.held_out import HeldOut
 from calib.uncertainty.validation import Validation
 
-RED = 1e-3
-"""A p-value below this contradicts the model."""
 Statement = Literal["model", "bootstrap", "conformal", "discrepancy", "none"]
 
 
@@ -38,6 +38,7 @@ def trust(
     conformal: Conformal | None = None,
     bootstrap: Bootstrap | None = None,
     validation: Validation | None = None,
+    known: Sequence[str] = (),
 ) -> Trust:
     """Weigh the statements that were made for one identification.
 
@@ -51,8 +52,10 @@ def trust(
         The fit with its chi-square test; with repeats, its lack-of-fit test.
     held_out, discrepancy, conformal, bootstrap, validation : optional
         What else was computed.
+    known : sequence of str
+        What is known to be missing in the covariance, each reason enough not to use it.
     """
-    against = _against(identification, held_out)
+    against = _against(identification, held_out, known)
     other = _without_model(discrepancy, conformal)
     if identification.status is not Status.CONVERGED:
         believe: Statement = "conformal" if conformal is not None else "none"
@@ -64,14 +67,17 @@ def trust(
     if validation is not None and validation.outcome == "not validated":
         doubtful.append(validation.sentence)
     if doubtful:
-        use: Statement = "bootstrap" if bootstrap is not None else other
+        settled = bootstrap is not None and not bootstrap.unconverged
+        use: Statement = "bootstrap" if settled else other
         first = "The linear interval is not valid here: " + "; ".join(doubtful)
         return Trust(use, False, (first, *_advice(use, discrepancy, conformal)))
     extra = tuple(_capital(part.sentence) for part in (bootstrap, validation) if part is not None)
     return Trust("model", True, (why, *extra))
 
 
-def _against(fit: Identification, held_out: HeldOut | None) -> tuple[str, ...]:
+def _against(
+    fit: Identification, held_out: HeldOut | None, known: Sequence[str]
+) -> tuple[str, ...]:
     """Sentences against the model-based interval; the first says that it is not valid."""
     if fit.status is not Status.CONVERGED:
         return (f"The model-based interval is not valid: the fit {fit.status.value}",)
@@ -94,6 +100,7 @@ def _against(fit: Identification, held_out: HeldOut | None) -> tuple[str, ...]:
         )
     if fit.mode == "paper":
         reasons.append("an unweighted fit claims a covariance that its estimate does not have")
+    reasons += known
     if not reasons:
         return ()
     return ("The model-based interval is not valid here: " + "; ".join(reasons),)

@@ -75,7 +75,7 @@ def draw_pool(
 ) -> Pool:
     """Draw feasible poses; the held-out ones come from here too, with their own `rng`.
 
-    Blocks of four candidates per pose wanted are uniform in the joint limits. A candidate is kept
+    Blocks of four candidates per pose wanted are uniform in the joint ranges. A candidate is kept
     if its nominal tool lies in the box, its joints keep their margin, the target faces the tracker,
     the robot hits neither itself nor the floor (both under `self_collision`) nor an obstacle of the
     simulator, and the tracker sees the target.
@@ -116,7 +116,7 @@ def draw_pool(
     station, aim = check("3, 3", station=station, aim=aim)
     wanted = settings.size if size is None else size
     taken = np.zeros((0, len(robot.limits))) if exclude is None else np.asarray(exclude)
-    lower, upper = robot.limits.T
+    lower, upper = joint_ranges(robot, settings).T
     blocks: list[Array] = []
     faults: list[Index] = []
     rejected, drawn = np.zeros(len(REASONS), dtype=np.int64), 0
@@ -174,6 +174,14 @@ def first_fault(
         left = np.flatnonzero(reason < 0)
         reason[left[~simulator.sees(q[left], station, aim)]] = SIGHT
     return reason
+
+
+def joint_ranges(robot: Robot, settings: PoolSettings) -> Array:
+    """Lower and upper joint values (n, 2) between which postures are drawn [rad, m]."""
+    if not settings.joint_ranges_deg:
+        return robot.limits
+    scale = np.where(robot.model.chain.prismatic, 1e-3, np.pi / 180)
+    return np.asarray(settings.joint_ranges_deg) * scale[:, None]
 
 
 def is_new(q: Array, taken: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

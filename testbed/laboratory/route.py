@@ -101,6 +101,7 @@ def measuring_route(
     start: ArrayLike | None = None,
     vias: ArrayLike | None = None,
     resolution: float = 0.010,
+    ranges: ArrayLike | None = None,
 ) -> Route:
     """Order poses for a short time on the way and make every move free of collisions.
 
@@ -129,6 +130,8 @@ def measuring_route(
         start always are.
     resolution : float
         Largest way of any point of the robot between two tested postures of a move [m].
+    ranges : (n, 2) array_like, optional
+        Joint values between which a way around is searched; the joint limits by default [rad, m].
 
     Raises
     ------
@@ -144,7 +147,8 @@ def measuring_route(
     stops = np.vstack([home, q])
     _check_free(simulator, stops)
     speeds = robot.speeds * speed_share
-    mover = Mover(simulator, robot.limits, speeds, resolution=resolution)
+    between = robot.limits if ranges is None else np.asarray(ranges, dtype=np.float64)
+    mover = Mover(simulator, between, speeds, resolution=resolution)
     offered = stops if vias is None else np.vstack([stops, joint_vectors(chain, vias)])
     times = travel_times(stops[:, None], stops[None], speeds)
     given = np.arange(len(stops))

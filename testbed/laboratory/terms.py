@@ -10,14 +10,13 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
 from calib.errors import InputError
-from calib.geometry.chain import Chain, forward
+from calib.geometry.chain import Chain
 from calib.geometry.joint_errors import JointErrors, JointTerm, gravity_terms, harmonic_terms
+from calib.identification.extended import gravity_quarters
+from testbed.checks_truth import CLOSED_FORM
 from testbed.laboratory.play import GRAVITY, Backlash
-from testbed.robots.placements import link_poses
 from testbed.scenario import TruthSettings
 
-UPRIGHT = np.radians(1.0)
-"""An arm this close to upright counts as upright [rad]."""
 SEVENTH = 0.6
 """Amplitude of seven times a turn, as a share of that of three times."""
 
@@ -138,39 +137,25 @@ def mdeg(value: ArrayLike) -> Array:
 def gravity(chain: Chain, amplitudes: Array) -> JointErrors:
     """Sag of joints 2 and 3 with amplitudes g1, g2, g3 [rad]: dq2 = g1 sin q2 + g2 sin(q2+q3), ...
 
+    On an arm that lies level at joint zero these are cosines; see `gravity_terms`.
+
     Raises
     ------
     InputError
-        If the arm is not one the closed form holds for; see `is_candle`.
+        If the arm is not one the closed form holds for; see `gravity_quarters`.
     """
-    if not is_candle(chain):
+    quarters = gravity_quarters(chain)
+    if quarters is None:
         raise InputError(
             "[truth] gravity_mdeg does not fit this arm",
             code="S37",
             field="truth.gravity_mdeg",
             value=tuple(np.degrees(amplitudes * 1e3).round(9).tolist()),
-            allowed="joints 2 and 3 with level parallel axes, and an upright arm at joint zero",
+            allowed=CLOSED_FORM,
             fix='write gravity_mdeg = [0, 0, 0] or preset = "rigid"',
         )
-    return JointErrors(gravity_terms(chain.n_joints), amplitudes)
-
-
-def is_candle(chain: Chain) -> bool:
-    """Whether joints 2 and 3 turn about level parallel axes, and the arm stands upright at zero.
-
-    Only then do the torques of gravity go with sin q2 and sin(q2 + q3).
-    """
-    if chain.n_joints < 3 or "prismatic" in chain.kinds[1:3]:
-        return False
-    bodies = link_poses(chain, np.zeros((1, chain.n_joints)))[0]
-    slack = np.sin(UPRIGHT)
-    axis, shoulder, elbow = bodies[2, :3, 2], bodies[2, :3, 3], bodies[3, :3, 3]
-    # opposite axes are out as well: the forearm would lean by q2 - q3
-    level = abs(axis[2]) <= slack and axis @ bodies[3, :3, 2] >= np.cos(UPRIGHT)
-    for arm in (elbow - shoulder, forward(chain, np.zeros((1, chain.n_joints)))[0, :3, 3] - elbow):
-        across = arm - axis * (axis @ arm)  # the part that gravity turns
-        level = level and across[2] >= np.cos(UPRIGHT) * np.linalg.norm(across)
-    return bool(level)
+    upper, fore = (1 if k < 2 else -1 for k in quarters)  # sines or cosines that droop
+    return JointErrors(gravity_terms(chain.n_joints, quarters), amplitudes * [upper, fore, fore])
 
 
 def harmonics(chain: Chain, amplitudes: Array, rng: np.random.Generator) -> JointErrors:

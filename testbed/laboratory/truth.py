@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, check
 from calib.errors import InputError
 from calib.geometry.chain import chain_names, joint_vectors
-from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
+from calib.identification.extended import gravity_quarters
 from testbed.checks_truth import require_truth
 from testbed.laboratory.elastic import ElasticArm
 from testbed.laboratory.play import backlash
@@ -26,7 +26,6 @@ from testbed.laboratory.terms import (
     mdeg,
     per_joint,
 )
-from testbed.laboratory.terms import is_candle as is_candle
 from testbed.robots.catalog import Robot
 from testbed.robots.strict_toml import did_you_mean
 from testbed.scenario import TruthSettings
@@ -132,7 +131,7 @@ def draw_truth(robot: Robot, truth: TruthSettings, seed: int) -> TrueRobot:
         geometry_step(robot, truth, stream(seed, "truth", "geometry"))
         + frame_step(nominal.n_joints, truth, stream(seed, "truth", "frames"))
     )
-    errors = JointErrors()
+    errors = robot.model.joint_errors
     if any(truth.gravity_mdeg):
         errors = joined(errors, gravity(nominal, mdeg(truth.gravity_mdeg)))
     if np.any(truth.harmonic_mdeg):
@@ -156,11 +155,12 @@ def beyond(robot: Robot, truth: TruthSettings) -> Beyond:
     Raises
     ------
     InputError
-        If the play goes by the posture of an arm of another kind; see `is_candle`.
+        If the play goes by the posture of an arm of another kind; see `gravity_quarters`.
     """
     chain, play, warmth, springs = robot.model.chain, None, None, None
     if np.any(truth.backlash_mdeg):
-        if truth.backlash_side == "posture" and not (is_candle(chain) and chain.n_joints >= 5):
+        upright = gravity_quarters(chain) == (0, 0) and chain.n_joints >= 5
+        if truth.backlash_side == "posture" and not upright:
             raise InputError(
                 '[truth] backlash_side = "posture" does not fit this arm',
                 code="S37",
@@ -211,7 +211,7 @@ def perturbed_names(robot: Robot, perturb: str | tuple[str, ...]) -> frozenset[s
     if perturb == LINKS:
         return frozenset(known[6:-6])
     if isinstance(perturb, str):
-        choices = (LINKS, *robot.free_sets)
+        choices = tuple(dict.fromkeys((LINKS, *robot.free_sets)))
         if perturb not in robot.free_sets:
             raise InputError(
                 f'[truth] perturb = "{perturb}" is no free set of {robot.name}',

@@ -2,6 +2,7 @@
 
 One campaign has one true robot. It can contradict a general statement and repeat arithmetic; it
 cannot prove an average over robots. Sentences that rest on this one robot begin "This campaign:".
+Where the protocol was played on many robots, they speak instead, with intervals.
 """
 
 from collections.abc import Callable
@@ -11,8 +12,8 @@ import numpy as np
 
 from calib.geometry.model import RobotModel
 from testbed import paper
-from testbed.output import claims_accuracy, claims_model
-from testbed.output.finding import Finding
+from testbed.output import claims_accuracy, claims_model, claims_robots
+from testbed.output.finding import Finding, Verdict
 from testbed.records import Campaign
 
 
@@ -24,6 +25,12 @@ class Examined:
     """In the order of the paper's claims."""
     silent: tuple[int, ...]
     """Numbers of the claims that need a study this campaign did not play."""
+    robots: int = 0
+    """Robots of each kind behind the claims about errors and uncertainties; 0: the one played."""
+
+    def count(self, verdict: Verdict) -> int:
+        """How many findings have one verdict."""
+        return sum(found.verdict == verdict for found in self.findings)
 
 
 EXAMINERS: dict[int, Callable[[Campaign], Finding | None]] = {
@@ -70,10 +77,13 @@ def examine(campaign: Campaign) -> Examined | None:
     if not is_paper_robot(campaign.setting.nominal):
         return None
     findings, silent = [], []
+    again = campaign.reexamined
+    over = claims_robots.EXAMINERS if again else {}
     for claim in paper.CLAIMS:
-        found = EXAMINERS[claim.number](campaign)
+        examiner = over.get(claim.number, EXAMINERS[claim.number])
+        found = examiner(campaign) or EXAMINERS[claim.number](campaign)
         if found is None:
             silent.append(claim.number)
         else:
             findings.append(found)
-    return Examined(tuple(findings), tuple(silent))
+    return Examined(tuple(findings), tuple(silent), again[0].before.size if again else 0)

@@ -167,8 +167,9 @@ def coverage(campaign: Campaign) -> Finding | None:
     estimate = None if trial is None else estimate_of(trial, "paper")
     if trial is None or estimate is None:
         return None
-    seen = estimate.comparison
-    full = float(seen.inside.mean())
+    seen, played = estimate.comparison, estimate.replications
+    # one calibration's poses share its error; replications say what its region holds on average
+    full = float(seen.inside.mean() if played is None else played.tool_coverage.mean())
     study, own = campaign.tool_point, ""
     share = full
     if study is not None and "ours best" in study.source:
@@ -183,9 +184,10 @@ def coverage(campaign: Campaign) -> Finding | None:
         claim_16(share, full),
         f"{percent(share)} inside instead of 95 %",
         f"This campaign, {trial.name} in paper mode: {own}the full 95 % region of the fit holds "
-        f"{percent(full)}. The mean error after calibration is "
+        f"{percent(full)}{'' if played is None else f' in {played.count} replications'}. The mean "
+        "error after calibration is "
         f"{fixed(seen.accuracy_after.mean * MM, 3)} mm"
-        + (": repeats cannot see what the model lacks." if share < LOW_SHARE else "."),
+        + (": repeats cannot see what the model lacks." if own and share < LOW_SHARE else "."),
     )
 
 

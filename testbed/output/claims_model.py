@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.special import ndtri
 
-from calib.arrays import Array
+from calib.arrays import Array, Index
 from calib.geometry.parameters import parameters_of
 from calib.information.reduction import rank
 from testbed import paper
@@ -202,10 +202,19 @@ def number_of_poses(campaign: Campaign) -> Finding:
     A = J[:, :, table.free] * table.free_scale * np.array([1, 1, 1, 0.3, 0.3, 0.3])[:, None]
     ranks = [rank(A[:m].reshape(-1, table.n_free)) for m in range(1, 9)]
     least = 1 + int(np.argmax(np.array(ranks) == table.n_free))
-    study = campaign.pose_count
+    study, pools = campaign.pose_count, campaign.pool_sets
     ours = f"mu >= {least}"
     tail = "The pose-count study was not played."
-    if study is not None:
+    if pools is not None and (pools.pose_number > 0).all():
+        low, high = (spread_of(column) for column in pools.pose_number.T)
+        ours += f"; m = {low} and {high}"
+        tail = (
+            f"Over {len(pools.pose_number)} pools the stated rule stops at {low} (O1) and "
+            f"{high} (O2), median and range; printed are {paper.POSE_NUMBER['O1']} and "
+            f"{paper.POSE_NUMBER['O2']}: the same kind of number, but what it settles is the "
+            "index, not the accuracy, and that of O2 depends on the units."
+        )
+    elif study is not None:
         first, second = (chosen or f"over {study.counts[-1]}" for chosen in study.chosen)
         ours += f"; m = {first} and {second}"
         tail = (
@@ -221,6 +230,11 @@ def number_of_poses(campaign: Campaign) -> Finding:
         f"Two poses have rank {ranks[1]} of {table.n_free}: twelve rows hold six freedoms, so at "
         f"least {least} poses are needed. {tail}",
     )
+
+
+def spread_of(counts: Index) -> str:
+    """Median and range of some pose numbers."""
+    return f"{np.median(counts):g} ({counts.min()} to {counts.max()})"
 
 
 def _from_to(campaign: Campaign) -> tuple[int, int] | None:

@@ -9,6 +9,27 @@ from testbed.output.layout import FORMAT, MANIFEST, SCENARIO
 from testbed.output.npz import pretty_json, strict_json
 from testbed.versions import number_versions
 
+CAMPAIGN, CALIBRATION = "campaign", "calibration"
+"""Kinds of run folders: a scenario played, or measurements identified from."""
+HASHES = {CAMPAIGN: "scenario_sha256", CALIBRATION: "input_sha256"}
+"""What each kind's manifest names its input by."""
+
+
+def kind_of(document: Mapping[str, Any]) -> str:
+    """Kind of the run folder that a manifest belongs to."""
+    return str(document.get("kind", CAMPAIGN))
+
+
+def require_campaign(path: Path, document: Mapping[str, Any]) -> None:
+    """Refuse a run folder that no scenario was played into."""
+    if kind_of(document) != CAMPAIGN:
+        raise InputError(
+            f"holds a {kind_of(document)}, not a campaign",
+            code="D42",
+            where=str(path),
+            allowed="the folder that `truebed run` wrote",
+        )
+
 
 def manifest_bytes(about: Mapping[str, Any]) -> bytes:
     """The manifest's file: format, `about`, and the versions that decide the numbers."""
@@ -48,7 +69,9 @@ def read_manifest(path: Path) -> dict[str, Any]:
         )
     if version != FORMAT or isinstance(version, bool):
         raise _damaged(path, f"format is {version!r}")
-    for name, kind in (("scenario_sha256", str), ("versions", dict)):
+    if kind_of(document) not in HASHES:
+        raise _damaged(path, f"kind is {kind_of(document)!r}")
+    for name, kind in ((HASHES[kind_of(document)], str), ("versions", dict)):
         if not isinstance(document.get(name), kind):
             raise _damaged(path, f"{name} is missing")
     return document
@@ -57,6 +80,7 @@ def read_manifest(path: Path) -> dict[str, Any]:
 def check_same_run(path: Path, scenario_hash: str) -> None:
     """Refuse to go on with a run of another scenario or begun with other versions."""
     document = read_manifest(path)
+    require_campaign(path, document)
     if document["scenario_sha256"] != scenario_hash:
         raise InputError(
             "holds a run of another scenario, seed or robot",

@@ -1,4 +1,4 @@
-"""The folder of a plan: all of its files or none, and never written over in silence."""
+"""A folder written at once: all of its files or none, and never written over in silence."""
 
 import shutil
 import tempfile
@@ -8,14 +8,20 @@ from pathlib import Path
 
 from calib.errors import InputError
 from testbed.output.atomic import flush_file, flush_folder, write_error
-from testbed.output.layout import TEMPORARY
+from testbed.output.layout import MANIFEST, TEMPORARY
 
 PLAN = "plan.json"
 """The file that makes a folder a plan's; it is written last."""
+OWNERS = {
+    PLAN: "a plan's folder",
+    MANIFEST: "a run folder",
+    "session.toml": "an exported session's folder",
+}
+"""What the file that marks a folder makes it; no other folder is renamed."""
 TABLE, REPORT, RECORDING, SCENARIO = "plan.csv", "plan_report.html", "plan.rrd", "scenario.toml"
 
 
-def check_free(path: Path, *, overwrite: bool) -> None:
+def check_free(path: Path, *, overwrite: bool, marker: str = PLAN) -> None:
     """Refuse a folder that cannot be used, before anything is computed.
 
     Raises
@@ -25,7 +31,7 @@ def check_free(path: Path, *, overwrite: bool) -> None:
     """
     try:
         if path.exists() and not _is_empty(path):
-            _check_movable(path, overwrite=overwrite)
+            _check_movable(path, overwrite=overwrite, marker=marker)
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(suffix=TEMPORARY, dir=path.parent):
             pass
@@ -40,10 +46,11 @@ def check_free(path: Path, *, overwrite: bool) -> None:
 
 
 @contextmanager
-def plan_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
+def plan_folder(path: Path, *, overwrite: bool = False, marker: str = PLAN) -> Iterator[Path]:
     """A folder beside `path` to be filled, which becomes `path` when the block ends well.
 
-    With `overwrite` an old plan there is renamed, never removed. On any exception nothing is left.
+    With `overwrite` an old one there, known by its `marker`, is renamed, never removed. On any
+    exception nothing is left.
 
     Raises
     ------
@@ -52,17 +59,18 @@ def plan_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
     MachineError
         The disk is full.
     """
-    check_free(path, overwrite=overwrite)
+    check_free(path, overwrite=overwrite, marker=marker)
     try:
         temporary = Path(tempfile.mkdtemp(TEMPORARY, f".{path.name}.", path.parent))
     except OSError as error:
         raise write_error(path, error) from error
     try:
         yield temporary
-        for file in temporary.iterdir():
-            flush_file(file)
+        for file in temporary.rglob("*"):
+            if file.is_file():
+                flush_file(file)
         temporary.chmod(0o755)
-        check_free(path, overwrite=overwrite)
+        check_free(path, overwrite=overwrite, marker=marker)
         _make_way(path)
         temporary.rename(path)
         flush_folder(path.parent)
@@ -82,14 +90,14 @@ def _is_empty(path: Path) -> bool:
     return path.is_dir() and not any(path.iterdir())
 
 
-def _check_movable(path: Path, *, overwrite: bool) -> None:
-    """Refuse anything but an old plan that may be renamed."""
+def _check_movable(path: Path, *, overwrite: bool, marker: str) -> None:
+    """Refuse anything but an old folder of its kind that may be renamed."""
     if not path.is_dir():
         told, fix = "is a file", "choose another --out"
     elif not overwrite:
         told, fix = "exists already", "choose another --out, or rename the old one by --overwrite"
-    elif not (path / PLAN).is_file():
-        told, fix = "is not a plan's folder and will not be renamed", "choose another --out"
+    elif not (path / marker).is_file():
+        told, fix = f"is not {OWNERS[marker]} and will not be renamed", "choose another --out"
     else:
         return
     raise InputError(told, code="C40", where=str(path), field="--out", fix=fix)

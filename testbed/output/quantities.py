@@ -134,6 +134,17 @@ def unit_of(is_length: bool) -> str:
     return "mm" if is_length else "deg"
 
 
+def typeset(text: str) -> str:
+    """A plain sentence with the report's units: micro as one letter, signs kept to their numbers.
+
+    Examples
+    --------
+    >>> typeset("180 um at 95 %").replace(NARROW, "_")
+    '180_µm at 95_%'
+    """
+    return text.replace(" um", f"{NARROW}µm").replace(" %", f"{NARROW}%")
+
+
 def counted(number: int, noun: str) -> str:
     """A count and its noun.
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from calib.errors import MachineError
+from testbed.output.question import headline_verdict
 from testbed.output.recording_blueprint import blueprint
 from testbed.output.recording_cell import (
     draw_ghost,
@@ -16,12 +17,13 @@ from testbed.output.recording_cell import (
     draw_tracker,
     floor_height,
 )
+from testbed.output.recording_compensation import draw_compensation, program, shown
+from testbed.output.recording_coverage import draw_coverage
 from testbed.output.recording_errors import draw_held_out, draw_measured, factors
 from testbed.output.recording_plots import draw_curves, draw_parameters
 from testbed.output.recording_story import tell
 from testbed.output.recording_text import draw_texts
 from testbed.output.recording_writer import Pen, Writer
-from testbed.output.verdict import headline_verdict
 from testbed.records import Campaign
 from testbed.robots.catalog import Robot
 
@@ -49,10 +51,14 @@ def write_recording(campaign: Campaign, robot: Robot, path: str | Path) -> None:
         If the file cannot be written.
     """
     trial = campaign.trials[0]
-    story = tell(campaign.setting, trial, trial.estimates[0])
+    robots = campaign.coverage[0].before.size if campaign.coverage else 0
+    study = shown(campaign.compensation, campaign.scenario)
+    moves = None if study is None else program(study)
+    story = tell(campaign.setting, trial, trial.estimates[0], program=moves, robots=robots)
     scenario = campaign.scenario
     identity, name = f"{scenario.name}-{scenario.seed}", f"{scenario.name}, seed {scenario.seed}"
-    screen = blueprint(story, floor_height(story.setting.nominal.chain, robot))
+    floor = floor_height(story.setting.nominal.chain, robot)
+    screen = blueprint(story, floor, len(campaign.coverage))
     with strict_mode(), open_stream(Path(path), identity, name, screen) as stream:
         writer = Pen(stream, story)
         _send_properties(writer, campaign)
@@ -68,6 +74,10 @@ def write_recording(campaign: Campaign, robot: Robot, path: str | Path) -> None:
         matching = (sets for sets in campaign.random_sets if sets.trial == trial.name)
         draw_curves(writer, next(matching, None))
         draw_parameters(writer)
+        if study is not None:
+            draw_compensation(writer, study, story.phase("compensate"))
+        if campaign.coverage:
+            draw_coverage(writer, campaign.coverage, story.phase("coverage"))
 
 
 @contextmanager

@@ -6,24 +6,42 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.frames import rot_z
+from testbed.output import recording_coverage
 from testbed.output.recording_plots import parameter_bounds
 from testbed.output.recording_story import Phase, PhaseName, Story
+from testbed.records_coverage import MODELS
 
 FRAMES_PER_SECOND = 24.0
 ASIDE, TOWARD_TRACKER = np.radians(140.0), 0.13
 """Camera: turned so far from the tracker's direction, aimed at this part of the way to it."""
-PLOTS: dict[PhaseName, str] = {
-    "select": "1 Index, best so far (gray: best random)",
-    "measure": "2 Seen mm: red before, green after",
-    "identify": "3 log10(sum of squares / dof)",
-    "evaluate": "4 Held-out mm: red before, green after",
+PLOTS: dict[PhaseName, tuple[tuple[str, str], ...]] = {
+    "select": (("select", "1 Index, best so far (gray: best random)"),),
+    "measure": (("measure", "2 Seen mm: red before, green after"),),
+    "identify": (("identify", "3 log10(sum of squares / dof)"),),
+    "evaluate": (("evaluate", "4 Held-out mm: red before, green after"),),
+    "compensate": (("compensate", "5 AP µm: red before, green after, gray noise floor"),),
+    "coverage": tuple((f"coverage/{m}", f"5 Inside %: {m}") for m in MODELS),
 }
+"""Root and title of the curve windows of each phase."""
 
 
-def blueprint(story: Story, floor: float) -> Any:
-    """Layout of the viewer, embedded in the recording; `floor` is its height in the world [m]."""
+def blueprint(story: Story, floor: float, kinds: int = 0) -> Any:
+    """Layout of the viewer, embedded in the recording.
+
+    Parameters
+    ----------
+    story : Story
+        What is told.
+    floor : float
+        Its height in the world [m].
+    kinds : int
+        Kinds of robots in the coverage study, which gets a window beside the parameters.
+    """
     import rerun.blueprint as rrb
 
+    numbers = parameters(story)
+    if kinds:
+        numbers = rrb.Tabs(recording_coverage.panel(kinds), numbers, active_tab=0)
     top = rrb.Horizontal(
         cell(story, floor),
         rrb.Vertical(
@@ -31,11 +49,11 @@ def blueprint(story: Story, floor: float) -> Any:
             rrb.TextDocumentView(origin="/now", name="Now"),
             row_shares=[1.35, 1],
         ),
-        parameters(story),
-        column_shares=[2.5, 1.2, 1],
+        numbers,
+        column_shares=[1.5, 1, 1.7] if kinds else [2.5, 1.2, 1],
     )
     bar = rrb.StateTimelineView(origin="/phase", name="Phase")
-    plots = rrb.Horizontal(*(plot(phase) for phase in story.phases))
+    plots = rrb.Horizontal(*(view for phase in story.phases for view in plot(phase)))
     return rrb.Blueprint(
         rrb.Vertical(top, bar, plots, row_shares=[6.5, 1.05, 2.4]),
         rrb.BlueprintPanel(state="collapsed"),
@@ -101,9 +119,11 @@ def camera(pool: Array, base: Array, station: Array) -> tuple[Array, Array]:
     return target + radius * (2.9 * side + np.array([0, 0, 1.15])), target
 
 
-def plot(phase: Phase) -> Any:
-    """The curve window of a phase, held on the phase's stretch of the timeline."""
-    return plot_over(phase.name, PLOTS[phase.name], phase.start, phase.stop)
+def plot(phase: Phase) -> tuple[Any, ...]:
+    """The curve windows of a phase, held on the phase's stretch of the timeline."""
+    return tuple(
+        plot_over(origin, name, phase.start, phase.stop) for origin, name in PLOTS[phase.name]
+    )
 
 
 def plot_over(origin: str, name: str, start: int, stop: int) -> Any:

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from functools import cache
 from itertools import combinations, product
-from pathlib import Path
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from testbed.comparison import target_points
 from testbed.output.recording_story import Story, nice_factor
 from testbed.output.recording_writer import Color, Pen, Timeline, Writer
 from testbed.robots.catalog import Robot, Visual, load_tracker_visuals
-from testbed.robots.meshes import Mesh, load_mesh
+from testbed.robots.meshes import Mesh, part_mesh
 from testbed.robots.placements import joint_motion, placements
 
 GHOST_SIZE = 0.036
@@ -29,9 +28,9 @@ BEAM_COLOR = (225, 30, 30, 230)
 
 
 @cache
-def mesh(file: Path) -> Mesh:
+def mesh(visual: Visual) -> Mesh:
     """A part's mesh, read once: robot and ghost share it."""
-    return load_mesh(file)
+    return part_mesh(visual)
 
 
 def draw_robot(writer: Writer, robot: Robot) -> None:
@@ -128,7 +127,7 @@ def _draw_parts(
 
     skin = GHOST_SKIN if color else 0.0
     for visual in visuals:
-        part = mesh(visual.file)
+        part = mesh(visual)
         writer.static(
             f"{paths[visual.link]}/{visual.name}",
             rr.Mesh3D(
@@ -161,7 +160,7 @@ def draw_station(writer: Pen[Timeline], station: Array, target: Array, floor: fl
     visuals = load_tracker_visuals()
     names = ("world/tracker/stand", "world/tracker/yoke", "world/tracker/yoke/head")
     _draw_parts(writer, dict(enumerate(names)), visuals)
-    foot = min(float(mesh(visual.file).vertices[:, 2].min()) for visual in visuals)
+    foot = min(float(mesh(visual).vertices[:, 2].min()) for visual in visuals)
     height = station[2, 3] + foot - floor
     if height > 1e-3:  # a station above the stand's own height needs something to stand on
         writer.static(

@@ -124,3 +124,5 @@ def draw_held_out(writer: Writer, factor: Factors) -> None:
         lengths - 1,
     )
     writer.static(path, rr.Ellipsoids3D.from_fields(fill_mode="solid"))
+    if any(later.name == "compensate" for later in story.phases):
+        writer.clear(phase.stop, [*arrows, path])

@@ -47,7 +47,7 @@ def draw_curve(
 def draw_curves(writer: Writer, random_sets: RandomSets | None) -> None:
     """The four windows: best index so far, errors seen, fit, held-out errors [mm]."""
     story = writer.story
-    select, measure, identify, evaluate = story.phases
+    select, measure, identify, evaluate = story.phases[:4]
     trial, judged = story.trial, story.estimate.comparison
     found = story.estimate.identification
     draw_curve(

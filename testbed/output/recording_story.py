@@ -12,20 +12,25 @@ import numpy as np
 from calib.arrays import Array, Index
 from testbed.records import Estimate, Setting, Trial
 
-PhaseName = Literal["select", "measure", "identify", "evaluate"]
+PhaseName = Literal["select", "measure", "identify", "evaluate", "compensate", "coverage"]
 PHASES: tuple[PhaseName, ...] = ("select", "measure", "identify", "evaluate")
+"""Of every story, in their order; some studies add one of their own."""
 LOCAL: dict[PhaseName, str] = {
     "select": "search",
     "measure": "pose",
     "identify": "iteration",
     "evaluate": "test",
+    "compensate": "visit",
+    "coverage": "robot",
 }
 """Name of each phase's own timeline."""
 FRAMES_PER_POSE = 6
 """Frames from one pose to the next, the last two at rest; fewer when there are many poses."""
 MOST_FRAMES = 900
 """A phase is kept below this by dropping frames, not poses."""
-SELECT_FRAMES, IDENTIFY_FRAMES = 144, 72
+STOPPING: tuple[PhaseName, ...] = ("measure", "evaluate", "compensate")
+"""Phases in which the robot goes from stop to stop."""
+SELECT_FRAMES, IDENTIFY_FRAMES, COVERAGE_FRAMES, COMPENSATE_FRAMES = 144, 72, 144, 144
 """Length of the phases in which the robot does not have to be anywhere."""
 
 
@@ -71,11 +76,28 @@ class Story:
 
     def phase(self, name: PhaseName) -> Phase:
         """The phase with this name."""
-        return self.phases[PHASES.index(name)]
+        return next(phase for phase in self.phases if phase.name == name)
 
 
-def tell(setting: Setting, trial: Trial, estimate: Estimate) -> Story:
-    """Lay out the frames of one estimate."""
+def tell(
+    setting: Setting,
+    trial: Trial,
+    estimate: Estimate,
+    *,
+    program: Array | None = None,
+    robots: int = 0,
+) -> Story:
+    """Lay out the frames of one estimate, and of what studies add.
+
+    Parameters
+    ----------
+    setting, trial, estimate : Setting, Trial, Estimate
+        What is told.
+    program : (k, n) array, optional
+        Joint targets that a compensation study executes [rad, m].
+    robots : int
+        Robots of a coverage study.
+    """
     searches, iterations = len(search_trace(trial)), len(estimate.identification.trace)
     measured, tests = trial.measurements.q, setting.test_q
     lengths: dict[PhaseName, tuple[int, int]] = {
@@ -84,16 +106,23 @@ def tell(setting: Setting, trial: Trial, estimate: Estimate) -> Story:
         "identify": (iterations, max(1, IDENTIFY_FRAMES // iterations)),
         "evaluate": (len(tests), frames_per_pose(len(tests))),
     }
+    if program is not None:
+        lengths["compensate"] = (len(program), COMPENSATE_FRAMES // len(program))
+    if robots:
+        lengths["coverage"] = (robots, max(1, COVERAGE_FRAMES // robots))
     phases, start = [], 0
-    for name in PHASES:
-        count, frames = lengths[name]
-        if name in ("measure", "evaluate"):  # a pose is known when the robot comes to rest at it
+    for name, (count, frames) in lengths.items():
+        if name in (
+            "measure",
+            "evaluate",
+            "compensate",
+        ):  # a pose is known when the robot comes to rest at it
             at = start + frames * np.arange(count) + max(frames - 2, 0)
         else:
             at = start + np.round(np.linspace(0, count * frames - 1, count)).astype(np.int64)
         phases.append(Phase(name, start, start + count * frames, at))
         start += count * frames
-    select, measure, identify, evaluate = phases
+    select, measure, identify, evaluate = phases[:4]
     q = np.vstack(
         [
             glide(candidates(setting.pool_q, select.stop), select.stop),
@@ -102,6 +131,10 @@ def tell(setting: Setting, trial: Trial, estimate: Estimate) -> Story:
             glide(tests, evaluate.stop - evaluate.start),
         ]
     )
+    for phase in phases[4:]:
+        long = phase.stop - phase.start
+        stops = program if phase.name == "compensate" and program is not None else q[-1:]
+        q = np.vstack([q, glide(stops, long)])
     known = np.zeros(start)
     known[identify.steps] = eased(np.linspace(0, 1, identify.stop - identify.start))
     known[evaluate.start :] = 1

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from testbed.output import recording_compensation, recording_coverage
 from testbed.output.recording_errors import Factors
 from testbed.output.recording_story import PhaseName, Story
 from testbed.output.recording_writer import Writer
@@ -13,6 +14,8 @@ PHASE_COLORS: dict[PhaseName, tuple[int, int, int]] = {
     "measure": (52, 128, 196),
     "identify": (58, 140, 72),
     "evaluate": (204, 146, 62),
+    "compensate": (24, 140, 140),
+    "coverage": (140, 92, 170),
 }
 
 
@@ -26,10 +29,19 @@ def draw_texts(
     writer.static("summary", rr.TextDocument(summary(campaign, verdict), media_type=markdown))
     writer.static(
         "phase",
-        rr.StateConfiguration(values=list(PHASE_COLORS), colors=list(PHASE_COLORS.values())),
+        rr.StateConfiguration(
+            values=[phase.name for phase in writer.story.phases],
+            colors=[PHASE_COLORS[phase.name] for phase in writer.story.phases],
+        ),
     )
     for phase in writer.story.phases:
-        text = explanation(writer.story, phase.name, factor, ghost)
+        study = recording_compensation.shown(campaign.compensation, campaign.scenario)
+        if phase.name == "coverage":
+            text = recording_coverage.words(campaign.coverage)
+        elif phase.name == "compensate" and study is not None:
+            text = recording_compensation.words(study)
+        else:
+            text = explanation(writer.story, phase.name, factor, ghost)
         writer.at(phase.start, "now", rr.TextDocument(text, media_type=markdown))
         writer.at(phase.start, "phase", rr.StateChange(state=phase.name))
 

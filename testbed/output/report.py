@@ -6,6 +6,7 @@ from pathlib import Path
 
 from testbed.contest import has_contest
 from testbed.output import (
+    report_compensation,
     report_coverage,
     report_coverage_tables,
     report_design,
@@ -14,18 +15,18 @@ from testbed.output import (
     report_parameters,
     report_population,
     report_pose_sets,
+    report_reexamined,
     report_results,
+    report_statement,
 )
 from testbed.output.claims import examine
+from testbed.output.quantities import typeset
+from testbed.output.question import headline_verdict, next_step
 from testbed.output.report_parts import Code, Section, Table, Text
-from testbed.output.verdict import headline_verdict
 from testbed.records import Campaign
 from testbed.scenario import dump_scenario
 
 BANNER = "SIMULATED - not a calibration certificate"
-GOOD = "✓ The stated uncertainty can be believed"
-BAD = "✗ The stated uncertainty must not be believed"
-OPEN = "? The stated uncertainty was not tested"
 TEMPLATES = Path(__file__).parent / "templates"
 
 
@@ -90,16 +91,28 @@ def page_of(campaign: Campaign, versions: Mapping[str, str]) -> Page:
         headline = report_coverage_tables.summary_table(campaign.coverage)
     elif many:
         headline = report_pose_sets.summary_table(campaign)
+    examined = examine(campaign)
+    again = examined if examined is not None and campaign.reexamined else None
+    if again is not None:
+        headline = report_reexamined.summary_table(campaign)
+    looped = bool(campaign.compensation)
+    if looped:
+        headline = report_compensation.summary_table(campaign.compensation)
+    kept = many or covered or looped or again is not None
     sections = (
+        report_compensation.compensation_section(campaign),
+        None if again is None else report_reexamined.reexamined_section(campaign, again),
         report_coverage.coverage_section(campaign),
         report_pose_sets.pose_sets_section(campaign) if many else None,
-        report_results.accuracy_section(campaign, each if many or covered else None),
+        report_statement.statement_section(campaign),
+        report_results.accuracy_section(campaign, each if kept else None),
         report_results.belief_section(campaign),
         report_parameters.identifiable_section(campaign),
         report_design.design_section(campaign),
         None if many else report_population.population_section(campaign),
+        report_statement.secret_section(campaign),
         report_paper.tool_section(campaign),
-        report_paper.paper_section(campaign, examine(campaign)),
+        report_paper.paper_section(campaign, examined),
         report_parameters.parameter_section(campaign),
         record_section(campaign, versions),
     )
@@ -108,13 +121,13 @@ def page_of(campaign: Campaign, versions: Mapping[str, str]) -> Page:
         title=scenario.title or scenario.name,
         subtitle=f"Scenario {scenario.name}, seed {scenario.seed}, robot {scenario.robot}",
         believable=verdict.believable,
-        mark=GOOD if verdict.believable else BAD if verdict.contradicted else OPEN,
-        verdict=verdict.sentence,
+        mark=verdict.mark,
+        verdict=typeset(verdict.sentence),
         reasons=tuple(
-            reason[:1].upper() + reason[1:].rstrip(".") + "." for reason in verdict.reasons
+            typeset(reason[:1].upper() + reason[1:].rstrip(".") + ".") for reason in verdict.reasons
         ),
         headline=headline,
-        next_step=report_headline.next_step(campaign),
+        next_step=next_step(campaign),
         sections=tuple(section for section in sections if section is not None),
     )
 

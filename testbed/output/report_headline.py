@@ -5,11 +5,13 @@ import numpy as np
 from calib.identification.identify import Identification, Status
 from calib.information.propagation import point_uncertainty
 from calib.measurement.accuracy import Accuracy
+from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.regions import coverage_factor
 from testbed.output.quantities import (
     MM,
     counted,
     fixed,
+    micrometres,
     millimetres,
     percent,
     probability,
@@ -17,9 +19,12 @@ from testbed.output.quantities import (
 )
 from testbed.output.report_parts import Table
 from testbed.output.verdict import ALARM, Verdict, judge
-from testbed.records import Campaign, Trial
+from testbed.records import Campaign, Comparison, Estimate, Trial
+from testbed.records_statement import LEVEL, Statement
 
 NONE = "–"
+NOISE = ("tracker noise", "joint repeatability", "gross errors")
+"""Sources that more poses average out."""
 SHORT = {"whitened": "default", "paper": "paper"}
 """Estimators in the columns of tables."""
 
@@ -107,29 +112,99 @@ def next_step(campaign: Campaign) -> str:
     trial = campaign.trials[0]
     estimate = trial.estimates[0]
     found, seen = estimate.identification, estimate.comparison
-    errors = (
-        f"held-out errors (95 % of poses below {millimetres(seen.accuracy_after.p95, 2)} mm, "
-        f"maximum {millimetres(seen.accuracy_after.maximum, 2)} mm)"
-    )
+    errors = errors_in_words(seen)
     if found.status is not Status.CONVERGED:
         return f"The fit did not end in a minimum. {found.status.value}"
+    statement = estimate.statement
+    quoted = errors if statement is None else quotable(statement, errors)
+    invalid = statement is not None and not statement.trust.model_valid
+    if (
+        invalid
+        and statement is not None
+        and len(statement.outlier_poses)
+        and found.loss == "squared"
+    ):
+        return (
+            f"{counted(len(statement.outlier_poses), 'shot')} of the calibration do not fit the "
+            "others (named below). Measure them again, or play the scenario with [identification] "
+            f'loss = "cauchy". Until then quote {quoted} instead of the stated uncertainty.'
+        )
     if tested(found) and found.p_value < ALARM:
         factor = np.sqrt(found.chi_square / found.dof)
+        wider = (
+            'Let the evidence decide about sag and harmonics ([identification] model = "choose"), '
+            "and free what may have moved"
+            if statement is None or statement.model == "geometric"
+            else "Sag and harmonics are in the model already; look for play, warmth and frames "
+            "held fixed that moved"
+        )
         return (
             f"The residuals are {significant(float(factor), 2)} times what the noise explains, so "
-            "the model lacks something that the robot has (sagging or wobbling joints, frames held "
-            "fixed that moved, parameters not freed). Until the model is extended quote the "
-            f"{errors} instead of the stated uncertainty. More poses do not help: they shrink the "
-            "stated uncertainty, not the error."
+            f"the model lacks something that the robot has. {wider}. Until then quote {quoted} "
+            "instead of the stated uncertainty. More poses do not help: they shrink the stated "
+            "uncertainty, not the error."
         )
+    if invalid:
+        return f"Do not quote the stated uncertainty; quote {quoted}."
     if judge(trial, estimate).contradicted:
-        return f"Do not quote the stated uncertainty; quote the {errors}."
+        return f"Do not quote the stated uncertainty; quote {errors}."
     u = float(np.sqrt(np.mean(point_uncertainty(seen.covariance) ** 2)))
     return (
-        f"The stated uncertainty may be used: the tool point of poses like the held-out ones with "
+        f"{permission(trial, estimate)}: the tool point of poses like the held-out ones with "
         f"rms u = {millimetres(u, 2)} mm (3-D, k = 1) and the 95 % ellipsoid of each pose "
-        f"(k = {coverage_factor(3):.2f} along its axes). Four times the poses would halve u."
+        f"(k = {coverage_factor(3):.2f} along its axes). {more_poses(estimate.statement)}"
     )
+
+
+def errors_in_words(seen: Comparison) -> str:
+    """The errors at the held-out poses; no share of so few that it would say nothing."""
+    count, largest = len(seen.after), f"{millimetres(seen.accuracy_after.maximum, 2)} mm"
+    if count < fewest_poses(LEVEL):
+        return f"only that the error at {counted(count, 'held-out pose')} reaches {largest}"
+    return (
+        f"the held-out errors (95 % of poses below {millimetres(seen.accuracy_after.p95, 2)} mm, "
+        f"maximum {largest})"
+    )
+
+
+def permission(trial: Trial, estimate: Estimate) -> str:
+    """How freely the stated uncertainty may be used."""
+    if judge(trial, estimate).believable:
+        return "The stated uncertainty may be used"
+    return "Nothing speaks against the stated uncertainty, but not all of it was tested"
+
+
+def more_poses(statement: Statement | None) -> str:
+    """What four times the poses would make of u: they shrink noise, nothing else."""
+    if statement is None:
+        return "Four times the poses would halve u."
+    noise = np.isin(statement.sources, NOISE)
+    rest = statement.combined_u**2 - float((statement.source_u[noise] ** 2).sum())
+    if rest < 0.01 * statement.combined_u**2:
+        return "Four times the poses would halve u."
+    beyond = [n for n in statement.sources if n not in NOISE]
+    if beyond == ["prior"]:
+        return "How much more poses would help, only a fit without the prior can say."
+    left = np.sqrt((statement.combined_u**2 + 3 * rest) / 4)
+    return (
+        f"Four times the poses would bring u to {millimetres(float(left), 2)} mm at best: "
+        f"{percent(rest / statement.combined_u**2)} of its square is wrong the same way in all of "
+        "them."
+    )
+
+
+def quotable(statement: Statement, errors: str) -> str:
+    """What may be quoted instead of the model-based interval; the secret errors come last."""
+    believe = statement.trust.believe
+    if believe not in statement.names:
+        return errors
+    radius = micrometres(float(statement.radius[statement.names.index(believe)]), 3)
+    words = {
+        "conformal": f"the conformal radius, {radius} µm for 95 % of poses like the held-out ones",
+        "discrepancy": f"the region with discrepancy, {radius} µm on average, as an approximation",
+        "bootstrap": f"the replicates of the bootstrap, {radius} µm on average",
+    }
+    return words.get(believe, errors)
 
 
 def in_a_word(verdict: Verdict) -> str:

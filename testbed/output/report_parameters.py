@@ -51,7 +51,8 @@ def parameter_table(nominal: RobotModel, trial: Trial, estimate: Estimate) -> Ta
     """Nominal, identified, true, error, U and inside for every parameter of one estimate."""
     found, seen = estimate.identification, estimate.comparison
     is_length = found.parameters.is_length[found.parameters.free_index]
-    start = in_units(nominal_values(nominal)[found.parameters.free_index], is_length)
+    known = dict(zip(nominal.names, nominal_values(nominal), strict=True))
+    start = in_units(np.array([known.get(name, 0.0) for name in found.names]), is_length)
     step = in_units(found.step, is_length)
     true = in_units(seen.true_step, is_length)
     u = in_units(found.standard_uncertainty, is_length)

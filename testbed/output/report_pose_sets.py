@@ -68,6 +68,24 @@ def leader(contest: Contest, poses: int) -> str:
     return f"With {poses} poses the best of those shown to be better: {sentence(shown[0], contest)}"
 
 
+def advice(contest: Contest) -> str:
+    """Which set to take, size by size."""
+    best = {n: [e for e in contest.of_size(n) if e.outcome == "better"] for n in contest.sizes}
+    named = [
+        f"{set_name(found[0].trial)} at {poses} poses ({signed(percent_of(found[0].ratio)[0])})"
+        for poses, found in best.items()
+        if found and found[0].ratio is not None
+    ]
+    if not named:
+        return (
+            "No set is shown to be better than random poses: take random ones, and put the effort "
+            "into the model."
+        )
+    text = f"Take the set shown best at your number of poses: {'; '.join(named)}."
+    missing = [str(poses) for poses, found in best.items() if not found]
+    return text + (f" At {', '.join(missing)} poses random ones are as good." if missing else "")
+
+
 def source(contest: Contest) -> str:
     """Whether noise or the model's own error is what is left."""
     largest = contest.reference(contest.sizes[-1])

@@ -8,8 +8,13 @@ import numpy as np
 from calib.information.propagation import point_uncertainty
 from calib.measurement.accuracy import Accuracy
 from testbed.contest import contest_of
+from testbed.output.claims import examine
+from testbed.output.question import headline_verdict
+from testbed.output.results_compensation import compensation_arrays, compensation_headline
 from testbed.output.results_coverage import coverage_arrays, coverage_headline
-from testbed.output.verdict import headline_verdict, judge
+from testbed.output.results_reexamined import reexamined_arrays, reexamined_headline
+from testbed.output.results_statement import statement_headline, truth_headline
+from testbed.output.verdict import judge
 from testbed.records import Campaign, Estimate, PopulationStudy, Setting, Trial
 
 FORMAT = 1
@@ -33,6 +38,7 @@ def headline(campaign: Campaign) -> dict[str, Any]:
             "reasons": list(verdict.reasons),
         },
         "pool": _pool(campaign.setting),
+        "truth_budget": truth_headline(campaign.validation),
         "trials": {trial.name: _trial(trial) for trial in campaign.trials},
     }
     if campaign.pose_count is not None:
@@ -80,6 +86,10 @@ def headline(campaign: Campaign) -> dict[str, Any]:
         out["population"] = _population(campaign.population, campaign)
     if campaign.coverage:
         out["coverage"] = coverage_headline(campaign.coverage)
+    if campaign.compensation:
+        out["compensation"] = compensation_headline(campaign.compensation)
+    if campaign.reexamined:
+        out["reexamined"] = reexamined_headline(campaign, examine(campaign))
     return out
 
 
@@ -92,6 +102,10 @@ def arrays(campaign: Campaign) -> dict[str, np.ndarray[Any, Any]]:
         "pool_position_m": setting.pool_nominal[:, :3, 3],
         "test_q": setting.test_q,
         "test_true_position_m": setting.test_true[:, :3, 3],
+        "judge_q": campaign.validation.judge_q,
+        "judge_true_position_m": campaign.validation.judge_true,
+        "validation_position_m": campaign.validation.seen.position,
+        "validation_pose": campaign.validation.seen.pose_id,
     }
     for trial in campaign.trials:
         out[f"{trial.name}/indices"] = trial.selection.indices
@@ -108,6 +122,8 @@ def arrays(campaign: Campaign) -> dict[str, np.ndarray[Any, Any]]:
             out[f"{key}/test_error_after_m"] = seen.after
             out[f"{key}/test_error_xyz_m"] = seen.error
             out[f"{key}/test_covariance"] = seen.covariance
+            if estimate.statement is not None:
+                out[f"{key}/validation_error_xyz_m"] = estimate.statement.held_out.error
             if estimate.replications is not None:
                 out[f"{key}/replicated_nees"] = estimate.replications.nees
                 out[f"{key}/replicated_coverage"] = estimate.replications.parameter_coverage
@@ -115,6 +131,8 @@ def arrays(campaign: Campaign) -> dict[str, np.ndarray[Any, Any]]:
         out["pose_count/counts"] = campaign.pose_count.counts
         out["pose_count/mean"] = campaign.pose_count.mean
     out |= coverage_arrays(campaign.coverage)
+    out |= compensation_arrays(campaign.compensation)
+    out |= reexamined_arrays(campaign)
     return {name: np.asarray(value) for name, value in out.items()}
 
 
@@ -192,8 +210,10 @@ def _estimate(trial: Trial, estimate: Estimate) -> dict[str, Any]:
     """Headline of one estimate."""
     found, seen, played = estimate.identification, estimate.comparison, estimate.replications
     u, whitened = point_uncertainty(seen.covariance), found.mode == "whitened"
+    verdict = judge(trial, estimate)
     out = {
-        "believable": judge(trial, estimate).believable,
+        "believable": verdict.believable,
+        "contradicted": verdict.contradicted,
         "parameters": found.parameters.n_free,
         "rank": found.rank,
         # the paper's estimator knows no noise to compare its residuals with
@@ -211,6 +231,8 @@ def _estimate(trial: Trial, estimate: Estimate) -> dict[str, Any]:
         "parameters_inside_95": float(seen.parameter_inside.mean()),
         "nees": seen.nees,
     }
+    if estimate.statement is not None:
+        out["statement"] = statement_headline(estimate.statement)
     if played is not None:
         out["replications"] = {
             "count": played.count,

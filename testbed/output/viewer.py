@@ -31,6 +31,8 @@ NOTES_FADE = 6.5
 """A starting viewer shows notes over the window for so long [s]."""
 PAINTED = 2.0
 """By then all meshes are on the screen [s]."""
+PAINTINGS = 6
+"""A viewer is asked so often to paint its window, each time for some seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +88,7 @@ def picture(
     with _headless(existing(rrd), size) as client:
         if step is not None:
             client.set_time("step", sequence=step, play_state="paused")
-        client.take_screenshot(max_size=64)  # painted once, the meshes begin to load
+        _painted(client)  # and the meshes begin to load
         chosen = None if view is None else _view_id(client.get_state(), view)
         # a picture of one view does not show the notes over the window
         time.sleep(NOTES_FADE if chosen is None else PAINTED)
@@ -101,9 +103,25 @@ def view_reports(rrd: str | Path, steps: Sequence[int] = (0,)) -> tuple[Report, 
     with _headless(existing(rrd), (1200, 800)) as client:
         for step in steps:
             client.set_time("step", sequence=step, play_state="paused")
-            client.take_screenshot(max_size=64)  # reports come with painting
+            _painted(client)  # reports come with painting
             found |= dict.fromkeys(_reports(client.get_state()))
     return tuple(found)
+
+
+def _painted(client: Any) -> None:
+    """Wait until the window has been painted; on a busy machine that outlasts a call's deadline."""
+    for patience in range(PAINTINGS, 0, -1):
+        try:
+            client.take_screenshot(max_size=64)
+        except TimeoutError as error:
+            if patience == 1:
+                raise MachineError(
+                    "the viewer does not paint its window",
+                    code="M1",
+                    fix="try again when the machine is less busy",
+                ) from error
+        else:
+            return
 
 
 def open_viewer(rrd: str | Path, tell: Callable[[str], None] = lambda _: None) -> None:

@@ -5,6 +5,7 @@ import numpy as np
 from calib.arrays import Array, frozen
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3, inverse, log_so3, slide, transform
+from testbed.laboratory.pool import joint_ranges
 from testbed.planning.bench import PlanBench
 from testbed.planning.inverse import STARTS, reached_by
 from testbed.planning.joint_lists import from_deg
@@ -137,7 +138,8 @@ def _tool_poses(bench: PlanBench, goal: ListGoal | PathGoal) -> Array:
 def _posture(bench: PlanBench, T: Array, before: Array | None, name: str) -> Array:
     """The posture (n,) nearest to the one before it that brings the tool to T and hits nothing."""
     robot = bench.robot
-    lower, upper = robot.limits.T
+    ranges = joint_ranges(robot, bench.scenario.pool)
+    lower, upper = ranges.T
     starts = stream(bench.scenario.seed, "plan", "inverse").uniform(
         lower, upper, (STARTS, len(lower))
     )
@@ -163,7 +165,7 @@ def _posture(bench: PlanBench, T: Array, before: Array | None, name: str) -> Arr
             fix="move it",
         )
     q = q[np.flatnonzero(free)]
-    reference = robot.limits.mean(axis=1) if before is None else before
+    reference = ranges.mean(axis=1) if before is None else before
     return np.asarray(q[np.argmin(np.abs(q - reference).max(axis=1))])
 
 

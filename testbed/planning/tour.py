@@ -4,6 +4,7 @@ import numpy as np
 
 from calib.arrays import Array, Index, frozen
 from calib.errors import InputError
+from testbed.laboratory.pool import joint_ranges
 from testbed.laboratory.route import Route, measuring_route
 from testbed.planning.bench import PlanBench
 from testbed.planning.joint_lists import from_deg
@@ -46,6 +47,7 @@ def tour_of(
         settle=plan.settle_s,
         start=start,
         vias=offered,
+        ranges=joint_ranges(bench.robot, bench.scenario.pool),
     )
     everywhere = np.concatenate([places, np.full(len(held_out), -1)])
     at = {int(k): i for i, k in enumerate(route.order)}

@@ -1,7 +1,5 @@
 """The robots there are: a model folder becomes a `Robot`, frozen and in SI units."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
@@ -9,10 +7,15 @@ import numpy as np
 
 from calib.arrays import Array, frozen
 from calib.errors import InputError
-from calib.geometry.chain import Chain, chain_names
+from calib.geometry.chain import Chain
 from calib.geometry.frames import step_transform
+from calib.geometry.joint_errors import JointErrors, JointTerm
 from calib.geometry.model import RobotModel
 from testbed import assets
+from testbed.robots.robot import Robot as Robot
+from testbed.robots.robot import Visual as Visual
+from testbed.robots.robot import Workspace as Workspace
+from testbed.robots.robot import body_name as body_name
 from testbed.robots.robot_file import (
     Drawn,
     Frame,
@@ -20,63 +23,14 @@ from testbed.robots.robot_file import (
     RevoluteLink,
     RobotFile,
     TrackerFile,
+    WorkspaceBox,
 )
 from testbed.robots.strict_toml import did_you_mean, read_toml
 
 ROBOT_FILE, TRACKER_FILE = "robot.toml", "tracker.toml"
 TRACKER = "laser_tracker"
-
-
-@dataclass(frozen=True, slots=True)
-class Visual:
-    """One drawn part."""
-
-    file: Path
-    """Mesh in the frame of its link [m]."""
-    rgb: tuple[float, float, float]
-    """Color, 0 to 1."""
-    collides: bool
-    """Whether its convex hull takes part in collision tests."""
-    link: int
-    """Body it moves with, 0 = base ... n."""
-    name: str
-    """Name of the part."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Robot:
-    """A robot as its maker describes it."""
-
-    name: str
-    """Name of the model folder, e.g. ``staubli_tx60``."""
-    title: str
-    """Name for people."""
-    folder: Path
-    """Where its files lie."""
-    model: RobotModel
-    """Nominal model, no joint errors [m, rad]."""
-    limits: Array
-    """(n, 2) lower and upper joint limits [rad or m]."""
-    speeds: Array
-    """(n,) largest joint speeds [rad/s or m/s]."""
-    masses: Array
-    """(n,) masses of the moving bodies [kg]."""
-    centers: Array
-    """(n, 3) centers of mass in the body frames of `placements` [m]."""
-    inertias: Array
-    """(n, 3) principal moments about the centers, axes of the body frames [kg m^2]."""
-    repeatability: Array
-    """(n,) standard deviation of a joint's repeatability [rad or m]."""
-    visuals: tuple[Visual, ...]
-    """Parts to draw, the probe included."""
-    base_offset: float
-    """Height of the floor in the base frame [m]."""
-    exclusions: tuple[tuple[str, str], ...]
-    """Pairs of bodies (``base``, ``link1`` ...) that are never tested for collision."""
-    free_sets: Mapping[str, tuple[str, ...]]
-    """Named sets of parameter names a study may free."""
-    sources: Mapping[str, str]
-    """Where each group of numbers comes from."""
+XML = (".urdf", ".xml", ".mjcf", ".xacro")
+"""Endings of files that describe a robot as URDF or MJCF."""
 
 
 def robot_names() -> list[str]:
@@ -84,13 +38,28 @@ def robot_names() -> list[str]:
     return sorted(file.parent.name for file in assets.models().glob(f"*/{ROBOT_FILE}"))
 
 
-def body_name(link: int) -> str:
-    """Name of a body in MuJoCo: ``base``, ``link1`` ... ``linkn``."""
-    return f"link{link}" if link else "base"
+def load_robot(
+    name_or_path: str | Path,
+    *,
+    tip: str | None = None,
+    mesh_root: Path | None = None,
+    allow_missing_meshes: bool = False,
+) -> Robot:
+    """Load a shipped robot by name, or one's own: robot.toml or its folder, URDF, MJCF.
 
+    URDF and MJCF are converted to a chain; the poses of the chain are compared with those that
+    yourdfpy or MuJoCo finds, and what the file does not say is assumed and told in `notes`.
 
-def load_robot(name_or_path: str | Path) -> Robot:
-    """Load a shipped robot by name, or one's own by the path of its robot.toml or folder.
+    Parameters
+    ----------
+    name_or_path : str or Path
+        Name of a shipped robot, or a path.
+    tip : str, optional
+        URDF and MJCF: the link, body or site where the arm ends; the only end by default.
+    mesh_root : Path, optional
+        URDF and MJCF: the folder that holds all meshes; the file's own by default.
+    allow_missing_meshes : bool
+        URDF and MJCF: whether a mesh may be missing; it is then told in `notes`.
 
     Raises
     ------
@@ -103,15 +72,32 @@ def load_robot(name_or_path: str | Path) -> Robot:
     6
     """
     path = _robot_path(name_or_path)
+    if path.suffix.lower() in XML:
+        from testbed.robots.described import read_description
+
+        return read_description(
+            path, tip=tip, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes
+        )
+    if tip is not None:
+        raise InputError(
+            f"tip is {tip}",
+            code="S37",
+            where=str(path),
+            field="tip",
+            value=tip,
+            allowed="a robot.toml says itself where its tool is",
+            fix="leave the tip out",
+        )
     data = read_toml(path, RobotFile)
     chain = robot_chain(data)
-    _check_free_sets(path, data, chain_names(chain.n_joints))
+    model = RobotModel(chain, joint_errors(path, data))
+    _check_free_sets(path, data, model.names)
     ranges = np.array([_in_si(joint) for joint in data.joints])
     return Robot(
         name=data.name,
         title=data.title,
         folder=path.parent,
-        model=RobotModel(chain),
+        model=model,
         limits=frozen(ranges[:, :2]),
         speeds=frozen(ranges[:, 2]),
         masses=frozen([j.mass_kg for j in data.joints]),
@@ -123,6 +109,8 @@ def load_robot(name_or_path: str | Path) -> Robot:
         exclusions=tuple((body_name(a), body_name(b)) for a, b in data.never_collide),
         free_sets=MappingProxyType(dict(data.free_sets)),
         sources=MappingProxyType(dict(data.sources)),
+        workspace=_workspace(data.workspace),
+        notes=data.notes,
     )
 
 
@@ -145,6 +133,29 @@ def robot_chain(data: RobotFile) -> Chain:
         T_world_base=_transform(data.base),
         T_flange_tool=_transform(data.tool),
     )
+
+
+def joint_errors(path: Path, data: RobotFile) -> JointErrors:
+    """Joint terms of a robot file with their coefficients [rad or m]."""
+    terms, coefficients = [], []
+    for entry in data.joint_terms:
+        terms.append(JointTerm(entry.name, entry.joint - 1, entry.wave, entry.weights))
+        turns, known = entry.coefficient_deg is not None, ("deg", "mm")
+        angle, length = (
+            np.radians(entry.coefficient_deg or 0.0),
+            (entry.coefficient_mm or 0.0) / 1e3,
+        )
+        coefficients.append(float(angle if turns else length))
+        if turns != (data.joints[entry.joint - 1].kind == "revolute"):
+            raise InputError(
+                f"[joint_terms] {entry.name}: coefficient_{known[not turns]} of a "
+                f"{data.joints[entry.joint - 1].kind} joint",
+                code="S37",
+                where=str(path),
+                field=f"joint_terms.{entry.name}",
+                fix=f"write coefficient_{known[turns]}",
+            )
+    return JointErrors(tuple(terms), np.array(coefficients))
 
 
 def load_tracker_visuals() -> tuple[Visual, ...]:
@@ -201,9 +212,18 @@ def _robot_path(name_or_path: str | Path) -> Path:
         code="S37",
         field="robot",
         value=str(name_or_path),
-        allowed="a shipped name, or the path of a robot.toml",
+        allowed="a shipped name, or the path of a robot.toml, a URDF or an MJCF",
         fix=did_you_mean(str(name_or_path), robot_names()),
     )
+
+
+def _workspace(data: WorkspaceBox | None) -> Workspace | None:
+    """The workspace a robot file states."""
+    if data is None:
+        return None
+    (cx, cy, cz), (sx, sy, sz), (x, y, z) = data.box_center_mm, data.box_size_mm, data.station_mm
+    ranges = tuple((low, high) for low, high in data.joint_ranges_deg)
+    return Workspace((cx, cy, cz), (sx, sy, sz), (x, y, z), ranges)
 
 
 def _transform(frame: Frame) -> Array:

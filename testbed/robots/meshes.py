@@ -15,12 +15,16 @@ import numpy as np
 from calib.arrays import Array, Index, frozen
 from calib.errors import InputError
 from calib.geometry.frames import rot_x, rot_y
+from testbed.robots.robot import IN_PLACE, Visual
+from testbed.robots.xml_gate import parse_xml
 
 Solid: TypeAlias = Any  # trimesh.Trimesh: its types are not checked here
 Axis = Literal["x", "y", "z"]
 Point = tuple[float, float, float]
 CREASE = np.radians(32.0)
 """Faces that meet at less than this are shaded as one surface [rad]."""
+COLLADA = "{http://www.collada.org/2005/11/COLLADASchema}COLLADA"
+"""Root of a DAE file."""
 GRID = 1e-5
 """Written coordinates are multiples of this [m]; closed solids stay closed on the grid."""
 
@@ -201,17 +205,46 @@ def load_mesh(path: str | Path) -> Mesh:
     InputError
         If the file is missing, cannot be read, is empty, or holds values that are not finite.
     """
+    vertices, faces, normals = read_mesh(Path(path))
+    if normals is None:
+        vertices, faces, normals = _shaded(vertices, faces)
+    return Mesh(frozen(vertices), frozen(faces, np.int64), frozen(normals))
+
+
+def part_mesh(visual: Visual) -> Mesh:
+    """Mesh of a part in the frame of its link [m]."""
+    found = load_mesh(visual.file)
+    if visual.affine == IN_PLACE:
+        return found
+    affine = np.array(visual.affine)
+    mirrors = np.linalg.det(affine[:3, :3]) < 0
+    normals = np.linalg.solve(affine[:3, :3].T, found.normals.T).T  # they stay normal to a scale
+    return Mesh(
+        frozen(found.vertices @ affine[:3, :3].T + affine[:3, 3]),
+        frozen(found.faces[:, ::-1] if mirrors else found.faces, np.int64),
+        frozen(normals / np.linalg.norm(normals, axis=1, keepdims=True)),
+    )
+
+
+def read_mesh(path: Path) -> tuple[Array, Index, Array | None]:
+    """Vertices (v, 3) and faces (f, 3) of a mesh file as they are, and its normals (v, 3), if any.
+
+    Raises
+    ------
+    InputError
+        As `load_mesh`.
+    """
     import trimesh
 
-    path = Path(path)
     if not path.is_file():
         raise InputError("no such mesh file", code="R7", where=str(path), field="file")
     data, kind = path.read_bytes(), path.suffix.lower().lstrip(".")
     if kind == "stl":
         _check_stl(path, data)
+    unit = _collada_unit(data, path) if kind == "dae" else 1.0
     try:
         loaded = trimesh.load(io.BytesIO(data), file_type=kind, force="mesh", process=False)
-        vertices = np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3)
+        vertices = np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3) * unit
         faces = np.asarray(loaded.faces, dtype=np.int64).reshape(-1, 3)
         own = b"\nvn " in data and kind == "obj"
         normals = np.asarray(loaded.vertex_normals, dtype=np.float64) if own else None
@@ -226,9 +259,9 @@ def load_mesh(path: str | Path) -> Mesh:
     if not len(faces) or not np.isfinite(vertices).all():
         problem = "has vertices that are not finite" if len(faces) else "has no faces"
         raise InputError(f"mesh {problem}", code="R10", where=str(path), field="file")
-    if normals is None or normals.shape != vertices.shape:
-        vertices, faces, normals = _shaded(vertices, faces)
-    return Mesh(frozen(vertices), frozen(faces, np.int64), frozen(normals))
+    if normals is not None and normals.shape != vertices.shape:
+        normals = None
+    return vertices, faces, normals
 
 
 def _shaded(vertices: Array, faces: Index) -> tuple[Array, Index, Array]:
@@ -240,6 +273,15 @@ def _shaded(vertices: Array, faces: Index) -> tuple[Array, Index, Array]:
     )
     unique, split = np.unique(corners, axis=0, return_inverse=True)
     return unique[:, :3], split.reshape(-1, 3).astype(np.int64), unique[:, 3:]
+
+
+def _collada_unit(data: bytes, path: Path) -> float:
+    """Metres per unit of a DAE file, which trimesh leaves to others."""
+    unit = parse_xml(data, COLLADA, where=str(path)).find("{*}asset/{*}unit")
+    try:
+        return float(unit.get("meter", "1")) if unit is not None else 1.0
+    except ValueError:
+        return float("nan")  # found not finite below
 
 
 def _check_stl(path: Path, data: bytes) -> None:

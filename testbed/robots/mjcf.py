@@ -8,7 +8,9 @@ import numpy as np
 from calib.arrays import Array
 from calib.geometry.chain import Chain
 from testbed.robots.catalog import Robot, Visual, body_name
+from testbed.robots.meshes import part_mesh
 from testbed.robots.placements import placements, quaternion_wxyz
+from testbed.robots.robot import IN_PLACE
 
 COLLIDES, DRAWN = 2, 1
 """Geom groups: parts whose hulls are tested for collision, parts that are only drawn."""
@@ -89,11 +91,30 @@ def set_geometry(model: Any, chain: Chain) -> None:
         model.site_pos[k], model.site_quat[k] = T[:3, 3], quaternion_wxyz(T[:3, :3])
 
 
-def mjcf_text(robot: Robot) -> str:
-    """The robot as MJCF text, every digit kept, mesh paths relative to its folder."""
+def always_touching(robot: Robot, q: Array) -> tuple[tuple[str, str], ...]:
+    """Pairs of bodies whose hulls touch at every one of the joint values q (m, n) [rad, m]."""
+    import mujoco
+
+    model = compile_spec(build_spec(robot.model.chain, robot))
+    data = mujoco.MjData(model)
+    common: set[tuple[int, int]] | None = None
+    for row in q:
+        data.qpos[:] = row
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        pairs = {(int(a), int(b)) for a, b in np.sort(model.geom_bodyid[data.contact.geom], axis=1)}
+        common = pairs if common is None else common & pairs
+        if not common:
+            return ()
+    return tuple((model.body(a).name, model.body(b).name) for a, b in sorted(common or ()))
+
+
+def mjcf_text(robot: Robot, *, comment: str = "") -> str:
+    """The geometry of a robot as MJCF text, every digit kept, mesh paths relative to its folder."""
     spec = build_spec(robot.model.chain, robot)
     spec.compile()
-    return str(spec.to_xml())
+    said = f"<!-- {comment.replace('--', '-')} -->\n" if comment else ""
+    return said + str(spec.to_xml())
 
 
 def write_mjcf(robot: Robot, path: Path) -> None:
@@ -117,7 +138,18 @@ def _add_part(spec: Any, body: Any, visual: Visual, folder: Path) -> None:
     """Add one drawn part, weightless; its hull collides if the part does."""
     import mujoco
 
-    spec.add_mesh(name=visual.name, file=visual.file.relative_to(folder).as_posix())
+    if visual.affine == IN_PLACE and visual.file.suffix.lower() == ".obj":
+        spec.add_mesh(name=visual.name, file=visual.file.relative_to(folder).as_posix())
+    else:  # other formats and places go in as numbers
+        found = part_mesh(visual)
+        places, index = np.unique(found.vertices, axis=0, return_inverse=True)
+        faces = index.reshape(-1)[found.faces]
+        spec.add_mesh(
+            name=visual.name,
+            uservert=places.astype(np.float32).ravel(),
+            userface=faces.astype(np.int32).ravel(),
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+        )
     body.add_geom(
         name=visual.name,
         type=mujoco.mjtGeom.mjGEOM_MESH,

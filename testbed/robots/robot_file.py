@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
+from calib.geometry.chain import chain_names
 from testbed.robots.strict_toml import Strict, did_you_mean
 
 Vector = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
@@ -87,6 +88,35 @@ class Frame(Strict):
     rotation_vector_deg: Vector = (0.0, 0.0, 0.0)
 
 
+class WorkspaceBox(Strict):
+    """[workspace]: where the arm is at work and a tracker sees it, base frame."""
+
+    box_center_mm: Vector
+    box_size_mm: Annotated[tuple[Positive, ...], Field(min_length=3, max_length=3)]
+    station_mm: Vector
+    joint_ranges_deg: tuple[
+        Annotated[tuple[float, ...], Field(min_length=2, max_length=2)], ...
+    ] = ()
+
+
+class JointTermEntry(Strict):
+    """[[joint_terms]]: one wave of a joint's error, wave(weights . q) times its coefficient."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z][A-Za-z0-9_.]*$", max_length=64)]
+    joint: Annotated[int, Field(ge=1)]
+    wave: Literal["sin", "cos"]
+    weights: tuple[int, ...]
+    coefficient_deg: float | None = None
+    coefficient_mm: float | None = None
+
+    @model_validator(mode="after")
+    def _has_one_coefficient(self) -> "JointTermEntry":
+        """Degrees for a turning joint or millimeters for a sliding one."""
+        if (self.coefficient_deg is None) == (self.coefficient_mm is None):
+            raise ValueError(f"{self.name} needs coefficient_deg or coefficient_mm, one of them")
+        return self
+
+
 class Part(Strict):
     """One mesh file: on which body it sits, its color, whether it can hit others."""
 
@@ -130,23 +160,49 @@ class RobotFile(Drawn):
     floor_mm: float = 0.0
     base: Frame = Frame()
     tool: Frame = Frame()
+    workspace: WorkspaceBox | None = None
     joints: Annotated[
         tuple[Annotated[RevoluteLink | PrismaticLink, Field(discriminator="kind")], ...],
         Field(min_length=1),
     ]
     never_collide: tuple[Annotated[tuple[int, ...], Field(min_length=2, max_length=2)], ...] = ()
     free_sets: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    joint_terms: tuple[JointTermEntry, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @model_validator(mode="after")
     def _links_exist(self) -> "RobotFile":
         """Parts and exclusions name bodies from 0 (base) to n."""
         n = len(self.joints)
+        ranges = self.workspace.joint_ranges_deg if self.workspace else ()
+        if ranges and len(ranges) != n:
+            raise ValueError(f"workspace: joint_ranges_deg has {len(ranges)} of {n} joints")
         for part in self.parts:
             if part.link > n:
                 raise ValueError(f"part {part.name} is on link {part.link}; the last is {n}")
         for pair in self.never_collide:
             if not all(0 <= link <= n for link in pair) or pair[0] == pair[1]:
                 raise ValueError(f"never_collide has {list(pair)}; allowed: two of 0 to {n}")
+        return self
+
+    @model_validator(mode="after")
+    def _joint_terms_fit(self) -> "RobotFile":
+        """Terms have names of their own, name joints that exist and weigh every joint."""
+        n = len(self.joints)
+        seen = set(chain_names(n))
+        for term in self.joint_terms:
+            if term.name in seen:
+                raise ValueError(f"joint_terms: {term.name} is the name of another number")
+            seen.add(term.name)
+            if term.joint > n:
+                raise ValueError(
+                    f"joint_terms: {term.name} is on joint {term.joint}; there are {n}"
+                )
+            if len(term.weights) != n:
+                raise ValueError(
+                    f"joint_terms: {term.name} has {len(term.weights)} weights; one for each of "
+                    f"{n} joints"
+                )
         return self
 
 

@@ -52,9 +52,10 @@ def read_toml(path: Path, schema: type[Schema]) -> Schema:
         ) from error
     try:
         tables = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # ValueError: a number of thousands of digits
+        told = isinstance(error, tomllib.TOMLDecodeError) and str(error)
         raise InputError(
-            f"not valid TOML: {error or 'nested too deeply'}",
+            f"not valid TOML: {told or 'nested too deeply, or an endless number'}",
             code="S38",
             where=str(path),
             field="file",

@@ -1,45 +1,35 @@
-"""URDF out and in, through yourdfpy: a robot as URDF, and any serial arm's URDF as a chain."""
+"""A robot as URDF, through yourdfpy; `urdf_read` is the way back."""
 
 import io
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from calib.arrays import Array, frozen
-from calib.errors import InputError
-from calib.geometry.chain import Chain, JointKind
+from calib.arrays import Array
 from calib.geometry.frames import slide
-from testbed.robots.axes import chain_from_axes
 from testbed.robots.catalog import Robot, Visual
 from testbed.robots.placements import placements, tidy
-from testbed.robots.strict_toml import did_you_mean
-from testbed.robots.urdf_checks import check_urdf
-from testbed.robots.xml_gate import read_xml
 
 NO_EFFORT_LIMIT = 1000.0
 """URDF wants an effort limit [N m or N]; ours is not known."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class UrdfArm:
-    """A serial arm found in a URDF."""
-
-    chain: Chain
-    """Its geometry, from the root link to the tip [m, rad]."""
-    joint_names: tuple[str, ...]
-    """(n,) names of the moving joints, base to tip."""
-    limits: Array
-    """(n, 2) joint limits; -inf, inf for a continuous joint [rad or m]."""
-    speeds: Array
-    """(n,) largest joint speeds, inf where not given [rad/s or m/s]."""
-    notes: tuple[str, ...]
-    """What is legal but odd, in sentences."""
+FOR_MUJOCO = (
+    b'\n  <mujoco><compiler discardvisual="false" fusestatic="false" strippath="false"/></mujoco>'
+)
+"""Its compiler drops visuals, fixed links and the folders of meshes unless told otherwise."""
 
 
 def write_urdf(robot: Robot, path: Path) -> None:
-    """Write the nominal robot as URDF, every digit kept, mesh paths relative to its folder.
+    """Write the geometry of a robot as URDF; see `urdf_bytes`."""
+    path.write_bytes(urdf_bytes(robot))
+
+
+def urdf_bytes(robot: Robot, *, comment: str = "", for_mujoco: bool = False) -> bytes:
+    """The geometry of a robot as URDF, every digit kept, mesh paths relative to its folder.
+
+    With `for_mujoco` it says inside what MuJoCo needs to load it as it is: meshes in their folder,
+    all links kept. Other readers skip that.
 
     Links: world, base, link_1 ... link_n with the body frames of `placements`, flange, tool0.
     """
@@ -66,9 +56,11 @@ def write_urdf(robot: Robot, path: Path) -> None:
                 limit=y.Limit(NO_EFFORT_LIMIT, robot.speeds[i], lower, upper),
             )
         )
+    # MuJoCo wants names of their own for what collides
+    hull = "_hull" if for_mujoco else ""
     by_name = {link.name: link for link in out.links}
     for visual in robot.visuals:
-        _add_part(by_name[_link_name(visual.link)], visual, robot.folder, palette)
+        _add_part(by_name[_link_name(visual.link)], visual, robot.folder, palette, hull)
     out.materials = list(palette.values())
     _add_fixed(out, _link_name(chain.n_joints), "flange", flange)
     _add_fixed(out, "flange", "tool0", tidy(chain.T_flange_tool))
@@ -77,105 +69,13 @@ def write_urdf(robot: Robot, path: Path) -> None:
     ).write_xml()
     text = io.BytesIO()
     document.write(text, xml_declaration=True, encoding="UTF-8", pretty_print=True)
-    path.write_bytes(text.getvalue())
-
-
-def read_urdf_chain(path: str | Path, *, tip: str = "tool0") -> Chain:
-    """Chain of the serial arm from the root link to `tip`; see `read_urdf`."""
-    return read_urdf(path, tip=tip).chain
-
-
-def read_urdf(
-    path: str | Path,
-    *,
-    tip: str = "tool0",
-    mesh_root: Path | None = None,
-    allow_missing_meshes: bool = False,
-) -> UrdfArm:
-    """Read the serial arm that ends at link `tip`: any axes, revolute or prismatic.
-
-    The link numbers are a choice (the gauge); poses are not: they equal the URDF's.
-
-    Raises
-    ------
-    InputError
-        R1 to R7 and R11 to R17: file and line, what was found, what was expected.
-    """
-    from yourdfpy import URDF
-
-    path = Path(path)
-    root = read_xml(path, "robot")
-    notes = check_urdf(root, path, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes)
-    model = URDF.load(
-        io.BytesIO(path.read_bytes()),
-        build_scene_graph=False,
-        load_meshes=False,
-        filename_handler=str,
-    )
-    T = np.eye(4)
-    moving, points, axes = [], [], []
-    for joint in _path_to(model, tip, path):
-        T = T if joint.origin is None else T @ joint.origin
-        if joint.type == "fixed":
-            continue
-        if joint.mimic is not None or joint.type not in ("revolute", "continuous", "prismatic"):
-            kind = "a mimic joint" if joint.mimic is not None else joint.type
-            raise InputError(
-                f"joint {joint.name} is {kind}",
-                code="R16",
-                where=str(path),
-                field="type",
-                value=joint.type,
-                allowed="revolute, continuous, prismatic or fixed, each moving on its own",
-            )
-        moving.append(joint)
-        points.append(T[:3, 3])
-        axes.append(T[:3, :3] @ (joint.axis / np.linalg.norm(joint.axis)))
-    if not moving:
-        raise InputError(
-            f"no joint moves {tip}", code="R16", where=str(path), field="tip", value=tip
-        )
-    kinds: list[JointKind] = [
-        "prismatic" if joint.type == "prismatic" else "revolute" for joint in moving
-    ]
-    return UrdfArm(
-        chain=chain_from_axes(np.array(points), np.array(axes), kinds, T),
-        joint_names=tuple(joint.name for joint in moving),
-        limits=frozen([_limits(joint) for joint in moving]),
-        speeds=frozen([_speed(joint) for joint in moving]),
-        notes=tuple(notes),
-    )
-
-
-def _path_to(model: Any, tip: str, path: Path) -> list[Any]:
-    """Joints from the root link to the link `tip`."""
-    if tip not in model.link_map:
-        raise InputError(
-            f'there is no link "{tip}"',
-            code="R16",
-            where=str(path),
-            field="tip",
-            value=tip,
-            fix=did_you_mean(tip, model.link_map),
-        )
-    above = {joint.child: joint for joint in model.robot.joints}
-    joints = []
-    while tip in above:
-        joints.append(above[tip])
-        tip = above[tip].parent
-    return joints[::-1]
-
-
-def _limits(joint: Any) -> tuple[float, float]:
-    """Lower and upper limit [rad or m]; a limit left out is 0 in URDF."""
-    if joint.type == "continuous":
-        return -np.inf, np.inf
-    return joint.limit.lower or 0.0, joint.limit.upper or 0.0
-
-
-def _speed(joint: Any) -> float:
-    """Largest speed [rad/s or m/s]."""
-    return float(joint.limit.velocity) if joint.limit and joint.limit.velocity else np.inf
+    if not (comment or for_mujoco):
+        return text.getvalue()
+    told = FOR_MUJOCO if for_mujoco else b""
+    said = f"<!-- {comment.replace('--', '-')} -->\n".encode() if comment else b""
+    start, tag, rest = text.getvalue().partition(b"<robot ")
+    name, close, parts = rest.partition(b">")
+    return start + said + tag + name + close + told + parts
 
 
 def _link_name(link: int) -> str:
@@ -202,7 +102,7 @@ def _inertial(robot: Robot, i: int) -> Any:
     )
 
 
-def _add_part(link: Any, visual: Visual, folder: Path, palette: dict[Any, Any]) -> None:
+def _add_part(link: Any, visual: Visual, folder: Path, palette: dict[Any, Any], hull: str) -> None:
     """A drawn part, and its mesh again as collision shape if it collides."""
     from yourdfpy import urdf as y
 
@@ -215,4 +115,6 @@ def _add_part(link: Any, visual: Visual, folder: Path, palette: dict[Any, Any]) 
         y.Visual(name=visual.name, origin=np.eye(4), geometry=shape, material=material)
     )
     if visual.collides:
-        link.collisions.append(y.Collision(name=visual.name, origin=np.eye(4), geometry=shape))
+        link.collisions.append(
+            y.Collision(name=visual.name + hull, origin=np.eye(4), geometry=shape)
+        )

@@ -23,6 +23,8 @@ NUMBERS = {
 }
 """How many numbers each attribute holds."""
 WORDS = {1: "one number", 3: "three numbers, spaces between them", 4: "four numbers"}
+MOST_LINKS = 2000
+"""Far more than any arm has; what is checked per link stays quick."""
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
 
@@ -36,12 +38,49 @@ def check_urdf(
     InputError
         At the first thing that is wrong, with its line: R6, R7, R11 to R16.
     """
+    macro = next((one for one in root.iter("{*}*") if "xacro" in str(one.tag)), None)
+    if macro is not None:
+        raise _error(
+            "has xacro macros, which are not URDF yet",
+            "R2",
+            path,
+            macro,
+            "xacro",
+            fix="write them out first: xacro arm.xacro > arm.urdf",
+        )
+    if len(root.findall("link")) > MOST_LINKS:
+        raise _error(
+            f"there are {len(root.findall('link'))} links",
+            "R2",
+            path,
+            root,
+            "link",
+            allowed=f"at most {MOST_LINKS}",
+        )
     for element in root.iter(*NUMBERS):
         _check_numbers(element, path)
     _check_tree(root, path)
     notes = _check_limits(root, path)
     folder = (mesh_root or path.parent).resolve()
     return notes + _check_meshes(root, path, folder, allow_missing_meshes)
+
+
+def mesh_files(name: str, folder: Path) -> list[Path]:
+    """Where the mesh of a URDF may lie: below the folder, or below the package it names there."""
+    plain = name.removeprefix("file://").removeprefix("package://")
+    candidates = [folder / plain]
+    if name.startswith("package://"):  # the package's folder may be the root itself
+        candidates.append(folder / plain.partition("/")[2])
+    return candidates
+
+
+def angle_notes(largest: list[float]) -> list[str]:
+    """R19: sentences about the largest angles (n,) of turning joints that are in doubt [rad]."""
+    if largest and max(largest) > 4 * math.pi:
+        return [f"a joint limit is {max(largest):.6g} rad: were degrees taken for radians?"]
+    if largest and max(largest) < 0.12:
+        return [f"all joint limits are below {max(largest):.3g} rad: were radians converted twice?"]
+    return []
 
 
 def _error(
@@ -213,13 +252,7 @@ def _check_limits(root: Any, path: Path) -> list[str]:
             notes.append(f"joint {name} cannot move: lower and upper are both {lower:g}")
         elif kind == "revolute":
             turns.append(max(abs(lower), abs(upper)))
-    if turns and max(turns) > 4 * math.pi:
-        notes.append(f"a joint limit is {max(turns):g} rad; URDF angles are radians, not degrees")
-    if turns and max(turns) < 0.12:
-        notes.append(
-            f"all joint limits are below {max(turns):.3g} rad; were radians converted twice?"
-        )
-    return notes
+    return notes + angle_notes(turns)
 
 
 def _check_meshes(root: Any, path: Path, folder: Path, allow_missing: bool) -> list[str]:
@@ -239,10 +272,7 @@ def _check_meshes(root: Any, path: Path, folder: Path, allow_missing: bool) -> l
             )
         if not name:
             raise _error(f"{_name(mesh)} has no filename", "R7", path, mesh, "filename")
-        plain = name.removeprefix("file://").removeprefix("package://")
-        candidates = [folder / plain]
-        if name.startswith("package://"):  # the package's folder may be the root itself
-            candidates.append(folder / plain.partition("/")[2])
+        candidates = mesh_files(name, folder)
         outside = [file for file in candidates if not file.resolve().is_relative_to(folder)]
         if outside:
             raise _error(
@@ -264,7 +294,8 @@ def _check_meshes(root: Any, path: Path, folder: Path, allow_missing: bool) -> l
                     "filename",
                     value=name,
                     allowed=f"a file below {folder}",
-                    fix="or pass allow_missing_meshes",
+                    fix="give the folder that holds all meshes as mesh_root, or allow missing "
+                    "meshes",
                 )
             notes.append(f"mesh {name} is missing: {_name(mesh)}")
     return notes

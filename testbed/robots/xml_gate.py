@@ -10,7 +10,7 @@ LARGEST = 16 * 2**20
 DEEPEST = 256
 
 
-def read_xml(path: Path, root: str) -> Any:
+def read_xml(path: Path, *roots: str) -> Any:
     """Root element (lxml) of an XML file that may be trusted to be plain data.
 
     Nothing outside the file is read and nothing is expanded.
@@ -19,8 +19,8 @@ def read_xml(path: Path, root: str) -> Any:
     ----------
     path : Path
         File to read, in any encoding XML knows.
-    root : str
-        Tag the root element must have, e.g. ``robot``.
+    roots : str
+        Tags of which the root element must have one, e.g. ``robot``.
 
     Raises
     ------
@@ -43,13 +43,14 @@ def read_xml(path: Path, root: str) -> Any:
             value=size,
             allowed=f"at most {LARGEST}",
         )
-    return parse_xml(data, root, str(path))
+    return parse_xml(data, *roots, where=str(path))
 
 
-def parse_xml(data: bytes, root: str, where: str) -> Any:
+def parse_xml(data: bytes, *roots: str, where: str) -> Any:
     """`read_xml` of bytes in memory; `where` names them in errors."""
     from lxml import etree
 
+    root = "> or <".join(roots)
     if not data.strip():
         raise InputError(
             "is empty", code="R2", where=where, field="file", allowed=f"XML with root <{root}>"
@@ -64,7 +65,7 @@ def parse_xml(data: bytes, root: str, where: str) -> Any:
     document = element.getroottree().docinfo
     if document.doctype or document.internalDTD is not None:
         raise _doctype(where)
-    if element.tag != root:
+    if element.tag not in roots:
         raise InputError(
             f"the root element is <{element.tag}>",
             code="R2",

@@ -92,9 +92,9 @@ def test_no_discrepancy_is_zero_in_its_negative_directions():
     assert "no error beyond" in none.sentence
 
 
-def test_the_factor_is_hotellings():
-    rng = np.random.default_rng(3)
-    n, N = 40, 20_000
+@pytest.mark.parametrize("n", [12, 40])
+def test_the_factor_is_hotellings(n):
+    rng, N = np.random.default_rng(3), 20_000
     e = rng.standard_normal((N, n, 3))
     S = np.swapaxes(e, 1, 2) @ e / n
     new = rng.standard_normal((N, 3))

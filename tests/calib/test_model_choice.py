@@ -69,7 +69,7 @@ def with_base(T) -> Chain:
         (Chain(TX60_LINKS), True),
         (with_base(rot_x(0.5 * DEG)), True),
         (with_base(rot_x(5 * DEG)), False),
-        (with_base(rot_x(180 * DEG)), False),
+        (with_base(rot_x(180 * DEG)), True),
         (with_base(rot_y(90 * DEG)), False),
         (Chain(TX60_LINKS[:2]), False),
         (Chain(TX60_LINKS * ([1, 1, 0, 1, 1])), False),

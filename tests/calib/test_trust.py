@@ -34,6 +34,15 @@ def campaign(seed, droop=0.0, mode="whitened"):
     return truth, fit, found
 
 
+def test_what_is_known_to_be_missing_ends_belief_in_a_sound_fit():
+    _, fit, found = campaign(3)
+    ball = conformal(found.distance)
+    verdict = trust(fit, held_out=found, conformal=ball, known=["the station wanders"])
+    assert verdict.believe == "conformal"
+    assert not verdict.model_valid
+    assert verdict.sentences[0].endswith("not valid here: the station wanders")
+
+
 def test_a_sound_fit_is_believed_and_says_why():
     _, fit, found = campaign(3)
     verdict = trust(fit, held_out=found, conformal=conformal(found.distance))
@@ -111,6 +120,12 @@ def test_when_only_linearity_fails_the_replicates_are_believed():
     bent = dataclasses.replace(run, covariance=run.covariance / 4)
     verdict = trust(fit, bootstrap=bent)
     assert (verdict.believe, verdict.model_valid) == ("bootstrap", False)
+    # replicates that did not arrive say nothing
+    lost = dataclasses.replace(bent, unconverged=200)
+    assert (trust(fit, bootstrap=lost).believe, trust(fit, bootstrap=lost).model_valid) == (
+        "none",
+        False,
+    )
     failed = Validation("not validated", np.ones(2), np.ones(2), "first-order is not validated")
     assert trust(fit, bootstrap=run, validation=failed).believe == "bootstrap"
     assert trust(fit, validation=failed).believe == "none"

@@ -7,11 +7,30 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).resolve().parent
-SCENES = ("quick", "wen2022", "position_only", "pose_sets", "pose_sets_rigid", "coverage")
+SCENES = (
+    "quick",
+    "iiwa",
+    "wen2022",
+    "position_only",
+    "pose_sets",
+    "pose_sets_rigid",
+    "coverage",
+    "compensate",
+    "wen2022_reexamined",
+)
 SMALLER = {"studies.population": 8, "uncertainty.replications": 4}
 """What is played less often where the whole scene takes too long to play in a test."""
 LONG = ("pose_sets", "pose_sets_rigid")
-FEWER = {"coverage": {"coverage.robots": 8, "uncertainty.replications": 4}}
+FEWER: dict[str, dict[str, Any]] = {
+    "coverage": {"coverage.robots": 8, "uncertainty.replications": 4},
+    "compensate": {"compensation.robots": 6, "uncertainty.replications": 4},
+    "wen2022_reexamined": {
+        "reexamined.robots": 2,
+        "reexamined.pools": 1,
+        "uncertainty.repeats": 3,
+        "uncertainty.replications": 0,
+    },
+}
 """The same for scenes with numbers of their own."""
 
 

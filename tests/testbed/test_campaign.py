@@ -89,9 +89,9 @@ def test_held_out_poses_are_not_in_the_pool(small):
 
 def test_planning_and_identification_never_see_the_truth(small, monkeypatch):
     """The same readings under a falsified truth: same selection, same estimate, other judgment."""
-    settings = played(small, ["setting"])
-    honest = campaign.compute(small, "designed-29", settings.__getitem__)
-    setting = settings["setting"]
+    records = played(small, ["setting", "validation"])
+    honest = campaign.compute(small, "designed-29", records.__getitem__)
+    setting, visit = records["setting"], records["validation"]
     shifted = setting.test_true.copy()
     shifted[:, 0, 3] += 0.01
     lie = replace(
@@ -102,12 +102,18 @@ def test_planning_and_identification_never_see_the_truth(small, monkeypatch):
     monkeypatch.setattr(
         "testbed.setting.TrueRobot", lambda *_: TrueRobot(setting.true, np.zeros(6))
     )
-    told = campaign.compute(small, "designed-29", {"setting": lie}.__getitem__)
+    judges = replace(visit, judge_true=visit.judge_true + 0.01)
+    false = {"setting": lie, "validation": judges}
+    told = campaign.compute(small, "designed-29", false.__getitem__)
     assert np.array_equal(honest.selection.indices, told.selection.indices)
     for one, other in zip(honest.estimates, told.estimates, strict=True):
         assert same(one.identification, other.identification)
         assert np.array_equal(one.repeated, other.repeated)
         assert other.comparison.accuracy_after.mean > 0.009
+    one, other = (trial.estimates[0].statement for trial in (honest, told))
+    assert one.trust == other.trust
+    assert np.array_equal(one.radius, other.radius)
+    assert one.attained[0] > 0.5 > other.attained[0] == 0
 
 
 def test_the_campaign_gathers_what_was_asked_for(small):

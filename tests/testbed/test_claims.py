@@ -162,6 +162,19 @@ def test_two_u_of_the_optimal_set_does_not_hold_the_error_of_a_robot_that_sags()
     # with u a hundred times larger every error lies inside, but the region of the fit stays small
     wide = replace(campaign, tool_point=replace(study, distance_sd=100 * study.distance_sd))
     assert claims_accuracy.coverage(wide).verdict == "in part"
+    # one lucky calibration is no evidence where replications say what its region holds
+    first, *rest = rigid_campaign().trials
+    paper_mode = first.estimates[1]
+    shares = paper_mode.replications.tool_coverage
+    lucky = replace(
+        paper_mode,
+        comparison=replace(paper_mode.comparison, inside=np.ones(len(shares), dtype=bool)),
+    )
+    trial = replace(first, estimates=(first.estimates[0], lucky))
+    found = claims_accuracy.coverage(replace(rigid_campaign(), trials=(trial, *rest)))
+    assert shares.mean() < 0.6
+    assert found.verdict == "does not hold"
+    assert numbers(found.ours)[0] == pytest.approx(100 * shares.mean(), abs=0.5)
     assert claims_accuracy.claim_16(0.7, 0.95) == "holds"
     assert claims_accuracy.claim_16(0.69, 0.69) == "does not hold"
 

@@ -338,6 +338,11 @@ def test_the_report_of_many_trials_opens_with_the_contest():
     for trial in campaign.trials:
         assert trial.name in text
     assert "16 comparisons" in text
+    # the first words answer the scene's question; the first trial's own comes last
+    assert "of 16 chosen pose sets beat random ones of their size" in page.mark
+    assert page.verdict.startswith("Of 16 chosen sets")
+    assert "mean tool error on held-out poses" in page.reasons[-1]
+    assert page.next_step.startswith(("Take the set shown best", "No set is shown to be better"))
     assert forest(contest_of(campaign)).startswith("<svg")
     figures = headline(campaign)["population"]["trials"]
     assert {"against_random" in figures[name] for name in ("random-15", "random-29")} == {False}

@@ -265,6 +265,34 @@ def test_number_checks_pass_honest_numbers_and_fail_a_claim_too_small():
     assert not numbers_check(study).passed
 
 
+def test_one_number_in_thirty_may_stray_as_far_as_one_of_thirty_does():
+    """The worst of many honest numbers is outside the band of one, and no alarm."""
+    z = np.random.default_rng(12).standard_normal((30, 200))
+    z[0] = np.linspace(-1.9, 1.9, 200)
+    z[0, :17] = 2.5  # 91.5 % inside; one number alone must reach 90 %, the least of thirty 88 %
+    ones = np.full((2, 3, 200), 0.95)
+    names = tuple(str(k) for k in range(30))
+    found = numbers_check(synthetic(ones, names=names, normal_error=z, nees=(z**2).sum(axis=0)))
+    low, high = stats.binom.ppf([0.0005 / 30, 1 - 0.0005 / 30], 200, 0.95) / 200
+    np.testing.assert_allclose(found.band, [low, high], atol=0.005)
+    alone = min(stats.kstest(stats.norm.cdf(row), "uniform").pvalue for row in z)
+    assert found.rank_p == pytest.approx(min(1.0, 30 * alone), rel=0.1)
+
+
+def test_the_model_based_region_holds_what_a_station_gets_wrong_all_along():
+    """Without the systematic part the same regions would hold a few percent."""
+    changes = {
+        "tracker": {"preset": "at960", "systematic": True},
+        "coverage.truths": ["rigid"],
+        "coverage.robots": 6,
+    }
+    (study,) = played("coverage", SMALL | changes).coverage
+    assert (study.inside.mean(axis=2) > 0.9).all()
+    # mean of six chi-square values with 30 degrees of freedom; 1e-6 tails
+    low, high = stats.chi2.ppf([1e-6, 1 - 1e-6], 180) / 6
+    assert low < study.nees.mean() < high
+
+
 def test_the_distribution_test_is_the_textbook_one():
     values = np.random.default_rng(6).random(200) ** 1.1
     # the asymptotic law with its correction is good to a few percent of p
@@ -324,6 +352,10 @@ def test_the_report_opens_with_the_answer_and_has_every_cell(campaign):
     table = section.blocks[3]
     assert [row[1] for row in table.rows] == ["geometric", "extended"] * 5
     assert page_of(campaign, VERSIONS).sections[0] == section or section.anchor == "coverage"
+    page = page_of(campaign, VERSIONS)
+    assert page.verdict.replace("µ", "u").split() == section.blocks[0].text.split()
+    assert page.mark.startswith(("✗ The model-based interval falls short", "✓ The model-based"))
+    assert 'model = "choose"' in page.next_step
     assert headline(campaign)["coverage"]["truths"]["rigid"]["numbers"]["count"] == 30
     assert arrays(campaign)["coverage/soft/inside"].shape == (2, 3, 3)
 
@@ -346,6 +378,8 @@ def test_scenes_without_the_study_say_nothing_of_it():
         ({"coverage.level": 1.0}, "0.999 or smaller"),
         ({"coverage.robots": 1}, "robots is 1; 0 skips it"),
         ({"tracker.measures": "point"}, "needs full poses"),
+        ({"identification.loss": "huber"}, "plays least squares and the weak prior"),
+        ({"identification.prior": {"angles_deg": 0.2}}, "remove prior, or write robots = 0"),
     ],
 )
 def test_what_the_study_cannot_be_is_refused(changes, message):
@@ -361,5 +395,6 @@ def test_an_arm_without_closed_gravity_is_refused_by_name_and_may_play_the_rest(
     wall = on_a_wall()
     with pytest.raises(InputError, match='truths has "wen2022", whose joints sag'):
         check_robot(load_scenario("coverage"), wall, where="x.toml")
-    rest = changed(load_scenario("coverage"), {"coverage.truths": ["rigid", "elastic"]})
+    changes = {"coverage.truths": ["rigid", "elastic"], "truth.gravity_mdeg": [0.0, 0.0, 0.0]}
+    rest = changed(load_scenario("coverage"), changes)
     check_robot(rest, wall, where="x.toml")

@@ -158,7 +158,8 @@ def test_f5_an_interrupted_run_prints_the_command_that_goes_on(tmp_path, scene, 
 
 def test_f3_the_command_says_exit_code_3_when_the_disk_is_full(tmp_path, scene):
     words = f"-m tests.testbed.fake_command run {scene} --out {tmp_path}/x"
-    limit = f"ulimit -f 2; exec {sys.executable} {words}"
+    # above the resolved scenario, below the first record, in KiB
+    limit = f"ulimit -f 3; exec {sys.executable} {words}"
     done = subprocess.run(
         ["bash", "-c", limit], cwd=ROOT, capture_output=True, text=True, check=False, timeout=60
     )

@@ -15,8 +15,20 @@ import pytest
 from calib.errors import CalibError
 from calib.geometry.frames import rot_x
 from calib.geometry.model import RobotModel
+from calib.geometry.parameters import parameters_of
+from calib.identification.prior import Prior
+from calib.measurement.observations import pose_measurements
+from calib.measurement.residual import table_whiteners
+from calib.uncertainty.adaptive import spread
+from calib.uncertainty.bootstrap import bootstrap
+from calib.uncertainty.conformal import conformal
+from calib.uncertainty.discrepancy import discrepancy
+from calib.uncertainty.held_out import HeldOut, held_out
 from testbed.archive import read_result, recording_of
 from testbed.checks import check_robot
+from testbed.files.program import correct_program
+from testbed.laboratory.cube import cube_joints, cube_poses
+from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.truth import draw_truth
 from testbed.output import layout
 from testbed.output.plan_folder import check_free
@@ -26,6 +38,7 @@ from testbed.planning.joint_lists import read_joints
 from testbed.robots.catalog import load_robot
 from testbed.runner import play_run
 from testbed.scenario import load_scenario, parse_scenario, scenario_of
+from testbed.settings_compensation import CompensationSettings
 from testbed.streams import stream
 from tests.planned import QUICK, ROBOT, scenario
 from tests.testbed.fake_campaign import SCENARIO, Fake
@@ -109,6 +122,23 @@ def foreign_folder(path):
     RunFolder.create(path, overwrite=True)
 
 
+def cube_of(**compensation):
+    """Joints for the five poses of a test."""
+    chain, settings = ROBOT.model.chain, CompensationSettings(**compensation)
+    return cube_joints(ROBOT, Simulator(ROBOT, chain), cube_poses(settings, chain.T_world_base))
+
+
+def program(content, out="corrected.csv"):
+    """A program of the shipped robot, corrected by its own model."""
+
+    def act(path):
+        path.mkdir(parents=True, exist_ok=True)
+        (path / "program.csv").write_text(content, encoding="utf-8")
+        correct_program(path / "program.csv", ROBOT, ROBOT.model, path / out)
+
+    return act
+
+
 def planned(**changes):
     return lambda _: plan(scenario(QUICK, **changes), where="scenes/mine.toml")
 
@@ -126,6 +156,28 @@ def measured(rows):
 def plan_like(path):
     path.mkdir()
     (path / "plan.json").write_text("{}")
+
+
+def with_prior(**prior):
+    return with_table(identification={"prior": prior})
+
+
+def checked(**tables):
+    """A scenario asked of its robot."""
+    scenario = scenario_of(deepcopy(SCENARIO) | tables)
+    return lambda _: check_robot(scenario, ROBOT, where="scenes/mine.toml")
+
+
+def shots(count, covariance=1e-10):
+    """So many noise-free poses of the nominal robot, all different."""
+    q = np.linspace(0.1, 0.9, 6 * count).reshape(count, 6)
+    stated = np.broadcast_to(covariance * np.eye(6), (count, 6, 6))
+    return pose_measurements(q, ROBOT.model.poses(q), stated)
+
+
+def compared(validation, used):
+    """The nominal robot at validation poses."""
+    return lambda _: held_out(ROBOT.model, np.zeros((42, 42)), validation, used.q)
 
 
 CASES = {
@@ -180,6 +232,21 @@ CASES = {
     "play by the posture of a wall robot": lambda _: draw_truth(
         on_a_wall(), outcome_settings("unmodelled", gravity_mdeg=[0, 0, 0]), 0
     ),
+    "sag on seven axes": played(
+        robot="kuka_iiwa7",
+        truth={"preset": "wen2022"},
+        identification={"estimators": ["whitened"]},
+    ),
+    "ranges of six joints for seven": played(
+        robot="kuka_iiwa7",
+        identification={"estimators": ["whitened"]},
+        pool={"joint_ranges_deg": [[-90, 90]] * 6},
+    ),
+    "a joint beyond its limit": played(
+        robot="kuka_iiwa7",
+        identification={"estimators": ["whitened"]},
+        pool={"joint_ranges_deg": [[-90, 90]] * 6 + [[-90, 180]]},
+    ),
     "springs too soft": lambda _: draw_truth(
         load_robot("staubli_tx60"), outcome_settings("elastic", drive_nm_per_mrad=[0.5] * 6), 0
     ).poses(np.full((1, 6), 0.5)),
@@ -222,6 +289,18 @@ CASES = {
         identification={"estimators": ["whitened"]},
         coverage={"robots": 8},
     ),
+    "compensation of one robot": with_table(compensation={"robots": 1}),
+    "compensation of a kind twice": with_table(
+        compensation={"robots": 8, "truths": ["rigid", "rigid"]}
+    ),
+    "compensation with missed shots": with_table(
+        compensation={"robots": 8}, tracker={"preset": "at960", "missed": 1}
+    ),
+    "compensation in two cycles": with_table(compensation={"robots": 8, "cycles": 2}),
+    "compensation at poses out of reach": lambda _: cube_of(center_mm=(900.0, 0.0, 100.0)),
+    "a program without orientations": program("x_mm,y_mm,z_mm\n300,0,200\n"),
+    "a program that is corrected already": program("q1_deg,status\n10,reached\n"),
+    "a program that would be overwritten": program("q1_deg\n10\n", out="program.csv"),
     "coverage of a wall robot": lambda _: check_robot(
         scenario_of(deepcopy(SCENARIO) | {"coverage": {"robots": 8}}), on_a_wall(), where="x.toml"
     ),
@@ -296,6 +375,39 @@ CASES = {
     ),
     "output is no plan": lambda path: (
         path.mkdir(), (path / "thesis.tex").write_text(""), check_free(path, overwrite=True)
+    ),
+    "no noise": with_table(tracker={"position_um": 0}),
+    "no noise along the beam": with_table(tracker={"preset": "at960", "range_um": [0, 0.15]}),
+    "outliers at every held-out pose": with_table(
+        tracker={"preset": "at960", "outliers": 3}, test={"poses": 3}
+    ),
+    "prior of no width": with_prior(angles_deg=0),
+    "prior of negative width": with_prior(harmonics_mdeg=[20, -1], sd_mm={"d3": -1}),
+    "prior in words": with_prior(lengths_mm="weak"),
+    "prior by a slip": with_prior(angels_deg=0.1),
+    "prior in another unit": with_prior(angles_mdeg=3),
+    "prior of unknown numbers": checked(identification={"prior": {"sd_deg": {"alpha22": 1}}}),
+    "prior of a number held fixed": checked(
+        identification={"base": "fixed", "prior": {"sd_mm": {"base.x": 5}}}
+    ),
+    "prior of an angle in mm": checked(identification={"prior": {"sd_mm": {"alpha2": 0.1}}}),
+    "prior of the paper": with_table(identification={"estimators": ["paper"], "prior": {}}),
+    "model nobody knows": with_table(identification={"model": "extende"}),
+    "loss nobody knows": with_table(identification={"loss": "welsch"}),
+    "prior that is not positive definite": lambda _: Prior.of_precision(
+        [0, 0], [[1, 2], [2, 1]], ("d1", "d2")
+    ),
+    "prior without spread": lambda _: Prior([0], [0], ("d1",)),
+    "covariance that is not positive definite": lambda _: table_whiteners(shots(3, -1e-10)),
+    "validation without noise": compared(shots(20, 0.0), shots(2)),
+    "validation that was identified from": compared(shots(20), shots(20)),
+    "18 validation poses": lambda _: conformal(np.ones(18)),
+    "9 validation poses": lambda _: discrepancy(
+        HeldOut(np.zeros((9, 3)), np.zeros((9, 3, 3)), np.zeros((9, 3, 3)), 0.0, 1.0)
+    ),
+    "draws too few for the coverage": lambda _: spread(np.arange(1999.0), probability=0.95),
+    "replicates too few": lambda _: bootstrap(
+        ROBOT.model, shots(30), parameters_of(ROBOT.model), np.random.default_rng(0), replicates=99
     ),
 }  # fmt: skip
 

@@ -137,7 +137,7 @@ def test_the_tracker_can_turn_and_tilt_without_touching_itself():
 
 
 def test_robots_are_found_by_name_folder_and_file():
-    assert robot_names() == ["staubli_tx60"]
+    assert robot_names() == ["kuka_iiwa7", "staubli_tx60", "universal_ur10"]
     for way in ("staubli_tx60", TX60.folder, str(TX60.folder / "robot.toml")):
         assert load_robot(way).name == "staubli_tx60"
 
@@ -154,7 +154,7 @@ def test_results_cannot_be_changed():
 def test_an_unknown_robot_is_answered_with_the_likely_one():
     with pytest.raises(InputError, match='did you mean "staubli_tx60"'):
         load_robot("staubli_tx6")
-    with pytest.raises(InputError, match="there is staubli_tx60"):
+    with pytest.raises(InputError, match="there is kuka_iiwa7, staubli_tx60, universal_ur10"):
         load_robot("qwertyuiop")
 
 

@@ -9,7 +9,7 @@ import trimesh
 
 from calib.errors import InputError
 from testbed import assets
-from testbed.robots.catalog import load_robot
+from testbed.robots.catalog import load_robot, robot_names
 from testbed.robots.generate import generate_robot, main, model_names
 from tests.testbed.robot_cases import TX60
 
@@ -35,13 +35,14 @@ def test_the_same_files_are_made(made):
         assert relative_files(made / name, suffixes) == relative_files(shipped / name, suffixes)
 
 
-@pytest.mark.parametrize("file", ["staubli_tx60.urdf", "staubli_tx60.xml"])
-def test_the_committed_description_equals_its_regeneration_byte_for_byte(made, file):
-    name = "staubli_tx60"
-    assert (made / name / file).read_bytes() == (assets.models() / name / file).read_bytes()
+@pytest.mark.parametrize("suffix", ["urdf", "xml"])
+@pytest.mark.parametrize("name", robot_names())
+def test_the_committed_description_equals_its_regeneration_byte_for_byte(made, name, suffix):
+    file = f"{name}/{name}.{suffix}"
+    assert (made / file).read_bytes() == (assets.models() / file).read_bytes()
 
 
-@pytest.mark.parametrize("name", ["staubli_tx60", "laser_tracker"])
+@pytest.mark.parametrize("name", model_names())
 def test_the_committed_meshes_equal_their_regeneration(made, name):
     """Same text, or the same solid: the Boolean kernel may cut faces differently on another CPU.
 
@@ -85,7 +86,7 @@ def test_parts_and_drawing_must_name_the_same_things(tmp_path):
     with pytest.raises(InputError, match="differ in wrist_caps"):
         generate_robot(tmp_path / "robot.toml", tmp_path)
     (tmp_path / "robot.toml").write_text(text.replace('drawing = "staubli_tx60"', 'drawing = "x"'))
-    with pytest.raises(InputError, match="there is staubli_tx60"):
+    with pytest.raises(InputError, match="there is kuka_iiwa7, staubli_tx60, universal_ur10"):
         generate_robot(tmp_path / "robot.toml", tmp_path)
 
 

@@ -22,7 +22,14 @@ UNSTABLE = ("certificate", "p_value", "sentence", "reasons")
 PLANS = ("plan_tx60",)
 """Scenes made for `truebed plan`, which knows no truth; test_plan*.py look at them."""
 
-played = cache(headline_of)
+RARELY = "pose_sets_rigid"
+"""Takes long and runs the same code as pose_sets: its golden numbers are a study."""
+
+
+@cache
+def golden(scene):
+    """The golden headline of a scene; that a scene plays to it is a test of its own."""
+    return json.loads(golden_file(scene).read_text(encoding="utf-8"))
 
 
 def differences(golden, now, path=""):
@@ -42,10 +49,14 @@ def differences(golden, now, path=""):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("scene", [scene for scene in SCENES if scene != RARELY])
 def test_headline_numbers_are_the_golden_ones(scene):
-    golden = json.loads(golden_file(scene).read_text(encoding="utf-8"))
-    assert differences(golden, played(scene)) == []
+    assert differences(golden(scene), headline_of(scene)) == []
+
+
+@pytest.mark.study
+def test_headline_numbers_of_a_long_scene_are_the_golden_ones():
+    assert differences(golden(RARELY), headline_of(RARELY)) == []
 
 
 def test_every_shipped_scene_has_a_golden_file_or_is_a_plan():
@@ -57,28 +68,25 @@ def test_every_shipped_scene_has_a_golden_file_or_is_a_plan():
 def test_every_scene_has_its_line_in_the_scenes_readme(scene):
     text = (scenes() / "README.md").read_text(encoding="utf-8")
     line = next(line for line in text.splitlines() if line.startswith(f"| `{scene}`"))
-    golden = json.loads(golden_file(scene).read_text(encoding="utf-8"))
-    first = golden["trials"][load_scenario(scene).trial[0].name]["estimates"]["whitened"]
+    first = golden(scene)["trials"][load_scenario(scene).trial[0].name]["estimates"]["whitened"]
     before, after = (first[f"held_out_{when}"]["mean_mm"] for when in ("before", "after"))
     stated = re.search(r"mean held-out error ([0-9.]+) -> ([0-9.]+) mm", line)
     for text, value in zip(stated.groups(), (before, after), strict=True):
         assert text == f"{value:.{len(text.split('.')[1])}f}"
 
 
-@pytest.mark.slow
 def test_designed_sets_beat_every_random_set_in_their_own_index():
     for scene in SCENES:
-        for name, sets in played(scene)["random_sets"].items():
-            if played(scene)["trials"][name]["method"] == "best_of_random":
+        for name, sets in golden(scene).get("random_sets", {}).items():
+            if golden(scene)["trials"][name]["method"] == "best_of_random":
                 # one of a hundred like those it is compared with
                 assert sets["beaten"] > 90, (scene, name)
                 continue
             assert sets["beaten"] == sets["of"] == 100, (scene, name)
 
 
-@pytest.mark.slow
 def test_the_statement_holds_on_a_rigid_robot_and_fails_where_the_joints_sag():
-    quick, paper = played("quick"), played("wen2022")
+    quick, paper = golden("quick"), golden("wen2022")
     for trial in quick["trials"].values():
         assert trial["estimates"]["whitened"]["believable"]
         # unweighted rows claim 12 m - p degrees of freedom and the wrong weights
@@ -86,14 +94,13 @@ def test_the_statement_holds_on_a_rigid_robot_and_fails_where_the_joints_sag():
     for trial in paper["trials"].values():
         assert not trial["estimates"]["whitened"]["believable"]
         assert trial["estimates"]["whitened"]["p_value"] < 1e-3
-    assert "must not be believed" in paper["verdict"]["sentence"]
+    assert "model-based interval is not valid" in paper["verdict"]["sentence"]
     assert "can be believed" in quick["verdict"]["sentence"]
 
 
-@pytest.mark.slow
 def test_the_pose_sets_are_the_same_on_both_kinds_of_robots_and_promise_the_same():
     """The promise comes from the nominal robot; whether it is kept depends on the true ones."""
-    soft, rigid = (played(scene)["population"]["trials"] for scene in LONG)
+    soft, rigid = (golden(scene)["population"]["trials"] for scene in LONG)
     kept = []
     for name, trial in soft.items():
         u = trial["promised_u_3d_rms_mm"]
@@ -105,16 +112,14 @@ def test_the_pose_sets_are_the_same_on_both_kinds_of_robots_and_promise_the_same
     assert np.mean(kept) == pytest.approx(1.0, abs=0.09)
 
 
-@pytest.mark.slow
 def test_one_reflector_tells_27_numbers_apart():
-    for trial in played("position_only")["trials"].values():
+    for trial in golden("position_only")["trials"].values():
         assert trial["estimates"]["whitened"]["rank"] == 27
 
 
-@pytest.mark.slow
 def test_wen2022_repeats_the_printed_tool_point_figures():
     """Zero pose, u of |P|: 0.0030 mm from Table 3 (the printed 0.0034 is a misprint) and 0.031."""
-    figures = played("wen2022")["tool_point"]
+    figures = golden("wen2022")["tool_point"]
     best, random = figures["table 3 best"], figures["table 3 random"]
     # 10 000 draws leave 0.7 % in a standard deviation; 2 % is three of those
     assert best["zero_pose_u_distance_mm"] == pytest.approx(0.00295, rel=0.02)
@@ -126,12 +131,11 @@ def test_wen2022_repeats_the_printed_tool_point_figures():
     assert random["zero_pose_u_3d_mm"] == pytest.approx(0.1568, rel=0.02)
 
 
-@pytest.mark.slow
 def test_wen2022_pose_numbers_lie_where_the_rule_scatters():
     # one repetition of the rule: on the unfiltered pool 24 of them gave 47 to 60 and 18 to 52, and
     # tests/calib/test_pose_count.py holds their medians against 52 to 60 and 25 to 36; collisions
     # and sight move a single one by a few poses more
-    counts = played("wen2022")["pose_count"]
+    counts = golden("wen2022")["pose_count"]
     assert 45 <= counts["O1_poses"] <= 65
     assert 18 <= counts["O2_poses"] <= 52
 

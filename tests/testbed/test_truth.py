@@ -12,7 +12,8 @@ from calib.geometry.chain import Chain
 from calib.geometry.frames import rot_x
 from calib.geometry.model import RobotModel
 from calib.geometry.sweep import joint_columns
-from testbed.laboratory.truth import TrueRobot, draw_truth, is_candle, joint_repeatability
+from calib.identification.extended import gravity_is_closed
+from testbed.laboratory.truth import TrueRobot, draw_truth, joint_repeatability
 from testbed.robots.catalog import Robot, load_robot
 from testbed.scenario import TruthSettings
 from testbed.streams import stream
@@ -188,7 +189,7 @@ def test_sliding_joints_have_no_harmonics(robot):
 
 def test_the_closed_gravity_form_is_refused_where_it_does_not_hold(robot):
     chain = tx60().chain
-    assert is_candle(chain)
+    assert gravity_is_closed(chain)
     links = chain.links.copy()
     links[1, 3] = np.pi  # the axis of joint 3 turned round: the forearm leans by q2 - q3
     lying = replace(chain, T_world_base=rot_x(0.1))
@@ -196,7 +197,7 @@ def test_the_closed_gravity_form_is_refused_where_it_does_not_hold(robot):
     bent[2, 0] += 0.1
     scara = Chain([[0, 0.4, 0.3, 0, 0], [0, 0, 0.2, 0, 0], [0, 0, 0, 0, 0]])
     for other in (replace(chain, links=links), lying, replace(chain, links=bent), scara):
-        assert not is_candle(other)
+        assert not gravity_is_closed(other)
     wall = replace(robot, model=RobotModel(lying))
     with pytest.raises(InputError, match=r"gravity_mdeg does not fit this arm.*write gravity"):
         draw_truth(wall, truth(), 0)

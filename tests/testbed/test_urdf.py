@@ -11,7 +11,8 @@ import yourdfpy
 from calib.errors import InputError
 from calib.geometry.chain import forward
 from calib.geometry.model import RobotModel
-from testbed.robots.urdf import read_urdf, read_urdf_chain, write_urdf
+from testbed.robots.urdf import write_urdf
+from testbed.robots.urdf_read import read_urdf, read_urdf_chain
 from tests.testbed.robot_cases import AGREE, TX60, joint_vectors, perturbed, slider
 
 SHIPPED = TX60.folder / "staubli_tx60.urdf"
@@ -276,7 +277,7 @@ def test_a_mimic_joint_on_the_way_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("limits", "says"),
     [
-        ('lower="-180" upper="180"', "radians, not degrees"),
+        ('lower="-180" upper="180"', "degrees taken for radians"),
         ('lower="-0.05" upper="0.05"', "converted twice"),
         ('lower="1" upper="1"', "cannot move"),
     ],

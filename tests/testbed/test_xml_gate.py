@@ -12,7 +12,7 @@ LOL = '<!DOCTYPE robot [<!ENTITY a "ha"><!ENTITY b "{}">]>'.format("&a;" * 10)
 
 def refused(data, root="robot"):
     with pytest.raises(InputError) as caught:
-        parse_xml(data, root, "x.urdf")
+        parse_xml(data, root, where="x.urdf")
     return caught.value
 
 
@@ -94,7 +94,9 @@ def test_endless_nesting_is_refused(depth):
 
 def test_the_deepest_allowed_tree_passes():
     inner = 255
-    root = parse_xml(b"<robot>" + b"<a>" * inner + b"</a>" * inner + b"</robot>", "robot", "x")
+    root = parse_xml(
+        b"<robot>" + b"<a>" * inner + b"</a>" * inner + b"</robot>", "robot", where="x"
+    )
     assert root.tag == "robot"
 
 

@@ -1,0 +1,238 @@
+"""Targets changed so that the real robot does what the nominal one was meant to do.
+
+A program means the poses that the nominal model gives: T = f0(q). The robot, as identified, goes to
+f(q) instead. Two ways out:
+
+* **Joint targets.** The controller passes joints on, so it is told other ones: q' with
+  f(q') = f0(q), found by inverting the identified model from q. To first order
+  q' = q - J^-1 (f(q) - f0(q)); the inversion goes on until nothing is left.
+* **Cartesian targets.** The controller turns poses into joints with its nominal model, which stays
+  as it is: told T', it goes to q' with f0(q') = T'. So with f(q') = T the pose to tell it is
+  T' = f0(q').
+
+Both models must speak of the same world and the same tool: give `nominal` the base and the tool in
+which the program is meant. What the identified base moved against it is compensated too.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, Bool, check, frozen
+from calib.errors import InputError
+from calib.geometry.inverse import SINGULAR_CONDITION, Inverse, Outcome, inverse
+from calib.geometry.inverse_search import joint_condition
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import CHARACTERISTIC_LENGTH
+from calib.measurement.accuracy import position_errors, rotation_errors
+
+LARGEST = np.radians(5.0)
+"""A correction that moves a joint farther than this comes from a nearly singular posture [rad, and
+that times 0.3 m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Correction:
+    """Joint targets that make the identified robot go where the nominal one was meant to."""
+
+    q: Array
+    """(m, n) corrected joint targets inside the limits; where `corrected` is false the nearest
+    posture, which may lie far away: keep the given target there [rad, m]."""
+    step: Array
+    """(m, n) corrected minus given [rad, m]."""
+    position_error: Array
+    """(m,) what is left, by the identified model [m]."""
+    rotation_error: Array
+    """(m,) what is left [rad]."""
+    position_before: Array
+    """(m,) how far the identified model is off at the given targets [m]."""
+    rotation_before: Array
+    """(m,) the same of the angle [rad]."""
+    status: tuple[Outcome, ...]
+    """(m,) "reached", or why the target needs a look: "singular" (corrected, but a joint moves far
+    for it or the posture is nearly singular), "limits", "out of reach"."""
+    condition: Array
+    """(m,) of the joint Jacobian, the larger one before and after the correction."""
+
+    @property
+    def corrected(self) -> Bool:
+        """(m,) whether the target is corrected without reserve."""
+        return np.array([one == "reached" for one in self.status], dtype=np.bool_)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What is to be looked at, in words; one sentence per kind of trouble."""
+        return told(self.status, "target")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseCorrection:
+    """Cartesian targets for a controller that keeps its nominal model."""
+
+    T: Array
+    """(m, 4, 4) what the controller is to be told [m]."""
+    q: Array
+    """(m, n) the joints it then takes [rad, m]."""
+    q_before: Array
+    """(m, n) the joints it takes for the target as it was [rad, m]."""
+    position_error: Array
+    """(m,) how far the identified robot then is from the wanted pose [m]."""
+    rotation_error: Array
+    """(m,) the same of the angle [rad]."""
+    status: tuple[Outcome, ...]
+    """(m,) as in `Correction`."""
+    condition: Array
+    """(m,) as in `Correction`."""
+
+    @property
+    def corrected(self) -> Bool:
+        """(m,) whether the target is corrected without reserve."""
+        return np.array([one == "reached" for one in self.status], dtype=np.bool_)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What is to be looked at, in words; one sentence per kind of trouble."""
+        return told(self.status, "target")
+
+
+def corrected_joints(
+    nominal: RobotModel, identified: RobotModel, q: ArrayLike, limits: ArrayLike
+) -> Correction:
+    """Joint targets at which the identified robot has the poses that the nominal one has at `q`.
+
+    Parameters
+    ----------
+    nominal : RobotModel
+        What the program was written for.
+    identified : RobotModel
+        What the robot is, joint errors included.
+    q : (m, n) array_like
+        Joint targets of the program [rad, m].
+    limits : (n, 2) array_like
+        Lower and upper joint limits [rad, m].
+
+    Examples
+    --------
+    >>> from calib.geometry.chain import Chain
+    >>> nominal = RobotModel(Chain([[0, 0, 0.3, 0, 0]]))
+    >>> identified = RobotModel(Chain([[0.01, 0, 0.3, 0, 0]]))
+    >>> corrected_joints(nominal, identified, [[0.5]], [[-3, 3]]).q.round(12).tolist()
+    [[0.49]]
+    """
+    _same_joints(nominal, identified)
+    n = nominal.chain.n_joints
+    (q,) = check(f"m {n}", q=q)
+    T = nominal.poses(q)
+    found = inverse(identified, T, q, limits, whole_turns=False)
+    here = identified.poses(q)
+    condition = np.maximum(found.condition, joint_condition(identified, q))
+    return Correction(
+        q=found.q,
+        step=frozen(found.q - q),
+        position_error=found.position_error,
+        rotation_error=found.rotation_error,
+        position_before=frozen(position_errors(T, here)),
+        rotation_before=frozen(rotation_errors(T, here)),
+        status=_judged(identified, found, found.q - q, condition),
+        condition=frozen(condition),
+    )
+
+
+def corrected_poses(
+    nominal: RobotModel,
+    identified: RobotModel,
+    T: ArrayLike,
+    seeds: ArrayLike,
+    limits: ArrayLike,
+) -> PoseCorrection:
+    """Cartesian targets that bring the identified robot to `T` through the nominal controller.
+
+    Parameters
+    ----------
+    nominal : RobotModel
+        The controller's own model, which turns its targets into joints.
+    identified : RobotModel
+        What the robot is, joint errors included.
+    T : (m, 4, 4) array_like
+        Poses T_world_tool that the program wants [m].
+    seeds : (m, n) or (m, s, n) array_like
+        Near which joints the controller reaches them: its configuration [rad, m].
+    limits : (n, 2) array_like
+        Lower and upper joint limits [rad, m].
+
+    Notes
+    -----
+    An arm of seven joints reaches T' in many ways, and only its maker knows which one it takes;
+    the answer holds for the posture nearest to the one it takes for T. Joint targets leave no
+    choice.
+    """
+    _same_joints(nominal, identified)
+    meant = inverse(nominal, T, seeds, limits)
+    found = inverse(identified, T, meant.q, limits, whole_turns=False)
+    condition = np.maximum(found.condition, meant.condition)
+    judged = _judged(identified, found, found.q - meant.q, condition)
+    # a pose the nominal arm cannot take is no target of its program
+    status = tuple(
+        own if own in ("limits", "out of reach") else one
+        for own, one in zip(meant.status, judged, strict=True)
+    )
+    return PoseCorrection(
+        T=frozen(nominal.poses(found.q)),
+        q=found.q,
+        q_before=meant.q,
+        position_error=found.position_error,
+        rotation_error=found.rotation_error,
+        status=status,
+        condition=frozen(condition),
+    )
+
+
+WORDS: dict[Outcome, str] = {
+    "singular": "corrected in a nearly singular posture, where a small turn of the tool takes a "
+    "large move of the joints; look at the corrected joints, or move the target",
+    "limits": "reached only outside the joint limits; the nearest posture inside is given",
+    "out of reach": "not reached by the identified robot in a posture near the given one; the "
+    "nearest posture is given",
+}
+
+
+def told(
+    status: tuple[Outcome, ...], noun: str, words: Mapping[Outcome, str] = WORDS
+) -> tuple[str, ...]:
+    """One sentence for each kind of trouble, with the rows (from 1) it concerns."""
+    said = []
+    for outcome, meaning in words.items():
+        rows = [k + 1 for k, one in enumerate(status) if one == outcome]
+        if rows:
+            listed = ", ".join(str(row) for row in rows[:10]) + (" ..." if len(rows) > 10 else "")
+            many = len(rows) > 1
+            said.append(
+                f"{len(rows)} of {len(status)} {noun}s {'are' if many else 'is'} {meaning} "
+                f"({noun}{'s' if many else ''} {listed})"
+            )
+    return tuple(said)
+
+
+def _judged(
+    model: RobotModel, found: Inverse, step: Array, condition: Array
+) -> tuple[Outcome, ...]:
+    """Outcomes of a correction: near singular postures even a reached target is named."""
+    unit = np.where(model.chain.prismatic, CHARACTERISTIC_LENGTH, 1.0)
+    far = (np.abs(step) > LARGEST * unit).any(axis=1) | (condition > SINGULAR_CONDITION)
+    return tuple(
+        "singular" if one == "reached" and far[k] else one for k, one in enumerate(found.status)
+    )
+
+
+def _same_joints(nominal: RobotModel, identified: RobotModel) -> None:
+    """Refuse models of two different arms."""
+    if nominal.chain.kinds != identified.chain.kinds:
+        raise InputError(
+            f"nominal and identified differ in their joints: {nominal.chain.kinds} and "
+            f"{identified.chain.kinds}",
+            code="A3",
+            field="identified",
+            allowed="two models of one arm",
+        )

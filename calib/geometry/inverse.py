@@ -1,0 +1,170 @@
+"""Joint values that bring the tool to wanted poses: damped Newton on many targets at once.
+
+The whole model is inverted, joint errors included. Steps are the shortest ones (pseudo-inverse),
+and where an arm has more than six joints the answer is pulled back to its seed: of all postures
+nearby that reach the pose it is the one that moves the joints least.
+"""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, Bool, check, frozen
+from calib.errors import InputError
+from calib.geometry.inverse_search import (
+    ARRIVED,
+    NUDGES,
+    Task,
+    again,
+    conditions,
+    distance,
+    inside,
+    pulled,
+    search,
+    turned,
+    within,
+)
+from calib.geometry.inverse_search import joint_jacobian as joint_jacobian
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import CHARACTERISTIC_LENGTH as L
+
+Outcome = Literal["reached", "singular", "limits", "out of reach"]
+OUTCOMES: tuple[Outcome, ...] = ("reached", "singular", "limits", "out of reach")
+SINGULAR_CONDITION = 1e3
+"""From this condition on, turning the tool by 0.01 deg can take joint moves of 10 deg."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Inverse:
+    """One posture per target, and how near it brings the tool."""
+
+    q: Array
+    """(m, n) joint values inside the limits, whatever the outcome [rad, m]."""
+    position_error: Array
+    """(m,) distance of the tool from its target [m]."""
+    rotation_error: Array
+    """(m,) angle between the tool and its target [rad]."""
+    status: tuple[Outcome, ...]
+    """(m,) "reached"; "singular": reached, but the joints there are hardly determined by the pose;
+    "limits": only reached outside the joint limits; "out of reach": not reached from any seed."""
+    condition: Array
+    """(m,) largest over smallest singular value of the joint Jacobian there, in metres per metre:
+    angles of tool and joints count with the characteristic length, 0.3 m."""
+    reached: Bool = field(init=False)
+    """(m,) whether the tool is where it should be, singular or not."""
+
+    def __post_init__(self) -> None:
+        near = (self.position_error <= ARRIVED) & (self.rotation_error <= ARRIVED)
+        object.__setattr__(self, "reached", frozen(near, np.bool_))
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+
+def inverse(
+    model: RobotModel,
+    T: ArrayLike,
+    seeds: ArrayLike,
+    limits: ArrayLike,
+    *,
+    whole_turns: bool = True,
+) -> Inverse:
+    """Joint values at which the tool takes each wanted pose.
+
+    Parameters
+    ----------
+    model : RobotModel
+        Geometry and joint errors.
+    T : (m, 4, 4) array_like
+        Wanted tool poses T_world_tool [m].
+    seeds : (m, n) or (m, s, n) array_like
+        Where each search begins: one seed per target, or several of which the first one counts
+        most: of all postures that reach a target the one nearest to its first seed is given
+        [rad, m]. `spread` gives seeds where nothing is known.
+    limits : (n, 2) array_like
+        Lower and upper joint limits [rad, m].
+    whole_turns : bool
+        Whether a joint may end a whole turn away from where its search ended, to be inside its
+        limits.
+
+    Notes
+    -----
+    Arms of fewer than six joints reach a pose only where it happens to be one of theirs; they end
+    in the nearest one, and the errors say how near.
+
+    Examples
+    --------
+    >>> from calib.geometry.chain import Chain
+    >>> arm = RobotModel(Chain([[0, 0, 0.3, 0, 0], [0, 0, 0.2, 0, 0]]))
+    >>> T = arm.poses([[0.4, 0.8]])
+    >>> found = inverse(arm, T, [[0.3, 0.7]], [[-3, 3], [-3, 3]])
+    >>> found.status, found.q.round(12).tolist()
+    (('reached',), [[0.4, 0.8]])
+    """
+    n = model.chain.n_joints
+    T, limits = check(f"m 4 4, {n} 2", T=T, limits=limits)
+    if (limits[:, 0] > limits[:, 1]).any():
+        raise InputError(
+            "limits has a lower limit above its upper one", code="A3", field="limits",
+            value=limits.tolist(), fix="swap them",
+        )  # fmt: skip
+    every = np.asarray(seeds, dtype=np.float64)
+    every = every[:, None] if every.ndim == 2 else every
+    (every,) = check(f"{len(T)} s {n}", seeds=every)
+    targets, starts = len(T), every.shape[1]
+    task = Task(model, np.repeat(T, starts, axis=0), every.reshape(-1, n), limits)
+    q, near = search(task, within(task, task.seeds), bounded=True)
+    for nudge in NUDGES if starts == 1 else ():
+        q, near = again(task, q, near, nudge)
+    beyond, lost = np.zeros(len(q), dtype=bool), np.flatnonzero(~near)
+    if len(lost):
+        # what the limits stop may come back a whole turn away, or be out of reach for good
+        free = task.rows(lost)
+        there, beyond[lost] = search(free, free.seeds, bounded=False)
+        there = turned(free, there) if whole_turns else there
+        back = beyond[lost] & inside(there, limits)
+        q[lost[back]], near[lost[back]] = there[back], True
+    if n > 6:
+        q, near = pulled(task, q, near)
+    return _best(task, q, near, beyond, targets)
+
+
+def spread(limits: ArrayLike, count: int) -> Array:
+    """Postures (count, n) that fill the joint limits evenly, the same ones every time.
+
+    References
+    ----------
+    Additive recurrence with the n-dimensional golden ratio, the root of x^(n+1) = x + 1.
+    """
+    (limits,) = check("n 2", limits=limits)
+    n, ratio = len(limits), 2.0
+    for _ in range(60):
+        ratio = (1 + ratio) ** (1 / (n + 1))
+    share = (0.5 + np.outer(np.arange(count), ratio ** -np.arange(1, n + 1))) % 1.0
+    return np.asarray(limits[:, 0] + share * (limits[:, 1] - limits[:, 0]))
+
+
+def _best(task: Task, q: Array, near: Bool, beyond: Bool, targets: int) -> Inverse:
+    """Of the searches of each target the best one, judged."""
+    starts = len(q) // targets if targets else 1
+    e, J = task.error(q)
+    place = np.linalg.norm(e[:, :3], axis=1)
+    turn = np.linalg.norm(e[:, 3:], axis=1) / L
+    condition = conditions(J)
+    first = np.repeat(task.seeds[::starts], starts, axis=0)
+    worth = np.where(near, distance(task, q, first), 1e6 + np.linalg.norm(e, axis=1))
+    worth = worth + np.where(near & (condition > SINGULAR_CONDITION), 1e3, 0.0)
+    pick = np.arange(targets) * starts + worth.reshape(targets, starts).argmin(axis=1)
+    outside: Bool = np.any(beyond.reshape(targets, starts), axis=1)
+    status: list[Outcome] = []
+    for k, row in enumerate(pick):
+        if near[row]:
+            status.append("singular" if condition[row] > SINGULAR_CONDITION else "reached")
+        else:
+            status.append("limits" if outside[k] else "out of reach")
+    return Inverse(
+        frozen(q[pick]), frozen(place[pick]), frozen(turn[pick]), tuple(status),
+        frozen(condition[pick]),
+    )  # fmt: skip

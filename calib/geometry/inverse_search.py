@@ -1,0 +1,219 @@
+"""The search behind `inverse`: damped Newton on many postures at once, inside limits or without.
+
+The error of a posture is e = [p_T - p (m); L Log(R_T R') (m)] with L the characteristic length; its
+exact derivative is -[Jp; L Jr^-1(e_r) Jw] (1 + d dq/dq), so steps converge quadratically to
+rounding, and a search for a target out of reach ends at the nearest pose instead of anywhere.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, Bool, Index
+from calib.geometry.frames import log_so3, right_jacobian_inverse
+from calib.geometry.joint_errors import JointErrors
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import CHARACTERISTIC_LENGTH as L
+from calib.geometry.sweep import joint_columns, pose_and_jacobian
+
+ARRIVED = 1e-9
+"""A tool this near its target has reached it [m, and rad]."""
+DONE = 1e-15
+"""No start is improved below this error [m]."""
+STILL = 1e-7
+"""A search whose squared error falls by a smaller share in one step has ended."""
+ITERATIONS = 150
+LONGEST = 0.5
+"""Longest step of any joint in one iteration [rad or m]: keeps far starts from jumping about."""
+NUDGES = (0.1, -0.1)
+"""How far aside failed searches begin once more [rad, and that times 0.3 m]."""
+DAMPING = (1e-9, 1e-6, 1e3)
+"""Squared, of lengths per scaled joint: below the first none is needed, the second is the first
+try after a step that failed, above the third no step helps."""
+
+
+def joint_jacobian(model: RobotModel, q: Array) -> tuple[Array, Array]:
+    """Poses (m, 4, 4) and their exact derivative by the commanded joints (m, 6, n).
+
+    Rows are [dp (m); dr (rad)] in world axes; joint errors that follow the joints are in it.
+    """
+    reached = q + model.joint_errors.offsets(q)
+    T, J = pose_and_jacobian(model.chain, reached)
+    J = J[:, :, joint_columns(model.chain)]
+    return T, J if not model.joint_errors.terms else J + J @ _error_slopes(model.joint_errors, q)
+
+
+def _error_slopes(errors: JointErrors, q: Array) -> Array:
+    """Derivative (m, n, n) of the joint offsets by the joints."""
+    weights = np.array([term.weights for term in errors.terms], dtype=np.float64)
+    cosine = np.array([term.wave == "cos" for term in errors.terms])
+    phase = q @ weights.T
+    slope = np.where(cosine, -np.sin(phase), np.cos(phase)) * errors.coefficients
+    out = np.zeros((len(q), q.shape[1], q.shape[1]))
+    for k, joint in enumerate(errors.joints):
+        out[:, joint] += slope[:, k, None] * weights[k]
+    return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Task:
+    """Targets, one per search, and what all share."""
+
+    model: RobotModel
+    T: Array
+    seeds: Array
+    limits: Array
+
+    def rows(self, which: Index) -> "Task":
+        """Some of the searches."""
+        return Task(self.model, self.T[which], self.seeds[which], self.limits)
+
+    @property
+    def unit(self) -> Array:
+        """(n,) joint step that counts as one scaled unit: 1 m, or 1/L rad."""
+        return np.where(self.model.chain.prismatic, 1.0, 1 / L)
+
+    def error(self, q: Array) -> tuple[Array, Array]:
+        """Scaled errors (s, 6) [m] and derivative (s, 6, n) of what removes them, scaled joints."""
+        here, J = joint_jacobian(self.model, q)
+        turn = log_so3(self.T[:, :3, :3] @ np.swapaxes(here[:, :3, :3], 1, 2))
+        J = np.concatenate([J[:, :3], L * right_jacobian_inverse(turn) @ J[:, 3:]], axis=1)
+        return np.hstack([self.T[:, :3, 3] - here[:, :3, 3], L * turn]), J * self.unit
+
+
+def search(task: Task, q: Array, *, bounded: bool) -> tuple[Array, Bool]:
+    """Damped Newton from postures q (s, n); where each ends, and whether at its target."""
+    q = q.copy()
+    lower, upper = task.limits.T if bounded else (np.full(q.shape[1], s * np.inf) for s in (-1, 1))
+    e, J = task.error(q)
+    cost, damping = (e**2).sum(axis=1), np.zeros(len(q))
+    active = np.flatnonzero(cost > DONE**2)
+    least, first, most = DAMPING
+    for _ in range(ITERATIONS):
+        if not len(active):
+            break
+        scaled = _step(J[active], e[active], q[active], damping[active], (lower, upper))
+        new = np.clip(q[active] + scaled * task.unit, lower, upper)
+        e_new, J_new = task.rows(active).error(new)
+        cost_new, old = (e_new**2).sum(axis=1), cost[active]
+        moved = (J[active] @ ((new - q[active]) / task.unit)[:, :, None])[..., 0]
+        hoped = old - ((e[active] - moved) ** 2).sum(axis=1)
+        good = cost_new < old
+        gain = np.where(good, (old - cost_new) / np.maximum(hoped, 1e-300), -1.0)
+        at = active[good]
+        q[at], e[at], J[at], cost[at] = new[good], e_new[good], J_new[good], cost_new[good]
+        factor = np.where(gain > 0.75, 0.2, np.where(gain > 0.25, 1.0, 4.0))
+        after = damping[active] * factor
+        after = np.where(good, np.where(after < least, 0.0, after), np.maximum(after, first))
+        damping[active] = after
+        # ended: arrived, nothing is left to gain, or rounding and damping leave no step
+        end = (cost[active] <= DONE**2) | (hoped < STILL * old) | (after > most)
+        end |= ~good & (old < (10 * DONE) ** 2)
+        active = active[~end]
+    return q, near_target(e)
+
+
+def _step(J: Array, e: Array, q: Array, damping: Array, bounds: tuple[Array, Array]) -> Array:
+    """Shortest damped step (s, n) in scaled joints that removes the errors (s, 6).
+
+    Joints that stand at a limit and would leave it are held, and the others asked again.
+    """
+    lower, upper = bounds
+    held = np.zeros(q.shape, dtype=bool)
+    for _ in range(q.shape[1] + 1):
+        step = _solved(np.where(held[:, None, :], 0.0, J), e, damping)
+        out = ((q <= lower) & (step < 0)) | ((q >= upper) & (step > 0))
+        if not (out & ~held).any():
+            break
+        held |= out
+    size = np.abs(step).max(axis=1, keepdims=True) / L
+    return np.asarray(step * np.minimum(1.0, LONGEST / np.maximum(size, 1e-300)))
+
+
+def _solved(J: Array, e: Array, damping: Array) -> Array:
+    """Pseudo-inverse steps V diag(s / (s^2 + damping)) U' e, (s, n)."""
+    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    square = s**2 + damping[:, None]
+    # singular directions carry no undamped step
+    sound = s > 1e-12 * s[:, :1]
+    gain = np.where(sound, s / np.where(sound, square, 1.0), 0.0)
+    along = gain * (np.swapaxes(U, 1, 2) @ e[:, :, None])[..., 0]
+    return np.asarray((np.swapaxes(Vt, 1, 2) @ along[:, :, None])[..., 0])
+
+
+def again(task: Task, q: Array, near: Bool, nudge: float) -> tuple[Array, Bool]:
+    """Where searches that failed end from seeds that are moved aside: out of a singular posture."""
+    lost = np.flatnonzero(~near)
+    if not len(lost):
+        return q, near
+    some, q, near = task.rows(lost), q.copy(), near.copy()
+    aside = nudge * L * task.unit * (-1.0) ** np.arange(q.shape[1])
+    start = np.clip(within(some, some.seeds) + aside, *task.limits.T)
+    there, arrived = search(some, start, bounded=True)
+    q[lost[arrived]], near[lost[arrived]] = there[arrived], True
+    return q, near
+
+
+def pulled(task: Task, q: Array, near: Bool) -> tuple[Array, Bool]:
+    """Postures that reach their targets, moved along their free directions toward the seeds."""
+    rows = np.flatnonzero(near)
+    if not len(rows):
+        return q, near
+    some, out = task.rows(rows), q.copy()
+    x = q[rows]
+    for _ in range(ITERATIONS):
+        e, J = some.error(x)
+        away = (some.seeds - x) / task.unit
+        nothing = np.zeros(len(x))
+        step = away - _solved(J, (J @ away[:, :, None])[..., 0] - e, nothing)
+        size = np.abs(step).max(axis=1, keepdims=True) / L
+        x = x + step * np.minimum(1.0, 0.2 / np.maximum(size, 1e-300)) * task.unit
+        if np.abs(step).max() < 1e-13:
+            break
+    # accepted where it still reaches, inside the limits, and is no farther from the seed
+    better = near_target(some.error(x)[0]) & inside(x, task.limits)
+    better &= distance(task, x, some.seeds) <= distance(task, q[rows], some.seeds)
+    out[rows[better]] = x[better]
+    return out, near
+
+
+def near_target(e: Array) -> Bool:
+    """Whether scaled errors (s, 6) count as none."""
+    place, turn = np.linalg.norm(e[:, :3], axis=1), np.linalg.norm(e[:, 3:], axis=1) / L
+    return np.asarray((place <= ARRIVED) & (turn <= ARRIVED), dtype=np.bool_)
+
+
+def inside(q: Array, limits: Array) -> Bool:
+    """Whether postures (s, n) keep the limits."""
+    return np.asarray(((q >= limits[:, 0]) & (q <= limits[:, 1])).all(axis=1), dtype=np.bool_)
+
+
+def distance(task: Task, q: Array, seeds: Array) -> Array:
+    """How far postures (s, n) lie from their seeds, in scaled joints."""
+    return np.asarray(np.linalg.norm((q - seeds) / task.unit, axis=1))
+
+
+def turned(task: Task, q: Array) -> Array:
+    """The same postures with each turning joint moved by whole turns into its range, if it can."""
+    lower, upper = task.limits.T
+    turns = 2 * np.pi * (1 - task.model.chain.prismatic)
+    safe = np.where(turns > 0, turns, 1.0)
+    up, down = np.ceil((lower - q) / safe), np.ceil((q - upper) / safe)
+    return np.asarray(q + turns * (np.maximum(up, 0) - np.maximum(down, 0)))
+
+
+def within(task: Task, q: Array) -> Array:
+    """Seeds inside the limits: whole turns first, then to the nearest limit."""
+    return np.asarray(np.clip(turned(task, q), *task.limits.T))
+
+
+def joint_condition(model: RobotModel, q: Array) -> Array:
+    """Condition (m,) of the joint Jacobian in metres per metre; angles count with 0.3 m."""
+    task = Task(model, model.poses(q), q, np.zeros((q.shape[1], 2)))
+    return conditions(task.error(q)[1])
+
+
+def conditions(J: Array) -> Array:
+    """Largest over smallest singular value (s,) of scaled Jacobians (s, 6, n)."""
+    s = np.linalg.svd(J, compute_uv=False)
+    return np.asarray(s[:, 0] / np.maximum(s[:, -1], 1e-16 * s[:, 0]))

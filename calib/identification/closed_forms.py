@@ -1,0 +1,165 @@
+"""Frames without a guess: rotations, shifts and points from linear algebra alone, no iterations.
+
+F (m, 4, 4) are the poses of the flange in the base, from the nominal links; what is looked for
+links them to what was seen. Directions that the data do not tell stay where `about` has them.
+"""
+
+import numpy as np
+
+from calib.arrays import Array, Bool, Index
+from calib.geometry.frames import transform
+
+FAINT = 1e-3
+"""Part of an ordinary column below which a direction counts as not seen: a nominal robot is wrong
+by a millimeter, and that divided by this part is a meter."""
+APART = 1e-5
+"""Gap below the largest singular value that makes it the only one: turns of some milliradians."""
+NUDGE = 1e-9
+"""Weight of the rotation to stay with, where points leave the rotation about a line open."""
+
+
+def nearest_rotation(M: Array) -> Array:
+    """The rotation (3, 3) nearest to a matrix; right-handed whatever the matrix is.
+
+    References
+    ----------
+    Kabsch 1976; Umeyama 1991 for the determinant.
+    """
+    U, _, Vt = np.linalg.svd(M)
+    return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U) * np.linalg.det(Vt)]) @ Vt)
+
+
+def fitted_frame(seen: Array, known: Array, about: Array) -> Array:
+    """Transform T (4, 4) with seen (k, 3) = R known (k, 3) + t, in the least-squares sense.
+
+    Works for one point (rotation of `about` (3, 3)), two (nearest to it about the line), or more.
+
+    References
+    ----------
+    Umeyama 1991 (Procrustes).
+    """
+    there, here = seen - seen.mean(0), known - known.mean(0)
+    H = there.T @ here
+    R = nearest_rotation(H + NUDGE * max(float(np.abs(H).max()), 1e-12) * about)
+    return transform(R, seen.mean(0) - R @ known.mean(0))
+
+
+def hand_eye_rotations(F: Array, seen: Array) -> tuple[Array, Array] | None:
+    """Rotations X, Y (3, 3) with seen (m, 3, 3) = X R_F Y, from at least three poses.
+
+    None where the rotations leave them open: all alike, or all about one axis.
+
+    References
+    ----------
+    Robot-world/hand-eye calibration by the Kronecker product: Li, Wang, Wu 2010; Shah 2013, eq.
+    (13): the largest singular pair of sum R_seen (x) R_F.
+    """
+    # maximize the sum of tr(X' R_seen Y' R_F'), bilinear in X and Z = Y'
+    K = np.einsum("jbc,jad->bacd", seen, F[:, :3, :3]).reshape(9, 9)
+    U, s, Vt = np.linalg.svd(K)
+    if s[1] > (1 - APART) * s[0]:
+        return None
+    X, Z = U[:, 0].reshape(3, 3), Vt[0].reshape(3, 3)
+    sign = 1.0 if np.linalg.det(X) > 0 else -1.0
+    return nearest_rotation(sign * X), nearest_rotation(sign * Z).T
+
+
+def tool_rotation(X: Array, F: Array, seen: Array) -> Array:
+    """Rotation Y (3, 3) with seen (m, 3, 3) = X R_F Y, X known: the chordal mean."""
+    return nearest_rotation(
+        np.einsum("jba,jbc->ac", F[:, :3, :3], np.einsum("ba,jbc->jac", X, seen))
+    )
+
+
+def shift_and_arms(
+    X: Array, F: Array, seen: Array, target: Index, about: Array, fixed: Bool
+) -> tuple[Array, Array]:
+    """Shift t (3,) and points c (k, 3) of the flange with seen (m, 3) = X (R_F c + p_F) + t.
+
+    Linear, X (3, 3) known. `target` (m,) says which point a row saw; those of `fixed` (k,) stay
+    where `about` (k, 3) has them, and so does what constant orientation leaves open.
+    """
+    m, free = len(F), np.flatnonzero(~fixed)
+    R = F[:, :3, :3]
+    rest = seen @ X - F[:, :3, 3] - (R @ about[target][:, :, None])[:, :, 0]
+    c = about.copy()
+    if free.size:
+        A = np.zeros((m, 3, len(free), 3))
+        for column, k in enumerate(free):
+            A[target == k, :, column] = R[target == k]
+        # the shift first: whatever looks like it is its own
+        A = (A - A.mean(0)).reshape(3 * m, -1)
+        right = (rest - rest.mean(0)).ravel()
+        c[free] += _least(A, right, FAINT * np.sqrt(m)).reshape(-1, 3)
+        rest = seen @ X - F[:, :3, 3] - (R @ c[target][:, :, None])[:, :, 0]
+    return X @ rest.mean(0), c
+
+
+def lifted_rotation(F: Array, seen: Array, target: Index, about: Array, fixed: Bool) -> Array:
+    """Rotation X (3, 3) with seen (m, 3) = X (R_F c + p_F) + t, none of them known.
+
+    Linear lift: X' seen - R_F c + t' = p_F, with the nine entries of X' as if they were free; the
+    nearest rotation to them is the answer. Five poses or more; seen points in one plane leave one
+    column of X' open, which the other two determine.
+    """
+    m, free = len(F), np.flatnonzero(~fixed)
+    R = F[:, :3, :3]
+    right = F[:, :3, 3] + (R @ about[target][:, :, None])[:, :, 0]
+    spread = max(float(np.sqrt(np.square(seen - seen.mean(0)).sum(1).mean())), 1e-12)
+    A = np.zeros((m, 3, 9 + 3 * len(free)))
+    for row in range(3):
+        A[:, row, 3 * row : 3 * row + 3] = (seen - seen.mean(0)) / spread
+    for column, k in enumerate(free):
+        own = target == k
+        A[own, :, 9 + 3 * column : 12 + 3 * column] = -R[own]
+    A = (A - A.mean(0)).reshape(3 * m, -1)
+    G = _least(A, (right - right.mean(0)).ravel(), FAINT * np.sqrt(m))[:9].reshape(3, 3)
+    return nearest_rotation(G).T
+
+
+def multilaterated(centers: Array, distance: Array) -> Array:
+    """Point x (3,) at `distance` (m,) from `centers` (m, 3) [m], four or more of them.
+
+    References
+    ----------
+    |x - c|^2 = d^2, linear in x and |x|^2; Navidi, Murphy, Hereman 1998.
+    """
+    middle = centers.mean(0)
+    c = centers - middle
+    square = np.sum(c * c, axis=1) - distance**2
+    A = 2 * (c - c.mean(0))
+    x = _least(A, square - square.mean(), FAINT * float(np.linalg.norm(A)))
+    return np.asarray(middle + x)
+
+
+def lifted_arm(F: Array, distance: Array, anchor: Index, n_anchors: int) -> Array:
+    """Point c (3,) of the flange whose distances (m,) from unknown anchors were seen [m].
+
+    Linear lift of |R_F c + p_F - a|^2 = d^2: unknown are |c|^2 + |a|^2, a and the nine products
+    a c' per anchor, and c, as if they were free. Needs 3 + 13 distances for one anchor, 13 for each
+    more.
+    """
+    R, middle = F[:, :3, :3], F[:, :3, 3].mean(0)
+    p = F[:, :3, 3] - middle
+    m = len(F)
+    A = np.zeros((m, 3 + 13 * n_anchors))
+    A[:, :3] = 2 * (p[:, None, :] @ R)[:, 0]
+    for k in range(n_anchors):
+        own = anchor == k
+        block = A[own, 3 + 13 * k : 16 + 13 * k]
+        block[:, 0], block[:, 1:4] = 1.0, -2 * p[own]
+        block[:, 4:] = -2 * R[own].reshape(-1, 9)
+        A[own, 3 + 13 * k : 16 + 13 * k] = block
+    scale = np.linalg.norm(A, axis=0)
+    right = distance**2 - np.sum(p * p, axis=1)
+    z = _least(A / scale, right, FAINT) / scale
+    return np.asarray(z[:3])
+
+
+def _least(A: Array, right: Array, faint: float) -> Array:
+    """Least-squares solution of least norm, singular values below `faint` counted as zero."""
+    Q, R = np.linalg.qr(A)
+    U, s, Vt = np.linalg.svd(R, full_matrices=False)
+    seen = s > faint
+    along = (U.T @ (Q.T @ right)) / np.where(seen, s, 1.0)
+    return np.asarray(Vt.T @ np.where(seen, along, 0.0))

@@ -1,0 +1,93 @@
+"""Frames and fixtures about a robot whose flange poses are held: what the start is polished on."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.arrays import Array, Bool, Index
+from calib.geometry.chain import reorthonormalized
+from calib.geometry.fixtures import Fixtures
+from calib.geometry.frames import skew, step_transform
+from calib.geometry.parameters import CHARACTERISTIC_LENGTH
+from calib.identification.least_squares import solve
+from calib.measurement.observations import Measurements
+from calib.measurement.prediction import Prediction, predicted
+
+LEASH = 0.01
+"""Weight of staying put, of a length against a length seen: with a millimeter of misfit a frame
+goes 5 cm at most along a direction that the data hardly tell, and nowhere along one they do not."""
+SCALE = np.array([1.0, 1.0, 1.0, *[CHARACTERISTIC_LENGTH] * 3])
+"""A radian counts like L meters in rows: the misfit here is the nominal robot's, not the device's,
+and the stated covariances do not know it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rig:
+    """Where base, tool and fixtures are, about given poses of the flange."""
+
+    F: Array
+    """(m, 4, 4) T_base_flange by the nominal links [m]."""
+    base: Array
+    """(4, 4) T_world_base [m]."""
+    tool: Array
+    """(4, 4) T_flange_tool [m]."""
+    fixtures: Fixtures
+
+    @property
+    def is_length(self) -> Bool:
+        """(12 + f,) whether a number of base, tool, fixtures is a length."""
+        frame = (True, True, True, False, False, False)
+        return np.array((*frame, *frame, *self.fixtures.is_length))
+
+    def moved(self, step: Array) -> "Rig":
+        """Rig after a step (12 + f,) of base, tool and fixtures, as in `RobotModel.moved`."""
+        return replace(
+            self,
+            base=reorthonormalized(self.base @ step_transform(step[:6])),
+            tool=reorthonormalized(self.tool @ step_transform(step[6:12])),
+            fixtures=self.fixtures.moved(step[12:]),
+        )
+
+    def predict(self, measurements: Measurements) -> Prediction:
+        """Residual and derivative by base, tool and fixtures of every row."""
+        T = self.base @ self.F @ self.tool
+        R = T[:, :3, :3]
+        J = np.zeros((len(T), 6, 12 + self.fixtures.n_numbers))
+        J[:, :3, :3] = J[:, 3:, 3:6] = self.base[:3, :3]
+        J[:, :3, 3:6] = -skew(T[:, :3, 3] - self.base[:3, 3]) @ self.base[:3, :3]
+        J[:, :3, 6:9] = J[:, 3:, 9:12] = R
+        return predicted(T, J, self.fixtures, 12, measurements)
+
+    def rows(self, which: Index) -> "Rig":
+        """The rig at some of the poses."""
+        return replace(self, F=self.F[which])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Walk:
+    """A rig on its way, and how far it has come (f,)."""
+
+    rig: Rig
+    gone: Array
+
+
+def polished(rig: Rig, measurements: Measurements, free: Index, *, most: int = 30) -> Rig:
+    """The rig that fits best near a rig, over its numbers `free`; rows count alike, per meter."""
+    leash = LEASH * np.where(rig.is_length[free], 1.0, CHARACTERISTIC_LENGTH)
+    n = rig.is_length.size
+
+    def evaluate(at: _Walk) -> tuple[Array, Array]:
+        seen = at.rig.predict(measurements)
+        r = (seen.residual * SCALE)[seen.filled]
+        A = (seen.rows * SCALE[:, None])[seen.filled][:, free]
+        return np.concatenate([r, -leash * at.gone]), np.concatenate([A, np.diag(leash)])
+
+    def move(at: _Walk, step: Array) -> _Walk:
+        full = np.zeros(n)
+        full[free] = step
+        return _Walk(at.rig.moved(full), at.gone + step)
+
+    # the second time the leash is tied where the first one ended: it pulls no number off
+    for _ in range(2):
+        rig = solve(evaluate, _Walk(rig, np.zeros(len(free))), move=move, most=most).x.rig
+    return rig

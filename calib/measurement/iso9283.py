@@ -1,0 +1,290 @@
+"""Pose accuracy and repeatability of a robot after ISO 9283, each with uncertainty and noise floor.
+
+A pose is visited in n cycles and read each time. All figures take stacks of visits (..., n, 3) and
+give arrays (...,). Beside each figure stand
+
+* its **standard uncertainty**: how far it scatters from campaign to campaign, by the jackknife over
+  the cycles, and what all readings share (`common`: the instrument, where it stands);
+* its **noise floor**: what it reads, on average, where there is nothing to see. Scatter alone makes
+  |mean - command| larger than zero, and readings of a robot that repeats perfectly still have an
+  RP. A figure near its floor says only that the truth is smaller.
+
+Formulas follow the textbook use of the standard; its own text has not been compared.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, Index, frozen
+from calib.errors import InputError
+from calib.geometry.frames import exp_so3, log_so3
+from calib.measurement.cycles import covariances_of, cycles_of, matching, rotations_of
+from calib.measurement.scatter import mean_norm, mean_widest, repeatability_floor, sd_bias, widest
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Figure:
+    """One figure at each pose, with what it is worth [m or rad]."""
+
+    value: Array
+    """(...,) the figure."""
+    uncertainty: Array
+    """(...,) its standard uncertainty."""
+    floor: Array
+    """(...,) what it reads on average where there is nothing to see; nan where that is unknown."""
+
+
+def accuracy(position: ArrayLike, command: ArrayLike, *, common: ArrayLike | None = None) -> Figure:
+    """AP: distance from the commanded position to the barycenter of the attained ones.
+
+    Parameters
+    ----------
+    position : (..., n, 3) array_like
+        Attained positions, world axes [m].
+    command : (..., 3) array_like
+        Commanded position, world axes [m].
+    common : (..., 3, 3) array_like, optional
+        Covariance of the error that all readings of a pose share [m^2].
+
+    Notes
+    -----
+    The floor is the mean distance of a barycenter that scatters as the cycles show it to,
+    sqrt(8 / (pi n)) sigma for equal scatter in all directions.
+
+    Examples
+    --------
+    >>> points = [[0, 0, 0], [2, 0, 0], [1, 1, 0], [1, -1, 0], [1, 0, 0]]
+    >>> float(accuracy(points, [1, 0, 0.5]).value)
+    0.5
+    """
+    x = cycles_of(position)
+    target = matching(command, x.shape[:-2], "command", (3,))
+    off = x.mean(axis=-2) - target
+    value = np.linalg.norm(off, axis=-1)
+    scatter = _covariance(x) / x.shape[-2]
+    along = off / np.maximum(value, 1e-300)[..., None]
+    spread = scatter + (0.0 if common is None else covariances_of(common, "common"))
+    return Figure(
+        frozen(value),
+        frozen(np.sqrt(np.einsum("...i,...ij,...j->...", along, spread, along))),
+        frozen(mean_norm(scatter)),
+    )
+
+
+def repeatability(position: ArrayLike, *, noise: ArrayLike | None = None) -> Figure:
+    """RP: mean distance to the barycenter plus three standard deviations of it.
+
+    Parameters
+    ----------
+    position : (..., n, 3) array_like
+        Attained positions [m].
+    noise : (..., 3, 3) array_like, optional
+        Covariance of one reading, without the robot's own scatter [m^2]; the floor needs it.
+
+    Examples
+    --------
+    >>> points = [[0, 0, 0], [2, 0, 0], [1, 1, 0], [1, -1, 0], [1, 0, 0]]
+    >>> round(float(repeatability(points).value), 7)
+    2.1416408
+    """
+    x = cycles_of(position)
+    floor = np.full(x.shape[:-2], np.nan)
+    if noise is not None:
+        floor = np.broadcast_to(
+            repeatability_floor(covariances_of(noise, "noise"), x.shape[-2]), floor.shape
+        )
+    return Figure(frozen(_radius(x)), frozen(_jackknife(_radius, x)), frozen(floor))
+
+
+def approaches(position: ArrayLike) -> Figure:
+    """vAP: largest distance between the barycenters of visits from several directions.
+
+    Parameters
+    ----------
+    position : (..., g, n, 3) array_like
+        Attained positions from each of g directions of approach, usually three [m].
+    """
+    x = cycles_of(position)
+    if x.ndim < 3 or x.shape[-3] < 2:
+        raise InputError(
+            f"position has shape {x.shape}", code="A1", field="position", value=x.shape,
+            allowed="(..., g, n, 3) with at least two directions of approach",
+        )  # fmt: skip
+    center = x.mean(axis=-2)
+    scatter = _covariance(x) / x.shape[-2]
+    value, one, other = widest(center)
+    gap = _picked(center, one) - _picked(center, other)
+    along = gap / np.maximum(value, 1e-300)[..., None]
+    both = _picked(scatter, one) + _picked(scatter, other)
+    return Figure(
+        frozen(value),
+        frozen(np.sqrt(np.einsum("...i,...ij,...j->...", along, both, along))),
+        frozen(mean_widest(scatter.mean(axis=-3), x.shape[-3])),
+    )
+
+
+def distance_accuracy(
+    first: ArrayLike, second: ArrayLike, distance: ArrayLike, *, common: ArrayLike = 0.0
+) -> Figure:
+    """AD: how far the mean distance between two poses is from the commanded one.
+
+    Parameters
+    ----------
+    first, second : (..., n, 3) array_like
+        Positions attained at the two poses, cycle by cycle [m].
+    distance : (...,) array_like
+        Commanded distance [m].
+    common : (...,) array_like
+        Standard uncertainty that all distances share, e.g. of the instrument's scale [m].
+
+    Notes
+    -----
+    Scatter s across the line lengthens a distance D by s^2 / D on average: nanometres for a robot.
+    """
+    D = _distances(first, second)
+    off = D.mean(axis=-1) - np.asarray(distance, dtype=np.float64)
+    scatter = D.var(axis=-1, ddof=1) / D.shape[-1]
+    total = np.sqrt(scatter + np.square(np.asarray(common, dtype=np.float64)))
+    floor = np.sqrt(2 / np.pi * scatter)
+    return Figure(frozen(np.abs(off)), frozen(total), frozen(floor))
+
+
+def distance_repeatability(
+    first: ArrayLike, second: ArrayLike, *, noise: ArrayLike | None = None
+) -> Figure:
+    """RD: three standard deviations of the distance between two poses.
+
+    Parameters
+    ----------
+    first, second : (..., n, 3) array_like
+        Positions attained at the two poses, cycle by cycle [m].
+    noise : (..., 3, 3) array_like, optional
+        Sum of the covariances of one reading at either pose [m^2]; the floor needs it.
+    """
+    D = _distances(first, second)[..., None]
+    n = D.shape[-2]
+
+    def spread(x: Array) -> Array:
+        """Three standard deviations."""
+        return np.asarray(3 * x[..., 0].std(axis=-1, ddof=1))
+
+    floor = np.full(D.shape[:-2], np.nan)
+    if noise is not None:
+        gap = np.mean(np.asarray(second) - np.asarray(first), axis=-2)
+        along = gap / np.linalg.norm(gap, axis=-1, keepdims=True)
+        sd = np.sqrt(
+            np.einsum("...i,...ij,...j->...", along, covariances_of(noise, "noise"), along)
+        )
+        floor = 3 * sd_bias(n) * sd
+    return Figure(frozen(spread(D)), frozen(_jackknife(spread, D)), frozen(floor))
+
+
+def rotation_accuracy(
+    R: ArrayLike, command: ArrayLike, *, common: ArrayLike | None = None
+) -> Figure:
+    """AP of orientation: angle from the commanded to the mean attained rotation.
+
+    Parameters
+    ----------
+    R : (..., n, 3, 3) array_like
+        Attained rotations R_world_tool.
+    command : (..., 3, 3) array_like
+        Commanded rotation.
+    common : (..., 3, 3) array_like, optional
+        Covariance of the rotation error that all readings of a pose share, world axes [rad^2].
+
+    Notes
+    -----
+    Rotation vectors about the mean rotation, in world axes: no Euler angles, so nothing depends on
+    how the tool stands.
+    """
+    R = rotations_of(R)
+    turn = rotation_vectors(R, np.asarray(command, dtype=np.float64))
+    return accuracy(turn, np.zeros(3), common=common)
+
+
+def rotation_repeatability(R: ArrayLike, *, noise: ArrayLike | None = None) -> Figure:
+    """RP of orientation: three standard deviations of the rotation about each world axis (..., 3).
+
+    Parameters
+    ----------
+    R : (..., n, 3, 3) array_like
+        Attained rotations R_world_tool.
+    noise : (..., 3, 3) array_like, optional
+        Covariance of the rotation of one reading, world axes [rad^2]; the floor needs it.
+    """
+    R = rotations_of(R)
+    turn = rotation_vectors(R, mean_rotation(R))
+    n = turn.shape[-2]
+
+    def spread(x: Array) -> Array:
+        """Three standard deviations, per axis."""
+        return np.asarray(3 * x.std(axis=-2, ddof=1))
+
+    value = spread(turn)
+    floor = np.full(value.shape, np.nan)
+    if noise is not None:
+        variance = np.diagonal(covariances_of(noise, "noise"), axis1=-2, axis2=-1)
+        floor = np.broadcast_to(3 * sd_bias(n) * np.sqrt(variance), value.shape)
+    return Figure(frozen(value), frozen(_jackknife(spread, turn)), frozen(floor))
+
+
+def mean_rotation(R: Array) -> Array:
+    """Rotation (..., 3, 3) about which the rotation vectors of R (..., n, 3, 3) have mean zero."""
+    mean = R[..., 0, :, :]
+    for _ in range(20):
+        step = rotation_vectors(R, mean).mean(axis=-2)
+        mean = exp_so3(step) @ mean
+        if np.abs(step).max(initial=0.0) < 1e-15:
+            break
+    return np.asarray(mean)
+
+
+def rotation_vectors(R: Array, about: Array) -> Array:
+    """Rotation vectors (..., n, 3) from one rotation (..., 3, 3) to each of R, world axes [rad]."""
+    return log_so3(R @ np.swapaxes(about, -1, -2)[..., None, :, :])
+
+
+def _radius(x: Array) -> Array:
+    """RP (...,) of positions (..., n, 3)."""
+    away = np.linalg.norm(x - x.mean(axis=-2, keepdims=True), axis=-1)
+    return np.asarray(away.mean(axis=-1) + 3 * away.std(axis=-1, ddof=1))
+
+
+def _picked(stack: Array, index: Index) -> Array:
+    """Entry `index` (...,) of each group of a stack (..., g, *)."""
+    lead = stack.shape[: index.ndim]
+    flat = stack.reshape(-1, *stack.shape[index.ndim :])
+    return np.asarray(flat[np.arange(len(flat)), index.ravel()].reshape(*lead, *flat.shape[2:]))
+
+
+def _distances(first: ArrayLike, second: ArrayLike) -> Array:
+    """Distances (..., n) cycle by cycle."""
+    one, other = cycles_of(first), cycles_of(second)
+    if one.shape != other.shape:
+        raise InputError(
+            f"second has shape {other.shape}", code="A1", field="second", value=other.shape,
+            allowed=f"expected {one.shape}: the same cycles at both poses",
+        )  # fmt: skip
+    return np.asarray(np.linalg.norm(other - one, axis=-1))
+
+
+def _jackknife(figure: Callable[[Array], Array], x: Array) -> Array:
+    """Standard uncertainty of a figure of cycles (..., n, k), leaving each one out.
+
+    References
+    ----------
+    Efron & Stein 1981: u^2 = (n - 1)/n sum (f_j - mean f)^2.
+    """
+    n = x.shape[-2]
+    without = np.stack([figure(np.delete(x, j, axis=-2)) for j in range(n)])
+    return np.asarray(np.sqrt((n - 1) / n * ((without - without.mean(axis=0)) ** 2).sum(axis=0)))
+
+
+def _covariance(x: Array) -> Array:
+    """Sample covariances (..., 3, 3) of cycles (..., n, 3), n - 1."""
+    d = x - x.mean(axis=-2, keepdims=True)
+    return np.asarray(np.swapaxes(d, -1, -2) @ d / (x.shape[-2] - 1))

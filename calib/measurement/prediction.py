@@ -1,0 +1,189 @@
+"""What a model says each row of a table should have seen, and how that follows its numbers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, Bool, Index
+from calib.errors import InputError
+from calib.geometry.fixtures import Fixtures
+from calib.geometry.frames import log_so3, right_jacobian_inverse, skew
+from calib.geometry.model import RobotModel
+from calib.measurement.observations import GIVEN, Measurements
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prediction:
+    """Seen minus predicted in the axes of each row's station, before any weighing."""
+
+    residual: Array
+    """(m, 6) [dp (m); Log(R_seen R') (rad)]; a point fills three, a distance one [m]."""
+    rows: Array
+    """(m, 6, P) derivative of the prediction; zero where `filled` is not."""
+    filled: Bool
+    """(m, 6) which entries a row has."""
+
+    @property
+    def misses(self) -> Array:
+        """(m,) length of what is missed in position or distance [m]."""
+        return np.asarray(np.linalg.norm(self.residual[:, :3], axis=1))
+
+    @property
+    def turns(self) -> Array:
+        """(m,) angle by which a rotation is missed [rad]; zero for other than pose rows."""
+        return np.asarray(np.linalg.norm(self.residual[:, 3:], axis=1))
+
+
+def predict(model: RobotModel, measurements: Measurements) -> Prediction:
+    """Residual and derivative of every row of a table."""
+    T, J = model.poses_and_jacobian(measurements.q)
+    return predicted(T, J, model.fixtures, model.first_fixture, measurements)
+
+
+def predicted(
+    T: Array, J: Array, fixtures: Fixtures, first: int, measurements: Measurements
+) -> Prediction:
+    """Residual and derivative at tool poses already computed.
+
+    Parameters
+    ----------
+    T : (m, 4, 4) array
+        Tool poses in the world [m].
+    J : (m, 6, P) array
+        Rows [dp; dr] of the tool in world axes; the columns of the fixtures are zero. Used up.
+    fixtures : Fixtures
+        Where reflectors, anchors and stations are.
+    first : int
+        Column of the first number of the fixtures.
+    measurements : Measurements
+        What was seen.
+
+    References
+    ----------
+    Sola, Deray, Atchuthan, arXiv 1812.01537, eq. (144), for the rotation part -Jr^-1(e) Jw, exact
+    for any residual e. Point: Jp + Jw x (R c), and R for c itself. Distance: u'(that), and -u' for
+    the anchor. Station: p_s = R_s'(p - t_s) moves by -t + p_s x r, its rotation by -r.
+    """
+    require_fixtures(fixtures, measurements)
+    p, R = T[:, :3, 3], T[:, :3, :3]
+    aimed = np.flatnonzero(~measurements.is_pose)
+    if len(aimed):
+        p = p.copy()
+        arm = (R[aimed] @ targets(fixtures, measurements)[aimed, :, None])[:, :, 0]
+        p[aimed] += arm
+        J[aimed, :3] -= skew(arm) @ J[aimed, 3:]
+        _reflector_columns(J, R, first, measurements)
+    far = np.flatnonzero(measurements.is_distance)
+    length = np.zeros(len(p))
+    if len(far):
+        length[far] = _distance_rows(J, p, far, fixtures, first, measurements)
+    away = np.flatnonzero(measurements.station)
+    if len(away):
+        p, R = p.copy(), R.copy()
+        _station_rows(J, p, R, away, fixtures, first, measurements)
+    residual = np.concatenate([measurements.position - p, np.zeros((len(p), 3))], axis=1)
+    pose = np.flatnonzero(measurements.is_pose)
+    e = log_so3(measurements.rotation[pose] @ np.swapaxes(R[pose], -1, -2))
+    residual[pose, 3:] = e
+    J[pose, 3:] = right_jacobian_inverse(e) @ J[pose, 3:]
+    residual[far] = 0.0
+    residual[far, 0] = measurements.distance[far] - length[far]
+    filled = np.arange(6) < measurements.equations[:, None]
+    J[aimed, 3:] = 0.0
+    J[far, 1:] = 0.0
+    return Prediction(residual, J, filled)
+
+
+def targets(fixtures: Fixtures, measurements: Measurements) -> Array:
+    """Where each row's reflector is in the tool frame (m, 3) [m]."""
+    own = measurements.reflector
+    if not (own != GIVEN).any():
+        return measurements.offset
+    require_fixtures(fixtures, measurements)
+    return np.where((own != GIVEN)[:, None], fixtures.reflectors[own], measurements.offset)
+
+
+def seen_positions(model: RobotModel, measurements: Measurements) -> Array:
+    """Predicted positions (m, 3) in the station's frame: tool origin, or reflector [m].
+
+    Of a distance row the place of its reflector in the world.
+    """
+    require_fixtures(model.fixtures, measurements)
+    T = model.poses(measurements.q)
+    p = T[:, :3, 3] + (T[:, :3, :3] @ targets(model.fixtures, measurements)[:, :, None])[:, :, 0]
+    if not measurements.station.any():
+        return p
+    S = model.fixtures.station_frames[measurements.station]
+    return np.asarray((np.swapaxes(S[:, :3, :3], 1, 2) @ (p - S[:, :3, 3])[:, :, None])[:, :, 0])
+
+
+def require_fixtures(fixtures: Fixtures, measurements: Measurements) -> None:
+    """Refuse rows that name a reflector, anchor or station which the model does not have."""
+    for name, have in (
+        ("reflector", len(fixtures.reflectors)),
+        ("anchor", len(fixtures.anchors)),
+        ("station", 1 + len(fixtures.stations)),
+    ):
+        index = getattr(measurements, name)
+        if index.max(initial=-1) >= have:
+            row = int(np.argmax(index >= have))
+            raise InputError(
+                f"{name}[{row}] is {index[row]}, the model has {have} of them",
+                code="A3",
+                field=name,
+                value=int(index[row]),
+                allowed=f"0 to {have - 1}" if have else "none",
+                fix="give the model the fixtures that the table names (RobotModel.fixtures)",
+            )
+
+
+def _reflector_columns(J: Array, R: Array, first: int, measurements: Measurements) -> None:
+    """Fill in how rows follow the numbers of their own reflector: the tool's axes."""
+    for k in np.unique(measurements.reflector[measurements.reflector != GIVEN]):
+        rows = np.flatnonzero(measurements.reflector == k)
+        J[rows, :3, first + 3 * k : first + 3 * k + 3] = R[rows]
+
+
+def _distance_rows(
+    J: Array,
+    p: Array,
+    far: Index,
+    fixtures: Fixtures,
+    first: int,
+    measurements: Measurements,
+) -> Array:
+    """Turn point rows into distance rows, in the first row; distances predicted [m]."""
+    from_anchor = p[far] - fixtures.anchors[measurements.anchor[far]]
+    length = np.linalg.norm(from_anchor, axis=1)
+    # at the anchor itself no direction is the right one: it then tells nothing
+    u = from_anchor / np.where(length > 0, length, 1.0)[:, None]
+    J[far, 0] = (u[:, None, :] @ J[far, :3])[:, 0]
+    start = first + 3 * len(fixtures.reflectors)
+    for k in np.unique(measurements.anchor[far]):
+        own = measurements.anchor[far] == k
+        J[far[own], 0, start + 3 * k : start + 3 * k + 3] = -u[own]
+    return np.asarray(length)
+
+
+def _station_rows(
+    J: Array,
+    p: Array,
+    R: Array,
+    away: Index,
+    fixtures: Fixtures,
+    first: int,
+    measurements: Measurements,
+) -> None:
+    """Turn rows of further stations, and p and R, into the axes of the station."""
+    start = first + 3 * (len(fixtures.reflectors) + len(fixtures.anchors))
+    for s in np.unique(measurements.station[away]):
+        rows = np.flatnonzero(measurements.station == s)
+        T = fixtures.stations[s - 1]
+        back = T[:3, :3].T
+        p[rows] = (p[rows] - T[:3, 3]) @ T[:3, :3]
+        R[rows] = back @ R[rows]
+        J[rows, :3], J[rows, 3:] = back @ J[rows, :3], back @ J[rows, 3:]
+        own = start + 6 * (s - 1)
+        J[rows, :3, own : own + 3] = -np.eye(3)
+        J[rows, :3, own + 3 : own + 6] = skew(p[rows])
+        J[rows, 3:, own + 3 : own + 6] = -np.eye(3)

@@ -1,0 +1,59 @@
+"""What a reader of a calibration must know that no single number says."""
+
+import numpy as np
+
+from calib.identification.conclusion import RED
+from calib.identification.identify import Status
+from calib.measurement.observations import Measurements
+from testbed.output.quantities import in_units, significant, unit_of
+from testbed.records_calibration import Fit
+
+LEAST_TURN, LEAST_SLIDE = np.radians(10.0), 0.010
+"""Range of a joint at the training poses below which it counts as not moved [rad, m]."""
+ILL_CONDITIONED = 1e3
+"""Condition of the kept columns above which poses are too much alike."""
+
+
+def warnings_of(geometric: Fit, chosen: Fit, train: Measurements) -> tuple[str, ...]:
+    """Sentences on the poses, by the geometric fit, and on the fit that was chosen."""
+    found = chosen.identification
+    said = [*_still(geometric, train), *_condition(geometric)]
+    if found.status is not Status.CONVERGED:
+        said.append(f"the fit {found.status.value}")
+    if found.p_value > 1 - RED:
+        said.append(
+            "the residuals are smaller than the stated noise: the stated uncertainty is too large"
+        )
+    return tuple(said)
+
+
+def _still(fit: Fit, train: Measurements) -> tuple[str, ...]:
+    """Which joints were hardly moved: nothing was learnt of them, and nothing tests it."""
+    kinds = np.array(fit.identification.model.chain.kinds)
+    least = np.where(kinds == "revolute", LEAST_TURN, LEAST_SLIDE)
+    still = np.flatnonzero(np.ptp(train.q, axis=0) < least) + 1
+    if not len(still):
+        return ()
+    many = len(still) > 1
+    return (
+        f"joint{'s' * many} {', '.join(map(str, still))} moved by less than "
+        f"{np.degrees(LEAST_TURN):.0f} deg or {1e3 * LEAST_SLIDE:.0f} mm: nothing here says how "
+        f"well the result holds where {'they stand' if many else 'it stands'} otherwise",
+    )
+
+
+def _condition(fit: Fit) -> tuple[str, ...]:
+    """Whether the poses are too much alike, and which number suffers most."""
+    found = fit.identification
+    if found.reduction.condition <= ILL_CONDITIONED:
+        return ()
+    lengths = found.parameters.is_length[found.parameters.free_index]
+    u = found.standard_uncertainty
+    worst = int(np.argmax(u / found.parameters.free_scale))
+    value = float(in_units(u, lengths)[worst])
+    return (
+        f"the poses are much alike: condition {significant(found.reduction.condition, 2)}; least "
+        f"known is {found.names[worst]}, U = {significant(2 * value, 2)} "
+        f"{unit_of(bool(lengths[worst]))} from the stated noise; vary the wrist and the tool's "
+        "orientation more",
+    )

@@ -1,0 +1,98 @@
+"""What a compensation study shows: typical figures of a kind of robots, before and after."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array
+from testbed.records_compensation import DISTANCES, FIGURES, VARIANTS, WORTH, CompensationStudy
+
+VALUE, UNCERTAINTY, FLOOR = range(len(WORTH))
+
+
+@dataclass(frozen=True, slots=True)
+class Typical:
+    """One figure of a typical robot: median over robots of the mean over its poses [m or rad]."""
+
+    value: float
+    low: float
+    """5th percentile over robots."""
+    high: float
+    """95th percentile over robots."""
+    uncertainty: float
+    """Standard uncertainty of one such figure of one robot: root mean square."""
+    floor: float
+    """Mean noise floor."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One way to run the program on robots of one kind."""
+
+    truth: str
+    variant: str
+    ap: Typical
+    rp: Typical
+    angle: Typical
+    ad: Typical
+    rd: Typical
+    true: float
+    """What AP would read without any noise [m]."""
+    held_out: float
+    """Mean held-out error of the model that corrects, median over robots [m]."""
+    held_out_p95: float
+    """95th percentile of the held-out errors, median over robots [m]."""
+    better: int
+    """Robots on which the mean AP is smaller than before."""
+    robots: int
+    uncorrected: int
+    """Targets, of all robots, that could not be corrected without reserve."""
+    extended: float
+    """Share of robots on which the evidence asks for the extended model."""
+
+
+def outcomes(study: CompensationStudy) -> tuple[Outcome, ...]:
+    """Before, corrected by the geometric model, corrected by the chosen model."""
+    names = [*FIGURES, *DISTANCES]
+    figures = [*study.figures.swapaxes(0, 1), *study.distances.swapaxes(0, 1)[..., None]]
+    before = mean_accuracy(study, 0)
+    found = []
+    for v, variant in enumerate(VARIANTS):
+        typical = {name: _typical(figure[v]) for name, figure in zip(names, figures, strict=True)}
+        mean, p95 = np.median(study.held_out[v], axis=1)
+        found.append(
+            Outcome(
+                truth=study.truth,
+                variant=variant,
+                ap=typical["AP"],
+                rp=typical["RP"],
+                angle=typical["AP angle"],
+                ad=typical["AD"],
+                rd=typical["RD"],
+                true=float(np.median(study.true[v].mean(axis=1))),
+                held_out=float(mean),
+                held_out_p95=float(p95),
+                better=int((mean_accuracy(study, v) < before).sum()),
+                robots=len(before),
+                uncorrected=int((~study.corrected[v]).sum()),
+                extended=float(study.extended.mean()),
+            )
+        )
+    return tuple(found)
+
+
+def mean_accuracy(study: CompensationStudy, variant: int) -> Array:
+    """AP of each robot (R,), mean over the five poses [m]."""
+    return np.asarray(study.figures[variant, 0, VALUE].mean(axis=1))
+
+
+def _typical(figure: Array) -> Typical:
+    """Worth, robots and poses (3, R, p) of one figure into one line."""
+    value = figure[VALUE].mean(axis=1)
+    low, median, high = np.percentile(value, [5, 50, 95])
+    # poses are read independently; what the station gets wrong is common and small beside it
+    u = np.sqrt((figure[UNCERTAINTY] ** 2).sum(axis=1)) / figure.shape[2]
+    return Typical(
+        float(median), float(low), float(high), float(np.sqrt((u**2).mean())),
+        float(figure[FLOOR].mean()),
+    )  # fmt: skip

@@ -1,0 +1,212 @@
+"""Joints and readings that were matched, from all files, into one `Session`."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib.arrays import Array, Bool, Index, frozen
+from calib.errors import InputError
+from calib.measurement.observations import Measurements
+from testbed.files.matching import pose_numbers, poses_of_joints, visits_of
+from testbed.files.records import Session, Stated
+from testbed.files.session_file import SessionFile
+from testbed.files.targets import Part, Targets, targets_of, texts_of
+from testbed.robots.robot import Robot
+
+SAME_JOINTS = 1e-6
+"""Commanded joints of one pose differ by rounding only [rad, m]."""
+
+
+def assembled(parts: Sequence[Part], robot: Robot, settings: SessionFile, *, name: str) -> Session:
+    """One session of all parts; what the reader knows besides is left empty.
+
+    Raises
+    ------
+    InputError
+        M27: no row is left; M31: a pose is not what its name says; M35: a split of one pose.
+    """
+    if not sum(len(part) for part in parts):
+        raise InputError(
+            "no row is left",
+            code="M27",
+            where=parts[0].readings.where,
+            field="measurements",
+            fix="see what was left out, and measure again",
+        )
+    q = np.concatenate([part.joints.q for part in parts])
+    place = texts_of(parts, "place")
+    target = targets_of(parts)
+    named = all(_pose_column(part) is not None for part in parts)
+    if named:
+        pose, names = pose_numbers([n for part in parts for n in _pose_column(part) or ()])
+    else:
+        pose, _ = poses_of_joints(q)
+        names = tuple(str(k + 1) for k in range(pose.max() + 1))
+    source = parts[0].joints.source
+    _check_poses(pose, names, q, place, commanded=named and source == "commanded")
+    repeat = _repeats(parts, pose, target, names, place)
+    split = settings.split == "column" and any(_extra(part, "split") for part in parts)
+    is_test = np.array(
+        [word == "test" for part in parts for word in _extra(part, "split") or [""] * len(part)]
+    )
+    if split:
+        _check_split(pose, is_test, names, place)
+    table = Measurements(
+        q=q,
+        position=np.concatenate([part.readings.position for part in parts]),
+        rotation=np.concatenate([part.readings.rotation for part in parts]),
+        covariance=np.concatenate([part.readings.covariance for part in parts]),
+        kind=np.concatenate([np.full(len(part), part.readings.kind) for part in parts]),
+        offset=target.offset,
+        pose_id=pose,
+        repeat=repeat,
+        reflector=target.reflector,
+        station=target.station,
+        anchor=target.anchor,
+        distance=np.concatenate([part.readings.distance for part in parts]),
+    )
+    included = settings.uncertainty.joint_repeatability == "included"
+    wanted = settings.identification
+    return Session(
+        name=name,
+        files=(),
+        measurements=table,
+        pose_names=names,
+        is_test=is_test if split else np.zeros(len(table), dtype=bool),
+        split_stated=split,
+        read_back=_stacked([part.joints.read_back for part in parts]),
+        time=_stacked([_extra(part, "time") for part in parts]),
+        temperature=_stacked([_extra(part, "temperature") for part in parts]),
+        approach=_approach(parts),
+        joint_source=source,
+        uncertainty="; ".join(dict.fromkeys(part.readings.uncertainty for part in parts)),
+        joint_scatter=frozen(np.zeros(q.shape[1]) if included else robot.repeatability),
+        fixtures=target.fixtures,
+        fixed=target.fixed,
+        reflector_names=target.reflector_names,
+        anchor_names=target.anchor_names,
+        station_names=target.station_names,
+        masked=(),
+        drift=None,
+        warnings=tuple(
+            told for part in parts for told in (*part.joints.warnings, *part.readings.warnings)
+        ),
+        notes=tuple(note for part in parts for note in part.readings.notes),
+        stated=parts[0].readings.stated if len(parts) == 1 else Stated(),
+        simulated=settings.simulated,
+        robot=settings.robot,
+        model=wanted.model,
+        free=wanted.free,
+        base=wanted.base,
+        tool=wanted.tool,
+        visits=wanted.visits,
+        place=place,
+    )
+
+
+def _extra(part: Part, name: str) -> Array | tuple[str, ...] | None:
+    """A column of the readings, else of the joints."""
+    own: Array | tuple[str, ...] | None = getattr(part.readings.extras, name)
+    there: Array | tuple[str, ...] | None = getattr(part.joints.extras, name)
+    return own if own is not None else there
+
+
+def _pose_column(part: Part) -> tuple[str, ...] | None:
+    """Names of the poses, from the joints: they number them."""
+    return part.joints.extras.pose
+
+
+def _stacked(columns: Sequence[Array | tuple[str, ...] | None]) -> Array | None:
+    """A column of numbers that all parts have, or None."""
+    there = [column for column in columns if isinstance(column, np.ndarray)]
+    return frozen(np.concatenate(there)) if len(there) == len(columns) else None
+
+
+def _approach(parts: Sequence[Part]) -> tuple[str, ...] | None:
+    """How poses were approached, if all parts say it."""
+    columns = [_extra(part, "approach") for part in parts]
+    there = [column for column in columns if isinstance(column, tuple)]
+    return tuple(t for column in there for t in column) if len(there) == len(columns) else None
+
+
+def _repeats(
+    parts: Sequence[Part], pose: Index, target: Targets, names: Sequence[str], place: Sequence[str]
+) -> Index:
+    """Which visit of its pose each row is; stated, or counted for each target.
+
+    Raises
+    ------
+    InputError
+        M31: one visit comes twice.
+    """
+    _, what = np.unique(
+        np.column_stack(
+            [
+                target.offset,
+                target.reflector,
+                target.station,
+                target.anchor,
+                [part.readings.kind == "pose" for part in parts for _ in range(len(part))],
+            ]
+        ),
+        axis=0,
+        return_inverse=True,
+    )
+    stated = [_extra(part, "repeat") for part in parts]
+    if any(column is None for column in stated):
+        _, both = np.unique(np.column_stack([pose, what.ravel()]), axis=0, return_inverse=True)
+        return visits_of(both.ravel())
+    repeat = np.concatenate([np.asarray(column) for column in stated])
+    key = np.column_stack([pose, what.ravel(), repeat])
+    _, first, count = np.unique(key, axis=0, return_index=True, return_counts=True)
+    if (count > 1).any():
+        row = int(first[np.argmax(count > 1)])
+        later = next(int(k) for k in np.flatnonzero((key == key[row]).all(axis=1)) if k != row)
+        raise InputError(
+            f"pose {names[pose[row]]}, visit {repeat[row]} is there twice, first in "
+            f"line {place[row].rpartition(':')[2]}",
+            code="M31",
+            where=place[later],
+            field="repeat",
+            fix="number the visits 0, 1, 2 ... in the column repeat",
+        )
+    return repeat
+
+
+def _check_poses(
+    pose: Index, names: Sequence[str], q: Array, place: Sequence[str], *, commanded: bool
+) -> None:
+    """Refuse one name for different commanded joints."""
+    if not commanded:
+        return
+    _, first = np.unique(pose, return_index=True)
+    start = dict(zip(pose[first].tolist(), first.tolist(), strict=True))
+    reference = q[[start[int(k)] for k in pose]]
+    off = np.abs(q - reference).max(axis=1)
+    if (off > SAME_JOINTS).any():
+        row = int(np.argmax(off > SAME_JOINTS))
+        at = place[start[int(pose[row])]].rpartition(":")[2]
+        raise InputError(
+            f"pose {names[pose[row]]} has other joints than in line {at}",
+            code="M31",
+            where=place[row],
+            field="pose_id",
+            value=names[pose[row]],
+            fix="give it a pose_id of its own",
+        )
+
+
+def _check_split(pose: Index, is_test: Bool, names: Sequence[str], place: Sequence[str]) -> None:
+    """Refuse a pose that judges what it was used for."""
+    both = np.intersect1d(pose[is_test], pose[~is_test])
+    if both.size:
+        row = int(np.flatnonzero((pose == both[0]) & is_test)[0])
+        raise InputError(
+            f"pose {names[both[0]]} is for identification and for test",
+            code="M35",
+            where=place[row],
+            field="split",
+            value=names[both[0]],
+            allowed="visits of one pose stay together",
+            fix="write one word for all its rows",
+        )

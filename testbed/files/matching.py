@@ -1,0 +1,174 @@
+"""Which joints belong to which reading: by row, by pose_id, or by order if that is stated."""
+
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.errors import InputError
+from testbed.files.joints import Joints
+from testbed.files.readings import Readings
+
+LARGEST_ID = 100_000
+"""Whole numbers up to this are kept as pose numbers."""
+SHOWN = 8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Match:
+    """Joints and readings that belong together."""
+
+    joints: Index
+    """(m,) place in the joints."""
+    readings: Index
+    """(m,) place in the readings."""
+    warnings: tuple[str, ...] = ()
+
+
+def by_row(joints: Joints, readings: Readings) -> Match:
+    """Both stand in one line of one file."""
+    at = {int(row): k for k, row in enumerate(joints.row)}
+    both = [(at[int(row)], k) for k, row in enumerate(readings.order) if int(row) in at]
+    pairs = np.array(both, dtype=np.int64).reshape(-1, 2)
+    return Match(pairs[:, 0], pairs[:, 1])
+
+
+def by_order(joints: Joints, readings: Readings) -> Match:
+    """The k-th joint vector belongs to the k-th reading.
+
+    Raises
+    ------
+    InputError
+        M31: there are not as many of both.
+    """
+    if len(joints) != len(readings):
+        raise InputError(
+            f"has {len(readings)} readings for {len(joints)} joint vectors in {joints.where}",
+            code="M31",
+            where=readings.where,
+            field="match",
+            allowed='match = "order" needs as many of both',
+            fix="remove the extra rows, or number both files in a column pose_id",
+        )
+    return Match(np.arange(len(joints)), np.arange(len(readings)))
+
+
+def by_cycle(joints: Joints, readings: Readings) -> Match:
+    """The k-th shot at a target belongs to the k-th joint vector.
+
+    Raises
+    ------
+    InputError
+        M31: targets were not shot equally often, or not as often as there are joint vectors.
+    """
+    counts = Counter(readings.target)
+    number = np.array([int(k) for k in readings.extras.pose or ()], dtype=np.int64)
+    # a row that was left out makes the count go on past the joints
+    if set(counts.values()) != {len(joints)} or number.max() >= len(joints):
+        shown = ", ".join(f"{name or 'it'} {count}" for name, count in sorted(counts.items())[:8])
+        raise InputError(
+            f"targets were shot {shown} times for {len(joints)} joint vectors",
+            code="M31",
+            where=readings.where,
+            field="target",
+            allowed="cycling names count poses only if all counts agree",
+            fix="mend the export, or give each pose a group of its own",
+        )
+    return Match(number, np.arange(len(readings)))
+
+
+def by_pose(joints: Joints, readings: Readings, *, drop: bool) -> Match:
+    """Rows with the same pose_id, and the same repeat where both files count visits.
+
+    Raises
+    ------
+    InputError
+        M31: readings without joints, joints without readings (unless `drop`), joints twice.
+    """
+    for file, extras in ((joints.where, joints.extras), (readings.where, readings.extras)):
+        if extras.pose is None:
+            raise InputError(
+                "has no column pose_id",
+                code="M35",
+                where=file,
+                field="pose_id",
+                fix='number the poses in both files, or write match = "order" in session.toml',
+            )
+    visits = joints.extras.repeat is not None and readings.extras.repeat is not None
+    own = _keys(joints.extras.pose or (), joints.extras.repeat if visits else None)
+    seen = _keys(readings.extras.pose or (), readings.extras.repeat if visits else None)
+    twice = [key for key, count in Counter(own).items() if count > 1]
+    if twice:
+        _refuse(f"{joints.where} has joints twice for", twice, readings.where)
+    at = {key: k for k, key in enumerate(own)}
+    without = [key for key in dict.fromkeys(seen) if key not in at]
+    if without:
+        _refuse(f"{joints.where} has no joints for", without, readings.where)
+    there = set(seen)
+    lost = [key for key in own if key not in there]
+    if lost and not drop:
+        _refuse("there is no reading of", lost, readings.where, " or add --drop-invalid")
+    told = (f"{readings.where}: there is no reading of {_listed(lost)}; left out",) if lost else ()
+    return Match(np.array([at[key] for key in seen], dtype=np.int64), np.arange(len(seen)), told)
+
+
+def pose_numbers(names: Sequence[str]) -> tuple[Index, tuple[str, ...]]:
+    """Number of each row's pose (m,) and the name of each number.
+
+    Whole numbers stay what they are; other names are numbered as they come.
+    """
+    if all(name.isascii() and name.isdigit() and int(name) <= LARGEST_ID for name in names):
+        ids = np.array([int(name) for name in names], dtype=np.int64)
+        there = set(ids.tolist())
+        return ids, tuple(str(k) if k in there else "" for k in range(ids.max(initial=-1) + 1))
+    known = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    return np.array([known[name] for name in names], dtype=np.int64), tuple(known)
+
+
+def poses_of_joints(q: Array) -> tuple[Index, Index]:
+    """Pose (m,) and visit (m,) of rows without names: equal joints are one pose, visited again."""
+    _, first, pose = np.unique(q, axis=0, return_index=True, return_inverse=True)
+    number = np.argsort(np.argsort(first))[pose.ravel()]
+    return number, visits_of(number)
+
+
+def visits_of(pose: Sequence[int] | Index) -> Index:
+    """Which visit (m,) of its pose each row is, from 0, in the order of the rows."""
+    seen: defaultdict[int, int] = defaultdict(int)
+    out = []
+    for k in pose:
+        out.append(seen[int(k)])
+        seen[int(k)] += 1
+    return np.array(out, dtype=np.int64)
+
+
+def _keys(names: Sequence[str], repeat: Index | None) -> list[tuple[str, int]]:
+    """Pose and visit of each row; numbers are equal however they are written."""
+    visit = np.zeros(len(names), dtype=np.int64) if repeat is None else repeat
+    return [(_plain(name), int(k)) for name, k in zip(names, visit, strict=True)]
+
+
+def _plain(name: str) -> str:
+    """A pose's name; 07 is 7."""
+    return str(int(name)) if name.isascii() and name.isdigit() and len(name) < 19 else name
+
+
+def _listed(keys: Sequence[tuple[str, int]]) -> str:
+    """Poses in words."""
+    shown = ", ".join(f"{name[:20]}{f' visit {k}' if k else ''}" for name, k in keys[:SHOWN])
+    more = f" and {len(keys) - SHOWN} more" if len(keys) > SHOWN else ""
+    return f"pose{'s' if len(keys) > 1 else ''} {shown}{more}"
+
+
+def _refuse(told: str, keys: Sequence[tuple[str, int]], where: str, more: str = "") -> None:
+    """Raise for poses that do not match."""
+    raise InputError(
+        f"{told} {_listed(keys)}",
+        code="M31",
+        where=where,
+        field="pose_id",
+        value=[name for name, _ in keys[:SHOWN]],
+        fix=f"mend the column pose_id{more}",
+    )

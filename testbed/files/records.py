@@ -1,0 +1,130 @@
+"""What measurement files become: one frozen `Session` in SI units."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from calib.arrays import Array, Bool
+from calib.geometry.fixtures import Fixtures
+from calib.measurement.observations import Measurements
+from testbed.files.dialect import SourceFile
+
+Visits = Literal["all", "first"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drift:
+    """How far the station moved, by the nests that stay on the floor."""
+
+    nests: tuple[str, ...]
+    steps: Array
+    """(r, 6) best fit of each round to the first: [translation (m); rotation (rad)]."""
+    shift: Array
+    """(r,) how far that moves the middle of the measured points [m]."""
+    uncertainty: float
+    """Standard uncertainty of one such shift [m]."""
+    corrected: bool
+    """Whether it was taken off: the largest shift is above twice its uncertainty."""
+    wrong: tuple[str, ...]
+    """Shots at nests that lie too far from their median, in words; they do not count."""
+
+    @property
+    def sentence(self) -> str:
+        """What the report says."""
+        done = "taken off" if self.corrected else "not taken off, being below twice that"
+        lost = f"; {len(self.wrong)} wrong shots left out" if self.wrong else ""
+        return (
+            f"the station drifted up to {self.shift.max(initial=0.0) * 1e6:.1f} um over "
+            f"{len(self.shift)} rounds of {len(self.nests)} nests "
+            f"(standard uncertainty {self.uncertainty * 1e6:.1f} um): {done}{lost}"
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stated:
+    """How rotations stand in the file, kept so that other readings of it can be tried."""
+
+    form: str = "none"
+    """none, matrix, quaternion, rotation_vector, or an Euler sequence: capitals turn about axes
+    that turn along, small letters about fixed ones."""
+    numbers: Array | None = None
+    """(m, 3 | 4 | 9) as in the file: Euler angles in the order of the letters [rad], quaternions
+    with w first, rotation vectors [rad], matrices by rows."""
+    inverted: bool = False
+    """Whether the file gives T_tool_tracker."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Session:
+    """Everything a calibration needs of a measuring session; the world is the first station."""
+
+    name: str
+    files: tuple[SourceFile, ...]
+    """What was read, with sha256."""
+    measurements: Measurements
+    """All valid rows, identify and test."""
+    pose_names: tuple[str, ...]
+    """Name of each pose, by `measurements.pose_id`; empty for numbers no row has."""
+    is_test: Bool
+    """(m,) rows that judge and are never used for identification."""
+    split_stated: bool
+    """Whether the file says which rows those are."""
+    read_back: Array | None
+    """(m, n) joints as the controller read them back [rad, m]."""
+    time: Array | None
+    """(m,) since the first row [s]."""
+    temperature: Array | None
+    """(m,) [degC]."""
+    approach: tuple[str, ...] | None
+    """(m,) how each pose was approached, as the file calls it."""
+    joint_source: Literal["commanded", "read-back"]
+    """Which joints `measurements.q` are."""
+    uncertainty: str
+    """Where the covariances come from, in a sentence."""
+    joint_scatter: Array
+    """(n,) repeatability of the joints that the covariances do *not* hold yet [rad or m]; add it
+    by `calib.measurement.noise.with_joint_noise` once base and tool are known."""
+    fixtures: Fixtures
+    """Reflectors, anchors and stations the rows refer to; zero where nothing is known yet."""
+    fixed: tuple[str, ...]
+    """Names of the numbers of `fixtures` that the file gives; they are not identified."""
+    reflector_names: tuple[str, ...]
+    anchor_names: tuple[str, ...]
+    station_names: tuple[str, ...]
+    """The first one is the world."""
+    masked: tuple[str, ...]
+    """Rows left out, and why."""
+    drift: Drift | None
+    warnings: tuple[str, ...]
+    """What looks odd but did not stop the reading."""
+    notes: tuple[str, ...]
+    """How the files were read: dialect, units, conventions."""
+    stated: Stated
+    simulated: bool
+    """Whether the file says that it comes from a virtual laboratory."""
+    robot: str
+    """Robot the file names; empty if it names none."""
+    model: Literal["geometric", "extended", "choose"]
+    free: str | tuple[str, ...]
+    """"identifiable", a free set of the robot, or names of numbers."""
+    base: Literal["free", "fixed"]
+    tool: Literal["free", "fixed"]
+    visits: Visits
+    """Which visits of a pose are identified from: "first" leaves repeats to type A."""
+    place: tuple[str, ...]
+    """(m,) file and line of each row, for messages."""
+
+    @property
+    def is_identified(self) -> Bool:
+        """(m,) rows to identify from: not for testing, and of the wanted visits."""
+        first = self.measurements.repeat == 0
+        return ~self.is_test & (first if self.visits == "first" else True)
+
+    def pose_name(self, row: int) -> str:
+        """Name of the pose of a row."""
+        return self.pose_names[int(self.measurements.pose_id[row])]
+
+    @property
+    def free_anchors(self) -> tuple[int, ...]:
+        """Anchors of the fixtures, from 0, whose place in the world is to be found."""
+        count = len(self.anchor_names)
+        return tuple(k for k in range(count) if f"anchor{k + 1}.x" not in self.fixed)

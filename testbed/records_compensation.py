@@ -1,0 +1,54 @@
+"""What the compensation study leaves behind: one record per kind of robot; nothing is computed."""
+
+from dataclasses import dataclass
+
+from calib.arrays import Array, Bool, Index
+
+VARIANTS = ("before", "geometric", "chosen")
+"""Order of the first axis of the arrays below: the program as it was, corrected by the geometric
+model, corrected by the model that the evidence chooses (the same one on many robots)."""
+FIGURES = ("AP", "RP", "AP angle")
+"""Figures of a pose, in the order of their axis; the first two in m, the third in rad."""
+DISTANCES = ("AD", "RD")
+"""Figures of the distance between two poses [m]."""
+WORTH = ("value", "uncertainty", "floor")
+"""What stands beside each other for every figure: itself, standard uncertainty, noise floor."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CompensationStudy:
+    """R robots of one kind: an ISO 9283 test before and after the targets were corrected."""
+
+    truth: str
+    """Preset of the robots."""
+    trial: str
+    """Whose poses calibrated them."""
+    poses: int
+    """How many those are."""
+    cycles: int
+    """Visits of each of the five poses."""
+    T: Array
+    """(5, 4, 4) commanded poses, world [m]."""
+    q: Array
+    """(5, n) nominal joint targets [rad, m]."""
+    figures: Array
+    """(3, 3, 3, R, 5) variant, figure, worth, robot, pose [m or rad]."""
+    distances: Array
+    """(3, 2, 3, R) variant, figure, worth, robot [m]; of the way from pose 2 to pose 4."""
+    true: Array
+    """(3, R, 5) the secret: distance of the noise-free tool from the command [m]."""
+    held_out: Array
+    """(3, 2, R) mean and 95th percentile of the held-out errors of the model: nominal, geometric,
+    chosen; against the secret [m]."""
+    extended: Bool
+    """(R,) whether the evidence asked for the extended model."""
+    corrected: Bool
+    """(3, R, 5) whether a target was corrected without reserve; True before."""
+    step: Array
+    """(3, R) largest joint correction [rad, or m]."""
+    targets: Array
+    """(3, R, 5, n) joint targets that were executed [rad, m]."""
+    readings: Array
+    """(3, 5, c, 3) of the first robot: read positions minus commanded ones [m]."""
+    pose_id: Index
+    """(5,) numbers of the poses in the standard, from 1."""

@@ -1,0 +1,132 @@
+"""The table of an identified robot: each number old, new, moved by, and how uncertain."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, check
+from calib.errors import InputError
+from calib.geometry.frames import right_jacobian_inverse
+from calib.geometry.frames import transform_step as numbers_of
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
+
+COVERAGE = 2.0
+"""k of the expanded uncertainty."""
+
+
+@dataclass(frozen=True, slots=True)
+class DhRow:
+    """One number of a robot, in mm or deg."""
+
+    name: str
+    """As in `RobotModel.names`."""
+    unit: str
+    """mm or deg."""
+    old: float
+    """Nominal."""
+    new: float
+    """Identified."""
+    delta: float
+    """New minus old."""
+    expanded: float | None
+    """U (k = 2); None if the number was held."""
+
+    @property
+    def uncertainty(self) -> str:
+        """U (k = 2) to two significant digits, or ``held``."""
+        if self.expanded is None:
+            return "held"
+        digits = 1 - int(np.floor(np.log10(self.expanded)))
+        return f"{self.expanded:.{max(digits, 0)}f}"
+
+
+def dh_rows(
+    nominal: RobotModel, identified: RobotModel, parameters: Parameters, covariance: Array
+) -> tuple[DhRow, ...]:
+    """Rows for base, links, tool and joint terms; reflectors and stations are not the robot's.
+
+    Base and tool stand as position and rotation vector in the frame they are given in. They are
+    identified as a step in their own axes, so that their uncertainty is carried over:
+    dp = R t, d Log R = inv(Jr) r.
+
+    Parameters
+    ----------
+    nominal : RobotModel
+        Before. It may lack joint terms that were added; they were zero.
+    identified : RobotModel
+        After.
+    parameters : Parameters
+        Which numbers of `identified` were free.
+    covariance : (f, f) array
+        Of the free numbers, in their order [m, rad].
+
+    References
+    ----------
+    Sola et al. arXiv 1812.01537, right Jacobian of SO(3).
+    """
+    (covariance,) = check(f"{parameters.n_free} {parameters.n_free}", covariance=covariance)
+    n, k = identified.chain.n_joints, len(identified.joint_errors.terms)
+    if parameters.names[: 12 + 5 * n + k] != identified.names[: 12 + 5 * n + k]:
+        raise InputError(
+            "parameters are not those of the identified model", code="A3", field="parameters"
+        )
+    full = np.zeros((len(parameters.names),) * 2)
+    full[np.ix_(parameters.free_index, parameters.free_index)] = covariance
+    before = dict(zip(nominal.joint_errors.names, nominal.joint_errors.coefficients, strict=True))
+    old, new, sd = [], [], []
+    for place, start in (("T_world_base", 0), (None, 6), ("T_flange_tool", 6 + 5 * n)):
+        if place is None:
+            old.append(nominal.chain.links.ravel())
+            new.append(identified.chain.links.ravel())
+            sd.append(np.sqrt(np.diagonal(full)[6 : 6 + 5 * n]))
+            continue
+        T = getattr(identified.chain, place)
+        old.append(numbers_of(getattr(nominal.chain, place)))
+        new.append(_near(numbers_of(T), old[-1]))
+        moves = np.zeros((6, 6))
+        moves[:3, :3], moves[3:, 3:] = T[:3, :3], right_jacobian_inverse(new[-1][3:])
+        own = full[start : start + 6, start : start + 6]
+        spread = np.sqrt(np.clip(np.diagonal(moves @ own @ moves.T), 0, None))
+        # what was held stays exactly so: no rounding of a rotation may make it look free
+        sd.append(np.where(spread > 1e-12 * np.sqrt(own.max(initial=0.0)), spread, 0.0))
+    old.append(np.array([before.get(name, 0.0) for name in identified.joint_errors.names]))
+    new.append(identified.joint_errors.coefficients)
+    sd.append(np.sqrt(np.diagonal(full)[12 + 5 * n : 12 + 5 * n + k]))
+    is_length = identified.is_length
+    return tuple(
+        _row(name, is_length[i], a, b, s)
+        for i, (name, a, b, s) in enumerate(
+            zip(
+                parameters.names[: 12 + 5 * n + k],
+                np.concatenate(old),
+                np.concatenate(new),
+                np.concatenate(sd),
+                strict=True,
+            )
+        )
+    )
+
+
+def _row(name: str, is_length: bool, old: float, new: float, sd: float) -> DhRow:
+    """One row in mm or deg."""
+    scale = 1e3 if is_length else float(np.degrees(1.0))
+    expanded = float(COVERAGE * sd * scale) if sd > 0 else None
+    return DhRow(
+        name,
+        "mm" if is_length else "deg",
+        float(old * scale),
+        float(new * scale),
+        float((new - old) * scale),
+        expanded,
+    )
+
+
+def _near(step: Array, other: Array) -> Array:
+    """The same frame with the rotation vector that lies nearest to another's: near a half turn."""
+    turn = float(np.linalg.norm(step[3:]))
+    if turn == 0.0:
+        return step
+    again = step[3:] * (1 - 2 * np.pi / turn)
+    closer = np.linalg.norm(again - other[3:]) < np.linalg.norm(step[3:] - other[3:])
+    return np.concatenate([step[:3], again]) if closer else step

@@ -1,0 +1,65 @@
+"""[compensation]: calibrated robots run a program as it was and corrected; both are measured."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from testbed.settings_coverage import TRUTHS, TruthName
+from testbed.settings_tracker import At960Tracker, TrackerSettings
+from testbed.settings_types import Point, RotationVector, Settings, Side
+
+COMPENSATION_KEYS = {f"compensation.{truth}": truth for truth in TRUTHS}
+"""Record names, one per kind of robot: a run can be resumed between them."""
+
+
+class CompensationSettings(Settings):
+    """[compensation]: the first trial's pose set corrects the five poses of an ISO 9283 test."""
+
+    robots: Annotated[int, Field(ge=0, le=10_000)] = 0
+    """Virtual robots of each kind; 0 skips the study."""
+    truths: Annotated[tuple[TruthName, ...], Field(min_length=1, max_length=len(TRUTHS))] = (
+        "rigid",
+        "wen2022",
+        "elastic",
+    )
+    """Kinds of robots: presets of [truth] as they ship, whatever this scenario's [truth] says."""
+    cycles: Annotated[int, Field(ge=3, le=1000)] = 30
+    """Visits of each pose, before and after."""
+    center_mm: Point = (350.0, 0.0, 100.0)
+    """Center of the cube, base frame."""
+    side_mm: Side = 400.0
+    """Side of the cube; its edges are parallel to the base's axes."""
+    turn_deg: RotationVector = (0.0, 90.0, 0.0)
+    """How the tool stands at all five poses: rotation vector in the base frame."""
+
+
+def compensation_keys(settings: CompensationSettings) -> tuple[str, ...]:
+    """Keys of the study's records, one per kind of robot; none if it is off."""
+    return tuple(f"compensation.{truth}" for truth in settings.truths if settings.robots)
+
+
+def compensation_contradictions(
+    settings: CompensationSettings, tracker: TrackerSettings
+) -> list[str]:
+    """Sentences, one per contradiction of [compensation] with itself or the tracker."""
+    found = []
+    if len(set(settings.truths)) < len(settings.truths):
+        found.append("[compensation] truths names one twice; remove the copy")
+    if not settings.robots:
+        return found
+    if settings.robots == 1:
+        found.append(
+            "[compensation] robots is 1; 0 skips it, and a spread needs at least 2; write "
+            "robots = 0 or more than 1"
+        )
+    if tracker.measures == "point":
+        found.append(
+            '[compensation] robots needs full poses; [tracker] measures is "point"; write '
+            "robots = 0"
+        )
+    if isinstance(tracker, At960Tracker) and tracker.missed:
+        found.append(
+            f"[compensation] cycles needs every visit; [tracker] missed is {tracker.missed}; "
+            "write missed = 0, or robots = 0"
+        )
+    return found

@@ -1,0 +1,121 @@
+"""Corrected targets: the identified robot does what the nominal one was meant to do."""
+
+import numpy as np
+import pytest
+
+from calib.compensation import corrected_joints, corrected_poses
+from calib.errors import InputError
+from calib.geometry.chain import Chain
+from calib.geometry.frames import log_so3
+from calib.geometry.inverse import inverse, joint_jacobian, spread
+from calib.geometry.model import RobotModel
+from tests.calib.test_inverse import ARMS, TX60, limits_of, wrong
+
+LEFT = 1e-9
+"""What a correction may leave [m, rad]."""
+
+
+def case(name, count=60):
+    """Nominal arm, what it really is, and targets well inside the limits."""
+    chain, rng = ARMS[name], np.random.default_rng(3)
+    real = wrong(chain, rng)
+    soft = RobotModel(
+        real.chain, type(real.joint_errors)(real.joint_errors.terms,
+                                            real.joint_errors.coefficients * 0.05)
+    )  # fmt: skip
+    return RobotModel(chain), soft, spread(0.8 * limits_of(chain), count), limits_of(chain)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_the_identified_robot_has_the_nominal_poses_at_the_corrected_joints(name):
+    nominal, real, q, limits = case(name)
+    found = corrected_joints(nominal, real, q, limits)
+    ok = found.corrected
+    assert ok.mean() > 0.9
+    want, have = nominal.poses(q), real.poses(found.q)
+    assert np.abs(want[ok, :3, 3] - have[ok, :3, 3]).max() < LEFT
+    turn = log_so3(np.swapaxes(want[:, :3, :3], 1, 2) @ have[:, :3, :3])
+    assert np.abs(turn[ok]).max() < LEFT
+    # without it, it would be off by what the errors are
+    assert np.median(found.position_before) > 1e-4
+    assert len(found.status) == len(found.q) == len(q)  # nothing is dropped
+    named = "".join(found.sentences)
+    assert all(one in ("reached", "singular", "limits", "out of reach") for one in found.status)
+    assert bool(named) == (not ok.all())
+
+
+def test_to_first_order_the_correction_is_one_newton_step():
+    nominal, real, q, limits = case("six turns", 40)
+    found = corrected_joints(nominal, real, q, limits)
+    T, J = joint_jacobian(real, q)
+    want = nominal.poses(q)
+    turn = log_so3(want[:, :3, :3] @ np.swapaxes(T[:, :3, :3], 1, 2))
+    off = np.hstack([want[:, :3, 3] - T[:, :3, 3], turn])
+    step = np.linalg.solve(J, off[:, :, None])[..., 0]
+    ok = found.corrected & (found.condition < 20)
+    assert ok.sum() > 10
+    # curvature: the square of steps of some mrad, times the condition
+    np.testing.assert_allclose(found.step[ok], step[ok], atol=20 * np.abs(step[ok]).max() ** 2)
+
+
+def test_a_robot_without_errors_needs_no_correction():
+    nominal, _, q, limits = case("six turns")
+    found = corrected_joints(nominal, nominal, q, limits)
+    assert (found.step == 0).all()
+
+
+@pytest.mark.parametrize("name", ["six turns", "three slides"])
+def test_a_controller_that_keeps_its_nominal_model_is_told_other_poses(name):
+    nominal, real, q, limits = case(name)
+    T = nominal.poses(q)
+    found = corrected_poses(nominal, real, T, q, limits)
+    ok = found.corrected
+    assert ok.mean() > 0.9
+    # the controller: its own inverse kinematics, from where it would be for the old target
+    taken = inverse(nominal, found.T[ok], q[ok], limits).q
+    assert np.abs(real.poses(taken)[:, :3] - T[ok][:, :3]).max() < LEFT
+    np.testing.assert_allclose(taken, found.q[ok], atol=1e-7)
+    # both ways out are one: the joints are those of the joint correction
+    direct = corrected_joints(nominal, real, q, limits)
+    both = ok & direct.corrected
+    np.testing.assert_allclose(found.q[both], direct.q[both], atol=1e-7)
+
+
+def test_a_target_at_a_joint_limit_is_listed_and_stays_inside():
+    nominal, real, q, limits = case("six turns", 40)
+    good = corrected_joints(nominal, real, q, limits)
+    k = int(np.flatnonzero(good.corrected)[0])
+    joint = int(np.abs(good.step[k]).argmax())
+    tight = limits.copy()
+    edge = q[k, joint]
+    # the target itself is just allowed, its correction is not
+    tight[joint] = (edge, limits[joint, 1]) if good.step[k, joint] < 0 else (limits[joint, 0], edge)
+    found = corrected_joints(nominal, real, q[k : k + 1], tight)
+    assert found.status == ("limits",)
+    assert tight[joint, 0] <= found.q[0, joint] <= tight[joint, 1]
+    assert found.position_error[0] <= found.position_before[0] + 1e-4
+    assert "1 of 1 targets is reached only outside the joint limits" in found.sentences[0]
+
+
+def test_a_wrist_in_line_is_named_for_its_large_moves():
+    nominal, real, _, limits = case("six turns")
+    q = np.array([[0.4, 0.6, 0.8, 0.3, 0.0005, -0.2], [0.4, 0.6, 0.8, 0.3, 0.7, -0.2]])
+    found = corrected_joints(nominal, real, q, limits)
+    assert found.status == ("singular", "reached")
+    assert np.abs(found.step[0]).max() > np.radians(5) or found.condition[0] > 1e3
+    assert "(target 1)" in found.sentences[0]
+
+
+def test_a_pose_out_of_reach_is_no_correction():
+    nominal, real, q, limits = case("six turns", 2)
+    T = nominal.poses(q).copy()
+    T[1, :3, 3] = [2.0, 0, 0]
+    found = corrected_poses(nominal, real, T, q, limits)
+    assert found.status[1] == "out of reach"
+    assert found.position_error[1] > 1.0
+    assert len(found.T) == 2
+
+
+def test_two_different_arms_are_refused():
+    with pytest.raises(InputError, match="differ in their joints"):
+        corrected_joints(RobotModel(TX60), RobotModel(Chain(TX60.links[:5])), np.zeros((1, 6)), [])

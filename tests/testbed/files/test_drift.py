@@ -1,0 +1,112 @@
+"""Nests on the floor: a drift that is there is found and taken off, one that is not is left."""
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from calib.geometry.frames import exp_so3, step_transform
+from testbed.files.drift import best_fit
+from testbed.files.session import read_session
+from tests.testbed.files.made import ROBOT, N, csv, made
+
+NESTS = {
+    "B1": [2.0, 0.0, -0.3],
+    "B2": [0.0, 2.5, -0.3],
+    "B3": [-1.5, 0.0, 0.8],
+    "B4": [1.0, 1.0, 2.0],
+}
+DATA = made(8, 40, 0.0)
+ARM = np.array([0.05, 0.03, 0.08])
+
+
+def measured(folder, *, drift, noise, rng, rounds=5, nests=NESTS, limit=0.2, spoil=None):
+    """Rounds over the nests among the poses, by a station that moves in proportion."""
+    rows = {k: [] for k in ("pose_id", "target", *(f"q{j + 1}_rad" for j in range(N)))}
+    rows |= {f"{a}_m": [] for a in "xyz"}
+    per = len(DATA.q) // (rounds - 1)
+    true = []
+    shots = []
+    for r in range(rounds):
+        shots += [(-1, name, np.array(p)) for name, p in nests.items()]
+        if r < rounds - 1:
+            for k in range(r * per, (r + 1) * per):
+                p = DATA.T[k, :3, :3] @ ARM + DATA.T[k, :3, 3]
+                shots.append((k, "SMR", p))
+                true.append(p)
+    for n, (k, name, p) in enumerate(shots):
+        share = n / (len(shots) - 1)
+        T = step_transform(share * np.asarray(drift))
+        seen = T[:3, :3] @ p + T[:3, 3] + noise * rng.standard_normal(3)
+        if spoil == n:
+            seen[0] += 0.4e-3
+        q = DATA.q[k] if k >= 0 else np.zeros(N)
+        for key, value in zip(rows, (str(max(k, 0)), name, *q, *seen), strict=True):
+            rows[key].append(value)
+    (folder / "a.csv").write_text(csv(rows, form="{:.17g}"))
+    (folder / "s.toml").write_text(
+        f"[points]\n[uncertainty]\nposition_um = 5\n[drift]\nnests = {list(nests)}\n"
+        f"limit_mm = {limit}\n".replace("'", '"')
+    )
+    return read_session(folder / "a.csv", ROBOT, config=folder / "s.toml"), np.array(true)
+
+
+def test_a_rigid_motion_is_found_exactly():
+    rng = np.random.default_rng(0)
+    a, R = rng.standard_normal((5, 3)), exp_so3(np.array([0.3, -1.0, 2.0]))
+    found, t = best_fit(a, a @ R.T + [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(found, R, atol=1e-14)
+    np.testing.assert_allclose(t, [1.0, 2.0, 3.0], atol=1e-14)
+
+
+def test_a_drift_well_above_its_uncertainty_is_taken_off(tmp_path):
+    step = [80e-6, -50e-6, 30e-6, 10e-6, 0.0, -20e-6]
+    session, true = measured(tmp_path, drift=step, noise=3e-6, rng=np.random.default_rng(1))
+    drift = session.drift
+    assert drift.corrected
+    assert drift.sentence in session.notes
+    assert len(session.measurements) == len(true)
+    left = np.linalg.norm(session.measurements.position - true, axis=1)
+    # 3 um per axis of a shot and of a round, instead of up to 100 um
+    assert np.sqrt(np.square(left).mean()) < 10e-6
+    assert 60e-6 < drift.shift[-1] < 150e-6
+    assert drift.uncertainty < 8e-6
+
+
+def test_a_drift_within_its_uncertainty_is_only_reported(tmp_path):
+    session, true = measured(tmp_path, drift=np.zeros(6), noise=8e-6, rng=np.random.default_rng(3))
+    assert not session.drift.corrected
+    left = session.measurements.position - true
+    # exactly as it was measured
+    assert np.abs(np.std(left) / 8e-6 - 1) < 0.3
+    assert "not taken off" in session.drift.sentence
+
+
+def test_the_stated_uncertainty_of_a_shift_holds(tmp_path):
+    """Without drift, shifts are as large as stated: sqrt(3) of one axis at most."""
+    ratio = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        drift = measured(tmp_path, drift=np.zeros(6), noise=5e-6, rng=rng)[0].drift
+        ratio += list(drift.shift[1:] / drift.uncertainty)
+    # the worst axis is stated: the mean of |shift| over it lies between half and sqrt(3)
+    assert 0.5 < np.sqrt(np.mean(np.square(ratio))) < 3**0.5
+
+
+def test_a_wrong_lock_at_a_nest_does_not_count(tmp_path):
+    rng = np.random.default_rng(2)
+    session, _ = measured(tmp_path, drift=np.zeros(6), noise=3e-6, rng=rng, spoil=15)
+    assert len(session.drift.wrong) == 1
+    assert "mm from its median" in session.drift.wrong[0]
+    assert session.drift.shift.max() < 20e-6
+
+
+@pytest.mark.parametrize(
+    ("nests", "told"),
+    [
+        ({"B1": [2.0, 0, 0], "B2": [0, 2.0, 0]}, "2 nests cannot show how a station turns"),
+        ({f"B{k}": [2.0 * k, 0, 0] for k in range(1, 5)}, "nests in one line"),
+    ],
+)
+def test_nests_that_show_no_rotation_are_refused(tmp_path, nests, told):
+    with pytest.raises(InputError, match=told):
+        measured(tmp_path, drift=np.zeros(6), noise=0, rng=np.random.default_rng(0), nests=nests)

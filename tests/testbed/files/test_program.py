@@ -1,0 +1,200 @@
+"""Programs corrected: the right numbers in the right cells, everything else as it was."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from calib.geometry.frames import exp_so3, log_so3
+from calib.geometry.inverse import inverse
+from calib.geometry.joint_errors import JointErrors, gravity_terms
+from calib.geometry.model import RobotModel
+from testbed.files.conventions import EULER, rotations
+from testbed.files.program import ADDED, correct_program
+from testbed.files.rotation_forms import in_form
+from testbed.robots.catalog import load_robot
+
+ROBOT = load_robot("staubli_tx60")
+Q = np.radians([[10, 20, 70, 15, 40, -30], [-40, 35, 60, 5, 70, 20], [25, -10, 95, -30, 35, 80.0]])
+
+
+@pytest.fixture(scope="module")
+def real():
+    """The robot as identified, sag included."""
+    rng = np.random.default_rng(1)
+    nominal = ROBOT.model
+    chain = nominal.chain.moved(rng.normal(size=nominal.chain.n_numbers) * 2e-4)
+    return RobotModel(chain, JointErrors(gravity_terms(6), [3e-4, 1e-4, 2e-4]))
+
+
+def written(path, head, rows, mark=",", comments=()):
+    lines = [*comments, mark.join(head), *(mark.join(map(str, row)) for row in rows)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def cells(path, mark=","):
+    lines = [
+        line for line in path.read_text(encoding="utf-8").splitlines() if line and line[0] != "#"
+    ]
+    return list(csv.DictReader(lines, delimiter=mark))
+
+
+def test_joint_targets_bring_the_real_robot_where_the_program_meant(tmp_path, real):
+    head = ["name", *(f"q{k}_deg" for k in range(1, 7)), "speed"]
+    rows = [[f"P{k}", *q, 250] for k, q in enumerate(np.degrees(Q))]
+    path = written(tmp_path / "p.csv", head, rows, comments=["# my program", ""])
+    found = correct_program(path, ROBOT, real, tmp_path / "out.csv")
+    assert found.corrected.all()
+    lines = (tmp_path / "out.csv").read_text().splitlines()
+    assert lines[:2] == ["# my program", ""]  # comments stay
+    out = cells(tmp_path / "out.csv")
+    assert list(out[0]) == [*head, *ADDED]
+    assert [row["name"] for row in out] == ["P0", "P1", "P2"]
+    assert {row["speed"] for row in out} == {"250"}
+    q = np.radians([[float(row[f"q{k}_deg"]) for k in range(1, 7)] for row in out])
+    want = ROBOT.model.poses(Q)
+    assert np.abs(real.poses(q) - want).max() < 1e-9
+    np.testing.assert_allclose(q, found.q, atol=1e-15)
+    missed = np.linalg.norm((real.poses(Q) - want)[:, :3, 3], axis=1)
+    # written with six digits
+    assert [float(row["before_mm"]) for row in out] == pytest.approx(1e3 * missed, rel=1e-5)
+    assert "3 of 3 targets corrected" in found.sentences[0]
+
+
+FORMS = {
+    "quaternion": ["qw", "qx", "qy", "qz"],
+    "matrix": [f"r{i}{j}" for i in "123" for j in "123"],
+    "rotation_vector": ["rvx_deg", "rvy_deg", "rvz_deg"],
+    "XYZ": ["rx_deg", "ry_deg", "rz_deg"],
+    "zyx": ["rx_rad", "ry_rad", "rz_rad"],
+    "YZX": ["rx_deg", "ry_deg", "rz_deg"],
+    "ZYZ": ["e1_deg", "e2_deg", "e3_deg"],
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_cartesian_targets_go_through_the_nominal_controller_to_the_right_place(
+    form, tmp_path, real
+):
+    T = ROBOT.model.poses(Q)
+    turn = in_form(form, np.zeros((3, len(FORMS[form]))), T[:, :3, :3])
+    # the columns are x, y, z; the numbers follow the letters
+    letters = form.upper() if FORMS[form][0].startswith("rx") else "XYZ"
+    count = len(FORMS[form])
+    turn = turn[:, [letters.index(axis) for axis in "XYZ"]] if count == 3 else turn
+    factor = 180 / np.pi if "_deg" in FORMS[form][0] else 1.0
+    head = ["x_mm", "y_mm", "z_mm", *FORMS[form], *(f"q{k}_deg" for k in range(1, 7))]
+    rows = np.hstack([1e3 * T[:, :3, 3], factor * turn, np.degrees(Q) + 0.5])
+    path = written(tmp_path / "p.csv", head, rows.tolist())
+    euler = form if form in EULER else None
+    found = correct_program(path, ROBOT, real, tmp_path / "out.csv", euler=euler)
+    assert found.corrected.all()
+    out = cells(tmp_path / "out.csv")
+    new = np.array([[float(row[name]) for name in head] for row in out])
+    numbers = new[:, 3 : 3 + len(FORMS[form])] / factor
+    R = rotations(
+        form, numbers[:, ["XYZ".index(axis) for axis in letters]] if count == 3 else numbers
+    )
+    told = np.tile(np.eye(4), (3, 1, 1))
+    told[:, :3, :3], told[:, :3, 3] = R, new[:, :3] / 1e3
+    # nothing jumps: the numbers stay near what they were
+    assert np.abs(new - rows).max() < 1.0
+    taken = inverse(ROBOT.model, told, Q, ROBOT.limits).q  # the controller
+    assert np.abs(real.poses(taken)[:, :3] - T[:, :3]).max() < 1e-9
+    # joint columns only say in which configuration; they are no targets here
+    np.testing.assert_array_equal(new[:, -6:], rows[:, -6:])
+
+
+def test_without_joints_the_configuration_is_assumed_and_said(tmp_path, real):
+    near = Q[:1] + np.radians(2) * np.arange(3)[:, None]
+    T = ROBOT.model.poses(near)
+    turn = in_form("quaternion", np.zeros((3, 4)), T[:, :3, :3])
+    head = ["x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"]
+    path = written(tmp_path / "p.csv", head, np.hstack([T[:, :3, 3], turn]).tolist())
+    found = correct_program(path, ROBOT, real, tmp_path / "out.csv")
+    assert found.corrected.all()
+    assert np.abs(np.diff(found.q, axis=0)).max() < np.radians(4)  # one configuration
+    assert "configuration" in found.sentences[-1]
+
+
+def test_what_cannot_be_corrected_stays_as_it_was_and_is_listed(tmp_path, real):
+    q = Q.copy()
+    q[1, 4] = 0.002  # axes 4 and 6 nearly in line
+    q[2, 0] = ROBOT.limits[0, 1]  # its correction may lie beyond
+    head = [f"q{k}_rad" for k in range(1, 7)]
+    path = written(tmp_path / "p.csv", head, [[repr(v) for v in row] for row in q.tolist()])
+    found = correct_program(path, ROBOT, real, tmp_path / "out.csv")
+    out = cells(tmp_path / "out.csv")
+    assert len(out) == 3
+    assert found.status[0] == "reached"
+    assert found.status[1] == "singular"
+    assert out[1]["q5_rad"] == "0.002"
+    assert [row["status"] for row in out] == list(found.status)
+    for k, ok in enumerate(found.corrected):
+        if not ok:
+            assert found.left[k] == pytest.approx(found.before[k], rel=1e-9)
+            assert [float(out[k][name]) for name in head] == q[k].tolist()
+    assert any("left as written" in sentence for sentence in found.sentences)
+
+
+def test_a_decimal_comma_and_a_semicolon_stay(tmp_path, real):
+    head = [f"q{k}_deg" for k in range(1, 7)]
+    rows = [[str(v).replace(".", ",") for v in row] for row in np.degrees(Q).tolist()]
+    path = written(tmp_path / "p.csv", head, rows, mark=";")
+    found = correct_program(path, ROBOT, real, tmp_path / "out.csv")
+    out = cells(tmp_path / "out.csv", ";")
+    q = np.radians([[float(row[name].replace(",", ".")) for name in head] for row in out])
+    np.testing.assert_allclose(q, found.q, atol=1e-15)
+
+
+@pytest.mark.parametrize("form", ["quaternion", "matrix", "rotation_vector", *EULER])
+def test_numbers_of_a_rotation_mean_that_rotation_and_stay_where_they_were(form):
+    rng = np.random.default_rng(7)
+    count = {"quaternion": 4, "matrix": 9}.get(form, 3)
+    old = rng.normal(size=(40, count)) * 2.0
+    if count > 3:
+        old = in_form(form, old, exp_so3(rng.normal(size=(40, 3)) * 2.0))
+    R = rotations(form, old)
+    moved = R @ exp_so3(rng.normal(size=(40, 3)) * 1e-9)
+    new = in_form(form, old, moved)
+    assert np.abs(log_so3(np.swapaxes(rotations(form, new), 1, 2) @ moved)).max() < 1e-12
+    # 1e-9 rad, times what a sequence near its lock makes of it; a vector of whole turns may unwind
+    near = np.abs(new - old).max(axis=1) < 1e-6
+    if form == "rotation_vector":
+        near |= np.linalg.norm(old, axis=1) > 2 * np.pi
+    assert near.all()
+
+
+@pytest.mark.parametrize(
+    ("head", "row", "said"),
+    [
+        (["q1_deg", "q2_deg"], [1, 2], "no column for 4 of the 6 joints"),
+        (["x_mm", "y_mm", "z_mm"], [1, 2, 3], "positions without rotations"),
+        (["x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg"], [1] * 6, "do not say in which"),
+        ([*(f"q{k}_deg" for k in range(1, 7)), "status"], [1] * 7, "already"),
+        ([f"q{k}_rad" for k in range(1, 7)], [40.0] * 6, "outside the limits"),
+        ([f"q{k}_deg" for k in range(1, 7)], [1, 2, 3, 4, 5, "x"], "not numbers"),
+    ],
+)
+def test_a_program_that_is_not_understood_is_refused_and_nothing_written(
+    head, row, said, tmp_path, real
+):
+    path = written(tmp_path / "p.csv", head, [row])
+    with pytest.raises(InputError, match=said):
+        correct_program(path, ROBOT, real, tmp_path / "out.csv")
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_no_file_is_overwritten_unasked_and_the_program_never(tmp_path, real):
+    head = [f"q{k}_rad" for k in range(1, 7)]
+    path = written(tmp_path / "p.csv", head, Q.tolist())
+    before = path.read_bytes()
+    with pytest.raises(InputError, match="is the program itself"):
+        correct_program(path, ROBOT, real, path, overwrite=True)
+    correct_program(path, ROBOT, real, tmp_path / "out.csv")
+    with pytest.raises(InputError, match="exists"):
+        correct_program(path, ROBOT, real, tmp_path / "out.csv")
+    correct_program(path, ROBOT, real, tmp_path / "out.csv", overwrite=True)
+    assert path.read_bytes() == before

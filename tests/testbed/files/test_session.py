@@ -1,0 +1,369 @@
+"""Reading sessions: what is written comes back, in every dialect and from every arrangement."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from calib.geometry.frames import inverse, step_transform
+from calib.identification.start import start_frames
+from testbed.files.session import ReadOptions, read_session
+from tests.testbed.files.made import ROBOT, Made, N, columns, csv, made, poses_csv, with_spread
+
+# 15 digits are written: 1e-12 mm, and 1e-12 deg over an arm of 3 m
+CLOSE = {"rtol": 0, "atol": 1e-12}
+
+
+def saved(path, text, encoding="utf-8"):
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+def agrees(session, data):
+    table = session.measurements
+    np.testing.assert_allclose(table.q, data.q, **CLOSE)
+    np.testing.assert_allclose(table.position, data.T[:, :3, 3], **CLOSE)
+    np.testing.assert_allclose(table.rotation, data.T[:, :3, :3], **CLOSE)
+    return True
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1"])
+@pytest.mark.parametrize("eol", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize(
+    ("separator", "decimal"),
+    [(",", "."), (";", ","), (";", "."), ("\t", ","), (" ", "."), (" ", ",")],
+)
+def test_every_dialect_reads_the_same_numbers(tmp_path, encoding, eol, separator, decimal):
+    text = poses_csv(separator=separator, decimal=decimal, eol=eol)
+    note = "# gemessen von M. Müller" + eol
+    assert agrees(read_session(saved(tmp_path / "a.csv", note + text, encoding), ROBOT), made())
+
+
+@pytest.mark.parametrize("form", ["euler", "quaternion", "matrix"])
+@pytest.mark.parametrize("gives", ["T_tracker_tool", "T_tool_tracker"])
+@pytest.mark.parametrize("euler", ["XYZ", "ZYX", "zyx", "xyz", "YZX"])
+def test_stated_conventions_are_obeyed(tmp_path, form, gives, euler):
+    if form != "euler" and euler != "XYZ":
+        return
+    data = made()
+    saved(tmp_path / "a.csv", csv(columns(data, form=form, euler=euler, gives=gives)))
+    toml = saved(
+        tmp_path / "s.toml",
+        f'[frames]\neuler = "{euler}"\ngives = "{gives}"\n'
+        "[uncertainty]\nposition_um = 17.5\nrotation_mdeg = 11\n",
+    )
+    assert agrees(read_session(tmp_path / "a.csv", ROBOT, config=toml), data)
+
+
+def test_columns_of_another_program_are_mapped_and_units_stated(tmp_path):
+    data = made()
+    own = columns(data)
+    theirs = {f"Achse {j + 1}": np.radians(own[f"q{j + 1}_deg"]) for j in range(N)}
+    theirs |= {f"M_{a}": own[f"{a}_mm"] / 25.4 for a in "xyz"}
+    theirs |= {f"M_r{a}": own[f"r{a}_deg"] for a in "xyz"}
+    saved(tmp_path / "a.csv", csv(theirs, separator=";", decimal=","))
+    mapping = "".join(f'q{j + 1}_rad = "Achse {j + 1}"\n' for j in range(N))
+    places = "".join(f'{a}_in = "M_{a}"\nr{a}_deg = "M_r{a}"\n' for a in "xyz")
+    toml = saved(
+        tmp_path / "s.toml",
+        f'[joints.columns]\n{mapping}[frames]\neuler = "XYZ"\n[frames.columns]\n{places}'
+        "[uncertainty]\nposition_um = 20\nrotation_mdeg = 10\n",
+    )
+    session = read_session(tmp_path / "a.csv", ROBOT, config=toml)
+    assert agrees(session, data)
+    assert not session.warnings
+    variance = np.diagonal(session.measurements.covariance, axis1=1, axis2=2)
+    np.testing.assert_allclose(variance[:, :3], (20e-6) ** 2)
+    np.testing.assert_allclose(variance[:, 3:], np.radians(0.010) ** 2)
+
+
+def test_files_apart_are_matched_by_pose_id_in_any_order(tmp_path):
+    data = made()
+    table = columns(data)
+    joints = {k: v for k, v in table.items() if k[0] in "pq"}
+    seen = with_spread({k: v[::-1] for k, v in table.items() if k[0] != "q"})
+    saved(tmp_path / "j.csv", csv(joints))
+    saved(tmp_path / "f.csv", csv(seen, separator="\t"))
+    saved(
+        tmp_path / "session.toml",
+        '[joints]\nfile = "j.csv"\n[frames]\nfile = "f.csv"\neuler = "XYZ"\n',
+    )
+    session = read_session(tmp_path, ROBOT)
+    np.testing.assert_allclose(session.measurements.q, data.q[::-1], **CLOSE)
+    assert session.pose_name(0) == "29"
+    assert [file.path.name for file in session.files] == ["session.toml", "f.csv", "j.csv"]
+    assert all(len(file.sha256) == 64 for file in session.files)
+
+
+def test_files_apart_can_be_matched_by_order(tmp_path):
+    data = made()
+    table = columns(data, ids=False)
+    saved(tmp_path / "j.csv", csv({k: v for k, v in table.items() if k[0] == "q"}))
+    saved(tmp_path / "f.csv", csv(with_spread({k: v for k, v in table.items() if k[0] != "q"})))
+    saved(
+        tmp_path / "session.toml",
+        'match = "order"\n[joints]\nfile = "j.csv"\n[frames]\nfile = "f.csv"\neuler = "XYZ"\n',
+    )
+    assert agrees(read_session(tmp_path / "session.toml", ROBOT), data)
+
+
+def test_equal_commanded_joints_without_names_are_visits_of_one_pose(tmp_path):
+    a, b = columns(made(0, 5), ids=False), columns(made(0, 5, 30e-6), ids=False)
+    twice = with_spread({k: np.concatenate([a[k], b[k]]) for k in a})
+    saved(tmp_path / "a.csv", csv(twice | {"euler": ["XYZ"] * 10}))
+    table = read_session(tmp_path / "a.csv", ROBOT).measurements
+    assert table.pose_id.tolist() == [*range(5), *range(5)]
+    assert table.repeat.tolist() == [0] * 5 + [1] * 5
+
+
+def test_visits_split_and_what_stands_beside_are_kept(tmp_path):
+    data = made(m=6)
+    table = with_spread(columns(data)) | {
+        "euler": ["XYZ"] * 6,
+        "pose_id": [1, 1, 2, 2, 3, 3],
+        "repeat": [0, 1, 0, 1, 0, 1],
+        "split": ["identify"] * 4 + ["test"] * 2,
+        "approach": ["+", "-"] * 3,
+        "temperature_degC": np.linspace(20, 21, 6),
+        "time": [f"2024-03-01T10:00:{s:02d}" for s in range(0, 60, 10)],
+    }
+    table |= {f"q{j + 1}_deg": np.repeat(np.degrees(data.q[::2, j]), 2) for j in range(N)}
+    session = read_session(saved(tmp_path / "a.csv", csv(table)), ROBOT)
+    assert session.split_stated
+    assert session.is_test.tolist() == [False] * 4 + [True] * 2
+    assert session.is_identified.tolist() == [True] * 4 + [False] * 2
+    assert session.approach == ("+", "-") * 3
+    np.testing.assert_allclose(session.time, np.arange(0, 60, 10))
+    np.testing.assert_allclose(session.temperature, np.linspace(20, 21, 6))
+    toml = saved(tmp_path / "s.toml", '[frames]\n[identification]\nvisits = "first"\n')
+    first = read_session(tmp_path / "a.csv", ROBOT, config=toml)
+    assert first.is_identified.tolist() == [True, False, True, False, False, False]
+
+
+def test_read_back_joints_are_kept_beside_the_commanded_ones(tmp_path):
+    data = made()
+    own = with_spread(columns(data)) | {"euler": ["XYZ"] * 29}
+    own |= {f"q{j + 1}_read_rad": data.q[:, j] + 1e-3 for j in range(N)}
+    saved(tmp_path / "a.csv", csv(own))
+    for source, other in (("commanded", 1e-3), ("read-back", -1e-3)):
+        toml = saved(tmp_path / "s.toml", f'[joints]\nsource = "{source}"\n[frames]\n')
+        session = read_session(tmp_path / "a.csv", ROBOT, config=toml)
+        assert session.joint_source == source
+        np.testing.assert_allclose(session.read_back - session.measurements.q, other, atol=1e-9)
+
+
+def points_of(data, arms, names):
+    """Rows of several reflectors at each pose."""
+    table = {k: [] for k in ("pose_id", "target", *(f"q{j + 1}_rad" for j in range(N)))}
+    table |= {f"{a}_m": [] for a in "xyz"}
+    for k, (q, T) in enumerate(zip(data.q, data.T, strict=True)):
+        for arm, name in zip(arms, names, strict=True):
+            p = T[:3, :3] @ arm + T[:3, 3]
+            for key, value in zip(table, (f"{k}", name, *q, *p), strict=True):
+                table[key].append(value)
+    return table
+
+
+ARMS = np.array([[0.05, 0.03, 0.08], [-0.06, 0.02, 0.07], [0.01, -0.07, 0.05]])
+
+
+def test_reflectors_of_unknown_place_become_fixtures_that_a_closed_form_finds(tmp_path):
+    data = made(3, 40)
+    saved(tmp_path / "a.csv", csv(points_of(data, ARMS, "ABC"), form="{:.17g}"))
+    toml = saved(tmp_path / "s.toml", "[points]\n[uncertainty]\nposition_um = 20\n")
+    session = read_session(tmp_path / "a.csv", ROBOT, config=toml)
+    assert session.reflector_names == ("A", "B", "C")
+    assert session.fixtures.counts == (3, 0, 0)
+    start = start_frames(replace(ROBOT.model, fixtures=session.fixtures), session.measurements)
+    found = start.model.fixtures.reflectors
+    # the tool frame is not seen, but the triangle of the reflectors is; 0.15 mm robot errors
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        apart = np.linalg.norm(found[a] - found[b]) - np.linalg.norm(ARMS[a] - ARMS[b])
+        assert abs(apart) < 0.5e-3
+
+
+def test_reflectors_of_known_place_are_offsets_in_the_tool_frame(tmp_path):
+    data = made(3, 12)
+    saved(tmp_path / "a.csv", csv(points_of(data, ARMS, "ABC"), form="{:.17g}"))
+    places = ", ".join(f"{n} = {(1e3 * arm).tolist()}" for n, arm in zip("ABC", ARMS, strict=True))
+    toml = saved(
+        tmp_path / "s.toml",
+        f"[points]\nreflectors_mm = {{ {places} }}\n[uncertainty]\nposition_um = 20\n",
+    )
+    session = read_session(tmp_path / "a.csv", ROBOT, config=toml)
+    assert not session.fixtures.n_numbers
+    np.testing.assert_allclose(session.measurements.offset[:3], ARMS, atol=1e-15)
+    start = start_frames(ROBOT.model, session.measurements)
+    assert start.position_rms < 2e-3
+
+
+def test_one_reflector_without_a_place_is_the_tool_point(tmp_path):
+    data = made(3, 20)
+    saved(tmp_path / "a.csv", csv(points_of(data, ARMS[:1], ["SMR"])))
+    toml = saved(tmp_path / "s.toml", "[points]\n[uncertainty]\nposition_um = 20\n")
+    session = read_session(tmp_path / "a.csv", ROBOT, config=toml)
+    assert session.fixtures.counts == (0, 0, 0)
+    assert not session.measurements.offset.any()
+
+
+def test_polar_readings_are_the_same_points(tmp_path):
+    data = made(3, 8)
+    table = points_of(data, ARMS[:1], ["SMR"])
+    p = np.array([table.pop(f"{a}_m") for a in "xyz"]).T
+    r = np.linalg.norm(p, axis=1)
+    polar = table | {
+        "range_mm": 1e3 * r,
+        "azimuth_deg": np.degrees(np.arctan2(p[:, 1], p[:, 0])),
+        "zenith_deg": np.degrees(np.arccos(p[:, 2] / r)),
+    }
+    toml = saved(tmp_path / "s.toml", "[points]\n[uncertainty]\nposition_um = 20\n")
+    session = read_session(saved(tmp_path / "a.csv", csv(polar)), ROBOT, config=toml)
+    np.testing.assert_allclose(session.measurements.position, p, **CLOSE)
+
+
+def test_stations_are_one_file_each_or_a_column_and_the_second_one_is_found(tmp_path):
+    data = made(4, 30)
+    T_first_second = step_transform(np.array([1.0, -2.0, 0.3, 0.1, 0.2, 2.0]))
+    second = Made(data.q[15:], inverse(T_first_second) @ data.T[15:], data.truth)
+    first = Made(data.q[:15], data.T[:15], data.truth)
+    a, b = (with_spread(columns(part)) | {"euler": ["XYZ"] * 15} for part in (first, second))
+    b["pose_id"] = b["pose_id"] + 15
+    saved(tmp_path / "a.csv", csv(a))
+    saved(tmp_path / "b.csv", csv(b))
+    saved(tmp_path / "session.toml", '[frames]\nfiles = ["a.csv", "b.csv"]\n')
+    apart = read_session(tmp_path, ROBOT)
+    column = ["east"] * 15 + ["west"] * 15
+    both = {k: [*a[k], *b[k]] for k in a} | {"station": column}
+    one = read_session(saved(tmp_path / "c.csv", csv(both)), ROBOT)
+    assert one.station_names == ("east", "west")
+    for session in (apart, one):
+        assert session.measurements.station.tolist() == [0] * 15 + [1] * 15
+        model = replace(ROBOT.model, fixtures=session.fixtures)
+        found = start_frames(model, session.measurements).model.fixtures.stations[0]
+        # a robot wrong by 0.15 mm and 0.04 deg tells a station to millimeters
+        np.testing.assert_allclose(found[:3, 3], T_first_second[:3, 3], atol=5e-3)
+
+
+def test_distances_name_their_anchors(tmp_path):
+    data = made(5, 30)
+    anchors = {"A": [0.0, 0.0, 0.0], "B": [2000.0, 0.0, 0.0], "C": [0.0, 2000.0, 500.0]}
+    table = {"pose_id": [], "anchor": [], "distance_mm": []}
+    table |= {f"q{j + 1}_rad": [] for j in range(N)}
+    for k, (q, T) in enumerate(zip(data.q, data.T, strict=True)):
+        for name, place in anchors.items():
+            p = 1e3 * (T[:3, :3] @ ARMS[0] + T[:3, 3])
+            row = (f"{k}", name, np.linalg.norm(p - place), *q)
+            for key, value in zip(table, row, strict=True):
+                table[key].append(value)
+    saved(tmp_path / "a.csv", csv(table, form="{:.17g}"))
+    places = 'A = [0.0, 0.0, 0.0], B = [2000.0, 0.0, 0.0], C = "free"'
+    toml = saved(
+        tmp_path / "s.toml",
+        f"[ranges]\nanchors_mm = {{ {places} }}\n[uncertainty]\ndistance_um = 30\n",
+    )
+    session = read_session(tmp_path / "a.csv", ROBOT, config=toml)
+    table = session.measurements
+    assert set(table.kind) == {"distance"}
+    assert session.anchor_names == ("A", "B", "C")
+    assert session.fixed == tuple(f"anchor{k}.{axis}" for k in (1, 2) for axis in "xyz")
+    assert session.free_anchors == (2,)
+    np.testing.assert_allclose(session.fixtures.anchors[1], [2.0, 0.0, 0.0])
+    np.testing.assert_allclose(table.covariance[:, 0, 0], (30e-6) ** 2)
+
+
+def test_mpe_is_read_by_the_stated_rule(tmp_path):
+    data = made()
+    saved(tmp_path / "a.csv", csv(columns(data)))
+    for rule, part in (("rectangular", 3**-0.5), ("two_sigma", 0.5), ("typical", 0.25)):
+        toml = saved(
+            tmp_path / "s.toml",
+            '[frames]\neuler = "XYZ"\n[uncertainty]\nmpe_um = [15, 6]\n'
+            f'mpe_rule = "{rule}"\nrotation_mdeg = 10\n',
+        )
+        session = read_session(tmp_path / "a.csv", ROBOT, config=toml)
+        reach = np.linalg.norm(data.T[:, :3, 3], axis=1)
+        np.testing.assert_allclose(
+            session.measurements.covariance[:, 0, 0], ((15e-6 + 6e-6 * reach) * part) ** 2, 1e-9
+        )
+        assert rule in session.uncertainty
+
+
+def test_expanded_uncertainties_are_halved_and_kept_above_a_stated_least(tmp_path):
+    table = columns(made())
+    table |= {f"U95{a}_mm": np.full(29, u) for a, u in zip("xyz", (0.04, 0.02, 0.01), strict=True)}
+    table |= {f"U95r{a}_deg": np.full(29, 0.02) for a in "xyz"}
+    saved(tmp_path / "a.csv", csv(table))
+    toml = saved(
+        tmp_path / "s.toml",
+        '[frames]\neuler = "XYZ"\n[uncertainty]\nat_least_position_um = 8\n',
+    )
+    session = read_session(tmp_path / "a.csv", ROBOT, config=toml)
+    u = np.sqrt(np.diagonal(session.measurements.covariance, axis1=1, axis2=2))[0]
+    np.testing.assert_allclose(u[:3], [20e-6, 10e-6, 8e-6], rtol=1e-12)
+    np.testing.assert_allclose(u[3:], np.radians(0.01), rtol=1e-12)
+
+
+def test_missed_shots_are_left_out_and_named(tmp_path):
+    table = with_spread(columns(made())) | {"euler": ["XYZ"] * 29}
+    for key in ("x_mm", "y_mm", "z_mm"):
+        table[key] = table[key].copy()
+        table[key][[3, 7]] = 0.0
+    session = read_session(saved(tmp_path / "a.csv", csv(table)), ROBOT)
+    assert len(session.measurements) == 27
+    assert session.masked == (
+        f"{tmp_path}/a.csv: 2 rows left out (lines 5, 9): missed shots, written as 0 0 0",
+    )
+
+
+def test_wrong_locks_and_swapped_rows_are_left_out_and_told_apart(tmp_path):
+    data = made(6, 40)
+    T = data.T.copy()
+    T[5, :3, 3] += [0.3, 0.2, -0.15]  # 391 mm
+    T[[20, 21]] = T[[21, 20]]
+    wrong = Made(data.q, T, data.truth)
+    session = read_session(saved(tmp_path / "a.csv", poses_csv(wrong)), ROBOT)
+    assert len(session.measurements) == 37
+    told = [sentence.rpartition("/")[2] for sentence in session.masked]
+    assert told[0].startswith("a.csv:7: left out: 39")
+    assert "fits" not in told[0]
+    assert told[1].endswith("fits the joints of row +1")
+    assert told[2].endswith("fits the joints of row -1")
+
+
+def test_rows_that_are_no_numbers_are_left_out_on_request_only(tmp_path):
+    table = with_spread(columns(made())) | {"euler": ["XYZ"] * 29}
+    text = csv(table).splitlines()
+    cells = text[4].split(",")
+    cells[9] = "nan"
+    text[4] = ",".join(cells)
+    saved(tmp_path / "a.csv", "\n".join(text))
+    with pytest.raises(InputError, match="M25"):
+        read_session(tmp_path / "a.csv", ROBOT)
+    session = read_session(tmp_path / "a.csv", ROBOT, options=ReadOptions(drop_invalid=True))
+    assert len(session.measurements) == 28
+    assert "line 5" in session.warnings[0]
+    np.testing.assert_allclose(session.measurements.q, np.delete(made().q, 3, axis=0), **CLOSE)
+
+
+def test_zero_uncertainties_are_what_their_printing_hides(tmp_path):
+    table = columns(made()) | {"euler": ["XYZ"] * 29}
+    table |= {f"u{a}_mm": ["0.012"] * 29 for a in "xz"} | {"uy_mm": ["0.000"] * 20 + ["0.003"] * 9}
+    table |= {f"ur{a}_deg": ["0.01"] * 29 for a in "xyz"}
+    session = read_session(saved(tmp_path / "a.csv", csv(table)), ROBOT)
+    floor = 1e-6 / 12**0.5  # a micrometer printed, known to +-half of it
+    np.testing.assert_allclose(session.measurements.covariance[:20, 1, 1], floor**2, rtol=1e-9)
+    assert "uy_mm is zero in 20 of 29 rows" in session.warnings[0]
+
+
+def test_a_column_that_looks_misspelled_is_named(tmp_path):
+    table = with_spread(columns(made())) | {"euler": ["XYZ"] * 29, "repaet": [0] * 29}
+    session = read_session(saved(tmp_path / "a.csv", csv(table)), ROBOT)
+    assert session.warnings[0].endswith('column "repaet" is not used; did you mean "repeat"?')
+
+
+def test_rounded_clocks_order_nothing(tmp_path):
+    table = with_spread(columns(made())) | {"euler": ["XYZ"] * 29, "time": ["2.02011E+13"] * 29}
+    session = read_session(saved(tmp_path / "a.csv", csv(table)), ROBOT)
+    assert session.time is None
+    assert "rounded to 1 values" in session.warnings[0]

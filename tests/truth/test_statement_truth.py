@@ -1,0 +1,60 @@
+"""Does an ordinary campaign believe the right statement? Many campaigns of each kind, believed."""
+
+import numpy as np
+import pytest
+
+from testbed import campaign
+from testbed.scenario import changed, load_scenario
+
+pytestmark = [pytest.mark.truth, pytest.mark.study]
+CAMPAIGNS = 40
+SMALL = {
+    "pool.size": 70,
+    "uncertainty.repeats": 2,
+    "uncertainty.replications": 0,
+    "studies.random_sets": 0,
+    "identification.estimators": ["whitened"],
+    "trial": [{"name": "one", "poses": 29, "method": "random"}],
+}
+AT960, RIGID, SAGGING = {"preset": "at960"}, {"preset": "rigid"}, {"preset": "wen2022"}
+KINDS = {
+    "paper tracker": {},
+    "systematic tracker": {"tracker": {**AT960, "systematic": True}, "truth": RIGID},
+    "outliers": {
+        "tracker": {**AT960, "outliers": 3}, "truth": RIGID, "identification.loss": "cauchy",
+    },
+    "sag, chosen model": {"truth": SAGGING, "identification.model": "choose"},
+    "sag, geometric model": {"truth": SAGGING},
+    "unmodelled": {"truth": {"preset": "unmodelled"}, "identification.model": "choose"},
+}  # fmt: skip
+
+
+def statement(seed, changes):
+    """What one campaign states."""
+    scenario = changed(load_scenario("quick"), {**SMALL, "seed": seed, **changes})
+    records = {}
+
+    def get(key):
+        if key not in records:
+            records[key] = campaign.compute(scenario, key, get)
+        return records[key]
+
+    return get("one").estimates[0].statement
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_believed_holds_the_truth_and_what_fails_is_flagged(kind):
+    told = [statement(seed, KINDS[kind]) for seed in range(CAMPAIGNS)]
+    believed = np.array([one.attained[one.names.index(one.trust.believe)] for one in told])
+    # the robot is the unit: four standard errors over campaigns
+    error = believed.std(ddof=1) / np.sqrt(CAMPAIGNS)
+    assert believed.mean() > 0.95 - 4 * error
+    flagged = np.mean([not one.trust.model_valid for one in told])
+    if kind == "sag, geometric model":
+        assert flagged >= 0.95
+        assert np.mean([one.attained[0] for one in told]) < 0.15
+    elif kind == "unmodelled":
+        # no test can see everything, but most of it
+        assert flagged > 0.6
+    else:
+        assert flagged <= 0.05
