@@ -66,7 +66,8 @@ def calibrate(
     """Calibrate a robot from a measuring session and judge the result on held-out poses.
 
     Held-out rows take no part in anything before the last step: not in the frames, not in the
-    search for gross errors, not in the choice of the model.
+    search for gross errors, not in the choice of the model. Only the reading of the files looks at
+    all rows alike, with nominal links: for units, and for shots that missed by centimeters.
 
     Parameters
     ----------

@@ -95,5 +95,7 @@ def contradictions(scenario: Scenario) -> list[str]:
     found += tracker_contradictions(scenario.tracker, poses)
     found += coverage_contradictions(scenario.coverage, scenario.tracker, scenario.identification)
     found += reexamined_contradictions(scenario.reexamined, scenario.tracker, scenario)
-    found += compensation_contradictions(scenario.compensation, scenario.tracker)
+    found += compensation_contradictions(
+        scenario.compensation, scenario.tracker, scenario.identification
+    )
     return found + plan_contradictions(scenario.plan)

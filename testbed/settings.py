@@ -65,8 +65,9 @@ class UncertaintySettings(Settings):
     """Visits of each pose, type A."""
     replications: Annotated[int, Field(ge=0, le=100_000)] = 200
     """Calibrations repeated to check the stated intervals; 0 skips the check."""
-    draws: Annotated[int, Field(ge=100, le=10_000_000)] = 10_000
-    """Monte Carlo draws of the tool point."""
+    draws: Annotated[int, Field(ge=2_000, le=10_000_000)] = 10_000
+    """Monte Carlo draws of the tool point; fewer than 100 / (1 - p) say nothing of a 95 % interval
+    (JCGM 101:2008, 7.9.4 b)."""
 
 
 class StudySettings(Settings):

@@ -5,6 +5,8 @@ from typing import Annotated
 from pydantic import Field
 
 from testbed.settings_coverage import TRUTHS, TruthName
+from testbed.settings_identification import IdentificationSettings
+from testbed.settings_study import study_contradictions
 from testbed.settings_tracker import At960Tracker, TrackerSettings
 from testbed.settings_types import Point, RotationVector, Settings, Side
 
@@ -39,24 +41,14 @@ def compensation_keys(settings: CompensationSettings) -> tuple[str, ...]:
 
 
 def compensation_contradictions(
-    settings: CompensationSettings, tracker: TrackerSettings
+    settings: CompensationSettings,
+    tracker: TrackerSettings,
+    identification: IdentificationSettings,
 ) -> list[str]:
-    """Sentences, one per contradiction of [compensation] with itself or the tracker."""
-    found = []
-    if len(set(settings.truths)) < len(settings.truths):
-        found.append("[compensation] truths names one twice; remove the copy")
+    """Sentences, one per contradiction of [compensation] with itself, tracker or estimator."""
+    found = study_contradictions("compensation", settings, tracker, identification)
     if not settings.robots:
         return found
-    if settings.robots == 1:
-        found.append(
-            "[compensation] robots is 1; 0 skips it, and a spread needs at least 2; write "
-            "robots = 0 or more than 1"
-        )
-    if tracker.measures == "point":
-        found.append(
-            '[compensation] robots needs full poses; [tracker] measures is "point"; write '
-            "robots = 0"
-        )
     if isinstance(tracker, At960Tracker) and tracker.missed:
         found.append(
             f"[compensation] cycles needs every visit; [tracker] missed is {tracker.missed}; "

@@ -9,6 +9,7 @@ from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.discrepancy import FEWEST
 from testbed.settings_identification import IdentificationSettings
 from testbed.settings_robot import facts_of, robot_of
+from testbed.settings_study import study_contradictions
 from testbed.settings_tracker import At960Tracker, TrackerSettings
 from testbed.settings_truth import TruthSettings, resolved_truth
 from testbed.settings_types import Settings
@@ -40,26 +41,9 @@ def coverage_contradictions(
     coverage: CoverageSettings, tracker: TrackerSettings, identification: IdentificationSettings
 ) -> list[str]:
     """Sentences, one per contradiction of [coverage] with itself, the tracker or the estimator."""
-    found = []
-    if len(set(coverage.truths)) < len(coverage.truths):
-        found.append("[coverage] truths names one twice; remove the copy")
+    found = study_contradictions("coverage", coverage, tracker, identification)
     if not coverage.robots:
         return found
-    if coverage.robots == 1:
-        found.append(
-            "[coverage] robots is 1; 0 skips it, and a spread needs at least 2; write robots = 0 "
-            "or more than 1"
-        )
-    if tracker.measures == "point":
-        found.append(
-            '[coverage] robots needs full poses; [tracker] measures is "point"; write robots = 0'
-        )
-    if identification.loss != "squared" or identification.prior is not None:
-        key = "loss" if identification.prior is None else "prior"
-        found.append(
-            f"[coverage] robots plays least squares and the weak prior; [identification] {key} "
-            f"says otherwise; remove {key}, or write robots = 0"
-        )
     missed = tracker.missed if isinstance(tracker, At960Tracker) else 0
     needed = max(FEWEST, fewest_poses(coverage.level)) + missed
     if coverage.validation_poses < needed:

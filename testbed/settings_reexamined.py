@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field
 
 from testbed.settings_coverage import TRUTHS, TruthName
-from testbed.settings_tracker import TrackerSettings
+from testbed.settings_study import study_contradictions
+from testbed.settings_tracker import At960Tracker, TrackerSettings
 from testbed.settings_types import Settings
 
 if TYPE_CHECKING:
@@ -44,25 +45,19 @@ def reexamined_contradictions(
     settings: ReexaminedSettings, tracker: TrackerSettings, scenario: "Scenario"
 ) -> list[str]:
     """Sentences, one per contradiction of [reexamined] with itself or other tables."""
-    found = []
-    if len(set(settings.truths)) < len(settings.truths):
-        found.append("[reexamined] truths names one twice; remove the copy")
+    found = study_contradictions("reexamined", settings, tracker, scenario.identification)
     if not settings.robots:
         return found
-    if settings.robots == 1:
-        found.append(
-            "[reexamined] robots is 1; 0 skips it, and a spread needs at least 2; write robots = 0 "
-            "or more than 1"
-        )
-    elif settings.robots % settings.pools:
+    if settings.robots > 1 and settings.robots % settings.pools:
         nearest = max(1, round(settings.robots / settings.pools)) * settings.pools
         found.append(
             f"[reexamined] robots is {settings.robots} and pools is {settings.pools}; every pool "
             f"meets as many robots; write robots = {nearest}"
         )
-    if tracker.measures == "point":
+    if isinstance(tracker, At960Tracker) and tracker.systematic:
         found.append(
-            '[reexamined] robots needs full poses; [tracker] measures is "point"; write robots = 0'
+            "[reexamined] asks what the paper's statements hold, which know no systematic part; "
+            "[tracker] systematic is true; write systematic = false, or robots = 0"
         )
     if not any(trial.method == "detmax" and trial.rows == "paper" for trial in scenario.trial):
         found.append(

@@ -1,7 +1,7 @@
 """Which joints belong to which reading: by row, by pose_id, or by order if that is stated."""
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,8 +79,12 @@ def by_cycle(joints: Joints, readings: Readings) -> Match:
     return Match(number, np.arange(len(readings)))
 
 
-def by_pose(joints: Joints, readings: Readings, *, drop: bool) -> Match:
+def by_pose(
+    joints: Joints, readings: Readings, *, drop: bool, elsewhere: Collection[str] = ()
+) -> Match:
     """Rows with the same pose_id, and the same repeat where both files count visits.
+
+    Poses of `elsewhere` were seen in other files, from other stations: they may be missing here.
 
     Raises
     ------
@@ -107,11 +111,17 @@ def by_pose(joints: Joints, readings: Readings, *, drop: bool) -> Match:
     if without:
         _refuse(f"{joints.where} has no joints for", without, readings.where)
     there = set(seen)
-    lost = [key for key in own if key not in there]
+    others = {_plain(name) for name in elsewhere}
+    missing = [key for key in own if key not in there]
+    lost = [key for key in missing if key[0] not in others]
     if lost and not drop:
         _refuse("there is no reading of", lost, readings.where, " or add --drop-invalid")
-    told = (f"{readings.where}: there is no reading of {_listed(lost)}; left out",) if lost else ()
-    return Match(np.array([at[key] for key in seen], dtype=np.int64), np.arange(len(seen)), told)
+    told = [f"{readings.where}: there is no reading of {_listed(lost)}; left out"] if lost else []
+    if len(missing) > len(lost):
+        told.append(f"{readings.where}: {len(missing) - len(lost)} poses are in other files only")
+    return Match(
+        np.array([at[key] for key in seen], dtype=np.int64), np.arange(len(seen)), tuple(told)
+    )
 
 
 def pose_numbers(names: Sequence[str]) -> tuple[Index, tuple[str, ...]]:

@@ -72,7 +72,8 @@ class Probe:
         best = self.best
         if best is None or self.stated is None or self.stated.score <= TIMES * best.fit.score:
             return None
-        return best
+        # what is better and still absurd is no reading of this file either
+        return best if best.fit.score <= FAR else None
 
     @property
     def sentence(self) -> str:

@@ -96,7 +96,10 @@ def read_session(
     root = file.parent if toml is None else Path(toml).parent
     sources = Sources(root, None if toml == file else file, options.max_mb, {})
     found = list(_observed(sources, settings, options))
-    joined = [_with_joints(one, sources, settings, robot, options) for one in found]
+    joined = [
+        _with_joints(one, sources, settings, robot, options, _poses(found[:k] + found[k + 1 :]))
+        for k, one in enumerate(found)
+    ]
     session = assembled(
         [part for part, _ in joined], robot, settings, name=settings.name or file.stem
     )
@@ -243,8 +246,9 @@ def _with_joints(
     settings: SessionFile,
     robot: Robot,
     options: ReadOptions,
+    elsewhere: frozenset[str],
 ) -> tuple[Part, Match]:
-    """The joints of one file's readings."""
+    """The joints of one file's readings; other files show the poses of `elsewhere`."""
     own, drop = settings.joints, options.drop_invalid
     text = found.text if own.file is None else sources.text(own.file, "joints")
     if own.file is None and sources.data is not None:
@@ -260,8 +264,13 @@ def _with_joints(
     elif settings.match == "order":
         match = by_order(joints, readings)
     else:
-        match = by_pose(joints, readings, drop=drop)
+        match = by_pose(joints, readings, drop=drop, elsewhere=elsewhere)
     return _part(joints, readings, match, found.section), match
+
+
+def _poses(found: list[_Found]) -> frozenset[str]:
+    """Names of the poses that some files show."""
+    return frozenset(name for one in found for name in one.readings.extras.pose or ())
 
 
 def _part(joints: Joints, readings: Readings, match: Match, section: ObservedTable) -> Part:

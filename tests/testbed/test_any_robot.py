@@ -233,7 +233,7 @@ def test_a_campaign_on_another_arm_is_played_told_and_recorded(tmp_path):
         tracker={"preset": "at960"},
         pool={"size": 60},
         test={"poses": 20},
-        uncertainty={"repeats": 2, "replications": 0, "draws": 200},
+        uncertainty={"repeats": 2, "replications": 0, "draws": 2000},
         studies={"random_sets": 0},
         truth={"preset": "rigid"},
     )

@@ -26,7 +26,7 @@ def small():
             "studies.pose_count_max": 40,
             "studies.paper_budget": True,
             "studies.tool_point": True,
-            "uncertainty.draws": 200,
+            "uncertainty.draws": 2000,
         },
     )
 

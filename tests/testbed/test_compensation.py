@@ -185,6 +185,7 @@ def test_a_cube_out_of_reach_or_in_the_floor_names_the_pose(campaign):
     ("change", "said"),
     [
         ({"compensation.robots": 1}, "[compensation] robots is 1"),
+        ({"identification.loss": "cauchy"}, "[compensation] robots plays least squares"),
         ({"compensation.truths": ["rigid", "rigid"]}, "names one twice"),
         ({"tracker.missed": 1}, "[compensation] cycles needs every visit"),
         (

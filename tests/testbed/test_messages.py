@@ -200,6 +200,7 @@ CASES = {
     "list too long": with_table(pool={"box_size_mm": [1, 2, 3, 4]}),
     "one bracket": with_table(trial=TRIAL),
     "too small": with_table(pool={"size": 3}),
+    "too few draws": with_table(uncertainty={"draws": 500}),
     "too large": with_table(uncertainty={"draws": 10**9}),
     "negative": with_table(seed=-1),
     "wrong word": with_table(truth={"preset": "stiff"}),

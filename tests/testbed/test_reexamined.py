@@ -54,7 +54,7 @@ SMALL = {
     "test.poses": 20,
     "uncertainty.repeats": 3,
     "uncertainty.replications": 0,
-    "uncertainty.draws": 1000,
+    "uncertainty.draws": 2000,
     "reexamined.robots": 2,
     "reexamined.pools": 2,
     "studies.pose_count_max": 70,
@@ -463,6 +463,11 @@ def test_one_kind_of_robots_does_not_depend_on_the_others_but_on_the_repeats():
     ("changes", "said"),
     [
         ({"reexamined.robots": 1}, "robots is 1; 0 skips it"),
+        ({"identification.loss": "huber"}, "robots plays least squares and the weak prior"),
+        (
+            {"tracker": {"preset": "at960", "systematic": True}},
+            "statements hold, which know no systematic part",
+        ),
         ({"reexamined.robots": 7}, "robots is 7 and pools is 2; .* write robots = 8"),
         ({"reexamined.truths": ["soft", "soft"]}, "names one twice"),
         ({"pool.size": 99}, "size is 99; .* write size = 100"),

@@ -279,7 +279,7 @@ REAL = {
     "robot": "staubli_tx60",
     "pool": {"size": 80},
     "test": {"poses": 8},
-    "uncertainty": {"repeats": 2, "replications": 10, "draws": 200},
+    "uncertainty": {"repeats": 2, "replications": 10, "draws": 2000},
     "studies": {"pose_count": True, "pose_count_max": 40, "random_sets": 5, "tool_point": True},
     "trial": [
         {"name": "best", "poses": 16, "method": "detmax"},

@@ -162,7 +162,7 @@ def test_every_fault_is_told_at_once_up_to_twenty():
         ({"name": "Big Name"}, 'name is "Big Name"; allowed are small letters, digits, - _ and .'),
         ({"name": "../up"}, 'name is "../up"'),
         ({"title": "two\nlines"}, "allowed is one line of plain text"),
-        ({"uncertainty": {"draws": 0}}, "[uncertainty] draws is 0; it must be 100 or larger"),
+        ({"uncertainty": {"draws": 0}}, "[uncertainty] draws is 0; it must be 2000 or larger"),
         ({"uncertainty": {"repeats": 1}}, "repeats is 1; it must be 2 or larger"),
         ({"identification": {"estimators": []}}, "has 0 entries; at least 1 entry belongs there"),
         ({"identification": {"estimators": ["OLS"]}}, 'allowed are "whitened", "paper"'),

@@ -39,7 +39,7 @@ def small(truth: dict, tracker: dict, **changes) -> Scenario:
         "pool": {"size": 60},
         "test": {"poses": 12},
         "identification": {"estimators": ["whitened"]},
-        "uncertainty": {"repeats": 2, "replications": 2, "draws": 100},
+        "uncertainty": {"repeats": 2, "replications": 2, "draws": 2000},
         "studies": {"random_sets": 0},
         "trial": [{"name": "any", "poses": 20, "method": "random"}],
     }

@@ -8,7 +8,9 @@ import pytest
 
 from calib.errors import InputError
 from calib.geometry.frames import inverse
-from testbed.files.probe import probe
+from testbed.files.alternatives import Alternative
+from testbed.files.fit import Fit
+from testbed.files.probe import Probe, Tried, probe
 from testbed.files.session import read_session
 from testbed.robots.catalog import load_robot
 from tests.testbed.files.made import ROBOT, Made, N, columns, csv, made, with_spread
@@ -162,6 +164,15 @@ def test_another_robot_is_not_taken_for_this_one(tmp_path):
         with pytest.raises(InputError, match="is this the robot that was measured") as caught:
             probe(ROBOT, session).raise_if_wrong()
         assert caught.value.code == "M32"
+
+
+def test_what_is_better_and_still_absurd_is_no_reading():
+    bad = Fit(position=800.0, rotation=0.1)
+    told = Tried(Alternative("joints", "if", "do", "M20", "joints"), Fit(16.0, 0.1))
+    found = Probe("a.csv", bad, (told,), 1.0, (), "arm")
+    assert found.wrong is None
+    with pytest.raises(InputError, match="is this the robot that was measured"):
+        found.raise_if_wrong()
 
 
 def test_a_constant_orientation_is_no_mistake(tmp_path):

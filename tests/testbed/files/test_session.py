@@ -245,6 +245,31 @@ def test_stations_are_one_file_each_or_a_column_and_the_second_one_is_found(tmp_
         np.testing.assert_allclose(found[:3, 3], T_first_second[:3, 3], atol=5e-3)
 
 
+def test_stations_need_not_see_every_pose_but_each_pose_is_seen(tmp_path):
+    data = made(m=20)
+    saved(tmp_path / "joints.csv", csv({k: v for k, v in columns(data).items() if k[0] in "pq"}))
+    seen = {"pose_id": np.arange(1, 21)}
+    seen |= {f"{a}_mm": data.T[:, k, 3] * 1e3 for k, a in enumerate("xyz")}
+    saved(
+        tmp_path / "session.toml",
+        '[joints]\nfile = "joints.csv"\n[points]\nfiles = ["one.csv", "two.csv"]\n'
+        "[uncertainty]\nposition_um = 17.5\n",
+    )
+    for first, second in ((12, 8), (12, 13)):
+        for name, rows in (("one", slice(first)), ("two", slice(second, None))):
+            part = {k: v[rows] for k, v in seen.items()}
+            saved(tmp_path / f"{name}.csv", csv(part))
+        if second < first:
+            session = read_session(tmp_path, ROBOT)
+            assert len(session.measurements) == 12 + 12
+            assert session.warnings == (
+                "one.csv: 8 poses are in other files only",
+                "two.csv: 8 poses are in other files only",
+            )
+    with pytest.raises(InputError, match=r"one\.csv: there is no reading of pose 13;"):
+        read_session(tmp_path, ROBOT)
+
+
 def test_distances_name_their_anchors(tmp_path):
     data = made(5, 30)
     anchors = {"A": [0.0, 0.0, 0.0], "B": [2000.0, 0.0, 0.0], "C": [0.0, 2000.0, 500.0]}
