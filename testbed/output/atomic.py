@@ -91,6 +91,6 @@ def write_error(path: Path, error: OSError) -> MachineError:
         code="F3",
         where=str(path.parent),
         field=path.name,
-        fix=f"{'free some space' if full else 'mend that'}, then give the command again; a run goes on "
-        "with --resume",
+        fix=f"{'free some space' if full else 'mend that'}, then give the command again; "
+        "a run goes on with --resume",
     )
