@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from testbed.output.calibration_words import closed
 from testbed.output.quantities import counted
-from testbed.output.report_parts import Block, Points, Section, Table, Text
+from testbed.output.report_parts import Block, Points, Section, Table, Text, versions_table
 from testbed.records_calibration import Calibration, Delivered
 
 
@@ -57,12 +57,7 @@ def data_section(calibration: Calibration) -> Section:
 
 def record_section(calibration: Calibration, versions: Mapping[str, str]) -> Section:
     """What is needed to make this again."""
-    table = Table(
-        caption="Versions",
-        head=("program or package", "version"),
-        rows=tuple(versions.items()),
-        align="ll",
-    )
+    table = versions_table(versions)
     text = (
         f"Seed {calibration.split.seed}. The same files, robot and options with the same versions "
         "give the same numbers."

@@ -15,7 +15,7 @@ from testbed.output.plan_words import (
     untested,
 )
 from testbed.output.report import BANNER, Page, render
-from testbed.output.report_parts import Code, Section, Table, Text
+from testbed.output.report_parts import Code, Section, Table, Text, versions_table
 from testbed.planning.records import Plan
 from testbed.robots.catalog import Robot
 from testbed.scenario import dump_scenario
@@ -79,12 +79,7 @@ def headline(plan: Plan) -> Table:
 
 def record_section(plan: Plan, versions: Mapping[str, str]) -> Section:
     """What is needed to make the plan again."""
-    table = Table(
-        caption="Versions",
-        head=("program or package", "version"),
-        rows=tuple(versions.items()),
-        align="ll",
-    )
+    table = versions_table(versions)
     text = (
         f"Seed {plan.scenario.seed}. Planning the scenario below again with the same versions "
         f"gives the same table. {certificate_word(plan)}"

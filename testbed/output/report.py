@@ -22,7 +22,7 @@ from testbed.output import (
 from testbed.output.claims import examine
 from testbed.output.quantities import typeset
 from testbed.output.question import headline_verdict, next_step
-from testbed.output.report_parts import Code, Section, Table, Text
+from testbed.output.report_parts import Code, Section, Table, Text, versions_table
 from testbed.records import Campaign
 from testbed.scenario import dump_scenario
 
@@ -134,12 +134,7 @@ def page_of(campaign: Campaign, versions: Mapping[str, str]) -> Page:
 
 def record_section(campaign: Campaign, versions: Mapping[str, str]) -> Section:
     """What is needed to play the campaign again: versions, seed, the scenario in full."""
-    table = Table(
-        caption="Versions",
-        head=("program or package", "version"),
-        rows=tuple(versions.items()),
-        align="ll",
-    )
+    table = versions_table(versions)
     text = (
         f"Seed {campaign.scenario.seed}. Every number of this report comes from the scenario "
         "below; playing it again with the same versions on the same kind of processor gives the "

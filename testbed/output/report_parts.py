@@ -1,5 +1,6 @@
 """What a report is made of: sections of paragraphs, lists, tables and figures."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -64,3 +65,13 @@ class Section:
     anchor: str
     title: str
     blocks: tuple[Block, ...]
+
+
+def versions_table(versions: Mapping[str, str]) -> Table:
+    """Program and packages that made a result."""
+    return Table(
+        caption="Versions",
+        head=("program or package", "version"),
+        rows=tuple(versions.items()),
+        align="ll",
+    )
