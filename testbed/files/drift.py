@@ -151,9 +151,19 @@ def _rounds(
 
 
 def _require_nests(place: list[Array], nests: Sequence[str], where: str) -> None:
-    """Refuse nests that cannot show a rotation."""
-    with np.errstate(invalid="ignore"):
-        at = np.array([np.nanmedian(column, axis=0) for column in np.stack(place, 1)])
+    """Refuse nests that were never in their place, or that cannot show a rotation."""
+    columns = np.stack(place, axis=1)
+    for nest, column in zip(nests, columns, strict=True):
+        if np.isnan(column).all():
+            raise InputError(
+                f"nest {nest} has no shot near its median: it moved, or was confused with another",
+                code="M27",
+                where=where,
+                field="drift.nests",
+                value=nest,
+                fix=f"leave {nest} out of [drift], or raise limit_mm",
+            )
+    at = np.array([np.nanmedian(column, axis=0) for column in columns])
     extent = np.linalg.svd(at - at.mean(axis=0), compute_uv=False)
     if len(nests) >= 3 and extent[1] > FLAT * extent[0]:
         return

@@ -110,3 +110,18 @@ def test_a_wrong_lock_at_a_nest_does_not_count(tmp_path):
 def test_nests_that_show_no_rotation_are_refused(tmp_path, nests, told):
     with pytest.raises(InputError, match=told):
         measured(tmp_path, drift=np.zeros(6), noise=0, rng=np.random.default_rng(0), nests=nests)
+
+
+def test_a_nest_that_is_never_in_its_place_is_named(tmp_path):
+    """Of two rounds both lie 0.2 mm from their median: which one is right nobody knows."""
+    second_round_b2 = len(NESTS) + len(DATA.q) + 1
+    with pytest.raises(InputError, match="nest B2 has no shot near its median"):
+        measured(
+            tmp_path,
+            drift=np.zeros(6),
+            noise=0,
+            rng=np.random.default_rng(0),
+            rounds=2,
+            limit=0.15,
+            spoil=second_round_b2,
+        )

@@ -276,8 +276,8 @@ def test_right_and_wrong_readings_lie_far_apart():
 def test_sixty_robots_are_read_rightly(record_property):
     for kind, far in (("frames", 0.020), ("points", 0.0079)):
         right, turned, wrong = robots(60, 29, kind)
-        record_property(kind, [right.min(), right.max(), np.degrees(turned.max()), wrong.min()])
-        print(kind, right.min(), right.max(), np.degrees(turned.max()), wrong.min())  # noqa: T201 - a study
+        figures = (right.min(), right.max(), np.degrees(turned.max()), wrong.min())
+        record_property(kind, [float(figure) for figure in figures])
         assert right.max() < 2e-3
         assert wrong.min() > far
         assert (wrong > 5 * right).all()
