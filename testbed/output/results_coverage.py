@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from testbed.coverage_summary import cells, followed, numbers_check
-from testbed.population import mean_over_robots
+from testbed.population import Mean, mean_over_robots
 from testbed.records_coverage import MODELS, CoverageStudy
 
 MM = 1e3
@@ -29,8 +29,8 @@ def coverage_headline(studies: tuple[CoverageStudy, ...]) -> dict[str, Any]:
                         **{
                             cell.statement: {
                                 "inside": cell.share.value,
-                                "ci_95": [cell.share.low, cell.share.high],
-                                "joint_ci_95": [cell.joint.low, cell.joint.high],
+                                "ci_95": share_interval(cell.share),
+                                "joint_ci_95": share_interval(cell.joint),
                                 "radius_mm": cell.radius * MM,
                                 "outcome": cell.outcome,
                             }
@@ -73,7 +73,16 @@ def _followed(study: CoverageStudy) -> dict[str, Any]:
     if len(shares) < 2:
         return {"inside": None, "ci_95": None, "nothing_to_believe": without}
     mean = mean_over_robots(shares)
-    return {"inside": mean.value, "ci_95": [mean.low, mean.high], "nothing_to_believe": without}
+    return {
+        "inside": mean.value,
+        "ci_95": share_interval(mean),
+        "nothing_to_believe": without,
+    }
+
+
+def share_interval(mean: Mean) -> list[float]:
+    """Interval of a share, which ends at none and at all."""
+    return [max(mean.low, 0.0), min(mean.high, 1.0)]
 
 
 def _numbers(study: CoverageStudy) -> dict[str, Any]:
