@@ -89,7 +89,7 @@ def calibrate(
     options = Options() if options is None else options
     tell = progress or (lambda *_: None)
     model = checked_model(session.model if options.model is None else options.model)
-    _require_loss(options.loss)
+    loss = _loss_of(options.loss)
     stated = session.is_test if session.split_stated else None
     split = split_of(
         session.measurements,
@@ -111,7 +111,6 @@ def calibrate(
     used = split.is_train & ~left_out
     train = measurements.rows(used)
     tell(STEPS[2], 2, len(STEPS))
-    loss: Loss = "squared" if options.loss == AUTO else options.loss  # type: ignore[assignment]  # checked above
     made = fit(
         frames.start,
         train,
@@ -227,13 +226,17 @@ def _part(misses: Misses, rows: Bool) -> Misses:
     return Misses(misses.vector[rows], misses.position[rows], misses.rotation[rows])
 
 
-def _require_loss(loss: str) -> None:
-    """Refuse what is no loss."""
-    if loss not in (AUTO, *LOSSES):
-        raise InputError(
-            f'--loss is "{loss}"',
-            code="C41",
-            field="--loss",
-            value=loss,
-            allowed=", ".join((AUTO, *LOSSES)),
-        )
+def _loss_of(option: str) -> Loss:
+    """The loss that an option asks for; auto fits least squares to what is no gross error."""
+    if option == AUTO:
+        return "squared"
+    for loss in LOSSES:
+        if option == loss:
+            return loss
+    raise InputError(
+        f'--loss is "{option}"',
+        code="C41",
+        field="--loss",
+        value=option,
+        allowed=", ".join((AUTO, *LOSSES)),
+    )

@@ -37,7 +37,7 @@ from testbed.scenario import Scenario
 from testbed.setting import Bench, open_bench, validation_start
 from testbed.settings_coverage import TruthName, coverage_truth
 from testbed.sources import full_covariance, systematic_covariance
-from testbed.statement import hidden_reach, left_out, mean_radius
+from testbed.statement import hidden_reach, left_out
 from testbed.streams import stream
 
 EXACT = 1e-9
@@ -208,7 +208,7 @@ def judge(found: Identification, visit: Visit, level: float) -> Judged:
             float(wide.holds(visit.true).mean()),
             float((error <= radius).mean()),
         ),
-        radius=(mean_radius(bare), mean_radius(wide), radius),
+        radius=(bare.mean_radius, wide.mean_radius, radius),
         p_value=found.p_value,
         held_out_p=seen.p_value,
         flagged=not verdict.model_valid,

@@ -9,25 +9,19 @@ from functools import partial
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.geometry.frames import exp_so3
-from calib.geometry.model import RobotModel
 from calib.identification.extended import shared_waves
 from calib.identification.identify import Identification
 from calib.identification.lack_of_fit import LackOfFit
 from calib.measurement.observations import Measurements, joined
-from calib.uncertainty.adaptive_vector import adaptive_vector
 from calib.uncertainty.bootstrap import Bootstrap, bootstrap
 from calib.uncertainty.conformal import Conformal, conformal, fewest_poses
 from calib.uncertainty.discrepancy import FEWEST, Discrepancy, discrepancy
-from calib.uncertainty.draws import correlated_draws
 from calib.uncertainty.held_out import HeldOut, held_out
-from calib.uncertainty.tool_points import propagate
-from calib.uncertainty.tool_statement import ToolStatement, tool_statement
+from calib.uncertainty.tool_statement import tool_statement
 from calib.uncertainty.trust import trust
-from calib.uncertainty.validation import Validation as LinearCheck
-from calib.uncertainty.validation import validate_vector
 from testbed.comparison import attained
 from testbed.estimator import Estimator
+from testbed.linear_check import linear_check
 from testbed.records_statement import LEVEL, Replayed, Statement, Validation
 from testbed.setting import Bench
 from testbed.shots import Suspects, sound_shots, suspects_of
@@ -38,11 +32,6 @@ REPLICATES = 1000
 """Virtual calibrations of the bootstrap."""
 DRIFT_COUNTS = 1 / 3
 """Part of the stated u from which drift counts: below it u grows by 5 % at most."""
-FLAT = 1e-9
-"""Part of the largest variance below which a direction does not scatter: few numbers are free."""
-DIGITS = 1
-"""Digits of a stated uncertainty that linear propagation must get right; each more takes a hundred
-times the draws."""
 
 
 def state(
@@ -103,7 +92,7 @@ def state(
         )
     if beyond is not None:
         stated["discrepancy"] = at_judges(total, discrepancy=beyond)
-    radius = {name: mean_radius(one) for name, one in stated.items()}
+    radius = {name: one.mean_radius for name, one in stated.items()}
     if ball is not None:
         radius["conformal"] = ball.radius + hidden
     return Statement(
@@ -213,60 +202,6 @@ def summary(found: Bootstrap) -> Replayed:
     return Replayed(found.replicates, found.agrees, float(worst), float(bias), found.sentence)
 
 
-def linear_check(
-    found: Identification, covariance: Array, q: Array, target: Array, rng: np.random.Generator
-) -> tuple[LinearCheck, int]:
-    """First-order propagation against Monte Carlo, at the posture with the largest stated u.
-
-    References
-    ----------
-    JCGM 102:2011, clause 8.
-    """
-    linear = tool_statement(found.model, q, covariance, target=target)
-    worst = int(np.argmax(linear.point))
-    there = q[worst : worst + 1]
-
-    def sample(count: int, rng: np.random.Generator) -> Array:
-        """Points of the target under moved models."""
-        steps = correlated_draws(covariance, count, rng)
-        return target_points(found.model, there, steps, target)[:, 0] @ axes
-
-    axes = moving_axes(linear.covariance[worst])
-    played = adaptive_vector(sample, rng, digits=DIGITS, probability=LEVEL, finer=5.0)
-    check = validate_vector(
-        linear.position[worst] @ axes,
-        axes.T @ linear.covariance[worst] @ axes,
-        played,
-        digits=DIGITS,
-    )
-    share = float((check.differences / check.tolerance).max())
-    said = (
-        f"first-order propagation is {check.outcome}: against {played.draws} Monte Carlo draws at "
-        f"the held-out pose with the largest uncertainty, means, uncertainties and region differ "
-        f"by at most {share:.2g} of what {DIGITS} digit of u allows"
-    )
-    return replace(check, sentence=said), worst
-
-
-def target_points(model: RobotModel, q: Array, steps: Array, target: Array) -> Array:
-    """Points (M, N, 3) of a target (3,) on the tool under M moved models [m].
-
-    A tool frame that moves by t and turns by R carries the target to t + R target in the old frame:
-    the tool point of a frame that moves by that much.
-    """
-    if target.any():
-        end, steps = model.chain.n_numbers, steps.copy()
-        steps[:, end - 6 : end - 3] += exp_so3(steps[:, end - 3 : end]) @ target
-    return propagate(model, q, steps)
-
-
-def moving_axes(covariance: Array) -> Array:
-    """Directions (3, k) in which a point scatters at all: world axes unless it lies in a plane."""
-    values, vectors = np.linalg.eigh(covariance)
-    flat = values <= FLAT * values[-1]
-    return np.eye(3) if not flat.any() else np.asarray(vectors[:, ~flat])
-
-
 def misfit(
     estimator: Estimator, found: Identification, visits: list[Measurements]
 ) -> LackOfFit | None:
@@ -274,12 +209,6 @@ def misfit(
     if found.loss != "squared" or len(visits) < 2:
         return None
     return estimator.fit(joined(visits), found.parameters).lack_of_fit
-
-
-def mean_radius(statement: ToolStatement) -> float:
-    """Mean over poses of the radius of the ball with the region's volume [m]."""
-    half, _ = statement.region
-    return float(np.cbrt(half.prod(axis=1)).mean())
 
 
 def notes(

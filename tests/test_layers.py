@@ -23,7 +23,11 @@ HOMES = {
     "rerun": ("testbed/output/recording", "testbed/output/viewer.py"),
     "rerun_cli": ("testbed/output/viewer.py",),
     "yourdfpy": ("testbed/robots/urdf",),
-    "trimesh": ("testbed/robots/meshes.py", "testbed/robots/drawings/"),
+    "trimesh": (
+        "testbed/robots/meshes.py",
+        "testbed/robots/mesh_files.py",
+        "testbed/robots/drawings/",
+    ),
     "lxml": ("testbed/robots/",),
     "matplotlib": ("testbed/output/",),
     "jinja2": ("testbed/output/report.py",),

@@ -41,6 +41,12 @@ class ToolStatement:
         half, turn = ellipsoid(self.covariance, probability=self.probability)
         return half * (self.factor / coverage_factor(3, self.probability)), turn
 
+    @property
+    def mean_radius(self) -> float:
+        """Mean over postures of the radius of the ball with the region's volume [m]."""
+        half, _ = self.region
+        return float(np.cbrt(half.prod(axis=1)).mean())
+
     def holds(self, position: ArrayLike) -> Bool:
         """(N,) whether each region holds the position (N, 3) [m]."""
         (position,) = check(f"{len(self.position)} 3", position=position)

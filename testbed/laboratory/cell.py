@@ -9,7 +9,7 @@ from calib.arrays import Array, check, frozen
 from calib.errors import InputError
 from calib.geometry.chain import Chain
 from calib.geometry.frames import step_transform
-from testbed.robots.meshes import Mesh, load_mesh
+from testbed.robots.mesh_files import Mesh, load_mesh
 from testbed.scenario import BoxObstacle, CellSettings, MeshObstacle
 
 UNITS = {"mm": 1e-3, "m": 1.0}

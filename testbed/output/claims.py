@@ -14,6 +14,7 @@ from calib.geometry.model import RobotModel
 from testbed import paper
 from testbed.output import claims_accuracy, claims_model, claims_robots
 from testbed.output.finding import Finding, Verdict
+from testbed.paper_claims import CLAIMS
 from testbed.records import Campaign
 
 
@@ -72,14 +73,14 @@ def examine(campaign: Campaign) -> Examined | None:
 
     References
     ----------
-    Wen et al. 2022; the claims are listed in `testbed.paper.CLAIMS`.
+    Wen et al. 2022; the claims are listed in `testbed.paper_claims.CLAIMS`.
     """
     if not is_paper_robot(campaign.setting.nominal):
         return None
     findings, silent = [], []
     again = campaign.reexamined
     over = claims_robots.EXAMINERS if again else {}
-    for claim in paper.CLAIMS:
+    for claim in CLAIMS:
         examiner = over.get(claim.number, EXAMINERS[claim.number])
         found = examiner(campaign) or EXAMINERS[claim.number](campaign)
         if found is None:

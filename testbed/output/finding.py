@@ -11,7 +11,7 @@ class Finding:
     """A verdict in one word, the number behind it, and one sentence."""
 
     number: int
-    """Of the claim in `testbed.paper.CLAIMS`."""
+    """Of the claim in `testbed.paper_claims.CLAIMS`."""
     verdict: Verdict
     ours: str
     """The number of this campaign that stands beside the printed one, with its unit."""

@@ -15,7 +15,7 @@ from testbed.comparison import target_points
 from testbed.output.recording_story import Story, nice_factor
 from testbed.output.recording_writer import Color, Pen, Timeline, Writer
 from testbed.robots.catalog import Robot, Visual, load_tracker_visuals
-from testbed.robots.meshes import Mesh, part_mesh
+from testbed.robots.mesh_files import Mesh, part_mesh
 from testbed.robots.placements import joint_motion, placements
 
 GHOST_SIZE = 0.036

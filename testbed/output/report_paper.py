@@ -11,6 +11,7 @@ from testbed.output.claims_accuracy import estimate_of, trial_like
 from testbed.output.quantities import DEG, MM, fixed
 from testbed.output.report_headline import NONE
 from testbed.output.report_parts import Block, Figure, Section, Table, Text
+from testbed.paper_claims import CLAIMS
 from testbed.records import Campaign, PaperBudget, ToolPointStudy
 
 THIS = "this campaign"
@@ -223,7 +224,7 @@ def paper_section(campaign: Campaign, examined: Examined | None) -> Section | No
 
 def claim_table(examined: Examined) -> Table:
     """Each claim: printed, ours, verdict, one sentence."""
-    claims = {claim.number: claim for claim in paper.CLAIMS}
+    claims = {claim.number: claim for claim in CLAIMS}
     rows = []
     for found in examined.findings:
         claim = claims[found.number]

@@ -14,7 +14,7 @@ from calib.geometry.frames import inverse
 from calib.geometry.model import RobotModel
 from testbed.robots.axes import chain_from_axes
 from testbed.robots.description import Body, Description, plain_name
-from testbed.robots.meshes import read_mesh
+from testbed.robots.mesh_files import read_mesh
 from testbed.robots.placements import link_poses
 from testbed.robots.proof import LIMIT, difference, spread
 from testbed.robots.robot import Affine, Robot, Visual, body_name

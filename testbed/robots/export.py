@@ -18,7 +18,7 @@ from testbed.robots.dh_table import DhRow as DhRow
 from testbed.robots.dh_table import dh_rows as dh_rows
 from testbed.robots.identified import identified_robot as identified_robot
 from testbed.robots.identified import longest, require_name
-from testbed.robots.meshes import Mesh, part_mesh
+from testbed.robots.mesh_files import Mesh, part_mesh
 from testbed.robots.mjcf import mjcf_text
 from testbed.robots.mjcf_model import frame_of, load_mjcf, mjcf_poses
 from testbed.robots.proof import LIMIT, difference, spread

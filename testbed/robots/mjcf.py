@@ -8,7 +8,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.geometry.chain import Chain
 from testbed.robots.catalog import Robot, Visual, body_name
-from testbed.robots.meshes import part_mesh
+from testbed.robots.mesh_files import part_mesh
 from testbed.robots.placements import placements, quaternion_wxyz
 from testbed.robots.robot import IN_PLACE
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbed import paper
 from testbed.output import claims_accuracy, claims_model
 from testbed.output.claims import EXAMINERS, examine, is_paper_robot
+from testbed.paper_claims import CLAIMS
 from tests.reference import tx60
 from tests.reported import bare_campaign, paper_campaign, point_campaign, rigid_campaign
 
@@ -19,7 +19,7 @@ def numbers(text):
 
 
 def test_every_claim_has_an_examiner_and_the_scene_of_the_paper_speaks_to_all_of_them():
-    assert set(EXAMINERS) == {claim.number for claim in paper.CLAIMS}
+    assert set(EXAMINERS) == {claim.number for claim in CLAIMS}
     examined = examine(paper_campaign())
     assert [found.number for found in examined.findings] == list(range(1, 18))
     assert examined.silent == ()

@@ -15,7 +15,7 @@ from testbed.laboratory.simulator import Simulator
 from testbed.robots import described
 from testbed.robots.axes import chain_from_axes, reach, regauged
 from testbed.robots.catalog import load_robot
-from testbed.robots.meshes import part_mesh
+from testbed.robots.mesh_files import part_mesh
 from testbed.robots.placements import link_poses
 from testbed.robots.proof import difference, spread
 from tests.testbed.described_cases import ARMS, IIWA_LIKE, MJCF, UR_LIKE, bench_arm, block, urdf

@@ -20,7 +20,7 @@ from testbed.robots import export
 from testbed.robots.axes import reach
 from testbed.robots.catalog import load_robot
 from testbed.robots.export import dh_rows, identified_robot, write_robot_folder
-from testbed.robots.meshes import part_mesh
+from testbed.robots.mesh_files import part_mesh
 from testbed.robots.placements import link_poses
 from testbed.robots.robot_toml import degrees, millimeters
 from tests.testbed.described_cases import ARMS, UR_LIKE, bench_arm

@@ -10,6 +10,7 @@ from calib.errors import InputError
 from calib.geometry.frames import rot_x, slide
 from testbed import assets
 from testbed.robots.generate import model_names
+from testbed.robots.mesh_files import load_mesh
 from testbed.robots.meshes import (
     CREASE,
     GRID,
@@ -19,7 +20,6 @@ from testbed.robots.meshes import (
     groove,
     hull,
     is_closed,
-    load_mesh,
     moved,
     on_grid,
     puck,

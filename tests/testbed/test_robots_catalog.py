@@ -9,7 +9,7 @@ import pytest
 from calib.errors import InputError
 from calib.geometry.chain import chain_names, forward
 from testbed.robots.catalog import load_robot, load_tracker_visuals, robot_names
-from testbed.robots.meshes import load_mesh
+from testbed.robots.mesh_files import load_mesh
 from testbed.robots.placements import link_poses
 from tests.testbed.robot_cases import TX60
 

@@ -16,7 +16,7 @@ from testbed.laboratory.route import Route, measuring_route
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.tour import best_tour, length
 from testbed.robots.catalog import Robot, load_robot
-from testbed.robots.meshes import load_mesh
+from testbed.robots.mesh_files import load_mesh
 from testbed.robots.placements import link_poses
 from testbed.scenario import BoxObstacle, CellSettings, PoolSettings
 from tests.reference import TX60_LIMITS

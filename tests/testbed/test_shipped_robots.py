@@ -12,7 +12,7 @@ from testbed.doctor import check_kinematics
 from testbed.laboratory.pool import joint_ranges
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import load_robot, robot_names
-from testbed.robots.meshes import load_mesh
+from testbed.robots.mesh_files import load_mesh
 from testbed.robots.placements import link_poses
 from testbed.scenario import PoolSettings
 from tests.testbed.robot_cases import AGREE, joint_vectors

@@ -14,7 +14,7 @@ from calib.errors import InputError
 from calib.geometry.chain import Chain, forward
 from testbed.laboratory.simulator import Simulator, _log_warning
 from testbed.robots.catalog import Robot, load_robot
-from testbed.robots.meshes import load_mesh
+from testbed.robots.mesh_files import load_mesh
 from testbed.robots.placements import link_poses
 from tests.reference import TX60_LIMITS, tx60
 

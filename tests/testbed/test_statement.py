@@ -16,6 +16,7 @@ from testbed.comparison import attained, target_prediction
 from testbed.estimator import estimator_for
 from testbed.hashes import record_hash
 from testbed.laboratory.tracker import bias_size
+from testbed.linear_check import moved_targets, moving_axes
 from testbed.output.codec import pack, unpack
 from testbed.output.report_headline import errors_in_words, next_step
 from testbed.output.report_statement import reasons, secret_section, statement_section
@@ -27,7 +28,7 @@ from testbed.scenario import changed, load_scenario
 from testbed.setting import make_setting, open_bench
 from testbed.shots import sound_shots
 from testbed.sources import drift_left
-from testbed.statement import moving_axes, state, target_points
+from testbed.statement import state
 from testbed.validation import validation_visit
 from tests.testbed.test_campaign import same
 
@@ -364,7 +365,7 @@ def test_a_target_on_the_tool_is_carried_as_moved_models_carry_it():
     expected = [
         [T[:3, 3] + T[:3, :3] @ target for T in nominal.moved(step).poses(q)] for step in steps
     ]
-    np.testing.assert_allclose(target_points(nominal, q, steps, target), expected, atol=1e-12)
+    np.testing.assert_allclose(moved_targets(nominal, q, steps, target), expected, atol=1e-12)
     C = np.diag(rng.uniform(0, 1e-8, 42))
     stated = tool_statement(nominal, q, C, target=target)
     point, _, sigma = target_prediction(nominal, q, target, C)

@@ -48,7 +48,8 @@ def test_what_is_believed_holds_the_truth_and_what_fails_is_flagged(kind):
     believed = np.array([one.attained[one.names.index(one.trust.believe)] for one in told])
     # the robot is the unit: four standard errors over campaigns
     error = believed.std(ddof=1) / np.sqrt(CAMPAIGNS)
-    assert believed.mean() > max(0.95 - 4 * error, 0.88)
+    # 40 campaigns of honest statements leave an error of .014 to .017; a larger one must not excuse
+    assert believed.mean() > max(0.95 - 4 * error, 0.95 - 4 * 0.0175)
     flagged = np.mean([not one.trust.model_valid for one in told])
     if kind == "sag, geometric model":
         assert flagged >= 0.95

@@ -18,6 +18,7 @@ from calib.uncertainty.monte_carlo import (
 )
 from calib.uncertainty.type_a import root_sum_square
 from testbed import paper
+from testbed.paper_claims import CLAIMS
 from tests.reference import WEN24, pool_r, tx60
 
 MODEL = tx60()
@@ -57,8 +58,8 @@ def test_the_table_lists_the_24_parameters_in_chain_order():
 
 
 def test_the_claims_are_numbered_through_and_complete():
-    assert [claim.number for claim in paper.CLAIMS] == list(range(1, 18))
-    assert all(c.statement.endswith(".") and c.printed and c.compared for c in paper.CLAIMS)
+    assert [claim.number for claim in CLAIMS] == list(range(1, 18))
+    assert all(c.statement.endswith(".") and c.printed and c.compared for c in CLAIMS)
 
 
 def test_claim_1_the_zero_pose():

@@ -6,12 +6,11 @@ from typing import ClassVar
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
-from calib.information.criteria.base import Criterion, Move, Pool
+from calib.information.criteria.base import Move, Pool
 from calib.information.criteria.lazy import best_first
 from calib.information.criteria.spectral import (
-    RISE,
+    Spectral,
     changed,
-    fresh_swaps,
     rounding,
     seen_along,
 )
@@ -20,7 +19,7 @@ from calib.information.observability import IndexName
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class O5(Criterion):
+class O5(Spectral):
     """Value and figure 1 / sum of lambda^-1/2.
 
     In the eigenbasis of M the diagonal of the changed matrix is majorized by its eigenvalues and
@@ -46,22 +45,6 @@ class O5(Criterion):
     def figure(self, M: Array, n_poses: int) -> float:
         """The index."""
         return float(self.value(M))
-
-    def rises(self, value: float, before: float) -> bool:
-        """Whether the index is higher by more than rounding."""
-        return value > before + RISE * abs(before)
-
-    def add(self, M: Array, blocks: Array) -> Array:
-        """Gains (N,), each from its own eigenvalues."""
-        return self.value(changed(M, blocks, 1.0)) - self.value(M)
-
-    def drop(self, M: Array, blocks: Array) -> Array:
-        """Gains (k,), each from its own eigenvalues."""
-        return self.value(changed(M, blocks, -1.0)) - self.value(M)
-
-    def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
-        """Gains (k, N), each from its own eigenvalues."""
-        return fresh_swaps(self, M, leaving, entering)
 
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
         """Best addition, met in the order of the diagonal's sum."""

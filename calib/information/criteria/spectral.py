@@ -1,4 +1,4 @@
-"""Criteria of the smallest and the largest eigenvalue of M: the moves that E, O2 and O4 share."""
+"""Criteria of the eigenvalues of M: the gains they share, and the moves of E, O2 and O4."""
 
 from abc import abstractmethod
 
@@ -13,7 +13,29 @@ RISE = 1e-12
 """A set counts as better when its value rises by more than this part; ties would cycle."""
 
 
-class Extremes(Criterion):
+class Spectral(Criterion):
+    """A value of all eigenvalues of M: the gain of a move is a difference of two such values."""
+
+    __slots__ = ()
+
+    def rises(self, value: float, before: float) -> bool:
+        """Whether the value is higher by more than rounding."""
+        return value > before + RISE * abs(before)
+
+    def add(self, M: Array, blocks: Array) -> Array:
+        """Gains (N,), each from its own eigenvalues."""
+        return self.value(changed(M, blocks, 1.0)) - self.value(M)
+
+    def drop(self, M: Array, blocks: Array) -> Array:
+        """Gains (k,), each from its own eigenvalues."""
+        return self.value(changed(M, blocks, -1.0)) - self.value(M)
+
+    def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
+        """Gains (k, N), each from its own eigenvalues."""
+        return fresh_swaps(self, M, leaving, entering)
+
+
+class Extremes(Spectral):
     """A value that rises with the smallest eigenvalue and does not rise with the largest.
 
     On the span of some eigenvectors of M, the changed matrix has a smallest eigenvalue not below,
@@ -39,22 +61,6 @@ class Extremes(Criterion):
         """Value (...,) from the eigenvalues."""
         w = eigenvalues(M)
         return self.of_extremes(np.maximum(w[..., 0], 0.0), w[..., -1])
-
-    def rises(self, value: float, before: float) -> bool:
-        """Whether the value is higher by more than rounding."""
-        return value > before + RISE * abs(before)
-
-    def add(self, M: Array, blocks: Array) -> Array:
-        """Gains (N,), each from its own eigenvalues."""
-        return self.value(changed(M, blocks, 1.0)) - self.value(M)
-
-    def drop(self, M: Array, blocks: Array) -> Array:
-        """Gains (k,), each from its own eigenvalues."""
-        return self.value(changed(M, blocks, -1.0)) - self.value(M)
-
-    def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
-        """Gains (k, N), each from its own eigenvalues."""
-        return fresh_swaps(self, M, leaving, entering)
 
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
         """Best addition, met in the order of the Rayleigh-Ritz bounds."""
