@@ -1,5 +1,7 @@
 """The errors this project raises: what is wrong, where, what was allowed and the likely fix."""
 
+from typing import Self
+
 
 class CalibError(Exception):
     """Base of every error that leaves a public function.
@@ -48,6 +50,15 @@ class CalibError(Exception):
         stop = "" if body.endswith(("?", ".", "!")) else "."
         return f"{place}{body}{stop} [{self.code}]"
 
+    def located(self, where: str) -> Self:
+        """The same error with its place in front; itself if it has one."""
+        if self.where:
+            return self
+        return type(self)(
+            self.message, code=self.code, where=where, field=self.field, value=self.value,
+            allowed=self.allowed, fix=self.fix,
+        )  # fmt: skip
+
 
 class InputError(CalibError):
     """What was handed in cannot be used; nothing was computed (exit code 2)."""
@@ -55,3 +66,20 @@ class InputError(CalibError):
 
 class MachineError(CalibError):
     """The machine failed: disk, memory, a lock; the run can be resumed (exit code 3)."""
+
+
+def refuse(
+    field: str,
+    value: object = None,
+    allowed: str = "",
+    *,
+    code: str,
+    message: str = "",
+    fix: str = "",
+    where: str = "",
+) -> InputError:
+    """The error for a value that cannot be used; its message is ``FIELD is VALUE`` by default."""
+    return InputError(
+        message or f"{field} is {value}",
+        code=code, where=where, field=field, value=value, allowed=allowed, fix=fix,
+    )  # fmt: skip

@@ -3,8 +3,8 @@
 Run it: python scenes/noise_sweep.py
 """
 
-from testbed.runner import play
-from testbed.scenario import changed, load_scenario
+from testbed.run.play import play
+from testbed.scenario.read import changed, load_scenario
 
 NOISE_UM = (5.0, 10.0, 17.5, 35.0)
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.design.detmax import detmax
-from calib.design.sampling import random_selection
+from calib.design.random import random_selection
 from calib.identification.identify import identify
-from testbed.comparison import compare, true_step
-from testbed.scenario import changed, load_scenario
-from testbed.setting import make_setting, open_bench
+from testbed.laboratory.campaign_bench import make_setting, open_bench
+from testbed.scenario.read import changed, load_scenario
 from testbed.streams import stream
+from testbed.studies.trial.compare import compare, true_step
 
 POSES = 29
 

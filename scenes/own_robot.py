@@ -6,9 +6,9 @@ Run it: python scenes/own_robot.py
 import tempfile
 from pathlib import Path
 
-from testbed.records import Campaign
-from testbed.runner import play
-from testbed.scenario import scenario_of
+from testbed.run.play import play
+from testbed.scenario.read import scenario_of
+from testbed.studies.trial.records import Campaign
 
 JOINT = """
 [[joints]]

@@ -1,4 +1,4 @@
-"""Versions of the program and of the packages that decide its numbers."""
+"""Versions of the program and of the packages that compute."""
 
 import platform
 import tomllib

@@ -10,8 +10,8 @@ from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.measurement.noise import isotropic_covariance
 from calib.measurement.observations import pose_measurements
-from testbed.calibration import Options, calibrate
-from testbed.files.records import Session, Stated
+from testbed.files.session import Session, Stated
+from testbed.identify.calibrate import Options, calibrate
 from testbed.robots.catalog import load_robot
 from tests.reference import DEG, SIGMA_POSITION, SIGMA_ROTATION, pool_r
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from testbed.output.plan_table import plan_csv
-from testbed.plan import plan
+from testbed.plan.plan import plan
+from testbed.plan.table import plan_csv
 from testbed.robots.catalog import load_robot
-from testbed.scenario import changed, load_scenario
+from testbed.scenario.read import changed, load_scenario
 
 ROBOT = load_robot("staubli_tx60")
 SMALL: dict[str, Any] = {

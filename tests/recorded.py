@@ -5,10 +5,10 @@ from functools import cache
 
 import numpy as np
 
-from testbed import campaign
-from testbed.output.recording import write_recording
 from testbed.robots.catalog import load_robot
-from testbed.scenario import changed, load_scenario
+from testbed.run import campaign
+from testbed.run.recording import write_recording
+from testbed.scenario.read import changed, load_scenario
 
 SMALL = {
     "pool.size": 60,

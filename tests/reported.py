@@ -3,9 +3,10 @@
 from functools import cache
 from html.parser import HTMLParser
 
-from testbed import campaign
-from testbed.output.report import page_of, render
-from testbed.scenario import changed, load_scenario
+from testbed.report.page import render
+from testbed.run import campaign
+from testbed.run.report import page_of
+from testbed.scenario.read import changed, load_scenario
 
 VERSIONS = {"truebed": "0.0.0", "numpy": "0"}
 SMALL = {

@@ -5,8 +5,8 @@ from scipy import stats
 
 from calib.arrays import Array
 from calib.geometry.parameters import parameters_of
-from calib.identification.extended import extended_model, extended_parameters
 from calib.identification.identify import identify
+from calib.identification.joint_models import extended_model, extended_parameters
 from calib.identification.prior import weak_prior
 from tests.reference import pool_r, tx60
 from tests.truth.measuring import measured

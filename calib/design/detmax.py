@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from calib.arrays import Index
 from calib.design.local import add_and_drop, shaken
 from calib.design.problem import Problem, problem_of
-from calib.design.sampling import nonsingular_set
+from calib.design.random import nonsingular_set
 from calib.design.selection import Selection, finished
 from calib.errors import InputError
 from calib.information.criteria.base import Criterion

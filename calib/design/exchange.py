@@ -1,4 +1,4 @@
-"""Exchange with restarts: local searches from many starts; the best is kept and polished."""
+"""Exchange of poses from many starts; Fedorov's step takes the best of all pairs."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Index
+from calib.design.detmax import checked_start
 from calib.design.greedy import grow
 from calib.design.local import add_and_drop, best_pairs
 from calib.design.problem import Problem, problem_of
-from calib.design.sampling import nonsingular_set
+from calib.design.random import nonsingular_set
 from calib.design.selection import Selection, finished
 from calib.errors import InputError
 from calib.information.criteria.base import Criterion
@@ -131,3 +132,49 @@ def _first(problem: Problem, rng: np.random.Generator, first: Sequence[int] | No
     places = grow(problem).chosen if first is None else first
     begin = np.sort(np.array(places, dtype=np.int64))
     return nonsingular_set(problem, rng) if problem.is_singular(begin) else begin
+
+
+def fedorov(
+    blocks: ArrayLike,
+    m: int,
+    criterion: str | Criterion,
+    rng: np.random.Generator,
+    *,
+    start: ArrayLike | None = None,
+    prior: ArrayLike | None = None,
+    given: ArrayLike = (),
+    allowed: ArrayLike | None = None,
+    repeats: bool = False,
+    names: Sequence[str] = (),
+) -> Selection:
+    """Pose set of size m from one start, until no exchange of one pose improves it.
+
+    Parameters
+    ----------
+    blocks, m, criterion, prior, given, allowed, repeats, names
+        The problem, as in `calib.design.problem.problem_of`.
+    rng : numpy.random.Generator
+        Draws the first set.
+    start : (m,) array of int, optional
+        First set, instead of a random one; the result is never worse.
+
+    References
+    ----------
+    Fedorov 1972.
+    """
+    problem = problem_of(
+        blocks,
+        m,
+        criterion,
+        prior=prior,
+        given=given,
+        allowed=allowed,
+        repeats=repeats,
+        names=names,
+    )
+    chosen = nonsingular_set(problem, rng) if start is None else checked_start(problem, start)
+    end = best_pairs(problem, chosen)
+    figure = problem.criterion.figure(problem.information(end.chosen), problem.n_poses)
+    return finished(
+        problem, end.chosen, trace=[figure], method="fedorov", evaluations=end.evaluated
+    )

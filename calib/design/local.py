@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.arrays import Index
 from calib.design.problem import Problem
-from calib.design.sampling import nonsingular_set
+from calib.design.random import nonsingular_set
 from calib.information.criteria.lazy import best_swap
 
 SHAKES = 100

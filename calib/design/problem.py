@@ -7,13 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Bool, Index, check, frozen
-from calib.design.blocks import (
-    directions_seen,
-    information,
-    most_of_one,
-    sees_all,
-    unseen_in_words,
-)
+from calib.design.blocks import directions_seen, information, most_of_one, sees_all, unseen_in_words
 from calib.errors import InputError
 from calib.information.criteria.base import Criterion, Pool
 from calib.information.criteria.named import criterion_named

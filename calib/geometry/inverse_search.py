@@ -11,10 +11,10 @@ import numpy as np
 
 from calib.arrays import Array, Bool, Index
 from calib.geometry.frames import log_so3, right_jacobian_inverse
+from calib.geometry.jacobian import joint_columns, pose_and_jacobian
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH as L
-from calib.geometry.sweep import joint_columns, pose_and_jacobian
 
 ARRIVED = 1e-9
 """A tool this near its target has reached it [m, and rad]."""

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, check
 from calib.geometry.chain import Chain, chain_names, forward, joint_vectors
 from calib.geometry.fixtures import Fixtures
+from calib.geometry.jacobian import joint_columns, pose_and_jacobian
 from calib.geometry.joint_errors import JointErrors
-from calib.geometry.sweep import joint_columns, pose_and_jacobian
 
 
 @dataclass(frozen=True, slots=True, eq=False)

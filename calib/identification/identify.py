@@ -8,7 +8,7 @@ from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.identification.conclusion import Fit, concluded
+from calib.identification.fit_statistics import Fit, concluded
 from calib.identification.least_squares import Solution, solve
 from calib.identification.least_squares import Status as Status
 from calib.identification.prior import Prior, PriorRows, prior_rows

@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
 from calib.errors import InputError
+from calib.geometry.jacobian import reflector_rows
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.geometry.sweep import reflector_rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -240,7 +240,9 @@ def _dependency(
     terms = np.flatnonzero(np.abs(column) > KEEP_TOLERANCE)
     if not terms.size:
         return f"{name} has no effect on anything measured: no measurement can find it"
-    terms = terms[np.argsort(-np.abs(column[terms]), kind="stable")].tolist()
+    # equal parts stay in the order of the numbers, whatever rounding made of them
+    size = np.round(np.log(np.abs(column[terms])), 9)
+    terms = terms[np.argsort(-size, kind="stable")].tolist()
     others = [names[keep[i]] for i in terms]
     if len(terms) == 1 and abs(abs(column[terms[0]]) - 1) < KEEP_TOLERANCE:
         same = "the same" if column[terms[0]] > 0 else "the opposite"

@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, check
 from calib.errors import InputError
 from calib.geometry.frames import log_so3
+from calib.geometry.model import RobotModel
+from calib.measurement.observations import Measurements
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,3 +58,26 @@ def accuracy(errors: ArrayLike) -> Accuracy:
         maximum=float(errors.max()),
         count=len(errors),
     )
+
+
+def target_points(T: Array, target: Array) -> Array:
+    """Positions (m, 3) of the judged tool point at poses T (m, 4, 4) [m]."""
+    return np.asarray(T[:, :3, 3] + T[:, :3, :3] @ target)
+
+
+def distances(a: Array, b: Array) -> Array:
+    """Distances (m,) [m] between points (m, 3)."""
+    return np.asarray(np.linalg.norm(a - b, axis=1))
+
+
+def observed_points(model: RobotModel, measurements: Measurements) -> Array:
+    """Where `model` predicts the measured points (m, 3) [m]."""
+    T = model.poses(measurements.q)
+    return np.asarray(T[:, :3, 3] + (T[:, :3, :3] @ measurements.offset[:, :, None])[:, :, 0])
+
+
+def seen_minus_predicted(model: RobotModel, measurements: Measurements) -> tuple[Array, Array]:
+    """Predicted points (m, 3) and how far from them the tracker saw the target (m, 3) [m]."""
+    T, offset = model.poses(measurements.q), measurements.offset
+    predicted = T[:, :3, 3] + (T[:, :3, :3] @ offset[:, :, None])[..., 0]
+    return predicted, measurements.position - predicted

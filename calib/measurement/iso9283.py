@@ -21,8 +21,17 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, Index, frozen
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3, log_so3
-from calib.measurement.cycles import covariances_of, cycles_of, matching, rotations_of
-from calib.measurement.scatter import mean_norm, mean_widest, repeatability_floor, sd_bias, widest
+from calib.measurement.cycles import (
+    covariances_of,
+    cycles_of,
+    matching,
+    mean_norm,
+    mean_widest,
+    repeatability_floor,
+    rotations_of,
+    sd_bias,
+    widest,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

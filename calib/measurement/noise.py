@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check
 from calib.errors import InputError
+from calib.geometry.jacobian import joint_columns, pose_and_jacobian, reflector_rows
 from calib.geometry.model import RobotModel
-from calib.geometry.sweep import joint_columns, pose_and_jacobian, reflector_rows
 
 SMALLEST_PIVOT = 1e-13
 """Pivot of the correlation matrix below which float64 cannot tell it from a singular one."""

@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, check, frozen
 from calib.errors import InputError
+from calib.geometry.jacobian import matrix_rows, reflector_rows
 from calib.geometry.model import RobotModel
-from calib.geometry.sweep import matrix_rows, reflector_rows
 from calib.measurement.noise import whiteners
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict

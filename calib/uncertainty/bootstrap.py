@@ -10,7 +10,7 @@ from calib.errors import InputError
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.measurement.observations import Measurements
-from calib.uncertainty.chunks import in_chunks
+from calib.uncertainty.batches import in_chunks
 from calib.uncertainty.covariance import covariance_factor, standard_uncertainty
 from calib.uncertainty.refit import BLOCKS, LANES, STEPS, Frozen, Refits, descend, freeze, joined
 

@@ -9,10 +9,10 @@ from calib.arrays import Array, check, frozen
 from calib.errors import InputError
 from calib.geometry.model import RobotModel
 from calib.information.propagation import point_uncertainty, tool_covariance
-from calib.uncertainty.draws import correlated_draws as correlated_draws
-from calib.uncertainty.draws import independent_draws as independent_draws
-from calib.uncertainty.tool_points import Postures, postures, tool_points
-from calib.uncertainty.tool_points import propagate as propagate
+from calib.uncertainty.covariance import correlated_draws as correlated_draws
+from calib.uncertainty.covariance import independent_draws as independent_draws
+from calib.uncertainty.tool_point import Postures, postures, tool_points
+from calib.uncertainty.tool_point import propagate as propagate
 
 DRAWS = 10_000
 """M of the paper; leaves 0.7 % in a standard uncertainty."""

@@ -10,9 +10,9 @@ from calib.errors import InputError
 from calib.geometry.frames import exp_so3
 from calib.geometry.model import RobotModel
 from calib.information.propagation import point_uncertainty
-from calib.uncertainty.chunks import in_chunks
+from calib.uncertainty.batches import in_chunks
 from calib.uncertainty.covariance import covariance_factor
-from calib.uncertainty.tool_points import Postures, postures, tool_points
+from calib.uncertainty.tool_point import Postures, postures, tool_points
 
 CHUNK = 10_000
 """Draws per chunk, each with its own random stream; part of what fixes the bits of a result."""

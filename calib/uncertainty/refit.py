@@ -14,10 +14,9 @@ from calib.geometry.parameters import Parameters
 from calib.measurement.observations import GIVEN, Measurements
 from calib.measurement.prediction import targets
 from calib.measurement.residual import padded_covariance, stacked, table_whiteners
-from calib.uncertainty.chunks import mapped
+from calib.uncertainty.batches import LANES as LANES
+from calib.uncertainty.batches import Lanes, mapped
 from calib.uncertainty.covariance import RANK_TOLERANCE, covariance_factor
-from calib.uncertainty.lanes import LANES as LANES
-from calib.uncertainty.lanes import Lanes
 
 BLOCKS = 16
 """Blocks of `LANES` replicates in a chunk; part of what fixes the bits of a result."""

@@ -9,7 +9,7 @@ from calib.arrays import Array, Index, check, frozen
 from calib.errors import InputError
 from calib.geometry.model import RobotModel
 from calib.uncertainty.discrepancy import Discrepancy
-from calib.uncertainty.tool_statement import tool_statement
+from calib.uncertainty.tool_point import tool_statement
 
 MOST_CELLS = 10_000_000
 BLOCK = 20_000

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from calib.identification.conclusion import RED
+from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
 from calib.uncertainty.bootstrap import Bootstrap
 from calib.uncertainty.conformal import Conformal

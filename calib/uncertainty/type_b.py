@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
 from calib.errors import InputError
-from calib.geometry.sweep import reflector_rows
+from calib.geometry.jacobian import reflector_rows
 from calib.uncertainty.covariance import common_input_covariance, covariance_factor
 from calib.uncertainty.refit import Frozen
 

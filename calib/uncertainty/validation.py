@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
 from calib.errors import InputError
-from calib.uncertainty.adaptive import Adaptive
-from calib.uncertainty.adaptive_vector import AdaptiveVector
+from calib.uncertainty.adaptive import Adaptive, AdaptiveVector
 from calib.uncertainty.covariance import correlation, covariance_factor
 from calib.uncertainty.monte_carlo import numerical_tolerance
 from calib.uncertainty.regions import coverage_factor, student_factor

@@ -10,9 +10,9 @@ from calib.arrays import Array
 from calib.geometry.chain import Chain
 from calib.geometry.frames import inverse, transform
 from calib.measurement.observations import Measurements
-from testbed.files.conventions import EULER, MATRIX, QUATERNION, VECTOR, rotations
-from testbed.files.reading import Reading
-from testbed.files.records import Stated
+from testbed.files.readings import Reading
+from testbed.files.rotations import EULER, MATRIX, QUATERNION, VECTOR, rotations
+from testbed.files.session import Stated
 
 LENGTHS = (
     (1e-3, "if the positions are in mm, not m", "they look like mm: name the columns x_mm ..."),

@@ -8,8 +8,8 @@ from calib.arrays import Array, Bool, Index, frozen
 from calib.errors import InputError
 from calib.measurement.observations import Measurements
 from testbed.files.matching import pose_numbers, poses_of_joints, visits_of
-from testbed.files.records import Session, Stated
-from testbed.files.session_file import SessionFile
+from testbed.files.session import Session, Stated
+from testbed.files.session_toml import SessionFile
 from testbed.files.targets import Part, Targets, targets_of, texts_of
 from testbed.robots.robot import Robot
 

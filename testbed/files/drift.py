@@ -10,8 +10,8 @@ from calib.arrays import Array, Bool, Index, frozen
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3, log_so3, skew
 from testbed.files.readings import Readings
-from testbed.files.records import Drift
-from testbed.files.session_file import DriftTable
+from testbed.files.session import Drift
+from testbed.files.session_toml import DriftTable
 
 TIMES = 2.0
 """A drift counts if it is larger than so many of its standard uncertainties."""

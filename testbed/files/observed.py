@@ -6,10 +6,10 @@ from calib.arrays import Array, Bool
 from calib.errors import InputError
 from calib.geometry.frames import inverse, transform
 from testbed.files.columns import close_to, find, find_all, is_known
-from testbed.files.conventions import checked_rotations, stated_in
 from testbed.files.readings import Readings, extras_of
-from testbed.files.records import Stated
-from testbed.files.session_file import FramesTable, ObservedTable, SessionFile
+from testbed.files.rotations import checked_rotations, stated_in
+from testbed.files.session import Stated
+from testbed.files.session_toml import FramesTable, ObservedTable, SessionFile
 from testbed.files.table import Table, refuse_bad
 from testbed.files.uncertainty import spread_of
 

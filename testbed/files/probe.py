@@ -12,13 +12,12 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.errors import InputError
 from calib.geometry.model import RobotModel
-from calib.identification.start import start_frames
+from calib.identification.start.start import start_frames
 from calib.measurement.observations import Measurements
 from testbed.files.alternatives import Alternative, alternatives_of, distance_alternatives
-from testbed.files.fit import Fit, fit
-from testbed.files.locks import flange_poses, groups
-from testbed.files.reading import Reading
-from testbed.files.records import Session
+from testbed.files.frames_fit import Fit, fit, flange_poses, groups
+from testbed.files.readings import Reading
+from testbed.files.session import Session
 from testbed.robots.robot import Robot
 
 ROWS = 60

@@ -19,14 +19,13 @@ from calib.geometry.frames import transform
 from calib.geometry.inverse import Outcome, inverse, spread
 from calib.geometry.model import RobotModel
 from calib.measurement.accuracy import position_errors, rotation_errors
+from testbed.disk import atomic_write
 from testbed.files.columns import ANGLES, find, find_all
-from testbed.files.conventions import VECTOR, checked_rotations, stated_in
-from testbed.files.dialect import read_sheet, read_text
 from testbed.files.joints import read_joints
 from testbed.files.rewrite import rewritten
-from testbed.files.rotation_forms import in_form
+from testbed.files.rotations import VECTOR, checked_rotations, in_form, stated_in
 from testbed.files.table import Table, refuse_bad, table_of
-from testbed.output.atomic import atomic_write
+from testbed.files.text import read_sheet, read_text
 from testbed.robots.catalog import Robot
 
 ADDED = ("status", "before_mm", "left_mm", "left_deg")

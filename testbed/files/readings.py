@@ -1,5 +1,6 @@
-"""What one file of a measuring device holds, row by row, before it meets the joints."""
+"""Rows of a file as readings: roles, missed shots, and readings that were written twice."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
@@ -9,9 +10,9 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 from calib.errors import InputError
 from testbed.files.columns import is_known
-from testbed.files.records import Stated
+from testbed.files.session import Stated
 from testbed.files.table import Table
-from testbed.robots.strict_toml import did_you_mean
+from testbed.strict import choice_of
 
 TEXTS = ("pose_id", "station", "split", "approach", "time", "target", "anchor", "euler")
 """Own columns that hold no numbers."""
@@ -129,7 +130,7 @@ def extras_of(table: Table) -> Extras:
                 field="split",
                 value=word[:20],
                 allowed="it is identify or test",
-                fix=did_you_mean(word, SPLITS) if len(word) > 2 else "",
+                fix=choice_of(word, SPLITS) if len(word) > 2 else "",
             )
     time, told = _times(table)
     temperature = table.numbers(["temperature_degC"])[:, 0] if "temperature_degC" in table else None
@@ -196,3 +197,69 @@ def _clock(table: Table) -> Array:
 def _seconds(moment: datetime) -> float:
     """Seconds since midnight."""
     return moment.hour * 3600 + moment.minute * 60 + moment.second + moment.microsecond / 1e6
+
+
+SHOWN = 10
+
+
+def missed_shots(readings: Readings, nests: Sequence[str]) -> tuple[Bool, list[str]]:
+    """Rows (m,) that were measured, and a sentence on those that were not.
+
+    A tracker that loses its target writes 0 0 0, or a distance of 0. Shots at `nests` stay: rounds
+    are counted by them.
+    """
+    if readings.kind == "distance":
+        lost = readings.distance == 0
+    else:
+        lost = np.asarray((readings.position == 0).all(axis=1))
+    lost = lost & ~np.isin(readings.target, nests)
+    return ~lost, told(readings.place, lost, "missed shots, written as 0 0 0")
+
+
+def copied_rows(readings: Readings) -> tuple[Bool, list[str]]:
+    """Rows (m,) without those that repeat the digits of an earlier one; they tell nothing new."""
+    key = np.column_stack(
+        [
+            readings.position,
+            readings.rotation.reshape(-1, 9),
+            readings.distance,
+            _codes(readings.station),
+            _codes(readings.anchor),
+        ]
+    )
+    _, first = np.unique(key, axis=0, return_index=True)
+    copies = np.ones(len(readings), dtype=bool)
+    copies[first] = False
+    sentence = "copies of earlier readings, digit for digit; each counts once"
+    return ~copies, told(readings.place, copies, sentence)
+
+
+def told(place: Sequence[str], rows: Bool, what: str) -> list[str]:
+    """One sentence on some rows: how many, what they are, and where."""
+    found = np.flatnonzero(rows)
+    if not found.size:
+        return []
+    file = place[found[0]].rpartition(":")[0]
+    lines = ", ".join(place[row].rpartition(":")[2] for row in found[:SHOWN])
+    more = f" and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
+    plural = "s" if len(found) > 1 else ""
+    return [f"{file}: {len(found)} row{plural} left out (line{plural} {lines}{more}): {what}"]
+
+
+def _codes(names: Sequence[str]) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """A number for each different text."""
+    return np.unique(np.array(names, dtype=str), return_inverse=True)[1].ravel()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reading:
+    """Joints and what was seen there."""
+
+    q: Array
+    """(m, n) [rad, m]."""
+    position: Array
+    """(m, 3) [m]."""
+    rotation: Array | None
+    """(m, 3, 3); None for points."""
+    numbers: Array | None
+    """(m, k) rotations as they stand in the file, as in `Stated.numbers`."""

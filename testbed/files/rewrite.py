@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 from calib.arrays import Array, Bool
-from testbed.files.dialect import SEPARATORS, Text
 from testbed.files.table import Table
+from testbed.files.text import SEPARATORS, Text
 
 
 def rewritten(

@@ -8,7 +8,7 @@ import numpy as np
 
 from calib.errors import InputError
 from testbed.files.columns import ANGLES, LENGTHS
-from testbed.files.dialect import Text
+from testbed.files.text import Text
 
 AXES = re.compile(r"AXES\s*=\s*(\w+)\s*:(.*)", re.IGNORECASE)
 UNIT = re.compile(r"\((mm|m|meters|millimeters|inches|in|degrees|deg|radians|rad)\)", re.IGNORECASE)

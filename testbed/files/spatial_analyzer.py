@@ -14,14 +14,14 @@ from calib.arrays import Array, frozen
 from calib.errors import InputError
 from calib.geometry.frames import inverse, transform
 from testbed.files.columns import ANGLES, LENGTHS, close_to, is_known
-from testbed.files.conventions import MATRIX, QUATERNION, checked_rotations, sequence_of
-from testbed.files.dialect import Sheet, Text
 from testbed.files.observed import polar
 from testbed.files.readings import Extras, Readings
-from testbed.files.records import Stated
+from testbed.files.rotations import MATRIX, QUATERNION, checked_rotations, sequence_of
 from testbed.files.sa_lines import Lines, name_fields, sa_lines, unit_of
-from testbed.files.session_file import FramesTable, PointsTable, SessionFile
+from testbed.files.session import Stated
+from testbed.files.session_toml import FramesTable, PointsTable, SessionFile
 from testbed.files.table import Table, refuse_bad, table_of
+from testbed.files.text import Sheet, Text
 from testbed.files.uncertainty import spread_of
 
 NAMES = ("target", "group", "collection")

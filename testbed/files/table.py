@@ -9,8 +9,8 @@ import numpy as np
 from calib.arrays import Array, Bool
 from calib.errors import InputError
 from testbed.files.columns import close_to, is_known
-from testbed.files.dialect import Sheet
-from testbed.robots.strict_toml import did_you_mean
+from testbed.files.text import Sheet
+from testbed.strict import choice_of
 
 SHOWN = 10
 """Cells named in one message."""
@@ -136,7 +136,7 @@ def table_of(
                 field=own,
                 value=theirs,
                 allowed=f"found: {', '.join(sheet.head)[:160]} ({sheet.separator} between cells)",
-                fix=did_you_mean(theirs, sheet.head) if len(sheet.head) < 12 else "",
+                fix=choice_of(theirs, sheet.head) if len(sheet.head) < 12 else "",
             )
     used = set(mapping.values())
     names = {name: name for name in sheet.head if name not in used and name not in mapping}

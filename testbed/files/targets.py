@@ -11,8 +11,8 @@ from calib.geometry.fixtures import Fixtures
 from calib.measurement.observations import GIVEN
 from testbed.files.joints import Joints
 from testbed.files.readings import Readings
-from testbed.files.session_file import ObservedTable, PointsTable, RangesTable
-from testbed.robots.strict_toml import did_you_mean
+from testbed.files.session_toml import ObservedTable, PointsTable, RangesTable
+from testbed.strict import choice_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,7 +129,7 @@ def _reflector_places(part: Part) -> dict[str, Array | None]:
                 field="reflectors_mm",
                 value=name,
                 allowed='give its place in the tool frame [mm], or "free"',
-                fix=did_you_mean(name, stated),
+                fix=choice_of(name, stated),
             )
         place = stated.get(name, "free")
         out[name] = None if place == "free" else np.array(place, dtype=np.float64) / 1e3

@@ -8,7 +8,7 @@ from calib.arrays import Array, Bool
 from calib.errors import InputError
 from calib.measurement.noise import spherical_covariance
 from testbed.files.columns import AXES, covariance_names, find_all
-from testbed.files.session_file import UncertaintyTable
+from testbed.files.session_toml import UncertaintyTable
 from testbed.files.table import Table
 
 MPE_RULES = {"rectangular": 3**-0.5, "two_sigma": 0.5, "typical": 0.25}

@@ -9,8 +9,8 @@ from calib.arrays import Array, check, frozen
 from calib.errors import InputError
 from calib.geometry.chain import Chain
 from calib.geometry.frames import step_transform
-from testbed.robots.mesh_files import Mesh, load_mesh
-from testbed.scenario import BoxObstacle, CellSettings, MeshObstacle
+from testbed.robots.meshes.files import Mesh, load_mesh
+from testbed.scenario.read import BoxObstacle, CellSettings, MeshObstacle
 
 UNITS = {"mm": 1e-3, "m": 1.0}
 FLAT = 1e-6

@@ -15,7 +15,7 @@ from calib.arrays import Array, Bool, check
 from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.frames import slide, transform
 from testbed.laboratory.cell import Obstacle
-from testbed.laboratory.terms import grown
+from testbed.laboratory.truth.terms import grown
 from testbed.robots.catalog import Robot
 from testbed.robots.placements import quaternion_wxyz
 
@@ -68,7 +68,7 @@ class Simulator:
     ) -> None:
         import mujoco
 
-        from testbed.robots.mjcf import build_spec, compile_spec
+        from testbed.robots.write.mjcf import build_spec, compile_spec
 
         mujoco.set_mju_user_warning(_log_warning)
         spec = build_spec(chain, robot)
@@ -99,7 +99,7 @@ class Simulator:
         """
         import mujoco
 
-        from testbed.robots.mjcf import set_geometry
+        from testbed.robots.write.mjcf import set_geometry
 
         q = joint_vectors(self._chain, q)
         position, rotation = np.empty((len(q), 3)), np.empty((len(q), 9))

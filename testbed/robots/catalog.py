@@ -12,11 +12,7 @@ from calib.geometry.frames import step_transform
 from calib.geometry.joint_errors import JointErrors, JointTerm
 from calib.geometry.model import RobotModel
 from testbed import assets
-from testbed.robots.robot import Robot as Robot
-from testbed.robots.robot import Visual as Visual
-from testbed.robots.robot import Workspace as Workspace
-from testbed.robots.robot import body_name as body_name
-from testbed.robots.robot_file import (
+from testbed.robots.file import (
     Drawn,
     Frame,
     PrismaticLink,
@@ -25,7 +21,11 @@ from testbed.robots.robot_file import (
     TrackerFile,
     WorkspaceBox,
 )
-from testbed.robots.strict_toml import did_you_mean, read_toml
+from testbed.robots.robot import Robot as Robot
+from testbed.robots.robot import Visual as Visual
+from testbed.robots.robot import Workspace as Workspace
+from testbed.robots.robot import body_name as body_name
+from testbed.strict import choice_of, read_toml
 
 ROBOT_FILE, TRACKER_FILE = "robot.toml", "tracker.toml"
 TRACKER = "laser_tracker"
@@ -73,7 +73,7 @@ def load_robot(
     """
     path = _robot_path(name_or_path)
     if path.suffix.lower() in XML:
-        from testbed.robots.described import read_description
+        from testbed.robots.describe.convert import read_description
 
         return read_description(
             path, tip=tip, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes
@@ -190,7 +190,7 @@ def visuals(path: Path, data: Drawn) -> tuple[Visual, ...]:
                 where=str(path),
                 field=f"parts.{part.name}.file",
                 value=part.file,
-                fix=f"python -m testbed.robots.generate {data.name}" if data.drawing else "",
+                fix=f"python -m testbed.robots.write.generate {data.name}" if data.drawing else "",
             )
         red, green, blue = data.colors[part.color]
         out.append(Visual(file, (red, green, blue), part.collides, part.link, part.name))
@@ -213,7 +213,7 @@ def _robot_path(name_or_path: str | Path) -> Path:
         field="robot",
         value=str(name_or_path),
         allowed="a shipped name, or the path of a robot.toml, a URDF or an MJCF",
-        fix=did_you_mean(str(name_or_path), robot_names()),
+        fix=choice_of(str(name_or_path), robot_names()),
     )
 
 
@@ -258,5 +258,5 @@ def _check_free_sets(path: Path, data: RobotFile, known: tuple[str, ...]) -> Non
                     where=str(path),
                     field=f"free_sets.{title}",
                     value=name,
-                    fix="" if name in known else did_you_mean(name, known),
+                    fix="" if name in known else choice_of(name, known),
                 )

@@ -22,7 +22,7 @@ from calib.information.criteria.lazy import best_swap
 from calib.information.criteria.named import criterion_named
 from calib.information.observability import CRITERIA
 from calib.information.reduction import reduce
-from tests.calib.design_cases import BruteForce, goal_set, paper_pool, whitened_pool
+from tests.calib.design.design_cases import BruteForce, goal_set, paper_pool, whitened_pool
 from tests.reference import WEN24, pool_r, tx60
 
 N, M = 1000, 29

@@ -9,7 +9,7 @@ import pytest
 
 from calib.geometry.chain import Chain, forward
 from calib.geometry.frames import log_so3, rot_x, rot_y, rot_z, slide
-from calib.geometry.sweep import pose_and_jacobian
+from calib.geometry.jacobian import pose_and_jacobian
 from tests.reference import TX60_LINKS, pool_r
 
 CHAIN = Chain(TX60_LINKS).moved(np.full(42, 1e-4))

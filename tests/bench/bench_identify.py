@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from calib.geometry.parameters import parameters_of
-from calib.identification.extended import extended_model
 from calib.identification.identify import identify
+from calib.identification.joint_models import extended_model
 from calib.identification.prior import weak_prior
 from calib.measurement.residual import stacked
 from tests.reference import WEN24, pool_r, rigid_truth, tx60

@@ -9,8 +9,8 @@ import pytest
 from calib.geometry.frames import step_transform
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
-from testbed.files.session import read_session
-from testbed.output.calibration_folder import play_calibration
+from testbed.files.read import read_session
+from testbed.identify.folder import play_calibration
 from testbed.robots.catalog import load_robot
 from testbed.robots.placements import quaternion_wxyz
 

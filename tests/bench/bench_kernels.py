@@ -14,8 +14,8 @@ from calib.measurement.noise import isotropic_covariance
 from calib.measurement.observations import pose_measurements
 from calib.uncertainty.bootstrap import bootstrap
 from calib.uncertainty.point_moments import point_moments
-from calib.uncertainty.tool_points import propagate
-from tests.calib.test_monte_carlo import calibration_covariance
+from calib.uncertainty.tool_point import propagate
+from tests.calib.uncertainty.test_monte_carlo import calibration_covariance
 from tests.reference import SIGMA_POSITION, SIGMA_ROTATION, WEN24, pool_r, tx60
 from tests.truth.measuring import measured
 

@@ -9,9 +9,9 @@ import pytest
 
 from testbed.laboratory.pool import draw_pool
 from testbed.laboratory.simulator import Simulator
-from testbed.laboratory.tracker import tracker_from
+from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.robots.catalog import load_robot
-from testbed.scenario import At960Tracker, PoolSettings
+from testbed.scenario.read import At960Tracker, PoolSettings
 from tests.reference import pool_r, tx60
 
 ROBOT, Q = load_robot("staubli_tx60"), pool_r()

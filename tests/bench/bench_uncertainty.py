@@ -13,7 +13,7 @@ from calib.uncertainty.monte_carlo import (
     point_spread,
     propagate,
 )
-from testbed import paper
+from testbed.studies.wen2022 import paper
 from tests.reference import pool_r, tx60
 
 MODEL, Q = tx60(), pool_r(51)

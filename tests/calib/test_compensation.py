@@ -9,7 +9,7 @@ from calib.geometry.chain import Chain
 from calib.geometry.frames import log_so3
 from calib.geometry.inverse import inverse, joint_jacobian, spread
 from calib.geometry.model import RobotModel
-from tests.calib.test_inverse import ARMS, TX60, limits_of, wrong
+from tests.calib.geometry.test_inverse import ARMS, TX60, limits_of, wrong
 
 LEFT = 1e-9
 """What a correction may leave [m, rad]."""

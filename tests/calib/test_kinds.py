@@ -13,8 +13,8 @@ from calib.geometry.fixtures import Fixtures
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, Status, identify
-from calib.identification.inspection import inspect
 from calib.identification.lack_of_fit import lack_of_fit
+from calib.identification.outliers import inspect
 from calib.identification.prior import Prior
 from calib.information.rank import weak_prior_sd
 from calib.information.reduction import Reduction, reduce

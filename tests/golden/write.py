@@ -41,9 +41,9 @@ def golden_file(scene: str) -> Path:
 
 def headline_of(scene: str) -> dict[str, Any]:
     """Play a shipped scene in memory, a long one smaller, and return its headline."""
-    from testbed.output.results import headline
-    from testbed.runner import play
-    from testbed.scenario import changed, load_scenario
+    from testbed.run.play import play
+    from testbed.run.results import headline
+    from testbed.scenario.read import changed, load_scenario
 
     scenario = load_scenario(scene)
     if scene in LONG:

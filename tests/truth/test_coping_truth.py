@@ -10,12 +10,12 @@ from calib.geometry.frames import exp_so3
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Status, identify
-from calib.identification.inspection import inspect
-from calib.identification.model_choice import ModelChoice, choose
+from calib.identification.joint_models import ModelChoice, choose
+from calib.identification.outliers import inspect
 from calib.measurement.observations import Measurements
-from testbed.laboratory.truth import draw_truth
+from testbed.laboratory.truth.robot import draw_truth
 from testbed.robots.catalog import load_robot
-from testbed.scenario import TruthSettings
+from testbed.scenario.read import TruthSettings
 from tests.reference import DEG, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from testbed.coverage_summary import cells, followed, numbers_check
-from testbed.records_coverage import MODELS
-from testbed.scenario import load_scenario
+from testbed.scenario.read import load_scenario
+from testbed.studies.coverage.records import MODELS
+from testbed.studies.coverage.summary import cells, followed, numbers_check
 from tests.reported import played
 from tests.sbc import evenness, prior_ranks
 

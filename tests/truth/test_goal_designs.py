@@ -9,14 +9,7 @@ from calib.design.exchange import exchange
 from calib.geometry.parameters import parameters_of
 from calib.information.criteria.named import criterion_named
 from calib.information.goals import goal_matrix
-from tests.reference import (
-    READABLE30,
-    SIGMA_POSITION,
-    SIGMA_ROTATION,
-    WEN24,
-    pool_r,
-    tx60,
-)
+from tests.reference import READABLE30, SIGMA_POSITION, SIGMA_ROTATION, WEN24, pool_r, tx60
 
 RANDOM_SETS = 50
 NOISE = np.array([SIGMA_POSITION] * 3 + [SIGMA_ROTATION] * 3)

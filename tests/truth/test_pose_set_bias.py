@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from calib.design.exchange import exchange
-from calib.design.sampling import random_selection
+from calib.design.random import random_selection
 from calib.geometry.frames import log_so3
 from calib.identification.identify import identify
-from testbed.laboratory.truth import draw_truth
-from testbed.scenario import changed, load_scenario
-from testbed.setting import make_setting, open_bench
+from testbed.laboratory.campaign_bench import make_setting, open_bench
+from testbed.laboratory.truth.robot import draw_truth
+from testbed.scenario.read import changed, load_scenario
 from testbed.streams import stream
 
 pytestmark = [pytest.mark.truth, pytest.mark.slow]

@@ -8,7 +8,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.information.criteria.named import criterion_named
 from calib.measurement.accuracy import position_errors
-from tests.calib.design_cases import goal_set, whitened_pool
+from tests.calib.design.design_cases import goal_set, whitened_pool
 from tests.reference import WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
 

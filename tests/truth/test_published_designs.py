@@ -10,8 +10,8 @@ from calib.arrays import Array
 from calib.design.exchange import exchange
 from calib.design.local import best_pairs
 from calib.design.problem import problem_of
+from calib.design.random import nonsingular_set
 from calib.design.relaxation import relaxation
-from calib.design.sampling import nonsingular_set
 from calib.information.criteria.named import criterion_named
 from calib.information.goals import Goals
 

@@ -8,8 +8,8 @@ paper's own O1 set has 61, and gives 0.22 and 0.48.
 import numpy as np
 import pytest
 
-from testbed.reexamined_summary import errors, over_pools, predictions, splits, statements
-from testbed.scenario import load_scenario
+from testbed.scenario.read import load_scenario
+from testbed.studies.wen2022.summary import errors, over_pools, predictions, splits, statements
 from tests.reported import played
 
 pytestmark = [pytest.mark.truth, pytest.mark.study]

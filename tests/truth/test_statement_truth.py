@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from testbed import campaign
-from testbed.scenario import changed, load_scenario
+from testbed.run import campaign
+from testbed.scenario.read import changed, load_scenario
 
 pytestmark = [pytest.mark.truth, pytest.mark.study]
 CAMPAIGNS = 40

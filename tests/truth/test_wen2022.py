@@ -17,8 +17,8 @@ from calib.uncertainty.monte_carlo import (
     propagate,
 )
 from calib.uncertainty.type_a import root_sum_square
-from testbed import paper
-from testbed.paper_claims import CLAIMS
+from testbed.studies.wen2022 import paper
+from testbed.studies.wen2022.paper import CLAIMS
 from tests.reference import WEN24, pool_r, tx60
 
 MODEL = tx60()

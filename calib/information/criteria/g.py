@@ -8,9 +8,8 @@ import numpy as np
 from calib.arrays import Array, Bool, Index, frozen
 from calib.information.criteria.base import Certifiable, Move, Pool
 from calib.information.criteria.lazy import SLACK, best_first, first_best
-from calib.information.criteria.linear import RISE, forms
+from calib.information.criteria.linear import RISE, V, forms, v_of
 from calib.information.criteria.spectral import fresh_swaps
-from calib.information.criteria.v import V, v_of
 from calib.information.criteria.whitened import (
     CHUNK,
     identity_plus,

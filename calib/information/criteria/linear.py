@@ -1,4 +1,4 @@
-"""Criteria linear in the covariance, tr(C M^-1): the moves that A and V share."""
+"""Criteria linear in the covariance: A over parameters, V over tool points."""
 
 from dataclasses import dataclass, field
 from typing import ClassVar
@@ -16,6 +16,7 @@ from calib.information.criteria.whitened import (
     transpose,
     whitener,
 )
+from calib.information.goals import Goals
 from calib.information.observability import IndexName
 
 RISE = 1e-12
@@ -160,3 +161,33 @@ def forms(M: Array, F: Array) -> Array:
 def _worth(W: Array, root: Array | None) -> Array:
     """H (p, k) with H H' = M^-1 C M^-1, from W W' = M^-1."""
     return np.asarray(W @ (W.T if root is None else W.T @ root))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class A(Linear):
+    """Value -tr M^-1; figure sqrt(tr M^-1), the standard uncertainty of all parameters together."""
+
+    name: str = "A"
+
+    unit: ClassVar[str] = "m"
+    meaning: ClassVar[str] = "root summed variance of the scaled parameters"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class V(Linear):
+    """Value -tr(C M^-1), C the mean of J_t'J_t over goal poses; figure the RMS tool-point u [m]."""
+
+    name: str = "V"
+
+    unit: ClassVar[str] = "m"
+    meaning: ClassVar[str] = "standard uncertainty of the tool point, RMS over the goal poses"
+
+
+def v_of(goals: Goals, name: str = "V") -> V:
+    """V for a goal."""
+    # C = F F' with as many columns as directions matter
+    w, U = np.linalg.eigh(goals.mean)
+    kept = w > len(w) * np.finfo(np.float64).eps * w[-1]
+    root = U[:, kept] * np.sqrt(w[kept])
+    root.setflags(write=False)
+    return V(name=name, root=root)

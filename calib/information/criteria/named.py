@@ -4,15 +4,11 @@ from collections.abc import Callable
 from difflib import get_close_matches
 
 from calib.errors import InputError
-from calib.information.criteria.a import A
 from calib.information.criteria.base import Criterion
 from calib.information.criteria.d import D
-from calib.information.criteria.e import E
 from calib.information.criteria.g import g_of
-from calib.information.criteria.o2 import O2
-from calib.information.criteria.o4 import O4
-from calib.information.criteria.o5 import O5
-from calib.information.criteria.v import v_of
+from calib.information.criteria.linear import A, v_of
+from calib.information.criteria.spectral import O2, O4, O5, E
 from calib.information.goals import Goals
 
 _FREE_OF_GOALS: dict[str, Callable[[str], Criterion]] = {

@@ -1,13 +1,16 @@
-"""Criteria of the eigenvalues of M: the gains they share, and the moves of E, O2 and O4."""
+"""Criteria of the eigenvalues alone: E (O3), O2, O4 and O5, with their proven bounds."""
 
 from abc import abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
-from calib.information.criteria.base import Criterion, Move, Pool
+from calib.information.criteria.base import Certifiable, Criterion, Move, Pool
 from calib.information.criteria.lazy import best_first
-from calib.information.criteria.whitened import CHUNK, eigenvalues, grams
+from calib.information.criteria.whitened import CHUNK, eigenvalues, grams, relative_rounding
+from calib.information.observability import IndexName
 
 RISE = 1e-12
 """A set counts as better when its value rises by more than this part; ties would cycle."""
@@ -145,3 +148,184 @@ def _of_pair(w: Array, C: Array, sign: float) -> tuple[Array, Array]:
     cross = np.einsum("rj,rj->j", C[..., 0], C[..., 1])
     middle, radius = (a + b) / 2, np.hypot((a - b) / 2, cross)
     return middle - radius, middle + radius
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class E(Extremes, Certifiable):
+    """Value lambda_min of M; figure O3, its root.
+
+    No set has a lambda_min above tr(Z M*), for any Z with trace one and no negative eigenvalue. Of
+    order k, Z goes with M^-(k+1): the gradient of the mean tr(M^-k)^(-1/k), which tends to
+    lambda_min.
+
+    References
+    ----------
+    Nahvi and Hollerbach 1996 (O3); Pukelsheim 1993 (matrix means).
+    """
+
+    name: str = "E"
+
+    convex: ClassVar[bool] = True
+    unit: ClassVar[str] = "1"
+    meaning: ClassVar[str] = "smallest singular value, strength of the weakest direction (O3)"
+    index: ClassVar[IndexName | None] = "O3"
+    larger_is_better: ClassVar[bool] = True
+    sharpness: ClassVar[tuple[float, ...]] = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+
+    def of_extremes(self, low: Array, high: Array) -> Array:
+        """The smallest eigenvalue."""
+        return low
+
+    def needed(self, value: float, high: Array) -> Array:
+        """The value itself."""
+        return np.full_like(high, value)
+
+    def figure(self, M: Array, n_poses: int) -> float:
+        """O3."""
+        return self.figure_of_value(float(self.value(M)), len(M), n_poses)
+
+    def figure_of_value(self, value: float, p: int, n_poses: int) -> float:
+        """Root of the value."""
+        return float(np.sqrt(value))
+
+    def dual(self, M: Array, sharpness: float) -> Array:
+        """Z, near the weakest directions, with trace one."""
+        w, U = np.linalg.eigh(M)
+        # any such Z will do: rounding must not make one negative
+        w = np.maximum(w, len(w) * np.finfo(np.float64).eps * w[-1])
+        share = (w[0] / w) ** (sharpness + 1)
+        return np.asarray((U * (share / share.sum())) @ U.T)
+
+    def ceiling(self, M: Array, S: Array, top: float) -> float:
+        """Tr(Z M*) itself."""
+        return top
+
+    def widened(self, bound: float, M: Array) -> float:
+        """The bound plus the rounding of M's smallest eigenvalue."""
+        return bound * (1 + relative_rounding(M, any_units=False))
+
+    def exponent(self, sharpness: float) -> float:
+        """1 / (k + 1)."""
+        return 1 / (sharpness + 1)
+
+    def efficiency(self, value: float, bound: float, p: int) -> float:
+        """O3 over the largest possible."""
+        return float(np.sqrt(max(value, 0.0) / bound))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class O2(Extremes):
+    """Value and figure sqrt(lambda_min / lambda_max); it may fall when a pose is added.
+
+    References
+    ----------
+    Wen et al. 2022, eq. (6).
+    """
+
+    name: str = "O2"
+
+    convex: ClassVar[bool] = False
+    unit: ClassVar[str] = "1"
+    meaning: ClassVar[str] = "smallest over largest singular value"
+    index: ClassVar[IndexName | None] = "O2"
+    larger_is_better: ClassVar[bool] = True
+
+    def of_extremes(self, low: Array, high: Array) -> Array:
+        """sqrt(lambda_min / lambda_max); 0 of nothing."""
+        high = np.where(high > 0, high, 1.0)
+        return np.sqrt(low / high)
+
+    def needed(self, value: float, high: Array) -> Array:
+        """Smallest eigenvalue behind a value."""
+        return np.asarray(value**2 * high)
+
+    def figure(self, M: Array, n_poses: int) -> float:
+        """The index."""
+        return float(self.value(M))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class O4(Extremes):
+    """Value and figure lambda_min / sqrt(lambda_max); it may fall when a pose is added.
+
+    References
+    ----------
+    Nahvi and Hollerbach 1996.
+    """
+
+    name: str = "O4"
+
+    convex: ClassVar[bool] = False
+    unit: ClassVar[str] = "1"
+    meaning: ClassVar[str] = "smallest singular value squared over the largest"
+    index: ClassVar[IndexName | None] = "O4"
+    larger_is_better: ClassVar[bool] = True
+
+    def of_extremes(self, low: Array, high: Array) -> Array:
+        """lambda_min / sqrt(lambda_max); 0 of nothing."""
+        return np.asarray(low / np.sqrt(np.where(high > 0, high, 1.0)))
+
+    def needed(self, value: float, high: Array) -> Array:
+        """Smallest eigenvalue behind a value."""
+        return np.asarray(value * np.sqrt(high))
+
+    def figure(self, M: Array, n_poses: int) -> float:
+        """The index."""
+        return float(self.value(M))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class O5(Spectral):
+    """Value and figure 1 / sum of lambda^-1/2.
+
+    In the eigenbasis of M the diagonal of the changed matrix is majorized by its eigenvalues and
+    x^-1/2 is convex, so the sum over the diagonal is never above the sum over the eigenvalues.
+
+    References
+    ----------
+    Wen et al. 2022, eq. (6), inverted; Schur-Horn theorem and Karamata's inequality.
+    """
+
+    name: str = "O5"
+
+    convex: ClassVar[bool] = False
+    unit: ClassVar[str] = "1"
+    meaning: ClassVar[str] = "one over the sum of inverse singular values"
+    index: ClassVar[IndexName | None] = "O5"
+    larger_is_better: ClassVar[bool] = True
+
+    def value(self, M: Array) -> Array:
+        """The index (...,); 0 where M is singular."""
+        return inverse_sum(eigenvalues(M))
+
+    def figure(self, M: Array, n_poses: int) -> float:
+        """The index."""
+        return float(self.value(M))
+
+    def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
+        """Best addition, met in the order of the diagonal's sum."""
+        return self._best(M, pool, 1.0, allowed, floor)
+
+    def best_drop(self, M: Array, blocks: Array) -> Move:
+        """Best deletion, met in the order of the diagonal's sum."""
+        return self._best(M, Pool(blocks), -1.0, np.ones(len(blocks), dtype=bool), -np.inf)
+
+    def _best(self, M: Array, pool: Pool, sign: float, allowed: Bool, floor: float) -> Move:
+        """Best of M + sign B'B over the allowed blocks of a pool."""
+        w, V = np.linalg.eigh(M)
+        C = seen_along(pool.pages, V)
+        diagonal = w + sign * np.einsum("rjk,rjk->jk", C, C)
+        diagonal += rounding(w, pool.squares)[:, None]
+        upper = np.where(allowed, inverse_sum(diagonal), -np.inf)
+
+        def exact(pick: Index) -> Array:
+            return self.value(changed(M, pool.blocks[pick], sign))
+
+        place, value, evaluated = best_first(upper, exact, floor=floor)
+        return Move(place, value - float(inverse_sum(w)), evaluated)
+
+
+def inverse_sum(eigenvalues: Array) -> Array:
+    """1 / sum of lambda^-1/2 over the last axis; 0 where an eigenvalue is not positive."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(1.0 / (1.0 / np.sqrt(np.maximum(eigenvalues, 0.0))).sum(-1))

@@ -6,7 +6,7 @@ import pytest
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3, step_transform
 from testbed.files.drift import best_fit
-from testbed.files.session import read_session
+from testbed.files.read import read_session
 from tests.testbed.files.made import ROBOT, N, csv, made
 
 NESTS = {

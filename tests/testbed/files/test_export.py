@@ -7,13 +7,13 @@ import pytest
 
 from calib.errors import InputError
 from calib.identification.identify import identify
-from testbed import campaign
-from testbed.files.export import export_campaign, exported_rows
 from testbed.files.probe import probe
-from testbed.files.session import read_session
+from testbed.files.read import read_session
+from testbed.laboratory.campaign_bench import free_parameters, open_bench
 from testbed.robots.catalog import load_robot
-from testbed.scenario import changed, load_scenario
-from testbed.setting import free_parameters, open_bench
+from testbed.run import campaign
+from testbed.run.export import export_campaign, exported_rows
+from testbed.scenario.read import changed, load_scenario
 
 SMALL = {
     "identification.estimators": ["whitened"],

@@ -18,10 +18,10 @@ import pytest
 from calib.errors import CalibError
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
-from calib.identification.start import start_frames
+from calib.identification.start.start import start_frames
 from testbed.files.columns import covariance_names
 from testbed.files.probe import probe
-from testbed.files.session import ReadOptions, read_session
+from testbed.files.read import ReadOptions, read_session
 from tests.testbed.files.made import ROBOT, Made, N, columns, csv, made, with_spread
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "file_messages.txt"

@@ -8,7 +8,7 @@ import pytest
 
 from calib.errors import CalibError
 from testbed.files.probe import probe
-from testbed.files.session import ReadOptions, read_session
+from testbed.files.read import ReadOptions, read_session
 from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
 from tests.testbed.files.test_session import ARMS, points_of
 

@@ -9,9 +9,9 @@ import pytest
 from calib.errors import InputError
 from calib.geometry.frames import inverse
 from testbed.files.alternatives import Alternative
-from testbed.files.fit import Fit
+from testbed.files.frames_fit import Fit
 from testbed.files.probe import Probe, Tried, probe
-from testbed.files.session import read_session
+from testbed.files.read import read_session
 from testbed.robots.catalog import load_robot
 from tests.testbed.files.made import ROBOT, Made, N, columns, csv, made, with_spread
 

@@ -10,9 +10,8 @@ from calib.geometry.frames import exp_so3, log_so3
 from calib.geometry.inverse import inverse
 from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
-from testbed.files.conventions import EULER, rotations
 from testbed.files.program import ADDED, correct_program
-from testbed.files.rotation_forms import in_form
+from testbed.files.rotations import EULER, in_form, rotations
 from testbed.robots.catalog import load_robot
 
 ROBOT = load_robot("staubli_tx60")

@@ -7,8 +7,8 @@ import pytest
 
 from calib.errors import InputError
 from calib.geometry.frames import inverse, step_transform
-from calib.identification.start import start_frames
-from testbed.files.session import ReadOptions, read_session
+from calib.identification.start.start import start_frames
+from testbed.files.read import ReadOptions, read_session
 from tests.testbed.files.made import ROBOT, Made, N, columns, csv, made, poses_csv, with_spread
 
 # 15 digits are written: 1e-12 mm, and 1e-12 deg over an arm of 3 m

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib.errors import InputError
-from testbed.files.session import read_session
+from testbed.files.read import read_session
 from tests.testbed.files.made import ROBOT, columns, csv, made
 
 DATA = made(7, 12)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from testbed.files.probe import probe
-from testbed.files.session import read_session
+from testbed.files.read import read_session
 from testbed.robots.catalog import load_robot
 
 HERE = Path(__file__).parent

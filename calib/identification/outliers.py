@@ -1,0 +1,198 @@
+"""Measurements that fit an identification badly, and those it rests on most, by pose."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import chdtri
+
+from calib.arrays import Array, Bool, Index, check
+from calib.errors import InputError
+from calib.geometry.model import RobotModel
+from calib.identification.prior import prior_rows
+from calib.identification.result import Identification
+from calib.identification.tangent import covariance_factor
+from calib.measurement.observations import Measurements
+from calib.measurement.residual import stacked
+
+UNCHECKED = 1e-9
+"""Eigenvalue of I - H below which no other observation checks that direction."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outliers:
+    """How each observation fits to all others."""
+
+    score: Array
+    """(m,) r'inv(I - H) r of its whitened residual: chi-square if the observation is sound."""
+    limit: Array
+    """(m,) what a sound one exceeds so rarely that, over all m, it happens in 5 % of tables."""
+
+    @property
+    def suspect(self) -> Bool:
+        """(m,) observations beyond the limit."""
+        return np.asarray(self.score > self.limit)
+
+    def sentences(self, measurements: Measurements) -> tuple[str, ...]:
+        """One sentence per suspect, worst first, that names its pose and row."""
+        found = np.flatnonzero(self.suspect)
+        several = len(np.unique(measurements.pose_id)) < len(measurements)
+        return tuple(
+            f"pose {measurements.pose_id[j]}"
+            f"{f' at visit {measurements.repeat[j]}' if several else ''} (row {j}) does not fit "
+            f"the others: its score is {self.score[j]:.0f} where a sound one stays below "
+            f"{self.limit[j]:.1f}; measure it again or leave it out"
+            for j in found[np.argsort(-self.score[found], kind="stable")]
+        )
+
+
+def leverages(A: ArrayLike, row_of: Index, *, prior: ArrayLike | None = None) -> Array:
+    """Leverage (m,) of each observation: the sum over all is the number of parameters.
+
+    Parameters
+    ----------
+    A : (N, f) array
+        Whitened Jacobian of the estimated numbers.
+    row_of : (N,) array of int
+        Observation of each row, as in `Stack`.
+    prior : (k, f) array, optional
+        Whitened rows of the prior: then the sum is the number of parameters learned from the data.
+
+    References
+    ----------
+    tr H_jj, H = A inv(A'A + Lambda0) A'.
+    """
+    A, rows = _with_prior(A, prior)
+    B = A @ covariance_factor(np.concatenate([A, rows]))
+    return np.asarray(np.bincount(row_of, np.square(B).sum(1)), dtype=np.float64)
+
+
+def outliers(
+    r: ArrayLike,
+    A: ArrayLike,
+    row_of: Index,
+    *,
+    chance: float = 0.05,
+    prior: ArrayLike | None = None,
+    weights: ArrayLike | None = None,
+) -> Outliers:
+    """Judge each observation by its residual and leverage.
+
+    Parameters
+    ----------
+    r : (N,) array
+        Whitened residual at the end of the fit.
+    A : (N, f) array
+        Whitened Jacobian of the estimated numbers there.
+    row_of : (N,) array of int
+        Observation of each row; rows of one observation stand together.
+    chance : float
+        Chance that a sound table has any suspect at all (Bonferroni).
+    prior : (k, f) array, optional
+        Whitened rows of the prior.
+    weights : (m,) array, optional
+        Weight of each observation in a robust fit. One of weight zero is judged by the others
+        alone.
+
+    References
+    ----------
+    r_j' inv(I - H_jj) r_j against the chi-square quantile at 1 - chance / m. With weights the
+    covariance of r_j is I - 2 w_j A_j inv(H) A_j' + A_j C A_j', C the sandwich.
+    """
+    A, rows = _with_prior(A, prior)
+    (r,) = check(f"{len(A)}", r=r)
+    counts = np.bincount(row_of)
+    w = np.ones(len(counts)) if weights is None else check(f"{len(counts)}", weights=weights)[0]
+    K = covariance_factor(np.concatenate([np.sqrt(w)[row_of, None] * A, rows]))
+    B = A @ K
+    if weights is None:
+        D, pull = B, 1.0 + 0 * w
+    else:
+        moved = np.concatenate([w[row_of, None] * A, rows]) @ K
+        D, pull = B @ np.asarray(np.linalg.qr(moved, mode="r")).T, w
+    score, checked = np.zeros(len(counts)), np.zeros(len(counts))
+    for size in np.unique(counts[counts > 0]):
+        which = np.flatnonzero(counts == size)
+        own = np.isin(row_of, which)
+        near, far = (X[own].reshape(len(which), size, -1) for X in (B, D))
+        spread = (
+            np.eye(size)
+            - 2 * pull[which, None, None] * (near @ np.swapaxes(near, -1, -2))
+            + far @ np.swapaxes(far, -1, -2)
+        )
+        freedom, axes = np.linalg.eigh(spread)
+        along = (r[own].reshape(len(which), 1, size) @ axes)[:, 0]
+        seen = freedom > UNCHECKED
+        score[which] = np.sum(np.where(seen, along**2, 0) / np.where(seen, freedom, 1), axis=1)
+        checked[which] = seen.sum(1)
+    limit = chdtri(np.maximum(checked, 1), chance / len(counts))
+    return Outliers(score, np.where(checked > 0, limit, np.inf))
+
+
+def _with_prior(A: ArrayLike, prior: ArrayLike | None) -> tuple[Array, Array]:
+    """Jacobian (N, f) and prior rows (k, f), checked; no rows without a prior."""
+    (A,) = check("N f", A=A)
+    if prior is None:
+        return A, np.zeros((0, A.shape[1]))
+    (rows,) = check(f"k {A.shape[1]}", prior=prior)
+    return A, rows
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Inspection:
+    """Every observation of a table, judged after a fit."""
+
+    outliers: Outliers
+    leverage: Array
+    """(m,) numbers that rest on each observation; at most its rows."""
+    sentences: tuple[str, ...]
+    """One per observation that does not fit, worst first, then those that nothing checks."""
+
+
+def inspect(
+    nominal: RobotModel,
+    found: Identification,
+    measurements: Measurements,
+    *,
+    chance: float = 0.05,
+) -> Inspection:
+    """Judge every observation of the table that a model was identified from.
+
+    After a plain fit one gross error spoils the scores of its neighbors: where some are found,
+    identify with a robust loss and inspect that fit.
+
+    Parameters
+    ----------
+    nominal : RobotModel
+        Start of the fit: the prior counts from there.
+    found : Identification
+        Result of the fit, in the mode *whitened*.
+    measurements : Measurements
+        The table it was identified from.
+    chance : float
+        Chance that a sound table has any suspect at all.
+    """
+    if found.mode != "whitened":
+        raise InputError(
+            "an identification in paper mode cannot be inspected: it knows no noise",
+            code="A3",
+            field="found",
+            value=found.mode,
+            fix='identify in the mode "whitened"',
+        )
+    stack = stacked(found.model, measurements)
+    columns = found.parameters.free_index
+    A, prior = stack.A[:, columns], None
+    if found.prior is not None:
+        prior = prior_rows(found.prior, nominal, found.parameters).at(found.model)[1][:, columns]
+    weights = None if found.loss == "squared" else found.weights
+    if weights is None:
+        share = leverages(A, stack.row_of, prior=prior)
+    else:
+        share = leverages(np.sqrt(weights)[stack.row_of, None] * A, stack.row_of, prior=prior)
+    judged = outliers(stack.r, A, stack.row_of, chance=chance, prior=prior, weights=weights)
+    alone = [
+        f"pose {measurements.pose_id[j]} (row {j}) is checked by no other observation"
+        for j in np.flatnonzero(np.isinf(judged.limit))
+    ]
+    return Inspection(judged, share, (*judged.sentences(measurements), *alone))

@@ -1,0 +1,1 @@
+"""Base, tool and fixtures found from the measurements alone."""

@@ -1,0 +1,225 @@
+"""Where a calibration starts: base, tool and fixtures of a nominal robot, without any guess.
+
+The closed forms are in `closed_forms`: robot-world/hand-eye for full poses (Kronecker product and
+singular values; Li, Wang, Wu 2010, Shah 2013), a linear lift and Procrustes for points (Umeyama
+1991), multilateration and a linear lift for distances. What they give is polished by least squares
+over the frames and fixtures alone, the links held.
+
+`identify` looks for the answer near the model it is given: a robot whose frames are meters away
+goes through `start_frames` first.
+"""
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.errors import InputError
+from calib.geometry.chain import Chain, forward
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters, parameters_of
+from calib.identification.start.alignment import SCALE, Rig, polished
+from calib.identification.start.guesses import Scene, openings, scene_of
+from calib.identification.sufficiency import require_equations
+from calib.information.reduction import Reduction, reduce
+from calib.measurement.observations import GIVEN, POINT, Measurements
+from calib.measurement.prediction import require_fixtures
+
+SUBSET = 200
+"""Rows on which the openings are compared."""
+GOOD = 0.01
+"""Misfit, as a part of how far the tool moves, below which no other opening is tried."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Start:
+    """A nominal robot put where it was measured."""
+
+    model: RobotModel
+    """Nominal links; base, tool and fixtures as the measurements have them."""
+    position_rms: float
+    """Root mean square of what is missed in position or distance [m]."""
+    rotation_rms: float
+    """Root mean square angle missed by the pose rows [rad]; nan without any."""
+    notes: tuple[str, ...]
+    """Where the frames come from, and what stayed nominal because nothing tells it."""
+
+
+def start_frames(
+    model: RobotModel,
+    measurements: Measurements,
+    *,
+    free_tool: bool = True,
+    free_anchors: Collection[int] = (),
+) -> Start:
+    """Put a nominal robot where it was measured; nothing but its links need be right.
+
+    Base and tool, all reflectors and further stations of the fixtures are found; anchors are known
+    places unless `free_anchors` names them. What the table does not tell stays as `model` has it:
+    the tool where only reflectors of the fixtures were seen, the base where no anchor is known and
+    nothing else was seen, and so on; `notes` say it.
+
+    Parameters
+    ----------
+    model : RobotModel
+        Nominal links and joint errors. Its base, tool, reflectors and stations are not used, but
+        for what stays.
+    measurements : Measurements
+        What was seen; covariances are not used, because the misfit is the nominal robot's.
+    free_tool : bool
+        Whether the tool is looked for; False holds it where the model has it.
+    free_anchors : collection of int
+        Anchors of the fixtures, from 0, whose place in the world is not known.
+
+    Raises
+    ------
+    InputError
+        Too few measurements; how many are needed is said.
+    """
+    require_fixtures(model.fixtures, measurements)
+    names = _wanted(model, measurements, free_tool, free_anchors)
+    parameters = parameters_of(model, names)
+    require_equations(model, measurements, parameters)
+    chain = model.chain
+    bare = Chain(chain.links, chain.kinds)
+    F = forward(bare, measurements.q + model.joint_errors.offsets(measurements.q))
+    scene = scene_of(model, F, measurements, free_tool, free_anchors)
+    rig = _best(scene, parameters)
+    free = _place(model, _told(rig, scene, parameters).kept)
+    rig = polished(rig, measurements, free)
+    placed = _placed(rig, scene, names)
+    told = _told(rig, scene, parameters, q=measurements.q)
+    seen = rig.predict(measurements)
+    pose = measurements.is_pose
+    turned = np.sqrt(np.square(seen.turns[pose]).mean()) if pose.any() else np.nan
+    return Start(
+        placed,
+        float(np.sqrt(np.square(seen.misses).mean())),
+        float(turned),
+        (*_origins(measurements, names, free_tool), *told.sentences),
+    )
+
+
+def _wanted(
+    model: RobotModel,
+    measurements: Measurements,
+    free_tool: bool,
+    free_anchors: Collection[int],
+) -> tuple[str, ...]:
+    """Names of the numbers to be found: those that some row of the table may tell."""
+    wrong = [k for k in free_anchors if not 0 <= k < len(model.fixtures.anchors)]
+    if wrong:
+        raise InputError(
+            f"free_anchors names anchor {wrong[0]}, the model has {len(model.fixtures.anchors)}",
+            code="A3",
+            field="free_anchors",
+            value=wrong[0],
+            allowed="anchors of the fixtures, from 0",
+        )
+    far = measurements.is_distance
+    optical = set(np.unique(measurements.station[~far]).tolist())
+    anchored = set(np.unique(measurements.anchor[far]).tolist())
+    prefixes = []
+    # without any known place the base itself is the world
+    if 0 in optical or (not optical and anchored - set(free_anchors)):
+        prefixes.append("base.")
+    if free_tool and (measurements.reflector == GIVEN).any():
+        prefixes.append("tool.")
+    reflectors = set(np.unique(measurements.reflector).tolist()) - {GIVEN}
+    prefixes += [f"reflector{k + 1}." for k in sorted(reflectors)]
+    prefixes += [f"anchor{k + 1}." for k in sorted(anchored & set(free_anchors))]
+    prefixes += [f"station{s + 1}." for s in sorted(optical - {0})]
+    return tuple(name for name in model.names if name.startswith(tuple(prefixes)))
+
+
+def _place(model: RobotModel, names: tuple[str, ...]) -> Index:
+    """Places of numbers among those of a rig: base, tool, fixtures."""
+    n = model.chain.n_numbers
+    own = (*model.names[:6], *model.names[n - 6 : n], *model.fixtures.names)
+    return np.array([own.index(name) for name in names], dtype=np.int64)
+
+
+def _placed(rig: Rig, scene: Scene, names: tuple[str, ...]) -> RobotModel:
+    """The model with the frames of a rig; what was not looked for stays to the last bit."""
+    chain = scene.model.chain
+    base = rig.base if "base.x" in names else chain.T_world_base
+    tool = rig.tool if "tool.x" in names else chain.T_flange_tool
+    return replace(
+        scene.model,
+        chain=replace(chain, T_world_base=base, T_flange_tool=tool),
+        fixtures=rig.fixtures,
+    )
+
+
+def _told(rig: Rig, scene: Scene, parameters: Parameters, q: Array | None = None) -> Reduction:
+    """Which of the numbers looked for the table tells apart, and the others in words."""
+    names = parameters.free_names
+    seen = rig.predict(scene.measurements)
+    A = (seen.rows * SCALE[:, None])[seen.filled][:, _place(scene.model, names)]
+    model = _placed(rig, scene, names)
+    return reduce(A * parameters.free_scale, parameters, model=model, q=q)
+
+
+def _best(scene: Scene, parameters: Parameters) -> Rig:
+    """The opening that fits best once polished, judged on some rows of each kind."""
+    rows = _some(scene.measurements)
+    few = replace(scene, F=scene.F[rows], measurements=scene.measurements.rows(rows))
+    spread = float(np.linalg.norm(scene.F[:, :3, 3].std(axis=0))) or 1.0
+    best, least = None, np.inf
+    for opening in openings(scene):
+        rig = opening.rows(rows)
+        free = _place(scene.model, _told(rig, few, parameters).kept)
+        rig = polished(rig, few.measurements, free, most=15)
+        seen = rig.predict(few.measurements)
+        misfit = float(np.square(seen.residual * SCALE).sum() / len(rows))
+        if best is None or misfit < least:
+            best, least = rig, misfit
+        if least < (GOOD * spread) ** 2:
+            break
+    assert best is not None  # there is always an opening
+    return replace(best, F=scene.F)
+
+
+def _some(table: Measurements) -> Index:
+    """About `SUBSET` rows spread evenly over whatever was looked at."""
+    _, group = np.unique(table.target_key, axis=0, return_inverse=True)
+    group = group.ravel()
+    each = -(-SUBSET // (int(group.max()) + 1))
+    chosen = []
+    for k in range(int(group.max()) + 1):
+        own = np.flatnonzero(group == k)
+        chosen.append(own[np.unique(np.linspace(0, len(own) - 1, each).round().astype(int))])
+    return np.sort(np.concatenate(chosen))
+
+
+def _origins(
+    measurements: Measurements, names: tuple[str, ...], free_tool: bool
+) -> tuple[str, ...]:
+    """Where the frames come from, and which of them nothing in the table speaks of."""
+    counts = [
+        f"{n} {word}{'s' if n != 1 else ''}"
+        for n, word in (
+            (int(measurements.is_pose.sum()), "pose"),
+            (int((measurements.kind == POINT).sum()), "point"),
+            (int(measurements.is_distance.sum()), "distance"),
+        )
+        if n
+    ]
+    found = list(dict.fromkeys(name.split(".")[0] for name in names))
+    said = [f"{_listed(found)} found from {_listed(counts)}, starting from nothing"]
+    held = [frame for frame in ("base", "tool") if frame not in found]
+    if "base" in held:
+        said.append(
+            "the base stays where the model has it: no known place was measured, so the base is "
+            "the world"
+        )
+    if "tool" in held:
+        why = "no row speaks of its frame" if free_tool else "it was not to be looked for"
+        said.append(f"the tool stays where the model has it: {why}")
+    return tuple(said)
+
+
+def _listed(words: list[str]) -> str:
+    """Words with commas and a last "and"."""
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

@@ -1,0 +1,41 @@
+"""The command's own surface: the application that verbs join, and options that they share."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from testbed.cli.exit_codes import say
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="A metrology laboratory for robot arms. Virtual: know the truth, and see how close "
+    "calibration comes. Real: identify a robot from measurements, with proof on poses not used.",
+    epilog="Begin with: truebed run quick",
+)
+
+Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON, also for errors.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+Run = Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")]
+
+
+def show_version(value: bool) -> None:
+    """Print the version and end."""
+    if value:
+        from testbed.versions import own_version
+
+        say(f"truebed {own_version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def top(
+    version: Annotated[
+        bool, typer.Option("--version", callback=show_version, is_eager=True, help="Show it.")
+    ] = False,
+) -> None:
+    """Keep the verbs apart from the options of the command itself."""

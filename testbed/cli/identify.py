@@ -1,0 +1,105 @@
+"""The verb that calibrates from measurements: identify."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from testbed.cli.app import Debug, Json, Quiet, app
+from testbed.cli.exit_codes import SOME_FAILED, guarded, say
+
+
+@app.command()
+def identify(
+    robot: Annotated[
+        str, typer.Argument(metavar="ROBOT", help="A shipped robot, robot.toml, URDF or MJCF file.")
+    ],
+    data: Annotated[
+        Path, typer.Argument(metavar="DATA", help="A session.toml, or a CSV of measurements.")
+    ],
+    config: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Names and units of the columns of a foreign CSV."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder [runs/DATA-identified].")] = None,
+    train: Annotated[
+        int | None, typer.Option(metavar="N", help="Poses to identify from; the rest is held out.")
+    ] = None,
+    held_out: Annotated[
+        int | None, typer.Option(metavar="N", help="Poses to hold out; the rest identifies.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Draws which poses are held out.")] = 0,
+    test: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Held-out poses in a file of their own.")
+    ] = None,
+    model: Annotated[
+        str | None, typer.Option(help="geometric, extended or choose [as the session says].")
+    ] = None,
+    loss: Annotated[
+        str, typer.Option(help="auto leaves gross errors out; or squared, huber, cauchy.")
+    ] = "auto",
+    program: Annotated[
+        Path | None, typer.Option(metavar="CSV", help="Joint or Cartesian targets to correct.")
+    ] = None,
+    tip: Annotated[
+        str | None, typer.Option(metavar="LINK", help="Last link of a URDF or MJCF with several.")
+    ] = None,
+    mesh_root: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder that meshes may lie in.")
+    ] = None,
+    allow_missing_meshes: Annotated[
+        bool, typer.Option("--allow-missing-meshes", help="Draw links without their meshes.")
+    ] = False,
+    drop_invalid: Annotated[
+        bool, typer.Option("--drop-invalid", help="Leave rows out that are not numbers.")
+    ] = False,
+    max_mb: Annotated[float, typer.Option("--max-mb", help="Largest file read [MB].")] = 100.0,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Rename an old run of that name first.")
+    ] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Calibrate a robot from measurements: parameters, a corrected model, proof on other poses."""
+    with guarded(debug=debug, as_json=as_json) as guard:
+        from testbed.cli.terminal import progress
+        from testbed.files.read import ReadOptions, read_session
+        from testbed.identify.calibrate import Options, with_test
+        from testbed.identify.folder import play_calibration
+        from testbed.identify.words import terminal_text
+        from testbed.robots.catalog import load_robot
+        from testbed.store.layout import MANIFEST, REPORT, RESULT
+        from testbed.store.plan_folder import check_free
+
+        folder = out or default_folder(data)
+        check_free(folder, overwrite=overwrite, marker=MANIFEST)
+        arm = load_robot(
+            robot, tip=tip, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes
+        )
+        how = ReadOptions(drop_invalid=drop_invalid, max_mb=max_mb)
+        session = read_session(data, arm, config=config, options=how)
+        if test is not None:
+            session = with_test(session, read_session(test, arm, config=config, options=how))
+        options = Options(train=train, held_out=held_out, seed=seed, model=model, loss=loss)
+        with progress(quiet=quiet or as_json) as tell:
+            calibration, delivered = play_calibration(
+                arm, session, folder, options, program=program, overwrite=overwrite, progress=tell
+            )
+        guard.folder = folder
+        sound = calibration.converged and not delivered.program_failed
+        guard.code = guard.code if sound else SOME_FAILED
+        if as_json:
+            say((folder / RESULT).read_text(encoding="utf-8").rstrip())
+        elif not quiet:
+            say(terminal_text(calibration, delivered))
+            say()
+            say(f"Report     {folder / REPORT}")
+            say(f"Robot      {folder / 'robot'}")
+            say(f"Next       truebed view {folder}")
+
+
+def default_folder(data: Path) -> Path:
+    """Where a calibration goes unless --out says otherwise."""
+    name = data.resolve().parent.name if data.name == "session.toml" else data.stem
+    return Path("runs") / f"{name}-identified"

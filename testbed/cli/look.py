@@ -1,0 +1,201 @@
+"""The verbs that look: scenes, robots, compare, report, record, view and doctor."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from testbed.cli.app import Debug, Json, Run, app
+from testbed.cli.exit_codes import SOME_FAILED, guarded, say, warn
+
+
+@app.command()
+def scenes(
+    name: Annotated[str | None, typer.Argument(help="Show this one in full.")] = None,
+    debug: Debug = False,
+) -> None:
+    """List the scenes that ship, or show one with every default written out."""
+    with guarded(debug=debug):
+        from testbed.assets import scene_names
+        from testbed.scenario.read import dump_scenario, load_scenario
+
+        if name is not None:
+            say(dump_scenario(load_scenario(name)).rstrip())
+            return
+        from testbed.report.text import table
+
+        rows = []
+        for known in scene_names():
+            scene = load_scenario(known)
+            trials = ", ".join(trial.name for trial in scene.trial)
+            rows.append([known, scene.robot, scene.title, trials])
+        say(table("", ("scene", "robot", "what", "trials"), rows, wrap=True))
+        say("\nPlay one: truebed run SCENE")
+
+
+@app.command()
+def robots(
+    name: Annotated[str | None, typer.Argument(help="Show this one in full.")] = None,
+    debug: Debug = False,
+) -> None:
+    """List the robots that ship, or show one."""
+    with guarded(debug=debug):
+        from testbed.cli.terminal import robot_text
+        from testbed.report.text import table
+        from testbed.robots.catalog import load_robot, robot_names
+
+        if name is not None:
+            say(robot_text(load_robot(name)))
+            return
+        found = [load_robot(known) for known in robot_names()]
+        rows = [[r.name, r.title, str(r.model.chain.n_joints), str(r.folder)] for r in found]
+        say(table("", ("robot", "title", "joints", "folder"), rows))
+
+
+@app.command()
+def compare(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN...", help="Run folders.")],
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Put several runs into one table, and say which are equal byte for byte."""
+    with guarded(debug=debug, as_json=as_json):
+        from testbed.cli.terminal import HEAD, headline_rows
+        from testbed.report.text import table
+        from testbed.run.archive import equal_runs, read_result
+
+        results = [read_result(path) for path in runs]
+        equal = equal_runs(runs)
+        if as_json:
+            import json
+
+            document = {str(path): result for path, result in zip(runs, results, strict=True)}
+            groups = [[str(path) for path in group] for group in equal]
+            say(json.dumps({"runs": document, "equal_bytes": groups}, ensure_ascii=False))
+            return
+        rows = [
+            [str(path), result["scenario"], str(result["seed"]), *row]
+            for path, result in zip(runs, results, strict=True)
+            for row in headline_rows(result)
+        ]
+        say(results[0]["notice"])
+        say(table("Tool error on held-out poses", ("run", "scenario", "seed", *HEAD), rows))
+        for group in equal:
+            say(f"Equal byte for byte: {', '.join(str(path) for path in group)}")
+        if len(runs) > 1 and not equal:
+            say("No two of these runs are equal.")
+
+
+@app.command()
+def report(folder: Run, debug: Debug = False) -> None:
+    """Write result.json, arrays.npz and report.html again from the records."""
+    with guarded(debug=debug) as guard:
+        from testbed.store.layout import ARRAYS, REPORT, RESULT
+
+        guard.folder = folder
+        derive_again(folder, (RESULT, ARRAYS, REPORT))
+        say(str(folder / REPORT))
+
+
+@app.command()
+def record(folder: Run, debug: Debug = False) -> None:
+    """Write the recording again from the records."""
+    with guarded(debug=debug) as guard:
+        from testbed.store.layout import RECORDING
+
+        guard.folder = folder
+        derive_again(folder, (RECORDING,))
+        say(str(folder / RECORDING))
+
+
+def derive_again(folder: Path, names: tuple[str, ...]) -> None:
+    """Write derived files again, of a campaign or of a calibration."""
+    from testbed.store.manifest import CALIBRATION, kind_of, read_manifest
+
+    if kind_of(read_manifest(folder)) == CALIBRATION:
+        from testbed.identify.folder import rederive_calibration
+
+        rederive_calibration(folder, names)
+        return
+    from testbed.run.archive import rederive
+
+    rederive(folder, names)
+
+
+@app.command()
+def view(
+    folder: Run,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Make a picture, open no window.")
+    ] = None,
+    step: Annotated[int | None, typer.Option(help="Step of the story in the picture.")] = None,
+    html: Annotated[
+        Path | None, typer.Option(metavar="FILE.html", help="Make one page for browsers.")
+    ] = None,
+    debug: Debug = False,
+) -> None:
+    """Open the recording of a run, or make a picture or a page of it."""
+    with guarded(debug=debug):
+        from testbed.cli import viewer
+        from testbed.run.archive import recording_of
+
+        file = recording_of(folder)
+        check_view(picture, html, step)
+        if picture is not None:
+            viewer.picture(file, picture, step=step)
+            say(str(picture))
+        if html is not None:
+            viewer.html_page(file, html)
+            say(str(html))
+        if picture is None and html is None:
+            viewer.open_viewer(file, warn)
+
+
+def check_view(picture: Path | None, html: Path | None, step: int | None) -> None:
+    """Refuse a picture or page that cannot be written, before a viewer is started."""
+    from calib.errors import InputError
+
+    for option, path, suffix in (("--picture", picture, ".png"), ("--html", html, ".html")):
+        if path is None:
+            continue
+        if path.suffix != suffix:
+            raise InputError(
+                f"{option} is {path}", code="C41", field=option, value=str(path),
+                allowed=f"a file name that ends in {suffix}",
+            )  # fmt: skip
+        if not path.parent.is_dir() or path.is_dir():
+            raise InputError(
+                f"{option} {path} cannot be written", code="C40", field=option, value=str(path),
+                allowed="a file in a folder that exists",
+            )  # fmt: skip
+    if step is not None and picture is None:
+        raise InputError(
+            f"--step is {step}, but there is no --picture", code="C41", field="--step", value=step,
+            fix="add --picture FILE.png",
+        )  # fmt: skip
+
+
+@app.command()
+def doctor(debug: Debug = False) -> None:
+    """Show versions and check that three kinematics agree on this machine."""
+    with guarded(debug=debug) as guard:
+        from testbed.cli.doctor import LIMIT, check_kinematics
+        from testbed.report.text import table
+        from testbed.versions import all_versions
+
+        say(table("", ("package", "version"), [list(item) for item in all_versions().items()]))
+        found = check_kinematics()
+        rows = [
+            [a.robot, f"MDH = {a.other}", f"{a.position:.1e}", f"{a.rotation:.1e}",
+             "good" if a.good else "BAD"]
+            for a in found
+        ]  # fmt: skip
+        head = ("robot", "check", "largest difference m", "rad", "")
+        say(table("", head, rows))
+        good = all(a.good for a in found)
+        say(
+            "All is well."
+            if good
+            else f"A difference is above {LIMIT:g}: results cannot be trusted."
+        )
+        guard.code = 0 if good else SOME_FAILED

@@ -1,0 +1,122 @@
+"""Verbs that play a scenario: run, plan."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from testbed.cli.app import Debug, Json, Quiet, app
+from testbed.cli.exit_codes import SOME_FAILED, guarded, say
+
+if TYPE_CHECKING:
+    from testbed.scenario.read import Scenario
+
+
+@app.command()
+def run(
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="A scene's name or a .toml file.")],
+    out: Annotated[Path | None, typer.Option(help="Folder [runs/SCENE-seedN].")] = None,
+    seed: Annotated[int | None, typer.Option(help="Another seed.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a stopped run.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Rename an old run of that name first.")
+    ] = False,
+    export: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Write the measurements as files for identify, too."),
+    ] = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Play a whole virtual campaign and write its run folder."""
+    with guarded(debug=debug, as_json=as_json) as guard:
+        from testbed.scenario.read import changed, load_scenario, scenario_path
+
+        where = scenario_path(scene)[1]
+        scenario = load_scenario(scene)
+        if seed is not None:
+            scenario = changed(scenario, {"seed": seed}, where="--seed")
+        folder = out or default_folder(scenario)
+        guard.folder = folder
+        words = ["truebed", "run", scene, "--out", str(folder)]
+        words += [] if seed is None else ["--seed", str(seed)]
+        if export is not None:
+            from testbed.files.session_toml import SESSION_FILE
+            from testbed.store.plan_folder import check_free
+
+            check_free(export, overwrite=overwrite, marker=SESSION_FILE)
+            words += ["--export", str(export)]
+        guard.resume = [*words, "--resume"]
+        from testbed.cli.terminal import headline, progress
+        from testbed.run.archive import read_result
+        from testbed.run.play import play_run, robot_of
+
+        with progress(quiet=quiet or as_json) as report:
+            outcome = play_run(
+                scenario,
+                folder,
+                resume=resume,
+                overwrite=overwrite,
+                progress=report,
+                where=where,
+            )
+        guard.code = SOME_FAILED if outcome.failed else guard.code
+        if export is not None:
+            from testbed.run.export import export_campaign
+
+            arm = robot_of(scenario, where)
+            export_campaign(outcome.campaign, arm, export, overwrite=overwrite)
+        if as_json:
+            say((folder / "result.json").read_text(encoding="utf-8").rstrip())
+        elif not quiet:
+            say(headline(read_result(folder)))
+            say()
+            say(f"Report     {folder / 'report.html'}")
+            if export is not None:
+                say(f"Exported   {export / SESSION_FILE}")
+            say(f"Next       truebed view {folder}")
+
+
+@app.command()
+def plan(
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="A scene's name or a .toml file.")],
+    out: Annotated[Path | None, typer.Option(help="Folder [runs/SCENE-seedN-plan].")] = None,
+    seed: Annotated[int | None, typer.Option(help="Another seed.")] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Rename an old plan of that name first.")
+    ] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Choose poses for a real robot: what to measure, in what order, what will come out."""
+    with guarded(debug=debug, as_json=as_json) as guard:
+        from testbed.scenario.read import changed, load_scenario, scenario_path
+
+        where = scenario_path(scene)[1]
+        scenario = load_scenario(scene)
+        if seed is not None:
+            scenario = changed(scenario, {"seed": seed}, where="--seed")
+        default = default_folder(scenario)
+        folder = out or default.with_name(f"{default.name}-plan")
+        from testbed.cli.terminal import progress
+        from testbed.plan.folder import play_plan
+        from testbed.plan.words import terminal_text
+        from testbed.store.plan_folder import PLAN, RECORDING, REPORT
+
+        with progress(quiet=quiet or as_json) as tell:
+            made = play_plan(scenario, folder, overwrite=overwrite, progress=tell, where=where)
+        guard.code = SOME_FAILED if made.tour.blocked else guard.code
+        if as_json:
+            say((folder / PLAN).read_text(encoding="utf-8").rstrip())
+        elif not quiet:
+            say(terminal_text(made))
+            say()
+            say(f"Report     {folder / REPORT}")
+            say(f"Next       truebed view {folder / RECORDING}")
+
+
+def default_folder(scenario: "Scenario") -> Path:
+    """Where a run goes unless --out says otherwise."""
+    return Path("runs") / f"{scenario.name}-seed{scenario.seed}"

@@ -1,0 +1,1 @@
+"""The verb that calibrates a real robot from measurement files."""

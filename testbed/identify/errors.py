@@ -1,0 +1,73 @@
+"""How far a model misses what was measured, row by row, and in figures."""
+
+import numpy as np
+
+from calib.arrays import Array, Bool, frozen
+from calib.geometry.model import RobotModel
+from calib.identification.identify import Identification
+from calib.identification.prior import prior_rows
+from calib.identification.tangent import covariance_factor
+from calib.measurement.accuracy import accuracy
+from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predict
+from calib.measurement.residual import stacked
+from testbed.identify.records import Figures, Misses
+
+
+def misses_of(model: RobotModel, measurements: Measurements) -> Misses:
+    """What `model` misses in every row."""
+    seen = predict(model, measurements)
+    vector = seen.residual[:, :3].copy()
+    vector[measurements.is_distance] = 0.0
+    turn = model.fixtures.station_frames[measurements.station][:, :3, :3]
+    return Misses(
+        frozen((turn @ vector[:, :, None])[:, :, 0]), frozen(seen.misses), frozen(seen.turns)
+    )
+
+
+def figures_of(misses: Misses, measurements: Measurements, rows: Bool) -> Figures | None:
+    """Statistics over some rows (m,); None if there are none."""
+    if not rows.any():
+        return None
+    pose = rows & measurements.is_pose
+    return Figures(
+        position=accuracy(misses.position[rows]),
+        rotation=accuracy(misses.rotation[pose]) if pose.any() else None,
+        median=float(np.median(misses.position[rows])),
+    )
+
+
+def scatter_covariance(
+    nominal: RobotModel, found: Identification, measurements: Measurements
+) -> Array:
+    """Covariance (f, f) of an estimate from how its residuals scatter from pose to pose.
+
+    It needs no stated noise, but poses drawn at random from where the robot works: what the model
+    leaves out then counts as scatter. With fewer poses than numbers it is too small.
+
+    Parameters
+    ----------
+    nominal : RobotModel
+        Where the fit began.
+    found : Identification
+        Of the default estimator.
+    measurements : Measurements
+        What it was identified from.
+
+    References
+    ----------
+    White 1980, clustered by pose: inv(H) (sum_j A_j'r_j r_j'A_j) inv(H) m/(m - 1) n/(n - f).
+    """
+    stack = stacked(found.model, measurements)
+    columns = found.parameters.free_index
+    A, rows = stack.A[:, columns], np.zeros((0, len(columns)))
+    if found.prior is not None:
+        rows = prior_rows(found.prior, nominal, found.parameters).at(found.model)[1][:, columns]
+    weight = found.weights[stack.row_of] if found.loss != "squared" else np.ones(len(A))
+    root = covariance_factor(np.concatenate([np.sqrt(weight)[:, None] * A, rows]))
+    _, pose = np.unique(measurements.pose_id, return_inverse=True)
+    pull = np.zeros((int(pose.max()) + 1, len(columns)))
+    np.add.at(pull, pose.ravel()[stack.row_of], (weight * stack.r)[:, None] * A)
+    moved = pull @ root @ root.T
+    m, n, f = len(pull), len(A), len(columns)
+    return frozen(moved.T @ moved * (m / max(m - 1, 1)) * (n / max(n - f, 1)))

@@ -1,0 +1,167 @@
+"""The folder of a calibration: everything computed first, then written whole or not at all."""
+
+from collections.abc import Iterable
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from calib.errors import InputError
+from testbed.disk import atomic_path
+from testbed.files.read import Session
+from testbed.identify.calibrate import STEPS, Options, Progress, calibrate
+from testbed.identify.delivery import SPLIT_TABLE, deliver
+from testbed.identify.records import Calibration, Delivered
+from testbed.identify.results import arrays, headline, split_csv
+from testbed.robots.catalog import ROBOT_FILE, Robot, load_robot
+from testbed.store import layout, npz
+from testbed.store.manifest import CALIBRATION, manifest_bytes, read_manifest
+from testbed.store.npz import canonical
+from testbed.store.plan_folder import check_free, plan_folder
+from testbed.store.record import Failure, record_bytes, record_from
+from testbed.store.run_folder import RunFolder
+from testbed.versions import all_versions, own_version
+
+ROBOT = "robot"
+"""Folder of the identified robot."""
+RECORDS: dict[str, type] = {"calibration": Calibration, "delivered": Delivered}
+
+
+def play_calibration(
+    robot: Robot,
+    session: Session,
+    out: Path,
+    options: Options | None = None,
+    *,
+    program: Path | None = None,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> tuple[Calibration, Delivered]:
+    """Calibrate and write the folder; the folder is checked first, and written last.
+
+    Parameters
+    ----------
+    robot : Robot
+        Nominal.
+    session : Session
+        Measurements.
+    out : Path
+        Folder to write; it must not be there, unless `overwrite` renames an older one.
+    options : Options, optional
+        What a user may decide.
+    program : Path, optional
+        CSV of targets to correct.
+    overwrite : bool
+        Rename an older run folder there first.
+    progress : callable, optional
+        Told what begins, steps done, steps in all.
+    """
+    check_free(out, overwrite=overwrite, marker=layout.MANIFEST)
+    calibration = calibrate(robot, session, options, progress=progress)
+    tell = progress or (lambda *_: None)
+    tell(STEPS[-1], len(STEPS) - 1, len(STEPS))
+    with plan_folder(out, overwrite=overwrite, marker=layout.MANIFEST) as folder:
+        delivered = deliver(calibration, robot, folder, program=program)
+        spec = input_hash(calibration, options or Options())
+        (folder / layout.TRIALS).mkdir()
+        for key, record in zip(RECORDS, (calibration, delivered), strict=True):
+            (folder / layout.TRIALS / f"{key}.npz").write_bytes(record_bytes(key, record, spec))
+        (folder / SPLIT_TABLE).write_text(split_csv(calibration), encoding="utf-8", newline="\n")
+        for name in layout.DERIVED:
+            _derive(name, calibration, delivered, robot, folder / name)
+        (folder / layout.MANIFEST).write_bytes(manifest_bytes(about(calibration, spec)))
+    tell("", len(STEPS), len(STEPS))
+    return calibration, delivered
+
+
+def input_hash(calibration: Calibration, options: Options) -> str:
+    """Hex sha256 of all that decides the numbers: files, robot, options."""
+    source = calibration.source
+    document = {
+        "files": [digest for _, digest in source.files],
+        "robot": source.robot_sha256,
+        "options": {name: getattr(options, name) for name in options.__slots__},
+    }
+    return sha256(canonical(document)).hexdigest()
+
+
+def about(calibration: Calibration, spec: str) -> dict[str, Any]:
+    """What the manifest says."""
+    source = calibration.source
+    return {
+        "kind": CALIBRATION,
+        "name": source.name,
+        "seed": calibration.split.seed,
+        "robot": source.robot,
+        "robot_sha256": source.robot_sha256,
+        "files_sha256": dict(source.files),
+        "input_sha256": spec,
+    }
+
+
+def load_calibration(path: Path) -> tuple[Calibration, Delivered]:
+    """The records of a calibration's folder; nothing is computed.
+
+    Raises
+    ------
+    InputError
+        It is no such folder, or a record is missing or damaged.
+    """
+    document = read_manifest(path)
+    calibration, delivered = (
+        _record(path, key, kind, document["input_sha256"]) for key, kind in RECORDS.items()
+    )
+    return calibration, delivered
+
+
+def rederive_calibration(path: Path, names: Iterable[str] = layout.DERIVED) -> Path:
+    """Write derived files of a calibration again from its records; the folder's path."""
+    calibration, delivered = load_calibration(path)
+    robot = load_robot(path / ROBOT / ROBOT_FILE)
+    with RunFolder.reopen(path):
+        for name in names:
+            with atomic_path(path / name) as temporary:
+                _derive(name, calibration, delivered, robot, temporary)
+    return path
+
+
+def _derive(
+    name: str, calibration: Calibration, delivered: Delivered, robot: Robot, path: Path
+) -> None:
+    """Write one derived file."""
+    if name == layout.RECORDING:
+        from testbed.identify.recording import write_calibration_recording
+
+        write_calibration_recording(calibration, robot, path)
+    elif name == layout.RESULT:
+        document = {**headline(calibration, delivered), "truebed": own_version()}
+        path.write_bytes(npz.pretty_json(document))
+    elif name == layout.ARRAYS:
+        path.write_bytes(npz.to_bytes({"format": layout.FORMAT}, arrays(calibration)))
+    else:
+        from testbed.identify.report import calibration_report_html
+
+        html = calibration_report_html(calibration, delivered, versions=all_versions())
+        path.write_bytes(html.encode())
+
+
+def _record(path: Path, key: str, kind: type, spec: str) -> Any:
+    """One record of the folder."""
+    try:
+        data = (path / layout.TRIALS / f"{key}.npz").read_bytes()
+        record = record_from(data, key, kind, spec)
+    except (OSError, npz.DamagedError) as error:
+        raise _lost(path, key) from error
+    if isinstance(record, Failure):
+        raise _lost(path, key)
+    return record
+
+
+def _lost(path: Path, key: str) -> InputError:
+    """A record cannot be used."""
+    return InputError(
+        f"the record {key} is missing or damaged",
+        code="D42",
+        where=str(path),
+        field=key,
+        fix="give the `truebed identify` command again with another --out",
+    )

@@ -1,0 +1,113 @@
+"""Base, tool and fixtures before any link is touched, and which numbers a session frees."""
+
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+
+import numpy as np
+
+from calib.errors import InputError
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters, parameters_of
+from calib.identification.identify import identify
+from calib.identification.start.start import Start, start_frames
+from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predict
+from testbed.files.read import Session
+from testbed.robots.catalog import Robot
+
+AS_GOOD = 3.0
+"""Frames of the robot's own file stand if they miss at most so many times what fitted ones do."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frames:
+    """Where the identification starts, and what "before" means."""
+
+    start: RobotModel
+    """Nominal links; the frames of the robot's own file where they fit, else from a closed form."""
+    before: RobotModel
+    """Nominal links; base, tool and fixtures fitted to the training rows, as far as they are
+    free."""
+    own: bool
+    """Whether they start from the robot's file: then the measuring frame is the robot's world."""
+    parameters: Parameters
+    """Of `start`: what the session frees."""
+    sentences: tuple[str, ...]
+
+
+def frames_of(robot: Robot, session: Session, train: Measurements) -> Frames:
+    """Find the frames of a session from its training rows.
+
+    Raises
+    ------
+    InputError
+        Too few rows, an unknown set or name of free numbers, or frames that cannot be found.
+    """
+    own = replace(robot.model, fixtures=session.fixtures)
+    fits_frames = "free" in (session.base, session.tool) or session.fixtures.n_numbers > 0
+    if not fits_frames:
+        parameters = free_numbers(own, robot, session)
+        said = ("base and tool are those of the robot's file, and held there",)
+        return Frames(own, own, True, parameters, said)
+    start = own
+    sentences: tuple[str, ...] = ("base and tool start from the robot's file, which fits",)
+    if session.base == "free" and not _fits(robot, session, own, train):
+        found = _found(own, session, train)
+        start, sentences = found.model, found.notes
+    parameters = free_numbers(start, robot, session)
+    frames = [name for name in parameters.free_names if "." in name and _is_frame(name)]
+    before = start
+    if frames:
+        before = identify(start, train, parameters.freeing(frames)).model
+    return Frames(start, before, start is own, parameters, sentences)
+
+
+def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameters:
+    """The table of `model` with the numbers free that the session frees."""
+    table = parameters_of(model)
+    free = session.free
+    if isinstance(free, str):
+        if free != "identifiable" and free not in robot.free_sets:
+            close = get_close_matches(free, ["identifiable", *robot.free_sets], 1)
+            raise InputError(
+                f'[identification] free is "{free}"',
+                code="S37",
+                where=session.name,
+                field="identification.free",
+                value=free,
+                allowed=", ".join(["identifiable", *robot.free_sets, "or names of numbers"]),
+                fix=f'did you mean "{close[0]}"?' if close else "",
+            )
+        names = table.names if free == "identifiable" else tuple(robot.free_sets[free])
+    else:
+        names = tuple(free)
+    table.freeing(names)  # a name that is not there is refused with its likeliest meaning
+    for frame, how in (("base.", session.base), ("tool.", session.tool)):
+        own = tuple(name for name in table.names if name.startswith(frame))
+        rest = tuple(name for name in names if name not in own)
+        names = (*rest, *own) if how == "free" else rest
+    return table.freeing({*names, *model.fixtures.names} - set(session.fixed))
+
+
+def _found(own: RobotModel, session: Session, train: Measurements) -> Start:
+    """Frames and fixtures from a closed form; anchors that the file places stay there."""
+    free_anchors = [
+        k
+        for k in range(len(own.fixtures.anchors))
+        if not {f"anchor{k + 1}.{axis}" for axis in "xyz"} <= set(session.fixed)
+    ]
+    return start_frames(own, train, free_tool=session.tool == "free", free_anchors=free_anchors)
+
+
+def _is_frame(name: str) -> bool:
+    """Whether a number belongs to base, tool or fixtures, not to a joint term."""
+    return name.startswith(("base.", "tool.", "reflector", "anchor", "station"))
+
+
+def _fits(robot: Robot, session: Session, own: RobotModel, train: Measurements) -> bool:
+    """Whether the frames of the robot's file explain the rows about as well as fitted ones."""
+    if session.fixtures.n_numbers:
+        return False
+    best = start_frames(robot.model, train, free_tool=session.tool == "free")
+    missed = float(np.sqrt(np.mean(predict(own, train).misses ** 2)))
+    return missed <= AS_GOOD * best.position_rms

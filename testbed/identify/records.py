@@ -1,0 +1,236 @@
+"""What a calibration from measurements leaves behind: one frozen record; nothing is computed."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from calib.arrays import Array, Bool
+from calib.geometry.model import RobotModel
+from calib.identification.fit_statistics import RED
+from calib.identification.identify import Identification, Status
+from calib.measurement.accuracy import Accuracy
+from calib.measurement.observations import Measurements
+from calib.uncertainty.bootstrap import Bootstrap
+from calib.uncertainty.conformal import Conformal
+from calib.uncertainty.discrepancy import Discrepancy
+from calib.uncertainty.held_out import HeldOut
+from calib.uncertainty.trust import Trust
+
+ModelName = Literal["geometric", "extended"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Source:
+    """Where the measurements come from, and what happened to them before any fit."""
+
+    name: str
+    """Of the session."""
+    files: tuple[tuple[str, str], ...]
+    """Name and sha256 of every file read."""
+    robot: str
+    robot_title: str
+    robot_sha256: str
+    robot_notes: tuple[str, ...]
+    """What had to be assumed to read the robot."""
+    simulated: bool
+    """Whether a virtual tracker wrote the files."""
+    joints: str
+    """"commanded" or "read-back"."""
+    uncertainty: str
+    """Where the covariances come from."""
+    masked: tuple[str, ...]
+    """Rows left out while reading, and why."""
+    drift: tuple[str, ...]
+    """What the drift nests say."""
+    probe: tuple[str, ...]
+    """What the reading was tested against."""
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Split:
+    """Which rows are held out."""
+
+    is_test: Bool
+    """(m,) never used for identification."""
+    is_train: Bool
+    """(m,) to identify from; neither: later visits that are left to type A."""
+    stated: bool
+    """By the data themselves, else drawn here."""
+    seed: int
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Misses:
+    """What one model misses in every row of the table."""
+
+    vector: Array
+    """(m, 3) seen minus predicted position, world axes; zero for distance rows [m]."""
+    position: Array
+    """(m,) length of it; of a distance row the size of what is missed [m]."""
+    rotation: Array
+    """(m,) angle; zero for other than pose rows [rad]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Figures:
+    """Statistics of one model's misses over one part of the table."""
+
+    position: Accuracy
+    """[m]"""
+    rotation: Accuracy | None
+    """[rad]; None without pose rows."""
+    median: float
+    """Of the position misses: gross errors do not move it [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """One identified model and how it does."""
+
+    model: ModelName
+    identification: Identification
+    scatter: Array
+    """(f, f) covariance of the estimate from the scatter of the residuals from pose to pose,
+    whatever noise was stated [m^2, m rad, rad^2]."""
+    noise_factor: float
+    """Typical residual at the rows identified from, in units of the stated noise."""
+    misses: Misses
+    train: Figures
+    """At the rows identified from."""
+    test: Figures | None
+    """At the held-out rows; None if there are none."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Choice:
+    """Which model is handed out, and why."""
+
+    chosen: ModelName
+    asked: str
+    """What was asked for: geometric, extended or choose."""
+    log_evidence: float
+    """Of the extended model against the geometric one; nan if only one was looked at."""
+    confirmation: Array
+    """(2,) trimmed mean miss of both at training poses left out in turn [m]; or empty."""
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gross:
+    """Rows that do not fit the others."""
+
+    noise_factor: float
+    """Typical residual of the geometric model in units of the stated noise: what rows are judged
+    against."""
+    left_out: Bool
+    """(m,) training rows that the fits do not use."""
+    sentences: tuple[str, ...]
+    """Training rows that do not fit, worst first."""
+    held_out_sentences: tuple[str, ...]
+    """Held-out rows far off; they stay in every figure."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proof:
+    """What held-out poses say, and which statement to believe."""
+
+    held_out: HeldOut | None
+    """One row per held-out pose; None without such poses, or for distances."""
+    discrepancy: Discrepancy | None
+    conformal: Conformal | None
+    bootstrap: Bootstrap | None
+    trust: Trust
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration:
+    """A robot calibrated from measurements."""
+
+    source: Source
+    nominal: RobotModel
+    """As the robot's maker describes it."""
+    before: RobotModel
+    """The nominal links with base, tool and fixtures fitted to the training rows."""
+    own_frames: bool
+    """Whether the measuring frame is the world of the robot's file."""
+    frames: tuple[str, ...]
+    """How base, tool and fixtures were found, in words."""
+    measurements: Measurements
+    """Every valid row."""
+    pose_names: tuple[str, ...]
+    """By `pose_id`."""
+    time: Array | None
+    """(m,) [s]"""
+    temperature: Array | None
+    """(m,) [degC]"""
+    split: Split
+    gross: Gross
+    before_misses: Misses
+    before_train: Figures
+    before_test: Figures | None
+    fits: tuple[Fit, ...]
+    """Geometric first."""
+    choice: Choice
+    proof: Proof
+    warnings: tuple[str, ...]
+    """What was found on the way, beside what the source says."""
+
+    @property
+    def fit(self) -> Fit:
+        """The one chosen."""
+        return next(fit for fit in self.fits if fit.model == self.choice.chosen)
+
+    @property
+    def is_used(self) -> Bool:
+        """(m,) rows identified from."""
+        return np.asarray(self.split.is_train & ~self.gross.left_out)
+
+    @property
+    def is_judged(self) -> Bool:
+        """(m,) rows whose misses are shown: held-out ones, else those identified from."""
+        return self.split.is_test if self.split.is_test.any() else self.is_used
+
+    @property
+    def converged(self) -> bool:
+        """Whether every fit ended in a certified minimum."""
+        return all(fit.identification.status is Status.CONVERGED for fit in self.fits)
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether the statement made from the stated noise must not be believed."""
+        return not self.proof.trust.model_valid
+
+    @property
+    def not_linear(self) -> bool:
+        """Whether nothing contradicts the stated noise but virtual calibrations with it."""
+        lack, repeated = self.fit.identification.lack_of_fit, self.proof.bootstrap
+        plain = lack is None or lack.p_value >= RED
+        return self.contradicted and plain and repeated is not None and not repeated.agrees
+
+    @property
+    def covariance(self) -> Array:
+        """(f, f) of the chosen fit: stated, unless one of the next two holds.
+
+        Of virtual calibrations where these say that linear propagation does not hold, if they all
+        settled; from the scatter of the residuals where the stated noise is contradicted.
+        """
+        repeated = self.proof.bootstrap
+        if repeated is not None and self.not_linear:
+            settled = not repeated.unconverged
+            return repeated.empirical if settled else self.fit.identification.covariance
+        return self.fit.scatter if self.contradicted else self.fit.identification.covariance
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Delivered:
+    """What was written beside the record, in words."""
+
+    robot: tuple[str, ...]
+    """How each file of the identified robot was proven."""
+    program: tuple[str, ...]
+    """What became of each target of the program; empty without one."""
+    program_failed: int
+    """Targets that could not be corrected."""

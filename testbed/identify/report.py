@@ -1,0 +1,283 @@
+"""A calibration's report: what went in, old and new numbers with U, what can be told apart."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.geometry.frames import log_so3
+from testbed.identify.records import Calibration, Delivered
+from testbed.identify.report_errors import (
+    accuracy_section,
+    belief_section,
+    outlier_section,
+    residual_section,
+)
+from testbed.identify.results import dh_table
+from testbed.identify.words import (
+    HEAD,
+    closed,
+    headline_rows,
+    mark,
+    next_step,
+    notice,
+    rank_words,
+    reasons,
+    verdict,
+)
+from testbed.report.page import Block, Page, Points, Section, Table, Text, render, versions_table
+from testbed.robots.write.dh_table import DhRow
+from testbed.units import DEG, MM, counted, fixed, with_uncertainty
+
+
+def calibration_report_html(
+    calibration: Calibration, delivered: Delivered, *, versions: Mapping[str, str]
+) -> str:
+    """The report of a calibration as one HTML page: no network, same bytes each time.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        As `testbed.identify.calibrate.calibrate` gives it.
+    delivered : Delivered
+        What was written beside it.
+    versions : mapping of str to str
+        Program and packages.
+    """
+    return render(page_of(calibration, delivered, versions))
+
+
+def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[str, str]) -> Page:
+    """The content of the page; sections without data are left out."""
+    source = calibration.source
+    sections = (
+        accuracy_section(calibration),
+        belief_section(calibration),
+        residual_section(calibration),
+        outlier_section(calibration),
+        parameter_section(calibration),
+        identifiable_section(calibration),
+        delivered_section(delivered),
+        data_section(calibration),
+        record_section(calibration, versions),
+    )
+    return Page(
+        banner=notice(calibration),
+        title=f"{source.robot_title}: {source.name}",
+        subtitle=f"Session {source.name}, robot {source.robot}, seed {calibration.split.seed}; "
+        f"{calibration.split.sentence}.",
+        believable=not calibration.contradicted,
+        mark=mark(calibration),
+        verdict=verdict(calibration),
+        reasons=reasons(calibration),
+        headline=headline(calibration),
+        next_step=next_step(calibration),
+        sections=tuple(section for section in sections if section is not None),
+    )
+
+
+def headline(calibration: Calibration) -> Table:
+    """Before and after, every model."""
+    rows = headline_rows(calibration)
+    chosen = 1 + [fit.model for fit in calibration.fits].index(calibration.choice.chosen)
+    held = calibration.split.is_test.any()
+    where = "held-out rows, never used for identification" if held else "the rows identified from"
+    return Table(
+        caption=f"Errors at {where}: seen minus predicted",
+        head=HEAD,
+        rows=tuple(rows),
+        align="l" + "r" * (len(HEAD) - 1),
+        strong=(chosen,),
+        size="small",
+        note="Errors hold the measuring noise, too. First row: the links as the maker describes "
+        "them, with base, tool and fixtures fitted to the training poses: without that fit no "
+        "error can be told at all. training mean: at the rows identified from. χ²/dof: residuals "
+        "of the identification against the stated noise. cond.: of the scaled Jacobian of the "
+        "kept numbers. rank: directions that the data tell apart.",
+    )
+
+
+def delivered_section(delivered: Delivered) -> Section:
+    """The files to use, each with its proof."""
+    blocks: list[Block] = [
+        Text(
+            "robot/ holds the identified robot: robot.toml with every term, URDF and MJCF with "
+            "the geometric part. dh_table.csv: the table above. split.csv: every row with its "
+            "errors."
+        ),
+        Points(tuple(closed(text) for text in delivered.robot)),
+    ]
+    if delivered.program:
+        blocks += [Text("Corrected program:"), Points(tuple(map(closed, delivered.program)))]
+    return Section("files", "What comes with this report", tuple(blocks))
+
+
+def data_section(calibration: Calibration) -> Section:
+    """What was read, how, and what was left out."""
+    source, table = calibration.source, calibration.measurements
+    kinds = ", ".join(
+        f"{int((table.kind == kind).sum())} {kind}{'s' if kind[-1] != 's' else ''}"
+        for kind in sorted(set(table.kind.tolist()))
+    )
+    rows = (
+        ("rows", f"{len(table)} ({kinds})"),
+        ("poses", str(table.n_poses)),
+        ("joints", source.joints),
+        ("split", calibration.split.sentence),
+        ("uncertainty", source.uncertainty),
+        ("robot", f"{source.robot_title}, sha256 {source.robot_sha256[:16]}"),
+        *(("file", f"{name}, sha256 {digest[:16]}") for name, digest in source.files),
+    )
+    blocks: list[Block] = [
+        Table(caption="The data", head=("what", "value"), rows=rows, align="ll"),
+    ]
+    for title, sentences in (
+        ("How they were read:", source.probe),
+        ("Assumed of the robot:", source.robot_notes),
+        (f"Masked, {counted(len(source.masked), 'note')}:", source.masked),
+        ("Drift:", source.drift or ("no drift nest was measured: nothing tells whether anything "
+                                    "moved but the errors in time",)),
+        ("Warnings:", (*source.warnings, *calibration.warnings)),
+    ):  # fmt: skip
+        if sentences:
+            blocks += [Text(title), Points(tuple(closed(text) for text in sentences))]
+    return Section("data", "The data", tuple(blocks))
+
+
+def record_section(calibration: Calibration, versions: Mapping[str, str]) -> Section:
+    """What is needed to make this again."""
+    table = versions_table(versions)
+    text = (
+        f"Seed {calibration.split.seed}. The same files, robot and options with the same versions "
+        "give the same numbers."
+    )
+    return Section("record", "Versions", (Text(text), table))
+
+
+def parameter_section(calibration: Calibration) -> Section:
+    """Every number of the robot old, new and changed, with its U; fixtures as found."""
+    found = calibration.fit.identification
+    how = (
+        "U = 2 u, where linear propagation does not hold: "
+        + (
+            "from the spread of virtual calibrations"
+            if calibration.proof.trust.believe == "bootstrap"
+            else "a rough size only, because virtual calibrations did not settle"
+        )
+        if calibration.not_linear
+        else "U = 2 u from the scatter of the residuals between poses, because the stated noise is "
+        "contradicted: it says how well the numbers of this model are known from poses like "
+        "these, not that the model is right"
+        if calibration.contradicted
+        else "U = 2 u from the stated noise"
+    )
+    blocks: list[Block] = [
+        Text(
+            f"Lengths in mm, angles in deg. {how}. Numbers that cannot be told from others are "
+            "held at their old values; the others then stand for them, too, so a single number is "
+            "a number of this set, not a thing that could be measured on the arm. The numbers are "
+            "correlated: never combine them as if they were independent."
+        ),
+        Table(
+            caption=f"Base, links, tool: {found.parameters.n_free} numbers estimated in all"
+            + (", joint terms included" if calibration.choice.chosen == "extended" else ""),
+            head=("number", "unit", "old", "new", "delta", "U (k = 2)"),
+            rows=tuple(_cells(row) for row in dh_table(calibration)),
+            align="llrrrr",
+            size="small",
+            note="old: the nominal links, and base and tool as fitted to them. base, tool: "
+            "position and rotation vector in the measuring frame and in the flange. held: not "
+            "estimated, or not to be told from others.",
+        ),
+    ]
+    if calibration.fit.identification.model.fixtures.n_numbers:
+        blocks.append(fixture_table(calibration))
+    return Section("parameters", "Parameters", tuple(blocks))
+
+
+def fixture_table(calibration: Calibration) -> Table:
+    """Reflectors, anchors and further stations as found."""
+    found = calibration.fit.identification
+    u = np.zeros(len(found.parameters.names))
+    u[found.parameters.free_index] = np.sqrt(np.diag(calibration.covariance))
+    fixtures = found.model.fixtures
+    stations = [np.concatenate([T[:3, 3], log_so3(T[None, :3, :3])[0]]) for T in fixtures.stations]
+    values = np.concatenate([fixtures.reflectors.ravel(), fixtures.anchors.ravel(), *stations])
+    first = found.model.first_fixture
+    return Table(
+        caption="What stood beside the robot",
+        head=("number", "unit", "value", "U (k = 2)"),
+        rows=tuple(
+            _row(name, float(value), float(u[first + k]), length)
+            for k, (name, value, length) in enumerate(
+                zip(fixtures.names, values, fixtures.is_length, strict=True)
+            )
+        ),
+        align="llrr",
+        size="small",
+        note="Reflectors in the tool frame, anchors and stations in that of the first station; U "
+        "along and about a station's own axes.",
+    )
+
+
+def identifiable_section(calibration: Calibration) -> Section:
+    """What the measurements can tell apart, in words."""
+    blocks: list[Block] = [Points(tuple(closed(text) for text in calibration.frames))]
+    for fit in calibration.fits:
+        found = fit.identification
+        blocks.append(Text(rank_words(fit)))
+        sentences = found.reduction.sentences
+        if sentences and fit is calibration.fits[0]:
+            blocks.append(Points(tuple(closed(text) for text in sentences)))
+        extra = found.notes[len(sentences) :]
+        if extra:
+            blocks.append(Points(tuple(closed(text) for text in extra)))
+    blocks.append(coverage_table(calibration))
+    return Section("identifiable", "What can be identified", tuple(blocks))
+
+
+def coverage_table(calibration: Calibration) -> Table:
+    """How far each joint was moved: what was not moved was not calibrated."""
+    table = calibration.measurements
+    kinds = calibration.nominal.chain.kinds
+    rows = []
+    for k, kind in enumerate(kinds):
+        scale, unit = (DEG, "deg") if kind == "revolute" else (MM, "mm")
+        cells = [str(k + 1), unit]
+        for which in (calibration.is_used, calibration.split.is_test):
+            cells += _range(table.q[which, k] * scale)
+        rows.append(tuple(cells))
+    return Table(
+        caption="How far the joints were moved",
+        head=("joint", "unit", "identify from", "to", "held out from", "to"),
+        rows=tuple(rows),
+        align="llrrrr",
+        note="The result holds where the joints were. What a model leaves out grows outside.",
+    )
+
+
+def _range(values: Array) -> list[str]:
+    """Smallest and largest, in whole units."""
+    if not len(values):
+        return ["–", "–"]
+    return [f"{value:.0f}".replace("-", "−") for value in (values.min(), values.max())]
+
+
+def _cells(row: DhRow) -> tuple[str, ...]:
+    """One row, rounded by its uncertainty; a held number as it stands."""
+    if row.expanded is None:
+        old, new = (f"{value:.6g}".replace("-", "−") for value in (row.old, row.new))
+        return (row.name, row.unit, old, new, fixed(row.delta, 4) if row.delta else "0", "held")
+    new, half, delta = with_uncertainty(row.new, row.expanded / 2, row.delta)
+    places = len(half.partition(".")[2])
+    old = f"{row.old:.6g}".replace("-", "−")
+    return (row.name, row.unit, old, new, delta, fixed(row.expanded, places))
+
+
+def _row(name: str, value: float, u: float, length: bool) -> tuple[str, ...]:
+    """A value with its U, or held."""
+    scale, unit = (MM, "mm") if length else (DEG, "deg")
+    if u <= 0:
+        return (name, unit, f"{value * scale:.6g}".replace("-", "−"), "held")
+    written, _, expanded = with_uncertainty(value * scale, u * scale, 2 * u * scale)
+    return (name, unit, written, expanded)

@@ -1,0 +1,168 @@
+"""A calibration report's sections on its errors: before and after, belief, where, outliers."""
+
+import numpy as np
+
+from calib.uncertainty.conformal import fewest_poses
+from testbed.identify import plots as plots
+from testbed.identify.records import Calibration
+from testbed.identify.words import closed, held_out_poses, mm
+from testbed.report.page import Block, Figure, Points, Section, Table, Text
+from testbed.units import MM, counted, percent, probability, significant
+
+BELIEVED = {True: "yes", False: "NO"}
+
+
+def accuracy_section(calibration: Calibration) -> Section:
+    """The whole distribution before and after."""
+    held = calibration.split.is_test.any()
+    return Section(
+        "accuracy",
+        "Before and after",
+        (
+            Figure(
+                f"{'Held-out rows' if held else 'Rows identified from'} by the size of their "
+                "error; dashed: the means. What lies beyond the axis is counted in the last bar.",
+                plots.histogram(calibration),
+            ),
+        ),
+    )
+
+
+def belief_section(calibration: Calibration) -> Section:
+    """Every statement on a new pose, and whether to believe it."""
+    proof = calibration.proof
+    blocks: list[Block] = []
+    rows = []
+    if proof.held_out is not None:
+        u = np.sqrt(np.trace(proof.held_out.predicted, axis1=1, axis2=2))
+        rows.append(
+            (
+                "model, from the stated noise",
+                f"u = {significant(float(np.sqrt(np.mean(u**2))) * MM, 2)}",
+                "one sd, if the model is right",
+                f"contradicted: held-out p {probability(proof.held_out.p_value)}"
+                if calibration.contradicted and not calibration.not_linear
+                else f"held-out errors agree, p {probability(proof.held_out.p_value)}",
+                BELIEVED[proof.trust.believe == "model"],
+            )
+        )
+    if proof.discrepancy is not None:
+        u3 = float(np.sqrt(np.trace(proof.discrepancy.covariance))) * MM
+        rows.append(
+            (
+                "discrepancy beyond the model",
+                f"u = {significant(u3, 2)}",
+                "one sd, approximate",
+                f"from {counted(proof.discrepancy.n_poses, 'pose')}",
+                BELIEVED[proof.trust.believe == "discrepancy"],
+            )
+        )
+    if proof.conformal is not None:
+        low, high = proof.conformal.content_range()
+        rows.append(
+            (
+                "held-out radius (split conformal)",
+                f"radius {significant(proof.conformal.radius * MM)}",
+                percent(proof.conformal.probability),
+                f"needs no model; this set: {percent(low)} to {percent(high)}",
+                BELIEVED[proof.trust.believe == "conformal"],
+            )
+        )
+    if rows:
+        blocks.append(
+            Table(
+                caption="What may be said of the tool at a new pose like the held-out ones",
+                head=("statement", "size mm", "content", "test", "believe"),
+                rows=tuple(rows),
+                align="lllll",
+                note="u: 3-D standard uncertainty, root of the sum over x, y, z.",
+            )
+        )
+    blocks.append(Points(tuple(closed(text) for text in proof.trust.sentences)))
+    poses = held_out_poses(calibration)
+    if poses < fewest_poses():
+        blocks.append(
+            Text(
+                f"{counted(poses, 'held-out pose')}: a radius for 95 % needs at least "
+                f"{fewest_poses()}."
+            )
+        )
+    if proof.bootstrap is not None:
+        blocks.append(Text(closed(proof.bootstrap.sentence)))
+    return Section("belief", "What to believe, and why", tuple(blocks))
+
+
+def residual_section(calibration: Calibration) -> Section:
+    """Where the errors are: by joint, in time, over the workspace."""
+    low, high = plots.shade_steps(calibration)
+    shown = "held-out rows" if calibration.split.is_test.any() else "rows identified from"
+    blocks: list[Block] = [
+        Figure(
+            f"Errors of the {shown} against each joint, before and after; lines: running medians. "
+            "A wave that is left in one joint says that this joint does not turn as modeled."
+            f"{plots.thinned(calibration)}",
+            plots.by_joint(calibration),
+        ),
+        Figure(
+            "Error after calibration in the order of measuring; a trend or a step says that "
+            "something moved.",
+            plots.by_order(calibration),
+        ),
+        Figure(
+            f"Errors of the {shown} against the place of the tool in the base frame.",
+            plots.by_place(calibration),
+        ),
+        Figure(
+            f"Where the errors after calibration are, from pale, below {mm(low)} mm, to dark, "
+            f"above {mm(high)} mm, equally many rows in each shade; square: the base.",
+            plots.over_workspace(calibration),
+        ),
+    ]
+    if calibration.temperature is not None and np.ptp(calibration.temperature) > 0:
+        blocks.append(
+            Figure(
+                f"Errors of the {shown} against the temperature.",
+                plots.by_temperature(calibration),
+            )
+        )
+    return Section("errors", "Where the errors are", tuple(blocks))
+
+
+def outlier_section(calibration: Calibration) -> Section:
+    """Rows that do not fit, by name."""
+    gross = calibration.gross
+    blocks: list[Block] = []
+    if gross.sentences:
+        left = bool(gross.left_out.any())
+        blocks += [
+            Text(
+                f"{counted(len(gross.sentences), 'training row')} "
+                f"{'does' if len(gross.sentences) == 1 else 'do'} not fit the others, worst first. "
+                + (
+                    "They took no part in the identification; --loss squared keeps them."
+                    if left
+                    else "They took part as the chosen loss weighs them."
+                )
+            ),
+            Points(tuple(closed(text) for text in gross.sentences)),
+        ]
+    else:
+        blocks.append(Text("Every training row fits the others."))
+    if gross.held_out_sentences:
+        blocks += [
+            Text("Held-out rows far off; none that was read is left out of any figure:"),
+            Points(tuple(closed(text) for text in gross.held_out_sentences)),
+        ]
+    blocks.append(
+        Text(
+            "Rows are judged by a robust fit that they cannot pull, "
+            + (
+                "against the stated noise (chance of any false alarm 1 %)."
+                if gross.noise_factor <= 1.5
+                else "against the scatter of the residuals, which is "
+                f"{significant(gross.noise_factor, 2)} times the stated noise; only gross errors "
+                "are named then."
+            )
+        )
+    )
+    return Section("outliers", "Outliers", tuple(blocks))

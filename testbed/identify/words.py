@@ -1,0 +1,244 @@
+"""What a calibration says, sentence by sentence: verdict, reasons, next step, headline rows."""
+
+from calib.uncertainty.conformal import fewest_poses
+from testbed.identify.records import Calibration, Delivered, Figures, Fit
+from testbed.store.layout import SIMULATED
+from testbed.units import DEG, MM, counted, fixed, significant
+
+MEASURED = "MEASURED - a calibration report, not a certificate of traceability"
+GOOD = "✓ The stated uncertainty can be believed"
+RADIUS = "✗ Believe the held-out radius, not the intervals from the stated noise"
+SPREAD = "✗ Believe the virtual calibrations, not the linear intervals"
+NOTHING = "✗ No stated uncertainty can be believed"
+OPEN = "? No held-out pose has tested this result"
+LEARNT = 1.1
+"""Errors at held-out poses up to so many times those at training poses are all that is left."""
+LARGER = 1.2
+"""Residuals so many times the stated noise are said to be larger."""
+MOST_NAMED = 5
+"""Rows that do not fit, named on the terminal."""
+HEAD = (
+    "model",
+    "mean mm",
+    "median mm",
+    "rms mm",
+    "p95 mm",
+    "max mm",
+    "mean deg",
+    "p95 deg",
+    "max deg",
+    "training mean mm",
+    "χ²/dof",
+    "cond.",
+    "rank",
+)
+
+
+def notice(calibration: Calibration) -> str:
+    """Whether the numbers come from a real robot; neither kind is a certificate."""
+    return SIMULATED if calibration.source.simulated else MEASURED
+
+
+def mark(calibration: Calibration) -> str:
+    """The verdict in a few words."""
+    proof = calibration.proof
+    if not calibration.contradicted:
+        return GOOD if proof.held_out is not None else OPEN
+    if proof.trust.believe == "bootstrap":
+        return SPREAD
+    return RADIUS if proof.trust.believe == "conformal" else NOTHING
+
+
+def verdict(calibration: Calibration) -> str:
+    """How good the calibration is, on poses that it never saw."""
+    before, after = calibration.before_test, calibration.fit.test
+    if before is None or after is None:
+        before, after = calibration.before_train, calibration.fit.train
+        poses = counted(calibration.measurements.rows(calibration.is_used).n_poses, "pose")
+        where = f"at the {poses} it was fitted to (none is held out)"
+    else:
+        where = f"on {counted(held_out_poses(calibration), 'held-out pose')}"
+    goes = "falls" if after.position.mean < before.position.mean else "RISES"
+    text = (
+        f"The {kind(calibration)} {where} {goes} from {mm(before.position.mean)} to "
+        f"{mm(after.position.mean)} mm"
+    )
+    if before.rotation is not None and after.rotation is not None:
+        text += (
+            f", the orientation error from {deg(before.rotation.mean)} to "
+            f"{deg(after.rotation.mean)} deg"
+        )
+    return f"{text}; 95 % of the poses lie below {mm(after.position.p95)} mm."
+
+
+def kind(calibration: Calibration) -> str:
+    """What is missed."""
+    far = bool(calibration.measurements.is_distance.all())
+    return "mean distance error" if far else "mean position error"
+
+
+def reasons(calibration: Calibration) -> tuple[str, ...]:
+    """Why the verdict is what it is; what is not valid comes first."""
+    said = []
+    factor = calibration.fit.noise_factor
+    if calibration.contradicted and factor > LARGER:
+        said.append(
+            f"The residuals are {significant(factor, 2)} times what the "
+            "stated noise explains. How the rows are weighted then matters little, but every "
+            "interval made from that noise is far too narrow"
+        )
+    said += calibration.proof.trust.sentences
+    said.append(f"Model: {calibration.choice.sentence}")
+    out = int(calibration.gross.left_out.sum())
+    if out:
+        said.append(f"{counted(out, 'row')} did not fit and took no part: see Outliers")
+    if calibration.source.masked:
+        masked = counted(len(calibration.source.masked), "note")
+        said.append(
+            f"Rows were left out while reading, before poses were held out: {masked} under The data"
+        )
+    said += calibration.warnings
+    said += calibration.source.warnings
+    return tuple(closed(text) for text in said)
+
+
+def next_step(calibration: Calibration) -> str:
+    """What a person should do now."""
+    fit, proof = calibration.fit, calibration.proof
+    if fit.test is None:
+        return (
+            "Measure at least 19 more poses where the robot will be used, and give them by --test: "
+            "until then nothing but the fit itself speaks for this result."
+        )
+    gain = calibration.before_test.position.mean / fit.test.position.mean  # type: ignore[union-attr]  # both or none
+    if gain < 1:
+        return (
+            "Do not use this model: on held-out poses it is worse than the nominal one. Check the "
+            "robot's description, the units and the matching of poses."
+        )
+    use = "Load the identified robot from robot/, or send the corrected targets (--program CSV)."
+    if proof.trust.believe == "bootstrap":
+        return f"{use} Quote the U of its parameters, from the virtual calibrations, with it."
+    if not calibration.contradicted:
+        if proof.held_out is None:
+            return f"{use} No held-out pose has tested its stated uncertainty: say so with it."
+        return f"{use} Its stated uncertainty may be quoted with it."
+    if proof.conformal is None:
+        return (
+            f"{use} Quote no uncertainty with it: the stated one is contradicted. Measure at least "
+            f"{fewest_poses()} poses to hold out."
+        )
+    learnt = fit.test.position.mean <= LEARNT * fit.train.position.mean
+    more = (
+        "More poses will not make that smaller: it is what the model leaves out."
+        if learnt
+        else "It is larger than at the poses identified from: more of these may make it smaller."
+    )
+    radius = f"{mm(proof.conformal.radius)} mm (95 %) for poses like the held-out ones"
+    return f"{use} Quote {radius}. {more}"
+
+
+def headline_rows(calibration: Calibration) -> list[tuple[str, ...]]:
+    """Before, and each model: figures at the held-out rows, else at the training rows."""
+    rows = [
+        (
+            "nominal links, frames fitted",
+            *_figures(calibration.before_test, calibration.before_train),
+            "–",
+            "–",
+            "–",
+        )
+    ]
+    for fit in calibration.fits:
+        found = fit.identification
+        chosen = fit is calibration.fit and len(calibration.fits) > 1
+        rows.append(
+            (
+                f"{fit.model} (chosen)" if chosen else fit.model,
+                *_figures(fit.test, fit.train),
+                significant(found.chi_square / found.dof, 3) if found.dof > 0 else "–",
+                significant(found.reduction.condition, 3),
+                str(found.reduction.rank),
+            )
+        )
+    return rows
+
+
+def _figures(test: Figures | None, train: Figures) -> tuple[str, ...]:
+    """Cells of one model."""
+    shown = train if test is None else test
+    p, r = shown.position, shown.rotation
+    turns = (
+        ("–",) * 3 if r is None else tuple(fixed(v * DEG, 4) for v in (r.mean, r.p95, r.maximum))
+    )
+    lengths = (p.mean, shown.median, p.rms, p.p95, p.maximum)
+    return (*(mm(value) for value in lengths), *turns, mm(train.position.mean))
+
+
+def rank_words(fit: Fit) -> str:
+    """How many numbers the data tell apart, and how that was counted."""
+    found = fit.identification
+    reduction = found.reduction
+    free = len(reduction.kept) + len(reduction.dropped)
+    text = (
+        f"{fit.model.capitalize()}: {counted(free, 'number')} free, "
+        f"{len(found.parameters.names) - free} held; rank {reduction.rank} (singular values above "
+        f"{reduction.tolerance:.0e} of the largest count), condition "
+        f"{significant(reduction.condition, 3)} of the kept columns. "
+    )
+    if found.prior is not None:
+        text += (
+            f"{counted(len(found.prior.names), 'joint term')} have a weak prior and are all "
+            "estimated, told apart or not. "
+        )
+    if not reduction.dropped:
+        return text + "All free numbers can be told apart."
+    return text + (
+        f"{counted(len(reduction.dropped), 'number')} cannot be told from others and "
+        f"{'is' if len(reduction.dropped) == 1 else 'are'} left nominal"
+        f"{':' if found.prior is None else ' unless they are joint terms, which the prior holds.'}"
+    )
+
+
+def held_out_poses(calibration: Calibration) -> int:
+    """Number of held-out poses."""
+    return calibration.measurements.rows(calibration.split.is_test).n_poses
+
+
+def mm(length: float) -> str:
+    """A length [m] in mm to a tenth of a micrometre."""
+    return fixed(length * MM, 4)
+
+
+def deg(angle: float) -> str:
+    """An angle [rad] in deg."""
+    return fixed(angle * DEG, 4)
+
+
+def closed(text: str) -> str:
+    """A sentence with a full stop and a capital, unless it begins with the name of a number."""
+    word = text.partition(" ")[0]
+    if word.rstrip(",:;").isalpha():
+        text = text[:1].upper() + text[1:]
+    return text if text.endswith((".", "!", "?")) else f"{text}."
+
+
+def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
+    """What the command prints: notice, errors, verdict, reasons."""
+    from testbed.report.text import table
+
+    head = tuple(name.replace("χ²", "chi2") for name in HEAD)
+    rows = [
+        [cell.replace("−", "-").replace("–", "-") for cell in row]
+        for row in headline_rows(calibration)
+    ]
+    held = calibration.split.is_test.any()
+    title = f"{calibration.source.name}: errors at {'held-out rows' if held else 'the rows used'}"
+    parts = [notice(calibration), table(title, head, rows), "", f"Verdict: {verdict(calibration)}"]
+    parts += [f"  {reason}" for reason in reasons(calibration)]
+    parts += [f"  {closed(text)}" for text in calibration.gross.sentences[:MOST_NAMED]]
+    more = len(calibration.gross.sentences) - MOST_NAMED
+    if more > 0:
+        parts.append(f"  {more} more rows that do not fit are in the report.")
+    parts += [f"  {closed(text)}" for text in delivered.program]
+    return "\n".join(parts)

@@ -1,0 +1,1 @@
+"""The order in which poses are measured, and free moves between them."""

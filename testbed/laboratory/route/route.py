@@ -1,0 +1,310 @@
+"""Measuring order: a short open tour through the poses by local search, and its moves."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, Index, frozen
+from calib.errors import InputError
+from calib.geometry.chain import joint_vectors
+from testbed.laboratory.route.moves import Mover, Way, travel_times
+from testbed.laboratory.simulator import Simulator
+from testbed.robots.catalog import Robot
+
+BLOCKED_TIME = 1e6
+"""What a move without a way costs when orders are compared [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Route:
+    """An order of poses with the moves between them, from a start posture; it does not return."""
+
+    start: Array
+    """(n,) posture before the first move [rad, m]."""
+    order: Index
+    """(m,) positions of the poses in the given list, in measuring order."""
+    q: Array
+    """(m, n) the poses in measuring order [rad, m]."""
+    via: tuple[Array, ...]
+    """(m,) stops (k, n) on the way to each pose, none where the straight move is free [rad, m]."""
+    times: Array
+    """(m,) time of the moves to each pose, stops included [s]."""
+    settle: float
+    """Rest at each pose [s]."""
+    given_time: float
+    """Time of the moves in the order given, with its own detours; inf if one is blocked [s]."""
+    blocked: tuple[tuple[int, int], ...]
+    """Pairs of poses, by position in the given list (-1: start), with no way between them."""
+    tested: int
+    """Postures tested for collision."""
+    resolution: float
+    """Largest way of any point of the robot between two tested postures of a move [m]."""
+
+    @property
+    def move_time(self) -> float:
+        """Time spent moving [s]."""
+        return float(self.times.sum())
+
+    @property
+    def total_time(self) -> float:
+        """Time of moving and resting [s]."""
+        return self.move_time + self.settle * len(self.order)
+
+    @property
+    def detours(self) -> int:
+        """Poses that are reached by stops in between."""
+        return sum(len(stops) > 0 for stops in self.via)
+
+    @property
+    def postures(self) -> Array:
+        """(k, n) every posture in turn: the start, stops and poses [rad, m]."""
+        legs = (np.vstack([via, pose]) for via, pose in zip(self.via, self.q, strict=True))
+        return frozen(np.vstack([self.start, *legs]))
+
+    @property
+    def sentence(self) -> str:
+        """What came out, in words."""
+        m = len(self.order)
+        if self.blocked:
+            pairs = ", ".join(
+                f"{'the start' if a < 0 else f'pose {a}'} and pose {b}" for a, b in self.blocked
+            )
+            return (
+                f"no free way was found between {pairs}; move between them by hand, "
+                "drop a pose, or move the obstacle"
+            )
+        around = (
+            f"{self.detours} {'move needs' if self.detours == 1 else 'moves need'} a stop on the "
+            "way around"
+            if self.detours
+            else "every straight joint move is free"
+        )
+        return (
+            f"{m} {'pose' if m == 1 else 'poses'} in {self.total_time:.0f} s, "
+            f"{self.move_time:.0f} s of them moving; {around} (tested every "
+            f"{self.resolution * 1e3:g} mm of the fastest point)"
+        )
+
+
+def measuring_route(
+    robot: Robot,
+    simulator: Simulator,
+    q: ArrayLike,
+    rng: np.random.Generator,
+    *,
+    speed_share: float = 1.0,
+    settle: float = 0.0,
+    start: ArrayLike | None = None,
+    vias: ArrayLike | None = None,
+    resolution: float = 0.010,
+    ranges: ArrayLike | None = None,
+) -> Route:
+    """Order poses for a short time on the way and make every move free of collisions.
+
+    The order is a local optimum under turning a piece around, moving a piece and swapping, over the
+    times of the ways; a straight move that hits something counts with the time of its detour. Moves
+    are tested only where an order uses them. The route is never longer than the given order.
+
+    Parameters
+    ----------
+    robot : Robot
+        Speeds and limits.
+    simulator : Simulator
+        Of the robot's nominal chain, with the obstacles of the cell.
+    q : (m, n) array_like
+        Poses to measure, all free of collisions [rad, m].
+    rng : Generator
+        Draws postures where a way around must be searched.
+    speed_share : float
+        Share of the robot's largest joint speeds.
+    settle : float
+        Rest at each pose [s].
+    start : (n,) array_like, optional
+        Where the robot starts; all joints at zero by default [rad, m].
+    vias : (k, n) array_like, optional
+        Free postures offered as stops of detours, such as the pool; the poses themselves and the
+        start always are.
+    resolution : float
+        Largest way of any point of the robot between two tested postures of a move [m].
+    ranges : (n, 2) array_like, optional
+        Joint values between which a way around is searched; the joint limits by default [rad, m].
+
+    Raises
+    ------
+    InputError
+        If the start or a pose collides, or there is no pose.
+    """
+    chain = robot.model.chain
+    q = joint_vectors(chain, q)
+    if not len(q):
+        raise InputError("no poses to order", code="M27", field="q", fix="choose a pose or more")
+    zero = np.zeros(q.shape[1])
+    (home,) = joint_vectors(chain, np.asarray(zero if start is None else start)[None])
+    stops = np.vstack([home, q])
+    _check_free(simulator, stops)
+    speeds = robot.speeds * speed_share
+    between = robot.limits if ranges is None else np.asarray(ranges, dtype=np.float64)
+    mover = Mover(simulator, between, speeds, resolution=resolution)
+    offered = stops if vias is None else np.vstack([stops, joint_vectors(chain, vias)])
+    times = travel_times(stops[:, None], stops[None], speeds)
+    given = np.arange(len(stops))
+    ways: dict[tuple[int, int], Way] = {}
+    tour = best_tour(times, given)
+    while missing := [pair for one in (tour, given) for pair in _pairs(one) if pair not in ways]:
+        for a, b in dict.fromkeys(missing):
+            ways[a, b] = way = mover.way(stops[a], stops[b], offered, rng)
+            times[a, b] = times[b, a] = way.time if way.found else BLOCKED_TIME
+        tour = best_tour(times, given)
+    legs = list(pairwise(tour))
+    taken = [ways[min(leg), max(leg)] for leg in legs]
+    lost = [
+        (int(a) - 1, int(b) - 1) for (a, b), way in zip(legs, taken, strict=True) if not way.found
+    ]
+    return Route(
+        start=frozen(home),
+        order=frozen(tour[1:] - 1, np.int64),
+        q=frozen(stops[tour[1:]]),
+        via=tuple(
+            way.via if a < b else frozen(way.via[::-1])
+            for (a, b), way in zip(legs, taken, strict=True)
+        ),
+        # a blocked move is timed as if it were straight: somebody has to lead the robot around
+        times=frozen(
+            [
+                way.time if way.found else float(travel_times(stops[a], stops[b], speeds))
+                for (a, b), way in zip(legs, taken, strict=True)
+            ]
+        ),
+        settle=float(settle),
+        given_time=float(sum(ways[pair].time for pair in _pairs(given))),
+        blocked=tuple(lost),
+        tested=mover.tested,
+        resolution=resolution,
+    )
+
+
+def _pairs(tour: Index) -> Iterator[tuple[int, int]]:
+    """Pairs of neighbors, the smaller first: ways are the same back and forth."""
+    for a, b in pairwise(tour):
+        yield (min(int(a), int(b)), max(int(a), int(b)))
+
+
+def _check_free(simulator: Simulator, stops: Array) -> None:
+    """Refuse a start (first row) or poses that hit something where they stand."""
+    hits = np.flatnonzero(simulator.collides(stops))
+    if not len(hits):
+        return
+    at_start = hits[0] == 0
+    raise InputError(
+        f"in {'the start posture' if at_start else f'pose {hits[0] - 1}'} the robot hits "
+        f"{simulator.hit_word(stops[hits[0]])}",
+        code="M27",
+        field="start" if at_start else "q",
+        value=stops[hits[0]].tolist(),
+        allowed="a route leads through free postures",
+        fix="write another [plan] start_deg" if at_start else "leave the pose out",
+    )
+
+
+STARTS = 24
+"""Tours improved besides the given one: nearest neighbors after each of so many first stops."""
+GAIN = 1e-9
+"""Share of the length that a change must gain, so that rounding cannot keep the search going."""
+
+
+def best_tour(times: Array, given: Index) -> Index:
+    """Shortest of several locally best tours (n,) that start at point 0 and end anywhere.
+
+    Parameters
+    ----------
+    times : (n, n) array
+        Symmetric times between points [s].
+    given : (n,) array
+        A tour to improve as well: the result is never longer than this one.
+
+    Returns
+    -------
+    (n,) array
+        Points in order; no reversal of a piece and no move of up to three neighbors to another
+        place, either way around, makes it shorter.
+
+    References
+    ----------
+    Croes 1958 (2-opt); Or 1976 (moving a piece).
+    """
+    n = len(times)
+    if n < 3:
+        return np.asarray(given)
+    firsts = np.argsort(times[0, 1:], kind="stable")[:STARTS] + 1
+    tours = [improved(times, np.asarray(given))]
+    tours += [improved(times, nearest_neighbors(times, int(first))) for first in firsts]
+    return min(tours, key=lambda tour: length(times, tour))
+
+
+def length(times: Array, tour: Index) -> float:
+    """Time of a tour [s]."""
+    return float(times[tour[:-1], tour[1:]].sum())
+
+
+def nearest_neighbors(times: Array, first: int) -> Index:
+    """From 0 to `first`, then always to the nearest point left; ties to the lowest index."""
+    left = np.ones(len(times), dtype=bool)
+    tour = [0, first]
+    left[tour] = False
+    while left.any():
+        tour.append(int(np.argmin(np.where(left, times[tour[-1]], np.inf))))
+        left[tour[-1]] = False
+    return np.array(tour)
+
+
+def improved(times: Array, tour: Index) -> Index:
+    """The tour after the best change again and again, until none gains."""
+    slack = GAIN * max(length(times, tour), 1.0)
+    while True:
+        gain, changed = max((_best_turn(times, tour), _best_move(times, tour)), key=lambda c: c[0])
+        if gain <= slack:
+            return tour
+        tour = changed
+
+
+def _best_turn(times: Array, tour: Index) -> tuple[float, Index]:
+    """Largest gain of turning tour[i:j] around, 1 <= i < j; past the end nothing is joined."""
+    n = len(tour)
+    D = times[np.ix_(tour, tour)]
+    step = D[np.arange(n - 1), np.arange(1, n)]
+    after = np.append(step, 0.0)  # from the last point of a piece to what follows it
+    # [i, k]: piece i..k, both ends included
+    joined = np.zeros((n, n))
+    joined[1:, :-1] = D[1:, 1:]  # new neighbors i and k + 1
+    gain = np.full((n, n), -np.inf)
+    gain[1:] = step[:, None] + after[None, :] - D[:-1] - joined[1:]
+    gain[np.tril_indices(n)] = -np.inf
+    i, k = np.unravel_index(int(np.argmax(gain)), gain.shape)
+    changed = tour.copy()
+    changed[i : k + 1] = tour[i : k + 1][::-1]
+    return float(gain[i, k]), changed
+
+
+def _best_move(times: Array, tour: Index) -> tuple[float, Index]:
+    """Largest gain of taking out up to three neighbors and putting them elsewhere."""
+    best, out = -np.inf, tour
+    n = len(tour)
+    for size in range(1, min(3, n - 2) + 1):
+        for i in range(1, n - size + 1):
+            piece, rest = tour[i : i + size], np.delete(tour, np.s_[i : i + size])
+            gone = times[tour[i - 1], piece[0]]
+            if i + size < n:
+                following = tour[i + size]
+                gone += times[piece[-1], following] - times[tour[i - 1], following]
+            before, behind = rest, rest[1:]
+            for ends in (piece, piece[::-1]):
+                added = times[before, ends[0]]
+                added[:-1] += times[ends[-1], behind] - times[before[:-1], behind]
+                k = int(np.argmin(added))
+                if gone - added[k] > best:
+                    best = float(gone - added[k])
+                    out = np.concatenate([rest[: k + 1], ends, rest[k + 1 :]])
+    return best, out

@@ -1,0 +1,324 @@
+"""The virtual laser tracker: what it shows of a pose, and the shots that go wrong or fail."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, Index, check
+from calib.errors import InputError
+from calib.geometry.chain import Chain
+from calib.geometry.frames import exp_so3, inverse, slide
+from calib.geometry.model import RobotModel
+from calib.measurement.noise import spherical_covariance, with_joint_noise
+from calib.measurement.observations import POINT, POSE, Measurements
+from testbed.laboratory.tracker.bias import BiasSize, StationBias
+from testbed.laboratory.tracker.drift import NESTS, Drift
+from testbed.scenario.read import At960Tracker, PaperTracker
+from testbed.streams import stream
+
+
+@dataclass(frozen=True, slots=True)
+class Mishaps:
+    """Shots that go wrong in each visit."""
+
+    outliers: int = 0
+    """Grossly wrong ones; nothing in the data says which."""
+    position_sd: float = 0.0
+    """Of an outlier, per axis [m]."""
+    rotation_sd: float = 0.0
+    """Of an outlier, per axis [rad]."""
+    missed: int = 0
+    """Failed ones; their rows are missing."""
+
+
+def streams_below(rng: np.random.Generator) -> list[np.random.Generator]:
+    """Four streams of a stream's own, whatever it has given away already."""
+    seeds = rng.bit_generator.seed_seq
+    if not isinstance(seeds, np.random.SeedSequence):
+        raise RuntimeError("the noise needs a generator made from a seed")
+    return [
+        np.random.default_rng(
+            np.random.SeedSequence(seeds.entropy, spawn_key=(*seeds.spawn_key, _BELOW, k))
+        )
+        for k in range(4)
+    ]
+
+
+_BELOW = 0x7472  # apart from the children that `spawn` counts from 0
+
+
+def some_rows(m: int, count: int, rng: np.random.Generator, key: str) -> Index:
+    """Rows (count,) of m, each one once."""
+    if count > m:
+        raise InputError(
+            f"[tracker] {key} is {count}; the visit has {m} shots",
+            code="M27",
+            field=f"tracker.{key}",
+            value=count,
+            fix=f"write {key} = {max(m - 1, 0)} or fewer",
+        )
+    return np.asarray(rng.permutation(m)[:count])
+
+
+PROBE_CENTER = (0.0, 0.0, 0.060)
+"""Where the reflector of the drawn 6-D probe sits in the flange frame [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracker:
+    """A laser tracker at its station; isotropic noise is the spherical model with equal parts."""
+
+    T_world_tracker: Array
+    """(4, 4) station; the origin is where the beam starts [m]."""
+    measures: Literal["pose", "point"]
+    """Full poses of a 6-D target at the tool frame, or one reflector."""
+    reflector: Array
+    """(3,) reflector in the tool frame, zero for poses [m]."""
+    range_sd: tuple[float, float]
+    """Along the beam: constant [m], per meter of range."""
+    transverse_sd: tuple[float, float]
+    """Across the beam: constant [m], per meter of range."""
+    centering_sd: float
+    """Of the target's center, any direction [m]."""
+    rotation_sd: tuple[float, float, float]
+    """Of the target's rotation about the tool's x, y, z [rad]."""
+    acceptance: float = np.pi
+    """Half angle of the cone about the tool's z axis from which the target is seen [rad]."""
+    pose_time: float = 10.0
+    """From one shot to the next [s]."""
+    bias: StationBias | None = None
+    """What it gets wrong the same way all campaign long; None: nothing."""
+    drift: Drift | None = None
+    """How its station wanders; None: it stands still."""
+    mishaps: Mishaps = field(default_factory=Mishaps)
+    """Wrong and failed shots."""
+
+    def __post_init__(self) -> None:
+        T, reflector = check(
+            "4 4, 3", T_world_tracker=self.T_world_tracker, reflector=self.reflector
+        )
+        object.__setattr__(self, "T_world_tracker", T)
+        object.__setattr__(self, "reflector", reflector)
+
+    @property
+    def station(self) -> Array:
+        """(3,) where the beam starts, in the world [m]."""
+        return self.T_world_tracker[:3, 3]
+
+    def aim(self, chain: Chain) -> Array:
+        """(3,) what the beam must reach, in the tool frame of `chain`: reflector or probe [m]."""
+        if self.measures == POINT:
+            return self.reflector
+        return np.asarray(inverse(chain.T_flange_tool) @ [*PROBE_CENTER, 1.0])[:3]
+
+    def targets(self, T: Array) -> Array:
+        """Positions (m, 3) of the tracked point at tool poses T (m, 4, 4) [m]."""
+        return np.asarray(T[:, :3, 3] + T[:, :3, :3] @ self.reflector)
+
+    def covariance(self, model: RobotModel, q: ArrayLike, sigma_q: ArrayLike) -> Array:
+        """Stated covariance (m, 6, 6) of a measurement at joints q, world axes [m^2, m rad, rad^2].
+
+        Taken at the poses of `model`, the nominal robot, as a real laboratory would; includes what
+        the joints scatter. The rotation part of a point measurement is not used.
+
+        Parameters
+        ----------
+        model : RobotModel
+            Nominal model.
+        q : (m, n) array_like
+            Commanded joints [rad, m].
+        sigma_q : (n,) array_like
+            Stated repeatability of each joint [rad or m].
+
+        References
+        ----------
+        Hollerbach & Wampler 1996 (input noise): Sigma_j = Sigma_tracker + J_q diag(sigma_q^2) J_q'.
+        """
+        T = model.poses(q)
+        own = self.own_covariance(self.targets(T), T[:, :3, :3])
+        return with_joint_noise(
+            model, q, own, sigma_q, offset=np.broadcast_to(self.reflector, (len(T), 3))
+        )
+
+    def own_covariance(self, target: Array, R: Array | None = None) -> Array:
+        """Scatter (m, 6, 6) of shots at targets (m, 3) on tools R (m, 3, 3), world axes."""
+        return spherical_covariance(
+            target,
+            self.T_world_tracker,
+            range_sd=self.range_sd,
+            transverse_sd=self.transverse_sd,
+            rotation_sd=self.rotation_sd,
+            centering_sd=self.centering_sd,
+            R_world_target=R,
+        )
+
+    def measure(
+        self,
+        T_true: Array,
+        q: Array,
+        pose_id: Index,
+        repeat: int,
+        covariance: Array,
+        rng: np.random.Generator,
+        *,
+        time: ArrayLike | None = None,
+    ) -> Measurements:
+        """One reading of each true tool pose, but for those that are missed.
+
+        The noise follows the shot as it is, not the stated covariance, which only travels along.
+        Drift, outliers and missed shots have streams of their own below `rng`: switching one of
+        them never moves the noise or the others.
+
+        Parameters
+        ----------
+        T_true : (m, 4, 4) array
+            True tool poses; joint repeatability is already in them [m].
+        q : (m, n) array
+            Commanded joints [rad, m].
+        pose_id : (m,) array
+            Which pose of the pool each row is.
+        repeat : int
+            Which visit, from 0.
+        covariance : (m, 6, 6) array
+            What is stated with the readings, from `covariance`.
+        rng : Generator
+            Noise of this visit: nine normal numbers a row.
+        time : (m,) array_like, optional
+            Of each shot; one every `pose_time` by default. The visit begins with the first [s].
+        """
+        m = len(T_true)
+        beam_noise, center_noise, turn_noise = rng.standard_normal((m, 3, 3)).swapaxes(0, 1)
+        true, R = self.targets(T_true), T_true[:, :3, :3]
+        beam = true - self.station
+        distance = np.linalg.norm(beam, axis=1, keepdims=True)
+        u = beam / distance
+        along = self.range_sd[0] + self.range_sd[1] * distance
+        across = self.transverse_sd[0] + self.transverse_sd[1] * distance
+        # along u u' + across (I - u u') is the symmetric root of the beam's covariance
+        share = (u * beam_noise).sum(axis=1, keepdims=True)
+        position = true + across * beam_noise + (along - across) * share * u
+        position += self.centering_sd * center_noise
+        turn = (R @ (turn_noise * self.rotation_sd)[..., None])[..., 0]
+        if self.bias is not None:
+            fixed = self.bias.errors(true, R, self.T_world_tracker)
+            position, turn = position + fixed[:, :3], turn + fixed[:, 3:]
+        rotation = exp_so3(turn) @ R
+        axes = self.T_world_tracker[:3, :3]
+        walk_rng, nest_rng, wrong_rng, lost_rng = streams_below(rng)
+        if self.drift is not None:
+            since = np.arange(m) * self.pose_time if time is None else np.asarray(time)
+            elapsed = since - since[:1]
+            position = position + self.drift.walk(elapsed, walk_rng) @ axes.T
+            nests = self.own_covariance(self.drift.nests)[:, :3, :3]
+            position = position + self.drift.nest_noise(elapsed, nests, nest_rng)
+        if self.mishaps.outliers:
+            rows = some_rows(m, self.mishaps.outliers, wrong_rng, "outliers")
+            gross = wrong_rng.standard_normal((2, len(rows), 3))
+            position[rows] += gross[0] * self.mishaps.position_sd
+            rotation[rows] = exp_so3(gross[1] * self.mishaps.rotation_sd) @ rotation[rows]
+        if self.measures == POINT:
+            rotation = np.broadcast_to(np.eye(3), (m, 3, 3))
+        found = Measurements(
+            q=q,
+            position=position,
+            rotation=rotation,
+            covariance=covariance,
+            kind=np.full(m, POINT if self.measures == POINT else POSE),
+            offset=np.broadcast_to(self.reflector, (m, 3)),
+            pose_id=pose_id,
+            repeat=np.full(m, repeat),
+        )
+        if not self.mishaps.missed:
+            return found
+        seen = np.ones(m, dtype=bool)
+        seen[some_rows(m, self.mishaps.missed, lost_rng, "missed")] = False
+        return found.rows(seen)
+
+
+def tracker_from(
+    settings: PaperTracker | At960Tracker, chain: Chain, *, seed: int | None = None
+) -> Tracker:
+    """The tracker of a scenario.
+
+    Parameters
+    ----------
+    settings : PaperTracker or At960Tracker
+        [tracker] of the scenario.
+    chain : Chain
+        Nominal; its base is what the station refers to.
+    seed : int, optional
+        Seed of the campaign, from which systematic errors are drawn; without it there are none:
+        planning does not know them.
+    """
+    T_world_tracker = chain.T_world_base @ slide(*(np.array(settings.station_mm) / 1e3))
+    reflector = np.array(settings.reflector_mm) / 1e3
+    acceptance = float(np.radians(settings.acceptance_deg))
+    if isinstance(settings, PaperTracker):
+        every_axis = (settings.position_um * 1e-6, 0.0)
+        turn = float(np.radians(settings.rotation_mdeg * 1e-3))
+        return Tracker(
+            T_world_tracker,
+            settings.measures,
+            reflector,
+            range_sd=every_axis,
+            transverse_sd=every_axis,
+            centering_sd=0.0,
+            rotation_sd=(turn, turn, turn),
+            acceptance=acceptance,
+            pose_time=settings.pose_s,
+        )
+    pitch, yaw, roll = (float(np.radians(sd * 1e-3)) for sd in settings.rotation_mdeg)
+    return Tracker(
+        T_world_tracker,
+        settings.measures,
+        reflector,
+        range_sd=_in_meters(settings.range_um),
+        transverse_sd=_in_meters(settings.transverse_um),
+        centering_sd=settings.centering_um * 1e-6,
+        rotation_sd=(pitch, yaw, roll),
+        acceptance=acceptance,
+        pose_time=settings.pose_s,
+        bias=_bias(settings, seed),
+        drift=_drift(settings, chain),
+        mishaps=Mishaps(
+            settings.outliers,
+            settings.outlier_mm / 1e3,
+            float(np.radians(settings.outlier_deg)),
+            settings.missed,
+        ),
+    )
+
+
+def bias_size(settings: At960Tracker) -> BiasSize:
+    """How large the systematic errors of a scenario's tracker may be."""
+    return BiasSize(
+        settings.range_offset_um * 1e-6,
+        settings.scale_um_per_m * 1e-6,
+        _in_meters(settings.encoder_um),
+        settings.target_offset_um * 1e-6,
+        float(np.radians(settings.target_turn_mdeg * 1e-3)),
+    )
+
+
+def _bias(settings: At960Tracker, seed: int | None) -> StationBias | None:
+    """Systematic errors drawn once for a campaign."""
+    if not settings.systematic or seed is None:
+        return None
+    size = bias_size(settings)
+    return StationBias(size, size.draw(stream(seed, "station", "bias")))
+
+
+def _drift(settings: At960Tracker, chain: Chain) -> Drift | None:
+    """How the station wanders; the nests stand around the robot's base."""
+    if not settings.drift_um_per_sqrt_h:
+        return None
+    T = chain.T_world_base
+    nests = np.array(NESTS) @ T[:3, :3].T + T[:3, 3]
+    return Drift(settings.drift_um_per_sqrt_h * 1e-6 / 60.0, settings.nests_s, nests)
+
+
+def _in_meters(pair: tuple[float, float]) -> tuple[float, float]:
+    """Constant and per-meter part, from um and um/m."""
+    return pair[0] * 1e-6, pair[1] * 1e-6

@@ -1,0 +1,1 @@
+"""The secret: geometry, joint errors, springs and backlash of the true robot."""

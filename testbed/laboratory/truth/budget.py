@@ -1,0 +1,109 @@
+"""What each term of the truth contributes: how far it alone moves the tool over given poses."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, check
+from calib.geometry.chain import joint_vectors
+from calib.geometry.jacobian import joint_columns
+from testbed.laboratory.truth.robot import draw_truth
+from testbed.laboratory.truth.terms import only, terms_of
+from testbed.robots.catalog import Robot
+from testbed.scenario.read import TruthSettings
+
+REPEATABILITY = "repeatability"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TruthBudget:
+    """The error of the true robot, term by term; displacements are true minus nominal tool."""
+
+    names: tuple[str, ...]
+    """(k,) terms that are switched on; repeatability, which scatters, is the last one."""
+    rms_mm: Array
+    """(k,) root mean square displacement of the tool by each term alone [mm]."""
+    displacement_mm: Array
+    """(d, m, 3) displacement by each term alone, world axes; not of repeatability [mm]."""
+    together_mm: Array
+    """(m, 3) displacement by all of them at once, without repeatability [mm]."""
+
+    def __post_init__(self) -> None:
+        rms, alone, together = check(
+            "k, d m 3, m 3",
+            rms_mm=self.rms_mm,
+            displacement_mm=self.displacement_mm,
+            together_mm=self.together_mm,
+        )
+        object.__setattr__(self, "rms_mm", rms)
+        object.__setattr__(self, "displacement_mm", alone)
+        object.__setattr__(self, "together_mm", together)
+
+    @property
+    def together_rms_mm(self) -> float:
+        """Root mean square displacement by all terms at once, repeatability included [mm]."""
+        scatter = self.rms_mm[len(self.displacement_mm) :]
+        return float(np.sqrt(_rms(self.together_mm) ** 2 + (scatter**2).sum()))
+
+    @property
+    def interaction_mm(self) -> float:
+        """Root mean square of what the terms together do beyond the sum of each alone [mm]."""
+        return _rms(self.together_mm - self.displacement_mm.sum(axis=0))
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The budget in words, the largest first."""
+        order = np.argsort(-self.rms_mm, kind="stable")
+        return tuple(f"{self.names[k]}: {self.rms_mm[k]:.4f} mm" for k in order)
+
+
+def truth_budget(
+    robot: Robot,
+    truth: TruthSettings,
+    seed: int,
+    q: ArrayLike,
+    *,
+    time: ArrayLike | None = None,
+    previous: ArrayLike | None = None,
+) -> TruthBudget:
+    """What each term of a scenario's truth contributes to the error of the tool.
+
+    Each term is switched on alone, with what it draws in the scenario, and moves the nominal robot.
+    Repeatability counts with its expectation, to first order.
+
+    Parameters
+    ----------
+    robot : Robot
+        Nominal robot.
+    truth : TruthSettings
+        [truth] of the scenario.
+    seed : int
+        Seed of the scenario.
+    q : (m, n) array_like
+        Poses over which the contributions are averaged [rad, m].
+    time, previous : optional
+        As in `TrueRobot.poses`.
+    """
+    model = robot.model
+    q = joint_vectors(model.chain, q)
+    nominal = model.poses(q)[:, :3, 3]
+
+    def displacement(*terms: str) -> Array:
+        true = draw_truth(robot, only(truth, *terms), seed)
+        return 1e3 * (true.poses(q, time=time, previous=previous)[:, :3, 3] - nominal)
+
+    names = terms_of(truth)
+    fixed = [name for name in names if name != REPEATABILITY]
+    alone = np.array([displacement(name) for name in fixed]).reshape(len(fixed), len(q), 3)
+    rms = [_rms(one) for one in alone]
+    if REPEATABILITY in names:
+        sd = draw_truth(robot, only(truth, REPEATABILITY), seed).joint_repeatability
+        J = model.poses_and_jacobian(q)[1][:, :3, joint_columns(model.chain)] * sd
+        rms.append(1e3 * float(np.sqrt((J**2).sum(axis=(1, 2)).mean())))
+    return TruthBudget(names, np.array(rms), alone, displacement(*fixed))
+
+
+def _rms(displacement: Array) -> float:
+    """Root mean square length of vectors (m, 3)."""
+    return float(np.sqrt((displacement**2).sum(axis=-1).mean()))

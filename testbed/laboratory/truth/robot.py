@@ -1,0 +1,254 @@
+"""The true robot: drawn in secret around the nominal one, and played by MuJoCo."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, check
+from calib.errors import InputError
+from calib.geometry.chain import chain_names, joint_vectors
+from calib.geometry.model import RobotModel
+from calib.identification.joint_models import gravity_quarters
+from testbed.laboratory.simulator import Simulator
+from testbed.laboratory.truth.backlash import backlash
+from testbed.laboratory.truth.springs import ElasticArm
+from testbed.laboratory.truth.terms import (
+    Beyond,
+    Springs,
+    Thermal,
+    encoder,
+    gravity,
+    harmonics,
+    high_harmonics,
+    joined,
+    mdeg,
+    per_joint,
+)
+from testbed.robots.catalog import Robot
+from testbed.scenario.read import TruthSettings
+from testbed.scenario.truth import require_truth
+from testbed.streams import stream
+from testbed.strict import choice_of
+
+LINKS = "links"
+"""Value of `perturb` that means every link number."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrueRobot:
+    """What stands in the laboratory."""
+
+    model: RobotModel
+    """Geometry and joint errors [m, rad]."""
+    joint_repeatability: Array
+    """(n,) standard deviation of each joint at each approach [rad or m]."""
+    beyond: Beyond = field(default_factory=Beyond)
+    """Play, warmth and springs, which `model` does not know."""
+    simulator: Simulator | ElasticArm = field(init=False, repr=False)
+    """The same geometry as a MuJoCo body tree, sprung where the arm gives way."""
+
+    def __post_init__(self) -> None:
+        n = self.model.chain.n_joints
+        (sd,) = check(f"{n}", joint_repeatability=self.joint_repeatability)
+        if (sd < 0).any():
+            raise InputError(
+                f"joint_repeatability is {sd.min():g}",
+                code="A3",
+                field="joint_repeatability",
+                value=float(sd.min()),
+                allowed="standard deviations are not negative",
+            )
+        object.__setattr__(self, "joint_repeatability", sd)
+        chain, springs = self.model.chain, self.beyond.springs
+        arm = ElasticArm(chain, springs) if springs else Simulator(None, chain)
+        object.__setattr__(self, "simulator", arm)
+
+    def poses(
+        self,
+        q: ArrayLike,
+        *,
+        rng: np.random.Generator | None = None,
+        time: ArrayLike | None = None,
+        previous: ArrayLike | None = None,
+    ) -> Array:
+        """True tool poses T_world_tool (m, 4, 4) at commanded joints q (m, n) [rad, m].
+
+        Each row is one approach. Without `rng` the joints stop where their errors put them; with it
+        every approach also has its own joint repeatability.
+
+        Parameters
+        ----------
+        q : (m, n) array_like
+            Commanded joints [rad, m].
+        rng : Generator, optional
+            Joint repeatability of each approach.
+        time : (m,) array_like, optional
+            Since the start of the campaign; a cold robot by default [s].
+        previous : (m, n) array_like, optional
+            Where each move came from; all joints at zero by default [rad, m].
+        """
+        q = joint_vectors(self.model.chain, q)
+        reached = q + self.model.joint_errors.offsets(q)
+        if self.beyond.backlash is not None:
+            (before,) = check(
+                f"{len(q)} {q.shape[1]}",
+                previous=np.zeros_like(q) if previous is None else previous,
+            )
+            reached = reached + self.beyond.backlash.offsets(q, before)
+        if rng is not None:
+            reached = reached + rng.standard_normal(q.shape) * self.joint_repeatability
+        growth = None
+        if self.beyond.thermal is not None:
+            (since,) = check(f"{len(q)}", time=np.zeros(len(q)) if time is None else time)
+            growth = self.beyond.thermal.growth(since)
+        return self.simulator.poses(reached, growth=growth)
+
+
+def draw_truth(robot: Robot, truth: TruthSettings, seed: int) -> TrueRobot:
+    """Draw the true robot of a scenario.
+
+    Every term has its own stream, and every number of the chain its own place in it: switching one
+    term on or off, or perturbing other numbers, never moves the rest.
+
+    Parameters
+    ----------
+    robot : Robot
+        Nominal robot; its own repeatability is used where the scenario leaves it open.
+    truth : TruthSettings
+        How far the true robot lies from the nominal one.
+    seed : int
+        Seed of the scenario.
+
+    References
+    ----------
+    Magnitudes after what fits to measured arms of this size leave behind: 0.02 deg and 0.12 mm of
+    geometry, joint sag and gear harmonics of some millidegrees (assumed, not a maker's figures).
+    """
+    require_truth(robot, truth)
+    nominal = robot.model.chain
+    chain = nominal.moved(
+        geometry_step(robot, truth, stream(seed, "truth", "geometry"))
+        + frame_step(nominal.n_joints, truth, stream(seed, "truth", "frames"))
+    )
+    errors = robot.model.joint_errors
+    if any(truth.gravity_mdeg):
+        errors = joined(errors, gravity(nominal, mdeg(truth.gravity_mdeg)))
+    if np.any(truth.harmonic_mdeg):
+        rng = stream(seed, "truth", "harmonics")
+        errors = joined(errors, harmonics(nominal, per_joint(nominal, truth.harmonic_mdeg), rng))
+    if np.any(truth.high_harmonic_mdeg):
+        rng = stream(seed, "truth", "high harmonics")
+        size = per_joint(nominal, truth.high_harmonic_mdeg)
+        errors = joined(errors, high_harmonics(nominal, size, rng))
+    if np.any(truth.encoder_mdeg):
+        rng = stream(seed, "truth", "encoder")
+        size = per_joint(nominal, truth.encoder_mdeg)
+        errors = joined(errors, encoder(nominal, size, truth.encoder_periods, rng))
+    model = RobotModel(chain, errors)
+    return TrueRobot(model, joint_repeatability(robot, truth), beyond(robot, truth))
+
+
+def beyond(robot: Robot, truth: TruthSettings) -> Beyond:
+    """Play, warmth and springs of a scenario; nothing of them is drawn.
+
+    Raises
+    ------
+    InputError
+        If the play goes by the posture of an arm of another kind; see `gravity_quarters`.
+    """
+    chain, play, warmth, springs = robot.model.chain, None, None, None
+    if np.any(truth.backlash_mdeg):
+        upright = gravity_quarters(chain) == (0, 0) and chain.n_joints >= 5
+        if truth.backlash_side == "posture" and not upright:
+            raise InputError(
+                '[truth] backlash_side = "posture" does not fit this arm',
+                code="S37",
+                field="truth.backlash_side",
+                value="posture",
+                allowed="an upright arm of five joints or more, joints 2 and 3 level and parallel",
+                fix='write backlash_side = "load" or "approach"',
+            )
+        width = np.where(chain.prismatic, 0.0, per_joint(chain, truth.backlash_mdeg))
+        play = backlash(robot, truth, width / 2)
+    if truth.thermal_k:
+        warmth = Thermal(truth.thermal_k, truth.thermal_h * 3600, truth.thermal_um_per_m_k * 1e-6)
+    if truth.drive_nm_per_mrad:
+        springs = Springs(
+            robot.masses,
+            robot.centers,
+            robot.inertias,
+            np.array(truth.drive_nm_per_mrad) * 1e3,
+            np.array(truth.bearing_nm_per_mrad) * 1e3,
+            truth.payload_kg,
+            np.array(truth.payload_center_mm) / 1e3,
+        )
+    return Beyond(play, warmth, springs)
+
+
+def geometry_step(robot: Robot, truth: TruthSettings, rng: np.random.Generator) -> Array:
+    """Normal errors (12 + 5 n,) of the perturbed numbers, zero for all others [m, rad]."""
+    model = robot.model
+    sd = np.where(model.is_length, truth.length_sd_mm / 1e3, np.radians(truth.angle_sd_deg))
+    letters = np.array([name.rstrip("0123456789") for name in model.names])
+    sd[np.isin(letters, ("alpha", "beta"))] *= truth.twist_share
+    sd[letters == "d"] *= truth.offset_share
+    chosen = perturbed_names(robot, truth.perturb)
+    mask = np.array([name in chosen for name in model.names])
+    # drawn for all numbers, so that a number's error does not depend on which others are chosen
+    return np.where(mask, sd * rng.standard_normal(model.n_numbers), 0.0)[: model.chain.n_numbers]
+
+
+def perturbed_names(robot: Robot, perturb: str | tuple[str, ...]) -> frozenset[str]:
+    """Names of the chain numbers that `perturb` stands for: links, a free set, or a list.
+
+    Raises
+    ------
+    InputError
+        If the robot has no such free set, or its chain no such number.
+    """
+    known = chain_names(robot.model.chain.n_joints)
+    if perturb == LINKS:
+        return frozenset(known[6:-6])
+    if isinstance(perturb, str):
+        choices = tuple(dict.fromkeys((LINKS, *robot.free_sets)))
+        if perturb not in robot.free_sets:
+            raise InputError(
+                f'[truth] perturb = "{perturb}" is no free set of {robot.name}',
+                code="S37",
+                field="truth.perturb",
+                value=perturb,
+                allowed=f"{', '.join(choices)}, or a list of names",
+                fix=choice_of(perturb, choices),
+            )
+        return frozenset(robot.free_sets[perturb])
+    for name in perturb:
+        if name not in known:
+            raise InputError(
+                f'[truth] perturb has "{name}", no number of {robot.name}',
+                code="S37",
+                field="truth.perturb",
+                value=name,
+                allowed=f"names such as {known[0]}, {known[6]}, {known[-1]}",
+                fix=choice_of(name, known),
+            )
+    return frozenset(perturb)
+
+
+def frame_step(n_joints: int, truth: TruthSettings, rng: np.random.Generator) -> Array:
+    """Normal errors of the base and tool frames, zero for the links (12 + 5 n,) [m, rad]."""
+    sd = np.repeat([truth.frame_sd_mm / 1e3, np.radians(truth.frame_sd_deg)], 3)
+    base, tool = rng.standard_normal((2, 6)) * sd
+    return np.concatenate([base, np.zeros(5 * n_joints), tool])
+
+
+def joint_repeatability(robot: Robot, truth: TruthSettings) -> Array:
+    """Standard deviation of each joint (n,) [rad or m]; the robot's own where truth says None.
+
+    A number in the scenario is an angle: sliding joints keep their own, or none if it is zero.
+    """
+    if truth.joint_repeatability_mdeg is None:
+        return robot.repeatability
+    value = float(mdeg(truth.joint_repeatability_mdeg))
+    slides = robot.model.chain.prismatic.astype(bool)
+    return np.where(slides, robot.repeatability * bool(value), value)

@@ -1,0 +1,186 @@
+"""The arm that gives way: sprung joints and links in MuJoCo, solved to static equilibrium.
+
+Each axis has the commanded hinge and after it one sprung hinge about the same axis (the drive) and
+two across it (bearing and link), so six axes have eighteen elastic angles. No time passes: the
+springs' angles are iterated until they carry the weight, x = tau(q, x) / k.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array
+from calib.errors import InputError
+from calib.geometry.chain import Chain, joint_vectors
+from calib.geometry.frames import transform
+from testbed.laboratory.truth.terms import Springs, grown
+from testbed.robots.catalog import body_name
+from testbed.robots.placements import placements, quaternion_wxyz
+from testbed.robots.write.mjcf import build_spec, compile_spec, set_geometry
+
+SETTLED = 1e-15
+"""Largest last step of an elastic angle at rest [rad]."""
+MOST = 100
+"""Steps after which springs count as too soft to carry the arm."""
+BENT = np.radians(1.0)
+"""An arm that gives way farther is no robot arm, or a unit is wrong [rad]."""
+ARMATURE = 1e-2
+"""Keeps hinges about one axis apart; rest does not depend on it [kg m^2]."""
+
+
+class ElasticArm:
+    """Tool poses of a sprung arm at rest.
+
+    Parameters
+    ----------
+    chain : Chain
+        True geometry; all joints turn.
+    springs : Springs
+        Masses, stiffnesses, payload and gravity.
+
+    Notes
+    -----
+    Holds one `MjData`, so an instance must not be shared between threads.
+    """
+
+    __slots__ = (
+        "_chain",
+        "_data",
+        "_driven",
+        "_elastic",
+        "_model",
+        "_stiffness",
+        "_tool",
+        "springs",
+    )
+
+    def __init__(self, chain: Chain, springs: Springs) -> None:
+        import mujoco
+
+        self._chain, self.springs = chain, springs
+        self._model = model = compile_spec(elastic_spec(chain, springs))
+        self._data = mujoco.MjData(model)
+        n = chain.n_joints
+        self._driven = _places(model, [f"joint{i + 1}" for i in range(n)])
+        names = elastic_names(n, bearings=len(springs.bearing) > 0)
+        self._elastic = _places(model, names)
+        self._stiffness = np.concatenate(
+            [
+                [springs.drive[i], springs.bearing[i], springs.bearing[i]]
+                if len(springs.bearing)
+                else [springs.drive[i]]
+                for i in range(n)
+            ]
+        )
+        self._tool = model.site("tool").id
+
+    @property
+    def model(self) -> Any:
+        """The compiled `mujoco.MjModel`; hinges ``joint1`` ..., ``drive1``, ``bend1x`` ..."""
+        return self._model
+
+    def poses(self, q: ArrayLike, *, growth: Array | None = None) -> Array:
+        """Tool poses T_world_tool (m, 4, 4) at rest at commanded joints q (m, n) [rad].
+
+        `growth` (m,) is how much longer the links are at each pose, as a share.
+        """
+        return self._rest(q, growth)[0]
+
+    def deflections(self, q: ArrayLike) -> Array:
+        """Elastic angles (m, k) at rest: per joint the drive, then across x and y [rad]."""
+        return self._rest(q, None)[1]
+
+    def _rest(self, q: ArrayLike, growth: Array | None) -> tuple[Array, Array]:
+        """Poses (m, 4, 4) and elastic angles (m, k) at rest."""
+        q = joint_vectors(self._chain, q)
+        position, rotation = np.empty((len(q), 3)), np.empty((len(q), 9))
+        angles = np.empty((len(q), len(self._elastic)))
+        for k, joints in enumerate(q):
+            if growth is not None:
+                self._grow(float(growth[k]))
+            angles[k] = self._settle(joints, k)
+            position[k] = self._data.site_xpos[self._tool]
+            rotation[k] = self._data.site_xmat[self._tool]
+        return transform(rotation.reshape(-1, 3, 3), position), angles
+
+    def _settle(self, joints: Array, row: int) -> Array:
+        """Elastic angles (k,) that carry the weight at commanded joints (n,)."""
+        import mujoco
+
+        model, data = self._model, self._data
+        torque, angles = np.zeros(model.nv), np.zeros(len(self._elastic))
+        data.qpos[self._driven] = joints
+        for _ in range(MOST):
+            data.qpos[self._elastic] = angles
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            mujoco.mj_rne(model, data, 0, torque)  # nothing moves: what holds the weight
+            step = -torque[self._elastic] / self._stiffness - angles
+            angles = angles + step
+            if not np.abs(angles).max() < BENT:
+                break
+            if np.abs(step).max() < SETTLED:
+                return np.asarray(angles)
+        raise InputError(
+            f"the sprung arm gives way at q[{row}] by more than {np.degrees(BENT):g} deg",
+            code="S37",
+            field="truth.drive_nm_per_mrad",
+            value=float(self._stiffness.min() / 1e3),
+            allowed="springs that carry the arm and its payload",
+            fix="raise drive_nm_per_mrad and bearing_nm_per_mrad, or lower payload_kg",
+        )
+
+    def _grow(self, share: float) -> None:
+        """Let the links be longer by a share."""
+        chain = grown(self._chain, share)
+        set_geometry(self._model, chain)
+        self._model.body("payload").pos[:] = placements(chain).flange[:3, 3]
+
+
+def elastic_names(n_joints: int, *, bearings: bool) -> list[str]:
+    """Names of the sprung hinges, joint by joint."""
+    across = ("bend{}x", "bend{}y") if bearings else ()
+    return [name.format(i + 1) for i in range(n_joints) for name in ("drive{}", *across)]
+
+
+def elastic_spec(chain: Chain, springs: Springs) -> Any:
+    """Body tree of a sprung arm as a `mujoco.MjSpec`, payload and gravity included."""
+    import mujoco
+
+    spec = build_spec(chain)
+    spec.option.gravity = springs.gravity
+    for i in range(chain.n_joints):
+        body = spec.body(body_name(i + 1))
+        body.mass, body.ipos, body.inertia = (
+            springs.masses[i],
+            springs.centers[i],
+            springs.inertias[i],
+        )
+        body.joints[0].armature = ARMATURE
+        hinges = [("drive{}", [0, 0, 1], springs.drive[i])]
+        if len(springs.bearing):
+            hinges += [
+                ("bend{}x", [1, 0, 0], springs.bearing[i]),
+                ("bend{}y", [0, 1, 0], springs.bearing[i]),
+            ]
+        for name, axis, stiffness in hinges:
+            body.add_joint(
+                name=name.format(i + 1),
+                type=mujoco.mjtJoint.mjJNT_HINGE,
+                axis=axis,
+                stiffness=[stiffness, 0, 0],  # MuJoCo 4: a polynomial
+                armature=ARMATURE,
+            )
+    flange = placements(chain).flange
+    load = spec.body(body_name(chain.n_joints)).add_body(name="payload", pos=flange[:3, 3])
+    load.quat = quaternion_wxyz(flange[:3, :3])
+    load.mass, load.ipos = springs.payload, springs.payload_center
+    # a ball of a few centimetres; rest does not depend on it
+    load.inertia, load.explicitinertial = np.full(3, 1e-3 * springs.payload), True
+    return spec
+
+
+def _places(model: Any, names: list[str]) -> Any:
+    """Where hinges stand in qpos; every joint is a hinge or slide, so also in qvel."""
+    return np.array([int(model.joint(name).qposadr[0]) for name in names])

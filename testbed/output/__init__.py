@@ -1,1 +1,0 @@
-"""What a campaign leaves on disk and shows."""

@@ -1,0 +1,280 @@
+"""The poses of a plan and the uncertainty predicted for them; the one door to calib's design."""
+
+from dataclasses import dataclass
+from math import floor
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from calib.arrays import Array, Index, frozen
+from calib.design.augment import best_next
+from calib.design.blocks import information, sees_all
+from calib.design.certificate import certify, no_proof
+from calib.design.exchange import exchange
+from calib.design.methods import METHODS
+from calib.design.pose_budget import Budget, pose_budget
+from calib.design.random import random_selection
+from calib.design.selection import Selection
+from calib.errors import InputError
+from calib.geometry.parameters import Parameters
+from calib.information.criteria.base import Criterion
+from calib.information.criteria.named import criterion_named
+from calib.information.goals import Goals
+from calib.information.rank import rank
+from testbed.laboratory.tracker.station import point_u
+from testbed.plan.records import Curve, NextPose, Proof
+from testbed.scenario.plan import DEFAULT_POSES
+from testbed.scenario.read import PlanSettings
+
+RANDOM_SETS = 40
+"""Random sets behind each value of the curve."""
+CURVE_STARTS = 2
+"""Starts of the exchange at each point of the curve."""
+CURVE_POINTS = 9
+NEXT_POSES = 5
+NO_TARGET = 1e-12
+"""Below what any number of poses reaches [m]: the curve alone is wanted."""
+OVER = {"V": "RMS over the goal", "G": "worst of the goal"}
+"""What a figure of each criterion of the goal is."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Task:
+    """What a pose set is chosen for."""
+
+    blocks: Array
+    """(N, r, p) whitened, scaled rows of the pool."""
+    goals: Goals
+    """The tool point at the goal, in scaled units [m]."""
+    before: Array
+    """(b, p) rows of poses measured already; maybe none."""
+    settings: PlanSettings
+    names: tuple[str, ...]
+    """(p,) of the numbers."""
+
+    @property
+    def prior(self) -> Array | None:
+        """Information (p, p) gathered already."""
+        return information(self.before[None]) if len(self.before) else None
+
+    @property
+    def criterion(self) -> Criterion:
+        """What the set is chosen by."""
+        return criterion_named(self.settings.criterion, goals=self.goals)
+
+    @property
+    def judge(self) -> Criterion:
+        """What the curve shows: the mean over the goal, or its worst."""
+        return criterion_named("G" if self.settings.target_is == "worst" else "V", goals=self.goals)
+
+    @property
+    def target(self) -> float | None:
+        """Standard uncertainty wanted [m]."""
+        return self.settings.target_um / self.settings.coverage * 1e-6 or None
+
+    def u(self, places: Index) -> float:
+        """Goal uncertainty of a set, k = 1: mean or worst as the target asks for [m]."""
+        u = point_u(information_of(self.blocks[places], self.prior), self.goals.rows)
+        return float(u.max()) if self.settings.target_is == "worst" else rms(u, self.goals.weights)
+
+    def select(self, m: int, rng: np.random.Generator) -> Selection:
+        """The set of m poses that the scenario's method finds."""
+        method = METHODS[self.settings.method]
+        return method(self.blocks, m, self.criterion, rng, prior=self.prior, names=self.names)
+
+
+def designed(task: Task, rng: np.random.Generator) -> tuple[Index, str, Curve]:
+    """The chosen places (m,) in the pool, who found them, and uncertainty against their number.
+
+    With a target the number is the smallest that reaches it, and the method is that of the set
+    kept: the scenario's, or the exchange behind the curve.
+
+    Raises
+    ------
+    InputError
+        The poses cannot tell the numbers apart, or no number of poses reaches the target.
+    """
+    if task.target is None:
+        # first the set: its errors name the number of poses asked for
+        places = task.select(task.settings.poses, rng).indices
+        budget = pose_budget(
+            task.blocks, task.judge, NO_TARGET, rng,
+            counts=_counts(task, task.settings.poses), starts=1, prior=task.prior,
+            names=task.names,
+        )  # fmt: skip
+        return np.sort(places), task.settings.method, _curve(task, budget, places, rng)
+    budget = pose_budget(
+        task.blocks, task.judge, task.target, rng,
+        starts=CURVE_STARTS, prior=task.prior, names=task.names,
+    )  # fmt: skip
+    if budget.smallest is None:
+        k = task.settings.coverage * 1e6
+        raise InputError(
+            f"[plan] target_um is {task.settings.target_um:g}, which "
+            f"{_poses(len(budget.chosen), 'do', 'does')} not reach",
+            code="S37",
+            field="plan.target_um",
+            value=task.settings.target_um,
+            allowed=f"they reach {float(budget.reached[-1]) * k:.3g} um, and no set of so many "
+            f"goes below {float(budget.possible[-1]) * k:.3g} um",
+            fix="ask for less, measure better, or enlarge [pool] size",
+        )
+    own, method = task.select(budget.smallest, rng).indices, task.settings.method
+    places = min((own, budget.chosen), key=task.u)
+    if places is budget.chosen:
+        method = "exchange"
+    while len(places) > (budget.proven or 1):
+        # the curve's few starts may miss a smaller set that the method itself finds
+        fewer = task.select(len(places) - 1, rng).indices
+        if task.u(fewer) > task.target:
+            break
+        places, method = fewer, task.settings.method
+    return np.sort(places), method, _curve(task, budget, places, rng)
+
+
+def _counts(task: Task, m: int) -> list[int]:
+    """Numbers of poses to show around m."""
+    r, p = task.blocks.shape[1:]
+    missing = p - (rank(task.before) if len(task.before) else 0)
+    fewest = min(-(-missing // r) + 1, m)
+    most = min(max(2 * m, fewest + 1), len(task.blocks))
+    return sorted({m, *(int(value) for value in np.geomspace(fewest, most, CURVE_POINTS).round())})
+
+
+def _curve(task: Task, budget: Budget, places: Index, rng: np.random.Generator) -> Curve:
+    """The budget with the plan's own set in it and random sets beside it."""
+    counts, u, bound = budget.counts, budget.reached, budget.possible
+    m, at = len(places), int(np.searchsorted(counts, len(places)))
+    if at == len(counts) or counts[at] != m:
+        limit = certify(task.blocks, places, task.judge, prior=task.prior, names=task.names)
+        counts, u = np.insert(counts, at, m), np.insert(u, at, np.inf)
+        bound = np.insert(bound, at, np.nan if limit is None else limit.figure_bound)
+    own = task.u(places)
+    # another pose never hurts: what fewer poses reach, more reach as well
+    u = np.minimum.accumulate(np.where(counts == m, np.minimum(own, u), u))
+    wanted = task.target is not None
+    return Curve(
+        counts=frozen(counts, np.int64),
+        # but the plan's point is what it promises, even where another set does better
+        u=frozen(np.where(counts == m, own, u)),
+        # and what more poses cannot, fewer cannot either
+        bound=frozen(np.fmax.accumulate(bound[::-1])[::-1]),
+        random=frozen(random_u(task, counts, rng)),
+        random_sets=RANDOM_SETS,
+        target=task.target,
+        reached=m if wanted else None,
+        fewest=budget.proven if wanted else None,
+        sentence=_sentence(task, m, budget.proven) if wanted else "",
+    )
+
+
+def _sentence(task: Task, m: int, proven: int | None) -> str:
+    """What is proven about the number of poses."""
+    settings = task.settings
+    over = OVER["G" if settings.target_is == "worst" else "V"]
+    asked = f"U = {settings.target_um:g} µm (k = {settings.coverage:g}, {over})"
+    reach = _poses(m, "reach", "reaches", more=bool(len(task.before)))
+    if m == proven:
+        return f"{reach} {asked}, and it is proven that no fewer can"
+    return f"{reach} {asked}; it is proven that fewer than {proven} from this pool do not"
+
+
+def _poses(m: int, verb: str, singular: str, *, more: bool = False) -> str:
+    """So many poses do something."""
+    noun, verb = ("pose", singular) if m == 1 else ("poses", verb)
+    return f"{m} more {noun} {verb}" if more else f"{m} {noun} {verb}"
+
+
+def four(value: float) -> str:
+    """Four significant digits, without a point at the end."""
+    return f"{value:#.4g}".rstrip(".")
+
+
+def proof_of(task: Task, places: Index) -> Proof:
+    """How far a set can be from the best one of its size."""
+    found = certify(task.blocks, places, task.criterion, prior=task.prior, names=task.names)
+    if found is None:
+        return Proof(None, None, no_proof(task.criterion))
+    sentence, k = found.sentence, task.settings.coverage
+    if task.settings.criterion in ("V", "G"):
+        # in the unit of everything else a plan says: expanded, not standard, uncertainty
+        part = floor(found.efficiency * 1000) / 1000  # as true as the number
+        sentence = (
+            f"{task.settings.criterion}-efficiency at least {part:.3f}: no other set of "
+            f"{len(places)} from the {len(task.blocks)} poses of the pool goes below "
+            f"U = {four(k * found.figure_bound * 1e6)} µm "
+            f"(k = {k:g}, {OVER[task.settings.criterion]}); this one reaches "
+            f"{four(k * found.figure * 1e6)} µm"
+        )
+    return Proof(found.efficiency, found.figure_bound, sentence)
+
+
+def random_u(task: Task, counts: Index, rng: np.random.Generator) -> Array:
+    """Median (k,) of the goal uncertainty over random sets; nan if half of them tell nothing."""
+    values = np.empty(len(counts))
+    for i, m in enumerate(counts):
+        sets = [random_selection(len(task.blocks), int(m), rng) for _ in range(RANDOM_SETS)]
+        told = [sees_all(stacked(task.before, task.blocks[places])) for places in sets]
+        u = [task.u(places) if one else np.inf for places, one in zip(sets, told, strict=True)]
+        values[i] = np.median(u)
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def next_poses(task: Task, places: Index) -> tuple[NextPose, ...]:
+    """The best poses to measure in addition to a set, judged by the goal's uncertainty."""
+    if len(places) == len(task.blocks):
+        return ()
+    ranking = best_next(task.blocks, places, task.judge, shown=NEXT_POSES, prior=task.prior)
+    return tuple(
+        NextPose(int(place), float(u))
+        for place, u in zip(ranking.indices, ranking.figure, strict=True)
+    )
+
+
+def quick_design(task: Task, rng: np.random.Generator) -> Index:
+    """A pose set to compare stations by: the same number and procedure for each."""
+    m = task.settings.poses or DEFAULT_POSES
+    return exchange(task.blocks, m, task.judge, rng, starts=1, names=task.names).indices
+
+
+def covariance_of(M: Array, parameters: Parameters) -> Array:
+    """Covariance (p, p) [m, rad] of the free numbers from information M (p, p) in scaled units."""
+    C = cho_solve(cho_factor(M), np.eye(len(M)))
+    scale = parameters.free_scale
+    return np.asarray((C + C.T) / 2 * np.outer(scale, scale))
+
+
+def rms(u: Array, weights: Array) -> float:
+    """Weighted root mean square of u (g,) [m]."""
+    return float(np.sqrt(weights @ u**2))
+
+
+def information_of(blocks: Array, prior: Array | None) -> Array:
+    """Information (p, p) of poses (m, r, p) and what was known before."""
+    M = information(blocks)
+    return M if prior is None else np.asarray(M + prior)
+
+
+def leverages(blocks: Array, M: Array) -> Array:
+    """Leverage tr K_jj (N,) of blocks (N, r, p): their weight against information M (p, p)."""
+    n, r, p = blocks.shape
+    half = np.linalg.solve(np.linalg.cholesky(M), blocks.reshape(-1, p).T)
+    return np.asarray((half**2).sum(axis=0).reshape(n, r).sum(axis=1))
+
+
+def u_while_measuring(blocks: Array, before: Array, rows: Array, weights: Array) -> Array:
+    """Goal uncertainty (m,) after each of the poses (m, r, p) in order; nan while it is endless.
+
+    `before` (b, p) are the rows of poses measured already.
+    """
+    out = np.full(len(blocks), np.nan)
+    for k in range(len(blocks)):
+        seen = stacked(before, blocks[: k + 1])
+        if sees_all(seen):
+            out[k] = rms(point_u(seen.T @ seen, rows), weights)
+    return out
+
+
+def stacked(before: Array, blocks: Array) -> Array:
+    """Rows (b + m r, p) of what was measured before (b, p) and of poses (m, r, p)."""
+    return np.concatenate([before, blocks.reshape(-1, blocks.shape[-1])])

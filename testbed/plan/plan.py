@@ -1,0 +1,167 @@
+"""`plan`: poses for a real robot, with their order, their readings and what will come out."""
+
+import numpy as np
+
+from calib.arrays import Array, frozen
+from calib.errors import InputError
+from calib.information.goals import goal_matrix
+from testbed.laboratory.bench import PlanBench, open_plan_bench
+from testbed.laboratory.campaign_bench import PROBED_POSES
+from testbed.laboratory.goal import Goal, goal_of
+from testbed.laboratory.joint_lists import read_joints
+from testbed.laboratory.pool import Pool
+from testbed.laboratory.tracker.station import point_u
+from testbed.laboratory.tracker.stations import StationComparison, compare_stations, station_grid
+from testbed.plan.design import (
+    Task,
+    covariance_of,
+    designed,
+    information_of,
+    leverages,
+    next_poses,
+    proof_of,
+    quick_design,
+    u_while_measuring,
+)
+from testbed.plan.held_out import held_out
+from testbed.plan.records import Plan
+from testbed.plan.refusals import check_ranges, check_stations, check_tested
+from testbed.plan.tour import readings_of, start_of, tour_of
+from testbed.progress import Progress
+from testbed.scenario.read import Scenario, check_robot
+from testbed.streams import stream
+
+STEPS = ("robot and goal", "stations and candidate poses", "pose set", "measuring order")
+"""What is told while a plan is made."""
+
+
+def plan(scenario: Scenario, *, progress: Progress | None = None, where: str = "scenario") -> Plan:
+    """Plan the measurement of a real robot; the truth is never drawn.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Robot, tracker, pool, cell, what is free, and [plan].
+    progress : callable, optional
+        Told what begins, steps done, steps in all.
+    where : str
+        What messages call the scenario.
+
+    Raises
+    ------
+    InputError
+        Too few poses, a goal out of reach, a pool that cannot tell something, a target that no
+        number of poses reaches; exit code 2.
+    """
+    try:
+        return _plan(scenario, progress or (lambda *_: None), where)
+    except InputError as error:
+        raise error.located(where) from error
+
+
+def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
+    """`plan`, with errors that do not name the scenario yet."""
+    tell(STEPS[0], 0, len(STEPS))
+    check_tested(scenario)
+    bench = open_plan_bench(scenario)
+    check_robot(scenario, bench.robot, where=where)
+    check_stations(bench)
+    robot, settings = bench.robot, scenario.plan
+    goal = goal_of(bench)
+    measured, start = _measured(bench), start_of(bench)
+    tell(STEPS[1], 1, len(STEPS))
+    stations = compared(bench, goal)
+    if stations is not None:
+        bench = bench.standing_at(stations.stations[stations.best])
+    pool = candidates(bench, measured)
+    apart = held_out(bench, goal, np.vstack([pool.q, measured]))
+    tell(STEPS[2], 2, len(STEPS))
+    shown = np.vstack([pool.q[:PROBED_POSES], measured])
+    parameters, reduction = bench.reduction(shown)
+    bench.check_seen(shown, goal.q, goal.point)
+    goals = goal_matrix(robot.model, goal.q, parameters, weights=goal.weights, target=goal.point)
+    names = parameters.free_names
+    before = bench.blocks(measured, parameters).reshape(-1, parameters.n_free)
+    task = Task(bench.blocks(pool.q, parameters), goals, before, settings, names)
+    places, method, curve = designed(task, stream(scenario.seed, "plan", "select"))
+    check_ranges(bench, np.vstack([pool.q[places], apart]))
+    tell(STEPS[3], 3, len(STEPS))
+    tour = tour_of(bench, start, pool.q[places], places, apart, pool.q)
+    M = information_of(task.blocks[places], task.prior)
+    ordered = tour.pool_place[tour.pool_place >= 0]
+    tell("", len(STEPS), len(STEPS))
+    return Plan(
+        scenario=scenario,
+        nominal=robot.model,
+        parameters=parameters,
+        notes=reduction.sentences,
+        pool=pool,
+        leverage=frozen(leverages(task.blocks, M)),
+        places=ordered,
+        measured_q=measured,
+        tour=tour,
+        readings=readings_of(bench, tour.q),
+        T_world_tracker=bench.tracker.T_world_tracker,
+        reflector=bench.tracker.reflector,
+        covariance=frozen(covariance_of(M, parameters)),
+        goal=goal,
+        method=method,
+        u=frozen(point_u(M, goals.rows)),
+        u_of_step=frozen(
+            u_while_measuring(task.blocks[ordered], task.before, goals.rows, goals.weights)
+        ),
+        proof=proof_of(task, places),
+        curve=curve,
+        next_poses=next_poses(task, places),
+        stations=stations,
+        obstacles=bench.cell,
+    )
+
+
+def candidates(bench: PlanBench, measured: Array) -> Pool:
+    """The pool of the scenario, the same that `truebed run` draws, without poses measured."""
+    scenario = bench.scenario
+    return bench.pool(
+        scenario.pool,
+        stream(scenario.seed, "pool"),
+        size=scenario.pool.size,
+        exclude=measured if len(measured) else None,
+    )
+
+
+def compared(bench: PlanBench, goal: Goal) -> StationComparison | None:
+    """The stations of [plan.stations] compared on one common pool; None if none are given."""
+    scenario = bench.scenario
+    if not scenario.plan.stations.given:
+        return None
+    rng = stream(scenario.seed, "plan", "stations")
+    q = bench.pool(scenario.pool, rng, size=scenario.pool.size, seen=False).q
+    parameters, _ = bench.reduction(q[:PROBED_POSES])
+    none = np.zeros((0, parameters.n_free))
+    goals = goal_matrix(
+        bench.robot.model, goal.q, parameters, weights=goal.weights, target=goal.point
+    )
+    return compare_stations(
+        bench.robot,
+        bench.simulator,
+        scenario.tracker,
+        station_grid(scenario.plan.stations),
+        q,
+        parameters,
+        goals.rows,
+        lambda blocks: quick_design(
+            Task(blocks, goals, none, scenario.plan, parameters.free_names),
+            stream(scenario.seed, "plan", "stations", "select"),
+        ),
+        sigma_q=bench.sigma_q,
+        weights=goals.weights,
+        line_of_sight=scenario.pool.line_of_sight,
+    )
+
+
+def _measured(bench: PlanBench) -> Array:
+    """Poses measured already (k, n); none without [plan] measured."""
+    file = bench.scenario.plan.measured
+    if not file:
+        return frozen(np.zeros((0, bench.robot.model.chain.n_joints)))
+    return read_joints(bench.robot, file)

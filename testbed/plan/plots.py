@@ -1,0 +1,246 @@
+"""The figures of a plan's report, one function each: the plan in, one SVG element out."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calib.arrays import Array
+from testbed.plan.records import Plan
+from testbed.report.plots import dots, toward
+from testbed.report.svg import DARK, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
+from testbed.units import MM, UM, significant
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SHADES = ("#dfe7ee", "#b9cfe0", "#86aed0", "#4d87b8", "#1f5f97", "#0b3559")
+"""Pale to dark blue: leverage in equal steps, told apart in gray too."""
+OUTERMOST = (0.02, 0.98)
+"""Quantiles of the leverage between which the shades change."""
+VIEWS = ((0, 1, "from above"), (0, 2, "from the side"))
+NUMBERED = 45
+"""More poses than this are not numbered."""
+REASON_COLORS = ("#a63a00", "#e8a33d", "#6b6b6b", "#7a4fa3", "#2f8f5b", "#0b4f8a", "#c2185b")
+
+
+def tool_points(plan: Plan, q: Array) -> Array:
+    """Tool positions (m, 3) of the nominal robot [mm]."""
+    if not len(q):
+        return np.zeros((0, 3))
+    return np.asarray(plan.nominal.poses(q)[:, :3, 3] * MM)
+
+
+def leverage_map(plan: Plan) -> str:
+    """The pool colored by leverage, and the chosen poses in it."""
+    pool, level = plan.pool.T[:, :3, 3] * MM, levels(plan.leverage)
+    chosen = pool[plan.places]
+    with drawing(1, 2, height=3.4) as (figure, axes):
+        for ax, (i, j, view) in zip(axes, VIEWS, strict=True):
+            for k, shade in enumerate(SHADES):
+                here = pool[level == k]
+                if len(here):
+                    dots(ax, here[:, [i, j]], shade)
+            _mark(ax, chosen[:, [i, j]], "o", MIDDLE, "chosen")
+            _frame(ax, i, j, view)
+        toward(axes[0], plan.T_world_tracker[:2, 3])
+        return svg_of(figure)
+
+
+def levels(leverage: Array) -> Array:
+    """Which shade (N,) each leverage gets: equal steps over all but the few outermost."""
+    low, high = np.quantile(leverage, OUTERMOST)
+    part = (leverage - low) / max(float(high - low), 1e-300)
+    return np.asarray(np.clip(np.floor(part * len(SHADES)), 0, len(SHADES) - 1), dtype=np.int64)
+
+
+def order_map(plan: Plan) -> str:
+    """The tour: poses in measuring order, numbered, held-out ones apart."""
+    tour = plan.tour
+    points = tool_points(plan, tour.q)
+    test = np.array([role == "test" for role in tour.roles])
+    stops = [tool_points(plan, np.vstack([*tour.vias[k], tour.q[k]])) for k in range(len(tour))]
+    way = np.vstack([tool_points(plan, tour.start[None]), *stops])
+    with drawing(1, 2, height=4.4) as (figure, axes):
+        for ax, (i, j, view) in zip(axes, VIEWS, strict=True):
+            ax.plot(way[:, i], way[:, j], color=SOFT, linewidth=0.7, zorder=1)
+            ax.plot(*way[:1, [i, j]].T, "s", color=INK, markersize=4.5, label="start")
+            _mark(ax, points[~test][:, [i, j]], "o", DARK, "to identify")
+            _mark(ax, points[test][:, [i, j]], "^", LIGHT, "held out")
+            if len(points) <= NUMBERED:
+                for k, point in enumerate(points):
+                    ax.annotate(
+                        str(k + 1),
+                        (point[i], point[j]),
+                        xytext=(3, 2),
+                        textcoords="offset points",
+                        fontsize=7,
+                    )
+            _frame(ax, i, j, view)
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=3)
+        return svg_of(figure)
+
+
+def budget(plan: Plan) -> str:
+    """Expanded uncertainty against the number of poses, with what no set can go below."""
+    curve, k = plan.curve, plan.scenario.plan.coverage
+    m = len(plan.places)
+    with drawing(1, 1, height=2.75) as (figure, (ax,)):
+        x = curve.counts
+        if np.isfinite(curve.random).any():
+            ax.plot(
+                x, k * curve.random * UM, ":", color=SOFT, label="random sets, median", marker="^"
+            )
+        ax.plot(x, k * curve.u * UM, color=DARK, marker="o", label="designed")
+        if np.isfinite(curve.bound).any():
+            bound = k * curve.bound * UM
+            ax.plot(x, bound, "--", color=MIDDLE, label="no set goes below")
+            ax.fill_between(x, 0, bound, color="#f3ded2", linewidth=0)
+        if curve.target is not None:
+            ax.axhline(k * curve.target * UM, color=INK, linewidth=0.8)
+            ax.annotate(
+                f"target {k * curve.target * UM:.3g} µm",
+                (1.0, k * curve.target * UM),
+                xycoords=("axes fraction", "data"),
+                xytext=(-2, 3),
+                textcoords="offset points",
+                ha="right",
+                fontsize=7.5,
+            )
+        ax.axvline(m, color=LIGHT, linewidth=1.2)
+        ax.annotate(
+            f"the plan: {m}",
+            (m, 0.97),
+            xycoords=("data", "axes fraction"),
+            xytext=(4, 0),
+            textcoords="offset points",
+            va="top",
+            fontsize=7.5,
+        )
+        ax.set_ylim(0, _top(k * UM * curve.u, k * UM * (curve.target or 0.0)))
+        already = " beyond those measured already" if len(plan.measured_q) else ""
+        ax.set_xlabel(f"poses{already}")
+        ax.locator_params(axis="x", integer=True)
+        ax.set_ylabel(f"U of the tool point, k = {k:g} [µm]")
+        ax.legend(loc="upper right")
+        return svg_of(figure)
+
+
+def _top(values: Array, target: float) -> float:
+    """Upper end of the axis: the first, ill-conditioned sets would flatten all the others."""
+    ordered = np.sort(values[np.isfinite(values)])
+    typical = float(np.median(ordered)) if len(ordered) else 1.0
+    return max(1.6 * target, min(float(ordered[-1]) * 1.05, 4.0 * typical))
+
+
+def prediction(plan: Plan) -> str:
+    """Left: uncertainty while poses are measured. Right: its spread over the goal."""
+    k = plan.scenario.plan.coverage
+    with drawing(1, 2, height=2.3) as (figure, (left, right)):
+        steps = np.arange(1, len(plan.u_of_step) + 1)
+        seen = np.isfinite(plan.u_of_step)
+        left.plot(steps[seen], k * plan.u_of_step[seen] * UM, color=DARK, marker="o")
+        if seen.any():
+            left.set_ylim(0, _top(k * UM * plan.u_of_step[seen], 0.0))
+        left.set_xlim(0, len(steps) + 1)
+        left.set_title("while measuring, in the order of the plan")
+        left.set_xlabel("identification poses measured")
+        left.locator_params(axis="x", integer=True)
+        left.set_ylabel(f"U over the goal, k = {k:g} [µm]")
+        right.hist(k * plan.u * UM, bins=20, weights=plan.goal.weights, color="#c9d6e3",
+                   edgecolor="white", linewidth=0.5)  # fmt: skip
+        right.set_ylim(0, 1.15 * right.get_ylim()[1])  # room for the two words
+        for value, name in ((plan.u_mean, "RMS"), (plan.u_worst, "worst")):
+            right.axvline(k * value * UM, color=MIDDLE, linewidth=1.2)
+            right.annotate(
+                name,
+                (k * value * UM, 0.97),
+                xycoords=("data", "axes fraction"),
+                xytext=(-3, 0),
+                textcoords="offset points",
+                ha="right",
+                va="top",
+                fontsize=7.5,
+            )
+        right.set_title("over the goal, after all poses")
+        right.set_xlabel(f"U of the tool point, k = {k:g} [µm]")
+        right.set_ylabel("share of the goal")
+        return svg_of(figure)
+
+
+def rejections(plan: Plan) -> str:
+    """Where candidates were refused inside the box, by reason."""
+    pool = plan.pool
+    names = [name for name in pool.rejection_names[1:] if name in pool.rejected_reason]
+    places = tool_points(plan, pool.rejected_q)
+    with drawing(1, 2, height=3.4) as (figure, axes):
+        for ax, (i, j, view) in zip(axes, VIEWS, strict=True):
+            dots(ax, (pool.T[:, :3, 3] * MM)[:, [i, j]])
+            for k, name in enumerate(names):
+                here = places[[reason == name for reason in pool.rejected_reason]]
+                color = REASON_COLORS[k % len(REASON_COLORS)]
+                ax.plot(here[:, i], here[:, j], "x", color=color, markersize=3, label=name)
+            _frame(ax, i, j, view)
+        if names:
+            handles, labels = axes[0].get_legend_handles_labels()
+            figure.legend(handles, labels, loc="outside upper center", ncols=min(len(names), 5))
+        return svg_of(figure)
+
+
+def stations(plan: Plan) -> str:
+    """Stations from above, the uncertainty of the best design from each beside them."""
+    seen = plan.stations
+    if seen is None:
+        return ""
+    k = plan.scenario.plan.coverage
+    u = k * seen.u_mean * UM
+    order = np.argsort(np.where(np.isfinite(u), u, np.inf), kind="stable")
+    with drawing(1, 2, height=2.6) as (figure, (left, right)):
+        dots(left, plan.pool.T[:, :2, 3] * MM)
+        left.plot(0, 0, "s", color=INK, markersize=5)
+        left.annotate("robot", (0, 0), xytext=(4, 4), textcoords="offset points", fontsize=7)
+        for number, place in enumerate(seen.stations):
+            good = number == seen.best
+            blind = not np.isfinite(u[number])
+            look = "x" if blind else "o"
+            left.plot(*place[:2] * MM, look, color=MIDDLE if good else SOFT if blind else DARK)
+            left.annotate(str(number + 1), tuple(place[:2] * MM), xytext=(4, 2),
+                          textcoords="offset points", fontsize=7)  # fmt: skip
+        left.set_aspect("equal", "datalim")
+        left.set_xlabel("x [mm]")
+        left.set_ylabel("y [mm]")
+        left.set_title("stations from above, base frame")
+        shown = [int(n) for n in order if np.isfinite(u[n])][:16]
+        right.barh(
+            range(len(shown)),
+            u[shown],
+            color=[MIDDLE if n == seen.best else DARK for n in shown],
+            height=0.65,
+        )
+        right.set_yticks(range(len(shown)), [f"{n + 1}" for n in shown])
+        right.invert_yaxis()
+        right.set_xlabel(f"U over the goal, k = {k:g} [µm]")
+        right.set_ylabel("station")
+        right.grid(axis="y", visible=False)
+        return svg_of(figure)
+
+
+def _mark(ax: "Axes", points: Array, marker: str, color: str, label: str) -> None:
+    """Points (m, 2) with one marker."""
+    if len(points):
+        ax.plot(points[:, 0], points[:, 1], marker, color=color, markersize=4, label=label,
+                markeredgecolor="white", markeredgewidth=0.5)  # fmt: skip
+
+
+def _frame(ax: "Axes", i: int, j: int, view: str) -> None:
+    """Axes of a view of the workspace."""
+    ax.set_title(view)
+    ax.set_xlabel(f"{'xyz'[i]} [mm]")
+    ax.set_ylabel(f"{'xyz'[j]} [mm]")
+    ax.set_aspect("equal", "datalim")
+
+
+def shade_range(plan: Plan) -> tuple[str, str]:
+    """Leverages where the shades begin and end, for the caption."""
+    low, high = np.quantile(plan.leverage, OUTERMOST)
+    return significant(float(low)), significant(float(high))

@@ -1,0 +1,184 @@
+"""What a plan holds: frozen records of finished values, SI inside; nothing is computed."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from calib.arrays import Array, Index
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
+from testbed.laboratory.cell import Obstacle
+from testbed.laboratory.goal import Goal
+from testbed.laboratory.pool import Pool
+from testbed.laboratory.tracker.stations import StationComparison
+from testbed.scenario.read import Scenario
+
+FAR = 0.5
+"""Distances to floor and obstacles are looked at up to here [m]."""
+Role = Literal["identify", "test"]
+Move = Literal["free", "around", "blocked"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curve:
+    """Predicted uncertainty against the number of poses, and what no set can go below."""
+
+    counts: Index
+    """(k,) numbers of poses, beyond those measured already."""
+    u: Array
+    """(k,) goal uncertainty of the designed set, k = 1 [m]."""
+    bound: Array
+    """(k,) no set of so many poses from this pool goes below; nan where nothing is proven [m]."""
+    random: Array
+    """(k,) median over random sets of the same size; nan where half of them tell nothing [m]."""
+    random_sets: int
+    """Random sets behind each value; 0 if none were drawn."""
+    target: float | None
+    """Standard uncertainty wanted [m]; None without a target."""
+    reached: int | None
+    """Smallest number of poses whose designed set reaches the target; None if none does."""
+    fewest: int | None
+    """Proven: no set of fewer poses from this pool reaches the target."""
+    sentence: str
+    """What the curve says."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proof:
+    """How far the chosen set can be from the best one of its size."""
+
+    efficiency: float | None
+    """Certified part of the best possible figure; None where nothing can be proven."""
+    bound: float | None
+    """Best figure that any set of this size from this pool could have."""
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NextPose:
+    """A pose that could be measured in addition, and what it would bring."""
+
+    place: int
+    """Its place in the pool."""
+    u: float
+    """Goal uncertainty with it, k = 1 [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reading:
+    """What the tracker will show of one target, in its own axes, if the robot were nominal."""
+
+    target: str
+    """``"tool"``, ``"probe"`` or ``"reflector"``."""
+    position: Array
+    """(s, 3) x, y, z in the tracker frame [m]."""
+    azimuth: Array
+    """(s,) about z from x [rad]."""
+    elevation: Array
+    """(s,) above the x-y plane [rad]."""
+    range: Array
+    """(s,) distance [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tour:
+    """Every pose to go to, in measuring order, and the way between them."""
+
+    q: Array
+    """(s, n) joint targets [rad, m]."""
+    roles: tuple[Role, ...]
+    """(s,) measured to identify, or kept apart to test."""
+    pool_place: Index
+    """(s,) place in the pool, -1 for held-out poses."""
+    start: Array
+    """(n,) where the robot stands before [rad, m]."""
+    vias: tuple[Array, ...]
+    """(s,) postures (v, n) to pass through before each pose, mostly none [rad, m]."""
+    move: Array
+    """(s,) time of the move to each pose, stops on the way included [s]."""
+    speeds: Array
+    """(n,) joint speeds of the moves [rad/s, m/s]."""
+    settle: float
+    """Rest at each pose [s]."""
+    blocked: tuple[int, ...]
+    """Places in the tour that no free move was found to."""
+    clearance: float
+    """Smallest distance of the moving robot to floor and obstacles on all free ways, poses
+    included, as far as was looked; negative: they overlap [m]."""
+    sentence: str
+    """How long it takes and whether every move is free."""
+
+    def move_word(self, k: int) -> Move:
+        """How the robot gets to the k-th pose."""
+        if k in self.blocked:
+            return "blocked"
+        return "around" if len(self.vias[k]) else "free"
+
+    @property
+    def duration(self) -> float:
+        """Moves and rests together [s]."""
+        return float(self.move.sum() + self.settle * len(self.q))
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """Everything `truebed plan` says."""
+
+    scenario: Scenario
+    nominal: RobotModel
+    """The robot as its maker describes it; a plan knows no other."""
+    parameters: Parameters
+    """Numbers that will be identified; those free that can be told apart."""
+    notes: tuple[str, ...]
+    """Which free numbers cannot be told apart, in words."""
+    pool: Pool
+    leverage: Array
+    """(N,) trace of K_jj: how much each candidate adds to the chosen set's information."""
+    places: Index
+    """(m,) the chosen poses in the pool, in measuring order."""
+    measured_q: Array
+    """(k, n) poses measured already [rad, m]."""
+    tour: Tour
+    readings: tuple[Reading, ...]
+    T_world_tracker: Array
+    """(4, 4) the station the plan is for [m]."""
+    reflector: Array
+    """(3,) tracked point in the tool frame [m]."""
+    covariance: Array
+    """(p, p) predicted, of `parameters` in their own units [m, rad]."""
+    goal: Goal
+    method: str
+    """By which the chosen set was found."""
+    u: Array
+    """(g,) predicted 3-D standard uncertainty of the tool point at each goal posture [m]."""
+    u_of_step: Array
+    """(m,) goal uncertainty after each identification pose in measuring order; nan before all
+    numbers can be told apart [m]."""
+    proof: Proof
+    curve: Curve
+    next_poses: tuple[NextPose, ...]
+    """Best poses to add after these, best first."""
+    stations: StationComparison | None
+    """Tracker stations compared; the plan is for the best one. None: only the tracker's own."""
+    obstacles: tuple[Obstacle, ...]
+    """Of the cell."""
+
+    @property
+    def station_mm(self) -> tuple[float, float, float]:
+        """The station in the base frame [mm]."""
+        T_world_base = self.nominal.chain.T_world_base
+        offset = self.T_world_tracker[:3, 3] - T_world_base[:3, 3]
+        x, y, z = (float(value) * 1e3 for value in T_world_base[:3, :3].T @ offset)
+        return x, y, z
+
+    @property
+    def u_mean(self) -> float:
+        """Weighted root mean square of `u` [m]."""
+        return float((self.goal.weights @ self.u**2) ** 0.5)
+
+    @property
+    def u_worst(self) -> float:
+        """Largest of `u` [m]."""
+        return float(self.u.max())

@@ -1,0 +1,314 @@
+"""A plan's report: promise and proof first; order, number of poses, stations, candidates."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from testbed.plan import plots as plan_plots
+from testbed.plan.records import Plan
+from testbed.plan.table import joint_columns, joint_units, pose_ids
+from testbed.plan.words import (
+    PROMISED,
+    certificate_word,
+    headline_rows,
+    mark,
+    next_step,
+    promise,
+    reasons,
+    station_words,
+    untested,
+)
+from testbed.report.page import (
+    BANNER,
+    Block,
+    Code,
+    Figure,
+    Page,
+    Points,
+    Section,
+    Table,
+    Text,
+    pool_rows,
+    render,
+    versions_table,
+)
+from testbed.robots.catalog import Robot
+from testbed.scenario.read import dump_scenario
+from testbed.units import DEG, MM, UM, counted, fixed, significant
+
+
+def plan_report_html(plan: Plan, robot: Robot, *, versions: Mapping[str, str]) -> str:
+    """The report of a plan as one HTML page: no network, same bytes each time.
+
+    Parameters
+    ----------
+    plan : Plan
+        As `testbed.plan.plan.plan` makes it.
+    robot : Robot
+        Its name for people.
+    versions : mapping of str to str
+        Program and packages.
+    """
+    scenario = plan.scenario
+    page = Page(
+        banner=BANNER,
+        title=scenario.title or scenario.name,
+        subtitle=f"Measuring plan {scenario.name}, seed {scenario.seed}, {robot.title}. Predicted "
+        "from the nominal robot; nothing has been measured.",
+        believable=not plan.tour.blocked and not untested(plan),
+        mark=mark(plan),
+        verdict=promise(plan),
+        reasons=reasons(plan),
+        headline=headline(plan),
+        next_step=next_step(plan),
+        sections=tuple(
+            section
+            for section in (
+                order_section(plan),
+                number_section(plan),
+                prediction_section(plan),
+                station_section(plan),
+                candidate_section(plan),
+                parameter_section(plan),
+                record_section(plan, versions),
+            )
+            if section is not None
+        ),
+    )
+    return render(page)
+
+
+def headline(plan: Plan) -> Table:
+    """What the plan asks for and what it promises."""
+    return Table(
+        caption="The plan in numbers",
+        head=("what", "value", "unit"),
+        rows=tuple(headline_rows(plan)),
+        align="lrl",
+        strong=PROMISED,
+        note="u: standard uncertainty of the tool point, root of the sum over x, y, z. U = k u. It "
+        "counts what the tracker and the joints scatter, through the numbers identified; it does "
+        "not count what the model leaves out (sag, harmonics, backlash) nor the repeatability of "
+        "the later move.",
+    )
+
+
+def record_section(plan: Plan, versions: Mapping[str, str]) -> Section:
+    """What is needed to make the plan again."""
+    table = versions_table(versions)
+    text = (
+        f"Seed {plan.scenario.seed}. Planning the scenario below again with the same versions "
+        f"gives the same table. {certificate_word(plan)}"
+    )
+    return Section(
+        "record", "Scenario and versions", (Text(text), table, Code(dump_scenario(plan.scenario)))
+    )
+
+
+def order_section(plan: Plan) -> Section:
+    """Every pose in measuring order, with what the tracker will show."""
+    tour, reading = plan.tour, plan.readings[-1]
+    scale = joint_units(plan)
+    rows = []
+    for k, name in enumerate(pose_ids(plan)):
+        rows.append(
+            (
+                str(k + 1),
+                name,
+                "held out" if tour.roles[k] == "test" else "identify",
+                *(fixed(value, 2) for value in tour.q[k] * scale),
+                fixed(float(reading.azimuth[k]) * DEG, 2),
+                fixed(float(reading.elevation[k]) * DEG, 2),
+                fixed(float(reading.range[k]) * MM, 1),
+                fixed(float(tour.move[k]), 1) + (" *" if len(tour.vias[k]) else ""),
+            )
+        )
+    joints = tuple(name.replace("_", " ") for name in joint_columns(plan))
+    table = Table(
+        caption=f"{counted(len(tour), 'pose')} in measuring order",
+        head=("", "pose", "role", *joints, "azimuth deg", "elevation deg", "range mm", "move s"),
+        rows=tuple(rows),
+        align="lll" + "r" * (len(joints) + 4),
+        size="small",
+        note=f"Azimuth, elevation and range of the {reading.target}, seen from the tracker in axes "
+        "parallel to the robot's base. plan.csv has every digit and every target."
+        + (
+            ' *: the move passes a stop on the way around, a row "via" of plan.csv.'
+            if any(map(len, tour.vias))
+            else ""
+        ),
+    )
+    caption = (
+        "The way of the tool from pose to pose, numbered as in the table; square: where the robot "
+        "starts, blue: poses to identify from, amber: held-out poses."
+    )
+    return Section("order", "Measuring order", (Figure(caption, plan_plots.order_map(plan)), table))
+
+
+def number_section(plan: Plan) -> Section:
+    """How many poses, how good they are, which to add."""
+    curve, k = plan.curve, plan.scenario.plan.coverage
+    caption = (
+        f"Predicted U (k = {k:g}) against the number of poses. Blue: the designed sets. Dashed: no "
+        "set of so many poses from this pool can go below (proven). Line: the plan."
+        + (f" Dotted: median of {curve.random_sets} random sets." if curve.random_sets else "")
+    )
+    rows = [
+        (
+            str(int(m)),
+            significant(k * float(u) * UM, 4),
+            or_none(k * float(bound) * UM, 4),
+            or_none(float(bound / u)),
+            or_none(k * float(random) * UM, 4),
+        )
+        for m, u, bound, random in zip(
+            curve.counts, curve.u, curve.bound, curve.random, strict=True
+        )
+    ]
+    table = Table(
+        caption="Uncertainty against the number of poses",
+        head=("poses", "designed U µm", "no set below µm", "efficiency", "random U µm"),
+        rows=tuple(rows),
+        align="lrrrr",
+    )
+    blocks: list[Block] = [Figure(caption, plan_plots.budget(plan)), table]
+    if plan.next_poses:
+        scale = joint_units(plan)
+        ranking = [
+            (
+                str(rank + 1),
+                *(fixed(value, 2) for value in plan.pool.q[one.place] * scale),
+                significant(k * one.u * UM, 4),
+            )
+            for rank, one in enumerate(plan.next_poses)
+        ]
+        joints = tuple(name.replace("_", " ") for name in joint_columns(plan))
+        blocks.append(
+            Table(
+                caption="The best next pose, if one more can be measured",
+                head=("", *joints, "U with it µm"),
+                rows=tuple(ranking),
+                align="l" + "r" * (len(joints) + 1),
+                note="Each alone in addition to the plan, best first.",
+            )
+        )
+    return Section("number", "Number of poses", tuple(blocks))
+
+
+def prediction_section(plan: Plan) -> Section:
+    """Where the tool will be known how well."""
+    return Section(
+        "prediction",
+        "Predicted uncertainty",
+        (
+            Text(f"The goal: {plan.goal.sentence}."),
+            Figure(
+                "Left: U over the goal after each pose, in the order of the plan; nothing is "
+                "drawn while some number cannot be told yet. Right: U of each posture of the goal.",
+                plan_plots.prediction(plan),
+            ),
+        ),
+    )
+
+
+def or_none(value: float, digits: int = 3) -> str:
+    """A number with so many digits, a dash where there is none."""
+    return significant(value, digits) if np.isfinite(value) else "–"
+
+
+def station_section(plan: Plan) -> Section | None:
+    """Where the tracker should stand, and why."""
+    seen = plan.stations
+    if seen is None:
+        return None
+    k = plan.scenario.plan.coverage
+    order = np.argsort(np.where(np.isfinite(seen.u_mean), seen.u_mean, np.inf), kind="stable")
+    rows = tuple(
+        (
+            str(n + 1),
+            *(fixed(float(value) * MM, 0) for value in seen.stations[n]),
+            str(int(seen.visible[n])),
+            str(int(seen.turned_away[n])),
+            str(int(seen.hidden[n])),
+            or_none(float(seen.range_mean[n])),
+            or_none(k * float(seen.u_mean[n]) * UM),
+            or_none(k * float(seen.u_worst[n]) * UM),
+        )
+        for n in map(int, order)
+    )
+    table = Table(
+        caption=f"{counted(len(rows), 'station')} compared on the same "
+        f"{seen.n_candidates} candidate poses, best first",
+        head=("station", "x mm", "y mm", "z mm", "seen", "turned away", "hidden", "mean range m",
+              "U mean µm", "U worst µm"),
+        rows=rows,
+        align="l" + "r" * 9,
+        size="small",
+        strong=(0,),
+        note="seen: candidates that can be measured from there; turned away: the probe does not "
+        "face the tracker; hidden: the beam is blocked. U: of the best design of "
+        f"{len(seen.designs[seen.best])} poses found from there.",
+    )  # fmt: skip
+    figure = Figure(
+        "Stations from above and the uncertainty of the design from each; vermilion: the best, "
+        "cross: sees too little.",
+        plan_plots.stations(plan),
+    )
+    text = (
+        f"{station_words(plan)} Only the order of the stations is taken from this: the plan is "
+        "made afresh for the best one, from candidates that are all seen from there."
+    )
+    return Section("stations", "Tracker stations", (Text(text), figure, table))
+
+
+def candidate_section(plan: Plan) -> Section:
+    """The pool: what was refused and why, and what each pose is worth."""
+    low, high = plan_plots.shade_range(plan)
+    pool, clearance = plan.pool, plan.scenario.plan.clearance_mm
+    return Section(
+        "candidates",
+        "Candidate poses",
+        (
+            Figure(
+                "The pool colored by leverage, how much a pose tells beside the chosen set (trace "
+                f"of K_jj): from {low} or less, pale, to {high} or more, dark, in equal steps. "
+                "Vermilion: the chosen poses.",
+                plan_plots.leverage_map(plan),
+            ),
+            Text(
+                f"Refused by floor or obstacle: nearer than {clearance:g} mm to it, the base aside."
+                if clearance
+                else "Refused by floor or obstacle: touches it, the base aside."
+            ),
+            pool_rows(pool.n_drawn, pool.rejection_names, pool.rejection_counts, len(pool.q)),
+            Figure(
+                "Candidates refused inside the box, by reason (at most 100 each), over the pool "
+                "(gray).",
+                plan_plots.rejections(plan),
+            ),
+        ),
+    )
+
+
+def parameter_section(plan: Plan) -> Section:
+    """What will be identified, and how well."""
+    u = np.sqrt(np.diagonal(plan.covariance))
+    lengths = plan.parameters.is_length[plan.parameters.free]
+    names = plan.parameters.free_names
+    rows = tuple(
+        (name, significant(float(value) * (UM if length else DEG * 1e3), 3),
+         "µm" if length else "mdeg")
+        for name, value, length in zip(names, u, lengths, strict=True)
+    )  # fmt: skip
+    table = Table(
+        caption=f"{counted(len(names), 'number')} will be identified",
+        head=("number", "predicted u", "unit"),
+        rows=rows,
+        align="lrl",
+        note="Standard uncertainties, k = 1. They are strongly correlated: never combine them as "
+        "if they were independent.",
+    )
+    blocks: list[Block] = [table]
+    if plan.notes:
+        blocks += [Text("What the measurements cannot tell apart:"), Points(plan.notes)]
+    return Section("parameters", "What will be identified", tuple(blocks))

@@ -1,0 +1,155 @@
+"""The measuring order of a plan, and what the tracker will show at each of its poses."""
+
+import numpy as np
+
+from calib.arrays import Array, Index, frozen
+from calib.errors import InputError
+from testbed.laboratory.bench import PlanBench
+from testbed.laboratory.joint_lists import from_deg
+from testbed.laboratory.pool import joint_ranges
+from testbed.laboratory.route.route import Route, measuring_route
+from testbed.plan.records import FAR, Reading, Tour
+from testbed.streams import stream
+
+
+def tour_of(
+    bench: PlanBench,
+    start: Array,
+    chosen: Array,
+    places: Index,
+    held_out: Array,
+    offered: Array,
+) -> Tour:
+    """Identification and held-out poses in one short tour.
+
+    Parameters
+    ----------
+    bench : PlanBench
+        The laboratory; its scenario has speed and rest.
+    start : (n,) array
+        Where the robot stands before [rad, m].
+    chosen : (m, n) array
+        Poses to identify from [rad, m].
+    places : (m,) array of int
+        Their places in the pool.
+    held_out : (h, n) array
+        Poses kept apart [rad, m].
+    offered : (k, n) array
+        Free postures that detours may pass through [rad, m].
+    """
+    plan, q = bench.scenario.plan, np.vstack([chosen, held_out])
+    route = measuring_route(
+        bench.robot,
+        bench.simulator,
+        q,
+        stream(bench.scenario.seed, "plan", "route"),
+        speed_share=plan.speed_share,
+        settle=plan.settle_s,
+        start=start,
+        vias=offered,
+        ranges=joint_ranges(bench.robot, bench.scenario.pool),
+    )
+    everywhere = np.concatenate([places, np.full(len(held_out), -1)])
+    at = {int(k): i for i, k in enumerate(route.order)}
+    blocked = tuple(sorted(max(at[a] if a >= 0 else -1, at[b]) for a, b in route.blocked))
+    return Tour(
+        q=route.q,
+        roles=tuple("identify" if k < len(chosen) else "test" for k in route.order),
+        pool_place=frozen(everywhere[route.order], np.int64),
+        start=route.start,
+        vias=route.via,
+        move=route.times,
+        speeds=frozen(bench.robot.speeds * plan.speed_share),
+        settle=route.settle,
+        blocked=blocked,
+        clearance=_clearance(bench, route, blocked),
+        sentence=_sentence(route, blocked),
+    )
+
+
+def _clearance(bench: PlanBench, route: Route, blocked: tuple[int, ...]) -> float:
+    """Smallest distance to floor and obstacles at every posture that the moves were tested at."""
+    simulator = bench.simulator
+    bounds, postures, here = simulator.travel_bounds(), [route.start[None]], route.start
+    for k, (q, via) in enumerate(zip(route.q, route.via, strict=True)):
+        for there in (*via, q):
+            count = max(int(np.ceil(np.abs(there - here) @ bounds / route.resolution)), 1)
+            share = np.linspace(0, 1, count + 1)[:, None] if k not in blocked else np.ones((1, 1))
+            postures.append(here + share * (there - here))
+            here = there
+    return float(simulator.clearances(np.vstack(postures), most=FAR).min())
+
+
+def _sentence(route: Route, blocked: tuple[int, ...]) -> str:
+    """How long it takes and whether the moves are free; blocked ones by their place in the order.
+
+    The route names poses by where they stood in the list given to it, which no one else sees.
+    """
+    if not blocked:
+        return route.sentence[:1].upper() + route.sentence[1:] + "."
+    moves = ", ".join(f"to pose {k + 1} of the order" for k in blocked)
+    return (
+        f"No free way was found {moves}; lead the robot around by hand there, drop the pose, or "
+        "move the obstacle."
+    )
+
+
+def start_of(bench: PlanBench) -> Array:
+    """Posture (n,) the robot starts from [rad, m]: of the scenario, else zero or mid-range.
+
+    Raises
+    ------
+    InputError
+        The robot cannot stand like that.
+    """
+    given, robot = bench.scenario.plan.start_deg, bench.robot
+    lower, upper = robot.limits.T
+    start = np.where((lower <= 0) & (upper >= 0), 0.0, (lower + upper) / 2)
+    if given:
+        start = np.asarray(from_deg(robot, [given], "[plan] start_deg", single=True)[0])
+    if bench.simulator.collides(start[None])[0]:
+        what = bench.simulator.hit_word(start)
+        near = not bench.touching.collides(start[None])[0]
+        verb = f"comes nearer than {bench.scenario.plan.clearance_mm:g} mm to" if near else "hits"
+        raise InputError(
+            f"[plan] start_deg: the robot {verb} {what} there"
+            if given
+            else f"[plan] has no start_deg, and with joints at zero the robot {verb} {what}",
+            code="M27",
+            field="plan.start_deg",
+            value=start.tolist(),
+            fix="write a start_deg where the robot stands free",
+        )
+    return start
+
+
+def readings_of(bench: PlanBench, q: Array) -> tuple[Reading, ...]:
+    """Predicted readings at joint targets q (s, n), from the nominal robot.
+
+    A 6-D target has two: the tool frame's origin, which the tracker reports, and the probe, which
+    the beam goes to.
+    """
+    tracker, chain = bench.tracker, bench.robot.model.chain
+    T = bench.robot.model.poses(q)
+    targets: tuple[tuple[str, Array], ...]
+    if tracker.measures == "point":
+        targets = (("reflector", tracker.reflector),)
+    else:
+        targets = (("tool", tracker.reflector), ("probe", tracker.aim(chain)))
+    return tuple(
+        _reading(name, T[:, :3, 3] + T[:, :3, :3] @ offset, tracker.T_world_tracker)
+        for name, offset in targets
+    )
+
+
+def _reading(target: str, points: Array, T_world_tracker: Array) -> Reading:
+    """World points (s, 3) as the tracker tells them."""
+    seen = (points - T_world_tracker[:3, 3]) @ T_world_tracker[:3, :3]
+    x, y, z = seen.T
+    return Reading(
+        target=target,
+        position=frozen(seen),
+        azimuth=frozen(np.arctan2(y, x)),
+        elevation=frozen(np.arctan2(z, np.hypot(x, y))),
+        range=frozen(np.linalg.norm(seen, axis=1)),
+    )

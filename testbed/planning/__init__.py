@@ -1,1 +1,0 @@
-"""The plan of a real measurement: goal, pose set, order, readings and what will come out."""

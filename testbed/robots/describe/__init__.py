@@ -1,0 +1,1 @@
+"""Robots read from foreign files, proven before they are believed."""

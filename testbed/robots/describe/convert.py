@@ -1,0 +1,267 @@
+"""From what a URDF or an MJCF says to a `Robot`: the chain proven, what is not said assumed."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from calib.arrays import Array, Bool, frozen
+from calib.errors import InputError
+from calib.geometry.chain import Chain, forward
+from calib.geometry.frames import inverse
+from calib.geometry.model import RobotModel
+from testbed.robots.describe.axes import chain_from_axes
+from testbed.robots.describe.description import Body, Description, plain_name
+from testbed.robots.describe.xml_gate import read_xml
+from testbed.robots.meshes.files import read_mesh
+from testbed.robots.placements import link_poses
+from testbed.robots.proof import LIMIT, difference, spread
+from testbed.robots.robot import Affine, Robot, Visual, body_name
+
+FULL_TURN, FULL_SLIDE = 2 * np.pi, 1.0
+"""Limits of joints that have none: to both sides of zero [rad, m]."""
+TURN_SPEED, SLIDE_SPEED = np.pi, 1.0
+"""Speeds of joints that have none [rad/s, m/s]."""
+TURN_SCATTER, SLIDE_SCATTER = 14.5e-6, 5e-6
+"""Standard deviation of a joint's repeatability, which no such file states [rad, m]."""
+MASS_PER_LENGTH, SHORTEST, RADIUS = 15.0, 0.1, 0.05
+"""Bodies without a mass: a rod of this mass per length, at least so long, so thick [kg/m, m]."""
+LOCKED = 1e-6
+"""Half the range that a joint gets whose limits are equal [rad or m]."""
+PROOFS = 32
+"""Poses at which the chain is compared with the other reader."""
+FLAT = 1e-4
+"""A mesh this thin, as a share of its size, encloses nothing."""
+
+
+def read_description(
+    path: Path,
+    *,
+    tip: str | None = None,
+    mesh_root: Path | None = None,
+    allow_missing_meshes: bool = False,
+) -> Robot:
+    """Read a URDF or an MJCF, whichever it is, as a robot.
+
+    Raises
+    ------
+    InputError
+        R1 to R19: file and line, what was found, what was expected; R20 if the poses differ.
+    """
+    tag = read_xml(path, "robot", "mujoco").tag
+    if tag == "robot":
+        from testbed.robots.describe.urdf import describe_urdf
+
+        describe = describe_urdf
+    else:
+        from testbed.robots.describe.mjcf import describe_mjcf
+
+        describe = describe_mjcf
+    return robot_of(
+        describe(path, tip=tip, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes)
+    )
+
+
+def robot_of(found: Description) -> Robot:
+    """The robot of a description, its chain proven against the description's own poses."""
+    chain = chain_from_axes(found.points, found.axes, found.kinds, found.T_world_tip)
+    notes = list(found.notes)
+    limits = _limits(found, notes)
+    agreement = _prove(found, chain, limits)
+    frames = link_poses(chain, np.zeros((1, chain.n_joints)))[0]
+    ends = np.vstack([found.points, found.T_world_tip[:3, 3]])
+    masses, centers, inertias = _masses(found.bodies[1:], frames[1:], ends, notes)
+    visuals = _visuals(found.bodies, frames, notes)
+    turns = np.array([kind == "revolute" for kind in found.kinds])
+    name = plain_name(found.name or found.path.stem, default="robot")
+    robot = Robot(
+        name=name,
+        title=found.name or found.path.stem,
+        folder=found.folder,
+        model=RobotModel(chain),
+        limits=frozen(limits),
+        speeds=frozen(_speeds(found, turns, notes)),
+        masses=frozen(masses),
+        centers=frozen(centers),
+        inertias=frozen(inertias),
+        repeatability=frozen(np.where(turns, TURN_SCATTER, SLIDE_SCATTER)),
+        visuals=visuals,
+        base_offset=_floor(visuals, chain),
+        exclusions=_exclusions(found),
+        free_sets=MappingProxyType({}),
+        sources=MappingProxyType(
+            {
+                "geometry": f"{found.path.name}, joint axes converted to link numbers; poses "
+                f"equal those of {found.reader} to {agreement:.1g} m",
+                "limits": found.path.name,
+                "masses": f"{found.path.name}, unless noted",
+                "repeatability": f"assumed: {TURN_SCATTER * 1e6:g} urad for joints that turn, "
+                f"{SLIDE_SCATTER * 1e6:g} um for those that slide",
+            }
+        ),
+        joint_names=found.joint_names,
+        agreement=agreement,
+    )
+    robot = _without_constant_contacts(robot, notes)
+    said = f"the repeatability of the joints is assumed ({TURN_SCATTER * 1e6:g} urad"
+    notes.append(said + (f", sliding {SLIDE_SCATTER * 1e6:g} um)" if not turns.all() else ")"))
+    return replace(robot, notes=tuple(notes))
+
+
+def _prove(found: Description, chain: Chain, limits: Array) -> float:
+    """Largest distance of the chain's tool from the description's over many poses [m]."""
+    q = np.vstack([np.zeros(chain.n_joints), spread(limits, PROOFS)])
+    position, rotation = difference(forward(chain, q), found.poses(q))
+    if not max(position, rotation) <= LIMIT:
+        raise InputError(
+            f"the poses of the chain differ from those of {found.reader} by "
+            f"{position:.3g} m and {rotation:.3g} rad",
+            code="R20",
+            where=str(found.path),
+            field="poses",
+            value=position,
+            allowed=f"at most {LIMIT:g}",
+            fix="check rotations and axes in the file for numbers with few digits",
+        )
+    return position
+
+
+def _limits(found: Description, notes: list[str]) -> Array:
+    """Joint limits (n, 2), finite and not empty [rad or m]."""
+    limits = np.array(found.limits, dtype=np.float64)
+    turns = np.array([kind == "revolute" for kind in found.kinds])
+    for wanted, size, words in ((turns, FULL_TURN, "360 deg"), (~turns, FULL_SLIDE, "1 m")):
+        without = wanted & ~np.isfinite(limits).all(axis=1)
+        if without.any():
+            names = _listed(found.joint_names, without)
+            notes.append(f"{names} without limits: -{words} to {words} is assumed")
+        limits[without] = -size, size
+    locked = limits[:, 0] == limits[:, 1]
+    if locked.any():
+        names = _listed(found.joint_names, locked)
+        notes.append(f"{names} with equal limits: a range of {2 * LOCKED:g} about them is assumed")
+    limits[locked] += np.array([-LOCKED, LOCKED])
+    return limits
+
+
+def _speeds(found: Description, turns: Bool, notes: list[str]) -> Array:
+    """Largest joint speeds (n,), finite [rad/s or m/s]."""
+    speeds = np.array(found.speeds, dtype=np.float64)
+    without = ~np.isfinite(speeds)
+    if without.any():
+        names = _listed(found.joint_names, without)
+        notes.append(f"{names} without a speed: 180 deg/s, or 1 m/s where it slides, is assumed")
+    return np.where(without, np.where(turns, TURN_SPEED, SLIDE_SPEED), speeds)
+
+
+def _listed(names: Sequence[str], which: Bool) -> str:
+    """The joints of a note."""
+    picked = [name for name, one in zip(names, which, strict=True) if one]
+    if len(picked) == len(names) > 1:
+        return "all joints"
+    return f"joint{'s' * (len(picked) > 1)} {', '.join(picked)}"
+
+
+def _masses(
+    bodies: Sequence[Body], frames: Array, ends: Array, notes: list[str]
+) -> tuple[Array, Array, Array]:
+    """Masses (n,), centers (n, 3) and moments (n, 3) in the body frames; assumed where missing.
+
+    `ends` (n + 1, 3) are the joints and the tip: a body without a mass is a rod between two.
+    """
+    masses, centers, inertias = np.empty(len(bodies)), [], []
+    bare, odd, crossed = [], [], []
+    for i, (body, frame) in enumerate(zip(bodies, frames, strict=True)):
+        length = max(float(np.linalg.norm(ends[i + 1] - ends[i])), SHORTEST)
+        masses[i], center = body.mass, body.center
+        if not body.mass > 0:
+            bare.append(body.name)
+            masses[i], center = MASS_PER_LENGTH * length, (ends[i] + ends[i + 1]) / 2
+        turned = frame[:3, :3].T @ body.inertia @ frame[:3, :3]
+        moments = np.diagonal(turned).copy()
+        if body.mass > 0 and (moments.min() <= 0 or 2 * moments.max() > moments.sum() * (1 + 1e-9)):
+            odd.append(body.name)
+        elif np.abs(turned - np.diag(moments)).max() > 0.1 * moments.max():
+            crossed.append(body.name)
+        if body.name in bare + odd:
+            moments = np.full(3, masses[i] * (length**2 / 12 + RADIUS**2 / 4))
+        # rounding may leave the largest moment a hair above the sum of the others
+        moments = np.minimum(moments, (moments.sum() - moments) * (1 - 1e-15))
+        centers.append(frame[:3, :3].T @ (center - frame[:3, 3]))
+        inertias.append(moments)
+    if bare:
+        notes.append(
+            f"no mass is given for what {', '.join(bare)} moves: a rod to the next joint of "
+            f"{MASS_PER_LENGTH:g} kg/m is assumed"
+        )
+    if odd:
+        notes.append(f"no body has the inertia given for {', '.join(odd)}: that of a rod is taken")
+    if crossed:
+        notes.append(f"products of inertia of {', '.join(crossed)} are left out")
+    return masses, np.array(centers), np.array(inertias)
+
+
+def _visuals(bodies: Sequence[Body], frames: Array, notes: list[str]) -> tuple[Visual, ...]:
+    """Every mesh in the frame of its body, checked; each with a name of its own."""
+    visuals: list[Visual] = []
+    names: set[str] = set()
+    for link, (body, frame) in enumerate(zip(bodies, frames, strict=True)):
+        for shape in body.shapes:
+            vertices, _, _ = read_mesh(shape.file)
+            size = np.linalg.svd(vertices - vertices.mean(axis=0), compute_uv=False)
+            if len(vertices) < 4 or size[-1] <= FLAT * size[0]:
+                notes.append(f"mesh {shape.file.name} is flat and is left out")
+                continue
+            name, count = plain_name(shape.file.stem, default="part"), 1
+            if name in names:
+                name = plain_name(f"{body.name}_{name}", default="part")
+            stem = name
+            while name in names:
+                count += 1
+                name = f"{stem}_{count}"
+            names.add(name)
+            affine = _rounded(inverse(frame) @ shape.affine)
+            visuals.append(Visual(shape.file, shape.rgb, shape.collides, link, name, affine))
+    return tuple(visuals)
+
+
+def _rounded(affine: Array) -> Affine:
+    """A (4, 4) matrix as rows, without the dust of rounding."""
+    return tuple(tuple(float(x) for x in row) for row in np.round(affine, 12) + 0.0)
+
+
+def _floor(visuals: Sequence[Visual], chain: Chain) -> float:
+    """Height of the floor in the base frame [m]: where the base ends, else the world's z = 0."""
+    lowest = []
+    for visual in visuals:
+        if visual.link == 0:
+            affine = np.array(visual.affine)
+            heights = read_mesh(visual.file)[0] @ affine[2, :3] + affine[2, 3]
+            lowest.append(float(heights.min()))
+    if lowest:
+        return min(lowest)
+    up = float(chain.T_world_base[2, 2])
+    return float(-chain.T_world_base[2, 3] / up) if up > 0.5 else 0.0
+
+
+def _exclusions(found: Description) -> tuple[tuple[str, str], ...]:
+    """Neighbors, and what the file never tests."""
+    pairs = {(i, i + 1) for i in range(len(found.bodies) - 1)}
+    pairs |= {(min(pair), max(pair)) for pair in found.apart if pair[0] != pair[1]}
+    return tuple((body_name(a), body_name(b)) for a, b in sorted(pairs))
+
+
+def _without_constant_contacts(robot: Robot, notes: list[str]) -> Robot:
+    """The robot with those pairs of bodies excluded whose hulls touch at every pose."""
+    if not any(visual.collides for visual in robot.visuals):
+        return robot
+    from testbed.robots.write.mjcf import always_touching
+
+    pairs = always_touching(robot, spread(robot.limits, PROOFS))
+    if not pairs:
+        return robot
+    listed = ", ".join(f"{a} and {b}" for a, b in pairs)
+    notes.append(f"hulls that touch at every pose are never tested: {listed}")
+    return replace(robot, exclusions=(*robot.exclusions, *pairs))

@@ -1,0 +1,140 @@
+"""What a URDF or an MJCF says of a serial arm, before it becomes a chain: axes, bodies, shapes."""
+
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.errors import InputError
+from calib.geometry.chain import JointKind
+from testbed.strict import choice_of
+
+TOOL_NAMES = ("tool0", "tool")
+"""An end of that name is the tool where the arm has several ends."""
+GRAY = (0.7, 0.7, 0.7)
+"""Color of what has none."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """One mesh of a body."""
+
+    file: Path
+    """Where it lies."""
+    affine: Array
+    """(4, 4) places in the file to places in the world at joint zero, scale included [m]."""
+    rgb: tuple[float, float, float]
+    """Color, 0 to 1."""
+    collides: bool
+    """Whether it takes part in collision tests."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """Everything that moves with one joint; in the world at joint zero."""
+
+    name: str
+    """For messages and names of parts."""
+    mass: float = 0.0
+    """Zero if the file does not say it [kg]."""
+    center: Array = field(default_factory=lambda: np.zeros(3))
+    """(3,) center of mass [m]."""
+    inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    """(3, 3) about the center, world axes [kg m^2]."""
+    shapes: tuple[Shape, ...] = ()
+    """What is drawn."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Description:
+    """A serial arm as its file tells it."""
+
+    name: str
+    """What the file calls it."""
+    path: Path
+    """The file."""
+    folder: Path
+    """What holds all its meshes."""
+    reader: str
+    """Who else reads such files: yourdfpy or MuJoCo."""
+    joint_names: tuple[str, ...]
+    """(n,) base to tip."""
+    kinds: tuple[JointKind, ...]
+    """(n,)"""
+    points: Array
+    """(n, 3) a point on each axis at joint zero, in the world [m]."""
+    axes: Array
+    """(n, 3) unit direction of each axis at joint zero, in the world."""
+    T_world_tip: Array
+    """(4, 4) tip at joint zero [m]."""
+    limits: Array
+    """(n, 2) lower and upper joint limits, -inf and inf where there are none [rad or m]."""
+    speeds: Array
+    """(n,) largest joint speeds, inf where the file does not say them [rad/s or m/s]."""
+    bodies: tuple[Body, ...]
+    """(n + 1,) base first."""
+    poses: Callable[[Array], Array]
+    """Poses of the tip (m, 4, 4) at q (m, n), by the other reader [m]."""
+    apart: tuple[tuple[int, int], ...] = ()
+    """Bodies the file never tests for collision."""
+    notes: tuple[str, ...] = ()
+    """What is legal but odd, in sentences."""
+
+
+def choose_tip(
+    tip: str | None, ends: Iterable[str], known: Iterable[str], path: Path
+) -> tuple[str, str]:
+    """Where the arm ends, and a sentence if that was a choice.
+
+    Parameters
+    ----------
+    tip : str, optional
+        What the user wants.
+    ends : iterable of str
+        Frames that nothing hangs on.
+    known : iterable of str
+        All frames.
+    path : Path
+        For the message.
+
+    Raises
+    ------
+    InputError
+        R16: there is no such frame, or there are several ends and none of `TOOL_NAMES`.
+    """
+    ends, known = list(ends), list(known)
+    if tip is not None:
+        if tip in known:
+            return tip, ""
+        raise InputError(
+            f'there is no link "{tip}"',
+            code="R16",
+            where=str(path),
+            field="tip",
+            value=tip,
+            fix=choice_of(tip, known),
+        )
+    if len(ends) == 1:
+        return ends[0], ""
+    for name in TOOL_NAMES:
+        if name in ends:
+            others = ", ".join(end for end in ends if end != name)
+            return name, f"the arm is taken to end at {name}; it also has {others}"
+    raise InputError(
+        f"the arm has {len(ends)} ends: {', '.join(ends[:12])}{', ...' * (len(ends) > 12)}",
+        code="R16",
+        where=str(path),
+        field="tip",
+        value=ends,
+        allowed="a serial arm, which ends once",
+        fix="name the end that is calibrated as the tip",
+    )
+
+
+def plain_name(text: str, *, default: str) -> str:
+    """A name as robot.toml allows it: small letters, digits, underscores, at most 48."""
+    name = re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")[:48]
+    return name if name[:1].isalpha() else f"{default}_{name}".rstrip("_")[:48]

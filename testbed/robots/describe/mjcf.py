@@ -1,0 +1,236 @@
+"""Any serial arm's MJCF, read by MuJoCo: joint axes, bodies, shapes, and its own poses."""
+
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calib.errors import InputError
+from calib.geometry.chain import JointKind
+from calib.geometry.frames import inverse, transform
+from testbed.robots.describe.description import Body, Description, Shape, choose_tip
+from testbed.robots.describe.mjcf_gate import Gated, gate
+from testbed.robots.describe.mjcf_model import (
+    at_zero,
+    called,
+    compiled,
+    frames_of,
+    joints_to,
+    kind_of,
+    mjcf_poses,
+    pose_of,
+)
+from testbed.robots.describe.urdf_checks import angle_notes
+
+DRIVEN = ("joint", "jointinparent")
+"""Attributes of actuators that name the joint they drive."""
+HIDDEN = 3
+"""Geoms of this group and above are not drawn unless a viewer is told to."""
+PAIRED = ("connect", "weld")
+"""Constraints that close a chain."""
+
+
+def describe_mjcf(
+    path: Path, *, tip: str | None, mesh_root: Path | None, allow_missing_meshes: bool
+) -> Description:
+    """What an MJCF says of the arm from the world to the body or site `tip`.
+
+    Bodies without joints are merged with what they hang on. What moves with joints that are not on
+    the way to the tip is left out, and told.
+
+    Raises
+    ------
+    InputError
+        R1 to R19.
+    """
+    gated = gate(path, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes)
+    notes = list(gated.notes)
+    drives = _taken(gated.root, "actuator", "tendon", "equality", "contact")
+    model = compiled(gated, path)
+    frames = frames_of(model)
+    tip, choice = choose_tip(tip, _ends(model, frames), frames, path)
+    notes += [choice] if choice else []
+    joints = joints_to(model, frames[tip][0])
+    if not joints:
+        raise InputError(
+            f"no joint moves {tip}", code="R16", where=str(path), field="tip", value=tip
+        )
+    _refuse_coupled(model, joints, drives, path)
+    places = at_zero(model, joints)
+    groups, left_out = _groups(model, joints)
+    if left_out:
+        notes.append(f"not on the way to {tip} and left out: {', '.join(left_out)}")
+    slides = [kind_of(model, joint) == "prismatic" for joint in joints]
+    kinds: list[JointKind] = ["prismatic" if one else "revolute" for one in slides]
+    limits = np.where(
+        model.jnt_limited[joints].astype(bool)[:, None],
+        model.jnt_range[joints],
+        np.array([-np.inf, np.inf]),
+    )
+    notes += angle_notes(
+        [
+            float(np.abs(limit).max())
+            for limit, one in zip(limits, slides, strict=True)
+            if not one and np.isfinite(limit).all()
+        ]
+    )
+    names = [called(model, "joint", joint) for joint in joints]
+    bodies = tuple(
+        _body(name, ids, model, places, gated)
+        for name, ids in zip(["base", *names], groups, strict=True)
+    )
+    return Description(
+        name=str(gated.root.get("model") or ""),
+        path=path,
+        folder=(mesh_root or path.parent).resolve(),
+        reader="MuJoCo",
+        joint_names=tuple(names),
+        kinds=tuple(kinds),
+        points=places.xanchor[joints].copy(),
+        axes=places.xaxis[joints].copy(),
+        T_world_tip=pose_of(places, frames[tip]),
+        limits=limits,
+        speeds=np.full(len(joints), np.inf),
+        bodies=bodies,
+        poses=partial(mjcf_poses, model, joints, frames[tip]),
+        apart=_apart(drives["contact"], model, groups),
+        notes=tuple(notes),
+    )
+
+
+def _taken(root: Any, *tags: str) -> dict[str, list[Any]]:
+    """Sections taken out of the tree, by tag: MuJoCo needs them not."""
+    taken: dict[str, list[Any]] = {tag: [] for tag in tags}
+    for section in [child for child in root if child.tag in tags]:
+        taken[section.tag] += [child for child in section if isinstance(child.tag, str)]
+        root.remove(section)
+    return taken
+
+
+def _ends(model: Any, frames: dict[str, tuple[int, int]]) -> list[str]:
+    """Sites of the bodies that nothing hangs on, or the bodies; only those that move, if any."""
+    parents = set(model.body_parentid[1:].tolist())
+    ends = [k for k in range(1, model.nbody) if k not in parents]
+    ends = [k for k in ends if joints_to(model, k)] or ends
+    names: list[str] = []
+    for k in ends:
+        sites = [name for name, (body, site) in frames.items() if body == k and site >= 0]
+        names += sites or [called(model, "body", k)]
+    return names
+
+
+def _refuse_coupled(
+    model: Any, joints: list[int], drives: dict[str, list[Any]], path: Path
+) -> None:
+    """R16: every joint on the way moves on its own and closes no ring."""
+    names = {called(model, "joint", joint): joint for joint in joints}
+    driven = {motor.get(key) for motor in drives["actuator"] for key in DRIVEN}
+    tendons = {part.get("joint") for tendon in drives["tendon"] for part in tendon.iter("joint")}
+    follows = {
+        one.get("joint1"): one.get("joint2")
+        for one in drives["equality"]
+        if one.tag == "joint" and one.get("joint2") and one.get("active") != "false"
+    }
+    for name, joint in names.items():
+        kind, problem = kind_of(model, joint), ""
+        if kind in ("ball", "free"):
+            problem = f"joint {name} is a {kind} joint"
+        elif name in follows:
+            problem = f"joint {name} is a mimic joint of {follows[name]}"
+        elif driven & set(names) and name not in driven | tendons:
+            problem = f"joint {name} is passive: no actuator drives it, but others are driven"
+        if problem:
+            raise InputError(
+                problem,
+                code="R16",
+                where=str(path),
+                field="joint",
+                value=name,
+                allowed="hinge or slide joints, each moving on its own",
+            )
+    way = {model.body(int(model.jnt_bodyid[joint])).name for joint in joints}
+    for one in drives["equality"]:
+        ends = {one.get("body1"), one.get("body2")} & way
+        if one.tag in PAIRED and one.get("active") != "false" and ends:
+            raise InputError(
+                f"<{one.tag}> closes a ring at body {', '.join(sorted(ends))}",
+                code="R16",
+                where=str(path),
+                field=one.tag,
+                allowed="a serial arm",
+            )
+
+
+def _groups(model: Any, joints: list[int]) -> tuple[list[list[int]], list[str]]:
+    """Bodies that move together, base first, and the names of those that other joints move."""
+    groups: list[list[int]] = [[] for _ in range(len(joints) + 1)]
+    left_out = []
+    for body in range(model.nbody):
+        own = joints_to(model, body)
+        if own == joints[: len(own)]:
+            groups[len(own)].append(body)
+        else:
+            left_out.append(called(model, "body", body))
+    return groups, left_out
+
+
+def _apart(
+    contacts: Iterable[Any], model: Any, groups: list[list[int]]
+) -> tuple[tuple[int, int], ...]:
+    """Bodies that the file excludes from collision tests."""
+    number = {
+        model.body(body).name: i for i, bodies in enumerate(groups) for body in bodies if body
+    }
+    pairs = [(one.get("body1"), one.get("body2")) for one in contacts if one.tag == "exclude"]
+    return tuple((number[a], number[b]) for a, b in pairs if a in number and b in number)
+
+
+def _body(name: str, ids: list[int], model: Any, data: Any, gated: Gated) -> Body:
+    """Bodies that move together as one, in the world at joint zero."""
+    masses = model.body_mass[ids]
+    mass = float(masses.sum())
+    center, inertia = np.zeros(3), np.zeros((3, 3))
+    if mass > 0:
+        center = masses @ data.xipos[ids] / mass
+        for body in ids:
+            R, away = data.ximat[body].reshape(3, 3), data.xipos[body] - center
+            inertia += (R * model.body_inertia[body]) @ R.T
+            inertia += model.body_mass[body] * (away @ away * np.eye(3) - np.outer(away, away))
+    geoms = [k for k in range(model.ngeom) if int(model.geom_bodyid[k]) in ids]
+    collides = {k: bool(model.geom_contype[k] or model.geom_conaffinity[k]) for k in geoms}
+    meshes = [k for k in geoms if _is_file(model, k, gated)]
+    drawn = [k for k in meshes if model.geom_group[k] < HIDDEN] or meshes
+    if not any(collides[k] for k in drawn):  # other shapes stand for them
+        collides |= dict.fromkeys(drawn, any(collides.values()))
+    shapes = tuple(_shape(model, data, k, collides[k], gated) for k in drawn)
+    return Body(name, mass, center, inertia, shapes)
+
+
+def _is_file(model: Any, geom: int, gated: Gated) -> bool:
+    """Whether a geom is a mesh that lies in a file."""
+    import mujoco
+
+    mesh = int(model.geom_dataid[geom])
+    is_mesh = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH
+    return bool(is_mesh and mesh >= 0 and model.mesh(mesh).name in gated.files)
+
+
+def _shape(model: Any, data: Any, geom: int, collides: bool, gated: Gated) -> Shape:
+    """A mesh file at its place: MuJoCo moves a mesh to its own center, here it is moved back."""
+    import mujoco
+
+    mesh = int(model.geom_dataid[geom])
+    R = np.empty(9)
+    mujoco.mju_quat2Mat(R, model.mesh_quat[mesh])
+    T_mesh = transform(R.reshape(3, 3), model.mesh_pos[mesh])
+    T_geom = transform(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom])
+    affine = T_geom @ inverse(T_mesh) @ np.diag([*model.mesh_scale[mesh], 1.0])
+    own, material = model.geom_rgba[geom], int(model.geom_matid[geom])
+    plain = np.allclose(own, [0.5, 0.5, 0.5, 1.0])
+    color = model.mat_rgba[material] if material >= 0 and plain else own
+    # MuJoCo keeps colors in single precision
+    red, green, blue = np.clip(np.asarray(color[:3], dtype=np.float64), 0, 1).round(6)
+    file = gated.files[model.mesh(mesh).name]
+    return Shape(file, affine, (float(red), float(green), float(blue)), collides)

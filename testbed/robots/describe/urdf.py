@@ -1,0 +1,297 @@
+"""Any serial arm's URDF, read through yourdfpy: joint axes, bodies, shapes, and its own poses."""
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calib.arrays import Array, frozen
+from calib.errors import InputError
+from calib.geometry.chain import Chain, JointKind
+from testbed.robots.describe.axes import chain_from_axes
+from testbed.robots.describe.description import GRAY, Body, Description, Shape, choose_tip
+from testbed.robots.describe.urdf_checks import check_urdf, mesh_files
+from testbed.robots.describe.xml_gate import read_xml
+
+UNIT = 1e-6
+"""An axis that is longer or shorter than 1 by more than this is told."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UrdfArm:
+    """A serial arm found in a URDF."""
+
+    chain: Chain
+    """Its geometry, from the root link to the tip [m, rad]."""
+    joint_names: tuple[str, ...]
+    """(n,) names of the moving joints, base to tip."""
+    limits: Array
+    """(n, 2) joint limits; -inf, inf for a continuous joint [rad or m]."""
+    speeds: Array
+    """(n,) largest joint speeds, inf where not given [rad/s or m/s]."""
+    notes: tuple[str, ...]
+    """What is legal but odd, in sentences."""
+
+
+def read_urdf_chain(path: str | Path, *, tip: str | None = None) -> Chain:
+    """Chain of the serial arm from the root link to `tip`; see `read_urdf`."""
+    return read_urdf(path, tip=tip).chain
+
+
+def read_urdf(
+    path: str | Path,
+    *,
+    tip: str | None = None,
+    mesh_root: Path | None = None,
+    allow_missing_meshes: bool = False,
+) -> UrdfArm:
+    """Read the serial arm that ends at link `tip`: any axes, revolute or prismatic.
+
+    The link numbers are a choice (the gauge); poses are not: they equal the URDF's.
+
+    Raises
+    ------
+    InputError
+        R1 to R7 and R11 to R17: file and line, what was found, what was expected.
+    """
+    found = describe_urdf(
+        Path(path), tip=tip, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes
+    )
+    return UrdfArm(
+        chain=chain_from_axes(found.points, found.axes, found.kinds, found.T_world_tip),
+        joint_names=found.joint_names,
+        limits=frozen(found.limits),
+        speeds=frozen(found.speeds),
+        notes=found.notes,
+    )
+
+
+def describe_urdf(
+    path: Path, *, tip: str | None, mesh_root: Path | None, allow_missing_meshes: bool
+) -> Description:
+    """What a URDF says of the arm from its root link to `tip`; fixed joints are merged.
+
+    What moves with joints that are not on the way to the tip is left out, and told.
+    """
+    root = read_xml(path, "robot")
+    notes = check_urdf(root, path, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes)
+    model = load_urdf(path.read_bytes())
+    above = {joint.child: joint for joint in model.robot.joints}
+    tip, choice = choose_tip(tip, _ends(model, above), model.link_map, path)
+    notes += [choice] if choice else []
+    way = _path_to(above, tip)
+    moving = [joint for joint in way if _moves(joint, path)]
+    if not moving:
+        raise InputError(
+            f"no joint moves {tip}", code="R16", where=str(path), field="tip", value=tip
+        )
+    for joint in moving:
+        length = float(np.linalg.norm(joint.axis))
+        if abs(length - 1) > UNIT:
+            notes.append(f"the axis of joint {joint.name} has length {length:.4g}; 1 is taken")
+        joint.axis = np.asarray(joint.axis, dtype=np.float64) / length
+    poses = _poses_at_zero(model, above)
+    places = [poses[joint.child] for joint in moving]
+    groups, left_out = _groups(model, above, moving, way)
+    if left_out:
+        notes.append(f"not on the way to {tip} and left out: {', '.join(left_out)}")
+    folder = (mesh_root or path.parent).resolve()
+    names = ["base", *(joint.name for joint in moving)]
+    some_collide = any(link.collisions for link in model.robot.links)
+    colors = {material.name: material.color for material in model.robot.materials or ()}
+    bodies = tuple(
+        _body(name, [model.link_map[link] for link in links], poses, folder, some_collide, colors)
+        for name, links in zip(names, groups, strict=True)
+    )
+    kinds: list[JointKind] = [
+        "prismatic" if joint.type == "prismatic" else "revolute" for joint in moving
+    ]
+    return Description(
+        name=str(model.robot.name or ""),
+        path=path,
+        folder=folder,
+        reader="yourdfpy",
+        joint_names=tuple(str(joint.name) for joint in moving),
+        kinds=tuple(kinds),
+        points=np.array([T[:3, 3] for T in places]),
+        axes=np.array([T[:3, :3] @ joint.axis for T, joint in zip(places, moving, strict=True)]),
+        T_world_tip=poses[tip],
+        limits=np.array([_limits(joint) for joint in moving]),
+        speeds=np.array([_speed(joint) for joint in moving]),
+        bodies=bodies,
+        poses=partial(urdf_poses, way, tip),
+        notes=tuple(notes),
+    )
+
+
+def load_urdf(data: bytes) -> Any:
+    """The bytes of a checked URDF as a `yourdfpy.URDF` without meshes and without a scene."""
+    from yourdfpy import URDF
+
+    return URDF.load(
+        io.BytesIO(data), build_scene_graph=False, load_meshes=False, filename_handler=str
+    )
+
+
+def urdf_poses(way: Sequence[Any], tip: str, q: Array) -> Array:
+    """Poses (m, 4, 4) of the link `tip` at q (m, n) as yourdfpy finds them [m].
+
+    `way` are the joints from the root link to the tip (`way_to`); nothing else takes part.
+    """
+    from yourdfpy import URDF
+    from yourdfpy import urdf as y
+
+    links = [y.Link(name=way[0].parent), *(y.Link(name=joint.child) for joint in way)]
+    arm = URDF(
+        robot=y.Robot(name="arm", links=links, joints=list(way)),
+        build_scene_graph=True,
+        load_meshes=False,
+    )
+    out = np.empty((len(q), 4, 4))
+    for k, row in enumerate(q):
+        arm.update_cfg(row)
+        out[k] = arm.get_transform(tip)
+    return out
+
+
+def way_to(model: Any, tip: str) -> list[Any]:
+    """Joints of a `yourdfpy.URDF` from the root link to the link `tip`."""
+    return _path_to({joint.child: joint for joint in model.robot.joints}, tip)
+
+
+def _path_to(above: dict[str, Any], tip: str) -> list[Any]:
+    """Joints from the root link to the link `tip`."""
+    joints = []
+    while tip in above:
+        joints.append(above[tip])
+        tip = above[tip].parent
+    return joints[::-1]
+
+
+def _ends(model: Any, above: dict[str, Any]) -> list[str]:
+    """Links that nothing hangs on; those that no joint moves only if there are no others."""
+    parents = {joint.parent for joint in above.values()}
+    ends = [link.name for link in model.robot.links if link.name not in parents]
+    moved = [end for end in ends if any(joint.type != "fixed" for joint in _path_to(above, end))]
+    return moved or ends
+
+
+def _moves(joint: Any, path: Path) -> bool:
+    """Whether a joint on the way moves; one that cannot be calibrated alone is refused."""
+    if joint.type == "fixed":
+        return False
+    if joint.mimic is not None or joint.type not in ("revolute", "continuous", "prismatic"):
+        kind = f"a mimic joint of {joint.mimic.joint}" if joint.mimic is not None else joint.type
+        raise InputError(
+            f"joint {joint.name} is {kind}",
+            code="R16",
+            where=str(path),
+            field="type",
+            value=joint.type,
+            allowed="revolute, continuous, prismatic or fixed, each moving on its own",
+        )
+    return True
+
+
+def _poses_at_zero(model: Any, above: dict[str, Any]) -> dict[str, Array]:
+    """Pose (4, 4) of every link in the root link, all joints at zero [m]."""
+    poses: dict[str, Array] = {}
+    for link in model.robot.links:
+        T = np.eye(4)
+        for joint in _path_to(above, link.name):
+            T = T if joint.origin is None else T @ joint.origin
+        poses[link.name] = T
+    return poses
+
+
+def _groups(
+    model: Any, above: dict[str, Any], moving: Sequence[Any], way: Sequence[Any]
+) -> tuple[list[list[str]], list[str]]:
+    """Links that move together, base first, and the links other joints move."""
+    groups: list[list[str]] = [[] for _ in range(len(moving) + 1)]
+    left_out = []
+    on_the_way = {joint.name for joint in way}
+    number = {joint.name: i + 1 for i, joint in enumerate(moving)}
+    for link in model.robot.links:
+        joints = _path_to(above, link.name)
+        if any(joint.type != "fixed" and joint.name not in on_the_way for joint in joints):
+            left_out.append(link.name)
+        else:
+            groups[max((number.get(joint.name, 0) for joint in joints), default=0)].append(
+                link.name
+            )
+    return groups, left_out
+
+
+def _limits(joint: Any) -> tuple[float, float]:
+    """Lower and upper limit [rad or m]; a limit left out is 0 in URDF."""
+    if joint.type == "continuous":
+        return -np.inf, np.inf
+    return joint.limit.lower or 0.0, joint.limit.upper or 0.0
+
+
+def _speed(joint: Any) -> float:
+    """Largest speed [rad/s or m/s]."""
+    return float(joint.limit.velocity) if joint.limit and joint.limit.velocity else np.inf
+
+
+def _body(
+    name: str,
+    links: Sequence[Any],
+    poses: dict[str, Array],
+    folder: Path,
+    some_collide: bool,
+    colors: dict[str, Any],
+) -> Body:
+    """Links fixed to each other as one body, in the root link at joint zero."""
+    mass, moment, center = 0.0, np.zeros((3, 3)), np.zeros(3)
+    shapes: list[Shape] = []
+    parts = []
+    for link in links:
+        own = link.inertial
+        if own is not None and own.mass:
+            T = poses[link.name] if own.origin is None else poses[link.name] @ own.origin
+            inertia = np.zeros((3, 3)) if own.inertia is None else own.inertia
+            parts.append((float(own.mass), T[:3, 3], T[:3, :3] @ inertia @ T[:3, :3].T))
+        drawn = link.visuals if _meshes(link.visuals) else link.collisions
+        hulls = {part.geometry.mesh.filename for part in _meshes(link.collisions)}
+        # where the same mesh is drawn and collides, other drawn ones are trim
+        own = hulls & {part.geometry.mesh.filename for part in _meshes(drawn)}
+        for part in _meshes(drawn):
+            collides = bool(link.collisions) or not some_collide
+            collides = part.geometry.mesh.filename in own if own else collides
+            shapes += _shape(part, poses[link.name], folder, collides, colors)
+    if parts:
+        mass = sum(m for m, _, _ in parts)
+        center = np.asarray(sum(m * p for m, p, _ in parts)) / mass
+        for m, p, inertia in parts:  # parallel axes
+            away = p - center
+            moment = moment + inertia + m * (away @ away * np.eye(3) - np.outer(away, away))
+    return Body(name, mass, center, moment, tuple(shapes))
+
+
+def _meshes(parts: Sequence[Any]) -> list[Any]:
+    """Those visuals or collisions that are mesh files."""
+    return [part for part in parts or () if part.geometry.mesh is not None]
+
+
+def _shape(
+    part: Any, T: Array, folder: Path, collides: bool, colors: dict[str, Any]
+) -> list[Shape]:
+    """A mesh file at its place, or nothing if the file is missing."""
+    mesh = part.geometry.mesh
+    file = next((file for file in mesh_files(mesh.filename, folder) if file.is_file()), None)
+    if file is None:
+        return []
+    scale = 1.0 if mesh.scale is None else mesh.scale
+    affine = (T if part.origin is None else T @ part.origin) @ np.diag(
+        [*np.broadcast_to(scale, 3), 1.0]
+    )
+    material = getattr(part, "material", None)
+    color = None if material is None else material.color or colors.get(material.name)
+    red, green, blue = GRAY if color is None else np.clip(color.rgba[:3], 0, 1)
+    return [Shape(file, affine, (float(red), float(green), float(blue)), collides)]

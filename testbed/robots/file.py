@@ -1,0 +1,212 @@
+"""The schemas of robot.toml and tracker.toml: every key with its unit, as people write them."""
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from calib.geometry.chain import chain_names
+from testbed.strict import Strict, choice_of
+
+Vector = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=64)]
+Color = Annotated[
+    tuple[Annotated[float, Field(ge=0, le=1)], ...], Field(min_length=3, max_length=3)
+]
+
+
+def _inside(file: str) -> str:
+    """Refuse a path that could leave the model's folder."""
+    if file.startswith(("/", "\\")) or ".." in file.replace("\\", "/").split("/") or ":" in file:
+        raise ValueError("must stay inside the model's folder")
+    return file
+
+
+ModelFile = Annotated[str, AfterValidator(_inside)]
+
+
+class Link(Strict):
+    """What revolute and prismatic joints share: the link product and the body they move."""
+
+    theta_deg: float
+    d_mm: float
+    a_mm: float
+    alpha_deg: float
+    beta_deg: float = 0.0
+    mass_kg: Positive
+    center_mm: Vector
+    inertia_kg_m2: Annotated[tuple[Positive, ...], Field(min_length=3, max_length=3)]
+
+    @model_validator(mode="after")
+    def _inertia_can_exist(self) -> "Link":
+        """The largest principal moment is at most the sum of the others."""
+        *small, large = sorted(self.inertia_kg_m2)
+        if large > sum(small) * (1 + 1e-12):
+            raise ValueError("inertia_kg_m2: the largest moment exceeds the sum of the others")
+        return self
+
+
+class RevoluteLink(Link):
+    """A turning joint."""
+
+    kind: Literal["revolute"]
+    lower_deg: float
+    upper_deg: float
+    max_speed_deg_s: Positive
+    repeatability_urad: NotNegative
+
+    @model_validator(mode="after")
+    def _range_is_not_empty(self) -> "RevoluteLink":
+        """Lower limit below upper."""
+        if self.lower_deg >= self.upper_deg:
+            raise ValueError(f"lower_deg {self.lower_deg} is not below upper_deg {self.upper_deg}")
+        return self
+
+
+class PrismaticLink(Link):
+    """A sliding joint."""
+
+    kind: Literal["prismatic"]
+    lower_mm: float
+    upper_mm: float
+    max_speed_mm_s: Positive
+    repeatability_um: NotNegative
+
+    @model_validator(mode="after")
+    def _range_is_not_empty(self) -> "PrismaticLink":
+        """Lower limit below upper."""
+        if self.lower_mm >= self.upper_mm:
+            raise ValueError(f"lower_mm {self.lower_mm} is not below upper_mm {self.upper_mm}")
+        return self
+
+
+class Frame(Strict):
+    """A fixed frame: place and rotation vector."""
+
+    position_mm: Vector = (0.0, 0.0, 0.0)
+    rotation_vector_deg: Vector = (0.0, 0.0, 0.0)
+
+
+class WorkspaceBox(Strict):
+    """[workspace]: where the arm is at work and a tracker sees it, base frame."""
+
+    box_center_mm: Vector
+    box_size_mm: Annotated[tuple[Positive, ...], Field(min_length=3, max_length=3)]
+    station_mm: Vector
+    joint_ranges_deg: tuple[
+        Annotated[tuple[float, ...], Field(min_length=2, max_length=2)], ...
+    ] = ()
+
+
+class JointTermEntry(Strict):
+    """[[joint_terms]]: one wave of a joint's error, wave(weights . q) times its coefficient."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z][A-Za-z0-9_.]*$", max_length=64)]
+    joint: Annotated[int, Field(ge=1)]
+    wave: Literal["sin", "cos"]
+    weights: tuple[int, ...]
+    coefficient_deg: float | None = None
+    coefficient_mm: float | None = None
+
+    @model_validator(mode="after")
+    def _has_one_coefficient(self) -> "JointTermEntry":
+        """Degrees for a turning joint or millimeters for a sliding one."""
+        if (self.coefficient_deg is None) == (self.coefficient_mm is None):
+            raise ValueError(f"{self.name} needs coefficient_deg or coefficient_mm, one of them")
+        return self
+
+
+class Part(Strict):
+    """One mesh file: on which body it sits, its color, whether it can hit others."""
+
+    name: Name
+    link: Annotated[int, Field(ge=0)]
+    file: ModelFile
+    color: str
+    collides: bool = False
+
+
+class Drawn(Strict):
+    """What robots and instruments share: a name, a picture, where it all comes from."""
+
+    format: Literal[1]
+    name: Name
+    title: str
+    drawing: str = ""
+    colors: dict[str, Color] = Field(default_factory=dict)
+    parts: tuple[Part, ...] = ()
+    sources: dict[str, str]
+
+    @model_validator(mode="after")
+    def _parts_are_sound(self) -> "Drawn":
+        """Part names differ and their colors exist."""
+        for part in self.parts:
+            if part.color not in self.colors:
+                raise ValueError(
+                    f'part {part.name}: no color "{part.color}"; '
+                    f"{choice_of(part.color, self.colors)}"
+                )
+        names = [part.name for part in self.parts]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"part {twice[0]} is there twice")
+        return self
+
+
+class RobotFile(Drawn):
+    """A robot model, ``robot.toml``."""
+
+    floor_mm: float = 0.0
+    base: Frame = Frame()
+    tool: Frame = Frame()
+    workspace: WorkspaceBox | None = None
+    joints: Annotated[
+        tuple[Annotated[RevoluteLink | PrismaticLink, Field(discriminator="kind")], ...],
+        Field(min_length=1),
+    ]
+    never_collide: tuple[Annotated[tuple[int, ...], Field(min_length=2, max_length=2)], ...] = ()
+    free_sets: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    joint_terms: tuple[JointTermEntry, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @model_validator(mode="after")
+    def _links_exist(self) -> "RobotFile":
+        """Parts and exclusions name bodies from 0 (base) to n."""
+        n = len(self.joints)
+        ranges = self.workspace.joint_ranges_deg if self.workspace else ()
+        if ranges and len(ranges) != n:
+            raise ValueError(f"workspace: joint_ranges_deg has {len(ranges)} of {n} joints")
+        for part in self.parts:
+            if part.link > n:
+                raise ValueError(f"part {part.name} is on link {part.link}; the last is {n}")
+        for pair in self.never_collide:
+            if not all(0 <= link <= n for link in pair) or pair[0] == pair[1]:
+                raise ValueError(f"never_collide has {list(pair)}; allowed: two of 0 to {n}")
+        return self
+
+    @model_validator(mode="after")
+    def _joint_terms_fit(self) -> "RobotFile":
+        """Terms have names of their own, name joints that exist and weigh every joint."""
+        n = len(self.joints)
+        seen = set(chain_names(n))
+        for term in self.joint_terms:
+            if term.name in seen:
+                raise ValueError(f"joint_terms: {term.name} is the name of another number")
+            seen.add(term.name)
+            if term.joint > n:
+                raise ValueError(
+                    f"joint_terms: {term.name} is on joint {term.joint}; there are {n}"
+                )
+            if len(term.weights) != n:
+                raise ValueError(
+                    f"joint_terms: {term.name} has {len(term.weights)} weights; one for each of "
+                    f"{n} joints"
+                )
+        return self
+
+
+class TrackerFile(Drawn):
+    """A drawn instrument, ``tracker.toml``: link 0 stands, 1 turns about z, 2 tilts about y."""
+
+    beam_height_mm: Positive

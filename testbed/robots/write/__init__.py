@@ -1,0 +1,1 @@
+"""Robots written: robot.toml, URDF, MJCF and the table of numbers."""

@@ -1,0 +1,220 @@
+"""A robot out of a calibration: its folder with robot.toml, URDF and MJCF, each proven equal."""
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.errors import InputError
+from calib.geometry.chain import forward
+from testbed.disk import TEMPORARY, flush_file, flush_folder, write_error
+from testbed.robots.catalog import ROBOT_FILE, load_robot
+from testbed.robots.describe.mjcf_model import frame_of, load_mjcf, mjcf_poses
+from testbed.robots.describe.urdf import load_urdf, urdf_poses, way_to
+from testbed.robots.meshes.files import Mesh, part_mesh
+from testbed.robots.proof import LIMIT, difference, spread
+from testbed.robots.robot import IN_PLACE, Robot, Visual
+from testbed.robots.write.dh_table import DhRow as DhRow
+from testbed.robots.write.dh_table import dh_rows as dh_rows
+from testbed.robots.write.identified import identified_robot as identified_robot
+from testbed.robots.write.identified import longest, require_name
+from testbed.robots.write.mjcf import mjcf_text
+from testbed.robots.write.toml import robot_toml
+from testbed.robots.write.urdf import urdf_bytes
+
+PROOFS, SAMPLES = 64, 1000
+"""Poses at which a file is proven, and at which joint terms are weighed."""
+MESHES = "meshes"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Exported:
+    """What was written, and how well each file was found to agree."""
+
+    folder: Path
+    """Where."""
+    files: tuple[Path, ...]
+    """robot.toml, URDF, MJCF, then the meshes."""
+    agreement: Mapping[str, float]
+    """By file and reader: largest distance of its tool from the robot's [m]."""
+    rotation: Mapping[str, float]
+    """By file and reader: largest angle between them [rad]."""
+    beyond_max: float
+    """Largest distance of the geometric part (URDF, MJCF) from the full model [m]."""
+    beyond_rms: float
+    """Root mean square of it over poses spread over the limits [m]."""
+    longest: float
+    """Largest |d| or |a| among the links [m]."""
+    sentences: tuple[str, ...]
+    """All that in words."""
+
+
+def write_robot_folder(robot: Robot, folder: Path, *, overwrite: bool = False) -> Exported:
+    """Write robot.toml, NAME.urdf, NAME.xml and the meshes, each read again and proven first.
+
+    robot.toml has the full model with its joint terms; URDF and MJCF have its geometric part, which
+    is all they can hold. Nothing appears in the folder before everything is proven.
+
+    Parameters
+    ----------
+    robot : Robot
+        To be written.
+    folder : Path
+        Made if it is not there; other files in it are left alone.
+    overwrite : bool
+        Whether files of these names may be replaced.
+
+    Raises
+    ------
+    InputError
+        C40: a file is there already, or nothing can be written there.
+    MachineError
+        The disk is full.
+    RuntimeError
+        A file does not say what the robot is: a defect of ours.
+    """
+    require_name(robot.name)
+    names = [ROBOT_FILE, f"{robot.name}.urdf", f"{robot.name}.xml"]
+    names += [f"{MESHES}/{visual.name}.obj" for visual in robot.visuals]
+    _require_free(folder, names, overwrite=overwrite)
+    try:
+        with tempfile.TemporaryDirectory(TEMPORARY, f".{folder.name}.", folder.parent) as made:
+            draft = _with_meshes(robot, Path(made))
+            beyond_max, beyond_rms = _beyond(robot)
+            words = _geometric_words(robot, beyond_max, beyond_rms)
+            (draft.folder / names[0]).write_text(
+                robot_toml(draft, comment=_head(robot)), encoding="utf-8", newline="\n"
+            )
+            (draft.folder / names[1]).write_bytes(urdf_bytes(draft, comment=words, for_mujoco=True))
+            (draft.folder / names[2]).write_text(
+                mjcf_text(draft, comment=words), encoding="utf-8", newline="\n"
+            )
+            found = _proven(robot, draft.folder, names)
+            folder.mkdir(exist_ok=True)
+            for name in reversed(names):  # robot.toml last: it makes the folder a model
+                (folder / name).parent.mkdir(exist_ok=True)
+                flush_file(draft.folder / name)
+                (draft.folder / name).replace(folder / name)
+            flush_folder(folder)
+    except OSError as error:
+        raise write_error(folder / ROBOT_FILE, error) from error
+    sentences = [
+        f"{name} has the robot's poses to {position:.1g} m and {rotation:.1g} rad"
+        for name, (position, rotation) in found.items()
+    ]
+    sentences += [words] if robot.model.joint_errors.terms else []
+    return Exported(
+        folder=folder,
+        files=tuple(folder / name for name in names),
+        agreement=MappingProxyType({name: one[0] for name, one in found.items()}),
+        rotation=MappingProxyType({name: one[1] for name, one in found.items()}),
+        beyond_max=beyond_max,
+        beyond_rms=beyond_rms,
+        longest=longest(robot.model.chain),
+        sentences=tuple(sentences),
+    )
+
+
+def _require_free(folder: Path, names: list[str], *, overwrite: bool) -> None:
+    """Refuse a folder that cannot be written, or has files of these names."""
+    there = [name for name in names if (folder / name).exists()]
+    problem, fix = "", "choose another folder"
+    if folder.exists() and not folder.is_dir():
+        problem = "is a file"
+    elif there and not overwrite:
+        problem = f"has {there[0]} already" + f" and {len(there) - 1} more" * (len(there) > 1)
+        fix = "choose another folder, or overwrite"
+    else:
+        try:
+            folder.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            problem = f"cannot be written: {error.strerror or error}"
+    if problem:
+        raise InputError(problem, code="C40", where=str(folder), field="folder", fix=fix)
+
+
+def _with_meshes(robot: Robot, folder: Path) -> Robot:
+    """The robot with its meshes in another folder, each an OBJ in the frame of its link."""
+    visuals: list[Visual] = []
+    if robot.visuals:
+        (folder / MESHES).mkdir()
+    for visual in robot.visuals:
+        file = folder / MESHES / f"{visual.name}.obj"
+        if visual.affine == IN_PLACE and visual.file.suffix.lower() == ".obj":
+            file.write_bytes(visual.file.read_bytes())
+        else:
+            file.write_text(_obj(part_mesh(visual), visual.name), encoding="utf-8", newline="\n")
+        visuals.append(replace(visual, file=file, affine=IN_PLACE))
+    return replace(robot, folder=folder, visuals=tuple(visuals))
+
+
+def _obj(mesh: Mesh, name: str) -> str:
+    """A mesh as OBJ text [m]."""
+    lines = [f"o {name}"]
+    lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in mesh.vertices + 0.0]
+    lines += [f"vn {x:.6f} {y:.6f} {z:.6f}" for x, y, z in mesh.normals + 0.0]
+    lines += [f"f {a}//{a} {b}//{b} {c}//{c}" for a, b, c in mesh.faces + 1]
+    return "\n".join(lines) + "\n"
+
+
+def _head(robot: Robot) -> str:
+    """First lines of robot.toml."""
+    return (
+        f"{robot.title}\n"
+        "All terms of the model; angles and lengths read back to the last bit or the one before."
+    )
+
+
+def _beyond(robot: Robot) -> tuple[float, float]:
+    """Largest and root mean square distance of the geometric part from the full model [m]."""
+    if not robot.model.joint_errors.terms:
+        return 0.0, 0.0
+    q = spread(robot.limits, SAMPLES)
+    full, part = robot.model.poses(q), forward(robot.model.chain, q)
+    away = np.linalg.norm(full[:, :3, 3] - part[:, :3, 3], axis=1)
+    return float(away.max()), float(np.sqrt(np.mean(away**2)))
+
+
+def _geometric_words(robot: Robot, largest: float, rms: float) -> str:
+    """What URDF and MJCF hold, and what they cannot."""
+    terms = len(robot.model.joint_errors.terms)
+    if not terms:
+        return "Geometry only; this is the whole model."
+    return (
+        f"Geometry only: the {terms} joint terms of robot.toml cannot be said in URDF or MJCF. "
+        f"Without them the tool is up to {largest * 1e3:.3f} mm away from the full model, rms "
+        f"{rms * 1e3:.3f} mm over poses spread over the joint limits."
+    )
+
+
+def _proven(robot: Robot, folder: Path, names: list[str]) -> dict[str, tuple[float, float]]:
+    """Distance [m] and angle [rad] between the robot and each file as each reader reads it."""
+    toml, urdf, xml = (folder / name for name in names[:3])
+    q = np.vstack([np.zeros(len(robot.limits)), spread(robot.limits, PROOFS)])
+    geometry = forward(robot.model.chain, q)
+    read = load_urdf(urdf.read_bytes())
+    in_urdf, in_xml = load_mjcf(urdf), load_mjcf(xml)
+    joints = list(range(len(robot.limits)))
+    found: dict[str, tuple[Array, Array]] = {
+        f"{toml.name}": (load_robot(toml).model.poses(q), robot.model.poses(q)),
+        f"{urdf.name} (yourdfpy)": (urdf_poses(way_to(read, "tool0"), "tool0", q), geometry),
+        f"{urdf.name} (MuJoCo)": (
+            mjcf_poses(in_urdf, joints, frame_of(in_urdf, "tool0"), q),
+            geometry,
+        ),
+        f"{xml.name} (MuJoCo)": (
+            mjcf_poses(in_xml, joints, frame_of(in_xml, "tool"), q),
+            geometry,
+        ),
+    }
+    out = {name: difference(T, other) for name, (T, other) in found.items()}
+    for name, (position, rotation) in out.items():
+        if not max(position, rotation) <= LIMIT:
+            raise RuntimeError(
+                f"{name} differs from the robot by {position:.3g} m and {rotation:.3g} rad"
+            )
+    return out

@@ -1,0 +1,162 @@
+"""Chains as MuJoCo models: build, edit in place, write; numerically exact. Imports mujoco."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.geometry.chain import Chain
+from testbed.robots.catalog import Robot, Visual, body_name
+from testbed.robots.meshes.files import part_mesh
+from testbed.robots.placements import placements, quaternion_wxyz
+from testbed.robots.robot import IN_PLACE
+
+COLLIDES, DRAWN = 2, 1
+"""Geom groups: parts whose hulls are tested for collision, parts that are only drawn."""
+
+
+def build_spec(chain: Chain, robot: Robot | None = None, *, meshes: bool = True) -> Any:
+    """Body tree of any chain as a `mujoco.MjSpec`: revolute and prismatic, all 12 + 5 n numbers.
+
+    Bodies ``base`` (fixed) and ``link1`` ... ``linkn`` hang in the world, joints ``joint1`` ...,
+    sites ``flange`` and ``tool`` in the last body; a joint's qpos is its commanded value.
+
+    Parameters
+    ----------
+    chain : Chain
+        Nominal or perturbed geometry.
+    robot : Robot, optional
+        Gives limits, masses, parts and collision exclusions; without it bodies are bare.
+    meshes : bool
+        Whether the robot's parts are added; colliding parts are tested as their convex hulls.
+
+    Returns
+    -------
+    mujoco.MjSpec
+        Compile it with `compile_spec`, which keeps the model editable.
+    """
+    import mujoco
+
+    spec = mujoco.MjSpec()
+    spec.modelname = robot.name if robot else "chain"
+    spec.compiler.degree = False  # degrees are the default
+    spec.compiler.savecompiled = False  # the compiled form is written with six digits
+    frames, flange, tool = placements(chain)
+    base = spec.worldbody.add_body(name=body_name(0), **_pose(chain.T_world_base))
+    bodies = [base]
+    parent = spec.worldbody
+    for i, frame in enumerate(frames):
+        parent = parent.add_body(name=body_name(i + 1), **_pose(frame))
+        slides = chain.kinds[i] == "prismatic"
+        joint = parent.add_joint(
+            name=f"joint{i + 1}",
+            type=mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE,
+            axis=[0, 0, 1],
+        )
+        if robot:
+            joint.range, joint.limited = robot.limits[i], mujoco.mjtLimited.mjLIMITED_TRUE
+        parent.mass = robot.masses[i] if robot else 1.0
+        parent.ipos = robot.centers[i] if robot else np.zeros(3)
+        parent.inertia = robot.inertias[i] if robot else np.full(3, 0.01)
+        parent.explicitinertial = True
+        bodies.append(parent)
+    parent.add_site(name="flange", **_pose(flange))
+    parent.add_site(name="tool", **_pose(tool))
+    if robot and meshes:
+        spec.modelfiledir = str(robot.folder.resolve())
+        for visual in robot.visuals:
+            _add_part(spec, bodies[visual.link], visual, robot.folder)
+        for first, second in robot.exclusions:
+            spec.add_exclude(bodyname1=first, bodyname2=second)
+    return spec
+
+
+def compile_spec(spec: Any) -> Any:
+    """Compile to a `mujoco.MjModel` whose sites may be edited in place."""
+    model = spec.compile()
+    _free_sites(model)
+    return model
+
+
+def set_geometry(model: Any, chain: Chain) -> None:
+    """Rewrite the geometry of a compiled model (`build_spec`) in place: no recompilation."""
+    frames, flange, tool = placements(chain)
+    _free_sites(model)
+    for i, T in enumerate((chain.T_world_base, *frames)):
+        k = model.body(body_name(i)).id
+        model.body_pos[k], model.body_quat[k] = T[:3, 3], quaternion_wxyz(T[:3, :3])
+    for name, T in (("flange", flange), ("tool", tool)):
+        k = model.site(name).id
+        model.site_pos[k], model.site_quat[k] = T[:3, 3], quaternion_wxyz(T[:3, :3])
+
+
+def always_touching(robot: Robot, q: Array) -> tuple[tuple[str, str], ...]:
+    """Pairs of bodies whose hulls touch at every one of the joint values q (m, n) [rad, m]."""
+    import mujoco
+
+    model = compile_spec(build_spec(robot.model.chain, robot))
+    data = mujoco.MjData(model)
+    common: set[tuple[int, int]] | None = None
+    for row in q:
+        data.qpos[:] = row
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        pairs = {(int(a), int(b)) for a, b in np.sort(model.geom_bodyid[data.contact.geom], axis=1)}
+        common = pairs if common is None else common & pairs
+        if not common:
+            return ()
+    return tuple((model.body(a).name, model.body(b).name) for a, b in sorted(common or ()))
+
+
+def mjcf_text(robot: Robot, *, comment: str = "") -> str:
+    """The geometry of a robot as MJCF text, every digit kept, mesh paths relative to its folder."""
+    spec = build_spec(robot.model.chain, robot)
+    spec.compile()
+    said = f"<!-- {comment.replace('--', '-')} -->\n" if comment else ""
+    return said + str(spec.to_xml())
+
+
+def write_mjcf(robot: Robot, path: Path) -> None:
+    """Write the robot as MJCF; its meshes are looked for beside the file."""
+    path.write_text(mjcf_text(robot), encoding="utf-8", newline="\n")
+
+
+def _pose(T: Array) -> dict[str, Array]:
+    """MuJoCo's keywords for a frame (4, 4)."""
+    return {"pos": T[:3, 3], "quat": quaternion_wxyz(T[:3, :3])}
+
+
+def _free_sites(model: Any) -> None:
+    """Stop MuJoCo from copying a body's pose to a site it found equal when compiling."""
+    import mujoco
+
+    model.site_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+
+
+def _add_part(spec: Any, body: Any, visual: Visual, folder: Path) -> None:
+    """Add one drawn part, weightless; its hull collides if the part does."""
+    import mujoco
+
+    if visual.affine == IN_PLACE and visual.file.suffix.lower() == ".obj":
+        spec.add_mesh(name=visual.name, file=visual.file.relative_to(folder).as_posix())
+    else:  # other formats and places go in as numbers
+        found = part_mesh(visual)
+        places, index = np.unique(found.vertices, axis=0, return_inverse=True)
+        faces = index.reshape(-1)[found.faces]
+        spec.add_mesh(
+            name=visual.name,
+            uservert=places.astype(np.float32).ravel(),
+            userface=faces.astype(np.int32).ravel(),
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+        )
+    body.add_geom(
+        name=visual.name,
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname=visual.name,
+        rgba=[*visual.rgb, 1.0],
+        contype=int(visual.collides),
+        conaffinity=int(visual.collides),
+        group=COLLIDES if visual.collides else DRAWN,
+        mass=0.0,
+    )

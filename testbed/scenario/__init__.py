@@ -1,0 +1,1 @@
+"""The scenario file: core tables, strict; nothing of any study."""

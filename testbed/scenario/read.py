@@ -1,0 +1,248 @@
+"""The scenario file: read strictly, checked against its robot, written with every default."""
+
+import json
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from calib.errors import InputError
+from testbed.assets import scene_names, scenes
+from testbed.scenario.checks import PAPER_SET as PAPER_SET
+from testbed.scenario.checks import check_robot as check_robot
+from testbed.scenario.hashes import record_hash as record_hash
+from testbed.scenario.hashes import robot_hash as robot_hash
+from testbed.scenario.hashes import scenario_hash as scenario_hash
+from testbed.scenario.messages import TABLES, sentences
+from testbed.scenario.plan import BoxGoal as BoxGoal
+from testbed.scenario.plan import ListGoal as ListGoal
+from testbed.scenario.plan import PathGoal as PathGoal
+from testbed.scenario.plan import PlanSettings as PlanSettings
+from testbed.scenario.plan import StationSettings as StationSettings
+from testbed.scenario.scenario import FORMAT as FORMAT
+from testbed.scenario.scenario import RESERVED as RESERVED
+from testbed.scenario.scenario import STUDY_KEYS as STUDY_KEYS
+from testbed.scenario.scenario import At960Tracker as At960Tracker
+from testbed.scenario.scenario import PaperTracker as PaperTracker
+from testbed.scenario.scenario import PoolSettings as PoolSettings
+from testbed.scenario.scenario import Scenario as Scenario
+from testbed.scenario.scenario import TrialSettings as TrialSettings
+from testbed.scenario.scenario import TruthSettings as TruthSettings
+from testbed.scenario.scenario import resolved
+from testbed.scenario.tables import BoxObstacle as BoxObstacle
+from testbed.scenario.tables import CellSettings as CellSettings
+from testbed.scenario.tables import MeshObstacle as MeshObstacle
+from testbed.store.npz import canonical as canonical
+from testbed.strict import did_you_mean, foreign_values, one_error
+
+MAX_BYTES = 1_000_000
+
+
+def scenario_path(name_or_path: str | Path) -> tuple[Path, str]:
+    """File of a shipped scene or of a path, and how messages call it."""
+    text = str(name_or_path)
+    if text in scene_names():
+        return scenes() / f"{text}.toml", f"scenes/{text}.toml"
+    path = Path(text)
+    try:
+        is_file, is_folder = path.is_file(), path.is_dir()
+    except (OSError, ValueError):
+        is_file = is_folder = False
+    if is_folder and (path / "scenario.toml").is_file():
+        return path / "scenario.toml", str(path / "scenario.toml")
+    if not is_file:
+        names = ", ".join(scene_names())
+        raise InputError(
+            f'there is no scene or file "{text}"',
+            code="S37",
+            field="SCENE",
+            value=text,
+            allowed=f"scenes that ship: {names}" if names else "no scenes ship with this copy",
+            fix=did_you_mean(text, scene_names()) or "give a scene name or the path of a .toml",
+        )
+    return path, text
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """A scenario from a shipped scene's name, a file, or a run folder.
+
+    Raises
+    ------
+    InputError
+        All faults of the file at once (up to 20), each with table, key, value and likely fix.
+    """
+    path, where = scenario_path(name_or_path)
+    try:
+        size = path.stat().st_size
+        data = path.read_bytes() if size <= MAX_BYTES else b""
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", code="S38", where=where) from error
+    if size > MAX_BYTES:
+        raise InputError(
+            f"is {size / 1e6:.1f} MB",
+            code="S38",
+            where=where,
+            value=size,
+            allowed="a scenario has at most 1 MB",
+            fix="give a scenario file",
+        )
+    return parse_scenario(data, where=where, folder=path.parent)
+
+
+def parse_scenario(data: bytes | str, *, where: str, folder: Path | None = None) -> Scenario:
+    """A scenario from the content of a file; `folder` is what a relative robot path starts from."""
+    try:
+        text = data if isinstance(data, str) else data.decode("utf-8-sig")
+        document = tomllib.loads(text.removeprefix("\ufeff"))
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"byte {error.start} is not UTF-8",
+            code="S38",
+            where=where,
+            allowed="a scenario is UTF-8 text",
+            fix="save the file as UTF-8",
+        ) from error
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(
+            f"is not TOML: {error}",
+            code="S38",
+            where=where,
+            fix="mend that line; strings need quotes, numbers and true/false do not",
+        ) from error
+    except (RecursionError, ValueError) as error:
+        # tomllib recurses once per bracket; int() refuses numbers of thousands of digits
+        raise InputError(
+            "is nested too deeply or holds an endless number",
+            code="S38",
+            where=where,
+            fix="a scenario has tables one level deep and ordinary numbers",
+        ) from error
+    robot = document.get("robot")
+    if folder is not None and isinstance(robot, str) and _is_path(robot):
+        document["robot"] = str((folder / robot).resolve())
+    if folder is not None:
+        _place_files(document, folder.resolve(), where)
+    return scenario_of(document, where=where)
+
+
+def _place_files(document: dict[str, Any], folder: Path, where: str) -> None:
+    """Make the file names of obstacles and of measured poses absolute, in place."""
+    cell, plan = document.get("cell"), document.get("plan")
+    obstacles = cell.get("obstacle") if isinstance(cell, dict) else None
+    entries = [
+        *((f"[[cell.obstacle]] {k + 1} file", "file", entry) for k, entry in _tables(obstacles)),
+        *(("[plan] measured", "measured", entry) for _, entry in _tables([plan])),
+    ]
+    for at, key, table in entries:
+        name = table.get(key)
+        if not isinstance(name, str) or not name or "\0" in name or Path(name).is_absolute():
+            continue
+        file = (folder / name).resolve()
+        if not file.is_relative_to(folder):
+            raise InputError(
+                f"{at} is {_toml(name)}",
+                code="R6",
+                where=where,
+                field=key,
+                value=name,
+                allowed="a file beside the scenario or in a folder below it",
+                fix="copy it there",
+            )
+        table[key] = str(file)
+
+
+def _tables(entries: object) -> list[tuple[int, dict[str, Any]]]:
+    """The tables in a list, with their positions; nothing if it is no list."""
+    rows = enumerate(entries) if isinstance(entries, list) else ()
+    return [(k, entry) for k, entry in rows if isinstance(entry, dict)]
+
+
+def _is_path(robot: str) -> bool:
+    """Whether a robot is named by a path: it has a separator or ends in .toml."""
+    return "/" in robot or "\\" in robot or robot.endswith(".toml")
+
+
+def scenario_of(document: Mapping[str, Any], *, where: str = "scenario") -> Scenario:
+    """A scenario from nested mappings, as a TOML reader gives them; presets are applied.
+
+    Examples
+    --------
+    >>> scenario = scenario_of(
+    ...     {
+    ...         "format": 1,
+    ...         "name": "small",
+    ...         "robot": "staubli_tx60",
+    ...         "trial": [{"name": "random-20", "poses": 20, "method": "random"}],
+    ...     }
+    ... )
+    >>> scenario.truth.gravity_mdeg
+    (10.0, 6.0, 8.0)
+    """
+    version = document.get("format")
+    if isinstance(version, int) and not isinstance(version, bool) and version > FORMAT:
+        raise InputError(
+            f"has format {version}",
+            code="D42",
+            where=where,
+            field="format",
+            value=version,
+            allowed=f"this version reads format {FORMAT}",
+            fix="install a newer truebed",
+        )
+    faults, clean = foreign_values(document, TABLES)
+    try:
+        scenario = Scenario.model_validate_json(json.dumps(resolved(clean)))
+    except ValidationError as error:
+        faults += sentences(error, document, skip={fault.path for fault in faults})
+        raise one_error(faults, where) from None
+    if faults:
+        raise one_error(faults, where)
+    return scenario
+
+
+def changed(scenario: Scenario, changes: Mapping[str, Any], *, where: str = "") -> Scenario:
+    """The scenario with some keys changed, checked again: ``{"tracker.position_um": 5.0}``."""
+    document = scenario.model_dump(mode="json")
+    for dotted, value in changes.items():
+        *tables, key = dotted.split(".")
+        table = document
+        for name in tables:
+            table = table.setdefault(name, {})
+        table[key] = value
+    return scenario_of(document, where=where or scenario.name)
+
+
+def dump_scenario(scenario: Scenario) -> str:
+    """The scenario as TOML text, every default written out; reading it back gives an equal one."""
+    document = scenario.model_dump(mode="json")
+    if document["truth"]["joint_repeatability_mdeg"] is None:
+        document["truth"]["joint_repeatability_mdeg"] = "robot"
+    return "\n".join(_table_lines(document, "")) + "\n"
+
+
+def _table_lines(table: Mapping[str, Any], name: str) -> list[str]:
+    """A table as TOML: its own keys, then the tables in it, then its lists of tables."""
+    inner = {k: v for k, v in table.items() if isinstance(v, dict)}
+    rows = {k: v for k, v in table.items() if isinstance(v, list) and v and isinstance(v[0], dict)}
+    plain = {k: v for k, v in table.items() if k not in inner and k not in rows and v is not None}
+    lines = [f"{_key(k)} = {_toml(v)}" for k, v in plain.items()]
+    dot = f"{name}." if name else ""
+    for key, value in inner.items():
+        lines += ["", f"[{dot}{key}]", *_table_lines(value, f"{dot}{key}")]
+    for key, values in rows.items():
+        for value in values:
+            lines += ["", f"[[{dot}{key}]]", *_table_lines(value, f"{dot}{key}")]
+    return lines
+
+
+def _key(name: str) -> str:
+    """A key as TOML: in quotes where it is not one bare word."""
+    bare = name.replace("_", "").replace("-", "").isalnum() and name.isascii()
+    return name if bare else _toml(name)
+
+
+def _toml(value: object) -> str:
+    """One value as TOML; the strings and numbers of JSON are also TOML's."""
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)

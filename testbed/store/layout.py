@@ -1,0 +1,19 @@
+"""Names of the files in a run folder."""
+
+from testbed.disk import LOCK as LOCK
+from testbed.disk import TEMPORARY as TEMPORARY
+
+FORMAT = 1
+"""Version of the run folder's format this program writes; it reads this one."""
+SCENARIO, MANIFEST, TRIALS = "scenario.toml", "manifest.json", "trials"
+RESULT, ARRAYS, REPORT, RECORDING = "result.json", "arrays.npz", "report.html", "campaign.rrd"
+DERIVED = (RESULT, ARRAYS, REPORT, RECORDING)
+"""Derived files, in the order in which they are written."""
+TIMING, LOG, UNFINISHED = "timing.json", "log.jsonl", "UNFINISHED.txt"
+CRASH = "crash.txt"
+"""Traceback of a defect of ours."""
+OURS = (SCENARIO, MANIFEST, *DERIVED, TIMING, LOG, UNFINISHED, LOCK, CRASH)
+"""Every file a run may leave in its folder, beside trials/."""
+
+
+SIMULATED = "SIMULATED - not a calibration certificate"

@@ -1,0 +1,254 @@
+"""Strict TOML: a file into a pydantic schema, every mistake reported at once with a likely fix."""
+
+import difflib
+import json
+import math
+import tomllib
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from calib.errors import InputError
+
+MOST = 20
+"""Faults of one file that are told at once."""
+KeyPath = tuple[str | int, ...]
+"""Keys and list positions that lead to a value of the document."""
+NESTED = (
+    ("identification", "prior", "sd_deg"),
+    ("identification", "prior", "sd_mm"),
+    ("identification", "prior"),
+    ("plan", "stations", "grid"),
+    ("plan", "stations"),
+    ("plan", "goal"),
+)
+"""Tables inside tables, inner ones first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One fault: the thing and its value, what was allowed, the likely fix."""
+
+    path: KeyPath
+    message: str
+    code: str = "S37"
+    allowed: str = ""
+    fix: str = ""
+    value: object = None
+
+
+class SeveralInputError(InputError):
+    """Several faults of one file, a line each; the fields are those of the first."""
+
+    def __init__(self, told: str, first: InputError) -> None:
+        self.told = told
+        super().__init__(
+            first.message,
+            code=first.code,
+            where=first.where,
+            field=first.field,
+            value=first.value,
+            allowed=first.allowed,
+            fix=first.fix,
+        )
+
+    def __str__(self) -> str:
+        return self.told
+
+
+def one_error(faults: Sequence[Fault], where: str) -> InputError:
+    """One error that tells all faults, each on its own line."""
+    errors = [
+        InputError(
+            fault.message,
+            code=fault.code,
+            where=where,
+            field=".".join(str(part) for part in fault.path),
+            value=fault.value,
+            allowed=fault.allowed,
+            fix=fault.fix,
+        )
+        for fault in faults
+    ]
+    if len(errors) == 1:
+        return errors[0]
+    lines = [str(error) for error in errors[:MOST]]
+    if len(errors) > MOST:
+        lines.append(f"{where}: and {len(errors) - MOST} more faults")
+    return SeveralInputError("\n".join(lines), errors[0])
+
+
+def did_you_mean(word: str, known: Collection[str]) -> str:
+    """``did you mean "x"?`` or an empty text."""
+    close = get_close_matches(word, list(known), 1)
+    return f'did you mean "{close[0]}"?' if close else ""
+
+
+def place(path: KeyPath, document: Mapping[str, Any], tables: Collection[str]) -> str:
+    """Where a value stands, in the words of the file: ``[tracker] position_um``."""
+    parts, words = list(path), ""
+    if parts[0] == "trial" and len(parts) > 1:
+        try:
+            name = document["trial"][parts[1]]["name"]
+        except (KeyError, TypeError, IndexError):
+            name = None
+        words = f'[[trial]] "{name}"' if isinstance(name, str) else f"[[trial]] {_count(parts[1])}"
+        parts = parts[2:]
+    elif tuple(parts[:2]) == ("cell", "obstacle") and len(parts) > 2:
+        words, parts = f"[[cell.obstacle]] {_count(parts[2])}", parts[3:]
+    elif nested := next((name for name in NESTED if tuple(parts[: len(name)]) == name), ()):
+        words, parts = f"[{'.'.join(nested)}]", parts[len(nested) :]
+    elif parts[0] in tables:
+        words, parts = f"[{parts[0]}]", parts[1:]
+    key = ""
+    for part in parts:
+        key += f"[{part}]" if isinstance(part, int) else f".{part}" if key else part
+    return f"{words} {key}".strip()
+
+
+def _count(position: str | int) -> str | int:
+    """A list position as people count."""
+    return position + 1 if isinstance(position, int) else position
+
+
+def foreign_values(
+    document: Mapping[str, Any], tables: Collection[str]
+) -> tuple[list[Fault], dict[str, Any]]:
+    """Faults of values that JSON does not have (nan, inf, times), and the document without them."""
+    faults: list[Fault] = []
+
+    def refuse(path: KeyPath, value: object, wanted: str, fix: str) -> None:
+        message = f"{place(path, document, tables)} is {value}"
+        faults.append(Fault(path, message, "S38", f"it must be {wanted}", fix, value))
+
+    def clean(value: Any, path: KeyPath) -> Any:
+        if isinstance(value, Mapping):
+            return {str(key): clean(item, (*path, str(key))) for key, item in value.items()}
+        if isinstance(value, list | tuple):
+            return [clean(item, (*path, i)) for i, item in enumerate(value)]
+        if isinstance(value, float) and not math.isfinite(value):
+            refuse(path, value, "a finite number", "write an ordinary number")
+            return None
+        if not isinstance(value, str | bool | int | float | None):
+            refuse(path, value, "a number, text in quotes, true or false", "it reads as a date")
+            return None
+        return value
+
+    return faults, clean(document, ())
+
+
+class Strict(BaseModel):
+    """Base of file schemas: no unknown keys, no conversions, no nan."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+Schema = TypeVar("Schema", bound=Strict)
+
+
+def choice_of(word: str, known: Iterable[str]) -> str:
+    """``did you mean "x"?``, or what there is to choose from."""
+    names = sorted(known)
+    close = difflib.get_close_matches(word, names, n=1)
+    return f'did you mean "{close[0]}"?' if close else f"there is {', '.join(names) or 'nothing'}"
+
+
+def read_toml(path: Path, schema: type[Schema]) -> Schema:
+    """Read and validate a TOML file.
+
+    Raises
+    ------
+    InputError
+        Lists every mistake by table and key; the file is named in `where`.
+    """
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise InputError(
+            f"cannot be read ({error.strerror})", code="S37", where=str(path), field="file"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"byte {error.start} is not UTF-8",
+            code="S38",
+            where=str(path),
+            field="file",
+            fix="save the file as UTF-8",
+        ) from error
+    try:
+        tables = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # ValueError: a number of thousands of digits
+        told = isinstance(error, tomllib.TOMLDecodeError) and str(error)
+        raise InputError(
+            f"not valid TOML: {told or 'nested too deeply, or an endless number'}",
+            code="S38",
+            where=str(path),
+            field="file",
+        ) from error
+    try:
+        # JSON mode: lists become tuples, but true is no number and 1 is no text
+        return schema.model_validate_json(json.dumps(tables, default=str))
+    except ValidationError as error:
+        mistakes = [_sentence(schema, dict(mistake)) for mistake in error.errors()]
+        raise InputError(
+            "; ".join(dict.fromkeys(mistakes)),
+            code="S37",
+            where=str(path),
+            field=".".join(str(part) for part in error.errors()[0]["loc"]),
+            value=error.errors()[0].get("input"),
+        ) from error
+
+
+def _sentence(schema: type[Strict], mistake: dict[str, Any]) -> str:
+    """One mistake in words: ``[joints 2] has no key "thta_deg"; did you mean "theta_deg"?``."""
+    table, key, known = _place(schema, mistake["loc"])
+    if mistake["type"] == "extra_forbidden":
+        return f'{table} has no key "{key}"; {choice_of(key, known)}'
+    if mistake["type"] == "missing":
+        return f'{table} needs the key "{key}"'
+    reason = mistake["msg"].removeprefix("Value error, ").removeprefix("Input ")
+    if not key:
+        return f"{table}: {reason}"
+    shown = str(mistake["input"])
+    return f"{table} {key} = {shown[:60]}{'...' * (len(shown) > 60)}: {reason}"
+
+
+def _place(schema: type[Strict], loc: tuple[int | str, ...]) -> tuple[str, str, list[str]]:
+    """Table in brackets, key, and the keys that table may have."""
+    names, tables = [], [schema]
+    for depth, part in enumerate(loc):
+        inner = [
+            model
+            for table in tables
+            if isinstance(part, str) and part in table.model_fields
+            for model in _models(table.model_fields[part].annotation)
+        ]
+        if isinstance(part, int):
+            names.append(str(part + 1))  # people count from one
+        elif inner:
+            names.append(part)
+            tables = inner
+        elif depth < len(loc) - 1 and any(_kind(table) == part for table in tables):
+            tables = [table for table in tables if _kind(table) == part]
+        else:
+            rest = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in loc[depth + 1 :])
+            known = [name for table in tables for name in table.model_fields]
+            return f"[{' '.join(names)}]" if names else "the file", f"{part}{rest}", known
+    return f"[{' '.join(names)}]" if names else "the file", "", []
+
+
+def _models(annotation: Any) -> list[type[Strict]]:
+    """Schemas inside an annotation such as ``tuple[A | B, ...]``."""
+    if isinstance(annotation, type) and issubclass(annotation, Strict):
+        return [annotation]
+    return [model for inner in get_args(annotation) for model in _models(inner)]
+
+
+def _kind(table: type[Strict]) -> str:
+    """Value of the field `kind` that tells the members of a union apart."""
+    field = table.model_fields.get("kind")
+    return str(get_args(field.annotation)[0]) if field and get_args(field.annotation) else ""

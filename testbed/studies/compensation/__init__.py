@@ -1,0 +1,1 @@
+"""The loop closed: commanded poses corrected and measured again."""

@@ -1,0 +1,1 @@
+"""Many robots of several kinds: which stated uncertainty holds the true error."""

@@ -1,0 +1,216 @@
+"""The report's section on coverage: which stated uncertainty can be believed on which robot."""
+
+from testbed.report.page import Block, Figure, Points, Section, Text
+from testbed.studies.coverage.plots import attained, sharpness
+from testbed.studies.coverage.records import MODELS, CoverageStudy
+from testbed.studies.coverage.summary import Cell, NumbersCheck, cells, followed, numbers_check
+from testbed.studies.coverage.tables import (
+    advice_table,
+    attained_share,
+    coverage_table,
+    numbers_table,
+    share_of,
+)
+from testbed.studies.many_robots import mean_over_robots
+from testbed.studies.trial.records import Campaign
+from testbed.units import NARROW, counted, micrometres, percent
+
+NAMES = {
+    "model": "the model-based region",
+    "discrepancy": "the region with discrepancy",
+    "conformal": "the conformal ball",
+}
+
+
+def coverage_section(campaign: Campaign) -> Section | None:
+    """The verdict, how it was found, table and figures, and the parameters."""
+    studies = campaign.coverage
+    if not studies:
+        return None
+    found = cells(studies)
+    robots = counted(studies[0].before.size, "robot")
+    level = percent(studies[0].level)
+    blocks: list[Block] = [
+        Text(believable_sentence(found)),
+        Points(consequences(studies, found)),
+        Text(procedure(campaign)),
+        coverage_table(studies, found),
+        Figure(
+            f"Share of held-out points inside what is stated, mean over {robots} of each kind; the "
+            f"line is the promise, {level}. Thick: 95 % band of each; thin: bands that hold all "
+            f"{len(found)} at once. Open: falls short. The panels have scales of their own.",
+            attained(found),
+        ),
+        Figure(
+            "What a statement costs: radius of the ball with the volume of the region, mean over "
+            "robots and poses. Open: falls short, so its small radius is worth nothing.",
+            sharpness(studies, found),
+        ),
+    ]
+    checks = [check for study in studies if (check := numbers_check(study)) is not None]
+    if checks:
+        blocks += [Text(" ".join(numbers_sentence(check) for check in checks))]
+        blocks += [numbers_table(checks, studies[0])]
+    blocks.append(advice_table(studies))
+    return Section("coverage", "Which stated uncertainty can be believed?", tuple(blocks))
+
+
+def believable_sentence(found: tuple[Cell, ...]) -> str:
+    """On which robots each statement keeps its promise, the most believable statement first."""
+    phrases = []
+    for statement in ("conformal", "model", "discrepancy"):
+        kept = {
+            model: [c.truth for c in found if (c.model, c.statement) == (model, statement)
+                    and c.believable]
+            for model in MODELS
+        }  # fmt: skip
+        truths = list(dict.fromkeys(cell.truth for cell in found))
+        if kept[MODELS[0]] == kept[MODELS[1]]:
+            phrases.append(f"{NAMES[statement]} {on(kept[MODELS[0]], truths)} with either model")
+        else:
+            each = " and ".join(f"{on(kept[m], truths)} with the {m} model" for m in MODELS)
+            phrases.append(f"{NAMES[statement]} {each}")
+    text = "; ".join(phrases)
+    return f"At {percent(found[0].level)}, these can be believed: {text}."
+
+
+def on(kept: list[str], truths: list[str]) -> str:
+    """The robots of a list, in words."""
+    if not kept:
+        return "on no robot"
+    if kept == truths:
+        return "on every robot" if len(truths) > 1 else f"on {truths[0]} robots"
+    return f"on {joined(kept)} robots" + (" only" if len(kept) == 1 else "")
+
+
+def joined(words: list[str]) -> str:
+    """a, b and c."""
+    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else words[0]
+
+
+def consequences(studies: tuple[CoverageStudy, ...], found: tuple[Cell, ...]) -> tuple[str, ...]:
+    """What to take home, in plain sentences."""
+    failing = [c for c in found if c.statement == "model" and not c.believable]
+    said = []
+    by_name = {study.truth: study for study in studies}
+    for model in MODELS:
+        rows = [c for c in failing if c.model == model]
+        if not rows:
+            continue
+        inside = span([c.share.value for c in rows])
+        flags = span([float(by_name[c.truth].flagged[MODELS.index(model)].mean()) for c in rows])
+        said.append(
+            f"The model-based region of the {model} model falls short on "
+            f"{joined([c.truth for c in rows])} robots: it holds {inside} of the true points. The "
+            f"program itself says so, from residuals and validation poses, on {flags} of these "
+            "robots."
+        )
+    sound = [
+        float(by_name[c.truth].flagged[MODELS.index(c.model)].mean())
+        for c in found
+        if c.statement == "model" and c.believable
+    ]
+    if sound:
+        said.append(
+            f"Where the model-based region holds, it is rejected on {span(sound)} of the robots."
+        )
+    balls = [c for c in found if c.statement == "conformal"]
+    radii = span_of([c.radius for c in balls])
+    said.append(
+        f"The conformal ball holds {span([c.share.value for c in balls])} without knowing what "
+        f"the errors are made of; it costs a radius of {radii}{NARROW}µm and measured poses that "
+        "the calibration may not use."
+    )
+    said += [climbing(studies), obeyed(studies)]
+    said += [text for study in studies for text in unnoticed(study, found)]
+    lost = sum(int((~study.converged).sum()) for study in studies)
+    fits = sum(study.converged.size for study in studies)
+    said.append(
+        f"All {fits} fits converged."
+        if not lost
+        else f"{lost} of {fits} fits did not converge; they are counted like all others."
+    )
+    return tuple(said)
+
+
+def climbing(studies: tuple[CoverageStudy, ...]) -> str:
+    """How often the evidence asks for the extended model."""
+    kinds: dict[str, list[str]] = {}
+    for study in studies:
+        kinds.setdefault(percent(float(study.extended.mean())), []).append(study.truth)
+    each = " and on ".join(f"{share} of {joined(truths)}" for share, truths in kinds.items())
+    return f"The evidence asks for the extended model on {each} robots."
+
+
+def obeyed(studies: tuple[CoverageStudy, ...]) -> str:
+    """What happens to whoever does as the program says."""
+    each = []
+    for study in studies:
+        shares, without = followed(study)
+        nothing = f", nothing to believe on {counted(without, 'robot')}" if without else ""
+        if len(shares) > 1:
+            each.append(f"{attained_share(mean_over_robots(shares))} ({study.truth}{nothing})")
+        else:
+            each.append(f"nothing to believe ({study.truth})")
+    return (
+        "Whoever uses the chosen model and the statement that the program says to believe finds "
+        f"{joined(each)} of the points inside."
+    )
+
+
+def unnoticed(study: CoverageStudy, found: tuple[Cell, ...]) -> tuple[str, ...]:
+    """Robots on which the chosen model's region falls short without a warning."""
+    chosen = int(study.extended.mean() > 0.5)
+    short = any(
+        (cell.truth, cell.model, cell.statement) == (study.truth, MODELS[chosen], "model")
+        and not cell.believable
+        for cell in found
+    )
+    quiet = ~study.flagged[chosen]
+    if not (short and quiet.any()):
+        return ()
+    return (
+        f"No test can see everything: on {percent(float(quiet.mean()))} of {study.truth} robots "
+        "neither the residuals nor the validation poses contradict the chosen model, and its "
+        f"model-based region holds {share_of(float(study.inside[chosen, 0, quiet].mean()))} there.",
+    )
+
+
+def procedure(campaign: Campaign) -> str:
+    """How the study was made."""
+    study, trial = campaign.coverage[0], campaign.trials[0]
+    validation = campaign.scenario.coverage.validation_poses
+    return (
+        f"{counted(study.before.size, 'robot')} of each kind were drawn and calibrated with the "
+        f"{counted(len(trial.selection), 'pose')} of {trial.name}, one visit each. On each robot "
+        f"{validation} validation poses were measured, and its noise-free tool point was compared "
+        f"with what is stated at {study.judged} further poses; both were drawn anew for each "
+        "robot, as the pool is, and none is in the pool. Robots of all kinds come from the same "
+        "random numbers and meet the same noise and poses. The geometric model has every free "
+        "number that can be told apart, without a prior; the extended model adds sag and "
+        "harmonics, all under the weak prior. Poses of one robot share its parameter error, so a "
+        "robot counts once: bands are Student's t over robots."
+    )
+
+
+def numbers_sentence(check: NumbersCheck) -> str:
+    """Whether the numbers themselves are where they are stated to be."""
+    f = len(check.names)
+    verdict = "as stated" if check.passed else "NOT as stated"
+    return (
+        f"On {check.truth} robots the geometric model can hold the truth, and its {f} numbers are "
+        f"{verdict}: intervals, their joint error (NEES) and the ranks of the true values were "
+        "tested."
+    )
+
+
+def span(shares: list[float]) -> str:
+    """Smallest and largest of some shares in words."""
+    low, high = share_of(min(shares)), share_of(max(shares))
+    return low if low == high else f"{low.removesuffix(f'{NARROW}%')} to {high}"
+
+
+def span_of(radii: list[float]) -> str:
+    """Smallest and largest of some lengths [m], in um, the unit left to the sentence."""
+    low, high = (micrometres(value, 2) for value in (min(radii), max(radii)))
+    return low if low == high else f"{low} to {high}"

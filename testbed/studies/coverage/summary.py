@@ -1,0 +1,240 @@
+"""What the coverage study found: cells with intervals, for the report and for result.json.
+
+Many cells are looked at together, so that a statement "falls short" is said by bands that all hold
+at once with 95 % probability (Bonferroni); the same goes for all parameters of a model.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from scipy.special import chdtr, kolmogorov, ndtr
+
+from calib.arrays import Array
+from calib.uncertainty.regions import coverage_factor
+from testbed.studies.coverage.records import MODELS, STATEMENTS, CoverageStudy
+from testbed.studies.many_robots import family_confidence, mean_over_robots
+from testbed.studies.trial.play import BAND, binomial_band, chi_square_mean_band
+from testbed.units import Mean
+
+Outcome = Literal["holds", "wide", "short"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cell:
+    """One statement of one model on one kind of robot."""
+
+    truth: str
+    model: str
+    statement: str
+    level: float
+    share: Mean
+    """Share of held-out points inside, mean over robots with its 95 % interval."""
+    joint: Mean
+    """The same with an interval that holds for all cells at once."""
+    radius: float
+    """Mean volume-equivalent radius [m]."""
+
+    @property
+    def outcome(self) -> Outcome:
+        """Whether the joint interval reaches the promise, lies above it, or below."""
+        if self.joint.high < self.level:
+            return "short"
+        return "wide" if self.joint.low > self.level else "holds"
+
+    @property
+    def believable(self) -> bool:
+        """Whether the promise is kept as far as this many robots can tell."""
+        return self.outcome != "short"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NumbersCheck:
+    """The numbers of a geometric model that can hold the truth: intervals, NEES, ranks."""
+
+    truth: str
+    names: tuple[str, ...]
+    shares: Array
+    """(f,) share of robots whose interval holds the true value."""
+    band: Array
+    """(2,) holds all f shares at once in 99.9 % of honest studies."""
+    nees: float
+    """Mean over robots; expected f."""
+    nees_band: Array
+    """(2,) 99.9 % band of that mean."""
+    nees_p: float
+    """Of the whole distribution, Kolmogorov-Smirnov against chi-square."""
+    rank_p: float
+    """Of the ranks of the true values among what is stated: smallest over the numbers, times f."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether every test lies where chance allows."""
+        low, high = self.band
+        return bool(
+            low <= self.shares.min()
+            and self.shares.max() <= high
+            and self.nees_band[0] <= self.nees <= self.nees_band[1]
+            and min(self.nees_p, self.rank_p) >= 1 - BAND
+        )
+
+
+def cells(studies: tuple[CoverageStudy, ...]) -> tuple[Cell, ...]:
+    """Every cell: kinds of robots in their order, then models, then statements."""
+    together = family_confidence(len(studies) * len(MODELS) * len(STATEMENTS))
+    return tuple(
+        Cell(
+            study.truth,
+            model,
+            statement,
+            study.level,
+            mean_over_robots(study.inside[i, j]),
+            mean_over_robots(study.inside[i, j], probability=together),
+            float(study.radius[i, j].mean()),
+        )
+        for study in studies
+        for i, model in enumerate(MODELS)
+        for j, statement in enumerate(STATEMENTS)
+    )
+
+
+def followed(study: CoverageStudy) -> tuple[Array, int]:
+    """Shares (r,) of whoever does as told, and on how many robots nothing was to be believed.
+
+    The model is the one that the evidence chooses, the statement the one that is to be believed.
+    """
+    robots = np.arange(study.before.size)
+    model = study.extended.astype(np.int64)
+    statement = study.believed[model, robots]
+    some = statement >= 0
+    return study.inside[model, statement, robots][some], int((~some).sum())
+
+
+def numbers_check(study: CoverageStudy) -> NumbersCheck | None:
+    """Parameter-level tests; None where the geometric model cannot hold the truth."""
+    f, count = study.normal_error.shape
+    if not f:
+        return None
+    held = np.abs(study.normal_error) <= coverage_factor(1, study.level)
+    ranks = min(uniform_p(ndtr(row)) for row in study.normal_error)
+    return NumbersCheck(
+        study.truth,
+        study.names,
+        held.mean(axis=1),
+        binomial_band(count, study.level, 1 - (1 - BAND) / f),
+        float(study.nees.mean()),
+        chi_square_mean_band(f, count),
+        uniform_p(chdtr(f, study.nees)),
+        min(1.0, f * ranks),
+    )
+
+
+def uniform_p(values: Array) -> float:
+    """Chance (Kolmogorov-Smirnov) that uniform values (n,) lie as unevenly on 0 to 1 as these.
+
+    References
+    ----------
+    Stephens 1970: the asymptotic law at (sqrt n + 0.12 + 0.11 / sqrt n) D, good from n = 5.
+    """
+    n = len(values)
+    steps, sorted_values = np.arange(n + 1) / n, np.sort(values)
+    gap = max((steps[1:] - sorted_values).max(), (sorted_values - steps[:-1]).max())
+    return float(kolmogorov((n**0.5 + 0.12 + 0.11 / n**0.5) * gap))
+
+
+MM = 1e3
+
+
+def coverage_headline(studies: tuple[CoverageStudy, ...]) -> dict[str, Any]:
+    """Attained coverage of every cell, and what the program's advice was worth."""
+    found = cells(studies)
+    return {
+        "robots": studies[0].before.size,
+        "level": studies[0].level,
+        "truths": {
+            study.truth: {
+                "before_mean_mm": float(study.before.mean() * MM),
+                "extended_chosen": float(study.extended.mean()),
+                **{
+                    model: {
+                        "mean_mm": float(study.mean_error[i].mean() * MM),
+                        "flagged": float(study.flagged[i].mean()),
+                        "converged": float(study.converged[i].mean()),
+                        **{
+                            cell.statement: {
+                                "inside": cell.share.value,
+                                "ci_95": share_interval(cell.share),
+                                "joint_ci_95": share_interval(cell.joint),
+                                "radius_mm": cell.radius * MM,
+                                "outcome": cell.outcome,
+                            }
+                            for cell in found
+                            if (cell.truth, cell.model) == (study.truth, model)
+                        },
+                    }
+                    for i, model in enumerate(MODELS)
+                },
+                "advice_followed": _followed(study),
+            }
+            | _numbers(study)
+            for study in studies
+        },
+    }
+
+
+def coverage_arrays(studies: tuple[CoverageStudy, ...]) -> dict[str, np.ndarray[Any, Any]]:
+    """What each robot gave."""
+    return {
+        f"coverage/{study.truth}/{name}": getattr(study, field)
+        for study in studies
+        for name, field in (
+            ("inside", "inside"),
+            ("radius_m", "radius"),
+            ("mean_error_m", "mean_error"),
+            ("p_value", "p_value"),
+            ("held_out_p", "held_out_p"),
+            ("flagged", "flagged"),
+            ("log_evidence", "log_evidence"),
+            ("nees", "nees"),
+            ("normal_error", "normal_error"),
+        )
+    }
+
+
+def _followed(study: CoverageStudy) -> dict[str, Any]:
+    """Share inside for whoever uses the chosen model and the statement to be believed."""
+    shares, without = followed(study)
+    if len(shares) < 2:
+        return {"inside": None, "ci_95": None, "nothing_to_believe": without}
+    mean = mean_over_robots(shares)
+    return {
+        "inside": mean.value,
+        "ci_95": share_interval(mean),
+        "nothing_to_believe": without,
+    }
+
+
+def share_interval(mean: Mean) -> list[float]:
+    """Interval of a share, which ends at none and at all."""
+    return [max(mean.low, 0.0), min(mean.high, 1.0)]
+
+
+def _numbers(study: CoverageStudy) -> dict[str, Any]:
+    """The numbers of the geometric model, where it can hold the truth."""
+    check = numbers_check(study)
+    if check is None:
+        return {}
+    return {
+        "numbers": {
+            "count": len(check.names),
+            "inside_mean": float(check.shares.mean()),
+            "inside_min": float(check.shares.min()),
+            "inside_max": float(check.shares.max()),
+            "band_of_all": [float(value) for value in check.band],
+            "nees_mean": check.nees,
+            "nees_band": [float(value) for value in check.nees_band],
+            "nees_p_value": check.nees_p,
+            "ranks_p_value": check.rank_p,
+            "passed": check.passed,
+        }
+    }

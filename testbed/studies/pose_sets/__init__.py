@@ -1,0 +1,1 @@
+"""Designed pose sets against random ones on many robots."""

@@ -1,0 +1,140 @@
+"""Pose sets against random ones of their size, robot by robot, and what may be said of all at once.
+
+The robot is the unit, and every comparison is made in pairs on the same robots. Where many sets are
+compared, some would look better or worse by luck: "better" and "worse" are said by simultaneous
+intervals (Bonferroni), which all hold at once with 95 % probability.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array
+from testbed.studies.many_robots import (
+    Outcome,
+    family_confidence,
+    log_ratio_over_robots,
+    mean_over_robots,
+    outcome_of,
+)
+from testbed.studies.trial.records import Campaign, PopulationStudy, Trial
+from testbed.units import Mean
+
+MANY_TRIALS = 6
+"""More trials than this are shown as a contest: by size, with what each kind of set is worth."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Entry:
+    """One pose set over all robots, first estimator of the scenario."""
+
+    trial: Trial
+    poses: int
+    goal_u: float
+    """RMS tool-point u over the goal that the set promised [m]; random: over all its draws."""
+    efficiency: float | None
+    """Certain part of the best possible figure of its own criterion; None without certificate."""
+    error: Mean
+    """Mean held-out error, over robots [m]."""
+    noise: float
+    """RMS over robots of the stated u: what the noise of one calibration is worth [m]."""
+    model: float
+    """RMS of what the noise does not explain: the model's own error [m]; zero where the 95 %
+    interval of its square holds zero."""
+    ratio: Mean | None
+    """Logarithm of the error over the random set's, 95 % interval; None for the random set."""
+    joint: Mean | None
+    """The same with an interval that holds for all comparisons of the campaign at once."""
+    wins: float
+    """Share of robots on which it beats the random set."""
+
+    @property
+    def outcome(self) -> Outcome:
+        """Whether the simultaneous interval lies on one side of 1."""
+        return "undecided" if self.joint is None else outcome_of(self.joint)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contest:
+    """All comparisons of a campaign."""
+
+    sizes: tuple[int, ...]
+    """Numbers of poses, ascending."""
+    entries: tuple[Entry, ...]
+    """In the order of the trials."""
+    comparisons: int
+    """How many intervals hold at once."""
+    robots: int
+
+    def of_size(self, poses: int) -> tuple[Entry, ...]:
+        """The sets of one size, best first; equal ones by name."""
+        chosen = (entry for entry in self.entries if entry.poses == poses)
+        return tuple(sorted(chosen, key=lambda entry: (_ratio(entry), entry.trial.name)))
+
+    def reference(self, poses: int) -> Entry:
+        """The random set of one size."""
+        return next(e for e in self.entries if e.poses == poses and e.ratio is None)
+
+
+def random_partner(campaign: Campaign, trial: Trial) -> Trial | None:
+    """The first random trial with as many poses."""
+    size = len(trial.selection)
+    return next(
+        (t for t in campaign.trials if t.method == "random" and len(t.selection) == size), None
+    )
+
+
+def has_contest(campaign: Campaign) -> bool:
+    """Whether a campaign is about comparing many pose sets."""
+    return (
+        campaign.population is not None
+        and campaign.population.before.size > 1
+        and len(campaign.trials) > MANY_TRIALS
+        and any(random_partner(campaign, t) not in (None, t) for t in campaign.trials)
+    )
+
+
+def contest_of(campaign: Campaign) -> Contest:
+    """All pose sets that have a random partner of their size."""
+    study = campaign.population
+    assert study is not None, "asked only where many robots were played"
+    pairs = [(t, p) for t in campaign.trials if (p := random_partner(campaign, t)) is not None]
+    comparisons = sum(trial is not partner for trial, partner in pairs)
+    entries = tuple(_entry(study, trial, partner, comparisons) for trial, partner in pairs)
+    sizes = tuple(sorted({entry.poses for entry in entries}))
+    return Contest(sizes, entries, comparisons, study.before.size)
+
+
+def _entry(study: PopulationStudy, trial: Trial, partner: Trial, comparisons: int) -> Entry:
+    """One set beside its random partner."""
+    i, k = study.trials.index(trial.name), study.trials.index(partner.name)
+    errors, other = study.mean_error[i, 0], study.mean_error[k, 0]
+    noise = study.stated_u[i, 0] ** 2
+    beyond = mean_over_robots(study.rms_error[i, 0] ** 2 - noise)
+    itself = trial is partner
+    proof = trial.selection.certificate
+    return Entry(
+        trial=trial,
+        poses=len(trial.selection),
+        goal_u=rms(study.goal_u[i]),
+        # each robot had a random set of its own: a proof of one says nothing of them
+        efficiency=None if proof is None or trial.method == "random" else proof.efficiency,
+        error=mean_over_robots(errors),
+        noise=float(noise.mean()) ** 0.5,
+        model=beyond.value**0.5 if beyond.low > 0 else 0.0,
+        ratio=None if itself else log_ratio_over_robots(errors, other),
+        joint=None
+        if itself
+        else log_ratio_over_robots(errors, other, probability=family_confidence(comparisons)),
+        wins=float((errors < other).mean()),
+    )
+
+
+def rms(values: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _ratio(entry: Entry) -> float:
+    """What entries are sorted by."""
+    return 0.0 if entry.ratio is None else entry.ratio.value

@@ -1,0 +1,265 @@
+"""The report's section on many pose sets: which is best, by how much, and can that be told."""
+
+from testbed.report.page import Block, Figure, Points, Section, Table, Text
+from testbed.report.plots import percent_of
+from testbed.studies.many_robots import CONFIDENCE, Outcome
+from testbed.studies.pose_sets.compare import Contest, Entry, contest_of
+from testbed.studies.pose_sets.plots import forest, kinds
+from testbed.studies.trial.plots import MOST_VIEWS, only
+from testbed.studies.trial.records import Campaign, Trial
+from testbed.units import counted, fixed, micrometres, millimetres, percent
+
+NONE = "–"
+WORDS: dict[Outcome, str] = {"better": "better", "worse": "worse", "undecided": "undecided"}
+
+
+def pose_sets_section(campaign: Campaign) -> Section:
+    """What is compared, what comes out, a table per size, and the forest plot."""
+    contest = contest_of(campaign)
+    blocks: list[Block] = [
+        Text(procedure(campaign, contest)),
+        Points(in_short(contest)),
+        Figure(
+            "Mean held-out error of each set against random sets of the same size, over "
+            f"{counted(contest.robots, 'robot')}. Thick: 95 % interval of this comparison; thin: "
+            f"interval that holds together with all {contest.comparisons}. Blue dots: better; "
+            "vermilion triangles: worse; open squares: cannot be told apart"
+            f"{only(contest.sizes, MOST_VIEWS)}.",
+            forest(contest),
+        ),
+    ]
+    for poses in contest.sizes:
+        blocks += [size_table(contest, poses), Text(outcomes(contest, poses))]
+    return Section("pose-sets", "Which pose set is best?", tuple(blocks))
+
+
+def procedure(campaign: Campaign, contest: Contest) -> str:
+    """How the comparison was made."""
+    held_out = counted(len(campaign.setting.test_q), "held-out pose")
+    return (
+        f"Every pose set was measured once on {counted(contest.robots, 'further robot')}, drawn "
+        "like the true one, and judged by its mean tool error against the truth on "
+        f"{held_out}. All sets met the same robots, so they are compared in pairs. A random set "
+        "was drawn anew for each robot. A designed set is one set, chosen on the nominal robot: "
+        "what is said of it is said of this set from this pool. Intervals are confidence "
+        "intervals over robots (Student's t on the logarithm of the ratio). The tables give each "
+        "95 % interval by itself; better and worse are said by joint intervals, which all hold "
+        f"at once with 95 % probability (Bonferroni, {counted(contest.comparisons, 'comparison')})."
+    )
+
+
+def in_short(contest: Contest) -> tuple[str, ...]:
+    """What the numbers say, the plainest first."""
+    rivals = [entry for entry in contest.entries if entry.ratio is not None]
+    number = {o: sum(entry.outcome == o for entry in rivals) for o in WORDS}
+    said = [
+        f"Of {counted(len(rivals), 'chosen set')} {number['better']} are better than random sets "
+        f"of the same size, {number['worse']} are worse, and {number['undecided']} cannot be told "
+        "apart from them."
+    ]
+    said += [sentence(entry, contest) for entry in rivals if entry.trial.rows == "paper"]
+    said += [leader(contest, poses) for poses in contest.sizes]
+    return (*said, source(contest))
+
+
+def leader(contest: Contest, poses: int) -> str:
+    """Which set of one size did best."""
+    shown = [entry for entry in contest.of_size(poses) if entry.outcome == "better"]
+    if not shown:
+        return f"With {poses} poses no set is shown to be better than random ones."
+    return f"With {poses} poses the best of those shown to be better: {sentence(shown[0], contest)}"
+
+
+def advice(contest: Contest) -> str:
+    """Which set to take, size by size."""
+    best = {n: [e for e in contest.of_size(n) if e.outcome == "better"] for n in contest.sizes}
+    named = [
+        f"{set_name(found[0].trial)} at {poses} poses ({signed(percent_of(found[0].ratio)[0])})"
+        for poses, found in best.items()
+        if found and found[0].ratio is not None
+    ]
+    if not named:
+        return (
+            "No set is shown to be better than random poses: take random ones, and put the effort "
+            "into the model."
+        )
+    text = f"Take the set shown best at your number of poses: {'; '.join(named)}."
+    missing = [str(poses) for poses, found in best.items() if not found]
+    return text + (f" At {', '.join(missing)} poses random ones are as good." if missing else "")
+
+
+def source(contest: Contest) -> str:
+    """Whether noise or the model's own error is what is left."""
+    largest = contest.reference(contest.sizes[-1])
+    noise, model = (millimetres(value, 2) for value in (largest.noise, largest.model))
+    after = f"after {largest.poses} random poses"
+    if not largest.model:
+        return (
+            f"Noise explains the whole error ({after}: rms {noise} mm), so a set that promises a "
+            "smaller u keeps its promise."
+        )
+    if largest.model <= largest.noise:
+        return f"Noise is worth {noise} mm rms {after}, what the model cannot follow {model} mm."
+    return (
+        f"What the model cannot follow is worth {model} mm rms {after}, noise only {noise} mm. "
+        "The promised u is about noise alone: here it does not say which set is better, and "
+        "another set of the same kind, as good by its criterion, may differ by several percent."
+    )
+
+
+def sentence(entry: Entry, contest: Contest) -> str:
+    """One comparison in words, with the interval that holds together with all others."""
+    assert entry.joint is not None, "the random set has nothing to be compared with"
+    middle, low, high = percent_of(entry.joint)
+    who, rivals = f"{set_name(entry.trial)} of {entry.poses}", f"random sets of {entry.poses}"
+    tail = f"smaller error on {percent(entry.wins)} of {counted(contest.robots, 'robot')}"
+    if entry.outcome == "undecided":
+        return (
+            f"{who} and {rivals} cannot be told apart ({signed(middle)}, joint 95 % CI "
+            f"{signed(low)} to {signed(high)}; {tail})."
+        )
+    if entry.outcome == "better":
+        middle, low, high = -middle, -high, -low
+    return (
+        f"{who} is {fixed(middle, 1)} % {entry.outcome} than {rivals} (joint 95 % CI "
+        f"{fixed(low, 1)} to {fixed(high, 1)} %; {tail})."
+    )
+
+
+def outcomes(contest: Contest, poses: int) -> str:
+    """Which sets of one size are better, worse, or cannot be told apart, best first."""
+    heads: dict[Outcome, str] = {
+        "better": "Better than random",
+        "worse": "Worse than random",
+        "undecided": "Cannot be told apart from random",
+    }
+    found = contest.of_size(poses)
+    said = []
+    for outcome, head in heads.items():
+        names = [e.trial.name for e in found if e.ratio is not None and e.outcome == outcome]
+        if names:
+            said.append(f"{head}: {', '.join(names)}.")
+    return " ".join(said)
+
+
+def set_name(trial: Trial) -> str:
+    """A designed set in words, at the start of a sentence."""
+    criterion = trial.selection.criterion
+    if trial.method == "detmax" and trial.rows == "paper":
+        return f"The paper's {criterion} set"
+    if trial.method == "best_of_random":
+        return f"The best of {len(trial.selection.trace)} random sets by {criterion}"
+    return f"The {criterion} set by {trial.method}"
+
+
+def signed(change: float) -> str:
+    """A change in percent with its sign."""
+    text = fixed(change, 1)
+    return f"{text if text.startswith('−') else '+' + text} %"
+
+
+def size_table(contest: Contest, poses: int) -> Table:
+    """Every set of one size, best first."""
+    rows: list[tuple[str, ...]] = []
+    strong: tuple[int, ...] = ()
+    for k, entry in enumerate(contest.of_size(poses)):
+        error = f"{millimetres(entry.error.value)} ± {millimetres(entry.error.half_width, 2)}"
+        if entry.ratio is None:
+            against, wins, strong = "the reference", NONE, (k,)
+        else:
+            middle, low, high = percent_of(entry.ratio)
+            against = f"{signed(middle)} ({fixed(low, 1)} to {fixed(high, 1)})"
+            wins = percent(entry.wins)
+        rows.append(
+            (
+                entry.trial.name,
+                *chosen_by(entry.trial),
+                micrometres(entry.goal_u),
+                NONE if entry.efficiency is None else floored(entry.efficiency),
+                error,
+                against,
+                NONE if entry.ratio is None else WORDS[entry.outcome],
+                wins,
+                millimetres(entry.noise, 2),
+                millimetres(entry.model, 2) if entry.model else "0",
+            )
+        )
+    return Table(
+        caption=f"Sets of {counted(poses, 'pose')}, best first",
+        head=(
+            "set",
+            "chosen by",
+            "criterion",
+            "promised u µm",
+            "efficiency",
+            "mean error mm",
+            "against random",
+            "so it is",
+            "wins",
+            "noise mm",
+            "model mm",
+        ),
+        rows=tuple(rows),
+        align="lllrrrrlrrr",
+        size="small",
+        strong=strong,
+        note=""
+        if poses != contest.sizes[-1]
+        else "promised u: RMS over the goal poses of the predicted 3-D standard uncertainty of the "
+        "tool point (k = 1), from the nominal robot and the stated noise. criterion: in whitened "
+        "rows unless it says paper rows (12 unweighted ones, mm and rad). efficiency: certified "
+        "part of the best possible figure of its own criterion; none is known for O2, O4, O5. mean "
+        f"error: over robots, {percent(CONFIDENCE)} interval. against random: geometric mean over "
+        "robots of the ratio of errors, minus one, with its paired 95 % interval. wins: share of "
+        "robots with a smaller error than with the random set. noise, model: rms error split into "
+        "what the stated u explains and what is left; 0 where nothing is shown to be left.",
+    )
+
+
+def chosen_by(trial: Trial) -> tuple[str, str]:
+    """Method and criterion of a set, for a table."""
+    if trial.method == "random":
+        return "random", NONE
+    rows = ", paper rows" if trial.rows == "paper" else ""
+    return trial.method.replace("_", " "), f"{trial.selection.criterion}{rows}"
+
+
+def floored(efficiency: float) -> str:
+    """A certified efficiency, rounded down: as true as the number."""
+    return f"{int(efficiency * 1000) / 1000:.3f}"
+
+
+def summary_table(campaign: Campaign) -> Table:
+    """The first page of a contest: each kind of set against random ones, a column per size."""
+    contest = contest_of(campaign)
+    rows = []
+    for name, row in kinds(contest).items():
+        cells = [cell(row.get(poses)) for poses in contest.sizes]
+        rows.append((name, *cells))
+    return Table(
+        caption="Mean tool error on held-out poses against random sets of the same size, over "
+        f"{counted(contest.robots, 'robot')}",
+        head=("pose set", *(f"{poses} poses" for poses in contest.sizes)),
+        rows=tuple(rows),
+        align="l" + "r" * len(contest.sizes),
+        note="better, worse: by intervals that all hold at once with 95 % probability "
+        f"({counted(contest.comparisons, 'comparison')}); without a word: cannot be told apart. "
+        "random: its mean error, before calibration "
+        f"{before(campaign)} mm.",
+    )
+
+
+def cell(entry: Entry | None) -> str:
+    """One comparison in a table."""
+    if entry is None:
+        return NONE
+    if entry.ratio is None:
+        return f"{millimetres(entry.error.value)} mm"
+    word = "" if entry.outcome == "undecided" else f"{entry.outcome} "
+    return f"{word}{signed(percent_of(entry.ratio)[0])}"
+
+
+def before(campaign: Campaign) -> str:
+    """Mean error of the nominal model over robots, in mm."""
+    assert campaign.population is not None, "a contest has a population"
+    return millimetres(float(campaign.population.before.mean()))

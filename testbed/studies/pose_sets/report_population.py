@@ -1,0 +1,124 @@
+"""The report's section on many robots: which pose set is better, and whether that can be told."""
+
+import numpy as np
+
+from calib.arrays import Array
+from testbed.report.page import Points, Section, Table, Text
+from testbed.studies.many_robots import (
+    family_confidence,
+    log_ratio_over_robots,
+    mean_over_robots,
+    outcome_of,
+)
+from testbed.studies.pose_sets.compare import random_partner
+from testbed.studies.trial.records import Campaign, PopulationStudy, Trial
+from testbed.studies.trial.report import set_in_words
+from testbed.units import Mean, counted, millimetres
+
+
+def population_section(campaign: Campaign) -> Section | None:
+    """Every trial on many robots, compared in pairs with the random set of the same size."""
+    study = campaign.population
+    if study is None or study.before.size < 2:
+        return None
+    count = study.before.size
+    text = (
+        f"Every pose set was measured once on {count} further robots, drawn like the true one; all "
+        "sets met the same robots, and a random set was drawn anew for each. Intervals are 95 % "
+        "confidence intervals over robots, in the sentences all of them together (Bonferroni): "
+        "poses of one robot share its parameter error, so a robot counts once."
+    )
+    return Section(
+        "robots",
+        "Many robots",
+        (Text(text), error_table(campaign, study), Points(sentences(campaign, study))),
+    )
+
+
+def error_table(campaign: Campaign, study: PopulationStudy) -> Table:
+    """Mean held-out error over robots, per trial and estimator."""
+    modes = campaign.scenario.identification.estimators
+    reference = {t.name: random_partner(campaign, t) for t in campaign.trials}
+    rows = []
+    for i, trial in enumerate(campaign.trials):
+        partner = reference[trial.name]
+        for j, mode in enumerate(modes):
+            errors = study.mean_error[i, j]
+            mean = mean_over_robots(errors)
+            ratio = (
+                ratio_in_words(
+                    log_ratio_over_robots(errors, study.mean_error[index(campaign, partner), j])
+                )
+                if partner is not None and partner is not trial
+                else "–"
+            )
+            rms = float(np.sqrt(np.mean(study.rms_error[i, j] ** 2)))
+            u = float(np.sqrt(np.mean(study.stated_u[i, j] ** 2)))
+            rows.append(
+                (
+                    trial.name if j == 0 else "",
+                    set_in_words(trial) if j == 0 else "",
+                    "default" if mode == "whitened" else mode,
+                    f"{millimetres(mean.value)} ± {millimetres(mean.half_width, 2)}",
+                    ratio,
+                    millimetres(rms),
+                    millimetres(u),
+                    f"{rms / u:.2f}",
+                    f"{100 * study.inside[i, j].mean():.0f} %",
+                )
+            )
+    return Table(
+        caption=f"Held-out error of each pose set over {counted(study.before.size, 'robot')}",
+        head=(
+            "trial",
+            "pose set",
+            "estimator",
+            "mean error mm",
+            "against random",
+            "rms mm",
+            "stated u mm",
+            "rms / u",
+            "inside 95 %",
+        ),
+        rows=tuple(rows),
+        align="lllrrrrrr",
+        size="small",
+        note="against random: geometric mean over robots of the ratio to the random set of the "
+        "same size, minus one. stated u: root mean square of the stated 3-D standard uncertainty; "
+        "an honest statement has rms / u = 1.",
+    )
+
+
+def sentences(campaign: Campaign, study: PopulationStudy) -> tuple[str, ...]:
+    """What the numbers say of each designed set, also where it loses; default estimator."""
+    said = []
+    pairs = [(trial, random_partner(campaign, trial)) for trial in campaign.trials]
+    family = sum(partner not in (None, trial) for trial, partner in pairs)
+    for i, (trial, partner) in enumerate(pairs):
+        if partner is None or partner is trial:
+            continue
+        other = study.mean_error[index(campaign, partner), 0]
+        said.append(outcome(trial.name, partner.name, study.mean_error[i, 0], other, family=family))
+    return tuple(said) or ("No random set of the same size to compare with.",)
+
+
+def outcome(name: str, partner: str, errors: Array, other: Array, *, family: int = 1) -> str:
+    """One comparison in words, by an interval that holds together with `family` such ones."""
+    ratio = log_ratio_over_robots(errors, other, probability=family_confidence(family))
+    wins = int((errors < other).sum())
+    tail = f"({ratio_in_words(ratio)}; smaller error on {wins} of {len(errors)} robots)"
+    said = outcome_of(ratio)
+    if said == "undecided":
+        return f"{name} and {partner} cannot be told apart {tail}."
+    return f"{name} is {said} than {partner} {tail}."
+
+
+def index(campaign: Campaign, trial: Trial) -> int:
+    """Place of a trial in the campaign."""
+    return [t.name for t in campaign.trials].index(trial.name)
+
+
+def ratio_in_words(ratio: Mean) -> str:
+    """A ratio from its logarithm, as a change in percent with its interval."""
+    middle, low, high = (100 * (np.exp(x) - 1) for x in (ratio.value, ratio.low, ratio.high))
+    return f"{middle:+.0f} % ({low:+.0f} to {high:+.0f} %)"

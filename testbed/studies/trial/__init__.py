@@ -1,0 +1,1 @@
+"""The ground study: one pose set selected, measured, identified and judged."""

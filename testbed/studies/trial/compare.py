@@ -1,0 +1,171 @@
+"""Identified against true: held-out errors, parameters, and whether the stated regions hold them.
+
+This module, `replication` and `population` judge; with the simulator they alone look at the truth.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.geometry.frames import transform
+from calib.geometry.jacobian import reflector_rows
+from calib.geometry.model import RobotModel
+from calib.identification.identify import Identification, identify
+from calib.measurement.accuracy import (
+    accuracy,
+    distances,
+    observed_points,
+    rotation_errors,
+    target_points,
+)
+from calib.measurement.observations import Measurements
+from calib.uncertainty.regions import coverage_factor, inside, mahalanobis_squared
+from calib.uncertainty.tool_point import ToolStatement
+from testbed.laboratory.campaign_bench import Setting
+from testbed.studies.trial.records import Comparison
+from testbed.studies.trial.statement.records import Validation
+
+INTERVAL = coverage_factor(1)
+"""Half width of a 95 % interval in standard uncertainties."""
+REFIT_POSES = 200
+"""Poses of the pool at which the truth is written down in the estimated numbers."""
+
+
+def target_prediction(
+    model: RobotModel, q: Array, target: Array, covariance: Array
+) -> tuple[Array, Array, Array]:
+    """Point (m, 3), rotation (m, 3, 3) and stated covariance (m, 6, 6) at joints q [m, rad].
+
+    `covariance` (P, P) is that of all numbers of the model, zero where they are not estimated.
+    """
+    T, J = model.poses_and_jacobian(q)
+    point, rows = reflector_rows(T, J, np.broadcast_to(target, (len(q), 3)))
+    J = np.concatenate([rows, J[:, 3:]], axis=1)
+    return point, T[:, :3, :3], J @ covariance @ np.swapaxes(J, 1, 2)
+
+
+def noise_free(model: RobotModel, like: Measurements, q: Array, covariance: Array) -> Measurements:
+    """Measurements of `model` without noise at q (m, n), of the kind and offset of `like`."""
+    T, m = model.poses(q), len(q)
+    offset = np.broadcast_to(like.offset[0], (m, 3))
+    pose = bool(like.is_pose[0])
+    return Measurements(
+        q=q,
+        position=T[:, :3, 3] + (T[:, :3, :3] @ offset[0]),
+        rotation=T[:, :3, :3] if pose else np.broadcast_to(np.eye(3), (m, 3, 3)),
+        covariance=covariance,
+        kind=np.full(m, like.kind[0]),
+        offset=offset,
+        pose_id=np.arange(m),
+        repeat=np.zeros(m, dtype=np.int64),
+    )
+
+
+def true_step(setting: Setting, identification: Identification, like: Measurements) -> Array:
+    """True values minus nominal (f,) of the estimated parameters, in the gauge they were kept in.
+
+    With a prior all free numbers are estimated, and none stands for another: the step as drawn.
+
+    The kept set is refitted to noise-free poses of the true geometry (without joint errors), so
+    redundant truth lands where the estimate can hold it, exactly and not only to first order. Where
+    the estimated set cannot represent the truth this is its best fit over poses of the pool.
+    """
+    if identification.prior is not None:
+        return drawn_step(setting, identification)
+    # what the nominal model knows of joint errors belongs to the comparison
+    geometry = RobotModel(setting.true.chain, setting.nominal.joint_errors)
+    q = setting.pool_q[:REFIT_POSES]
+    covariance = np.broadcast_to(like.covariance[0], (len(q), 6, 6))
+    table = noise_free(geometry, like, q, covariance)
+    exact = identify(setting.nominal, table, identification.parameters)
+    if exact.parameters.free_names != identification.parameters.free_names:
+        return np.asarray(setting.nominal.step_to(geometry)[identification.parameters.free])
+    return exact.step
+
+
+def drawn_step(setting: Setting, identification: Identification) -> Array:
+    """True minus nominal (f,) of the estimated numbers, term by term as they were drawn.
+
+    Joint terms of the true robot that the model does not have are left out.
+    """
+    nominal, true = setting.nominal, setting.true
+    values = dict(zip(nominal.names, nominal.chain.step_to(true.chain), strict=False))
+    for model, sign in ((true, 1.0), (nominal, -1.0)):
+        for name, value in zip(
+            model.joint_errors.names, model.joint_errors.coefficients, strict=True
+        ):
+            values[name] = values.get(name, 0.0) + sign * value
+    return np.array([values.get(name, 0.0) for name in identification.names])
+
+
+def compare(
+    setting: Setting,
+    identification: Identification,
+    measurements: Measurements,
+    truth: Array,
+    *,
+    systematic: Array | None = None,
+) -> Comparison:
+    """Judge one identification.
+
+    Parameters
+    ----------
+    setting : Setting
+        Holds the truth and the held-out poses.
+    identification : Identification
+        What was identified.
+    measurements : Measurements
+        What it was identified from.
+    truth : (f,) array
+        From `true_step` [m, rad].
+    systematic : (f, f) array, optional
+        Covariance that errors common to all rows add to that of the estimate.
+    """
+    q, target = setting.test_q, setting.target
+    stated = identification
+    if systematic is not None and systematic.any():
+        stated = replace(identification, covariance=identification.covariance + systematic)
+    p_true, T0 = target_points(setting.test_true, target), setting.nominal.poses(q)
+    point, R, covariance = target_prediction(
+        identification.model, q, target, stated.full_covariance
+    )
+    before = distances(p_true, target_points(T0, target))
+    error = p_true - point
+    after = distances(p_true, point)
+    wrong = identification.step - truth
+    at_measured = [
+        accuracy(distances(measurements.position, observed_points(model, measurements)))
+        for model in (setting.nominal, identification.model)
+    ]
+    return Comparison(
+        before=before,
+        after=after,
+        rotation_before=rotation_errors(setting.test_true, T0),
+        rotation_after=rotation_errors(setting.test_true, transform(R, point)),
+        error=error,
+        covariance=covariance,
+        inside=inside(error, covariance[:, :3, :3]),
+        identification_before=at_measured[0],
+        identification_after=at_measured[1],
+        accuracy_before=accuracy(before),
+        accuracy_after=accuracy(after),
+        true_step=truth,
+        parameter_inside=np.abs(wrong) <= INTERVAL * stated.standard_uncertainty,
+        nees=float(mahalanobis_squared(wrong, stated.covariance)),
+    )
+
+
+def attained(
+    validation: Validation, regions: Sequence[ToolStatement], radius: float | None
+) -> Array:
+    """Share (w,) of the true points at the judging poses that each statement holds.
+
+    `radius` [m] is that of a ball about the first one's points; None without a ball.
+    """
+    true = validation.judge_true
+    shares = [float(region.holds(true).mean()) for region in regions]
+    if radius is not None:
+        shares.append(float((distances(true, regions[0].position) <= radius).mean()))
+    return np.array(shares)

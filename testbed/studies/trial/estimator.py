@@ -1,0 +1,142 @@
+"""What an estimator of a scenario fits: model, free numbers, prior and loss; and which model."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
+from calib.identification.identify import Identification, Mode, identify
+from calib.identification.joint_models import choose, extended_model, extended_parameters
+from calib.identification.prior import Prior
+from calib.identification.robust import Loss
+from calib.measurement.observations import Measurements
+from testbed.laboratory.campaign_bench import Bench, free_parameters
+from testbed.robots.catalog import Robot
+from testbed.scenario.read import Scenario
+from testbed.scenario.tables import PriorSettings
+
+WEAK = PriorSettings()
+MM, MDEG = 1e-3, np.radians(1e-3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimator:
+    """One way to identify, the same for every visit of a trial."""
+
+    mode: Mode
+    nominal: RobotModel
+    """Start of the fit; with joint terms, all zero, where the extended model is fitted."""
+    parameters: Parameters
+    """What is free."""
+    prior: Prior | None = None
+    loss: Loss = "squared"
+    why: str = ""
+    """Which model it fits and why, in words."""
+    log_evidence: float = field(default=float("nan"))
+    """Log odds of the extended model; nan where the evidence was not asked."""
+
+    @property
+    def extended(self) -> bool:
+        """Whether it fits joint errors beside the geometry."""
+        return self.why.startswith("extended")
+
+    def fit(self, seen: Measurements, parameters: Parameters | None = None) -> Identification:
+        """Identify from one table; `parameters` replaces what is free."""
+        return identify(
+            self.nominal,
+            seen,
+            self.parameters if parameters is None else parameters,
+            mode=self.mode,
+            prior=self.prior,
+            loss=self.loss,
+        )
+
+
+def estimator_for(bench: Bench, mode: Mode, seen: Measurements) -> Estimator:
+    """The estimator `mode` of a scenario; where the evidence decides, it looks at `seen` only.
+
+    Chosen geometry is fitted without a prior unless the scenario gives one: everything that the
+    measurements can tell apart, as if the question had not been asked.
+    """
+    nominal, free = bench.setting.nominal, bench.free(mode)
+    if mode == "paper":
+        return Estimator(mode, nominal, free)
+    settings = bench.scenario.identification
+    given = None if settings.prior is None else scenario_prior(settings.prior, free)
+    why, evidence = "geometric: as the scenario says", float("nan")
+    extended = settings.model == "extended"
+    if extended:
+        why = "extended: as the scenario says"
+    elif settings.model == "choose":
+        choice = choose(
+            nominal,
+            seen,
+            free,
+            prior=given or scenario_prior(WEAK, free),
+            term_prior=_term_prior(settings.prior or WEAK, nominal, free),
+            loss=settings.loss,
+        )
+        extended, why, evidence = choice.chosen == "extended", choice.sentence, choice.log_evidence
+    if not extended:
+        return Estimator(mode, nominal, free, given, settings.loss, why, evidence)
+    wide = extended_model(nominal)
+    table = extended_parameters(nominal, wide, free)
+    prior = scenario_prior(settings.prior or WEAK, table)
+    return Estimator(mode, wide, table, prior, settings.loss, why, evidence)
+
+
+def default_parameters(scenario: Scenario, robot: Robot) -> Parameters:
+    """Every number that the default estimator may move, joint terms included where it may climb."""
+    free = free_parameters(scenario, robot, "whitened")
+    if scenario.identification.model == "geometric":
+        return free
+    return extended_parameters(robot.model, extended_model(robot.model), free)
+
+
+def scenario_prior(settings: PriorSettings, parameters: Parameters) -> Prior:
+    """The prior of a scenario for all free numbers, centered on nominal."""
+    names = parameters.free_names
+    is_length = parameters.is_length[parameters.free_index]
+    sd = np.array(
+        [_spread(settings, name, bool(kind)) for name, kind in zip(names, is_length, strict=True)]
+    )
+    return Prior(np.zeros(len(names)), sd, names)
+
+
+def _term_prior(settings: PriorSettings, nominal: RobotModel, free: Parameters) -> Prior:
+    """The part of a prior that is about the joint terms which the extended model adds."""
+    wide = extended_model(nominal)
+    table = extended_parameters(nominal, wide, free)
+    known = set(nominal.names)
+    return scenario_prior(settings, table.freeing(n for n in wide.names if n not in known))
+
+
+def _spread(settings: PriorSettings, name: str, is_length: bool) -> float:
+    """Prior standard deviation of one number [m or rad]."""
+    own = settings.sd_mm.get(name) if is_length else settings.sd_deg.get(name)
+    if own is not None:
+        return own * MM if is_length else float(np.radians(own))
+    if name.startswith(("base.", "tool.")):
+        if is_length:
+            return settings.frame_lengths_mm * MM
+        return float(np.radians(settings.frame_angles_deg))
+    if is_length:
+        return settings.lengths_mm * MM
+    if name.startswith("gravity"):
+        return float(settings.gravity_mdeg * MDEG)
+    if name.startswith("harmonic"):
+        first, higher = settings.harmonics_mdeg
+        return float((first if name.endswith(("sin1", "cos1")) else higher) * MDEG)
+    return float(np.radians(settings.angles_deg))
+
+
+def prior_precision(found: Identification) -> Array | None:
+    """Lambda0 (f, f) in the order of the numbers estimated; None without a prior."""
+    if found.prior is None:
+        return None
+    place = [found.names.index(name) for name in found.prior.names]
+    precision = np.zeros((len(found.names),) * 2)
+    precision[np.ix_(place, place)] = found.prior.precision
+    return precision

@@ -1,0 +1,169 @@
+"""A trial played: selected, measured, identified, compared; and the whole again and again.
+
+Only a laboratory that knows the truth can ask whether intervals hold it. The same robot visits the
+same poses K times with fresh noise; every replication states its intervals and regions anew.
+"""
+
+import numpy as np
+from scipy.special import bdtr, chdtri
+
+from calib.arrays import Array
+from calib.design.methods import METHODS
+from calib.design.random import best_of_random
+from calib.design.selection import Selection
+from calib.identification.identify import Identification, Mode
+from calib.information.criteria.base import Criterion
+from calib.information.criteria.named import NEEDS_GOALS, criterion_named
+from calib.information.observability import Observability, indices, singular_values
+from calib.measurement.accuracy import distances, target_points
+from calib.measurement.observations import Measurements
+from calib.uncertainty.regions import inside, mahalanobis_squared
+from calib.uncertainty.type_a import type_a
+from testbed.laboratory.campaign_bench import Bench, Setting, open_bench
+from testbed.laboratory.goal import goals_of
+from testbed.scenario.read import Scenario, TrialSettings
+from testbed.streams import stream
+from testbed.studies.trial.compare import INTERVAL, compare, target_prediction, true_step
+from testbed.studies.trial.estimator import Estimator, estimator_for
+from testbed.studies.trial.records import Estimate, Replications, Trial
+from testbed.studies.trial.statement.records import Validation
+from testbed.studies.trial.statement.state import state
+
+
+def play_trial(scenario: Scenario, setting: Setting, validation: Validation, name: str) -> Trial:
+    """Select, measure, identify and judge the trial called `name`."""
+    settings = scenario.trial_named(name)
+    bench = open_bench(scenario, setting)
+    selection = select(
+        bench.design_blocks(settings.rows),
+        settings,
+        stream(scenario.seed, "select", name),
+        criterion_of(bench, settings),
+    )
+    chosen = selection.indices
+    span = len(chosen) * bench.tracker.pose_time
+    visits = [
+        bench.measure_pool(chosen, "visit", name, repeat=k, start=k * span)
+        for k in range(scenario.uncertainty.repeats)
+    ]
+    rows = "paper" if scenario.tracker.measures == "pose" else "whitened"
+    return Trial(
+        name=name,
+        method=settings.method,
+        rows=settings.rows,
+        selection=selection,
+        observability=observed(bench.design_blocks(rows)[chosen]),
+        whitened_observability=observed(bench.design_blocks("whitened")[chosen]),
+        measurements=visits[0],
+        estimates=tuple(
+            estimate(bench, mode, visits, validation, name)
+            for mode in scenario.identification.estimators
+        ),
+    )
+
+
+def criterion_of(bench: Bench, settings: TrialSettings) -> Criterion:
+    """What a trial's set is chosen by, with the scenario's goal where it needs one."""
+    goals = goals_of(bench) if settings.criterion in NEEDS_GOALS else None
+    return criterion_named(settings.criterion, goals=goals)
+
+
+def select(
+    blocks: Array, settings: TrialSettings, rng: np.random.Generator, criterion: Criterion
+) -> Selection:
+    """The pose set of a trial from the blocks (N, r, p) of the pool."""
+    if settings.method == "best_of_random":
+        return best_of_random(blocks, settings.poses, criterion, rng, sets=settings.sets)
+    return METHODS[settings.method](blocks, settings.poses, criterion, rng)
+
+
+def observed(blocks: Array) -> Observability:
+    """All indices of the poses whose blocks (m, r, p) are given."""
+    return indices(singular_values(blocks.reshape(-1, blocks.shape[-1])), len(blocks))
+
+
+def estimate(
+    bench: Bench, mode: Mode, visits: list[Measurements], validation: Validation, name: str
+) -> Estimate:
+    """Identify from the first visit; repeat for type A; say what to believe; replicate to check."""
+    estimator = estimator_for(bench, mode, visits[0])
+    first = estimator.fit(visits[0])
+    statement = (
+        state(bench, estimator, first, visits, validation, name) if mode == "whitened" else None
+    )
+    truth = true_step(bench.setting, first, visits[0])
+    repeated = np.array([first.step, *(estimator.fit(visit).step for visit in visits[1:])])
+    systematic = None if statement is None else statement.systematic
+    # repeats of one campaign share what its station gets wrong: they cannot test that part
+    shared = systematic is not None and systematic.any()
+    return Estimate(
+        mode=mode,
+        identification=first,
+        repeated=repeated,
+        type_a=type_a(repeated).standard,
+        comparison=compare(bench.setting, first, visits[0], truth, systematic=systematic),
+        replications=None if shared else replicate(bench, estimator, first, visits[0], truth, name),
+        statement=statement,
+    )
+
+
+BAND = 0.999
+"""Probability of the bands in which an honest statement stays."""
+COVERAGE = 0.95
+
+
+def replicate(
+    bench: Bench,
+    estimator: Estimator,
+    first: Identification,
+    visited: Measurements,
+    truth: Array,
+    name: str,
+) -> Replications | None:
+    """Replicate the calibration of one trial; None if the scenario asks for none.
+
+    Nor are fits with a prior replicated: one robot's repeats cannot show what a prior is worth.
+    """
+    count, setting = bench.scenario.uncertainty.replications, bench.setting
+    if not count or first.prior is not None:
+        return None
+    p_true = target_points(setting.test_true, setting.target)
+    steps = np.zeros((count, len(truth)))
+    stated = np.zeros((count, len(truth)))
+    nees, error = np.zeros(count), np.zeros((count, len(p_true)))
+    held = np.zeros((count, len(p_true)), dtype=bool)
+    for k in range(count):
+        seen = bench.measure(visited.q, visited.pose_id, "replication", name, repeat=k)
+        found = estimator.fit(seen, first.parameters)
+        point, _, covariance = target_prediction(
+            found.model, setting.test_q, setting.target, found.full_covariance
+        )
+        steps[k], stated[k] = found.step, found.standard_uncertainty
+        nees[k] = mahalanobis_squared(found.step - truth, found.covariance)
+        error[k] = distances(p_true, point)
+        held[k] = inside(p_true - point, covariance[:, :3, :3])
+    f = len(truth)
+    return Replications(
+        count=count,
+        nees=nees,
+        parameter_coverage=(np.abs(steps - truth) <= INTERVAL * stated).mean(axis=0),
+        tool_coverage=held.mean(axis=0),
+        sd_ratio=stated.mean(axis=0) / steps.std(axis=0, ddof=1),
+        mean_error=error.mean(axis=1),
+        nees_band=chi_square_mean_band(f, count),
+        # one alarm in a thousand campaigns for all parameters together, not for each
+        coverage_band=binomial_band(count, probability=1 - (1 - BAND) / f),
+    )
+
+
+def chi_square_mean_band(freedom: int, count: int, probability: float = BAND) -> Array:
+    """Band (2,) of the mean of `count` chi-square values with `freedom` degrees of freedom."""
+    tail = (1 - probability) / 2
+    return np.array([chdtri(freedom * count, p) / count for p in (1 - tail, tail)])
+
+
+def binomial_band(count: int, expected: float = COVERAGE, probability: float = BAND) -> Array:
+    """Band (2,) of the share of `count` independent intervals that hold what they should."""
+    below = bdtr(np.arange(count + 1.0), count, expected)
+    tail = (1 - probability) / 2
+    return np.array([np.searchsorted(below, tail), np.searchsorted(below, 1 - tail)]) / count

@@ -1,0 +1,233 @@
+"""The figures of accuracy and pose sets, one function each: records in, one SVG element out."""
+
+from collections.abc import Sequence
+from math import ceil
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.geometry.model import RobotModel
+from testbed.report.plots import Look, dots, legend_above, plain_log, short_ticks, toward
+from testbed.report.svg import DARK, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
+from testbed.studies.trial.records import Campaign, Estimate, PoseCountStudy, RandomSets, Trial
+from testbed.units import MM, UM
+
+if TYPE_CHECKING:
+    pass
+
+MOST_PANELS = 6
+"""Trials shown in one figure; the tables hold all."""
+UNCERTAINTIES = ("A", "V", "G")
+"""Criteria whose figure is a standard uncertainty, smaller is better; the others are indices."""
+MOST_VIEWS = 4
+"""Panels of the figures that show one pose set each."""
+LOOKS: dict[str, Look] = {
+    "whitened": {"marker": "o", "color": DARK, "markersize": 3.4},
+    "paper": {"marker": "^", "color": MIDDLE, "markersize": 3.6, "markerfacecolor": "none"},
+}
+"""Marker and color of each estimator, the same in every figure."""
+NAMES = {"whitened": "default estimator", "paper": "paper mode"}
+
+
+def only(everything: Sequence[object], most: int = MOST_PANELS) -> str:
+    """What a caption adds where a figure shows only the first few; else nothing."""
+    return f" (the first {most} of {len(everything)})" if len(everything) > most else ""
+
+
+def shown(campaign: Campaign) -> tuple[Trial, ...]:
+    """The trials that figures show."""
+    return campaign.trials[:MOST_PANELS]
+
+
+def held_out_errors(campaign: Campaign) -> str:
+    """Tool position error at every held-out pose, before and after, one panel per trial."""
+    panels = [
+        (
+            trial,
+            trial.estimates[0].comparison.before,
+            [estimate.comparison.after for estimate in trial.estimates],
+        )
+        for trial in shown(campaign)
+    ]
+    return _error_panels(panels, "held-out pose")
+
+
+def calibration_errors(campaign: Campaign) -> str:
+    """Distance between measured and predicted tool point at the calibration poses."""
+    panels = [
+        (
+            trial,
+            measured_distance(trial, campaign.setting.nominal),
+            [measured_distance(trial, e.identification.model) for e in trial.estimates],
+        )
+        for trial in shown(campaign)
+    ]
+    return _error_panels(panels, "calibration pose")
+
+
+def measured_distance(trial: Trial, model: RobotModel) -> Array:
+    """Distance (m,) [m] between the measured tool points of a trial and those `model` predicts."""
+    seen = trial.measurements
+    T = model.poses(seen.q)
+    point = T[:, :3, 3] + (T[:, :3, :3] @ seen.offset[:, :, None])[:, :, 0]
+    return np.asarray(np.linalg.norm(seen.position - point, axis=1))
+
+
+def _error_panels(panels: Sequence[tuple[Trial, Array, list[Array]]], pose: str) -> str:
+    """Errors of each pose on a common logarithmic scale, one panel per trial."""
+    columns = min(2, len(panels))
+    rows = ceil(len(panels) / columns)
+    with drawing(rows, columns, height=0.55 + 1.75 * rows, sharey=True) as (figure, axes):
+        for k, (ax, (trial, before, after)) in enumerate(zip(axes, panels, strict=False)):
+            x = np.arange(1, len(before) + 1)
+            ax.plot(x, before * MM, "o", color=SOFT, markerfacecolor="none", label="nominal")
+            for estimate, error in zip(trial.estimates, after, strict=True):
+                label = NAMES[estimate.mode]
+                ax.plot(x, error * MM, linestyle="none", label=label, **LOOKS[estimate.mode])
+            ax.set_yscale("log")
+            ax.set_title(trial.name)
+            if k % columns == 0:
+                ax.set_ylabel("position error [mm]")
+            if k >= len(panels) - columns:
+                ax.set_xlabel(pose)
+        plain_log(axes[0])
+        for ax in axes[len(panels) :]:
+            ax.set_visible(False)
+        legend_above(figure, axes[0])
+        return svg_of(figure)
+
+
+def pose_space(campaign: Campaign) -> str:
+    """Tool positions of the pool and of each trial's set, seen from above and from the side."""
+    trials = campaign.trials[:MOST_VIEWS]
+    pool = campaign.setting.pool_nominal[:, :3, 3] * MM
+    station = campaign.setting.T_world_tracker[:2, 3]
+    above, side = (0, 1, "above"), (0, 2, "side")
+    if len(trials) <= 2:
+        # one row: both views of a trial beside each other
+        rows, panels = 1, [(trial, view) for trial in trials for view in (above, side)]
+    else:
+        rows, panels = 2, [(trial, view) for view in (above, side) for trial in trials]
+    columns = len(panels) // rows
+    with drawing(rows, columns, height=0.4 + 1.75 * rows) as (figure, axes):
+        for k, (ax, (trial, (i, j, view))) in enumerate(zip(axes, panels, strict=True)):
+            chosen = pool[trial.selection.indices]
+            dots(ax, pool[:, [i, j]])
+            random = trial.method == "random"
+            look: Look = {"color": MIDDLE if random else DARK, "markersize": 3.2}
+            ax.plot(chosen[:, i], chosen[:, j], "^" if random else "o", **look)
+            ax.set_title(f"{trial.name}: {view}")
+            ax.set_ylabel(f"{'xyz'[j]} [mm]" if rows == 1 or k % columns == 0 else "")
+            if k >= len(panels) - columns:
+                ax.set_xlabel("x [mm]")
+            if view == "above":
+                toward(ax, station)
+            ax.set_aspect("equal")
+        return svg_of(figure)
+
+
+def search_convergence(trials: Sequence[Trial]) -> str:
+    """Best index known after each local search of the designed sets."""
+    trials = trials[:MOST_VIEWS]
+    with drawing(1, len(trials), height=2.1) as (figure, axes):
+        for ax, trial in zip(axes, trials, strict=True):
+            chosen = trial.selection
+            scale, name = unit_factor(unit_of_criterion(trial), chosen.criterion)
+            trace = chosen.trace * scale
+            x = np.arange(1, len(trace) + 1)
+            ax.step(x, trace, where="post", color=DARK)
+            best = int(np.argmax(trace == trace[-1]))
+            ax.plot(x[best], trace[best], "o", color=MIDDLE)
+            ax.annotate(
+                f"best: search {x[best]}",
+                (x[best], trace[best]),
+                xytext=(5, -11),
+                textcoords="offset points",
+                fontsize=7,
+            )
+            ax.set_title(trial.name)
+            ax.set_xlabel("local search")
+            ax.set_ylabel(f"best {name}, {trial.rows} rows")
+            short_ticks(ax)
+        return svg_of(figure)
+
+
+def unit_of_criterion(trial: Trial) -> str:
+    """Unit of the figure a set was chosen by: "m" for an uncertainty, "1" for an index."""
+    return "m" if trial.selection.criterion in UNCERTAINTIES and trial.rows == "whitened" else "1"
+
+
+def unit_factor(unit: str, criterion: str) -> tuple[float, str]:
+    """Factor from SI to what an axis shows, and the axis's name."""
+    return (UM, f"{criterion} [µm]") if unit == "m" else (1.0, criterion)
+
+
+def pose_count(study: PoseCountStudy) -> str:
+    """Mean index of random sets against their size, with the rule's choice."""
+    with drawing(2, 2, height=4.3) as (figure, axes):
+        for ax, name, chosen in zip(axes, ("O1", "O2"), study.chosen, strict=False):
+            i = study.names.index(name)
+            low, high = study.mean[i] - study.spread[i], study.mean[i] + study.spread[i]
+            ax.fill_between(study.counts, low, high, color="#d5e3f0", linewidth=0)
+            ax.plot(study.counts, study.mean[i], color=DARK)
+            if chosen is not None:
+                ax.axvline(chosen, color=MIDDLE, linestyle="--", linewidth=1.0)
+                ax.annotate(
+                    f"the rule: {chosen} poses",
+                    (chosen, 0.08),
+                    xycoords=("data", "axes fraction"),
+                    xytext=(4, 0),
+                    textcoords="offset points",
+                    fontsize=7.5,
+                )
+            ax.set_title(f"{name}: mean and standard deviation of 50 random sets")
+            ax.set_xlabel("poses per set")
+            ax.set_ylabel(name)
+            short_ticks(ax)
+        forms = (
+            (study.mean, "as printed: O3, O4, O5 go on moving"),
+            (study.mean_per_pose, "per pose: all five settle"),
+        )
+        styles = ("-", "--", "-.", ":", (0, (1, 1)))
+        colors = (INK, SOFT, DARK, MIDDLE, LIGHT)
+        for ax, (mean, title) in zip(axes[2:], forms, strict=True):
+            for i, name in enumerate(study.names):
+                ratio = mean[i] / mean[i, -1]
+                ax.plot(study.counts, ratio, linestyle=styles[i], color=colors[i], label=name)
+            ax.set_title(title)
+            ax.set_xlabel("poses per set")
+            ax.set_ylabel(f"index / its value at {study.counts[-1]} poses")
+            ax.set_ylim(0.0, 2.0)
+        axes[3].legend(ncols=3, loc="upper right")
+        return svg_of(figure)
+
+
+def random_sets(sets: Sequence[RandomSets]) -> str:
+    """The figure of each designed set beside those of random sets of the same size."""
+    sets = sets[:MOST_VIEWS]
+    with drawing(1, len(sets), height=2.1) as (figure, axes):
+        for ax, one in zip(axes, sets, strict=True):
+            scale, name = unit_factor(one.unit, one.criterion)
+            ax.hist(one.values * scale, bins=14, color="#c9d6e3", edgecolor="white", linewidth=0.5)
+            ax.axvline(one.chosen_value * scale, color=MIDDLE, linewidth=1.6)
+            ax.annotate(
+                "chosen set",
+                (one.chosen_value * scale, 0.96),
+                xycoords=("data", "axes fraction"),
+                xytext=(-3 if one.larger_is_better else 3, 0),
+                textcoords="offset points",
+                ha="right" if one.larger_is_better else "left",
+                va="top",
+                fontsize=7.5,
+            )
+            ax.set_title(f"{one.trial}: {one.n_poses} poses")
+            ax.set_xlabel(name)
+            ax.set_ylabel("random sets")
+            short_ticks(ax, axis="x")
+        return svg_of(figure)
+
+
+def mode_name(estimate: Estimate) -> str:
+    """What an estimator is called in the report."""
+    return NAMES[estimate.mode]

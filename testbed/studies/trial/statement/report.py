@@ -1,0 +1,304 @@
+"""The statement of each calibration in the report and in result.json."""
+
+import re
+from typing import Any
+
+import numpy as np
+
+from calib.uncertainty.discrepancy import Discrepancy
+from testbed.report.page import Block, Figure, Points, Section, Table, Text
+from testbed.studies.trial import plots
+from testbed.studies.trial.records import Campaign, Trial
+from testbed.studies.trial.statement import plots as plots_statement
+from testbed.studies.trial.statement.records import LEVEL, Statement, Validation
+from testbed.units import NARROW, counted, micrometres, millimetres, percent, significant, typeset
+
+WORDS = {
+    "model": "model-based region",
+    "bootstrap": "region of the bootstrap",
+    "discrepancy": "region with discrepancy",
+    "conformal": "conformal ball",
+}
+TINY = re.compile(r"p (= [0-9.]+e-[0-9]+|< 1e-300)")
+"""A p-value that nobody reads."""
+BUDGET_NOTE = (
+    "u: 3-D standard uncertainty (k = 1) that the source alone leaves at the tool, root mean "
+    "square over the held-out poses. share: of the variance. discrepancy: what measured held-out "
+    "poses show beyond all of these, chance included; it is no part of the model-based statement."
+)
+AGREE = 0.05
+"""p-value of the held-out errors from which their discrepancy counts as chance."""
+MEANINGS = {
+    "geometry": "link lengths, offsets and angles",
+    "frames": "base and tool placement",
+    "gravity": "joints that sag under the arm's own weight",
+    "harmonics": "gear errors, once and twice a turn",
+    "high_harmonics": "gear errors, three and seven times a turn",
+    "encoder": "errors between two lines of the encoders",
+    "backlash": "play of the gears",
+    "thermal": "links that grow warm",
+    "elastic": "drives and links that give way under load",
+    "repeatability": "scatter of every new approach",
+}
+"""What each term of the truth stands for."""
+
+
+def statement_section(campaign: Campaign) -> Section | None:
+    """Every statement made, how much of the truth it holds, which to believe, and why."""
+    told = [(trial, one) for trial in campaign.trials if (one := statement_of(trial)) is not None]
+    if not told:
+        return None
+    shown = told[: plots.MOST_PANELS]
+    blocks: list[Block] = [statement_table(campaign, told)]
+    for k, (trial, one) in enumerate(shown):
+        why = one.why.partition(": ")[2]
+        blocks.append(Text(f"{trial.name}, {one.model} model: {why}."))
+        blocks.append(Points(reasons(one, brief=k > 0)))
+    blocks.append(budget_table(shown))
+    blocks.append(
+        Figure(
+            "What each source leaves at the tool point, standard uncertainty over the held-out "
+            f"poses{plots.only(told)}; open: the discrepancy, which no source explains.",
+            plots_statement.budget_bars([(trial.name, one) for trial, one in shown]),
+        )
+    )
+    first = shown[0][0]
+    blocks.append(
+        Figure(
+            f"Where the tool point of {first.name} is known how well: standard uncertainty "
+            f"{map_words(shown[0][1])} over the postures of the pool that reach a cell of "
+            f"{1e3 * plots_statement.CELL:.0f} mm (root mean square over the cells behind it)."
+            + flat_words(shown[0][1]),
+            plots_statement.tool_maps(campaign, first),
+        )
+    )
+    return Section("believe", "What to believe here, and why", tuple(blocks))
+
+
+def statement_of(trial: Trial) -> Statement | None:
+    """The statement of a trial's default estimator, if it has one."""
+    return next((e.statement for e in trial.estimates if e.statement is not None), None)
+
+
+def statement_table(campaign: Campaign, told: list[tuple[Trial, Statement]]) -> Table:
+    """One row per statement: radius, what of the truth it holds, and whether to believe it."""
+    rows: list[tuple[str, ...]] = []
+    strong = []
+    for trial, one in told:
+        for k, name in enumerate(one.names):
+            believed = name == one.trust.believe
+            if believed:
+                strong.append(len(rows))
+            rows.append(
+                (
+                    trial.name if k == 0 else "",
+                    WORDS[name],
+                    micrometres(float(one.radius[k])),
+                    percent(float(one.attained[k])),
+                    "yes" if believed else refused(one, name),
+                )
+            )
+    judges = counted(len(campaign.validation.judge_q), "further pose")
+    return Table(
+        caption=f"Statements about the tool point at {LEVEL * 100:.0f}{NARROW}%",
+        head=("trial", "statement", "radius µm", "share inside", "believe"),
+        rows=tuple(rows),
+        align="llrrl",
+        strong=tuple(strong),
+        note="radius: of the ball with the volume of the region, mean over poses. share "
+        f"inside: of the true tool points, at {judges}, which no statement rests on; their "
+        "errors hang together, so one robot may miss the promise by chance. believe: what residuals"
+        ", repeats and the measured held-out poses say, without the truth.",
+    )
+
+
+def refused(one: Statement, name: str) -> str:
+    """Why a statement is not the one to believe, in a word."""
+    if name == "model" and not one.trust.model_valid:
+        return "NO"
+    if name == "bootstrap" and not one.trust.model_valid:
+        return "NO"
+    return "not needed" if one.trust.model_valid else "approximate"
+
+
+def reasons(one: Statement, *, brief: bool = False) -> tuple[str, ...]:
+    """Sentences that weigh one calibration: verdict first, then shots, repeats, warnings.
+
+    A brief account leaves out what says the same of every trial.
+    """
+    said = [*one.trust.sentences]
+    if brief:
+        return tuple(_sentence(text) for text in (said[0], *one.outliers, *one.warnings))
+    if one.lack_of_fit is not None and one.trust.model_valid:
+        said.append(
+            "all visits fitted together, the misfit is what repeats scatter (F = "
+            f"{one.lack_of_fit.ratio:.2f}, p = {significant(one.lack_of_fit.p_value, 2)})"
+        )
+    if one.discrepancy is not None and one.trust.believe != "discrepancy":
+        said.append(discrepancy_words(one, one.discrepancy))
+    said += [*one.outliers, *one.warnings]
+    return tuple(_sentence(text) for text in said)
+
+
+def discrepancy_words(one: Statement, found: Discrepancy) -> str:
+    """What held-out poses show beyond the statement; or that it is no more than chance."""
+    if one.held_out.p_value < AGREE or not found.covariance.any():
+        return found.sentence
+    return (
+        f"the discrepancy of {1e6 * one.discrepancy_u:.0f} um (3-D, one standard deviation) is no "
+        f"more than chance makes of {found.n_poses} held-out poses"
+    )
+
+
+def budget_table(told: list[tuple[Trial, Statement]]) -> Table:
+    """Sources in rows, trials in columns."""
+    names = list(dict.fromkeys(name for _, one in told for name in one.sources))
+    rows = []
+    for name in names:
+        cells = []
+        for _, one in told:
+            if name not in one.sources:
+                cells += ["–", "–"]
+                continue
+            u = float(one.source_u[one.sources.index(name)])
+            cells += [micrometres(u), percent((u / one.combined_u) ** 2)]
+        rows.append((name, *cells))
+    rows.append(("combined", *[c for _, one in told for c in (micrometres(one.combined_u), "")]))
+    beyond = [
+        "–" if np.isnan(one.discrepancy_u) else micrometres(one.discrepancy_u) for _, one in told
+    ]
+    rows.append(("discrepancy", *[cell for text in beyond for cell in (text, "")]))
+    return Table(
+        caption="Uncertainty budget by source, at the tool point",
+        head=("source", *[h for trial, _ in told for h in (f"{trial.name} u µm", "share")]),
+        rows=tuple(rows),
+        align="l" + "rr" * len(told),
+        size="small" if len(told) > 2 else "normal",
+        strong=(len(names),),
+        note=BUDGET_NOTE,
+    )
+
+
+def map_words(one: Statement) -> str:
+    """Which uncertainty the map shows."""
+    if one.trust.model_valid:
+        return "(3-D, k = 1)"
+    if one.discrepancy is None:
+        return "(3-D, k = 1; model-based, which is not valid here)"
+    return "(3-D, k = 1, discrepancy included)"
+
+
+def flat_words(one: Statement) -> str:
+    """Why the map looks flat where the discrepancy is most of it."""
+    if one.trust.model_valid or not one.discrepancy_u >= one.combined_u:
+        return ""  # nan where no discrepancy could be estimated
+    return " The discrepancy is one figure for the whole room, so the map is flat."
+
+
+def secret_section(campaign: Campaign) -> Section:
+    """How far each term of the truth alone moves the tool."""
+    found = campaign.validation
+    rows = [
+        (found.terms[k], MEANINGS.get(found.terms[k], ""), millimetres(float(found.term_rms[k])))
+        for k in np.argsort(-found.term_rms, kind="stable")
+    ]
+    rows.append(("all together", "", millimetres(found.together_rms)))
+    table = Table(
+        caption="Tool displacement by each term of the truth alone",
+        head=("term", "what it is", "rms mm"),
+        rows=tuple(rows),
+        align="llr",
+        strong=(len(rows) - 1,),
+        note=f"True minus nominal tool position, root mean square over "
+        f"{counted(len(campaign.setting.test_q), 'held-out pose')}. Terms add as vectors: beyond "
+        f"their sum they do {millimetres(found.interaction_rms, 2)} mm together.",
+    )
+    return Section(
+        "secret", "The secret: what makes this robot wrong", (Text(_secret(rows)), table)
+    )
+
+
+def _secret(rows: list[tuple[str, str, str]]) -> str:
+    """The largest term in words; what a model without it cannot follow."""
+    if len(rows) == 1:
+        return "Nothing: the true robot is the nominal one."
+    name, meaning, size = rows[0]
+    text = f"Most of this robot's error is {name.replace('_', ' ')} ({meaning}): {size} mm."
+    beyond = [row for row in rows[:-1] if row[0] not in ("geometry", "frames", "repeatability")]
+    if not beyond:
+        return f"{text} Nothing that a geometric model cannot follow is switched on."
+    said = ", ".join(f"{row[0].replace('_', ' ')} {row[2]} mm" for row in beyond)
+    return f"{text} Beyond any geometric model: {said}."
+
+
+def _sentence(text: str) -> str:
+    """The text with a capital and a full stop, numbers and units as the report writes them."""
+    text = TINY.sub("p < 0.001", typeset(text))
+    if text.split()[0].isalpha():  # not the name of a number or of a trial
+        text = text[:1].upper() + text[1:]
+    return text if text.endswith((".", "!")) else f"{text}."
+
+
+MM, UM = 1e3, 1e6
+
+
+def statement_headline(found: Statement) -> dict[str, Any]:
+    """What may be believed of one calibration, with its figures."""
+    seen = found.held_out
+    out: dict[str, Any] = {
+        "model": {"chosen": found.model, "sentence": found.why},
+        "outlier_poses": [int(pose) for pose in found.outlier_poses],
+        "set_aside_poses": [int(pose) for pose in found.set_aside],
+        "validation": {
+            "poses": len(seen),
+            "chi_square_per_dof": seen.chi_square / (3 * len(seen)),
+            "p_value": seen.p_value,
+            "mean_error_um": float(seen.distance.mean() * UM),
+        },
+        "level": LEVEL,
+        "statements": {
+            name: {
+                "radius_um": float(radius * UM),
+                "attained": float(share),
+                "believed": name == found.trust.believe,
+            }
+            for name, radius, share in zip(found.names, found.radius, found.attained, strict=True)
+        },
+        "trust": {
+            "believe": found.trust.believe,
+            "model_valid": found.trust.model_valid,
+            "reasons": list(found.trust.sentences),
+        },
+        "budget_u_3d_um": {
+            name: float(u * UM) for name, u in zip(found.sources, found.source_u, strict=True)
+        }
+        | {"combined": found.combined_u * UM},
+        "discrepancy_u_3d_um": None if np.isnan(found.discrepancy_u) else found.discrepancy_u * UM,
+        "linear": {"outcome": found.linear.outcome, "sentence": found.linear.sentence},
+        "warnings": {"count": len(found.warnings), "reasons": list(found.warnings)},
+    }
+    if not np.isnan(found.log_evidence):
+        out["model"]["log_evidence"] = found.log_evidence
+    if found.lack_of_fit is not None:
+        lack = found.lack_of_fit
+        out["lack_of_fit"] = {"ratio": lack.ratio, "p_value": lack.p_value}
+    if found.bootstrap is not None:
+        played = found.bootstrap
+        out["bootstrap"] = {
+            "replicates": played.replicates,
+            "agrees": played.agrees,
+            "worst_sd_ratio": played.worst,
+        }
+    return out
+
+
+def truth_headline(validation: Validation) -> dict[str, Any]:
+    """The secret: how far each term of the truth alone moves the tool, over held-out poses."""
+    return {
+        "terms_rms_mm": {
+            name: float(rms * MM)
+            for name, rms in zip(validation.terms, validation.term_rms, strict=True)
+        },
+        "together_rms_mm": validation.together_rms * MM,
+        "interaction_rms_mm": validation.interaction_rms * MM,
+    }

@@ -1,0 +1,154 @@
+"""Where the uncertainty of a calibration comes from: noise, joints, the tracker's own errors."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.identification.identify import Identification
+from calib.identification.robust import sizes
+from calib.measurement.noise import with_joint_noise
+from calib.measurement.observations import Measurements
+from calib.uncertainty.budget import RowNoise, budget
+from calib.uncertainty.refit import Frozen, freeze
+from calib.uncertainty.tool_point import tool_statement
+from calib.uncertainty.type_b import CommonInput, common_inputs, type_b_covariance
+from testbed.laboratory.campaign_bench import Bench
+from testbed.laboratory.tracker.tracker import bias_size
+from testbed.scenario.read import At960Tracker
+from testbed.studies.trial.estimator import prior_precision
+
+SYSTEMATIC = (
+    "range offset",
+    "range scale",
+    *["tracker's encoders"] * 4,
+    *["target's place"] * 3,
+    *["target's turn"] * 3,
+)
+"""Source that each systematic number of the tracker belongs to, in the order of `station_bias`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sources:
+    """What each source leaves in the estimate, and at the tool."""
+
+    names: tuple[str, ...]
+    """(s,) sources."""
+    at_tool: Array
+    """(s,) 3-D standard uncertainty, RMS over the postures asked for [m]."""
+    combined: float
+    """All of them together [m]."""
+    systematic: Array
+    """(f, f) covariance that the tracker's systematic errors leave in the estimate."""
+
+
+def sources_of(
+    bench: Bench, found: Identification, seen: Measurements, suspect: Sequence[int], q: Array
+) -> Sources:
+    """Take the uncertainty of one estimate apart, at the tool point of postures q (N, n).
+
+    Parameters
+    ----------
+    bench : Bench
+        What the tracker states of itself, and how well joints repeat.
+    found : Identification
+        In the mode *whitened*.
+    seen : Measurements
+        What it was identified from.
+    suspect : sequence of int
+        Rows that a robust loss found to be grossly wrong: what they still do has its own line.
+    q : (N, n) array
+        Postures [rad, m].
+    """
+    start = plan_of(found, seen)
+    common = systematic_inputs(bench, seen)
+    whole = budget(start, row_noise(bench, found, seen, suspect), common=common)
+    target = bench.setting.target
+    parts = np.array([_rms_u(found, source.covariance, q, target) for source in whole.sources])
+    shared = {one.name for one in common}
+    systematic = np.zeros((start.parameters.n_free,) * 2)
+    for source in whole.sources:
+        if source.name in shared:
+            systematic = systematic + source.covariance
+    return Sources(whole.names, parts, _rms_u(found, whole.covariance, q, target), systematic)
+
+
+def plan_of(found: Identification, seen: Measurements) -> Frozen:
+    """The curvature of a fit; a robust loss has weighed its rows."""
+    if found.loss != "squared":
+        weighed = seen.covariance / np.maximum(found.weights, 1e-12)[:, None, None]
+        seen = replace(seen, covariance=weighed)
+    return freeze(found.model, seen, found.parameters, prior_precision=prior_precision(found))
+
+
+def row_noise(
+    bench: Bench, found: Identification, seen: Measurements, suspect: Sequence[int]
+) -> list[RowNoise]:
+    """What scatters anew in every row: the tracker, the joints, and gross errors where named."""
+    setting, m = bench.setting, len(seen)
+    T = setting.nominal.poses(seen.q)
+    own = bench.tracker.own_covariance(bench.tracker.targets(T), T[:, :3, :3])
+    noise = [RowNoise("tracker noise", own)]
+    if setting.joint_repeatability.any():
+        joints = with_joint_noise(
+            setting.nominal,
+            seen.q,
+            np.zeros((m, 6, 6)),
+            setting.joint_repeatability,
+            offset=np.broadcast_to(setting.target, (m, 3)),
+        )
+        noise.append(RowNoise("joint repeatability", joints))
+    if len(suspect):
+        size = sizes(found.residual, np.repeat(np.arange(m), seen.equations))
+        beyond = np.zeros(m)
+        beyond[list(suspect)] = np.maximum(size[list(suspect)], 1.0) ** 2 - 1.0
+        noise.append(RowNoise("gross errors", beyond[:, None, None] * seen.covariance))
+    return noise
+
+
+def systematic_inputs(bench: Bench, seen: Measurements) -> tuple[CommonInput, ...]:
+    """What the tracker states to get wrong the same way all campaign long; none if it does not."""
+    settings = bench.scenario.tracker
+    if not isinstance(settings, At960Tracker) or not settings.systematic:
+        return ()
+    size, T = bias_size(settings), bench.setting.nominal.poses(seen.q)
+    B = size.sensitivity(bench.tracker.targets(T), T[:, :3, :3], bench.tracker.T_world_tracker)
+    return common_inputs(SYSTEMATIC, B, size.variance)
+
+
+def systematic_covariance(bench: Bench, found: Identification, seen: Measurements) -> Array:
+    """Covariance (f, f) that the tracker's systematic errors leave in an estimate; often zero."""
+    common = systematic_inputs(bench, seen)
+    if not common or found.mode == "paper":
+        return np.zeros_like(found.covariance)
+    return type_b_covariance(plan_of(found, seen), common)
+
+
+def drift_left(bench: Bench) -> float:
+    """What a wandering station leaves in the readings, 3-D, RMS over time [m].
+
+    References
+    ----------
+    Random walk since the last round over the nests, half its time on average; and the noise of the
+    nests, which a round takes the mean of.
+    """
+    drift = bench.tracker.drift
+    if drift is None:
+        return 0.0
+    nests = bench.tracker.own_covariance(drift.nests)[:, :3, :3].mean(axis=0) / len(drift.nests)
+    return float(np.sqrt(3 * drift.rate**2 * drift.every / 2 + np.trace(nests)))
+
+
+def full_covariance(found: Identification, covariance: Array) -> Array:
+    """A covariance (f, f) of the estimate, with zeros for the numbers that were not estimated."""
+    index, P = found.parameters.free_index, len(found.parameters.names)
+    full = np.zeros((P, P))
+    full[np.ix_(index, index)] = covariance
+    return full
+
+
+def _rms_u(found: Identification, covariance: Array, q: Array, target: Array) -> float:
+    """3-D standard uncertainty at the tool, RMS over postures [m]."""
+    stated = tool_statement(found.model, q, full_covariance(found, covariance), target=target)
+    return float(np.sqrt(np.mean(stated.point**2)))

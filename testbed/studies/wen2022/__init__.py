@@ -1,0 +1,1 @@
+"""Wen et al. 2022 played again: one robot, many robots, and what the paper claims."""

@@ -1,0 +1,158 @@
+"""The figures of the re-examination: the ratio apart, like for like, what u_best holds."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from testbed.report.plots import legend_above, percent_of
+from testbed.report.svg import DARK, FAINT, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
+from testbed.studies.trial.plots import LOOKS
+from testbed.studies.wen2022.records import ESTIMATORS, STATEMENTS
+from testbed.studies.wen2022.summary import PRINTED, Errors, Held, Predicted, Split
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PARTS = (("repeats u_r", DARK), ("number of poses u_p", LIGHT), ("place of poses u_w", MIDDLE))
+TITLES = {
+    "distance": "|P| within 1.96 u",
+    "point": "point within 1.96 u",
+    "region": "point in region of u best",
+    "covariance": "point in region of the fit",
+}
+APART = 0.16
+"""Between the rows of one set, in rows."""
+LANE = 0.15
+"""Half the height of a step from 1 to the ratio, in rows."""
+RATIOS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+
+
+def ratio_apart(found: tuple[Split, ...]) -> str:
+    """Shares in the variance of u random, and the two steps from 1 to the ratio."""
+    kinds = list({split.who: split for split in found}.values())
+    with drawing(1, 2, height=0.95 + 0.3 * len(found)) as (figure, (left, right)):
+        for y, split in enumerate(kinds):
+            start = 0.0
+            for (label, color), part in zip(PARTS, split.shares, strict=True):
+                width = 100 * part.value
+                name = label if y == 0 else None
+                left.barh(y, width, left=start, height=0.6, color=color, label=name)
+                if width > 5:
+                    inside = INK if color == LIGHT else "white"
+                    middle = start + width / 2
+                    left.text(middle, y, f"{width:.0f}", ha="center", va="center", color=inside)
+                start += width
+        rows_of(left, [split.who for split in kinds])
+        left.set_xlim(0, 100)
+        left.set_xlabel("share of the variance of u random [%]")
+        left.set_title("what the random side counts")
+        for y, split in enumerate(found):
+            whole, repeats, _ = split.geometric
+            # first what repeats alone say, then what only the random side counts
+            steps = ((1.0, repeats, DARK, -LANE), (repeats, whole, MIDDLE, LANE))
+            for start, end, color, lane in steps:
+                low, high = sorted((start, end))
+                right.barh(
+                    y + lane, high - low, left=low, height=2 * LANE, color=color, linewidth=0
+                )
+            right.plot([repeats, repeats], [y - 2 * LANE, y + 2 * LANE], color=INK, linewidth=0.8)
+            right.plot(whole, y + LANE, "D", color=INK, markersize=4)
+            right.annotate(
+                f"{whole:.2f}", (whole, y + LANE), xytext=(-6, 0), textcoords="offset points",
+                ha="right", va="center", fontsize=7.5,
+            )  # fmt: skip
+        right.axvline(1.0, color=SOFT, linewidth=0.9)
+        right.set_xscale("log")
+        lowest = min(split.geometric[0] for split in found)
+        highest = max(split.geometric[1] for split in found)
+        right.set_xlim(lowest / 1.7, 1.25 * max(1.0, highest))
+        ticks = [t for t in RATIOS if lowest / 1.7 < t < 1.25 * max(1.0, highest)]
+        right.set_xticks(ticks, [f"{t:g}" for t in ticks])
+        right.set_xticks([], minor=True)
+        right.set_xlabel("geometric mean of u best / u random")
+        right.set_title("from 1 to the ratio")
+        right.plot([], [], color=DARK, linewidth=5, label="repeats against repeats")
+        right.plot([], [], color=MIDDLE, linewidth=5, label="counted on the random side only")
+        names = [s.who if s.who == PRINTED else f"{s.who}, {s.trial}" for s in found]
+        rows_of(right, names)
+        for ax, columns in ((left, 3), (right, 2)):
+            ax.legend(
+                loc="lower center", bbox_to_anchor=(0.45, 1.12), ncols=columns, fontsize=6.6,
+                columnspacing=0.9, handlelength=1.1,
+            )  # fmt: skip
+        return svg_of(figure)
+
+
+def like_for_like(predicted: tuple[Predicted, ...], found: tuple[Errors, ...]) -> str:
+    """Designed against random sets of the same size: what noise predicts, what is true."""
+    trials = list(dict.fromkeys(one.trial for one in found))
+    poses = {one.trial: one.poses for one in found}
+    truths = list(dict.fromkeys(one.truth for one in found))
+    panels = 1 + len(truths)
+    with drawing(1, panels, height=0.95 + 0.33 * len(trials), sharey=True) as (figure, axes):
+        for one in predicted:
+            if one.trial in trials and one.against == one.poses:
+                lower, upper = (100 * (x - 1) for x in (one.tool.low, one.tool.high))
+                middle = 100 * (one.tool.value - 1)
+                dot(axes[0], middle, (lower, upper), trials.index(one.trial), one.estimator)
+        axes[0].set_title("predicted from noise")
+        axes[0].set_xlabel("tool u against random [%]")
+        for ax, truth in zip(axes[1:], truths, strict=True):
+            for pair in (each for each in found if each.truth == truth):
+                middle, lower, upper = percent_of(pair.ratio)
+                dot(ax, middle, (lower, upper), trials.index(pair.trial), pair.estimator)
+            ax.set_title(f"true, {truth} robots")
+            ax.set_xlabel("error against random [%]")
+        rows_of(axes[0], [f"{name} ({poses[name]} poses)" for name in trials])
+        for ax in axes:
+            ax.axvline(0.0, color=SOFT, linewidth=0.9)
+            ax.grid(visible=False, axis="y")
+            ax.tick_params(axis="y", length=0)
+        names = {"paper": "paper's estimator", "whitened": "noise weighed"}
+        for estimator in ESTIMATORS:
+            axes[0].plot([], [], linestyle="none", label=names[estimator], **LOOKS[estimator])
+        legend_above(figure, axes[0])
+        return svg_of(figure)
+
+
+def dot(ax: "Axes", middle: float, ends: tuple[float, float], row: int, estimator: str) -> None:
+    """One figure with its interval, in its row."""
+    y = row + APART * (1 if estimator == "whitened" else -1)
+    look = LOOKS[estimator]
+    if np.isfinite(ends).all():
+        ax.plot(list(ends), [y, y], color=look["color"], linewidth=1.6)
+    ax.plot(middle, y, linestyle="none", **look)
+
+
+def what_u_best_holds(found: tuple[Held, ...], level: float = 0.95) -> str:
+    """Share of the truth inside each 95 % statement."""
+    truths = list(dict.fromkeys(one.truth for one in found))
+    rows = [(one.truth, one.trial) for one in found]
+    with drawing(1, len(STATEMENTS), height=0.8 + 0.34 * len(rows), sharey=True) as (figure, axes):
+        for s, (ax, statement) in enumerate(zip(axes, STATEMENTS, strict=True)):
+            ax.axvline(100 * level, color=SOFT, linewidth=0.9)
+            for y, one in enumerate(found):
+                mean, color = one.shares[s], (DARK, MIDDLE)[truths.index(one.truth) % 2]
+                ends = [100 * max(mean.low, 0.0), 100 * min(mean.high, 1.0)]
+                ax.plot(ends, [y, y], color=color, linewidth=2.0)
+                face = color if mean.high >= level else "white"
+                ax.plot(100 * mean.value, y, "o", color=color, markerfacecolor=face)
+            ax.set_xlim(-4, 104)
+            ax.set_title(TITLES[statement], fontsize=7.8)
+            ax.set_xlabel("inside [%]")
+        rows_of(axes[0], [f"{truth}, {trial}" for truth, trial in rows])
+        for ax in axes:
+            ax.grid(visible=False, axis="y")
+            ax.tick_params(axis="y", length=0)
+            for y in range(1, len(rows)):
+                if rows[y][0] != rows[y - 1][0]:
+                    ax.axhline(y - 0.5, color=FAINT, linewidth=0.6)
+        return svg_of(figure)
+
+
+def rows_of(ax: "Axes", names: list[str]) -> None:
+    """One row per name, the first on top."""
+    ax.set_yticks(range(len(names)), names)
+    ax.set_ylim(len(names) - 0.5, -0.5)
+    ax.grid(visible=False, axis="y")
+    ax.tick_params(axis="y", length=0)

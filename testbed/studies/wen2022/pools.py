@@ -1,0 +1,183 @@
+"""Pools, the pose sets chosen from each, and what noise alone makes of them; no truth in it.
+
+A designed set is one set and has its own luck. So every trial's recipe is followed anew in each of
+several pools, and figures come with the scatter between them.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.design.blocks import fewest_poses
+from calib.design.pose_count import pose_counts
+from calib.design.random import random_selection
+from calib.geometry.parameters import Parameters
+from calib.measurement.noise import whiteners
+from calib.uncertainty.covariance import matrix_row_weights
+from testbed.laboratory.campaign_bench import Bench, Setting, open_bench
+from testbed.laboratory.cell import cell_from
+from testbed.laboratory.pool import draw_pool
+from testbed.laboratory.simulator import Simulator
+from testbed.scenario.read import Scenario, TrialSettings
+from testbed.streams import stream
+from testbed.studies.trial.play import criterion_of, select
+from testbed.studies.wen2022.one_robot import RANDOM_BUDGET_POSES, SPARE_POSES
+from testbed.studies.wen2022.records import PoolSets, TrialSets
+
+RANDOM_SETS = 200
+"""Random sets of each size whose predicted uncertainty is averaged, per pool."""
+BUDGET_SET = "random-50"
+"""What the random set of the paper's budget is called where no trial has its size."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Noise:
+    """What each pose of a pool tells of the free numbers, in scaled columns."""
+
+    exact: Array
+    """(N, f, f) J'S^-1 J: information of the whitened rows."""
+    normal: Array
+    """(N, f, f) J'WJ of the paper's unweighted rows."""
+    scatter: Array
+    """(N, f, f) J'W S WJ: how the noise S comes through these."""
+    goal: Array
+    """(f, f) mean over the held-out poses of what the numbers do to the tool point."""
+    scale: Array
+    """(f,) units of the columns [m or rad]."""
+
+    def predicted(self, sets: Index) -> tuple[Array, Array]:
+        """Standard uncertainties (k, 2, f) and tool-point u (k, 2) of sets (k, m).
+
+        References
+        ----------
+        C = inv(J'S^-1 J) and C = inv(H) J'W S WJ inv(H), H = J'WJ (sandwich).
+        """
+        exact, normal, scatter = (
+            part[sets].sum(axis=1) for part in (self.exact, self.normal, self.scatter)
+        )
+        half = np.swapaxes(np.linalg.solve(normal, scatter), 1, 2)
+        whole = np.broadcast_to(np.eye(len(self.scale)), exact.shape)
+        C = np.stack([np.linalg.solve(normal, half), np.linalg.solve(exact, whole)], axis=1)
+        variance = np.diagonal(C, axis1=2, axis2=3)
+        tool = np.einsum("kefg,gf->ke", C, self.goal)
+        return np.sqrt(variance) * self.scale, np.sqrt(tool)
+
+
+def noise_of(bench: Bench, parameters: Parameters) -> Noise:
+    """Noise of every pose of a bench's pool, at the nominal robot."""
+    setting, free = bench.setting, parameters.free
+    J = setting.nominal.poses_and_jacobian(setting.pool_q)[1][:, :, free] * parameters.free_scale
+    S = bench.covariance(setting.pool_q)
+    A, W = whiteners(S) @ J, matrix_row_weights(len(J))
+    WJ = W @ J
+    across = np.swapaxes(np.linalg.cholesky(S), 1, 2) @ WJ
+    goals = setting.nominal.poses_and_jacobian(setting.test_q)[1][:, :3, free]
+    rows = (goals * parameters.free_scale).reshape(-1, parameters.n_free)
+    return Noise(
+        exact=np.swapaxes(A, 1, 2) @ A,
+        normal=np.swapaxes(J, 1, 2) @ WJ,
+        scatter=np.swapaxes(across, 1, 2) @ across,
+        goal=rows.T @ rows / len(goals),
+        scale=parameters.free_scale,
+    )
+
+
+def pool_sets_study(scenario: Scenario, setting: Setting) -> PoolSets:
+    """Draw the pools, choose every designed trial's set from each, and predict what noise does."""
+    bench, count = open_bench(scenario, setting), scenario.reexamined.pools
+    chain = setting.nominal.chain
+    simulator = Simulator(bench.robot, chain, cell_from(scenario.cell, chain))
+    N = scenario.pool.size
+    joints, chosen, u, tool, settled = [], [], [], [], []
+    for p in range(count):
+        pool = draw_pool(
+            bench.robot,
+            simulator,
+            scenario.pool,
+            bench.tracker.station,
+            stream(scenario.seed, "reexamined", "pool", p),
+            size=N + scenario.test.poses,
+            aim=bench.tracker.aim(chain),
+            acceptance=bench.tracker.acceptance,
+        )
+        joints.append(pool.q)
+        own = with_pool(bench, pool.q[:N], pool.q[N:])
+        picked = [designed_set(own, trial, p) for trial in scenario.trial]
+        noise = noise_of(own, own.free("paper"))
+        sizes = [*(trial.poses for trial in scenario.trial), min(RANDOM_BUDGET_POSES, N)]
+        both = [
+            predicted(noise, one, size, scenario.seed, p)
+            for one, size in zip([*picked, None], sizes, strict=True)
+        ]
+        chosen.append(picked)
+        u.append([each[0] for each in both])
+        tool.append([each[1] for each in both])
+        settled.append(pose_number(own, p))
+    q, u_all, tool_all = np.array(joints), np.array(u), np.array(tool)
+    sets = [
+        TrialSets(
+            trial=trial.name,
+            poses=trial.poses,
+            designed=trial.method != "random",
+            by_paper=trial.method == "detmax" and trial.rows == "paper",
+            criterion=trial.criterion,
+            indices=np.array([[] if row[i] is None else row[i] for row in chosen], dtype=np.int64),
+            u=u_all[:, i],
+            tool_u=tool_all[:, i],
+        )
+        for i, trial in enumerate(scenario.trial)
+    ]
+    size = min(RANDOM_BUDGET_POSES, N)
+    none = np.zeros((count, 0), dtype=np.int64)
+    sets.append(TrialSets(BUDGET_SET, size, False, False, "", none, u_all[:, -1], tool_all[:, -1]))
+    return PoolSets(
+        names=bench.free("paper").free_names,
+        pool_q=q[:, :N],
+        test_q=q[:, N:],
+        sets=tuple(sets),
+        pose_number=np.array(settled, dtype=np.int64),
+    )
+
+
+def with_pool(bench: Bench, pool_q: Array, test_q: Array) -> Bench:
+    """The same laboratory with other candidates (N, n) and held-out poses (t, n)."""
+    nominal = bench.setting.nominal.poses(pool_q)
+    setting = replace(bench.setting, pool_q=pool_q, pool_nominal=nominal, test_q=test_q)
+    return replace(bench, setting=setting)
+
+
+def designed_set(bench: Bench, trial: TrialSettings, pool: int) -> Index | None:
+    """Places (m,) in a pool of a trial's set; None for random sets, drawn anew for each robot."""
+    if trial.method == "random":
+        return None
+    rng = stream(bench.scenario.seed, "reexamined", "select", trial.name, pool)
+    blocks = bench.design_blocks(trial.rows)
+    return select(blocks, trial, rng, criterion_of(bench, trial)).indices
+
+
+def predicted(
+    noise: Noise, chosen: Index | None, size: int, seed: int, pool: int
+) -> tuple[Array, Array]:
+    """Uncertainty (2, f) and tool-point u (2,) of one set, or the mean over random sets."""
+    if chosen is not None:
+        u, tool = noise.predicted(chosen[None])
+        return u[0], tool[0]
+    rng = stream(seed, "reexamined", "random", size, pool)
+    sets = np.array([random_selection(len(noise.exact), size, rng) for _ in range(RANDOM_SETS)])
+    u, tool = noise.predicted(sets)
+    return u.mean(axis=0), tool.mean(axis=0)
+
+
+def pose_number(bench: Bench, pool: int) -> tuple[int, int]:
+    """Poses at which O1 and O2 of random sets settle in the paper's rows; -1 for never."""
+    blocks = bench.design_blocks("paper")
+    largest = min(bench.scenario.studies.pose_count_max, len(blocks))
+    curves = pose_counts(
+        blocks,
+        rng=stream(bench.scenario.seed, "reexamined", "pose_count", pool),
+        counts=range(fewest_poses(blocks) + SPARE_POSES, largest + 1),
+        form="per_pose",
+    )
+    first, second = (-1 if curve.chosen is None else curve.chosen for curve in curves[:2])
+    return first, second

@@ -1,0 +1,218 @@
+"""Numbers for people: units, digits, intervals in words."""
+
+from dataclasses import dataclass
+from math import floor, isfinite, log10
+
+import numpy as np
+
+from calib.arrays import Array, Bool
+
+MM = 1e3
+"""Millimetres per metre."""
+UM = 1e6
+"""Micrometres per metre."""
+DEG = 180.0 / np.pi
+"""Degrees per radian."""
+NARROW = "\u202f"
+"""Narrow space that does not break a line, between a number and its sign."""
+
+
+def decimals(value: float, digits: int) -> int:
+    """Decimal places that show `digits` significant digits of a value, rounding included.
+
+    Examples
+    --------
+    >>> decimals(0.0123, 2), decimals(0.00996, 2), decimals(123.0, 2)
+    (3, 3, 0)
+    """
+    if not isfinite(value) or value == 0.0:
+        return 0
+    first = digits - 1 - floor(log10(abs(value)))
+    # 0.00996 becomes 0.010: one place less than its first digit suggests
+    return max(digits - 1 - floor(log10(round(abs(value), first))), 0)
+
+
+def fixed(value: float, places: int) -> str:
+    """A number with `places` decimals, a real minus sign, and no negative zero.
+
+    Examples
+    --------
+    >>> fixed(-0.0004, 2), fixed(-1.5, 1)
+    ('0.00', '−1.5')
+    """
+    if not isfinite(value):
+        return "not available" if np.isnan(value) else ("∞" if value > 0 else "−∞")
+    text = f"{value:.{places}f}"
+    if float(text) == 0.0:
+        text = text.lstrip("-")
+    return text.replace("-", "−")
+
+
+def significant(value: float, digits: int = 3) -> str:
+    """A number with `digits` significant digits, written without an exponent where readable.
+
+    Examples
+    --------
+    >>> significant(0.012345), significant(1234.5), significant(2.1e-5)
+    ('0.0123', '1234', '2.10 × 10⁻⁵')
+    """
+    if not isfinite(value) or value == 0.0:
+        return fixed(value, 0)
+    if abs(value) >= 1e-4 and abs(value) < 1e6:
+        return fixed(value, decimals(value, digits))
+    exponent = floor(log10(abs(value)))
+    if round(abs(value) / 10.0**exponent, digits - 1) >= 10.0:
+        exponent += 1
+    power = str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{fixed(value / 10.0**exponent, digits - 1)} × 10{power}"
+
+
+def with_uncertainty(value: float, standard: float, *extra: float) -> tuple[str, ...]:
+    """A value, its uncertainty and further values, all to the decimal of u's second digit.
+
+    Parameters
+    ----------
+    value : float
+        In the unit of `standard`.
+    standard : float
+        Standard uncertainty u; it decides the decimals.
+    *extra : float
+        Written to the same decimal.
+
+    References
+    ----------
+    JCGM 100:2008, 7.2.6.
+
+    Examples
+    --------
+    >>> with_uncertainty(290.12345, 0.0123, 290.1)
+    ('290.123', '0.012', '290.100')
+    """
+    places = decimals(standard, 2) if standard > 0 else 6
+    return tuple(fixed(number, places) for number in (value, standard, *extra))
+
+
+def millimetres(length: float, digits: int = 3) -> str:
+    """A length [m] in mm with `digits` significant digits, the unit left to the column."""
+    return significant(length * MM, digits)
+
+
+def micrometres(length: float, digits: int = 3) -> str:
+    """A length [m] in um with `digits` significant digits, the unit left to the column."""
+    return significant(length * UM, digits)
+
+
+def percent(share: float) -> str:
+    """A share of one in percent, with its sign; one decimal only below 10 % and above 99 %.
+
+    Examples
+    --------
+    >>> [percent(share).replace(NARROW, " ") for share in (0.954, 0.034, 1.0)]
+    ['95 %', '3.4 %', '100 %']
+    """
+    places = 1 if 0.0 < share < 0.1 or 0.99 < share < 1.0 else 0
+    return f"{fixed(100.0 * share, places)}{NARROW}%"
+
+
+def probability(p: float) -> str:
+    """A p-value; below one in a thousand only that is said.
+
+    Examples
+    --------
+    >>> probability(0.412), probability(3e-9)
+    ('0.41', '< 0.001')
+    """
+    return "< 0.001" if p < 1e-3 else significant(p, 2)
+
+
+def in_units(values: Array, is_length: Bool) -> Array:
+    """Values (f,) in mm where they are lengths [m], in degrees where angles [rad]."""
+    return np.asarray(values * np.where(is_length, MM, DEG))
+
+
+def unit_of(is_length: bool) -> str:
+    """Unit in which a parameter is written."""
+    return "mm" if is_length else "deg"
+
+
+def typeset(text: str) -> str:
+    """A plain sentence with the report's units: micro as one letter, signs kept to their numbers.
+
+    Examples
+    --------
+    >>> typeset("180 um at 95 %").replace(NARROW, "_")
+    '180_µm at 95_%'
+    """
+    return text.replace(" um", f"{NARROW}µm").replace(" %", f"{NARROW}%")
+
+
+def counted(number: int, noun: str) -> str:
+    """A count and its noun.
+
+    Examples
+    --------
+    >>> counted(1, "pose"), counted(29, "pose")
+    ('1 pose', '29 poses')
+    """
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+@dataclass(frozen=True, slots=True)
+class Mean:
+    """A mean over robots with its 95 % confidence interval."""
+
+    value: float
+    half_width: float
+    """Student's t over robots."""
+
+    @property
+    def low(self) -> float:
+        """Lower end."""
+        return self.value - self.half_width
+
+    @property
+    def high(self) -> float:
+        """Upper end."""
+        return self.value + self.half_width
+
+
+def plus_minus(mean: Mean, places: int = 2) -> str:
+    """A figure with the half width of its interval; a printed figure has none.
+
+    `places` is the least number of decimals: a narrow interval asks for more.
+    """
+    if not mean.half_width:
+        return fixed(mean.value, places)
+    if not isfinite(mean.half_width):
+        return f"{fixed(mean.value, places)} (one pool)"
+    places = max(places, decimals(mean.half_width, 1))
+    return f"{fixed(mean.value, places)} ± {fixed(mean.half_width, places)}"
+
+
+def within(mean: Mean) -> str:
+    """A length [m] in mm with its interval."""
+    return plus_minus(Mean(mean.value * MM, mean.half_width * MM), 3)
+
+
+def share(mean: Mean) -> str:
+    """A share of one in percent with the half width of its interval."""
+    if not mean.half_width:
+        return percent(mean.value)
+    scaled = Mean(100 * mean.value, 100 * mean.half_width)
+    return f"{plus_minus(scaled, 0)}{NARROW}%"
+
+
+def signed(part: float) -> str:
+    """A relative change in percent, with its sign."""
+    return f"{'+' if part >= 0 else ''}{fixed(100 * part, 0)}{NARROW}%"
+
+
+def change(ratio: Mean) -> str:
+    """A logarithm of a ratio as a change in percent with its interval."""
+    middle, low, high = (float(np.expm1(x)) for x in (ratio.value, ratio.low, ratio.high))
+    return f"{signed(middle)} ({signed(low)} to {signed(high)})"
+
+
+def printed_change(one: float, other: float) -> str:
+    """The change from one printed figure to another."""
+    return signed(one / other - 1)

@@ -1,0 +1,146 @@
+"""What all ways of choosing poses share: one signature, one result, one set of refusals."""
+
+import numpy as np
+import pytest
+
+from calib.design.blocks import information
+from calib.design.detmax import detmax
+from calib.design.exchange import exchange, fedorov
+from calib.design.greedy import greedy
+from calib.design.random import best_of_random, random_set
+from calib.design.relaxation import relaxation
+from calib.errors import InputError
+from tests.calib.design.design_cases import small_criterion, small_pool, whitened_pool
+
+METHODS = {
+    "random": random_set,
+    "best_of_random": best_of_random,
+    "greedy": greedy,
+    "detmax": detmax,
+    "fedorov": fedorov,
+    "exchange": exchange,
+}
+ALL = ("D", "A", "V", "G", "E", "O1", "O2", "O3", "O4", "O5")
+CONVEX = ("D", "A", "V", "G", "E", "O1", "O3")
+
+
+@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("method", METHODS)
+def test_a_selection_is_a_set_its_value_is_fresh_and_its_proof_is_said(method: str, name: str):
+    blocks, criterion = small_pool(11, 24), small_criterion(name)
+    known = {"prior": np.diag([0.1, 0.2, 0.3, 0.4, 0.5]), "given": (2, 7)}
+    found = METHODS[method](blocks, 6, criterion, np.random.default_rng(3), **known)
+    assert found.method == method
+    assert found.criterion == name
+    assert len(set(found.indices.tolist()) - {2, 7}) == 6
+    assert found.given.tolist() == [2, 7]
+    assert found.prior
+    M = known["prior"] + information(blocks[[2, 7]]) + information(blocks[found.indices])
+    # indices come from singular values, others from M: condition below 1e4
+    assert found.value == pytest.approx(criterion.figure(M, 8), rel=1e-9)
+    if name in CONVEX:
+        assert 0 < found.certificate.efficiency <= 1
+        assert found.certificate.figure == pytest.approx(found.value, rel=1e-9)
+        assert "efficiency at least" in found.proof
+    else:
+        assert found.certificate is None
+        assert found.proof.startswith("no certificate: no bound")
+
+
+@pytest.mark.parametrize("name", ["D", "V", "G", "O2"])
+@pytest.mark.parametrize("method", METHODS)
+def test_the_same_seed_gives_the_same_set_and_the_order_of_the_pool_is_no_matter(
+    method: str, name: str
+):
+    blocks, criterion, run = small_pool(5, 20), small_criterion(name), METHODS[method]
+    first, again = (run(blocks, 5, criterion, np.random.default_rng(8)) for _ in range(2))
+    np.testing.assert_array_equal(first.indices, again.indices)
+    np.testing.assert_array_equal(first.trace, again.trace)
+    if method == "greedy":
+        order = np.random.default_rng(0).permutation(20)
+        shuffled = run(blocks[order], 5, criterion)
+        np.testing.assert_array_equal(order[shuffled.indices], first.indices)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_pose_comes_twice_only_if_asked(method: str):
+    blocks, run = small_pool(2, 4), METHODS[method]
+    once = run(blocks, 4, "D", np.random.default_rng(0))
+    assert sorted(once.indices.tolist()) == [0, 1, 2, 3]
+    often = run(blocks, 9, "D", np.random.default_rng(0), repeats=True)
+    assert len(often) == 9
+    with pytest.raises(InputError, match="9 poses wanted; the pool has 4"):
+        run(blocks, 9, "D", np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("method", ["greedy", "detmax", "fedorov", "exchange"])
+@pytest.mark.parametrize("name", ["D", "A", "E"])
+def test_every_search_is_far_better_than_a_random_set(method: str, name: str):
+    blocks, criterion = whitened_pool(150), small_criterion(name, 24)
+    found = METHODS[method](blocks, 12, criterion, np.random.default_rng(0)).certificate
+    drawn = random_set(blocks, 12, criterion, np.random.default_rng(0)).certificate
+    assert found.efficiency > drawn.efficiency + 0.03
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_prior_too_weak_to_count_beside_one_pose_breaks_nothing(method: str):
+    blocks = small_pool(0)
+    options = {"prior": 1e-17 * np.eye(5)}
+    found = METHODS[method](blocks, 4, "D", np.random.default_rng(0), **options)
+    alone = METHODS[method](blocks, 4, "D", np.random.default_rng(0))
+    assert found.value == pytest.approx(alone.value, rel=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_poses_that_see_nothing_do_not_raise_the_number_needed(method: str):
+    blocks = np.concatenate([np.zeros((1, 2, 5)), small_pool(0, 8)])
+    found = METHODS[method](blocks, 3, "D", np.random.default_rng(1))
+    assert found.value > 0 or method == "random"
+
+
+NAMES = ("theta1", "d1", "a1", "alpha1", "theta2")
+
+
+@pytest.mark.parametrize("method", [*METHODS, "relaxation"])
+@pytest.mark.parametrize(
+    ("m", "change", "options", "says"),
+    [
+        (13, None, {}, "13 poses wanted; the pool has 12; enlarge the pool"),
+        (0, None, {}, "0 poses wanted; a whole number, at least 1"),
+        (5.5, None, {}, r"5\.5 poses wanted; a whole number"),
+        (2, None, {"names": NAMES}, "2 leave at least 1 directions unseen, such as: 5 numbers"),
+        (5, "nan", {}, r"blocks\[7, 1, 2\] is nan"),
+        (5, "flat", {}, r"blocks has shape \(12, 10\)"),
+        (5, "none", {}, r"blocks has shape \(0, 2, 5\)"),
+        (5, "blind", {"names": NAMES}, "alpha1 has no effect on anything measured"),
+        (5, "linked", {"names": NAMES}, "d1 and alpha1 cannot be told apart"),
+        (5, None, {"given": (3, 3)}, "pose 3 is given 2 times"),
+        (5, None, {"given": (12,)}, "given is not a list of places"),
+        (5, None, {"given": (0.5,)}, "given is not a list of places"),
+        (5, None, {"given": ("first",)}, "given is not a list of places"),
+        (5, None, {"allowed": [True, False]}, "true or false for each of 12"),
+        (5, None, {"allowed": np.zeros(12, dtype=bool)}, "of which 0 may be chosen"),
+        (5, None, {"prior": np.diag([1.0, 1, 1, 1, -1])}, "not a precision matrix"),
+        (5, None, {"prior": np.eye(4)}, r"prior has shape \(4, 4\)"),
+        (5, None, {"prior": np.full((5, 5), np.inf)}, "is inf"),
+        (5, None, {"names": ("x", "y")}, "2 names; one for each of 5"),
+        (5, "goal", {}, "the goal is made for 4 numbers; the blocks have 5"),
+        (5, "name", {}, 'criterion is "Q"'),
+        (5, "V", {}, 'criterion "V" needs goal poses'),
+    ],
+)
+def test_what_cannot_be_chosen_is_refused_by_all_alike(method: str, m, change, options, says: str):
+    blocks, criterion = small_pool(0), "D"
+    if change == "nan":
+        blocks[7, 1, 2] = np.nan
+    if change == "flat":
+        blocks = blocks.reshape(12, 10)
+    if change == "none":
+        blocks = blocks[:0]
+    if change in ("blind", "linked"):
+        blocks[:, :, 3] = 2 * blocks[:, :, 1] if change == "linked" else 0.0
+    if change in ("goal", "name", "V"):
+        criterion = {"goal": small_criterion("V", 4), "name": "Q", "V": "V"}[change]
+    run = relaxation if method == "relaxation" else METHODS[method]
+    with pytest.raises(InputError, match=says):
+        run(blocks, m, criterion, np.random.default_rng(0), **options)

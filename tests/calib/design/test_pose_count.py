@@ -1,0 +1,96 @@
+"""How many poses: the curves are those of random sets, and the rule lands where it should."""
+
+import numpy as np
+import pytest
+
+from calib.design.pose_count import pose_count, pose_counts, settled
+from calib.design.selection import set_value
+from calib.errors import InputError
+from calib.information.observability import CRITERIA, Criterion
+from tests.calib.design.design_cases import paper_pool, small_pool, whitened_pool
+
+
+@pytest.mark.slow
+@pytest.mark.truth
+@pytest.mark.parametrize(("criterion", "low", "high"), [("O1", 52, 60), ("O2", 25, 36)])
+def test_the_rule_lands_in_the_published_ranges(criterion: Criterion, low: int, high: int):
+    blocks = paper_pool()
+    chosen = [
+        pose_count(blocks, criterion, rng=np.random.default_rng(seed), counts=range(4, 121)).chosen
+        for seed in range(24)
+    ]
+    # MATH 8.1; a single repetition scatters by 3 (O1) or 6 (O2), a median of 24 by 1 or 2
+    assert low <= np.median(np.array(chosen, dtype=float)) <= high
+
+
+def test_the_means_are_those_of_sets_drawn_afresh():
+    blocks, rng = whitened_pool(300), np.random.default_rng(5)
+    curve = pose_count(blocks, "O2", rng=np.random.default_rng(1), counts=[10, 20, 40], sets=200)
+    for k, m in enumerate((10, 20, 40)):
+        values = [set_value(blocks, rng.choice(300, m, replace=False), "O2") for _ in range(200)]
+        # means of 200 sets each: 4 standard deviations of their difference
+        assert abs(np.mean(values) - curve.mean[k]) < 4 * curve.sd[k] * np.sqrt(2 / 200)
+        assert np.std(values) == pytest.approx(curve.sd[k], rel=0.25)
+
+
+def test_all_five_curves_come_from_the_same_sets_as_each_alone():
+    blocks = paper_pool(200)
+    together = pose_counts(blocks, rng=np.random.default_rng(3), sets=10)
+    for criterion, curve in zip(CRITERIA, together, strict=True):
+        alone = pose_count(blocks, criterion, rng=np.random.default_rng(3), sets=10)
+        assert curve.criterion == criterion
+        np.testing.assert_array_equal(curve.counts, np.arange(4, 151))
+        np.testing.assert_allclose(alone.mean, curve.mean, rtol=1e-12)
+
+
+def test_the_sum_of_singular_values_settles_only_per_pose():
+    blocks = whitened_pool(400)
+    raw, per_pose = (
+        pose_counts(blocks, rng=np.random.default_rng(2), sets=30, form=form)
+        for form in ("correct", "per_pose")
+    )
+    for k in (2, 3, 4):
+        assert raw[k].chosen is None
+        assert per_pose[k].chosen is not None
+        np.testing.assert_allclose(raw[k].mean, per_pose[k].mean * np.sqrt(raw[k].counts))
+
+
+def test_the_rule_compares_ten_values_with_the_ten_before():
+    counts = np.arange(5, 105)
+    step = np.where(counts < 50, 1.0, 2.0)
+    # the windows hold only twos once ten values from 50 on lie behind; a constant settles at once
+    assert settled(counts, np.full(100, 3.0)) == 15
+    assert settled(counts[35:], step[35:]) == 60
+    assert settled(counts, counts) is None  # rises by 10 in 100 at the end: never 0.5 %
+    assert settled(counts[:19], np.ones(19)) is None  # two windows do not fit
+    assert settled(counts[:20], np.ones(20)) == 15
+    assert settled([2, 4, 8], [1.0, 1.0, 1.0], window=1) == 4
+
+
+def test_a_brute_force_rule_agrees():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        mean = 1 - np.exp(-np.arange(80) / rng.uniform(3, 40)) + 0.003 * rng.normal(size=80)
+        expected = None
+        for k in range(10, 71):
+            before, after = mean[k - 10 : k].mean(), mean[k : k + 10].mean()
+            if abs(after - before) < 0.005 * before:
+                expected = k
+                break
+        assert settled(np.arange(80), mean) == expected
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"counts": [10, 400]}, "the pool has 12"),
+        ({"counts": [2, 5]}, "5 numbers need at least 3 poses"),
+        ({"counts": [6, 5]}, "counts must ascend"),
+        ({"counts": []}, "counts must ascend"),
+        ({"sets": 0}, "sets is 0"),
+        ({"form": "mean"}, "form"),
+    ],
+)
+def test_curves_that_cannot_be_drawn_are_refused(options, says: str):
+    with pytest.raises(InputError, match=says):
+        pose_count(small_pool(0), "O1", rng=np.random.default_rng(0), **options)

@@ -1,0 +1,13 @@
+"""The command `truebed` with the fake campaign: run in its own process by tests of faults."""
+
+import os
+
+from testbed.__main__ import main
+from testbed.run import play as runner
+from tests.testbed.studies.trial.fake_campaign import Fake
+
+if __name__ == "__main__":
+    pause = float(os.environ.get("FAKE_PAUSE", "0"))
+    failing = tuple(filter(None, os.environ.get("FAKE_FAILING", "").split(",")))
+    runner.Real = lambda: Fake(pause, failing)
+    main()

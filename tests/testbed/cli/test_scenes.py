@@ -1,0 +1,181 @@
+"""The shipped scenes and scripts: their headline numbers, and what they must show."""
+
+import importlib.util
+import json
+import re
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from testbed.assets import scenes
+from testbed.scenario.read import load_scenario
+from tests.golden.write import LONG, SCENES, golden_file, headline_of
+
+TOLERANCE = 1e-6
+"""Relative. A fit ends within 1e-8 standard deviations of the optimum, and other BLAS kernels leave
+1e-9 in a pose set's index; the replicated statistics divide such differences by small numbers."""
+UNSTABLE = ("certificate", "p_value", "sentence", "reasons")
+"""The certificate is rounding itself; the texts hold rounded numbers."""
+
+PLANS = ("plan_tx60",)
+"""Scenes made for `truebed plan`, which knows no truth; test_plan*.py look at them."""
+
+RARELY = "pose_sets_rigid"
+"""Takes long and runs the same code as pose_sets: its golden numbers are a study."""
+
+
+@cache
+def golden(scene):
+    """The golden headline of a scene; that a scene plays to it is a test of its own."""
+    return json.loads(golden_file(scene).read_text(encoding="utf-8"))
+
+
+def differences(golden, now, path=""):
+    """Sentences, one per number that moved."""
+    if isinstance(golden, dict):
+        assert isinstance(now, dict)
+        missing = sorted(set(golden) ^ set(now))
+        found = [f"{path}: only on one side: {', '.join(missing)}"] if missing else []
+        for key in sorted(set(golden) & set(now)):
+            if key not in UNSTABLE:
+                found += differences(golden[key], now[key], f"{path}/{key}")
+        return found
+    if isinstance(golden, list) and isinstance(now, list) and len(golden) == len(now):
+        pairs = enumerate(zip(golden, now, strict=True))
+        return [one for k, pair in pairs for one in differences(*pair, f"{path}[{k}]")]
+    if isinstance(golden, float) and isinstance(now, float):
+        close = abs(now - golden) <= TOLERANCE * max(abs(golden), abs(now), 1e-12)
+        return [] if close else [f"{path}: {golden!r} became {now!r}"]
+    return [] if golden == now else [f"{path}: {golden!r} became {now!r}"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", [scene for scene in SCENES if scene != RARELY])
+def test_headline_numbers_are_the_golden_ones(scene):
+    assert differences(golden(scene), headline_of(scene)) == []
+
+
+@pytest.mark.study
+def test_headline_numbers_of_a_long_scene_are_the_golden_ones():
+    assert differences(golden(RARELY), headline_of(RARELY)) == []
+
+
+def test_every_shipped_scene_has_a_golden_file_or_is_a_plan():
+    shipped = {file.stem for file in scenes().glob("*.toml")}
+    assert shipped - set(SCENES) == set(PLANS)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_scene_has_its_line_in_the_scenes_readme(scene):
+    text = (scenes() / "README.md").read_text(encoding="utf-8")
+    line = next(line for line in text.splitlines() if line.startswith(f"| `{scene}`"))
+    first = golden(scene)["trials"][load_scenario(scene).trial[0].name]["estimates"]["whitened"]
+    before, after = (first[f"held_out_{when}"]["mean_mm"] for when in ("before", "after"))
+    stated = re.search(r"mean held-out error ([0-9.]+) -> ([0-9.]+) mm", line)
+    for text, value in zip(stated.groups(), (before, after), strict=True):
+        assert text == f"{value:.{len(text.split('.')[1])}f}"
+
+
+def test_designed_sets_beat_every_random_set_in_their_own_index():
+    for scene in SCENES:
+        for name, sets in golden(scene).get("random_sets", {}).items():
+            if golden(scene)["trials"][name]["method"] == "best_of_random":
+                # one of a hundred like those it is compared with
+                assert sets["beaten"] > 90, (scene, name)
+                continue
+            assert sets["beaten"] == sets["of"] == 100, (scene, name)
+
+
+def test_the_statement_holds_on_a_rigid_robot_and_fails_where_the_joints_sag():
+    quick, paper = golden("quick"), golden("wen2022")
+    for trial in quick["trials"].values():
+        assert trial["estimates"]["whitened"]["believable"]
+        # unweighted rows claim 12 m - p degrees of freedom and the wrong weights
+        assert not trial["estimates"]["paper"]["believable"]
+    for trial in paper["trials"].values():
+        assert not trial["estimates"]["whitened"]["believable"]
+        assert trial["estimates"]["whitened"]["p_value"] < 1e-3
+    assert "model-based interval is not valid" in paper["verdict"]["sentence"]
+    assert "can be believed" in quick["verdict"]["sentence"]
+
+
+def test_the_pose_sets_are_the_same_on_both_kinds_of_robots_and_promise_the_same():
+    """The promise comes from the nominal robot; whether it is kept depends on the true ones."""
+    soft, rigid = (golden(scene)["population"]["trials"] for scene in LONG)
+    kept = []
+    for name, trial in soft.items():
+        u = trial["promised_u_3d_rms_mm"]
+        assert u == pytest.approx(rigid[name]["promised_u_3d_rms_mm"], rel=1e-12)
+        assert trial["whitened"]["rms_mm"] > 3 * u
+        kept.append(rigid[name]["whitened"]["rms_mm"] / u)
+    # over 8 robots the rms of one set scatters by 10 to 15 %, independently of the other 26 sets:
+    # their mean by 3 %, three of those
+    assert np.mean(kept) == pytest.approx(1.0, abs=0.09)
+
+
+def test_one_reflector_tells_27_numbers_apart():
+    for trial in golden("position_only")["trials"].values():
+        assert trial["estimates"]["whitened"]["rank"] == 27
+
+
+def test_wen2022_repeats_the_printed_tool_point_figures():
+    """Zero pose, u of |P|: 0.0030 mm from Table 3 (the printed 0.0034 is a misprint) and 0.031."""
+    figures = golden("wen2022")["tool_point"]
+    best, random = figures["table 3 best"], figures["table 3 random"]
+    # 10 000 draws leave 0.7 % in a standard deviation; 2 % is three of those
+    assert best["zero_pose_u_distance_mm"] == pytest.approx(0.00295, rel=0.02)
+    assert random["zero_pose_u_distance_mm"] == pytest.approx(0.0314, rel=0.02)
+    ratio = best["held_out_mean_u_distance_mm"] / random["held_out_mean_u_distance_mm"]
+    assert ratio == pytest.approx(0.106, abs=0.003)
+    # what |P| hides
+    assert best["zero_pose_u_3d_mm"] == pytest.approx(0.0173, rel=0.02)
+    assert random["zero_pose_u_3d_mm"] == pytest.approx(0.1568, rel=0.02)
+
+
+def test_wen2022_pose_numbers_lie_where_the_rule_scatters():
+    # one repetition of the rule: on the unfiltered pool 24 of them gave 47 to 60 and 18 to 52, and
+    # tests/calib/test_pose_count.py holds their medians against 52 to 60 and 25 to 36; collisions
+    # and sight move a single one by a few poses more
+    counts = golden("wen2022")["pose_count"]
+    assert 45 <= counts["O1_poses"] <= 65
+    assert 18 <= counts["O2_poses"] <= 52
+
+
+def script(name):
+    """A scenario script as a module."""
+    spec = importlib.util.spec_from_file_location(name, scenes() / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.slow
+def test_script_noise_sweep_error_and_statement_grow_with_the_noise():
+    rows = np.array(script("noise_sweep").sweep(replications=2))
+    assert (np.diff(rows[:, 1:3], axis=0) > 0).all()
+    # a linear problem: u is proportional to the noise
+    assert rows[:, 2] / rows[:, 0] == pytest.approx(rows[0, 2] / rows[0, 0], rel=1e-3)
+
+
+@pytest.mark.slow
+def test_script_own_robot_is_calibrated(tmp_path):
+    campaign = script("own_robot").calibrate(Path(tmp_path))
+    estimate = campaign.trials[0].estimates[0]
+    # 4 R + 2 P + 6 of a generic chain, for 3 revolute and 1 prismatic joint
+    assert estimate.identification.rank == 4 * 3 + 2 * 1 + 6
+    found = estimate.comparison
+    assert found.accuracy_after.mean < 0.1 * found.accuracy_before.mean
+
+
+@pytest.mark.slow
+def test_script_own_method_finds_the_design_ahead_of_random():
+    errors = script("own_method").contest(robots=4)
+    assert errors["DETMAX"].mean() < errors["random"].mean()
+
+
+def test_scripts_stay_short():
+    for file in scenes().glob("*.py"):
+        assert len(file.read_text(encoding="utf-8").splitlines()) <= 75, file.name
+    assert load_scenario("quick").name == "quick"

@@ -1,0 +1,133 @@
+"""The verb `identify`: a campaign exported and read again is the same, bit for bit; clean ends."""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from testbed.cli import app
+from testbed.identify.folder import load_calibration
+from testbed.robots.catalog import load_robot
+from testbed.run import play as runner
+from testbed.run.export import export_campaign
+from testbed.run.play import play
+from testbed.scenario.read import changed, dump_scenario, load_scenario, scenario_of
+from tests.testbed.studies.trial.fake_campaign import SCENARIO, Fake
+
+SMALL = {
+    "pool.size": 60,
+    "test.poses": 20,
+    "uncertainty.repeats": 2,
+    "uncertainty.replications": 0,
+    "studies.random_sets": 0,
+    "identification.estimators": ["whitened"],
+    "trial": [{"name": "only", "poses": 24, "method": "random"}],
+}
+
+
+@cache
+def campaign():
+    """A rigid robot, 24 random poses, 20 held out."""
+    return play(changed(load_scenario("quick"), SMALL))
+
+
+def truebed(*words):
+    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("command") / "files"
+    export_campaign(campaign(), load_robot("staubli_tx60"), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def done(exported):
+    out = exported.parent / "out"
+    return out, truebed("identify", "staubli_tx60", exported / "session.toml", "--out", out)
+
+
+def test_what_was_exported_gives_the_same_parameters_as_the_run(done):
+    out, result = done
+    assert result.exit_code == 0
+    found, _ = load_calibration(out)
+    ours = campaign().trials[0].estimates[0].identification
+    theirs = found.fit.identification
+    assert theirs.names == ours.names
+    # the same numbers to the last bit: 17 digits, the same rows, the same start
+    np.testing.assert_allclose(theirs.step, ours.step, rtol=0, atol=1e-12)
+    chains = theirs.model.chain, ours.model.chain
+    for name in ("links", "T_world_base", "T_flange_tool"):
+        np.testing.assert_allclose(*(getattr(one, name) for one in chains), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(theirs.covariance, ours.covariance, rtol=1e-9)
+    assert int(found.split.is_test.sum()) == 20
+    assert found.source.simulated
+
+
+def test_the_command_says_what_came_out_and_what_to_type_next(done):
+    out, result = done
+    lines = result.stdout.splitlines()
+    assert lines[0] == "SIMULATED - not a calibration certificate"
+    assert any(line.startswith("Verdict: The mean position error on 20 held-out") for line in lines)
+    assert lines[-1] == f"Next       truebed view {out}"
+    assert result.stderr.splitlines()[-1].startswith("done in ")
+
+
+def test_report_record_and_compare_know_the_folder(done, tmp_path):
+    out, _ = done
+    before = (out / "report.html").read_bytes()
+    (out / "report.html").unlink()
+    assert truebed("report", out).exit_code == 0
+    assert (out / "report.html").read_bytes() == before
+    (out / "campaign.rrd").unlink()
+    assert truebed("view", out, "--picture", tmp_path / "a.png").exit_code == 2  # no recording
+    assert truebed("record", out).exit_code == 0
+    assert (out / "campaign.rrd").is_file()
+    refused = truebed("compare", out, out)
+    assert refused.exit_code == 2
+    assert "holds a calibration, not a campaign" in refused.stderr
+
+
+def test_bad_words_end_with_code_2_and_leave_nothing(exported, done, tmp_path):
+    data = exported / "session.toml"
+    out = tmp_path / "new"
+    for words, told in (
+        ((tmp_path / "none.csv",), "none.csv"),
+        ((data, "--train", "3"), "--train is given, but the data say which poses are held out"),
+        ((data, "--model", "best"), '--model is "best"'),
+        ((data, "--test", tmp_path / "none.csv"), "none.csv"),
+        ((data, "--program", tmp_path / "none.csv"), "none.csv"),
+    ):
+        result = truebed("identify", "staubli_tx60", *words, "--out", out)
+        assert (result.exit_code, told in result.stderr) == (2, True), (words, result.stderr)
+        assert not out.exists()
+    assert truebed("identify", "staubli_tx61", data, "--out", out).exit_code == 2
+    there = truebed("identify", "staubli_tx60", data, "--out", done[0], "--json")
+    error = json.loads(there.stdout)["error"]
+    assert (there.exit_code, error["code"]) == (2, "C40")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_run_hands_its_campaign_to_the_export(monkeypatch, tmp_path):
+    handed = []
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(runner, "Real", Fake)
+
+    def export(_campaign, robot, folder, **_):
+        handed.append((robot.name, folder))
+
+    monkeypatch.setattr("testbed.run.export.export_campaign", export)
+    Path("tiny.toml").write_text(dump_scenario(scenario_of(SCENARIO)), encoding="utf-8")
+    result = truebed("run", "tiny.toml", "--export", "files")
+    assert result.exit_code == 0
+    assert handed == [("staubli_tx60", Path("files"))]
+    assert "Exported   files/session.toml" in result.stdout
+    Path("taken").mkdir()
+    Path("taken/notes.txt").write_text("mine")
+    refused = truebed("run", "tiny.toml", "--export", "taken", "--out", "other")
+    assert refused.exit_code == 2
+    assert not Path("other").exists()

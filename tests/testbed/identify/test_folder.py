@@ -1,0 +1,181 @@
+"""The folder of a calibration: whole or absent, read back bit for bit, its robot proven."""
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from calib.identification.start.start import start_frames
+from testbed.identify.calibrate import Options
+from testbed.identify.delivery import delivered_model, identified_name
+from testbed.identify.folder import load_calibration, play_calibration, rederive_calibration
+from testbed.robots.catalog import load_robot
+from testbed.store import layout
+from testbed.store.codec import pack
+from tests.calibrated import (
+    real,
+    real_session,
+    robot,
+    session_of,
+    sound_session,
+    table_of,
+    true_model,
+)
+from tests.reference import pool_r
+
+PROGRAM = "name,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\na,10,20,30,40,50,60\nb,-5,40,60,0,20,9\n"
+FILES = {
+    *layout.DERIVED,
+    layout.MANIFEST,
+    layout.TRIALS,
+    "robot",
+    "robot_geometric",
+    "dh_table.csv",
+    "split.csv",
+    "jobs_corrected.csv",
+}
+
+
+def make(root):
+    """The folder of the wobbling robot, with a program."""
+    program = root / "jobs.csv"
+    program.write_text(PROGRAM)
+    out = root / "out"
+    play_calibration(robot(), real_session(), out, Options(seed=1), program=program)
+    return out
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    return make(tmp_path_factory.mktemp("calibration"))
+
+
+def test_the_folder_holds_everything_and_nothing_else(out):
+    assert {path.name for path in out.iterdir()} == FILES
+    assert {path.name for path in out.parent.iterdir()} == {"jobs.csv", "out"}
+
+
+def test_records_come_back_bit_for_bit(out):
+    found, _ = load_calibration(out)
+    one, two = pack(real()), pack(found)
+    assert one.keys() == two.keys()
+    for name, value in one.items():
+        if isinstance(value, np.ndarray):
+            assert value.dtype == two[name].dtype
+            assert np.array_equal(value, two[name]), name
+        else:
+            assert value == two[name], name
+
+
+def test_derived_files_are_made_again_with_the_same_bytes(out):
+    names = (layout.RESULT, layout.ARRAYS)  # the report is made again in its own test
+    before = {name: (out / name).read_bytes() for name in names}
+    for name in names:
+        (out / name).unlink()
+    rederive_calibration(out, names)
+    for name in names:
+        assert (out / name).read_bytes() == before[name], name
+
+
+def test_the_result_says_what_the_record_says_with_units_in_its_keys(out):
+    found = real()
+    document = json.loads((out / layout.RESULT).read_bytes())
+    assert document["notice"].startswith("MEASURED")
+    assert document["kind"] == "calibration"
+    held = document["models"]["extended"]["held_out"]
+    assert held["mean_mm"] == pytest.approx(found.fit.test.position.mean * 1e3, rel=1e-15)
+    assert held["mean_deg"] == pytest.approx(np.degrees(found.fit.test.rotation.mean), rel=1e-12)
+    numbers = {row["name"]: row for row in document["parameters"]}
+    a2 = numbers["a2"]
+    assert a2["new"] - a2["old"] == pytest.approx(a2["delta"], abs=1e-9)
+    assert numbers["d2"]["U_k2"] is None  # cannot be told from d3
+    manifest = json.loads((out / layout.MANIFEST).read_bytes())
+    assert (manifest["kind"], manifest["robot"]) == ("calibration", "staubli_tx60")
+
+
+def test_the_identified_robot_is_the_identified_model_in_the_robot_s_own_frames(out):
+    model = delivered_model(real(), real().fit)
+    found = load_robot(out / "robot")
+    assert found.name == identified_name("staubli_tx60") == "staubli_tx60_identified"
+    q = pool_r(50, seed=7)
+    np.testing.assert_allclose(found.model.poses(q), model.poses(q), atol=1e-12)
+    identified = real().fit.identification.model
+    assert np.array_equal(model.chain.links, identified.chain.links)
+    own = robot().model.chain
+    assert np.array_equal(model.chain.T_world_base, own.T_world_base)
+    # where base and tool are is free again: only how it moves can be compared with the truth
+    truth = table_of(true_model(harmonics=0.02), q, noise=0.0)
+    after, before = (start_frames(x, truth).position_rms for x in (found.model, robot().model))
+    assert after < 0.3 * before
+
+
+def test_who_reads_urdf_gets_the_geometric_fit_not_the_geometric_part_of_another(out):
+    found = load_robot(out / "robot_geometric")
+    geometric = real().fits[0].identification.model
+    # degrees in the file: back to the last bit or the one before
+    np.testing.assert_allclose(found.model.chain.links, geometric.chain.links, rtol=1e-15)
+    assert not found.model.joint_errors.terms
+    assert "robot_geometric/ holds the geometric model" in (out / layout.REPORT).read_text()
+
+
+def test_the_split_table_has_every_row_with_its_errors(out):
+    found = real()
+    rows = list(csv.DictReader(io.StringIO((out / "split.csv").read_text())))
+    assert len(rows) == 90
+    assert [row["split"] == "test" for row in rows] == found.split.is_test.tolist()
+    errors = np.array([float(row["error_after_mm"]) for row in rows])
+    # written to a nanometer
+    np.testing.assert_allclose(errors, found.fit.misses.position * 1e3, atol=5.1e-7)
+
+
+def test_the_corrected_program_sends_the_identified_robot_where_it_was_meant(out):
+    rows = list(csv.DictReader(io.StringIO((out / "jobs_corrected.csv").read_text())))
+    assert [row["status"] for row in rows] == ["reached", "reached"]
+    sent = np.radians([[float(row[f"q{k}_deg"]) for k in range(1, 7)] for row in rows])
+    meant = np.radians([[10, 20, 30, 40, 50, 60], [-5, 40, 60, 0, 20, 9]])
+    gone = delivered_model(real(), real().fit).poses(sent)
+    # the file keeps its decimals
+    np.testing.assert_allclose(gone, robot().model.poses(meant), atol=1e-6)
+
+
+def test_nothing_is_written_when_nothing_was_understood(tmp_path):
+    session = session_of(table_of(true_model(), pool_r(4)))
+    with pytest.raises(InputError):
+        play_calibration(robot(), session, tmp_path / "out")
+    bad = tmp_path / "bad.csv"
+    bad.write_text("a,b\n1,2\n")
+    with pytest.raises(InputError):
+        play_calibration(robot(), sound_session(), tmp_path / "out", program=bad)
+    assert {path.name for path in tmp_path.iterdir()} == {"bad.csv"}
+
+
+def test_other_people_s_folders_are_left_alone_and_old_runs_renamed(out, tmp_path):
+    theirs = tmp_path / "mine"
+    theirs.mkdir()
+    (theirs / "notes.txt").write_text("keep")
+    for overwrite, told in ((False, "exists already"), (True, "is not a run folder")):
+        with pytest.raises(InputError, match=told):
+            play_calibration(robot(), real_session(), theirs, overwrite=overwrite)
+    assert (theirs / "notes.txt").read_text() == "keep"
+
+
+@pytest.mark.parametrize("name", ["calibration.npz", "delivered.npz"])
+def test_a_damaged_record_is_told_by_name(out, tmp_path, name):
+    copy = tmp_path / "copy"
+    (copy / layout.TRIALS).mkdir(parents=True)
+    for part in (
+        layout.MANIFEST,
+        f"{layout.TRIALS}/calibration.npz",
+        f"{layout.TRIALS}/delivered.npz",
+    ):
+        (copy / part).write_bytes((out / part).read_bytes())
+    data = bytearray((copy / layout.TRIALS / name).read_bytes())
+    data[len(data) // 2] ^= 1
+    (copy / layout.TRIALS / name).write_bytes(bytes(data))
+    with pytest.raises(InputError) as caught:
+        load_calibration(copy)
+    assert f"the record {Path(name).stem} is missing or damaged" in str(caught.value)

@@ -1,0 +1,106 @@
+"""Other kinds of measurement than full poses go the same straight line."""
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from calib.geometry.fixtures import Fixtures
+from calib.measurement.observations import distance_measurements, joined, point_measurements
+from testbed.identify.calibrate import Options, calibrate, with_test
+from testbed.identify.words import kind, next_step, verdict
+from tests.calibrated import robot, session_of, true_model
+from tests.reference import SIGMA_POSITION, pool_r
+
+PLACES = np.array([[0.05, 0.03, 0.08], [-0.06, 0.02, 0.1], [0.01, -0.07, 0.05]])
+ANCHORS = np.array([[3.0, 0.5, -0.3], [2.0, -3.0, 0.4], [3.5, -2.5, 1.2]])
+
+
+def points(model, q, rng):
+    """Three reflectors of unknown place at every pose."""
+    T, tables = model.poses(q), []
+    for k, place in enumerate(PLACES):
+        p = T[:, :3, 3] + T[:, :3, :3] @ place
+        seen = p + rng.normal(0, SIGMA_POSITION, p.shape)
+        covariance = np.tile(SIGMA_POSITION**2 * np.eye(3), (len(q), 1, 1))
+        tables.append(point_measurements(q, seen, covariance, reflector=k))
+    return joined(tables)
+
+
+def distances(model, q, rng):
+    """One reflector at a known place, its distance to three known points at every pose."""
+    T, tables = model.poses(q), []
+    p = T[:, :3, 3] + T[:, :3, :3] @ PLACES[0]
+    for k, anchor in enumerate(ANCHORS):
+        d = np.linalg.norm(p - anchor, axis=1) + rng.normal(0, SIGMA_POSITION, len(q))
+        tables.append(distance_measurements(q, d, SIGMA_POSITION, anchor=k, offset=PLACES[0]))
+    return joined(tables)
+
+
+def test_three_reflectors_of_unknown_place_are_enough():
+    table = points(true_model(), pool_r(60), np.random.default_rng(1))
+    session = session_of(
+        table,
+        fixtures=Fixtures(reflectors=np.zeros((3, 3))),
+        reflector_names=("A", "B", "C"),
+    )
+    found = calibrate(robot(), session, Options(seed=2))
+    assert found.fit.identification.rank == 33  # MATH 3: base, links and three reflectors
+    # noise of 17.5 um per axis is 28 um long on average
+    assert found.fit.test.position.mean < 60e-6
+    assert found.fit.test.rotation is None
+    assert found.before_test.position.mean > 3 * found.fit.test.position.mean
+    between = found.fit.identification.model.fixtures.reflectors
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        apart = np.linalg.norm(between[i] - between[j])
+        assert apart == pytest.approx(np.linalg.norm(PLACES[i] - PLACES[j]), abs=1e-4)
+    # one radius per pose: three points of one pose share its error
+    assert found.proof.conformal.n_poses == 20
+
+
+def test_the_model_is_chosen_with_reflectors_to_be_found_too():
+    table = points(true_model(), pool_r(15), np.random.default_rng(1))
+    session = session_of(
+        table,
+        fixtures=Fixtures(reflectors=np.zeros((3, 3))),
+        reflector_names=("A", "B", "C"),
+        model="choose",
+    )
+    found = calibrate(robot(), session)
+    assert np.isfinite(found.choice.log_evidence)
+    # the joint terms alone have a prior, the places of the reflectors have none
+    prior = found.fits[1].identification.prior
+    assert len(prior.names) == 27
+    assert not any(name.startswith("reflector") for name in prior.names)
+
+
+def test_held_out_targets_are_those_identified_from_by_name():
+    table = points(true_model(), pool_r(15), np.random.default_rng(1))
+    one, other = (
+        session_of(table, fixtures=Fixtures(reflectors=np.zeros((3, 3))), reflector_names=names)
+        for names in (("A", "B", "C"), ("B", "A", "C"))
+    )
+    with pytest.raises(InputError, match="looks at other reflectors"):
+        with_test(one, other)
+
+
+def test_distances_to_known_points_are_judged_as_distances():
+    table = distances(true_model(), pool_r(90), np.random.default_rng(1))
+    session = session_of(
+        table,
+        fixtures=Fixtures(anchors=ANCHORS),
+        anchor_names=("P", "Q", "R"),
+        fixed=tuple(f"anchor{k}.{axis}" for k in (1, 2, 3) for axis in "xyz"),
+    )
+    found = calibrate(robot(), session, Options(held_out=25))
+    assert np.array_equal(found.fit.identification.model.fixtures.anchors, ANCHORS)
+    assert found.proof.held_out is None
+    # a distance shows an error along its own line only: no radius around a point comes of it
+    assert found.proof.conformal is None
+    assert "No held-out pose has tested" in next_step(found)
+    # E|noise| of one distance is 14 um
+    assert found.fit.test.position.mean < 40e-6
+    assert kind(found) == "mean distance error"
+    assert "orientation" not in verdict(found)
+    # no proof looks at the joints of distances: the split does
+    with pytest.raises(InputError, match="90 of 90 held-out poses stand at joints that identify"):
+        calibrate(robot(), with_test(session, session))

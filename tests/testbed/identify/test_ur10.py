@@ -1,0 +1,103 @@
+"""A UR10 measured by a laser tracker, real data: what a calibration reaches on poses not used."""
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from testbed.files.read import read_session
+from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.words import mark, notice, reasons
+from testbed.robots.catalog import load_robot
+
+DATA = Path(__file__).parents[4] / "shared" / "data" / "ipa_ur10"
+SERIES = {
+    "B": ("measurements_joint_configurations.csv", 1493, 1.03, 0.43),
+    "C": ("measurements_random_poses.csv", 2773, 0.90, 0.46),
+    "D": ("measurements_iso_cubes.csv", 632, 0.72, 0.37),
+}
+"""File, poses (B holds two copies besides), mean error before, and what must be reached [mm]."""
+CONFIG = """
+name = "series {series}"
+robot = "universal_ur10"
+
+[joints]
+source = "commanded"
+
+[joints.columns]
+q1_rad = "shoulder_pan_joint"
+q2_rad = "shoulder_lift_joint"
+q3_rad = "elbow_joint"
+q4_rad = "wrist_1_joint"
+q5_rad = "wrist_2_joint"
+q6_rad = "wrist_3_joint"
+temperature_degC = "measurement_temperature"
+
+[frames]
+euler = "XYZ"
+
+[frames.columns]
+x_mm = "measurement_x"
+y_mm = "measurement_y"
+z_mm = "measurement_z"
+rx_deg = "measurement_rx"
+ry_deg = "measurement_ry"
+rz_deg = "measurement_rz"
+
+[uncertainty]
+position_um = 20.0
+rotation_mdeg = 10.0
+"""
+pytestmark = pytest.mark.skipif(
+    not DATA.is_dir(), reason=f"the measured UR10 is not here: {DATA} is absent"
+)
+
+
+def read(series, folder):
+    config = folder / "session.toml"
+    config.write_text(CONFIG.format(series=series))
+    robot = load_robot("universal_ur10")
+    file = DATA / f"Series_{series}" / SERIES[series][0]
+    return robot, read_session(file, robot, config=config)
+
+
+@cache
+def calibrated(series, folder):
+    robot, session = read(series, folder)
+    return calibrate(robot, session, Options(train=100, seed=1))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("ur10")
+
+
+@pytest.mark.parametrize("series", SERIES)
+def test_a_hundred_training_poses_reach_the_published_level(series, folder):
+    found = calibrated(series, folder)
+    _, count, before, after = SERIES[series]
+    assert len(found.measurements) == count
+    assert found.measurements.rows(found.is_used).n_poses + int(found.gross.left_out.sum()) == 100
+    # the mean over other training poses differs by some 3 %
+    assert found.before_test.position.mean * 1e3 == pytest.approx(before, rel=0.05)
+    assert found.fit.test.position.mean * 1e3 <= after
+    geometric = found.fits[0]
+    assert geometric.test.position.mean * 1e3 <= 1.03 * after  # the model of the published figure
+    assert 0.035 < found.fit.test.rotation.mean * 57.2958 < 0.056
+
+
+def test_thirty_numbers_of_forty_two_and_the_others_in_words(folder):
+    reduction = calibrated("B", folder).fits[0].identification.reduction
+    assert (reduction.rank, len(reduction.kept), len(reduction.dropped)) == (30, 30, 12)
+    assert {"beta2", "beta3"} <= set(reduction.kept)  # axes 2, 3 and 4 are parallel
+    assert {"d2", "d3"} <= set(reduction.dropped)
+    assert len(reduction.sentences) == 12
+
+
+def test_real_residuals_contradict_the_stated_noise_and_that_is_said_first(folder):
+    found = calibrated("B", folder)
+    assert notice(found).startswith("MEASURED")
+    assert found.contradicted
+    assert mark(found).startswith("✗ Believe the held-out radius")
+    assert "times what the stated noise explains" in reasons(found)[0]
+    assert not found.own_frames

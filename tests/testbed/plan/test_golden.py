@@ -1,0 +1,25 @@
+"""The headline of the shipped plan at full size: what README.md and scenes/README.md say of it."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from testbed.plan.plan import plan
+from testbed.scenario.read import load_scenario
+
+GOLDEN = Path(__file__).parents[2] / "golden" / "plan_tx60.json"
+
+
+def test_the_shipped_plan_has_the_headline_that_is_published():
+    made = plan(load_scenario("plan_tx60"))
+    wanted = json.loads(GOLDEN.read_text(encoding="utf-8"))
+    assert len(made.places) == wanted["poses"]
+    assert made.curve.fewest == wanted["proven_fewest"]
+    assert made.stations.best + 1 == wanted["station"]
+    # the last digit printed
+    assert 2e6 * made.u_mean == pytest.approx(wanted["U_mean_um"], abs=0.005)
+    assert 2e6 * made.u_worst == pytest.approx(wanted["U_worst_um"], abs=0.005)
+    assert made.proof.efficiency == pytest.approx(wanted["efficiency"], abs=5e-5)
+    assert made.tour.duration == pytest.approx(wanted["duration_s"], abs=0.05)
+    assert 1e3 * made.tour.clearance == pytest.approx(wanted["clearance_mm"], abs=0.05)

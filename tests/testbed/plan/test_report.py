@@ -1,0 +1,113 @@
+"""plan_report.html: the promise first, self-contained, its numbers those of the plan."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from testbed.plan import plots as plan_plots
+from testbed.plan.report import plan_report_html
+from testbed.plan.words import terminal_text
+from testbed.report.page import BANNER
+from testbed.scenario.read import changed
+from tests.planned import ROBOT, quick_plan, small_plan, with_blocked_move
+from tests.reported import VERSIONS, read
+
+MAKES = [small_plan, quick_plan, with_blocked_move]
+
+
+def html(make):
+    return plan_report_html(make(), ROBOT, versions=VERSIONS)
+
+
+@pytest.fixture(scope="module")
+def text():
+    return " ".join(read(html(small_plan)).text)
+
+
+@pytest.mark.parametrize("make", MAKES)
+def test_the_page_is_well_formed_and_needs_nothing_from_outside(make):
+    page = html(make)
+    seen = read(page)
+    assert seen.open == []
+    assert not {"script", "link", "img", "iframe", "object", "base"} & set(seen.tags)
+    assert all(link.startswith("#") for link in seen.links)
+    assert {link[1:] for link in seen.links} <= set(seen.ids)
+    assert set(re.findall(r"https?://[^\s\"'<]+", page)) <= {
+        "http://www.w3.org/2000/svg",
+        "http://www.w3.org/1999/xlink",
+    }
+    assert "nan" not in " ".join(seen.text).lower().replace("pennant", "").split()
+    assert len(page.encode()) < 2e6
+    assert page == html(make)
+
+
+def test_the_first_screen_has_promise_proof_time_and_next_step(text):
+    made = small_plan()
+    first = text[: text.index("In this report:")]
+    assert first.startswith(BANNER)
+    for wanted in (
+        f"U = {2e6 * made.u_mean:.1f} µm (k = 2, RMS over the goal)",
+        "V-efficiency at least",
+        "it is proven that fewer than",
+        "✓ Every pose is free of collisions, faces the tracker and is in its line of sight, and "
+        "every move is free",
+        "Compare signs and zeros of the joints",
+    ):
+        assert wanted in first
+
+
+def test_what_was_not_tested_is_a_warning_and_not_in_the_tick():
+    made = quick_plan()
+    loose = changed(made.scenario, {"tracker.acceptance_deg": 180.0, "pool.line_of_sight": False})
+    page = plan_report_html(replace(made, scenario=loose), ROBOT, versions=VERSIONS)
+    text = " ".join(read(page).text)
+    assert "! Every pose is free of collisions, and every move is free" in text
+    assert "acceptance_deg is 180" in text
+    assert "line_of_sight is false" in text
+    assert "acceptance_deg is 180" in terminal_text(replace(made, scenario=loose))
+    assert "Warning" not in terminal_text(made)
+
+
+def test_a_blocked_move_is_the_verdict():
+    text = " ".join(read(html(with_blocked_move)).text)
+    assert "✗ Not every move is free" in text
+    assert "every move is free ✓" not in text
+
+
+def test_every_pose_is_in_the_table_of_the_measuring_order(text):
+    made = small_plan()
+    order = text[text.index("poses in measuring order") :]
+    for k in range(len(made.tour)):
+        first = f"{np.degrees(made.tour.q[k, 0]):.2f}".replace("-", "−")
+        assert first in order
+    assert "*: the move passes a stop on the way around" in order
+
+
+def test_the_curve_in_the_table_is_the_plans_and_its_efficiency_the_certificates(text):
+    made = small_plan()
+    table = text[text.index("Uncertainty against the number of poses") :]
+    for m, u in zip(made.curve.counts, made.curve.u, strict=True):
+        assert re.search(rf" {m} {re.escape(f'{2e6 * u:#.4g}'.rstrip('.'))} ", table), m
+    at = int(np.flatnonzero(made.curve.counts == len(made.places))[0])
+    efficiency = made.curve.bound[at] / made.curve.u[at]
+    assert f"{efficiency:.3f}" in table
+    assert made.proof.efficiency == pytest.approx(efficiency, rel=1e-9)
+
+
+def test_shades_grow_with_leverage_and_use_every_step():
+    leverage = np.sort(small_plan().leverage)
+    level = plan_plots.levels(leverage)
+    assert (np.diff(level) >= 0).all()
+    assert set(level.tolist()) == set(range(len(plan_plots.SHADES)))
+    assert set(plan_plots.levels(np.ones(5)).tolist()) == {0}
+
+
+def test_every_rejected_reason_has_its_mark_and_its_count(text):
+    pool = small_plan().pool
+    for name, count in zip(pool.rejection_names, pool.rejection_counts, strict=True):
+        assert f"refused: {name} {int(count)} " in text
+    figure = plan_plots.rejections(small_plan())
+    for name in set(pool.rejected_reason) - {pool.rejection_names[0]}:
+        assert name in figure

@@ -1,0 +1,340 @@
+"""URDF written and read through yourdfpy; bad descriptions are refused with file and line."""
+
+import warnings
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+import yourdfpy
+
+from calib.errors import InputError
+from calib.geometry.chain import forward
+from calib.geometry.model import RobotModel
+from testbed.robots.describe.urdf import read_urdf, read_urdf_chain
+from testbed.robots.write.urdf import write_urdf
+from tests.testbed.robots.robot_cases import AGREE, TX60, joint_vectors, perturbed, slider
+
+SHIPPED = TX60.folder / "staubli_tx60.urdf"
+
+
+def yourdfpy_poses(path, q, tip="tool0"):
+    """Tool poses (m, 4, 4) by yourdfpy's scene graph."""
+    model = yourdfpy.URDF.load(str(path), load_meshes=False)
+    out = []
+    for row in q:
+        model.update_cfg(row)
+        out.append(model.get_transform(tip))
+    return np.array(out)
+
+
+def bare(chain):
+    """The TX60 without drawings, on another chain."""
+    return replace(TX60, model=RobotModel(chain), visuals=())
+
+
+def test_yourdfpy_agrees_with_the_chain_on_the_shipped_robot():
+    q = joint_vectors()
+    np.testing.assert_allclose(
+        yourdfpy_poses(SHIPPED, q), forward(TX60.model.chain, q), rtol=0, atol=AGREE
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("chain", perturbed(), ids=range(20))
+def test_yourdfpy_agrees_with_every_perturbed_chain(chain, tmp_path):
+    write_urdf(bare(chain), tmp_path / "r.urdf")
+    q = joint_vectors()
+    np.testing.assert_allclose(
+        yourdfpy_poses(tmp_path / "r.urdf", q), forward(chain, q), rtol=0, atol=AGREE
+    )
+
+
+def test_prismatic_joints_slide_in_the_urdf_too(tmp_path):
+    chain, robot = slider()
+    write_urdf(robot, tmp_path / "r.urdf")
+    q = np.random.default_rng(6).uniform(-2, 2, (100, 4))
+    np.testing.assert_allclose(
+        yourdfpy_poses(tmp_path / "r.urdf", q), forward(chain, q), rtol=0, atol=AGREE
+    )
+    again = read_urdf(tmp_path / "r.urdf")
+    assert again.chain.kinds == chain.kinds
+    np.testing.assert_allclose(forward(again.chain, q), forward(chain, q), rtol=0, atol=AGREE)
+
+
+def test_reading_the_shipped_urdf_gives_the_papers_numbers_back():
+    arm = read_urdf(SHIPPED)
+    np.testing.assert_allclose(arm.chain.links, TX60.model.chain.links, rtol=0, atol=1e-15)
+    np.testing.assert_array_equal(arm.chain.T_world_base, np.eye(4))
+    np.testing.assert_allclose(arm.chain.T_flange_tool, np.eye(4), rtol=0, atol=1e-15)
+    np.testing.assert_array_equal(arm.limits, TX60.limits)
+    np.testing.assert_array_equal(arm.speeds, TX60.speeds)
+    assert arm.joint_names == tuple(f"joint_{i}" for i in range(1, 7))
+    assert arm.notes == ()
+
+
+@pytest.mark.parametrize("chain", perturbed(5, size=0.3) + perturbed(5, seed=9, size=1e-3))
+def test_poses_survive_writing_and_reading(chain, tmp_path):
+    """The link numbers may come back in another gauge; poses may not."""
+    write_urdf(bare(chain), tmp_path / "r.urdf")
+    q = joint_vectors(200)
+    again = read_urdf_chain(tmp_path / "r.urdf")
+    # lengths in the other gauge reach 1 / sin(1 deg), so a dozen roundings of 60 m * 2e-16
+    np.testing.assert_allclose(forward(again, q), forward(chain, q), rtol=0, atol=AGREE)
+
+
+def random_urdf(rng, n=6):
+    """A URDF whose joints sit and point anywhere, with fixed joints between."""
+    lines = ['<robot name="any">', '<link name="l0"/>']
+    for i in range(n):
+        xyz, rpy = rng.normal(size=3) * 0.3, rng.uniform(-3, 3, 3)
+        kind = rng.choice(["revolute", "continuous", "prismatic", "fixed"], p=[0.5, 0.2, 0.2, 0.1])
+        axis = rng.choice([-1, 0, 1], 3) if rng.random() < 0.5 else rng.normal(size=3)
+        axis = axis if np.abs(axis).sum() else np.array([0, 0, -1])
+        if kind == "prismatic":  # yourdfpy slides by the length of the axis; URDF wants it 1
+            axis = axis / np.linalg.norm(axis)
+        lines += [
+            f'<link name="l{i + 1}"/><joint name="j{i}" type="{kind}"><parent link="l{i}"/>',
+            f'<child link="l{i + 1}"/><origin xyz="{_text(xyz)}" rpy="{_text(rpy)}"/>',
+            f'<axis xyz="{_text(axis)}"/>',
+            '<limit lower="-3" upper="3" effort="1" velocity="2"/></joint>',
+        ]
+    return "\n".join([*lines, "</robot>"])
+
+
+def _text(values):
+    return " ".join(repr(float(v)) for v in values)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_any_axes_become_a_chain_with_the_same_poses(seed, tmp_path):
+    rng = np.random.default_rng(seed)
+    path = tmp_path / "any.urdf"
+    path.write_text(random_urdf(rng))
+    arm = read_urdf(path, tip="l6")
+    q = rng.uniform(-2, 2, (100, arm.chain.n_joints))
+    expected = yourdfpy_poses(path, q, "l6")
+    np.testing.assert_allclose(forward(arm.chain, q), expected, rtol=0, atol=AGREE)
+
+
+def test_parallel_and_opposite_axes_get_betas_and_no_huge_numbers(tmp_path):
+    """Axes 0.1 degree from parallel: a common normal would lie hundreds of metres away."""
+    path = tmp_path / "p.urdf"
+    tilt = np.radians(0.1)
+    text = ['<robot name="p"><link name="l0"/>']
+    for i, rpy in enumerate(("0 0 0", f"{tilt} {tilt} 0", f"{np.pi + tilt} 0 0", "0 0 1")):
+        text.append(
+            f'<link name="l{i + 1}"/><joint name="j{i}" type="revolute"><parent link="l{i}"/>'
+            f'<child link="l{i + 1}"/><origin xyz="0.3 0.1 0.2" rpy="{rpy}"/><axis xyz="0 0 1"/>'
+            '<limit lower="-3" upper="3" effort="1" velocity="2"/></joint>'
+        )
+    path.write_text("".join([*text, "</robot>"]))
+    chain = read_urdf_chain(path, tip="l4")
+    assert np.abs(chain.links[:, 1:3]).max() < 1
+    # the tilt is split between alpha and beta by the direction of the common normal
+    tilts = np.hypot(np.sin(chain.links[:2, 3]), np.sin(chain.links[:2, 4]))
+    np.testing.assert_allclose(tilts, [np.sqrt(2) * tilt, tilt], rtol=1e-5)
+    assert np.abs(chain.links[:2, 4]).min() > 0.1 * tilt
+    q = np.random.default_rng(1).uniform(-2, 2, (100, 4))
+    np.testing.assert_allclose(forward(chain, q), yourdfpy_poses(path, q, "l4"), rtol=0, atol=AGREE)
+
+
+def test_mujoco_reads_the_shipped_urdf_to_the_same_poses():
+    """Its compiler drops visuals and fuses fixed links unless told otherwise inside the file."""
+    text = SHIPPED.read_text()
+    told = '<mujoco><compiler discardvisual="false" fusestatic="false"/></mujoco>'
+    text = text.replace('<robot name="staubli_tx60">', f'<robot name="staubli_tx60">{told}')
+    files = {visual.file.name: visual.file.read_bytes() for visual in TX60.visuals}
+    model = mujoco.MjModel.from_xml_string(text, files)
+    data, q, k = mujoco.MjData(model), joint_vectors(100), model.body("tool0").id
+    for row, T in zip(q, forward(TX60.model.chain, q), strict=True):
+        data.qpos[:] = row
+        mujoco.mj_kinematics(model, data)
+        np.testing.assert_allclose(data.xpos[k], T[:3, 3], rtol=0, atol=AGREE)
+
+
+def test_all_parts_are_in_the_urdf_with_relative_paths():
+    model = yourdfpy.URDF.load(str(SHIPPED), load_meshes=False, build_scene_graph=False)
+    for link, name in [(0, "base"), *((i, f"link_{i}") for i in range(1, 7))]:
+        drawn = {visual.name for visual in model.link_map[name].visuals}
+        assert drawn == {visual.name for visual in TX60.visuals if visual.link == link}
+        hulls = {shape.name for shape in model.link_map[name].collisions}
+        assert hulls == {v.name for v in TX60.visuals if v.link == link and v.collides}
+    assert str(TX60.folder) not in SHIPPED.read_text()
+
+
+# --- what is refused ---
+
+GOOD = """<robot name="two">
+  <link name="base"/>
+  <link name="arm"/>
+  <link name="tool0"/>
+  <joint name="turn" type="revolute">
+    <parent link="base"/>
+    <child link="arm"/>
+    <origin xyz="0 0 0.1" rpy="0 0 0"/>
+    <axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/>
+  </joint>
+  <joint name="fix" type="fixed"><parent link="arm"/><child link="tool0"/></joint>
+</robot>
+"""
+
+
+def read_text(text, folder, **options):
+    path = folder / "two.urdf"
+    path.write_text(text)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return read_urdf(path, **options)
+
+
+def test_the_sample_itself_is_good(tmp_path):
+    assert read_text(GOOD, tmp_path).chain.n_joints == 1
+
+
+MESH = '<link name="arm"><visual><geometry><mesh filename="{}"/></geometry></visual></link>'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code", "says"),
+    [
+        ('xyz="0 0 0.1"', 'xyz="nan 0 0"', "R11", ":8: <origin> in joint turn has xyz="),
+        ('xyz="0 0 0.1"', 'xyz="1e400 0 0"', "R11", "finite"),
+        ('lower="-1"', 'lower="-inf"', "R11", ":10: <limit> in joint turn"),
+        ('xyz="0 0 0.1"', 'xyz="0,0,0.1"', "R12", "three numbers, spaces between them"),
+        ('xyz="0 0 0.1"', 'xyz="0 0.1"', "R12", ":8:"),
+        ('rpy="0 0 0"', 'rpy="0 zero 0"', "R12", "zero"),
+        ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>', "R13", ":9: joint turn has a zero axis"),
+        ('lower="-1"', 'lower="2"', "R14", "lower 2 above upper 1"),
+        ('<limit lower="-1" upper="1" effort="1" velocity="1"/>', "", "R14", "no <limit>"),
+        ('<link name="arm"/>', '<link name="arm"/><link name="arm"/>', "R15", "arm is there twice"),
+        ('name="fix"', 'name="turn"', "R15", ":12: joint turn is there twice"),
+        (
+            '<link name="arm"/>',
+            '<link name="arm"/><link name="x"/>',
+            "R15",
+            "2 root links: base, x",
+        ),
+        ('<parent link="base"/>', '<parent link="tool0"/>', "R15", "2 root links|form a ring"),
+        ('<child link="tool0"/>', '<child link="arm"/>', "R15", "child of two joints"),
+        ('<parent link="base"/>', '<parent link="bsae"/>', "R16", 'did you mean "base"'),
+        ('<child link="arm"/>', "", "R16", "no <child link=...>"),
+        ('type="revolute"', 'type="revolut"', "R16", "one of revolute, continuous"),
+        ('type="revolute"', 'type="floating"', "R16", "joint turn is floating"),
+        ('type="revolute"', 'type="fixed"', "R16", "no joint moves tool0"),
+        ('name="tool0"', 'name="tool"', "R16", "tool0, which does not exist"),
+        ('<link name="arm"/>', MESH.format("../x.stl"), "R6", "lies outside"),
+        ('<link name="arm"/>', MESH.format("/etc/passwd"), "R6", "lies outside"),
+        ('<link name="arm"/>', MESH.format("file:///etc/passwd"), "R6", "lies outside"),
+        ('<link name="arm"/>', MESH.format("no.stl"), "R7", "mesh no.stl is missing"),
+        ('<link name="arm"/>', MESH.format("http://x/y.stl"), "R7", "not a local file"),
+        ('<link name="arm"/>', MESH.format("package://a/b.stl"), "R7", "is missing"),
+    ],
+)
+def test_a_bad_description_is_refused_by_code_and_place(old, new, code, says, tmp_path):
+    assert GOOD.count(old) == 1
+    with pytest.raises(InputError, match=says) as caught:
+        read_text(GOOD.replace(old, new), tmp_path)
+    assert caught.value.code == code
+    assert "two.urdf" in caught.value.where
+
+
+def test_a_ring_of_links_beside_the_tree_is_named(tmp_path):
+    joint = '<joint name="{0}{1}" type="fixed"><parent link="{0}"/><child link="{1}"/></joint>'
+    ring = '<link name="x"/><link name="y"/>' + joint.format("x", "y") + joint.format("y", "x")
+    with pytest.raises(InputError, match=r"links .*x.* form a ring") as caught:
+        read_text(GOOD.replace("</robot>", ring + "</robot>"), tmp_path)
+    assert caught.value.code == "R15"
+
+
+def test_a_symlink_out_of_the_folder_is_refused_and_a_wider_root_admits_it(tmp_path):
+    folder = tmp_path / "model"
+    folder.mkdir()
+    (tmp_path / "secret.stl").write_bytes(b"")
+    (folder / "link.stl").symlink_to(tmp_path / "secret.stl")
+    text = GOOD.replace('<link name="arm"/>', MESH.format("link.stl"))
+    with pytest.raises(InputError, match="lies outside") as caught:
+        read_text(text, folder)
+    assert caught.value.code == "R6"
+    wider = GOOD.replace('<link name="arm"/>', MESH.format("model/link.stl"))
+    assert read_text(wider, folder, mesh_root=tmp_path).chain.n_joints == 1
+
+
+def test_missing_meshes_can_be_allowed_and_are_then_named(tmp_path):
+    text = GOOD.replace('<link name="arm"/>', MESH.format("no.stl"))
+    (note,) = read_text(text, tmp_path, allow_missing_meshes=True).notes
+    assert "no.stl" in note
+    assert "link arm" in note
+
+
+def test_a_mimic_joint_on_the_way_is_refused(tmp_path):
+    mimic = '<mimic joint="other"/><axis xyz="0 0 1"/>'
+    with pytest.raises(InputError, match="turn is a mimic joint"):
+        read_text(GOOD.replace('<axis xyz="0 0 1"/>', mimic), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("limits", "says"),
+    [
+        ('lower="-180" upper="180"', "degrees taken for radians"),
+        ('lower="-0.05" upper="0.05"', "converted twice"),
+        ('lower="1" upper="1"', "cannot move"),
+    ],
+)
+def test_odd_limits_are_told_but_accepted(limits, says, tmp_path):
+    arm = read_text(GOOD.replace('lower="-1" upper="1"', limits), tmp_path)
+    assert len(arm.notes) == 1
+    assert says in arm.notes[0]
+
+
+def test_an_unknown_tip_is_answered_with_the_likely_one(tmp_path):
+    with pytest.raises(InputError, match='did you mean "tool0"'):
+        read_text(GOOD, tmp_path, tip="tool")
+
+
+def test_encodings_and_line_ends_do_not_change_the_robot(tmp_path):
+    path = tmp_path / "r.urdf"
+    for data in (
+        GOOD.encode("utf-8-sig"),
+        GOOD.replace("\n", "\r\n").encode(),
+        ('<?xml version="1.0" encoding="UTF-16"?>' + GOOD).encode("utf-16"),
+        ('<?xml version="1.0" encoding="ISO-8859-1"?>' + GOOD.replace("two", "\u00e4")).encode(
+            "latin-1"
+        ),
+    ):
+        path.write_bytes(data)
+        arm = read_urdf(path)
+        np.testing.assert_allclose(arm.chain.links[0], [0, 0.1, 0, 0, 0], atol=1e-15)
+        np.testing.assert_allclose(forward(arm.chain, [[0.0]])[0, :3, 3], [0, 0, 0.1], atol=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_broken_bytes_raise_only_our_error(seed, tmp_path):
+    """Bytes of a good file flipped, cut, doubled: an arm or an InputError, nothing else."""
+    rng = np.random.default_rng(seed)
+    good = GOOD.encode()
+    path = tmp_path / "r.urdf"
+    for _ in range(150):
+        data = bytearray(good)
+        for _ in range(rng.integers(1, 6)):
+            at = int(rng.integers(len(data)))
+            what = rng.integers(3)
+            if what == 0:
+                data[at] = int(rng.integers(256))
+            elif what == 1:
+                del data[at : at + int(rng.integers(1, 40))]
+            else:
+                data[at:at] = data[max(0, at - 20) : at]
+        path.write_bytes(bytes(data))
+        try:
+            arm = read_urdf(path)
+        except InputError:
+            continue
+        assert np.isfinite(arm.chain.links).all()
+
+
+def test_writing_twice_gives_the_same_bytes(tmp_path):
+    write_urdf(TX60, tmp_path / "a.urdf")
+    write_urdf(TX60, tmp_path / "b.urdf")
+    assert (tmp_path / "a.urdf").read_bytes() == (tmp_path / "b.urdf").read_bytes()

@@ -1,0 +1,312 @@
+"""Faults F1 to F11: whatever happens to the process or the disk, finished work stays whole."""
+
+import errno
+import itertools
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.errors import MachineError
+from testbed import disk as atomic
+from testbed.disk import atomic_write
+from testbed.run.play import play_run
+from testbed.scenario.read import dump_scenario
+from testbed.store import layout
+from tests.testbed.studies.trial.fake_campaign import Fake, content, scenario
+
+ROOT = Path(__file__).parents[3]
+needs_fork = pytest.mark.skipif(sys.platform == "win32", reason="kills forked children")
+
+
+def forked(work):
+    """Pid of a child process that runs `work` and ends with 0, or 1 if it raises."""
+    pid = os.fork()
+    if pid == 0:
+        code = 1
+        try:
+            work()
+            code = 0
+        finally:
+            os._exit(code)
+    return pid
+
+
+def play(out, pause=0.0, **options):
+    return play_run(scenario(), out, stages=Fake(pause), **options)
+
+
+def uninterrupted(tmp_path):
+    play(tmp_path / "whole")
+    return content(tmp_path / "whole")
+
+
+def times(folder):
+    trials = folder / layout.TRIALS
+    return {p.name: p.stat().st_mtime_ns for p in trials.glob("*.npz")} if trials.is_dir() else {}
+
+
+@needs_fork
+def test_f1_a_run_killed_at_any_instant_goes_on_to_the_same_bytes(tmp_path):
+    expected = uninterrupted(tmp_path)
+    rng = np.random.default_rng(1)
+    reached = set()
+    for k in range(20):
+        out = tmp_path / f"{k}"
+        pid = forked(lambda out=out: play(out, pause=0.012))
+        time.sleep(rng.uniform(0, 0.22))  # ten steps of 12 ms, the recording twice
+        os.kill(pid, signal.SIGKILL)
+        os.waitpid(pid, 0)
+        finished = times(out)
+        reached.add(len(finished))
+        play(out, resume=True)
+        assert content(out) == expected
+        assert finished.items() <= times(out).items()
+        assert not [p for p in out.rglob("*") if p.name.endswith(layout.TEMPORARY)]
+    assert len(reached) > 2  # the kills did fall into different stages
+
+
+@needs_fork
+def test_f3_a_full_disk_keeps_earlier_records_and_the_run_goes_on_later(tmp_path):
+    import resource
+
+    expected = uninterrupted(tmp_path)
+    out = tmp_path / "full"
+    largest = len(expected["trials/setting.npz"])
+
+    def limited():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (largest - 1, resource.RLIM_INFINITY))
+        with pytest.raises(MachineError, match=r"setting\.npz cannot be written: File too large"):
+            play(out)
+
+    sizes = {name: len(data) for name, data in expected.items()}
+    assert sizes["trials/setting.npz"] > largest - 1 > sizes["trials/trial-a.npz"]
+    assert os.waitstatus_to_exitcode(os.waitpid(forked(limited), 0)[1]) == 0
+    assert list((out / layout.TRIALS).iterdir()) == []
+    play(out, resume=True)
+    assert content(out) == expected
+
+
+@pytest.mark.parametrize("number", range(1, 14))
+def test_f3_no_space_at_any_flush_leaves_old_or_new_files_only(tmp_path, monkeypatch, number):
+    expected = uninterrupted(tmp_path)
+    out, calls, real = tmp_path / "full", itertools.count(1), os.fsync
+
+    def fsync(handle):
+        if next(calls) == 2 * number:  # each write flushes the file, then its folder
+            raise OSError(errno.ENOSPC, "No space left on device")
+        real(handle)
+
+    monkeypatch.setattr(atomic.os, "fsync", fsync)
+    with pytest.raises(MachineError, match="No space left on device; free some space") as caught:
+        play(out)
+    assert caught.value.code == "F3"
+    finished = times(out)
+    monkeypatch.setattr(atomic.os, "fsync", real)
+    play(out, resume=True)
+    assert content(out) == expected
+    assert finished.items() <= times(out).items()
+
+
+def command(*words, **environment):
+    return subprocess.Popen(
+        [sys.executable, "-m", "tests.testbed.cli.fake_command", *map(str, words)],
+        cwd=ROOT,
+        env={**os.environ, **environment},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+@pytest.fixture
+def scene(tmp_path):
+    file = tmp_path / "tiny.toml"
+    file.write_text(dump_scenario(scenario()), encoding="utf-8")
+    return file
+
+
+@pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143)])
+def test_f5_an_interrupted_run_prints_the_command_that_goes_on(tmp_path, scene, name, code):
+    expected = uninterrupted(tmp_path)
+    out = tmp_path / "a run"
+    child = command("run", scene, "--out", out, FAKE_PAUSE="0.2")
+    while not (out / layout.TRIALS / "trial-a.npz").exists():
+        assert child.poll() is None
+        time.sleep(0.01)
+    child.send_signal(getattr(signal, name))
+    _, told = child.communicate(timeout=30)
+    assert child.returncode == code
+    assert "Traceback" not in told
+    *_, note, line = told.splitlines()
+    assert note == "stopped; what is finished is kept. To go on:"
+    assert not list(out.rglob(f"*{layout.TEMPORARY}"))
+    assert (out / layout.UNFINISHED).is_file()
+    truebed, *words = shlex.split(line)
+    assert truebed == "truebed"
+    again = command(*words)
+    again.communicate(timeout=30)
+    assert again.returncode == 0
+    assert content(out) == expected
+
+
+def test_f3_the_command_says_exit_code_3_when_the_disk_is_full(tmp_path, scene):
+    words = f"-m tests.testbed.cli.fake_command run {scene} --out {tmp_path}/x"
+    # above the resolved scenario, below the first record, in KiB
+    limit = f"ulimit -f 3; exec {sys.executable} {words}"
+    done = subprocess.run(
+        ["bash", "-c", limit], cwd=ROOT, capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 3
+    assert "setting.npz cannot be written: File too large; free some space" in done.stderr
+
+
+@needs_fork
+def test_f6_a_run_killed_while_recording_has_no_recording_and_loses_nothing(tmp_path):
+    expected = uninterrupted(tmp_path)
+    out = tmp_path / "killed"
+
+    def slow_recording():
+        class Slow(Fake):
+            def derive(self, name, campaign, robot, path):
+                self.pause = 30 if name == layout.RECORDING else 0
+                return super().derive(name, campaign, robot, path)
+
+        slow = Slow()
+        play_run(scenario(), out, stages=slow)
+
+    pid = forked(slow_recording)
+    while not (out / layout.REPORT).exists() or not list(out.glob(f".*{layout.TEMPORARY}")):
+        time.sleep(0.01)
+    os.kill(pid, signal.SIGKILL)
+    os.waitpid(pid, 0)
+    assert not (out / layout.RECORDING).exists()
+    finished = times(out)
+    play(out, resume=True)
+    assert content(out) == expected
+    assert times(out) == finished
+    assert not list(out.glob(f".*{layout.TEMPORARY}"))
+
+
+def bare(words, out):
+    """Run the command with an empty environment in a folder where nothing can be written."""
+    # the kernel of the linear algebra decides last bits: where it is chosen, it stays chosen
+    kernel = [f"{name}={os.environ[name]}" for name in os.environ if name.startswith("OPENBLAS")]
+    place = "/proc" if Path("/proc/self").exists() else "/"
+    return subprocess.run(
+        [
+            "env",
+            "-i",
+            *kernel,
+            f"PYTHONPATH={ROOT}",
+            sys.executable,
+            "-m",
+            *words,
+            "--out",
+            str(out),
+        ],
+        cwd=place,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+
+
+def test_f7_no_home_no_display_no_writable_folder_and_a_clock_set_back(tmp_path, scene):
+    expected = uninterrupted(tmp_path)
+    out = tmp_path / "bare"
+    done = bare(["tests.testbed.cli.fake_command", "run", str(scene)], out)
+    assert (done.returncode, content(out)) == (0, expected)
+    (out / "trials" / "trial-b.npz").unlink()
+    future = time.time() + 10**8
+    for path in out.rglob("*"):
+        os.utime(path, (future, future))
+    play(out, resume=True)
+    assert content(out) == expected
+
+
+@pytest.mark.slow
+def test_f7_a_real_run_needs_no_home_and_writes_nothing_outside_its_folder(tmp_path):
+    before = {p for top in ("models", "scenes") for p in (ROOT / top).rglob("*")}
+    done = bare(["testbed", "run", "quick"], tmp_path / "run")
+    assert (done.returncode, done.stderr.splitlines()[-1][:7]) == (0, "done in")
+    assert {p for top in ("models", "scenes") for p in (ROOT / top).rglob("*")} == before
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["run"]
+    again = subprocess.run(
+        [sys.executable, "-m", "testbed", "run", "quick", "--out", str(tmp_path / "again")],
+        cwd=ROOT, env={**os.environ, "OMP_NUM_THREADS": "2"}, capture_output=True, check=False,
+    )  # fmt: skip
+    assert again.returncode == 0
+    one, other = content(tmp_path / "run"), content(tmp_path / "again")
+    different = {name for name in one if one[name] != other[name]}
+    assert different <= {layout.RECORDING}  # its rows have random identifiers
+
+
+def test_f8_a_second_process_in_the_same_folder_is_told_the_first_one_s_pid(tmp_path, scene):
+    out = tmp_path / "shared"
+    first = command("run", scene, "--out", out, FAKE_PAUSE="5")
+    while not (out / layout.MANIFEST).exists():
+        assert first.poll() is None
+        time.sleep(0.01)
+    for more in ([], ["--resume"], ["--overwrite"]):
+        second = command("run", scene, "--out", out, *more)
+        _, told = second.communicate(timeout=90)
+        assert second.returncode == 3
+        assert f"in use by process {first.pid} since" in told
+    first.send_signal(signal.SIGKILL)
+    first.communicate(timeout=90)
+    after = command("run", scene, "--out", out, "--resume")  # no stale lock
+    after.communicate(timeout=30)
+    assert after.returncode == 0
+
+
+STEPS = [
+    ("tempfile", "mkstemp"),
+    ("Path", "open"),
+    ("os", "fsync"),
+    ("Path", "chmod"),
+    ("Path", "replace"),
+    ("os", "open"),
+    ("Path", "unlink"),
+]
+"""Calls of an atomic write, in order."""
+
+
+@needs_fork
+@pytest.mark.parametrize(("module", "name"), STEPS)
+@pytest.mark.parametrize("after", [False, True], ids=["before", "after"])
+def test_f11_a_process_that_dies_at_any_step_of_a_write_leaves_old_or_new(
+    tmp_path, module, name, after
+):
+    path = tmp_path / "result.json"
+    atomic_write(path, b"old" * 10**5)
+
+    def dying():
+        owner = {"tempfile": atomic.tempfile, "os": os, "Path": type(path)}[module]
+        real = getattr(owner, name)
+
+        def last(*args, **options):
+            if after:
+                real(*args, **options)
+            os._exit(77)
+
+        setattr(owner, name, last)
+        atomic_write(path, b"new" * 10**5)
+
+    code = os.waitstatus_to_exitcode(os.waitpid(forked(dying), 0)[1])
+    assert code == 77  # the step was reached
+    seen = path.read_bytes()
+    assert seen in (b"old" * 10**5, b"new" * 10**5)
+    steps = [step for _, step in STEPS]
+    replaced = steps.index(name) > steps.index("replace") or (name == "replace" and after)
+    assert seen[:3] == (b"new" if replaced else b"old")
+    atomic.remove_leftovers(tmp_path)
+    assert list(tmp_path.iterdir()) == [path]

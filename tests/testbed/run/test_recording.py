@@ -1,0 +1,339 @@
+"""A recording read back: its numbers are the record's, its scene is where the models say."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.errors import MachineError
+from calib.geometry.chain import forward
+from calib.measurement.accuracy import position_errors
+from calib.uncertainty.regions import coverage_factor
+from testbed.cli import viewer
+from testbed.recording.cell import box_edges, ghost_chains, smallest_equal
+from testbed.recording.curves import place
+from testbed.recording.story import glide, growing, nice_factor, tell
+from testbed.robots.catalog import load_robot
+from testbed.robots.placements import placements
+from testbed.run import recording
+from testbed.studies.trial.recording import factors
+from tests.recorded import column, properties, record, scalars, small_campaign, store, structure
+from tests.reported import SMALL, played
+
+GOLDEN = Path(__file__).resolve().parents[2] / "golden" / "recording.txt"
+SINGLE = 2e-6
+"""Scene geometry is float32: 1e-7 of about 3 m, and a product of seven transforms."""
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    return small_campaign()
+
+
+@pytest.fixture(scope="module")
+def story(campaign):
+    trial = campaign.trials[0]
+    return tell(campaign.setting, trial, trial.estimates[0])
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    return record(tmp_path_factory.mktemp("recording") / "campaign.rrd")
+
+
+@pytest.fixture(scope="module")
+def opened(path):
+    return store(path)
+
+
+def test_curves_are_the_records_numbers_bit_for_bit(opened, story):
+    judged, trial = story.estimate.comparison, story.trial
+    for entity, timeline, expected in (
+        (f"/select/{trial.selection.criterion}", "search", trial.selection.trace),
+        ("/evaluate/before", "test", judged.before * 1e3),
+        ("/evaluate/after", "test", judged.after * 1e3),
+    ):
+        at, values = scalars(opened, entity, timeline)
+        assert np.array_equal(at, np.arange(len(expected)))
+        assert np.array_equal(values, expected)
+
+
+def test_seen_errors_are_distances_between_measured_and_predicted_poses(opened, story):
+    seen = np.broadcast_to(np.eye(4), (len(story.trial.measurements), 4, 4)).copy()
+    seen[:, :3, 3] = story.trial.measurements.position
+    for name, model in (
+        ("nominal", story.setting.nominal),
+        ("identified", story.estimate.identification.model),
+    ):
+        expected = position_errors(seen, model.poses(story.trial.measurements.q)) * 1e3
+        _, values = scalars(opened, f"/measure/{name}", "pose")
+        # a norm of differences of numbers near 1 m, in mm: 1e-13
+        assert np.abs(values - expected).max() < 1e-12
+    assert values.mean() == pytest.approx(
+        story.estimate.comparison.identification_after.mean * 1e3, rel=1e-12
+    )
+
+
+def test_properties_carry_the_truth_in_float64(opened, story):
+    found = properties(opened)
+    setting, judged = story.setting, story.estimate.comparison
+    assert np.array_equal(found["true_links"], setting.true.chain.links.ravel())
+    assert np.array_equal(found["true_joint_errors"], setting.true.joint_errors.coefficients)
+    assert np.array_equal(found["true_step"], judged.true_step)
+    assert np.array_equal(found["step"], story.estimate.identification.step)
+    assert found["parameters"] == list(story.estimate.identification.parameters.free_names)
+    assert found["seed"] == [1]
+
+
+def test_every_row_lies_in_its_phase_and_every_step_has_a_robot(opened, story):
+    for phase in story.phases:
+        assert phase.start <= phase.at[0]
+        assert phase.at[-1] < phase.stop
+        assert (np.diff(phase.at) > 0).all()
+        entity = {"select": "/select/O1", "measure": "/measure/nominal"}.get(
+            phase.name, {"identify": "/identify/fit", "evaluate": "/evaluate/after"}.get(phase.name)
+        )
+        assert np.array_equal(scalars(opened, entity)[0], phase.at)
+    link = "/world/robot" + "".join(f"/link{k}" for k in range(1, 7))
+    at, _ = column(opened, link, "Transform3D:translation")
+    assert np.array_equal(at, np.arange(story.n_steps))
+
+
+def drawn_tool(opened, story, root, tool):
+    """Tool poses (s, 4, 4) from the nested transforms of the file."""
+    T, path = np.eye(4), root
+    for joint in range(1, 7):
+        path += f"/link{joint}"
+        x, y, z, w = np.array(column(opened, path, "Transform3D:quaternion")[1])[:, 0].T
+        A = np.zeros((story.n_steps, 4, 4))
+        A[:, 0, :3] = np.c_[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)]
+        A[:, 1, :3] = np.c_[2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)]
+        A[:, 2, :3] = np.c_[2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]
+        A[:, :3, 3] = np.array(column(opened, path, "Transform3D:translation")[1])[:, 0]
+        A[:, 3, 3] = 1
+        T = T @ A
+    return T @ tool
+
+
+def test_the_drawn_robot_stands_where_forward_kinematics_says(opened, story):
+    chain = story.setting.nominal.chain
+    drawn = drawn_tool(opened, story, "/world/robot", placements(chain).tool)
+    assert np.abs(drawn - forward(chain, story.q)).max() < SINGLE
+    for phase, q in (
+        (story.phase("measure"), story.trial.measurements.q),
+        (story.phase("evaluate"), story.setting.test_q),
+    ):
+        assert np.abs(story.q[phase.at] - q).max() < 1e-14
+
+
+def test_the_ghost_deviates_by_its_factor_before_and_after(opened, story):
+    """To first order: 50 times 0.02 deg is 1 deg, products of two such turns are some percent."""
+    entity = next(
+        line.split()[0] for line in opened.summary().splitlines() if "/world/true_x" in line
+    )
+    factor = int(re.search(r"true_x(\d+)", entity)[1])
+    root = f"/world/true_x{factor}"
+    chain = story.setting.nominal.chain
+    drawn = drawn_tool(opened, story, root, placements(chain).tool)[:, :3, 3]
+    nominal, q = forward(chain, story.q)[:, :3, 3], story.q
+    true = story.setting.true.poses(q)[:, :3, 3]
+    identified = story.estimate.identification.model.poses(q)[:, :3, 3]
+    for phase, stated, largest in (("measure", nominal, 0.06), ("evaluate", identified, 0.01)):
+        steps = story.phase(phase).steps
+        expected = factor * (true - stated)[steps]
+        wrong = np.linalg.norm((drawn - nominal)[steps] - expected, axis=1)
+        unit = factor * np.linalg.norm((true - nominal)[steps], axis=1).mean()
+        assert wrong.mean() < largest * unit, phase
+
+
+def test_the_smallest_equal_step_moves_the_tool_alike_and_drops_what_nobody_sees(story):
+    chain, q = story.setting.nominal.chain, story.setting.pool_q
+    # d2 against d3: joints 2 and 3 are parallel, only the sum is seen
+    step = np.zeros(42)
+    step[6 + 5 + 1], step[6 + 10 + 1] = 1e-4, -1e-4
+    assert np.abs(smallest_equal(chain, step, q)).max() < 1e-12
+    step = np.random.default_rng(0).normal(scale=1e-6, size=42)
+    small = smallest_equal(chain, step, q)
+    moved = [forward(chain.moved(s), q) for s in (step, small)]
+    # what remains is of second order in 1e-6
+    assert np.abs(moved[0] - moved[1]).max() < 1e-10
+    assert np.abs(smallest_equal(chain, small, q) - small).max() < 1e-15
+
+
+def test_ghost_chains_start_at_the_truth(story):
+    (chain,) = ghost_chains(story, 1, np.array([0.0]))
+    assert np.abs(chain.links - story.setting.true.chain.links).max() < 1e-15
+
+
+def test_an_arrow_ends_inside_its_ellipsoid_exactly_where_the_record_says_so(opened, story):
+    judged, factor = story.estimate.comparison, factors(story).regions
+    path = f"/world/held_out/region_95_x{factor}"
+    last = {
+        name: np.array(column(opened, path, f"Ellipsoids3D:{name}")[1][-1])
+        for name in ("half_sizes", "quaternions")
+    }
+    arrows = column(opened, f"/world/held_out/after_x{factor}", "Arrows3D:vectors")[1][-1]
+    x, y, z, w = last["quaternions"].T
+    vector = np.array(arrows)
+    assert np.abs(vector - factor * judged.error).max() < SINGLE  # true minus identified
+    # rotate the arrow into the ellipsoid's axes by the conjugate quaternion
+    u = -np.stack([x, y, z], -1)
+    t = 2 * np.cross(u, vector)
+    local = vector + w[:, None] * t + np.cross(u, t)
+    size = np.linalg.norm(local / last["half_sizes"], axis=1)
+    assert np.array_equal(size <= 1, judged.inside)
+    blue = np.array(column(opened, path, "Ellipsoids3D:colors")[1][-1]) >> 8 & 255 > 150
+    assert np.array_equal(blue, judged.inside)
+    assert set(judged.inside.tolist()) == {True, False}  # else colors would prove nothing
+    C = judged.covariance[:, :3, :3]
+    distance = np.einsum("ti,tij,tj->t", judged.error, np.linalg.pinv(C), judged.error)
+    assert size == pytest.approx(np.sqrt(distance) / coverage_factor(3), rel=1e-4)  # float32 axes
+
+
+def test_the_beam_follows_the_target_and_goes_out_after_the_last_pose(opened, story):
+    measure = story.phase("measure")
+    at, strips = column(opened, "/world/beam", "LineStrips3D:strips")
+    assert np.array_equal(at, measure.steps)
+    ends = np.array(strips)[:, 0]
+    assert np.abs(ends[:, 0] - story.setting.T_world_tracker[:3, 3]).max() < SINGLE
+    target = story.setting.nominal.poses(story.q[measure.steps])[:, :3, 3]
+    assert np.abs(ends[:, 1] - target).max() < SINGLE
+    assert column(opened, "/world/beam", "Clear:is_recursive")[0].tolist() == [measure.stop]
+
+
+def test_the_tracker_looks_along_its_beam(opened, story):
+    """The head's x axis, from the transforms in the file, points at the target."""
+    axes = np.array([[1.0, 0, 0]])
+    for name in ("yoke/head", "yoke"):
+        x, y, z, w = np.array(
+            column(opened, f"/world/tracker/{name}", "Transform3D:quaternion")[1]
+        )[:, 0].T
+        u = np.stack([x, y, z], -1)
+        axes = np.broadcast_to(axes, u.shape)
+        t = 2 * np.cross(u, axes)
+        axes = axes + w[:, None] * t + np.cross(u, t)
+    station = story.setting.T_world_tracker
+    beam = story.setting.nominal.poses(story.q)[:, :3, 3] - station[:3, 3]
+    beam = beam / np.linalg.norm(beam, axis=1, keepdims=True) @ station[:3, :3]
+    assert np.abs(axes - beam).max() < SINGLE
+
+
+def test_points_cleared_at_a_phase_end_do_not_linger(opened, story):
+    for entity, step in (
+        ("/world/chosen", story.phase("identify").stop),
+        ("/world/measured", story.phase("identify").stop),
+    ):
+        assert column(opened, entity, "Clear:is_recursive")[0].tolist() == [step]
+
+
+def test_final_parameter_points_are_errors_over_stated_uncertainty(opened, story):
+    found, judged = story.estimate.identification, story.estimate.comparison
+    last = np.array(column(opened, "/parameters/error", "Points2D:positions")[1][-1])
+    z = (judged.true_step - found.step) / found.standard_uncertainty
+    assert np.sinh(last[:, 0] / place(1.0) * np.arcsinh(1.0)) == pytest.approx(
+        z, rel=1e-4, abs=1e-5
+    )
+
+
+def test_recording_twice_gives_the_same_content(path, tmp_path, opened):
+    again = record(tmp_path / "again.rrd")
+    assert viewer.compare(path, again)
+    assert structure(store(again)) == structure(opened)
+
+
+def test_a_changed_number_is_noticed(path, tmp_path, campaign):
+    trial = campaign.trials[0]
+    judged = replace(
+        trial.estimates[0].comparison, after=trial.estimates[0].comparison.after * 1.01
+    )
+    estimates = (replace(trial.estimates[0], comparison=judged), *trial.estimates[1:])
+    other = replace(campaign, trials=(replace(trial, estimates=estimates), *campaign.trials[1:]))
+    assert not viewer.compare(path, record(tmp_path / "other.rrd", other))
+
+
+def test_a_whole_file_verifies_and_a_cut_one_does_not(path, tmp_path):
+    assert viewer.verify(path)
+    cut = tmp_path / "cut.rrd"
+    cut.write_bytes(path.read_bytes()[:-4000])
+    assert not viewer.verify(cut)
+
+
+def test_structure_is_the_golden_one(opened):
+    """Rewrite on purpose: python -m tests.testbed.run.test_recording; say why in the commit."""
+    assert structure(opened) == GOLDEN.read_text(encoding="utf-8").splitlines()
+
+
+def test_no_clock_of_this_machine_is_in_the_file(opened):
+    assert "log_time" not in opened.summary()
+    assert "log_tick" not in opened.summary()
+
+
+def test_strict_mode_is_given_back_also_after_an_error():
+    import rerun as rr
+
+    before = rr.strict_mode()
+
+    def fail():
+        with recording.strict_mode():
+            assert rr.strict_mode()
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
+    assert rr.strict_mode() == before
+
+
+def test_an_unwritable_place_is_the_machines_fault_and_named(tmp_path):
+    with pytest.raises(MachineError, match="missing"):
+        record(tmp_path / "missing" / "campaign.rrd")
+
+
+def test_a_glide_starts_and_rests_at_its_stops():
+    stops = np.array([[0.0], [1.0], [-2.0]])
+    q = glide(stops, 18)
+    assert np.array_equal(q[[4, 5, 10, 11, 16, 17]].ravel(), [0, 0, 1, 1, -2, -2])
+    assert np.array_equal(q[0], stops[0])
+    assert (np.diff(q[6:11, 0]) > 0).all()
+
+
+@pytest.mark.parametrize("count", [1, 2, 299, 300, 301, 5000])
+def test_a_growing_cloud_ends_complete_and_stays_small(count):
+    lengths = growing(count)
+    assert lengths[0] >= 1
+    assert lengths[-1] == count
+    assert (np.diff(lengths) > 0).all()
+    assert len(lengths) == min(count, 300)
+
+
+@pytest.mark.parametrize("typical", [0.5e-3, 0.39e-3, 1e-3, 7e-6, 3.0, 0.0])
+def test_a_factor_is_round_and_stays_below_the_largest_size(typical):
+    factor = nice_factor(0.04, typical)
+    assert int(str(factor)[0]) in (1, 2, 3, 5)
+    assert set(str(factor)[1:]) <= {"0"}
+    assert factor == 1 or factor * typical <= 0.04 * (1 + 1e-12)
+    assert typical in (0.0, 3.0) or 2.01 * factor * typical > 0.04
+
+
+def test_a_box_has_twelve_edges_of_its_three_sizes():
+    edges = box_edges(np.array([1.0, 2, 3]), np.array([0.1, 0.2, 0.3]))
+    length = np.sort(np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1))
+    assert length == pytest.approx(np.repeat([0.1, 0.2, 0.3], 4))
+    assert edges.reshape(-1, 3).mean(axis=0) == pytest.approx([1, 2, 3])
+
+
+if __name__ == "__main__":
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        lines = structure(store(record(Path(folder) / "campaign.rrd")))
+    GOLDEN.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def test_a_campaign_without_any_search_is_recorded_too(tmp_path):
+    """A random set was not searched for: its select phase shows its own index."""
+    trial = [{"name": "only", "poses": 10, "method": "random"}]
+    campaign = played("quick", {**SMALL, "trial": trial, "uncertainty.replications": 0})
+    recording.write_recording(campaign, load_robot("staubli_tx60"), tmp_path / "only.rrd")
+    assert viewer.verify(tmp_path / "only.rrd")

@@ -1,0 +1,63 @@
+"""A robot whose joint errors are known already, as the nominal robot of a virtual campaign."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from calib.identification.identify import identify
+from calib.identification.joint_models import extended_model
+from testbed.laboratory.campaign_bench import open_bench
+from testbed.laboratory.truth.robot import draw_truth
+from testbed.robots.write.folder import identified_robot, write_robot_folder
+from testbed.run import campaign
+from testbed.scenario.read import changed, load_scenario
+from testbed.studies.trial.compare import true_step
+from tests.testbed.laboratory.outcomes import settings
+from tests.testbed.robots.robot_cases import TX60, joint_vectors
+
+MODEL = extended_model(TX60.model)
+KNOWN = identified_robot(
+    replace(TX60, visuals=()),
+    MODEL.moved(np.random.default_rng(3).normal(size=MODEL.n_numbers) * 2e-4),
+    name="mine",
+)
+"""A calibrated TX60: 27 joint terms that move its tool by tenths of a millimetre."""
+
+
+def test_the_true_robot_has_the_errors_its_nominal_model_knows():
+    """Perturbed by nothing, the true robot is the nominal one, joint errors included."""
+    still = settings("rigid", angle_sd_deg=0.0, length_sd_mm=0.0)
+    true = draw_truth(KNOWN, still, seed=1)
+    q = joint_vectors(50)
+    np.testing.assert_allclose(true.poses(q), KNOWN.model.poses(q), rtol=0, atol=1e-12)
+
+
+def test_what_the_scenario_adds_comes_on_top():
+    preset = settings("wen2022")
+    plain, known = (draw_truth(one, preset, seed=1) for one in (TX60, KNOWN))
+    q = joint_vectors(20)
+    added = known.model.joint_errors.offsets(q) - KNOWN.model.joint_errors.offsets(q)
+    np.testing.assert_allclose(added, plain.model.joint_errors.offsets(q), rtol=0, atol=1e-18)
+
+
+def test_a_campaign_on_its_folder_identifies_what_is_left(tmp_path):
+    """Terms are free beside the links; the true step predicts the true robot to rounding."""
+    write_robot_folder(KNOWN, tmp_path / "mine")
+    scenario = changed(
+        load_scenario("quick"),
+        {"robot": str(tmp_path / "mine"), "pool.size": 60, "test.poses": 15},
+    )
+    bench = open_bench(scenario, campaign.compute(scenario, "setting", None))
+    table = bench.free("whitened")
+    assert set(KNOWN.model.joint_errors.names) <= set(table.free_names)
+    seen = bench.measure_pool(np.arange(40), "test")
+    found = identify(bench.setting.nominal, seen, table)
+    step = true_step(bench.setting, found, seen)
+    model = bench.setting.nominal.moved(found.parameters.expand(step))
+    q = bench.setting.test_q
+    away = np.linalg.norm((model.poses(q) - bench.truth.poses(q))[:, :3, 3], axis=1)
+    assert away.max() < 1e-9
+    error = np.linalg.norm((found.model.poses(q) - bench.truth.poses(q))[:, :3, 3], axis=1)
+    before = np.linalg.norm((KNOWN.model.poses(q) - bench.truth.poses(q))[:, :3, 3], axis=1)
+    assert error.mean() < 0.2 * before.mean()
+    assert extended_model(KNOWN.model).names == KNOWN.model.names  # no term stands in it twice

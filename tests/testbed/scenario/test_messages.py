@@ -1,0 +1,452 @@
+"""Every message a user may meet, word for word: one snapshot, so that a change is seen.
+
+Rewrite it with ``TRUEBED_UPDATE=1 pytest tests/testbed/test_messages.py`` and read the difference.
+"""
+
+import os
+from contextlib import ExitStack
+from copy import deepcopy
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.errors import CalibError
+from calib.geometry.frames import rot_x
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import parameters_of
+from calib.identification.prior import Prior
+from calib.measurement.observations import pose_measurements
+from calib.measurement.residual import table_whiteners
+from calib.uncertainty.adaptive import spread
+from calib.uncertainty.bootstrap import bootstrap
+from calib.uncertainty.conformal import conformal
+from calib.uncertainty.discrepancy import discrepancy
+from calib.uncertainty.held_out import HeldOut, held_out
+from testbed.files.program import correct_program
+from testbed.laboratory.joint_lists import read_joints
+from testbed.laboratory.simulator import Simulator
+from testbed.laboratory.truth.robot import draw_truth
+from testbed.plan.plan import plan
+from testbed.robots.catalog import load_robot
+from testbed.run.archive import read_result, recording_of
+from testbed.run.play import play_run
+from testbed.scenario.checks import check_robot
+from testbed.scenario.read import load_scenario, parse_scenario, scenario_of
+from testbed.store import layout
+from testbed.store.plan_folder import check_free
+from testbed.store.run_folder import RunFolder
+from testbed.streams import stream
+from testbed.studies.compensation.cube import cube_joints, cube_poses
+from testbed.studies.compensation.settings import CompensationSettings
+from tests.planned import QUICK, ROBOT, scenario
+from tests.testbed.laboratory.outcomes import settings as outcome_settings
+from tests.testbed.studies.trial.fake_campaign import SCENARIO, Fake
+
+GOLDEN = Path(__file__).parents[2] / "golden" / "messages.txt"
+POINT = {"tracker.measures": "point", "identification.estimators": ["whitened"]}
+TRIAL = {"name": "best", "poses": 29, "method": "detmax"}
+
+
+def with_table(**tables):
+    return lambda _: scenario_of(deepcopy(SCENARIO) | tables, where="scenes/mine.toml")
+
+
+def without(key):
+    document = {name: value for name, value in SCENARIO.items() if name != key}
+    return lambda _: scenario_of(document, where="scenes/mine.toml")
+
+
+def text(content):
+    return lambda _: parse_scenario(content, where="scenes/mine.toml")
+
+
+def begun(path):
+    folder = RunFolder.create(path)
+    folder.begin("x = 1\n", {"scenario_sha256": "0" * 64})
+    return folder
+
+
+def folder(act, *, manifest=None):
+    """Do something with a finished run folder."""
+
+    def case(path):
+        with begun(path):
+            pass
+        if manifest is not None:
+            (path / layout.MANIFEST).write_text(manifest)
+        act(path)
+
+    return case
+
+
+def used(act):
+    """Do something with a run folder another process is writing."""
+
+    def case(path):
+        with ExitStack() as stack:
+            stack.enter_context(begun(path))
+            act(path)
+
+    return case
+
+
+def played(**tables):
+    scenario = scenario_of(deepcopy(SCENARIO) | tables)
+    return lambda _: play_run(scenario, stages=Fake(), where="scenes/mine.toml")
+
+
+def without_memory(path):
+    class Greedy(Fake):
+        def compute(self, *_):
+            raise MemoryError
+
+    play_run(scenario_of(SCENARIO), stages=Greedy())
+
+
+def on_a_wall():
+    robot = load_robot("staubli_tx60")
+    lying = replace(robot.model.chain, T_world_base=rot_x(np.pi / 2))
+    return replace(robot, model=RobotModel(lying))
+
+
+def file_in_the_way(path):
+    path.write_text("")
+    RunFolder.create(path)
+
+
+def foreign_folder(path):
+    path.mkdir()
+    (path / "thesis.tex").write_text("")
+    RunFolder.create(path, overwrite=True)
+
+
+def cube_of(**compensation):
+    """Joints for the five poses of a test."""
+    chain, settings = ROBOT.model.chain, CompensationSettings(**compensation)
+    return cube_joints(ROBOT, Simulator(ROBOT, chain), cube_poses(settings, chain.T_world_base))
+
+
+def program(content, out="corrected.csv"):
+    """A program of the shipped robot, corrected by its own model."""
+
+    def act(path):
+        path.mkdir(parents=True, exist_ok=True)
+        (path / "program.csv").write_text(content, encoding="utf-8")
+        correct_program(path / "program.csv", ROBOT, ROBOT.model, path / out)
+
+    return act
+
+
+def planned(**changes):
+    return lambda _: plan(scenario(QUICK, **changes), where="scenes/mine.toml")
+
+
+def measured(rows):
+    """Read a CSV of measured poses with these rows."""
+
+    def case(path):
+        path.write_text(f"q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n{rows}\n")
+        read_joints(ROBOT, path)
+
+    return case
+
+
+def plan_like(path):
+    path.mkdir()
+    (path / "plan.json").write_text("{}")
+
+
+def with_prior(**prior):
+    return with_table(identification={"prior": prior})
+
+
+def checked(**tables):
+    """A scenario asked of its robot."""
+    scenario = scenario_of(deepcopy(SCENARIO) | tables)
+    return lambda _: check_robot(scenario, ROBOT, where="scenes/mine.toml")
+
+
+def shots(count, covariance=1e-10):
+    """So many noise-free poses of the nominal robot, all different."""
+    q = np.linspace(0.1, 0.9, 6 * count).reshape(count, 6)
+    stated = np.broadcast_to(covariance * np.eye(6), (count, 6, 6))
+    return pose_measurements(q, ROBOT.model.poses(q), stated)
+
+
+def compared(validation, used):
+    """The nominal robot at validation poses."""
+    return lambda _: held_out(ROBOT.model, np.zeros((42, 42)), validation, used.q)
+
+
+CASES = {
+    "unknown key": with_table(tracker={"positoin_um": 3}),
+    "key of another preset": with_table(tracker={"range_um": [1, 2]}),
+    "key of another table": with_table(truth={"size": 3}),
+    "key nobody knows": with_table(test={"colour": 3}),
+    "other unit": with_table(tracker={"position_mm": 0.0175}),
+    "other unit and word": with_table(tracker={"noise_m": 2e-5}),
+    "other unit in a list": with_table(tracker={"station_m": [2.6, -2, 0.3]}),
+    "missing key": without("robot"),
+    "missing table": without("trial"),
+    "wrong type": with_table(pool={"size": "many"}),
+    "true as a number": with_table(pool={"size": True}),
+    "number as true": with_table(pool={"self_collision": 1}),
+    "fraction": with_table(pool={"size": 1000.0}),
+    "table wanted": with_table(pool=3),
+    "list wanted": with_table(pool={"box_size_mm": 900}),
+    "list too short": with_table(pool={"box_size_mm": [900, 1200]}),
+    "list too long": with_table(pool={"box_size_mm": [1, 2, 3, 4]}),
+    "one bracket": with_table(trial=TRIAL),
+    "too small": with_table(pool={"size": 3}),
+    "too few draws": with_table(uncertainty={"draws": 500}),
+    "too large": with_table(uncertainty={"draws": 10**9}),
+    "negative": with_table(seed=-1),
+    "wrong word": with_table(truth={"preset": "stiff"}),
+    "wrong word, close to a preset": with_table(truth={"preset": "wen2002"}),
+    "wrong word, close": with_table(trial=[TRIAL | {"method": "detmx"}]),
+    "wrong preset": with_table(tracker={"preset": "at690"}),
+    "wrong name": with_table(name="My Scene"),
+    "wrong title": with_table(title="two\nlines"),
+    "wrong repeatability": with_table(truth={"joint_repeatability_mdeg": "robots"}),
+    "text or list": with_table(truth={"perturb": 3}),
+    "amplitude below zero": with_table(truth={"encoder_mdeg": -1}),
+    "amplitude below zero in a list": with_table(truth={"harmonic_mdeg": [1, -2]}),
+    "amplitude in words": with_table(truth={"backlash_mdeg": "much"}),
+    "empty list of amplitudes": with_table(truth={"harmonic_mdeg": []}),
+    "spring without stiffness": with_table(truth={"drive_nm_per_mrad": [90, 0]}),
+    "payload below zero": with_table(truth={"preset": "elastic", "payload_kg": -1}),
+    "no time to warm up": with_table(truth={"thermal_h": 0}),
+    "no such side": with_table(truth={"backlash_side": "loads"}),
+    "play the closed form does not know": with_table(
+        truth={"preset": "unmodelled", "backlash_mdeg": [8, 0, 8, 0, 8, 8]}
+    ),
+    "play everywhere by the closed form": with_table(
+        truth={"preset": "unmodelled", "backlash_mdeg": 8}
+    ),
+    "droop twice": with_table(truth={"preset": "elastic", "gravity_mdeg": [10, 6, 8]}),
+    "payload on a stiff arm": with_table(truth={"payload_kg": 2}),
+    "bearings without drives": with_table(truth={"bearing_nm_per_mrad": [1, 2, 3, 4, 5, 6]}),
+    "half as many springs": played(truth={"preset": "elastic", "drive_nm_per_mrad": [90, 90, 40]}),
+    "amplitudes of five joints": played(truth={"encoder_mdeg": [1, 1, 1, 1, 1]}),
+    "play by the posture of a wall robot": lambda _: draw_truth(
+        on_a_wall(), outcome_settings("unmodelled", gravity_mdeg=[0, 0, 0]), 0
+    ),
+    "sag on seven axes": played(
+        robot="kuka_iiwa7",
+        truth={"preset": "wen2022"},
+        identification={"estimators": ["whitened"]},
+    ),
+    "ranges of six joints for seven": played(
+        robot="kuka_iiwa7",
+        identification={"estimators": ["whitened"]},
+        pool={"joint_ranges_deg": [[-90, 90]] * 6},
+    ),
+    "a joint beyond its limit": played(
+        robot="kuka_iiwa7",
+        identification={"estimators": ["whitened"]},
+        pool={"joint_ranges_deg": [[-90, 90]] * 6 + [[-90, 180]]},
+    ),
+    "springs too soft": lambda _: draw_truth(
+        load_robot("staubli_tx60"), outcome_settings("elastic", drive_nm_per_mrad=[0.5] * 6), 0
+    ).poses(np.full((1, 6), 0.5)),
+    "outliers everywhere": with_table(tracker={"preset": "at960", "outliers": 30}),
+    "missed below zero": with_table(tracker={"preset": "at960", "missed": -1}),
+    "outliers of the paper": with_table(tracker={"outliers": 3}),
+    "drift in another unit": with_table(tracker={"preset": "at960", "drift_mm_per_sqrt_h": 0.02}),
+    "yes for true": with_table(tracker={"preset": "at960", "systematic": 1}),
+    "nan": with_table(tracker={"position_um": float("nan")}),
+    "time": text("[tracker]\nposition_um = 12:30:45"),
+    "old format": with_table(format=0),
+    "newer format": with_table(format=2),
+    "two trials of one name": with_table(trial=[TRIAL, TRIAL]),
+    "reserved name": with_table(trial=[TRIAL | {"name": "setting"}]),
+    "more poses than candidates": with_table(trial=[TRIAL | {"poses": 2000}]),
+    "uncertainty in paper rows": with_table(trial=[TRIAL | {"criterion": "V", "rows": "paper"}]),
+    "reflector without points": with_table(tracker={"reflector_mm": [1, 2, 3]}),
+    "points and the paper": with_table(tracker={"measures": "point"}),
+    "an estimator twice": with_table(identification={"estimators": ["whitened", "whitened"]}),
+    "obstacle without a kind": with_table(cell={"obstacle": [{"size_mm": [1, 2, 3]}]}),
+    "wrong kind": with_table(plan={"goal": {"kind": "lst"}}),
+    "key of another kind": with_table(plan={"goal": {"step_mm": 5}}),
+    "poses and a target": with_table(plan={"poses": 29, "target_um": 30}),
+    "target without a goal": with_table(plan={"target_um": 30, "criterion": "D"}),
+    "target and random poses": with_table(
+        plan={"poses": 0, "target_um": 30, "method": "random"}
+    ),
+    "measured and stations": with_table(
+        plan={"poses": 9, "measured": "a.csv", "stations": {"list_mm": [[3000, 0, 0]]}}
+    ),
+    "goal without poses": with_table(plan={"goal": {"kind": "path"}}),
+    "coverage with few poses": with_table(coverage={"robots": 8, "validation_poses": 18}),
+    "coverage of an unknown robot": with_table(coverage={"robots": 8, "truths": ["wen2002"]}),
+    "coverage of no robot": with_table(coverage={"robots": 8, "truths": []}),
+    "coverage of a kind twice": with_table(coverage={"robots": 8, "truths": ["soft", "soft"]}),
+    "coverage of one robot": with_table(coverage={"robots": 1}),
+    "coverage of everything": with_table(coverage={"robots": 8, "level": 1.0}),
+    "coverage of points": with_table(
+        tracker={"measures": "point"},
+        identification={"estimators": ["whitened"]},
+        coverage={"robots": 8},
+    ),
+    "compensation of one robot": with_table(compensation={"robots": 1}),
+    "compensation of a kind twice": with_table(
+        compensation={"robots": 8, "truths": ["rigid", "rigid"]}
+    ),
+    "compensation with missed shots": with_table(
+        compensation={"robots": 8}, tracker={"preset": "at960", "missed": 1}
+    ),
+    "compensation in two cycles": with_table(compensation={"robots": 8, "cycles": 2}),
+    "compensation at poses out of reach": lambda _: cube_of(center_mm=(900.0, 0.0, 100.0)),
+    "a program without orientations": program("x_mm,y_mm,z_mm\n300,0,200\n"),
+    "a program that is corrected already": program("q1_deg,status\n10,reached\n"),
+    "a program that would be overwritten": program("q1_deg\n10\n", out="program.csv"),
+    "coverage of a wall robot": lambda _: check_robot(
+        scenario_of(deepcopy(SCENARIO) | {"coverage": {"robots": 8}}), on_a_wall(), where="x.toml"
+    ),
+    "several at once": with_table(sed=3, pool={"size": 1, "altitude": 2}),
+    "not UTF-8": text("name = 'ü'".encode("latin-1")),
+    "not TOML": text("seed = one\n"),
+    "nested": text("a = " + "[" * 5000),
+    "no such scene": lambda _: load_scenario("wen2202"),
+    "no such robot": played(robot="staubli_tx06"),
+    "no such parameters": played(truth={"perturb": ["theta9"]}, identification={"free": "wen2002"}),
+    "negative seed": lambda _: stream(-1),
+    "wrong order": lambda _: play_run(scenario_of(SCENARIO), stages=Fake(), order=["setting"]),
+    "output exists": folder(RunFolder.create),
+    "output is a file": file_in_the_way,
+    "output below a file": lambda path: (path.write_text(""), RunFolder.create(path / "run")),
+    "output is no run": foreign_folder,
+    "output in use": used(RunFolder.create),
+    "not a run": lambda path: RunFolder.reopen(path),
+    "another scenario": folder(lambda path: RunFolder.resume(path, "1" * 64)),
+    "newer run": folder(RunFolder.reopen, manifest='{"format": 2}'),
+    "damaged manifest": folder(RunFolder.reopen, manifest='{"format": 1, "format": 1}'),
+    "unfinished": folder(read_result),
+    "no recording": folder(recording_of),
+    "every trial failed": lambda _: play_run(
+        scenario_of(SCENARIO | {"trial": [TRIAL]}), stages=Fake(failing=("best",))
+    ),
+    "not enough memory": without_memory,
+    "plan with too few poses": planned(**{"plan.poses": 3}),
+    "plan with too many poses": planned(**{"plan.poses": 61}),
+    "plan for what nobody sees": planned(
+        **POINT, **{"tracker.reflector_mm": [0.0, 0.0, 60.0], "plan.point_mm": [0.0, 0.0, 200.0]}
+    ),
+    "plan for a goal out of reach": planned(
+        **{"plan.goal": {"kind": "list", "tool_mm_deg": [[2000.0, 0.0, 0.0, 0.0, 0.0, 0.0]]}}
+    ),
+    "plan for one goal twice": planned(
+        **{"plan.goal": {"kind": "list", "joints_deg": [[0.0] * 6, [0.0] * 6]}}
+    ),
+    "plan from a blind station": planned(
+        **{
+            "plan.stations.list_mm": [[2600.0, 0.0, 300.0]],
+            "cell.obstacle": [
+                {
+                    "kind": "box",
+                    "size_mm": [200.0, 200.0, 200.0],
+                    "position_mm": [2600.0, 0.0, 300.0],
+                }
+            ],
+        }
+    ),
+    "plan from below the floor": planned(**{"tracker.station_mm": [0.0, 0.0, -3000.0]}),
+    "plan from within the work space": planned(
+        **{"plan.stations.list_mm": [[2600.0, 0.0, 300.0], [600.0, 0.0, 500.0]]}
+    ),
+    "plan from one station twice": planned(
+        **{"plan.stations.list_mm": [[2600.0, 0.0, 300.0], [2600.0, 0.5, 300.0]]}
+    ),
+    "plan without tests of collision": planned(**{"pool.self_collision": False}),
+    "plan for a goal in collision": planned(
+        **{"plan.goal": {"kind": "list", "joints_deg": [[0.0, 120.0, 140.0, 0.0, 0.0, 0.0]]}}
+    ),
+    "plan with an unreachable target": planned(**{"plan.poses": 0, "plan.target_um": 1.0}),
+    "plan from a start in collision": planned(
+        **{"plan.start_deg": [0.0, 120.0, 140.0, 0.0, 0.0, 0.0]}
+    ),
+    "measured poses with a gap": measured("1,2,,4,5,6"),
+    "measured poses twice": measured("1,2,3,4,5,6\n1,2,3,4,5,6"),
+    "measured poses beyond a limit": measured("1,2,300,4,5,6"),
+    "plan exists": lambda path: (plan_like(path), check_free(path, overwrite=False)),
+    "plan below a file": lambda path: (
+        path.write_text(""), check_free(path / "out", overwrite=False)
+    ),
+    "output is no plan": lambda path: (
+        path.mkdir(), (path / "thesis.tex").write_text(""), check_free(path, overwrite=True)
+    ),
+    "no noise": with_table(tracker={"position_um": 0}),
+    "no noise along the beam": with_table(tracker={"preset": "at960", "range_um": [0, 0.15]}),
+    "outliers at every held-out pose": with_table(
+        tracker={"preset": "at960", "outliers": 3}, test={"poses": 3}
+    ),
+    "prior of no width": with_prior(angles_deg=0),
+    "prior of negative width": with_prior(harmonics_mdeg=[20, -1], sd_mm={"d3": -1}),
+    "prior in words": with_prior(lengths_mm="weak"),
+    "prior by a slip": with_prior(angels_deg=0.1),
+    "prior in another unit": with_prior(angles_mdeg=3),
+    "prior of unknown numbers": checked(identification={"prior": {"sd_deg": {"alpha22": 1}}}),
+    "prior of a number held fixed": checked(
+        identification={"base": "fixed", "prior": {"sd_mm": {"base.x": 5}}}
+    ),
+    "prior of an angle in mm": checked(identification={"prior": {"sd_mm": {"alpha2": 0.1}}}),
+    "prior of the paper": with_table(identification={"estimators": ["paper"], "prior": {}}),
+    "model nobody knows": with_table(identification={"model": "extende"}),
+    "loss nobody knows": with_table(identification={"loss": "welsch"}),
+    "prior that is not positive definite": lambda _: Prior.of_precision(
+        [0, 0], [[1, 2], [2, 1]], ("d1", "d2")
+    ),
+    "prior without spread": lambda _: Prior([0], [0], ("d1",)),
+    "covariance that is not positive definite": lambda _: table_whiteners(shots(3, -1e-10)),
+    "validation without noise": compared(shots(20, 0.0), shots(2)),
+    "validation that was identified from": compared(shots(20), shots(20)),
+    "18 validation poses": lambda _: conformal(np.ones(18)),
+    "9 validation poses": lambda _: discrepancy(
+        HeldOut(np.zeros((9, 3)), np.zeros((9, 3, 3)), np.zeros((9, 3, 3)), 0.0, 1.0)
+    ),
+    "draws too few for the coverage": lambda _: spread(np.arange(1999.0), probability=0.95),
+    "replicates too few": lambda _: bootstrap(
+        ROBOT.model, shots(30), parameters_of(ROBOT.model), np.random.default_rng(0), replicates=99
+    ),
+}  # fmt: skip
+
+
+def message(case, path):
+    with pytest.raises(CalibError) as caught:
+        case(path)
+    shown = str(caught.value).replace(str(path), "RUN")
+    shown = shown.replace(f"process {os.getpid()}", "process PID")
+    kind = type(caught.value).__name__.replace("SeveralInput", "Input")
+    return kind, shown
+
+
+def test_messages_are_word_for_word_as_written_down(tmp_path, monkeypatch):
+    blocks = []
+    for number, (name, case) in enumerate(CASES.items()):
+        kind, shown = message(case, tmp_path / f"{number}")
+        blocks.append(f"{name} ({kind})\n{shown}\n")
+    told = "\n".join(blocks)
+    # the clock time of a lock is not part of the wording
+    told = "\n".join(
+        f"{line.split(' since ')[0]} since HH:MM{line.split(' since ')[1][5:]}"
+        if " since " in line and "PID" in line
+        else line
+        for line in told.split("\n")
+    )
+    if os.environ.get("TRUEBED_UPDATE"):
+        GOLDEN.write_text(told, encoding="utf-8")
+    assert told == GOLDEN.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_each_message_is_short_has_a_code_and_knows_no_insides(name, tmp_path):
+    _, shown = message(CASES[name], tmp_path / "run")
+    for line in shown.splitlines():
+        assert line.endswith("]")
+        assert line[line.rindex("[") + 1 : -1].isalnum()
+        assert len(line) < 400
+        for word in ("pydantic", "Traceback", "NoneType", "dtype", "object at 0x", "<class"):
+            assert word not in line
+    assert np.all([ord(c) >= 32 or c == "\n" for c in shown])

@@ -1,0 +1,101 @@
+"""The coverage study in a recording: its curves and dots are the record's numbers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from testbed.cli import viewer
+from testbed.recording.story import tell
+from testbed.studies.coverage.recording import GAP, PANEL, ROW, words
+from testbed.studies.coverage.records import CoverageStudy
+from testbed.studies.coverage.summary import cells
+from tests.recorded import column, record, scalars, small_campaign, store
+
+ROBOTS = 12
+SINGLE = 1e-4
+"""Places on the panel are float32: 1e-7 of 366 units, and the mean marker of a running sum."""
+
+
+def study(truth, level, seed):
+    rng = np.random.default_rng(seed)
+    flat = np.zeros((2, ROBOTS))
+    return CoverageStudy(
+        truth=truth,
+        level=0.95,
+        judged=100,
+        inside=rng.binomial(100, level, (2, 3, ROBOTS)) / 100,
+        radius=np.full((2, 3, ROBOTS), 2e-5),
+        p_value=flat,
+        held_out_p=flat,
+        flagged=flat > 0,
+        believed=flat.astype(np.int64),
+        converged=flat == 0,
+        extended=np.zeros(ROBOTS, dtype=bool),
+        log_evidence=np.zeros(ROBOTS),
+        before=np.zeros(ROBOTS),
+        mean_error=flat,
+        names=(),
+        normal_error=np.zeros((0, ROBOTS)),
+        nees=np.zeros(0),
+    )
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    return replace(small_campaign(), coverage=(study("rigid", 0.95, 1), study("wen2022", 0.02, 2)))
+
+
+@pytest.fixture(scope="module")
+def path(campaign, tmp_path_factory):
+    return record(tmp_path_factory.mktemp("recording") / "coverage.rrd", campaign)
+
+
+@pytest.fixture(scope="module")
+def opened(path):
+    return store(path)
+
+
+def test_curves_are_the_mean_over_the_robots_so_far(opened, campaign):
+    for one in campaign.coverage:
+        for i, model in enumerate(("geometric", "extended")):
+            at, values = scalars(opened, f"/coverage/{model}/{one.truth}", "robot")
+            naive = [100 * np.mean(one.inside[i, 0, : k + 1]) for k in range(ROBOTS)]
+            assert at.tolist() == list(range(ROBOTS))
+            # two orders of summation of twelve numbers up to 100
+            assert np.abs(values - naive).max() < 1e-12
+
+
+def test_a_robot_is_a_dot_at_its_share_in_its_row(opened, campaign):
+    one = campaign.coverage[1]
+    _, rows = column(opened, "/attained/wen2022/extended/discrepancy/robots", "Points2D:positions")
+    dots = np.array(rows[-1]).reshape(-1, 2)
+    assert np.abs(dots[:, 0] - (PANEL + GAP) - 100 * one.inside[1, 1]).max() < SINGLE
+    assert (np.abs(dots[:, 1] - 3 * ROW) < ROW / 2).all()
+    assert len(np.unique(dots[:, 1])) == ROBOTS
+
+
+def test_the_mean_ends_at_the_share_that_the_report_states(opened, campaign):
+    for cell in cells(campaign.coverage):
+        entity = f"/attained/{cell.truth}/{cell.model}/{cell.statement}/mean"
+        _, rows = column(opened, entity, "Points2D:positions")
+        shift = ("model", "discrepancy", "conformal").index(cell.statement) * (PANEL + GAP)
+        assert rows[-1][0][0] - shift == pytest.approx(100 * cell.share.value, abs=SINGLE)
+        assert cell.believable == (cell.truth == "rigid")
+
+
+def test_the_phase_comes_last_and_the_words_count_what_falls_short(campaign):
+    trial = campaign.trials[0]
+    story = tell(campaign.setting, trial, trial.estimates[0], robots=ROBOTS)
+    bare = tell(campaign.setting, trial, trial.estimates[0])
+    assert [phase.name for phase in story.phases][:4] == [phase.name for phase in bare.phases]
+    last = story.phase("coverage")
+    assert (last.start, last.stop) == (bare.n_steps, story.n_steps)
+    assert len(last.at) == ROBOTS
+    assert len(np.unique(last.at)) == ROBOTS
+    assert np.array_equal(story.q[last.start], bare.q[-1])
+    assert "6 of 12 statements fall short" in words(campaign.coverage)
+
+
+def test_the_file_is_whole(path):
+    assert viewer.verify(path)

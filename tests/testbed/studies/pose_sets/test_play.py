@@ -1,0 +1,77 @@
+"""Many robots: the robot is the unit, pairs are pairs, and the words follow the numbers."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from testbed.run.results import headline
+from testbed.studies.many_robots import log_ratio_over_robots, mean_over_robots
+from testbed.studies.pose_sets.report_population import outcome, population_section
+from tests.reported import SMALL, played
+
+ROBOTS = 20
+
+
+@pytest.fixture(scope="module")
+def crowd():
+    changes = {**SMALL, "uncertainty.replications": 0, "studies.population": ROBOTS}
+    return played("quick", changes)
+
+
+def test_each_trial_and_estimator_has_one_figure_per_robot(crowd):
+    study = crowd.population
+    assert study.mean_error.shape == (2, 2, ROBOTS)
+    assert len(np.unique(study.before)) == ROBOTS
+    assert (study.rms_error >= study.mean_error).all()
+    assert headline(crowd)["population"]["robots"] == ROBOTS
+
+
+def test_on_rigid_robots_stated_u_is_the_empirical_error(crowd):
+    """Each rms over 20 robots and 20 poses; poses share a robot's 30 numbers."""
+    study = crowd.population
+    for i in range(2):
+        rms = np.sqrt(np.mean(study.rms_error[i, 0] ** 2))
+        u = np.sqrt(np.mean(study.stated_u[i, 0] ** 2))
+        # the mean square of a robot scatters by about sqrt(2/5) (a few numbers dominate it);
+        # over 20 robots the root scatters by 7 %, and four of those are allowed
+        assert rms / u == pytest.approx(1.0, abs=0.28)
+        # the paper's estimator claims far less than it errs
+        paper = np.sqrt(np.mean(study.rms_error[i, 1] ** 2))
+        assert paper / np.sqrt(np.mean(study.stated_u[i, 1] ** 2)) > 1.28
+
+
+def test_a_mean_over_robots_has_students_interval():
+    values = np.random.default_rng(0).normal(3.0, 0.5, 24)
+    mean = mean_over_robots(values)
+    low, high = stats.t.interval(0.95, 23, values.mean(), stats.sem(values))
+    assert (mean.low, mean.high) == pytest.approx((low, high), rel=1e-12)
+
+
+def test_confidence_intervals_hold_the_true_ratio_in_95_percent():
+    rng, held = np.random.default_rng(1), 0
+    for _ in range(2000):
+        luck = rng.lognormal(0, 0.5, 12)  # shared by both: the pairing removes it
+        ratio = log_ratio_over_robots(
+            luck * 0.9 * rng.lognormal(0, 0.1, 12), luck * rng.lognormal(0, 0.1, 12)
+        )
+        held += ratio.low <= np.log(0.9) <= ratio.high
+    # binomial: sd of 2000 trials at 0.95 is 0.0049; 3.5 of those
+    assert held / 2000 == pytest.approx(0.95, abs=0.017)
+
+
+def test_words_say_better_worse_or_that_it_cannot_be_told():
+    rng = np.random.default_rng(2)
+    other = rng.lognormal(0, 0.1, 30)
+    assert "is better than" in outcome("a", "b", other * 0.8, other)
+    assert "is worse than" in outcome("a", "b", other * 1.2, other)
+    noise = rng.permutation(other)
+    assert "cannot be told apart" in outcome("a", "b", noise, other)
+
+
+def test_the_report_has_the_section_only_where_many_robots_were_played(crowd):
+    section = population_section(crowd)
+    text = " ".join(section.blocks[2].items)
+    assert "designed-29" in text
+    assert "random-29" in text
+    bare = played("quick", {**SMALL, "uncertainty.replications": 0})
+    assert population_section(bare) is None

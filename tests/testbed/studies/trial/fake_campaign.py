@@ -1,0 +1,163 @@
+"""A campaign of a few milliseconds, for tests of the runner, the run folder and the command."""
+
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.errors import CalibError
+from testbed.scenario.read import Scenario, scenario_of
+from testbed.store import layout, npz
+from testbed.streams import stream
+
+SCENARIO = {
+    "format": 1,
+    "name": "tiny",
+    "seed": 5,
+    "robot": "staubli_tx60",
+    "studies": {"random_sets": 10, "pose_count": True},
+    "trial": [
+        {"name": f"trial-{name}", "poses": 20, "method": "detmax", "criterion": "O1"}
+        for name in "abc"
+    ],
+}
+
+
+def scenario(**changes: object) -> Scenario:
+    return scenario_of(SCENARIO | changes)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Inner:
+    name: str
+    matrix: Array
+    maybe: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FakeSetting:
+    pool: Array
+    parts: tuple[Inner, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FakeTrial:
+    name: str
+    values: Array
+    mean: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FakeStudy:
+    total: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FakeCampaign:
+    scenario: Scenario
+    setting: FakeSetting
+    trials: tuple[FakeTrial, ...]
+    studies: tuple[FakeStudy, ...]
+
+
+class Fake:
+    """Stages that take `pause` seconds each; trials named in `failing` fail."""
+
+    def __init__(self, pause: float = 0.0, failing: tuple[str, ...] = (), size: int = 100) -> None:
+        self.pause, self.failing, self.size = pause, failing, size
+        self.computed: list[str] = []
+
+    def record_keys(self, scenario):
+        on = ("pose_count" if scenario.studies.pose_count else "",)
+        on += ("random_sets" if scenario.studies.random_sets else "",)
+        return ("setting", *(t.name for t in scenario.trial), *filter(None, on))
+
+    def record_type(self, key):
+        studies = {"setting": FakeSetting, "pose_count": FakeStudy, "random_sets": FakeStudy}
+        return studies.get(key, FakeTrial)
+
+    def compute(self, scenario, key, get):
+        time.sleep(self.pause)
+        self.computed.append(key)
+        rng = stream(scenario.seed, "fake", key)
+        if key == "setting":
+            inner = tuple(Inner(f"ö{i}", rng.normal(size=(2, i)), None) for i in range(3))
+            return FakeSetting(rng.normal(size=(self.size, 3)), inner)
+        if key in self.failing:
+            raise CalibError(f"{key} did not work", code="T0")
+        pool = get("setting").pool
+        if key == "pose_count":
+            return FakeStudy(float(pool.sum()))
+        if key == "random_sets":
+            return FakeStudy(sum(get(trial.name).mean for trial in scenario.trial))
+        values = pool.T @ rng.normal(size=(self.size, 4))
+        return FakeTrial(key, values, float(values.mean()))
+
+    def gather(self, scenario, get):
+        studies = [k for k in self.record_keys(scenario) if k in ("pose_count", "random_sets")]
+        return FakeCampaign(
+            scenario,
+            get("setting"),
+            tuple(get(trial.name) for trial in scenario.trial),
+            tuple(get(key) for key in studies),
+        )
+
+    def derive(self, name, campaign, _robot, path: Path):
+        time.sleep(self.pause)
+        values = {trial.name: trial.values for trial in campaign.trials}
+        if name == layout.RESULT:
+            return npz.pretty_json(result(campaign))
+        if name == layout.ARRAYS:
+            return npz.to_bytes({"format": 1}, values)
+        if name == layout.REPORT:
+            return f"<html>{json.dumps(sorted(values))}</html>\n".encode()
+        with path.open("wb") as file:
+            file.write(b"half of ")
+            file.flush()
+            time.sleep(self.pause)
+            file.write(np.concatenate([*values.values()]).tobytes())
+        return None
+
+
+def result(campaign: FakeCampaign) -> dict[str, object]:
+    """As much of a result.json as the headline table needs."""
+    found = {
+        "believable": True,
+        "chi_square_per_dof": None,
+        "held_out_before": {"mean_mm": 0.5},
+        "stated_u_3d_rms_mm": 0.015,
+        "held_out_inside_95": 0.95,
+    }
+    return {
+        "format": 1,
+        "notice": "SIMULATED - not a calibration certificate",
+        "scenario": campaign.scenario.name,
+        "seed": campaign.scenario.seed,
+        "verdict": {"sentence": "it works", "believable": True, "reasons": []},
+        "trials": {
+            trial.name: {
+                "poses": 20,
+                "estimates": {
+                    "whitened": {
+                        **found,
+                        "held_out_after": {
+                            "mean_mm": abs(trial.mean),
+                            "p95_mm": 0.02,
+                            "max_mm": 0.03,
+                        },
+                    }
+                },
+            }
+            for trial in campaign.trials
+        },
+    }
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    """Bytes of every file that must not depend on when, in what order or how often."""
+    names = [layout.SCENARIO, layout.MANIFEST, *layout.DERIVED]
+    names += [f"trials/{path.name}" for path in sorted((folder / layout.TRIALS).iterdir())]
+    return {name: (folder / name).read_bytes() for name in names}

@@ -1,0 +1,150 @@
+"""Figures: what is drawn is the data, in bytes that repeat, readable without color."""
+
+import os
+import re
+import subprocess
+import sys
+from colorsys import rgb_to_hls
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from testbed.report.svg import DARK, FAINT, LIGHT, MIDDLE
+from testbed.studies.trial import plots, plots_uncertainty
+from tests.reported import bare_campaign, paper_campaign, point_campaign, rigid_campaign
+
+SVG = "{http://www.w3.org/2000/svg}"
+ROOT = Path(__file__).parents[4]
+
+
+def markers(svg, style):
+    """Positions (k, 2) of the markers of one fill or outline, in drawing order."""
+    pattern = r'<use xlink:href="#[^"]+" x="([-\d.]+)" y="([-\d.]+)" style="([^"]*)"'
+    return np.array(
+        [(float(x), float(y)) for x, y, look in re.findall(pattern, svg) if style in look]
+    )
+
+
+def all_figures(campaign):
+    """Every figure a campaign can have, by name."""
+    out = {
+        "held-out": plots.held_out_errors(campaign),
+        "calibration": plots.calibration_errors(campaign),
+        "space": plots.pose_space(campaign),
+        "parameters": plots_uncertainty.parameter_errors(campaign.trials[0]),
+    }
+    searched = [trial for trial in campaign.trials if trial.method == "detmax"]
+    if searched:
+        out["search"] = plots.search_convergence(searched)
+    if campaign.random_sets:
+        out["random"] = plots.random_sets(campaign.random_sets)
+    if campaign.pose_count:
+        out["count"] = plots.pose_count(campaign.pose_count)
+    if campaign.paper_budget:
+        out["budget"] = plots_uncertainty.parameter_budget(campaign.paper_budget)
+    if campaign.tool_point:
+        out["zero"] = plots_uncertainty.zero_pose_regions(campaign.tool_point)
+        out["tool"] = plots_uncertainty.held_out_uncertainty(campaign.tool_point)
+    return out
+
+
+@pytest.mark.parametrize("make", [paper_campaign, rigid_campaign, bare_campaign, point_campaign])
+def test_every_figure_is_one_well_formed_svg_element_without_anything_from_outside(make):
+    for name, svg in all_figures(make()).items():
+        root = ET.fromstring(svg)
+        assert root.tag == f"{SVG}svg", name
+        assert not [e for e in root.iter() if e.tag in {f"{SVG}style", f"{SVG}script"}]
+        used = set(re.findall(r"(?:href=\"|url\()#([^\")]+)", svg))
+        assert used == set(re.findall(r'\bid="([^"]+)"', svg)), name
+        assert not re.search(r"(?:href=\"|url\()[^#]", svg), name
+
+
+def test_held_out_markers_stand_where_the_logarithm_of_the_error_says():
+    campaign = bare_campaign()
+    (trial,) = campaign.trials
+    svg = plots.held_out_errors(campaign)
+    error = trial.estimates[0].comparison.after
+    drawn = markers(svg, f"fill: {DARK}")
+    # the legend draws one marker more, and the last of all
+    height = drawn[: len(error), 1]
+    slope, offset = np.polyfit(np.log10(error), height, 1)
+    assert slope < 0
+    # positions are written with six decimals of a point
+    np.testing.assert_allclose(height, slope * np.log10(error) + offset, atol=1e-4)
+    np.testing.assert_allclose(np.diff(drawn[: len(error), 0], 2), 0.0, atol=1e-4)
+
+
+def test_calibration_errors_are_distances_between_seen_and_predicted_reflectors():
+    campaign = point_campaign()
+    trial = campaign.trials[0]
+    model = trial.estimates[0].identification.model
+    seen = trial.measurements
+    one_by_one = [
+        np.linalg.norm(seen.position[k] - (T @ np.append(seen.offset[k], 1.0))[:3])
+        for k, T in enumerate(model.poses(seen.q))
+    ]
+    # differences of lengths near one metre: a few times 1e-16
+    np.testing.assert_allclose(plots.measured_distance(trial, model), one_by_one, atol=1e-15)
+
+
+def test_every_pool_pose_is_drawn_once_in_each_view():
+    campaign = bare_campaign()
+    svg = plots.pose_space(campaign)
+    pool = campaign.setting.pool_nominal[:, :3, 3]
+    paths = [
+        path
+        for path, look in re.findall(r'<path d="([^"]+)"[^>]*style="([^"]*)"', svg)
+        if FAINT in look
+    ]
+    assert len(paths) == 2
+    for path, column in zip(paths, (1, 2), strict=True):
+        points = np.array(re.findall(r"M ([-\d.]+) ([-\d.]+)", path), dtype=float)
+        assert len(points) == len(pool)
+        slope, offset = np.polyfit(pool[:, column], points[:, 1], 1)
+        np.testing.assert_allclose(points[:, 1], slope * pool[:, column] + offset, atol=1e-4)
+
+
+def test_the_same_campaign_gives_the_same_bytes():
+    assert all_figures(bare_campaign()) == all_figures(bare_campaign())
+
+
+def test_bytes_do_not_depend_on_the_hash_seed_of_the_process():
+    code = (
+        "import sys, numpy as np\n"
+        "from testbed.studies.trial.plots import pose_count\n"
+        "from testbed.studies.trial.records import PoseCountStudy\n"
+        "n = np.arange(6, 60)\n"
+        "m = np.outer(np.arange(1.0, 6.0), 1 - 1 / n)\n"
+        "s = PoseCountStudy(n, ('O1', 'O2', 'O3', 'O4', 'O5'), m, m, 0.01 * m, (30, None))\n"
+        "sys.stdout.write(pose_count(s))\n"
+    )
+    outputs = [
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": str(ROOT)},
+            capture_output=True,
+            check=True,
+        ).stdout
+        for seed in ("1", "2")
+    ]
+    assert outputs[0] == outputs[1]
+    assert b"the rule: 30 poses" in outputs[0]
+    assert outputs[0].count(b"the rule") == 1
+
+
+def test_series_differ_in_marker_and_in_lightness_not_only_in_hue():
+    looks = list(plots.LOOKS.values())
+    assert len({look["marker"] for look in looks}) == len(looks)
+    gray = sorted(
+        rgb_to_hls(*(int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)))[1]
+        for color in (DARK, MIDDLE, LIGHT)
+    )
+    # a tenth of the scale between neighbors is still told apart on paper
+    assert min(np.diff(gray)) > 0.1
+
+
+def test_captions_say_when_a_figure_shows_only_the_first_trials():
+    assert plots.only([1, 2, 3], 4) == ""
+    assert plots.only([1, 2, 3, 4, 5], 4) == " (the first 4 of 5)"

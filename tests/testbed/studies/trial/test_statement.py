@@ -1,0 +1,445 @@
+"""What may be believed of a calibration: sources, shots, held-out poses, and the words for it."""
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from calib.errors import InputError
+from calib.uncertainty.discrepancy import Discrepancy
+from calib.uncertainty.tool_point import tool_statement
+from testbed.laboratory.campaign_bench import make_setting, open_bench
+from testbed.laboratory.tracker.tracker import bias_size
+from testbed.robots.catalog import load_robot
+from testbed.run import campaign
+from testbed.scenario.hashes import record_hash
+from testbed.scenario.read import changed, load_scenario
+from testbed.store.codec import pack, unpack
+from testbed.studies.trial.compare import attained, target_prediction
+from testbed.studies.trial.estimator import estimator_for
+from testbed.studies.trial.records import Campaign, Trial
+from testbed.studies.trial.report import errors_in_words, next_step
+from testbed.studies.trial.statement.report import (
+    reasons,
+    secret_section,
+    statement_headline,
+    statement_section,
+    truth_headline,
+)
+from testbed.studies.trial.statement.sources import drift_left
+from testbed.studies.trial.statement.state import moved_targets, moving_axes, state
+from testbed.studies.trial.statement.suspects import sound_shots
+from testbed.studies.trial.validation import validation_visit
+from testbed.studies.trial.verdict import BAD, INVALID, OPEN, judge, trial_verdict
+from tests.testbed.run.test_campaign import same
+
+SMALL: dict[str, Any] = {
+    "pool.size": 70,
+    "uncertainty.repeats": 3,
+    "uncertainty.replications": 0,
+    "studies.random_sets": 0,
+    "identification.estimators": ["whitened"],
+}
+AT960 = {"preset": "at960"}
+LOOSE = {"preset": "at960", "outliers": 3, "missed": 2}
+
+
+def played(poses: int = 29, **changes: Any) -> Campaign:
+    """Quick with one random trial and other keys, played; dots are written as two underscores."""
+    keys = {name.replace("__", "."): value for name, value in changes.items()}
+    trial = [{"name": "one", "poses": poses, "method": "random"}]
+    scenario = changed(load_scenario("quick"), {**SMALL, "trial": trial, **keys})
+    records: dict[str, Any] = {}
+
+    def get(key: str) -> Any:
+        if key not in records:
+            records[key] = campaign.compute(scenario, key, get)
+        return records[key]
+
+    return campaign.gather(scenario, get)
+
+
+@cache
+def rigid() -> Campaign:
+    return played()
+
+
+@cache
+def sagging() -> Campaign:
+    return played(truth={"preset": "wen2022"})
+
+
+@cache
+def at960() -> Campaign:
+    return played(tracker=AT960, truth={"preset": "rigid"})
+
+
+@cache
+def systematic() -> Campaign:
+    return played(tracker={**AT960, "systematic": True}, truth={"preset": "rigid"})
+
+
+@cache
+def loose() -> Campaign:
+    """Three wrong shots and two missed ones in each visit, and a loss that expects them."""
+    return played(61, tracker=LOOSE, identification__loss="cauchy")
+
+
+def estimate(of: Campaign):
+    return of.trials[0].estimates[0]
+
+
+def visits(of: Campaign):
+    bench = open_bench(of.scenario, of.setting)
+    chosen = of.trials[0].selection.indices
+    span = len(chosen) * bench.tracker.pose_time
+    return bench, [bench.measure_pool(chosen, "visit", "one", repeat=k, start=k * span)
+                   for k in range(of.scenario.uncertainty.repeats)]  # fmt: skip
+
+
+def test_on_a_rigid_robot_the_model_is_believed_and_holds_the_truth():
+    told = estimate(rigid()).statement
+    assert told.trust.believe == "model"
+    assert told.names == ("model", "bootstrap", "discrepancy", "conformal")
+    # points of one robot share its parameter error: the share may be far from 95 %
+    assert told.attained.min() > 0.8
+    assert told.bootstrap.agrees
+    assert told.linear.validated
+    assert told.lack_of_fit.p_value > 1e-3
+    assert told.held_out.p_value > 1e-3
+    assert not judge(rigid().trials[0], estimate(rigid())).contradicted
+
+
+def test_where_joints_sag_the_first_words_say_that_the_model_based_interval_is_not_valid():
+    trial, one = sagging().trials[0], estimate(sagging())
+    told, verdict = one.statement, judge(trial, one)
+    assert told.trust.believe == "conformal"
+    assert told.attained[0] < 0.2 < 0.7 < told.attained[told.names.index("conformal")]
+    assert verdict.sentence.startswith("The model-based interval is not valid here: the residuals")
+    assert "believe the conformal radius" in verdict.sentence
+    assert f"{told.conformal.radius * 1e6:.0f} um at 95 %" in verdict.sentence
+    assert "the scatter of repeats explains" in verdict.sentence
+    assert verdict.mark == INVALID
+    assert verdict.contradicted
+    assert reasons(told)[0].startswith("The model-based interval is not valid here")
+    # no p-value of a hundred zeros, and micrometres as one letter
+    assert "e-" not in " ".join(reasons(told))
+    assert " um" not in " ".join(reasons(told))
+
+
+def test_the_extended_model_earns_belief_where_the_geometric_one_lost_it():
+    of = played(truth={"preset": "wen2022"}, identification__model="choose")
+    one = estimate(of)
+    assert one.statement.model == "extended"
+    assert one.statement.trust.believe == "model"
+    assert one.replications is None
+    assert one.statement.bootstrap is None
+    assert one.statement.attained[0] > 0.6
+    verdict = judge(of.trials[0], one)
+    assert verdict.mark == OPEN
+    assert "rests on a prior" in verdict.sentence
+    assert (
+        one.comparison.accuracy_after.mean
+        < 0.5 * estimate(sagging()).comparison.accuracy_after.mean
+    )
+
+
+def test_the_sources_sum_to_what_the_estimate_states():
+    for of in (rigid(), at960(), loose()):
+        one = estimate(of)
+        told, q = one.statement, of.setting.test_q
+        assert np.sqrt((told.source_u**2).sum()) == pytest.approx(told.combined_u, rel=1e-9)
+        u = tool_statement(one.identification.model, q, one.identification.full_covariance).point
+        # the fit takes its curvature at what was measured, the budget at what is predicted
+        assert told.combined_u == pytest.approx(np.sqrt(np.mean(u**2)), rel=2e-3)
+    assert estimate(at960()).statement.sources == ("tracker noise", "joint repeatability")
+    assert estimate(rigid()).statement.sources == ("tracker noise",)
+
+
+def test_the_systematic_part_is_what_shifted_readings_do_to_the_fit():
+    """Second method: every number of the tracker's error played by itself, and the fit repeated."""
+    of = systematic()
+    bench, (seen, *_) = visits(of)
+    told, found = estimate(of).statement, estimate(of).identification
+    T = of.setting.nominal.poses(seen.q)
+    size = bias_size(of.scenario.tracker)
+    B = size.sensitivity(bench.tracker.targets(T), T[:, :3, :3], bench.tracker.T_world_tracker)
+    estimator = estimator_for(bench, "whitened", seen)
+    total = np.zeros_like(told.systematic)
+    # small enough that turns add like vectors: only the target's turn moves rotations
+    for k in range(9):
+        moved = replace(seen, position=seen.position + B[:, :3, k] * np.sqrt(size.variance[k]))
+        step = estimator.fit(moved, found.parameters).step - found.step
+        total += np.outer(step, step)
+    own = np.sqrt(np.diag(told.systematic))
+    counted = np.sqrt(np.diag(total))
+    turned = np.isin(found.names, ("tool.rx", "tool.ry", "tool.rz", "theta6"))
+    np.testing.assert_allclose(counted[~turned], own[~turned], rtol=0.02, atol=1e-9)
+    assert told.combined_u > 1.5 * estimate(at960()).statement.combined_u
+    stated = np.sqrt(
+        np.mean(np.trace(estimate(of).comparison.covariance[:, :3, :3], axis1=1, axis2=2))
+    )
+    assert stated == pytest.approx(told.combined_u, rel=2e-3)
+    # repeats of one campaign share the station's errors
+    assert estimate(of).replications is None
+    assert any("are added to the conformal radius" in text for text in told.warnings)
+
+
+def test_what_is_stated_contains_the_systematic_part_and_the_words_do_not_promise_it_away():
+    of = systematic()
+    told, found = estimate(of).statement, estimate(of).identification
+    judge_q, index = of.validation.judge_q, found.parameters.free_index
+    shared = np.zeros_like(found.full_covariance)
+    shared[np.ix_(index, index)] = told.systematic
+    J = found.model.poses_and_jacobian(judge_q)[1][:, :3]
+    whole, part = (J @ C @ np.swapaxes(J, 1, 2) for C in (found.full_covariance + shared, shared))
+    volume = np.sqrt(np.linalg.det(whole)) * stats.chi2.ppf(0.95, 3) ** 1.5
+    assert told.radius[told.names.index("model")] == pytest.approx(np.cbrt(volume).mean(), rel=1e-6)
+    # no held-out pose can show what both visits have in common: it is added
+    reach = np.sqrt(np.linalg.eigvalsh(part)[:, -1] * stats.chi2.ppf(0.95, 3)).mean()
+    added = told.radius[told.names.index("conformal")] - told.conformal.radius
+    assert added == pytest.approx(reach, rel=1e-6)
+    advice = next_step(of)
+    assert advice.startswith("Nothing speaks against the stated uncertainty, but not all of it")
+    assert "halve" not in advice
+    noise = np.isin(told.sources, ("tracker noise", "joint repeatability"))
+    u = np.sqrt((told.source_u[noise] ** 2).sum() / 4 + (told.source_u[~noise] ** 2).sum())
+    assert f"would bring u to {1e3 * u:.2g} mm at best" in advice
+    assert "would halve u" in next_step(rigid())
+
+
+def test_shares_inside_the_ball_are_counted_at_the_judging_poses():
+    of = sagging()
+    told, model = estimate(of).statement, estimate(of).identification.model
+    gap = of.validation.judge_true - model.poses(of.validation.judge_q)[:, :3, 3]
+    distance = np.linalg.norm(gap, axis=1)
+    share = np.mean(distance <= told.radius[told.names.index("conformal")])
+    assert told.attained[told.names.index("conformal")] == share
+    region = tool_statement(model, of.validation.judge_q, np.zeros((model.n_numbers,) * 2))
+    assert attained(of.validation, (region,), float(np.median(distance)))[1] == 0.5
+
+
+def test_a_station_that_wanders_is_known_to_be_in_no_covariance():
+    drifts = {**AT960, "drift_um_per_sqrt_h": 20.0}
+    of = played(tracker=drifts, truth={"preset": "rigid"})
+    told, verdict = estimate(of).statement, judge(of.trials[0], estimate(of))
+    assert told.trust.believe == "conformal"
+    assert "the station wanders" in told.trust.sentences[0]
+    assert verdict.mark == INVALID
+    assert verdict.contradicted
+    # by playing: what the drift of many visits leaves in the readings
+    bench, rng = open_bench(of.scenario, of.setting), np.random.default_rng(2)
+    drift, time = bench.tracker.drift, np.arange(0.0, 3600.0, 10.0)
+    nests = bench.tracker.own_covariance(drift.nests)[:, :3, :3]
+    left = [drift.walk(time, rng) + drift.nest_noise(time, nests, rng) for _ in range(200)]
+    rms = np.sqrt(np.mean(np.sum(np.square(left), axis=2)))
+    # 1200 rounds, each one draw of a walk: 2 % and four of them
+    assert drift_left(bench) == pytest.approx(rms, rel=0.08)
+    assert drift_left(open_bench(at960().scenario, at960().setting)) == 0
+
+
+def test_chance_is_not_called_a_misfit_of_the_model():
+    told = estimate(rigid()).statement
+    assert told.held_out.p_value > 0.05
+    assert "that the model does not explain" not in " ".join(reasons(told))
+    assert "that the model does not explain" in " ".join(reasons(estimate(sagging()).statement))
+    noise = replace(told.discrepancy, covariance=np.eye(3) * 1e-12)
+    assert "no more than chance" in " ".join(reasons(replace(told, discrepancy=noise)))
+
+
+def test_wrong_shots_are_named_by_pose_and_cost_next_to_nothing():
+    told, clean = estimate(loose()), estimate(played_without_outliers())
+    _, (seen, *_) = visits(loose())
+    _, (good, *_) = visits(played_without_outliers())
+    wrong = np.abs(seen.position - good.position).max(axis=1) > 0
+    assert wrong.sum() == 3
+    assert set(told.statement.outlier_poses) == set(seen.pose_id[wrong])
+    assert len(told.statement.outliers) == 3
+    # three gross errors in 61 poses: within 20 % of the clean fit
+    after = told.comparison.accuracy_after.mean
+    assert after == pytest.approx(clean.comparison.accuracy_after.mean, rel=0.2)
+    aside = set(told.statement.set_aside)
+    shots, sound = loose().validation.seen, played_without_outliers().validation.seen
+    gross = np.linalg.norm(shots.position - sound.position, axis=1) > 0
+    assert aside == set(shots.pose_id[gross])
+    assert len(told.statement.held_out) == 50 - 2 - 3
+    assert told.statement.trust.believe == "model"
+    assert "gross errors" in told.statement.sources
+
+
+@cache
+def played_without_outliers() -> Campaign:
+    return played(61, tracker={**LOOSE, "outliers": 0}, identification__loss="cauchy")
+
+
+def test_under_the_squared_loss_wrong_shots_are_named_and_nothing_is_set_aside():
+    of = played(61, tracker=LOOSE)
+    told = estimate(of).statement
+    assert set(told.outlier_poses) == set(estimate(loose()).statement.outlier_poses)
+    assert not len(told.set_aside)
+    assert not told.trust.model_valid
+    assert any('write loss = "cauchy"' in text for text in told.warnings)
+
+
+def test_what_the_model_misses_everywhere_is_no_gross_error():
+    """All held-out errors three times what is stated, and one of a millimetre: only that goes."""
+    found, shots = estimate(loose()).identification, rigid().validation.seen
+    at = found.model.poses(shots.q)[:, :3, 3]
+    true = rigid().setting.test_true[:, :3, 3]
+    position = at + 3 * (shots.position - true)
+    position[7] += [1e-3, 0.0, 0.0]
+    kept, aside = sound_shots(
+        found, replace(shots, position=position), loose().trials[0].measurements
+    )
+    assert list(aside) == [7]
+    assert len(kept) == len(shots) - 1
+    squared = replace(found, loss="squared")
+    used = loose().trials[0].measurements
+    assert len(sound_shots(squared, replace(shots, position=position), used)[0]) == len(shots)
+
+
+@pytest.mark.parametrize(
+    ("poses", "missing"), [(18, ("conformal",)), (9, ("conformal", "discrepancy"))]
+)
+def test_too_few_held_out_poses_are_a_warning_and_no_radius(poses, missing):
+    of = played(test__poses=poses, truth={"preset": "wen2022"})
+    told = estimate(of).statement
+    assert not set(missing) & set(told.names)
+    assert f"were measured ({poses}) for a 95 % radius" in told.warnings[0]
+    assert f"error at {poses} held-out poses reaches" in errors_in_words(estimate(of).comparison)
+    assert "write [test] poses = 19 or more" in told.warnings[0]
+    assert told.conformal is None
+    assert told.trust.believe == ("discrepancy" if poses == 18 else "none")
+    text = trial_verdict(of).sentence
+    assert ("as an approximation" in text) == (poses == 18)
+    assert ("no statement about the tool point can be believed" in text) == (poses == 9)
+    # where no discrepancy is known, the map shows what is not valid, and says so
+    section = " ".join(getattr(block, "caption", "") for block in statement_section(of).blocks)
+    assert ("model-based, which is not valid here" in section) == (poses == 9)
+    assert ("so the map is flat" in section) == (poses == 18)
+
+
+def test_a_validation_set_that_was_identified_from_is_refused():
+    of = rigid()
+    bench, tables = visits(of)
+    estimator = estimator_for(bench, "whitened", tables[0])
+    again = replace(of.validation, seen=tables[0])
+    with pytest.raises(InputError, match="validation pose 0 is pose 0 of the identification"):
+        state(bench, estimator, estimator.fit(tables[0]), tables, again, "one")
+
+
+def test_the_validation_visit_sees_the_held_out_poses_with_the_stated_noise():
+    of = rigid()
+    seen, true = of.validation.seen, of.setting.test_true
+    assert np.array_equal(seen.q, of.setting.test_q)
+    error = (seen.position - true[:, :3, 3]) / np.sqrt(seen.covariance[:, range(3), range(3)])
+    # 150 standard normal numbers: mean square 1 -+ 4 sqrt(2 / 150)
+    assert np.mean(error**2) == pytest.approx(1, abs=0.46)
+    taken = {row.tobytes() for row in (*of.setting.pool_q, *of.setting.test_q)}
+    assert not any(row.tobytes() in taken for row in of.validation.judge_q)
+
+
+def test_the_truth_is_taken_apart_term_by_term():
+    scenario = changed(
+        rigid().scenario, {"truth": {"preset": "unmodelled", "joint_repeatability_mdeg": 1.0}}
+    )
+    found = validation_visit(scenario, make_setting(scenario))
+    assert found.terms == (
+        "geometry", "gravity", "harmonics", "high_harmonics", "backlash", "repeatability"
+    )  # fmt: skip
+    named = truth_headline(found)["terms_rms_mm"]
+    assert named["geometry"] == pytest.approx(0.7, abs=0.3)
+    assert 0.02 < named["harmonics"] < named["gravity"] < 0.3
+    table = secret_section(replace(rigid(), validation=found)).blocks[1]
+    assert table.rows[0][0] == "geometry"
+    assert table.rows[-1][0] == "all together"
+    assert (
+        "Beyond any geometric model"
+        in secret_section(replace(rigid(), validation=found)).blocks[0].text
+    )
+
+
+def test_a_target_on_the_tool_is_carried_as_moved_models_carry_it():
+    nominal, rng = load_robot("staubli_tx60").model, np.random.default_rng(3)
+    q, target = rng.uniform(-1, 1, (2, 6)), np.array([0.05, 0.03, 0.08])
+    steps = 1e-2 * rng.standard_normal((4, 42))
+    expected = [
+        [T[:3, 3] + T[:3, :3] @ target for T in nominal.moved(step).poses(q)] for step in steps
+    ]
+    np.testing.assert_allclose(moved_targets(nominal, q, steps, target), expected, atol=1e-12)
+    C = np.diag(rng.uniform(0, 1e-8, 42))
+    stated = tool_statement(nominal, q, C, target=target)
+    point, _, sigma = target_prediction(nominal, q, target, C)
+    np.testing.assert_allclose(stated.position, point, atol=1e-15)
+    np.testing.assert_allclose(stated.covariance, sigma[:, :3, :3], rtol=1e-12, atol=1e-20)
+    plain, at_zero = (
+        tool_statement(nominal, q, C),
+        tool_statement(nominal, q, C, target=np.zeros(3)),
+    )
+    np.testing.assert_allclose(plain.covariance, at_zero.covariance, rtol=1e-12)
+
+
+def test_a_point_that_scatters_in_a_plane_only_is_judged_in_that_plane():
+    flat = np.diag([1.0, 4.0, 0.0])
+    axes = moving_axes(flat)
+    assert axes.shape == (3, 2)
+    assert not axes[2].any()
+    assert np.array_equal(moving_axes(np.eye(3)), np.eye(3))
+
+
+def test_a_statement_survives_the_disk_and_its_keys_have_units():
+    for of in (rigid(), loose(), systematic()):
+        trial = of.trials[0]
+        assert same(unpack(Trial, pack(trial)), trial)
+        said = statement_headline(estimate(of).statement)
+        believed = [name for name, one in said["statements"].items() if one["believed"]]
+        assert believed == ["model"]
+        assert said["budget_u_3d_um"]["combined"] == pytest.approx(
+            estimate(of).statement.combined_u * 1e6
+        )
+    assert said["validation"]["poses"] == 50
+
+
+def test_a_record_hangs_on_the_largest_trial_only_where_the_robot_grows_warm():
+    robot = load_robot("staubli_tx60")
+    longer = [{"name": "one", "poses": 29, "method": "random"},
+              {"name": "two", "poses": 40, "method": "random"}]  # fmt: skip
+    for warm, moves in ((0.0, False), (2.0, True)):
+        first = changed(rigid().scenario, {"truth.thermal_k": warm})
+        more = changed(first, {"trial": longer})
+        for key in ("setting", "validation", "one"):
+            same_hash = record_hash(first, robot, key) == record_hash(more, robot, key)
+            assert same_hash is not moves
+
+
+def test_the_section_has_a_row_per_statement_and_marks_the_one_to_believe():
+    section = statement_section(sagging())
+    table = section.blocks[0]
+    assert [row[1] for row in table.rows] == [
+        "model-based region", "region of the bootstrap", "region with discrepancy", "conformal ball"
+    ]  # fmt: skip
+    assert [row[-1] for row in table.rows] == ["NO", "NO", "approximate", "yes"]
+    assert table.strong == (3,)
+    assert section.blocks[1].text == "one, geometric model: as the scenario says."
+    assert "<svg" in section.blocks[-1].svg
+
+
+def test_a_statement_that_the_truth_alone_contradicts_is_still_not_believed():
+    """Sound residuals and held-out poses, but replications that miss: the truth knows better."""
+    of = played(uncertainty__replications=10)
+    one = estimate(of)
+    assert one.statement.trust.model_valid
+    short = replace(one.replications, tool_coverage=one.replications.tool_coverage * 0.2)
+    verdict = judge(of.trials[0], replace(one, replications=short))
+    assert verdict.mark == BAD
+    assert "must not be believed" in verdict.sentence
+
+
+def test_the_radius_of_a_region_with_discrepancy_is_the_wider_one():
+    told = estimate(sagging()).statement
+    model, wide = (told.radius[told.names.index(name)] for name in ("model", "discrepancy"))
+    assert isinstance(told.discrepancy, Discrepancy)
+    assert wide > 3 * model

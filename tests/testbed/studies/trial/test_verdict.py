@@ -1,0 +1,77 @@
+"""The verdict: what makes a statement believable, and how often chance alone would break it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from testbed.studies.trial.verdict import judge
+from tests.reported import played
+
+
+def trial_of(**changes):
+    small = {
+        "pool.size": 80,
+        "test.poses": 20,
+        "uncertainty.repeats": 2,
+        "uncertainty.replications": 40,
+        "studies.random_sets": 0,
+        "trial": [{"name": "one", "poses": 29, "method": "random"}],
+    }
+    return played("quick", {**small, **changes}).trials[0]
+
+
+@pytest.fixture(scope="module")
+def honest():
+    return trial_of()
+
+
+def test_a_rigid_robot_is_believed_and_the_papers_estimator_is_not(honest):
+    default, paper = honest.estimates
+    assert judge(honest, default).believable
+    assert "can be believed" in judge(honest, default).sentence
+    verdict = judge(honest, paper)
+    assert not verdict.believable
+    assert "must not be believed" in verdict.sentence
+    assert any("NEES" in reason for reason in verdict.reasons)
+
+
+def test_residuals_alone_unmask_sagging_joints_as_a_real_laboratory_would():
+    trial = trial_of(
+        **{
+            "truth.preset": "wen2022",
+            "truth.gravity_mdeg": [10.0, 6.0, 8.0],
+            "truth.harmonic_mdeg": 6.0,
+            "uncertainty.replications": 0,
+        }
+    )
+    verdict = judge(trial, trial.estimates[0])
+    assert not verdict.believable
+    assert verdict.reasons[0].startswith("chi-square")
+
+
+def test_a_statement_ten_times_too_small_is_caught_by_each_test_alone(honest):
+    estimate = honest.estimates[0]
+    played = estimate.replications
+    small = replace(played, nees=played.nees * 100)
+    assert not judge(honest, replace(estimate, replications=small)).believable
+    short = replace(played, parameter_coverage=played.parameter_coverage * 0.2)
+    assert not judge(honest, replace(estimate, replications=short)).believable
+    outside = replace(played, tool_coverage=played.tool_coverage * 0.2)
+    assert not judge(honest, replace(estimate, replications=outside)).believable
+    found = replace(estimate.identification, p_value=1e-4)
+    assert not judge(honest, replace(estimate, identification=found)).believable
+
+
+@pytest.mark.truth
+@pytest.mark.slow
+def test_chance_alone_hardly_ever_breaks_an_honest_statement():
+    """Three tests of 99.9 % each: 12 honest robots are all believed with probability 0.96."""
+    believed = [
+        judge(trial, trial.estimates[0]).believable
+        for trial in (
+            trial_of(**{"seed": seed, "identification.estimators": ["whitened"]})
+            for seed in range(12)
+        )
+    ]
+    assert np.sum(believed) >= 11
