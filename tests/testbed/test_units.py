@@ -1,15 +1,32 @@
 """How numbers are written: rounding by the uncertainty, units, signs."""
 
+import json
 import math
+from dataclasses import dataclass
+from typing import Annotated
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from calib.arrays import Array
 from testbed import units as quantities
 from testbed.units import (
+    AS_NAMED,
+    METRE,
+    ONE,
+    RADIAN,
+    SECOND,
+    Mean,
+    Quantity,
+    as_arrays,
+    as_json,
+    below,
     counted,
     decimals,
+    declared,
+    fields_of,
     fixed,
     percent,
     probability,
@@ -74,8 +91,95 @@ def test_small_p_values_are_not_written_out_and_shares_keep_their_sign_on_the_li
 
 
 def test_millimetres_and_degrees_are_those_of_numpy_and_of_the_metre():
-    import numpy as np
-
     both = quantities.in_units(np.array([0.001, np.pi]), np.array([True, False]))
     np.testing.assert_allclose(both, [1.0, 180.0], rtol=1e-15)
     assert [quantities.unit_of(True), quantities.unit_of(False)] == ["mm", "deg"]
+
+
+@dataclass(frozen=True)
+class Played:
+    """A record whose fields declare their units."""
+
+    radius: Annotated[Array, METRE]
+    share: Array
+    turn: Annotated[float, RADIAN] = 0.0
+
+
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1))
+def test_a_quantity_shows_the_very_bits_of_value_times_factor(numbers):
+    array = np.array(numbers)
+    with np.errstate(over="ignore"):
+        for ending, unit, factor in (
+            ("mm", METRE, 1e3), ("um", METRE, 1e6), ("m", METRE, 1.0),
+            ("deg", RADIAN, 180 / np.pi), ("mdeg", RADIAN, 180e3 / np.pi),
+        ):  # fmt: skip
+            name = f"some/error_{ending}"
+            assert Quantity(name, array, unit).plain == (factor * array).tolist()
+            assert Quantity(name, array[0], unit).plain == float(array[0] * factor)
+            assert Quantity(name, numbers[0], unit).plain == numbers[0] * factor
+            np.testing.assert_array_equal(Quantity(name, array, unit).array, array * factor)
+
+
+def test_a_document_nests_by_name_in_order_and_holds_only_what_json_has():
+    document = as_json(
+        [
+            Quantity("robots", np.int64(8)),
+            Quantity("truths/rigid/before_mm", np.float64(0.25), METRE),
+            Quantity("truths/rigid/passed", np.bool_(True)),
+            Quantity("budget_u_3d_um", {"tracker": np.float64(1e-6), "combined": None}, METRE),
+            *below("truths/full.2", [Quantity("u_s", (1.5, 2), SECOND), Quantity("verdict", "ok")]),
+            Quantity("trials", {}),
+            Quantity("clearance_mm/wanted", 10, AS_NAMED),
+        ]
+    )
+    assert json.dumps(document) == json.dumps(
+        {
+            "robots": 8,
+            "truths": {
+                "rigid": {"before_mm": 250.0, "passed": True},
+                "full.2": {"u_s": [1.5, 2], "verdict": "ok"},
+            },
+            "budget_u_3d_um": {"tracker": 1.0, "combined": None},
+            "trials": {},
+            "clearance_mm": {"wanted": 10},
+        }
+    )
+
+
+def test_a_mean_is_shown_with_its_interval_and_a_printed_one_without():
+    mean = Mean(0.5e-3, 0.1e-3)
+    shown = Quantity("before_mm", mean, METRE).plain
+    assert shown == {"value": mean.value * 1e3, "ci_95": [mean.low * 1e3, mean.high * 1e3]}
+    for width in (0.0, math.inf, math.nan):
+        assert Quantity("ratio", Mean(2.0, width)).plain == {"value": 2.0, "ci_95": None}
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("mean", METRE), ("mean_mm/rms", RADIAN), ("mean_deg", METRE), ("meanmm", METRE),
+     ("mean_mm", ONE), ("turn_deg", ONE), ("radius_m", ONE), ("time", SECOND)],
+)  # fmt: skip
+def test_a_name_that_does_not_end_in_its_unit_is_refused(name, unit):
+    with pytest.raises(ValueError, match=name):
+        Quantity(name, 1.0, unit)
+
+
+def test_a_unit_may_end_an_outer_name_and_the_innermost_counts():
+    assert Quantity("budget_um/tracker", 1.0, METRE).plain == 1e6
+    assert Quantity("budget_um/tracker_mm", 1.0, METRE).plain == 1e3
+    assert Quantity("clearance_mm/poses", 3).plain == 3  # one count in a table of lengths
+
+
+def test_nothing_is_published_twice():
+    with pytest.raises(ValueError, match="twice"):
+        as_json([Quantity("a/b", 1), Quantity("a/b", 2)])
+
+
+def test_fields_of_a_record_bring_the_units_that_they_declare():
+    record = Played(np.array([1e-3, 2e-3]), np.array([0.5]))
+    assert [declared(Played, name) for name in ("radius", "share", "turn")] == [METRE, ONE, RADIAN]
+    stored = as_arrays(below("coverage", fields_of(record, {"radius_m": "radius", "in": "share"})))
+    assert list(stored) == ["coverage/radius_m", "coverage/in"]
+    assert stored["coverage/radius_m"] is record.radius
+    with pytest.raises(ValueError, match="radius"):
+        fields_of(record, {"radius": "radius"})
