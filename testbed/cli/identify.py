@@ -70,10 +70,10 @@ def identify(
         from testbed.identify.words import terminal_text
         from testbed.robots.catalog import load_robot
         from testbed.store.layout import MANIFEST, REPORT, RESULT
-        from testbed.store.plan_folder import check_free
+        from testbed.store.run_folder import check_free
 
         folder = out or default_folder(data)
-        check_free(folder, overwrite=overwrite, marker=MANIFEST)
+        check_free(folder, MANIFEST, overwrite=overwrite)
         arm = load_robot(
             robot, tip=tip, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes
         )

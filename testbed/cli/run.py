@@ -43,9 +43,9 @@ def run(
         words += [] if seed is None else ["--seed", str(seed)]
         if export is not None:
             from testbed.files.session_toml import SESSION_FILE
-            from testbed.store.plan_folder import check_free
+            from testbed.store.run_folder import check_free
 
-            check_free(export, overwrite=overwrite, marker=SESSION_FILE)
+            check_free(export, SESSION_FILE, overwrite=overwrite)
             words += ["--export", str(export)]
         guard.resume = [*words, "--resume"]
         from testbed.cli.terminal import headline, progress
@@ -101,9 +101,9 @@ def plan(
         default = default_folder(scenario)
         folder = out or default.with_name(f"{default.name}-plan")
         from testbed.cli.terminal import progress
-        from testbed.plan.folder import play_plan
+        from testbed.plan.folder import RECORDING, REPORT, play_plan
         from testbed.plan.words import terminal_text
-        from testbed.store.plan_folder import PLAN, RECORDING, REPORT
+        from testbed.store.layout import PLAN
 
         with progress(quiet=quiet or as_json) as tell:
             made = play_plan(scenario, folder, overwrite=overwrite, progress=tell, where=where)

@@ -5,7 +5,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from calib.errors import InputError
+from calib.errors import refuse
 from testbed.disk import atomic_path
 from testbed.files.read import Session
 from testbed.identify.calibrate import STEPS, Options, Progress, calibrate
@@ -16,9 +16,8 @@ from testbed.robots.catalog import ROBOT_FILE, Robot, load_robot
 from testbed.store import layout, npz
 from testbed.store.manifest import CALIBRATION, manifest_bytes, read_manifest
 from testbed.store.npz import canonical
-from testbed.store.plan_folder import check_free, plan_folder
-from testbed.store.record import Failure, record_bytes, record_from
-from testbed.store.run_folder import RunFolder
+from testbed.store.record import Failure, record_bytes
+from testbed.store.run_folder import RunFolder, check_free, whole_folder
 from testbed.versions import all_versions, own_version
 
 ROBOT = "robot"
@@ -55,17 +54,17 @@ def play_calibration(
     progress : callable, optional
         Told what begins, steps done, steps in all.
     """
-    check_free(out, overwrite=overwrite, marker=layout.MANIFEST)
+    check_free(out, layout.MANIFEST, overwrite=overwrite)
     calibration = calibrate(robot, session, options, progress=progress)
     tell = progress or (lambda *_: None)
     tell(STEPS[-1], len(STEPS) - 1, len(STEPS))
-    with plan_folder(out, overwrite=overwrite, marker=layout.MANIFEST) as folder:
+    with whole_folder(out, layout.MANIFEST, overwrite=overwrite) as folder:
         delivered = deliver(calibration, robot, folder, program=program)
         spec = input_hash(calibration, options or Options())
         (folder / layout.TRIALS).mkdir()
         for key, record in zip(RECORDS, (calibration, delivered), strict=True):
-            (folder / layout.TRIALS / f"{key}.npz").write_bytes(record_bytes(key, record, spec))
-        (folder / SPLIT_TABLE).write_text(split_csv(calibration), encoding="utf-8", newline="\n")
+            RunFolder(folder).write_record(key, record_bytes(key, record, spec))
+        (folder / SPLIT_TABLE).write_bytes(split_csv(calibration).encode())
         for name in layout.DERIVED:
             _derive(name, calibration, delivered, robot, folder / name)
         (folder / layout.MANIFEST).write_bytes(manifest_bytes(about(calibration, spec)))
@@ -146,22 +145,13 @@ def _derive(
 
 def _record(path: Path, key: str, kind: type, spec: str) -> Any:
     """One record of the folder."""
-    try:
-        data = (path / layout.TRIALS / f"{key}.npz").read_bytes()
-        record = record_from(data, key, kind, spec)
-    except (OSError, npz.DamagedError) as error:
-        raise _lost(path, key) from error
-    if isinstance(record, Failure):
-        raise _lost(path, key)
+    record = RunFolder(path).read_record(key, kind, spec)
+    if record is None or isinstance(record, Failure):
+        raise refuse(
+            key,
+            code="D42",
+            message=f"the record {key} is missing or damaged",
+            fix="give the `truebed identify` command again with another --out",
+            where=str(path),
+        )
     return record
-
-
-def _lost(path: Path, key: str) -> InputError:
-    """A record cannot be used."""
-    return InputError(
-        f"the record {key} is missing or damaged",
-        code="D42",
-        where=str(path),
-        field=key,
-        fix="give the `truebed identify` command again with another --out",
-    )

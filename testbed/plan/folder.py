@@ -15,21 +15,13 @@ from testbed.plan.words import station_words, untested
 from testbed.progress import Progress
 from testbed.robots.catalog import Robot, load_robot
 from testbed.scenario.read import Scenario, dump_scenario, scenario_hash
-from testbed.store.layout import SIMULATED
+from testbed.store.layout import PLAN, SCENARIO, SIMULATED
 from testbed.store.npz import pretty_json
-from testbed.store.plan_folder import (
-    PLAN,
-    RECORDING,
-    REPORT,
-    SCENARIO,
-    TABLE,
-    check_free,
-    plan_folder,
-    write_text,
-)
+from testbed.store.run_folder import check_free, whole_folder
 from testbed.versions import all_versions, number_versions
 
 FORMAT = 1
+TABLE, REPORT, RECORDING = "plan.csv", "plan_report.html", "plan.rrd"
 
 
 def play_plan(
@@ -41,7 +33,7 @@ def play_plan(
     where: str = "scenario",
 ) -> Plan:
     """Make a plan and write its folder; the folder is checked first, and written last."""
-    check_free(out, overwrite=overwrite)
+    check_free(out, PLAN, overwrite=overwrite)
     made = make_plan(scenario, progress=progress, where=where)
     write_plan(made, load_robot(scenario.robot), out, overwrite=overwrite)
     return made
@@ -49,12 +41,15 @@ def play_plan(
 
 def write_plan(plan: Plan, robot: Robot, out: Path, *, overwrite: bool = False) -> None:
     """Write every file of a plan; the folder appears whole or not at all."""
-    with plan_folder(out, overwrite=overwrite) as folder:
-        write_text(folder, SCENARIO, dump_scenario(plan.scenario))
-        write_text(folder, TABLE, plan_csv(plan))
-        for name, text in programs(plan).items():
-            write_text(folder, name, text)
-        write_text(folder, REPORT, plan_report_html(plan, robot, versions=all_versions()))
+    with whole_folder(out, PLAN, overwrite=overwrite) as folder:
+        texts = {
+            SCENARIO: dump_scenario(plan.scenario),
+            TABLE: plan_csv(plan),
+            **programs(plan),
+            REPORT: plan_report_html(plan, robot, versions=all_versions()),
+        }
+        for name, text in texts.items():
+            (folder / name).write_bytes(text.encode())
         write_plan_recording(plan, robot, folder / RECORDING)
         (folder / PLAN).write_bytes(pretty_json(plan_numbers(plan, robot)))
 

@@ -12,7 +12,7 @@ from testbed.files.columns import covariance_names
 from testbed.files.session_toml import SESSION_FILE
 from testbed.laboratory.campaign_bench import Bench, journey, open_bench, validation_start
 from testbed.robots.robot import Robot
-from testbed.store.plan_folder import plan_folder, write_text
+from testbed.store.run_folder import whole_folder
 from testbed.studies.trial.records import Campaign, Trial
 
 
@@ -42,12 +42,14 @@ def export_campaign(
         The folder is in use. MachineError: the disk is full.
     """
     bench = open_bench(campaign.scenario, campaign.setting)
-    with plan_folder(Path(folder), overwrite=overwrite, marker=SESSION_FILE) as inside:
+    with whole_folder(Path(folder), SESSION_FILE, overwrite=overwrite) as inside:
         for k, trial in enumerate(campaign.trials):
             table, is_test, time = exported_rows(bench, trial)
-            write_text(inside, f"{trial.name}.csv", session_csv(robot, table, is_test, time))
+            rows = session_csv(robot, table, is_test, time)
+            (inside / f"{trial.name}.csv").write_bytes(rows.encode())
             name = SESSION_FILE if k == 0 else f"{trial.name}.toml"
-            write_text(inside, name, _session_toml(campaign, robot, trial, table))
+            text = _session_toml(campaign, robot, trial, table)
+            (inside / name).write_bytes(text.encode())
 
 
 def exported_rows(bench: Bench, trial: Trial) -> tuple[Measurements, Bool, Array]:

@@ -1,4 +1,4 @@
-"""Names of the files in a run folder."""
+"""Names of the files in the folders that are written, and what marks them."""
 
 from testbed.disk import LOCK as LOCK
 from testbed.disk import TEMPORARY as TEMPORARY
@@ -12,6 +12,13 @@ DERIVED = (RESULT, ARRAYS, REPORT, RECORDING)
 TIMING, LOG, UNFINISHED = "timing.json", "log.jsonl", "UNFINISHED.txt"
 CRASH = "crash.txt"
 """Traceback of a defect of ours."""
+PLAN = "plan.json"
+OWNERS = {
+    PLAN: "a plan's folder",
+    MANIFEST: "a run folder",
+    "session.toml": "an exported session's folder",
+}
+"""What the file that marks a folder, written last, makes it; no other folder is renamed."""
 OURS = (SCENARIO, MANIFEST, *DERIVED, TIMING, LOG, UNFINISHED, LOCK, CRASH)
 """Every file a run may leave in its folder, beside trials/."""
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from calib.errors import InputError
+from calib.errors import InputError, refuse
 from testbed.store.layout import FORMAT, MANIFEST, SCENARIO
 from testbed.store.npz import pretty_json, strict_json
 from testbed.versions import number_versions
@@ -25,12 +25,8 @@ def kind_of(document: Mapping[str, Any]) -> str:
 def require_campaign(path: Path, document: Mapping[str, Any]) -> None:
     """Refuse a run folder that no scenario was played into."""
     if kind_of(document) != CAMPAIGN:
-        raise InputError(
-            f"holds a {kind_of(document)}, not a campaign",
-            code="D42",
-            where=str(path),
-            allowed="the folder that `truebed run` wrote",
-        )
+        told = f"holds a {kind_of(document)}, not a campaign"
+        raise _unusable(path, told, "the folder that `truebed run` wrote")
 
 
 def manifest_bytes(about: Mapping[str, Any]) -> bytes:
@@ -49,26 +45,17 @@ def read_manifest(path: Path) -> dict[str, Any]:
     try:
         document = strict_json((path / MANIFEST).read_bytes())
     except OSError as error:
-        raise InputError(
-            "is not a run folder",
-            code="D42",
-            where=str(path),
-            allowed=f"a run folder holds {MANIFEST}",
-            fix="give the folder that `truebed run` wrote",
-        ) from error
+        allowed, fix = f"a run folder holds {MANIFEST}", "give the folder that `truebed run` wrote"
+        raise _unusable(path, "is not a run folder", allowed, fix=fix) from error
     except ValueError as error:
         raise _damaged(path, str(error)) from error
     version = document.get("format")
     if isinstance(version, int) and version > FORMAT:
-        raise InputError(
-            f"has format {version}",
-            code="D42",
+        raise refuse(
+            "format", version, f"this version reads format {FORMAT}", code="D42",
+            message=f"has format {version}", fix="install a newer truebed",
             where=str(path / MANIFEST),
-            field="format",
-            value=version,
-            allowed=f"this version reads format {FORMAT}",
-            fix="install a newer truebed",
-        )
+        )  # fmt: skip
     if version != FORMAT or isinstance(version, bool):
         raise _damaged(path, f"format is {version!r}")
     if kind_of(document) not in HASHES:
@@ -84,13 +71,9 @@ def check_same_run(path: Path, scenario_hash: str) -> None:
     document = read_manifest(path)
     require_campaign(path, document)
     if document["scenario_sha256"] != scenario_hash:
-        raise InputError(
-            "holds a run of another scenario, seed or robot",
-            code="D42",
-            where=str(path),
-            field="--resume",
-            fix=f"run {path / SCENARIO} to go on with that one, or choose another --out",
-        )
+        fix = f"run {path / SCENARIO} to go on with that one, or choose another --out"
+        told = "holds a run of another scenario, seed or robot"
+        raise _unusable(path, told, field="--resume", fix=fix)
     ours, theirs = number_versions(), document["versions"]
     changes = [
         f"{name} {theirs.get(name, 'unknown')} there, {ours[name]} here"
@@ -98,20 +81,19 @@ def check_same_run(path: Path, scenario_hash: str) -> None:
         if theirs.get(name) != ours[name]
     ]
     if changes:
-        raise InputError(
-            f"was begun with other versions: {'; '.join(changes)}",
-            code="D42",
-            where=str(path),
-            field="--resume",
-            fix="install those, or start again in another --out",
-        )
+        told = f"was begun with other versions: {'; '.join(changes)}"
+        fix = "install those, or start again in another --out"
+        raise _unusable(path, told, field="--resume", fix=fix)
+
+
+def _unusable(
+    path: Path, message: str, allowed: str = "", *, field: str = "", fix: str = ""
+) -> InputError:
+    """The error for a folder whose manifest does not fit."""
+    return refuse(field, None, allowed, code="D42", message=message, fix=fix, where=str(path))
 
 
 def _damaged(path: Path, reason: str) -> InputError:
     """The manifest cannot be used."""
-    return InputError(
-        f"is damaged: {reason}",
-        code="D42",
-        where=str(path / MANIFEST),
-        fix=f"run {path / SCENARIO} again with another --out",
-    )
+    fix = f"run {path / SCENARIO} again with another --out"
+    return _unusable(path / MANIFEST, f"is damaged: {reason}", fix=fix)

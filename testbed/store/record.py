@@ -1,7 +1,6 @@
 """One record, one file: a frozen dataclass or a failure, with what it belongs to."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -52,12 +51,3 @@ def record_from(data: bytes, key: str, cls: type[T], spec: str) -> T | Failure:
         return unpack(cls, {**meta["values"], **arrays})
     except (ValueError, TypeError, KeyError, InputError) as error:
         raise npz.DamagedError(str(error)) from error
-
-
-def read_record(path: Path, key: str, cls: type[T], spec: str) -> T | Failure:
-    """`record_from` of a file."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise npz.DamagedError(error.strerror or str(error)) from error
-    return record_from(data, key, cls, spec)

@@ -1,19 +1,38 @@
-"""The run folder: opened under a lock, filled record by record, never overwritten in silence."""
+"""Folders a verb writes, never over another one in silence.
 
-from collections.abc import Mapping
-from contextlib import suppress
+A `RunFolder` is filled record by record under a lock, and a stopped run goes on in it; a
+`whole_folder` appears with all of its files or not at all.
+"""
+
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Self, TypeVar
 
-from calib.errors import InputError
-from testbed.disk import acquire, atomic_write, keep_or_write, remove_leftovers
+from calib.errors import InputError, refuse
+from testbed.disk import (
+    TEMPORARY,
+    acquire,
+    atomic_write,
+    flush_file,
+    flush_folder,
+    keep_or_write,
+    remove_leftovers,
+    write_error,
+)
 from testbed.store import layout
 from testbed.store.manifest import check_same_run, manifest_bytes, read_manifest
 from testbed.store.npz import DamagedError
-from testbed.store.record import Failure, read_record
+from testbed.store.record import Failure, record_from
 
 T = TypeVar("T")
+UNFINISHED_NOTE = (
+    "This run is not finished. What lies in trials/ is whole.\n"
+    "To go on, give the same command again with --resume.\n"
+)
+ANOTHER = "choose another --out"
 
 
 class RunFolder:
@@ -48,52 +67,45 @@ class RunFolder:
         MachineError
             Another process is writing there.
         """
-        try:
+        with _writing(path):
             if path.exists() and not is_unused(path):
-                _make_way(path, overwrite=overwrite)
-            (path / layout.TRIALS).mkdir(parents=True, exist_ok=True)
-            lock = acquire(path)
-        except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-            raise _unwritable(path, error) from error
-        remove_leftovers(path)
-        return cls(path, lock, fresh=True)
+                _check_movable(path, layout.MANIFEST, overwrite=overwrite, resumable=True)
+                _make_way(path)
+        return cls._locked(path, fresh=True)
 
     @classmethod
     def resume(cls, path: Path, scenario_hash: str) -> "RunFolder":
         """The folder of a run of the same scenario and versions; a new one if none began."""
-        try:
+        with _writing(path):
             if not path.exists() or is_unused(path):
                 return cls.create(path)
-        except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-            raise _unwritable(path, error) from error
         check_same_run(path, scenario_hash)
-        return cls.reopen(path)
+        return cls._locked(path)
 
     @classmethod
     def reopen(cls, path: Path) -> "RunFolder":
         """A run folder to which something is to be added."""
         read_manifest(path)
-        try:
-            (path / layout.TRIALS).mkdir(exist_ok=True)
+        return cls._locked(path)
+
+    @classmethod
+    def _locked(cls, path: Path, *, fresh: bool = False) -> "RunFolder":
+        """The folder, made if need be, under its lock and without what a killed process left."""
+        with _writing(path):
+            (path / layout.TRIALS).mkdir(parents=True, exist_ok=True)
             lock = acquire(path)
-        except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-            raise _unwritable(path, error) from error
         remove_leftovers(path)
         remove_leftovers(path / layout.TRIALS)
-        return cls(path, lock, fresh=False)
+        return cls(path, lock, fresh=fresh)
 
     def begin(self, scenario: str, about: Mapping[str, Any]) -> None:
         """Write what is played; the manifest comes last and makes this a run folder."""
-        note = (
-            "This run is not finished. What lies in trials/ is whole.\n"
-            "To go on, give the same command again with --resume.\n"
-        )
-        self.write(layout.UNFINISHED, note.encode())
+        self.write(layout.UNFINISHED, UNFINISHED_NOTE.encode())
         self.write(layout.SCENARIO, scenario.encode())
         self.write(layout.MANIFEST, manifest_bytes(about))
 
     def end(self) -> None:
-        """Say that the run is finished."""
+        """Mark the run as finished."""
         with suppress(OSError):
             (self.path / layout.UNFINISHED).unlink(missing_ok=True)
 
@@ -106,19 +118,18 @@ class RunFolder:
                     (self.path / name).unlink(missing_ok=True)
                 self.path.rmdir()
 
-    def record_path(self, key: str) -> Path:
-        """File of one record."""
+    def _record_path(self, key: str) -> Path:
         return self.path / layout.TRIALS / f"{key}.npz"
 
     def write_record(self, key: str, data: bytes) -> None:
         """Write the file of one record; whole or not at all."""
-        atomic_write(self.record_path(key), data)
+        atomic_write(self._record_path(key), data)
 
     def read_record(self, key: str, cls: type[T], spec: str) -> T | Failure | None:
         """One record, or None if it is missing, damaged or belongs to another scenario."""
         try:
-            return read_record(self.record_path(key), key, cls, spec)
-        except DamagedError:
+            return record_from(self._record_path(key).read_bytes(), key, cls, spec)
+        except (OSError, DamagedError):
             return None
 
     def write(self, name: str, data: bytes) -> None:
@@ -131,59 +142,114 @@ class RunFolder:
             file.write(line)
 
 
+@contextmanager
+def whole_folder(path: Path, marker: str, *, overwrite: bool = False) -> Iterator[Path]:
+    """A folder beside `path` to be filled, which becomes `path` when the block ends well.
+
+    With `overwrite` an old one there, known by its `marker`, is renamed, never removed. On any
+    exception nothing is left.
+
+    Raises
+    ------
+    InputError
+        `path` cannot be used.
+    MachineError
+        The disk is full, or another process is writing there.
+    """
+    check_free(path, marker, overwrite=overwrite)
+    try:
+        with tempfile.TemporaryDirectory(
+            TEMPORARY, f".{path.name}.", path.parent, ignore_cleanup_errors=True
+        ) as made:
+            temporary = Path(made)
+            yield temporary
+            for file in temporary.rglob("*"):
+                if file.is_file():
+                    flush_file(file)
+            temporary.chmod(0o755)
+            check_free(path, marker, overwrite=overwrite)
+            if path.exists():
+                _make_way(path)
+            temporary.rename(path)
+            flush_folder(path.parent)
+    except OSError as error:
+        raise write_error(path, error) from error
+
+
+def check_free(path: Path, marker: str, *, overwrite: bool) -> None:
+    """Refuse a folder that cannot be written as a whole, before anything is computed.
+
+    Raises
+    ------
+    InputError
+        Something is there that is not ours to move, or nothing can be written there.
+    MachineError
+        Another process is writing there.
+    """
+    with _writing(path):
+        if path.exists() and not _is_empty(path):
+            _check_movable(path, marker, overwrite=overwrite)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(suffix=TEMPORARY, dir=path.parent):
+            pass
+
+
 def is_unused(path: Path) -> bool:
     """Whether a folder is empty, or holds only what a run leaves that died before it began."""
     if not path.is_dir() or (path / layout.MANIFEST).exists():
         return False
     trials = path / layout.TRIALS
     return all(
-        entry.name in layout.OURS or entry.name.endswith(layout.TEMPORARY) or entry == trials
+        entry.name in layout.OURS or entry.name.endswith(TEMPORARY) or entry == trials
         for entry in path.iterdir()
     ) and not (trials.is_dir() and any(trials.iterdir()))
 
 
-def _make_way(path: Path, *, overwrite: bool) -> None:
-    """Rename an old run to the first free ``<name>.old-<k>``; refuse anything else."""
-    if not path.is_dir():
-        raise InputError(
-            "is a file",
-            code="C40",
-            where=str(path),
-            field="--out",
-            allowed="the run folder must be new",
-            fix="choose another --out",
-        )
+def _is_empty(path: Path) -> bool:
+    """Whether it is a folder with nothing in it."""
+    return path.is_dir() and not any(path.iterdir())
+
+
+def _check_movable(path: Path, marker: str, *, overwrite: bool, resumable: bool = False) -> None:
+    """Refuse anything but an old folder of its kind that may be renamed."""
     if (path / layout.LOCK).is_file():
         with suppress(OSError):
             acquire(path).close()  # MachineError while another process is writing there
+    if not path.is_dir():
+        allowed = "the run folder must be new" if resumable else ""
+        raise _unusable(path, "is a file", allowed)
     if not overwrite:
-        raise InputError(
-            "exists already",
-            code="C40",
-            where=str(path),
-            field="--out",
-            fix="choose another --out, go on with --resume, or rename the old one with --overwrite",
+        ways = (
+            ", go on with --resume, or rename the old one with --overwrite"
+            if resumable
+            else ", or rename the old one by --overwrite"
         )
-    if not (path / layout.MANIFEST).is_file():
-        raise InputError(
-            "is not a run folder and will not be renamed",
-            code="C40",
-            where=str(path),
-            field="--overwrite",
-            fix="choose another --out",
-        )
+        raise _unusable(path, "exists already", fix=ANOTHER + ways)
+    if not (path / marker).is_file():
+        raise _unusable(path, f"is not {layout.OWNERS[marker]} and will not be renamed")
+
+
+def _make_way(path: Path) -> None:
+    """Remove an empty folder; rename an old one to the first free ``<name>.old-<k>``."""
+    if _is_empty(path):
+        path.rmdir()
+        return
     number = 1
     while (new := path.with_name(f"{path.name}.old-{number}")).exists():
         number += 1
     path.rename(new)
 
 
-def _unwritable(path: Path, error: OSError | ValueError) -> InputError:
-    """Nothing can be written at --out."""
-    return InputError(
-        f"cannot be written: {getattr(error, 'strerror', None) or error}",
-        code="C40",
-        where=str(path),
-        field="--out",
-        fix="choose another --out",
-    )
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """A block whose errors say that nothing can be written at --out."""
+    try:
+        yield
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        reason = getattr(error, "strerror", None) or error
+        raise _unusable(path, f"cannot be written: {reason}") from error
+
+
+def _unusable(path: Path, message: str, allowed: str = "", *, fix: str = ANOTHER) -> InputError:
+    """The error for a --out that cannot be used."""
+    return refuse("--out", None, allowed, code="C40", message=message, fix=fix, where=str(path))

@@ -16,7 +16,7 @@ from testbed.plan.programs import programs
 from testbed.plan.table import stops_of
 from testbed.plan.words import next_step, promise, reasons, terminal_text
 from testbed.scenario.read import dump_scenario, load_scenario
-from testbed.store import plan_folder
+from testbed.store import layout
 from tests.planned import (
     QUICK,
     ROBOT,
@@ -258,4 +258,4 @@ def test_a_foreign_folder_is_never_renamed(tmp_path):
     result = truebed("plan", "plan_tx60", "--out", tmp_path, "--overwrite")
     assert result.exit_code == 2
     assert "is not a plan's folder" in result.stderr
-    assert plan_folder.PLAN not in {file.name for file in tmp_path.iterdir()}
+    assert layout.PLAN not in {file.name for file in tmp_path.iterdir()}

@@ -35,8 +35,7 @@ from testbed.run.play import play_run
 from testbed.scenario.checks import check_robot
 from testbed.scenario.read import load_scenario, parse_scenario, scenario_of
 from testbed.store import layout
-from testbed.store.plan_folder import check_free
-from testbed.store.run_folder import RunFolder
+from testbed.store.run_folder import RunFolder, check_free
 from testbed.streams import stream
 from testbed.studies.compensation.cube import cube_joints, cube_poses
 from testbed.studies.compensation.settings import CompensationSettings
@@ -370,12 +369,14 @@ CASES = {
     "measured poses with a gap": measured("1,2,,4,5,6"),
     "measured poses twice": measured("1,2,3,4,5,6\n1,2,3,4,5,6"),
     "measured poses beyond a limit": measured("1,2,300,4,5,6"),
-    "plan exists": lambda path: (plan_like(path), check_free(path, overwrite=False)),
+    "plan exists": lambda path: (plan_like(path), check_free(path, layout.PLAN, overwrite=False)),
     "plan below a file": lambda path: (
-        path.write_text(""), check_free(path / "out", overwrite=False)
+        path.write_text(""), check_free(path / "out", layout.PLAN, overwrite=False)
     ),
     "output is no plan": lambda path: (
-        path.mkdir(), (path / "thesis.tex").write_text(""), check_free(path, overwrite=True)
+        path.mkdir(),
+        (path / "thesis.tex").write_text(""),
+        check_free(path, layout.PLAN, overwrite=True),
     ),
     "no noise": with_table(tracker={"position_um": 0}),
     "no noise along the beam": with_table(tracker={"preset": "at960", "range_um": [0, 0.15]}),

@@ -13,7 +13,7 @@ from testbed.disk import acquire
 from testbed.store import layout, npz
 from testbed.store.manifest import manifest_bytes, read_manifest
 from testbed.store.record import Failure, record_bytes, record_from
-from testbed.store.run_folder import RunFolder
+from testbed.store.run_folder import RunFolder, check_free
 from tests.testbed.studies.trial.fake_campaign import FakeTrial
 
 SPEC = "0" * 64
@@ -140,8 +140,11 @@ def test_overwrite_refuses_a_folder_that_is_no_run(tmp_path):
 
 
 def test_overwrite_refuses_a_run_that_is_being_written(tmp_path):
-    with begun(tmp_path / "run"), pytest.raises(MachineError, match="in use by process"):
-        RunFolder.create(tmp_path / "run", overwrite=True)
+    with begun(tmp_path / "run"):
+        with pytest.raises(MachineError, match="in use by process"):
+            RunFolder.create(tmp_path / "run", overwrite=True)
+        with pytest.raises(MachineError, match="in use by process"):
+            check_free(tmp_path / "run", layout.MANIFEST, overwrite=True)
 
 
 @pytest.mark.parametrize("name", ["file", "file/run", "x" * 300, "nul\0"])
