@@ -37,8 +37,8 @@ def trust(
     discrepancy: Discrepancy | None = None,
     conformal: Conformal | None = None,
     bootstrap: Bootstrap | None = None,
-    validation: Validation | None = None,
-    known: Sequence[str] = (),
+    linear: Validation | None = None,
+    unmodelled: Sequence[str] = (),
 ) -> Trust:
     """Weigh the statements that were made for one identification.
 
@@ -50,12 +50,14 @@ def trust(
     ----------
     identification : Identification
         The fit with its chi-square test; with repeats, its lack-of-fit test.
-    held_out, discrepancy, conformal, bootstrap, validation : optional
+    held_out, discrepancy, conformal, bootstrap : optional
         What else was computed.
-    known : sequence of str
+    linear : Validation, optional
+        Linear propagation against Monte Carlo.
+    unmodelled : sequence of str
         What is known to be missing in the covariance, each reason enough not to use it.
     """
-    against = _against(identification, held_out, known)
+    against = _against(identification, held_out, unmodelled)
     other = _without_model(discrepancy, conformal)
     if identification.status is not Status.CONVERGED:
         believe: Statement = "conformal" if conformal is not None else "none"
@@ -64,19 +66,19 @@ def trust(
         return Trust(other, False, (*against, *_advice(other, discrepancy, conformal)))
     why = _for(identification, held_out)
     doubtful = [part.sentence for part in (bootstrap,) if part is not None and not part.agrees]
-    if validation is not None and validation.outcome == "not validated":
-        doubtful.append(validation.sentence)
+    if linear is not None and linear.outcome == "not validated":
+        doubtful.append(linear.sentence)
     if doubtful:
         settled = bootstrap is not None and not bootstrap.unconverged
         use: Statement = "bootstrap" if settled else other
         first = "The linear interval is not valid here: " + "; ".join(doubtful)
         return Trust(use, False, (first, *_advice(use, discrepancy, conformal)))
-    extra = tuple(_capital(part.sentence) for part in (bootstrap, validation) if part is not None)
+    extra = tuple(_capital(part.sentence) for part in (bootstrap, linear) if part is not None)
     return Trust("model", True, (why, *extra))
 
 
 def _against(
-    fit: Identification, held_out: HeldOut | None, known: Sequence[str]
+    fit: Identification, held_out: HeldOut | None, unmodelled: Sequence[str]
 ) -> tuple[str, ...]:
     """Sentences against the model-based interval; the first says that it is not valid."""
     if fit.status is not Status.CONVERGED:
@@ -100,7 +102,7 @@ def _against(
         )
     if fit.mode == "paper":
         reasons.append("an unweighted fit claims a covariance that its estimate does not have")
-    reasons += known
+    reasons += unmodelled
     if not reasons:
         return ()
     return ("The model-based interval is not valid here: " + "; ".join(reasons),)

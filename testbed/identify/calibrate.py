@@ -21,7 +21,7 @@ from testbed.identify.fit import checked_model, fit
 from testbed.identify.frames import Frames, frames_of
 from testbed.identify.outliers import held_out_suspects, noise_factor, suspects
 from testbed.identify.proof import proof_of, warnings_of
-from testbed.identify.records import Calibration, Fit, Gross, Misses, ModelName, Source, Split
+from testbed.identify.records import Calibration, Fit, Gross, ModelName, Source, Split
 from testbed.identify.split import split_of
 from testbed.robots.catalog import Robot
 from testbed.scenario.hashes import robot_hash
@@ -130,9 +130,7 @@ def calibrate(
             chosen.misses, split.is_test, row_names(session, measurements)
         ),
     )
-    proof = proof_of(
-        chosen.identification, train, test, _part(chosen.misses, split.is_test), seed=options.seed
-    )
+    proof = proof_of(chosen.identification, train, test, seed=options.seed)
     train_figures = figures_of(before, measurements, used)
     if train_figures is None:
         raise RuntimeError("no training row is left")
@@ -212,11 +210,6 @@ def _fit(
         train=figures,
         test=figures_of(missed, measurements, is_test),
     )
-
-
-def _part(misses: Misses, rows: Bool) -> Misses:
-    """The misses of some rows."""
-    return Misses(misses.vector[rows], misses.position[rows], misses.rotation[rows])
 
 
 def _loss_of(option: str) -> Loss:

@@ -2,16 +2,11 @@
 
 import numpy as np
 
-from calib.arrays import Array
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
 from calib.measurement.observations import Measurements
-from calib.uncertainty.bootstrap import Bootstrap, bootstrap
-from calib.uncertainty.conformal import conformal, fewest_poses
-from calib.uncertainty.discrepancy import FEWEST, discrepancy
-from calib.uncertainty.held_out import HeldOut, held_out
-from calib.uncertainty.trust import trust
-from testbed.identify.records import Fit, Misses, Proof
+from calib.uncertainty.judgement import Judgement, judge
+from testbed.identify.records import Fit
 from testbed.streams import stream
 from testbed.units import in_units, significant, unit_of
 
@@ -22,76 +17,12 @@ MOST_ROWS = 300
 
 
 def proof_of(
-    found: Identification,
-    train: Measurements,
-    test: Measurements,
-    misses: Misses,
-    *,
-    seed: int,
-) -> Proof:
-    """Judge one identification by held-out rows.
-
-    Parameters
-    ----------
-    found : Identification
-        The fit that is handed out.
-    train, test : Measurements
-        Rows identified from, and held out.
-    misses : Misses
-        Of the held-out rows.
-    seed : int
-        Of the virtual calibrations.
-    """
-    seen = None
-    if len(test) and not test.is_distance.any():
-        seen = held_out(found.model, found.full_covariance, one_per_pose(test), train.q)
-    spread = discrepancy(seen) if seen is not None and len(seen) >= FEWEST else None
-    # a distance shows an error along one line only: no radius around a point comes of it
-    seen_rows = ~test.is_distance
-    worst = worst_of_pose(test.rows(seen_rows), misses.position[seen_rows])
-    radius = conformal(worst) if len(worst) >= fewest_poses() else None
-    replicated = _replicated(found, train, seen, seed)
-    return Proof(
-        held_out=seen,
-        discrepancy=spread,
-        conformal=radius,
-        bootstrap=replicated,
-        trust=trust(
-            found, held_out=seen, discrepancy=spread, conformal=radius, bootstrap=replicated
-        ),
-    )
-
-
-def one_per_pose(test: Measurements) -> Measurements:
-    """The first row of every held-out pose: its others repeat the same error of the model."""
-    return test.rows(np.unique(test.pose_id, return_index=True)[1])
-
-
-def worst_of_pose(test: Measurements, position: Array) -> Array:
-    """Largest miss of each held-out pose (p,) from those of the rows (k,) [m].
-
-    Poses are alike in kind; rows of one pose are not independent.
-    """
-    _, pose = np.unique(test.pose_id, return_inverse=True)
-    worst = np.zeros(int(pose.max(initial=-1)) + 1)
-    np.maximum.at(worst, pose.ravel(), position)
-    return worst
-
-
-def _replicated(
-    found: Identification, train: Measurements, seen: HeldOut | None, seed: int
-) -> Bootstrap | None:
-    """Virtual calibrations of the result, where they can decide anything and are cheap."""
-    contradicted = found.p_value < RED or (seen is not None and seen.p_value < RED)
-    plain = found.prior is None and found.loss == "squared"
-    lonely = found.model.fixtures.n_numbers or train.is_distance.any()
-    if contradicted or not plain or lonely or len(train) > MOST_ROWS:
-        return None
-    if found.status is not Status.CONVERGED:
-        return None
-    return bootstrap(
-        found.model, train, found.parameters, stream(seed, "bootstrap"), replicates=REPLICATES
-    )
+    found: Identification, train: Measurements, test: Measurements, *, seed: int
+) -> Judgement:
+    """Judge the identification that is handed out by held-out rows (also by none)."""
+    small = len(train) <= MOST_ROWS
+    rng = stream(seed, "bootstrap") if small else None
+    return judge(found, test, train=train, rng=rng, replicates=REPLICATES)
 
 
 LEAST_TURN, LEAST_SLIDE = np.radians(10.0), 0.010

@@ -11,11 +11,7 @@ from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
 from calib.measurement.accuracy import Accuracy
 from calib.measurement.observations import Measurements
-from calib.uncertainty.bootstrap import Bootstrap
-from calib.uncertainty.conformal import Conformal
-from calib.uncertainty.discrepancy import Discrepancy
-from calib.uncertainty.held_out import HeldOut
-from calib.uncertainty.trust import Trust
+from calib.uncertainty.judgement import Judgement
 
 ModelName = Literal["geometric", "extended"]
 
@@ -134,18 +130,6 @@ class Gross:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Proof:
-    """What held-out poses say, and which statement to believe."""
-
-    held_out: HeldOut | None
-    """One row per held-out pose; None without such poses, or for distances."""
-    discrepancy: Discrepancy | None
-    conformal: Conformal | None
-    bootstrap: Bootstrap | None
-    trust: Trust
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
     """A robot calibrated from measurements."""
 
@@ -174,7 +158,7 @@ class Calibration:
     fits: tuple[Fit, ...]
     """Geometric first."""
     choice: Choice
-    proof: Proof
+    proof: Judgement
     warnings: tuple[str, ...]
     """What was found on the way, beside what the source says."""
 

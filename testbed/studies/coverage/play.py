@@ -19,13 +19,10 @@ from calib.identification.joint_models import choose
 from calib.identification.least_squares import Status
 from calib.measurement.accuracy import distances
 from calib.measurement.observations import Measurements
-from calib.uncertainty.conformal import conformal
 from calib.uncertainty.covariance import standard_uncertainty
-from calib.uncertainty.discrepancy import discrepancy
-from calib.uncertainty.held_out import held_out
+from calib.uncertainty.judgement import judge
 from calib.uncertainty.regions import mahalanobis_squared
 from calib.uncertainty.tool_point import tool_statement
-from calib.uncertainty.trust import trust
 from testbed.laboratory.campaign_bench import Bench, Setting, open_bench, validation_start
 from testbed.laboratory.cell import cell_from
 from testbed.laboratory.pool import draw_pool
@@ -93,7 +90,7 @@ def coverage_study(
     for k in range(count):
         visit = visit_robot(bench, simulator, truth, first.selection.indices, k)
         fits, evidence[k], extended[k] = models(visit, free)
-        judged.append(tuple(judge(fit, visit, scenario.coverage.level) for fit in fits))
+        judged.append(tuple(judge_model(fit, visit, scenario.coverage.level) for fit in fits))
         nominal = setting.nominal.poses(visit.judge_q)[:, :3, 3]
         before[k] = distances(visit.true, nominal).mean()
         numbers.append(parameter_errors(fits[0], visit))
@@ -189,20 +186,31 @@ def models(visit: Visit, free: Parameters) -> tuple[tuple[Identification, ...], 
     return fits, choice.log_evidence, choice.chosen == "extended"
 
 
-def judge(found: Identification, visit: Visit, level: float) -> Judged:
+def judge_model(found: Identification, visit: Visit, level: float) -> Judged:
     """What one model states at the judging poses, three ways, and which points it holds."""
-    seen = held_out(found.model, found.full_covariance, visit.validation, visit.seen.q)
-    beyond, ball = discrepancy(seen), conformal(seen.distance, probability=level)
     shared = systematic_covariance(visit.bench, found, visit.seen)
     covariance = full_covariance(found, found.covariance + shared)
     bare = tool_statement(found.model, visit.judge_q, covariance, probability=level)
+    judgement = judge(
+        found,
+        visit.validation,
+        train=visit.seen,
+        probability=level,
+        unmodelled=left_out(visit.bench, float(np.sqrt(np.mean(bare.point**2)))),
+    )
+    seen, ball = judgement.held_out, judgement.conformal
+    assert seen is not None  # the scenario asks for enough poses, also for the radius
+    assert ball is not None
     wide = tool_statement(
-        found.model, visit.judge_q, covariance, discrepancy=beyond, probability=level
+        found.model,
+        visit.judge_q,
+        covariance,
+        discrepancy=judgement.discrepancy,
+        probability=level,
     )
     radius = ball.radius + hidden_reach(found, shared, visit.judge_q, level=level)
     error = distances(visit.true, bare.position)
-    known = left_out(visit.bench, float(np.sqrt(np.mean(bare.point**2))))
-    verdict = trust(found, held_out=seen, discrepancy=beyond, conformal=ball, known=known)
+    verdict = judgement.trust
     return Judged(
         inside=(
             float(bare.holds(visit.true).mean()),

@@ -37,7 +37,7 @@ def campaign(seed, droop=0.0, mode="whitened"):
 def test_what_is_known_to_be_missing_ends_belief_in_a_sound_fit():
     _, fit, found = campaign(3)
     ball = conformal(found.distance)
-    verdict = trust(fit, held_out=found, conformal=ball, known=["the station wanders"])
+    verdict = trust(fit, held_out=found, conformal=ball, unmodelled=["the station wanders"])
     assert verdict.believe == "conformal"
     assert not verdict.model_valid
     assert verdict.sentences[0].endswith("not valid here: the station wanders")
@@ -127,8 +127,8 @@ def test_when_only_linearity_fails_the_replicates_are_believed():
         False,
     )
     failed = Validation("not validated", np.ones(2), np.ones(2), "first-order is not validated")
-    assert trust(fit, bootstrap=run, validation=failed).believe == "bootstrap"
-    assert trust(fit, validation=failed).believe == "none"
+    assert trust(fit, bootstrap=run, linear=failed).believe == "bootstrap"
+    assert trust(fit, linear=failed).believe == "none"
 
 
 def test_residuals_smaller_than_the_noise_are_said_to_make_the_interval_too_wide():

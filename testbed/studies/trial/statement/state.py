@@ -16,13 +16,12 @@ from calib.identification.joint_models import shared_waves
 from calib.identification.lack_of_fit import LackOfFit
 from calib.measurement.observations import Measurements, joined
 from calib.uncertainty.adaptive import adaptive_vector
-from calib.uncertainty.bootstrap import Bootstrap, bootstrap
-from calib.uncertainty.conformal import Conformal, conformal, fewest_poses
+from calib.uncertainty.bootstrap import Bootstrap
+from calib.uncertainty.conformal import Conformal, fewest_poses
 from calib.uncertainty.covariance import correlated_draws
-from calib.uncertainty.discrepancy import FEWEST, Discrepancy, discrepancy
-from calib.uncertainty.held_out import HeldOut, held_out
+from calib.uncertainty.discrepancy import FEWEST
+from calib.uncertainty.judgement import judge
 from calib.uncertainty.tool_point import propagate, tool_statement
-from calib.uncertainty.trust import trust
 from calib.uncertainty.validation import Validation as LinearCheck
 from calib.uncertainty.validation import validate_vector
 from testbed.laboratory.campaign_bench import Bench
@@ -33,8 +32,6 @@ from testbed.studies.trial.statement.records import LEVEL, Replayed, Statement, 
 from testbed.studies.trial.statement.sources import drift_left, full_covariance, sources_of
 from testbed.studies.trial.statement.suspects import Suspects, sound_shots, suspects_of
 
-REPLICATES = 1000
-"""Virtual calibrations of the bootstrap."""
 DRIFT_COUNTS = 1 / 3
 """Part of the stated u from which drift counts: below it u grows by 5 % at most."""
 
@@ -69,23 +66,24 @@ def state(
     gross = suspects.rows if found.loss != "squared" else ()
     sources = sources_of(bench, found, visits[0], gross, q)
     shots, aside = sound_shots(found, validation.seen, visits[0])
-    seen = held_out(found.model, found.full_covariance, shots, visits[0].q)
-    beyond, ball, remarks = radii(seen)
-    replayed = replay(found, visits[0], stream(seed, "statement", "bootstrap", name))
     total = full_covariance(found, found.covariance + sources.systematic)
     linear, worst = linear_check(
         found, total, q, bench.setting.target, stream(seed, "statement", "linear", name)
     )
     lack = misfit(estimator, found, visits)
-    verdict = trust(
+    judgement = judge(
         replace(found, lack_of_fit=lack),
-        held_out=seen,
-        discrepancy=beyond,
-        conformal=ball,
-        bootstrap=replayed,
-        validation=linear,
-        known=left_out(bench, sources.combined),
+        shots,
+        train=visits[0],
+        probability=LEVEL,
+        rng=stream(seed, "statement", "bootstrap", name),
+        rejected_too=True,
+        linear=linear,
+        unmodelled=left_out(bench, sources.combined),
     )
+    seen, beyond, ball = judgement.held_out, judgement.discrepancy, judgement.conformal
+    assert seen is not None  # the tracker sees poses or points, never distances
+    replayed = judgement.bootstrap
     at_judges = partial(
         tool_statement, found.model, validation.judge_q, target=target_or_origin(bench)
     )
@@ -119,11 +117,11 @@ def state(
         combined_u=sources.combined,
         discrepancy_u=float("nan") if beyond is None else root_trace(beyond.covariance),
         systematic=sources.systematic,
-        trust=verdict,
+        trust=judgement.trust,
         names=tuple(radius),
         radius=np.array(list(radius.values())),
         attained=attained(validation, tuple(stated.values()), radius.get("conformal")),
-        warnings=(*remarks, *notes(found, suspects, aside, hidden, ball)),
+        warnings=(*too_few(len(seen)), *notes(found, suspects, aside, hidden, ball)),
     )
 
 
@@ -165,12 +163,12 @@ def root_trace(covariance: Array) -> float:
     return float(np.sqrt(np.trace(covariance)))
 
 
-def radii(seen: HeldOut) -> tuple[Discrepancy | None, Conformal | None, tuple[str, ...]]:
-    """Discrepancy and conformal radius, as far as the held-out poses suffice; and what is missing.
+def too_few(n: int) -> tuple[str, ...]:
+    """What n held-out poses are too few to state.
 
-    Too few poses are a warning, not an error: the calibration itself is as good as before.
+    A warning, not an error: the calibration itself is as good as before.
     """
-    n, need = len(seen), fewest_poses(LEVEL)
+    need = fewest_poses(LEVEL)
     told = []
     if n < need:
         told.append(
@@ -182,22 +180,7 @@ def radii(seen: HeldOut) -> tuple[Discrepancy | None, Conformal | None, tuple[st
             f"too few held-out poses were measured ({n}) to show a discrepancy: {FEWEST} are the "
             "fewest for a covariance"
         )
-    return (
-        discrepancy(seen) if n >= FEWEST else None,
-        conformal(seen.distance, probability=LEVEL) if n >= need else None,
-        tuple(told),
-    )
-
-
-def replay(found: Identification, seen: Measurements, rng: np.random.Generator) -> Bootstrap | None:
-    """Virtual calibrations of the identified robot; None with a robust loss or a prior.
-
-    They play least squares; and a prior drawn anew for each would be tested over its own width, not
-    over that of the estimate.
-    """
-    if found.loss != "squared" or found.prior is not None:
-        return None
-    return bootstrap(found.model, seen, found.parameters, rng, replicates=REPLICATES)
+    return tuple(told)
 
 
 def summary(found: Bootstrap) -> Replayed:
