@@ -21,7 +21,7 @@ from testbed.scenario.checks import check_robot
 from testbed.scenario.hashes import record_hash
 from testbed.scenario.read import changed, load_scenario
 from testbed.store.codec import pack, unpack
-from testbed.studies.coverage.play import judge, models, visit_robot
+from testbed.studies.coverage.play import judge_model, models, visit_robot
 from testbed.studies.coverage.records import CoverageStudy
 from testbed.studies.coverage.report import believable_sentence, coverage_section, unnoticed
 from testbed.studies.coverage.summary import cells, followed, numbers_check, uniform_p
@@ -166,7 +166,7 @@ def test_the_judge_never_lets_the_truth_into_a_statement(visit):
     """Another truth moves the shares, never the radii or the advice."""
     fit = models(visit, visit.bench.free("whitened"))[0][0]
     far = replace(visit, true=visit.true + 1.0)
-    one, other = judge(fit, visit, 0.95), judge(fit, far, 0.95)
+    one, other = judge_model(fit, visit, 0.95), judge_model(fit, far, 0.95)
     assert (one.radius, one.flagged, one.believed) == (other.radius, other.flagged, other.believed)
     assert other.inside == (0.0, 0.0, 0.0)
 
