@@ -1,10 +1,9 @@
-"""Strict TOML: a file into a pydantic schema, every mistake reported at once with a likely fix."""
+"""Strict TOML: a file into a pydantic schema, all its faults in one error with their likely fix."""
 
-import difflib
 import json
 import math
 import tomllib
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -44,48 +43,40 @@ class Fault:
 class SeveralInputError(InputError):
     """Several faults of one file, a line each; the fields are those of the first."""
 
-    def __init__(self, told: str, first: InputError) -> None:
-        self.told = told
-        super().__init__(
-            first.message,
-            code=first.code,
-            where=first.where,
-            field=first.field,
-            value=first.value,
-            allowed=first.allowed,
-            fix=first.fix,
-        )
+    def __init__(self, lines: Sequence[str], first: InputError) -> None:
+        self.lines = lines
+        super().__init__(**vars(first))
 
     def __str__(self) -> str:
-        return self.told
+        return "\n".join(self.lines)
 
 
 def one_error(faults: Sequence[Fault], where: str) -> InputError:
     """One error that tells all faults, each on its own line."""
     errors = [
         InputError(
-            fault.message,
-            code=fault.code,
-            where=where,
-            field=".".join(str(part) for part in fault.path),
-            value=fault.value,
-            allowed=fault.allowed,
-            fix=fault.fix,
+            fault.message, code=fault.code, where=where, value=fault.value,
+            field=".".join(map(str, fault.path)), allowed=fault.allowed, fix=fault.fix,
         )
         for fault in faults
-    ]
+    ]  # fmt: skip
     if len(errors) == 1:
         return errors[0]
     lines = [str(error) for error in errors[:MOST]]
     if len(errors) > MOST:
         lines.append(f"{where}: and {len(errors) - MOST} more faults")
-    return SeveralInputError("\n".join(lines), errors[0])
+    return SeveralInputError(lines, errors[0])
 
 
 def did_you_mean(word: str, known: Collection[str]) -> str:
     """``did you mean "x"?`` or an empty text."""
-    close = get_close_matches(word, list(known), 1)
+    close = get_close_matches(word, known, 1)
     return f'did you mean "{close[0]}"?' if close else ""
+
+
+def choice_of(word: str, known: Collection[str]) -> str:
+    """``did you mean "x"?``, or what there is to choose from."""
+    return did_you_mean(word, known) or f"there is {', '.join(sorted(known)) or 'nothing'}"
 
 
 def place(path: KeyPath, document: Mapping[str, Any], tables: Collection[str]) -> str:
@@ -150,13 +141,6 @@ class Strict(BaseModel):
 Schema = TypeVar("Schema", bound=Strict)
 
 
-def choice_of(word: str, known: Iterable[str]) -> str:
-    """``did you mean "x"?``, or what there is to choose from."""
-    names = sorted(known)
-    close = difflib.get_close_matches(word, names, n=1)
-    return f'did you mean "{close[0]}"?' if close else f"there is {', '.join(names) or 'nothing'}"
-
-
 def read_toml(path: Path, schema: type[Schema]) -> Schema:
     """Read and validate a TOML file.
 
@@ -165,42 +149,40 @@ def read_toml(path: Path, schema: type[Schema]) -> Schema:
     InputError
         Lists every mistake by table and key; the file is named in `where`.
     """
+    where = str(path)
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        data = path.read_bytes()
     except OSError as error:
-        raise InputError(
-            f"cannot be read ({error.strerror})", code="S37", where=str(path), field="file"
-        ) from error
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"byte {error.start} is not UTF-8",
-            code="S38",
-            where=str(path),
-            field="file",
-            fix="save the file as UTF-8",
-        ) from error
+        message = f"cannot be read ({error.strerror})"
+        raise InputError(message, code="S37", where=where, field="file") from error
+    return validated(toml_document(data, where), schema, where)
+
+
+def toml_document(data: bytes, where: str) -> dict[str, Any]:
+    """The tables of a TOML file, which `where` names in errors."""
     try:
-        tables = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # ValueError: a number of thousands of digits
-        told = isinstance(error, tomllib.TOMLDecodeError) and str(error)
-        raise InputError(
-            f"not valid TOML: {told or 'nested too deeply, or an endless number'}",
-            code="S38",
-            where=str(path),
-            field="file",
-        ) from error
+        return tomllib.loads(data.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        message, fix = f"byte {error.start} is not UTF-8", "save the file as UTF-8"
+    except tomllib.TOMLDecodeError as error:
+        message, fix = f"not valid TOML: {error}", ""
+    except (RecursionError, ValueError):
+        # tomllib recurses once per bracket; int() refuses numbers of thousands of digits
+        message, fix = "not valid TOML: nested too deeply, or an endless number", ""
+    raise InputError(message, code="S38", where=where, field="file", fix=fix)
+
+
+def validated(document: Mapping[str, Any], schema: type[Schema], where: str) -> Schema:
+    """A document in its schema, or one error with all its faults."""
     try:
         # JSON mode: lists become tuples, but true is no number and 1 is no text
-        return schema.model_validate_json(json.dumps(tables, default=str))
+        return schema.model_validate_json(json.dumps(document, default=str))
     except ValidationError as error:
-        mistakes = [_sentence(schema, dict(mistake)) for mistake in error.errors()]
-        raise InputError(
-            "; ".join(dict.fromkeys(mistakes)),
-            code="S37",
-            where=str(path),
-            field=".".join(str(part) for part in error.errors()[0]["loc"]),
-            value=error.errors()[0].get("input"),
-        ) from error
+        faults: dict[str, Fault] = {}
+        for mistake in error.errors():
+            told = _sentence(schema, dict(mistake))
+            faults.setdefault(told, Fault(mistake["loc"], told, value=mistake["input"]))
+        raise one_error(list(faults.values()), where) from None
 
 
 def _sentence(schema: type[Strict], mistake: dict[str, Any]) -> str:
