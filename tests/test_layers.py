@@ -435,7 +435,7 @@ def loaded_by(statement):
         "import testbed.studies.trial.records, testbed.run.campaign, testbed.run.results",
         "import testbed.robots.catalog; testbed.robots.catalog.load_robot('staubli_tx60')",
         "import testbed.run.report, testbed.run.recording, testbed.cli.viewer",
-        "import calib.uncertainty.bootstrap, calib.uncertainty.point_moments",
+        "import calib.uncertainty.bootstrap",
     ],
 )
 def test_what_is_not_needed_yet_stays_unloaded(statement):

@@ -128,11 +128,6 @@ def covariance_factor(A: Array) -> Array:
     return np.asarray(Vt.T / singular / scale[:, None])
 
 
-def column_basis(A: Array) -> Array:
-    """Orthonormal basis Q (n, p) of the columns of A (n, p)."""
-    return np.linalg.qr(A / column_norms(A)).Q
-
-
 def column_norms(A: Array) -> Array:
     """Norms (p,) of the columns; 1 for a column of zeros."""
     norms = np.linalg.norm(A, axis=0)

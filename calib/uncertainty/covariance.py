@@ -1,7 +1,5 @@
 """Parameter covariances, and random steps of the parameters drawn from them."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
@@ -151,19 +149,6 @@ def correlation(covariance: Array) -> Array:
     rho = covariance / np.outer(u, u)
     np.fill_diagonal(rho, 1.0)
     return frozen(rho)
-
-
-def strongest_correlations(
-    covariance: Array, names: Sequence[str], count: int = 5
-) -> tuple[tuple[str, str, float], ...]:
-    """The `count` pairs of numbers with the largest absolute correlation, strongest first."""
-    rho = correlation(covariance)
-    first, second = np.triu_indices(len(rho), 1)
-    order = np.argsort(-np.abs(rho[first, second]), kind="stable")[:count]
-    return tuple(
-        (names[i], names[j], float(rho[i, j]))
-        for i, j in zip(first[order], second[order], strict=True)
-    )
 
 
 def covariance_factor(covariance: Array) -> Array:

@@ -17,7 +17,7 @@ from calib.uncertainty.conformal import Conformal, conformal, fewest_poses
 from calib.uncertainty.discrepancy import FEWEST, Discrepancy, discrepancy
 from calib.uncertainty.held_out import HeldOut, held_out
 from calib.uncertainty.trust import Trust, trust
-from calib.uncertainty.validation import Validation
+from calib.uncertainty.validation import LinearCheck
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -71,7 +71,7 @@ def judge(
     rng: np.random.Generator | None = None,
     replicates: int = REPLICATES,
     rejected_too: bool = False,
-    linear: Validation | None = None,
+    linear: LinearCheck | None = None,
     unmodelled: Sequence[str] = (),
 ) -> Judgement:
     """Judge an identification by poses that it never used.

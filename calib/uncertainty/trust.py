@@ -10,7 +10,7 @@ from calib.uncertainty.bootstrap import Bootstrap
 from calib.uncertainty.conformal import Conformal
 from calib.uncertainty.discrepancy import Discrepancy
 from calib.uncertainty.held_out import HeldOut
-from calib.uncertainty.validation import Validation
+from calib.uncertainty.validation import LinearCheck
 
 Statement = Literal["model", "bootstrap", "conformal", "discrepancy", "none"]
 
@@ -37,7 +37,7 @@ def trust(
     discrepancy: Discrepancy | None = None,
     conformal: Conformal | None = None,
     bootstrap: Bootstrap | None = None,
-    linear: Validation | None = None,
+    linear: LinearCheck | None = None,
     unmodelled: Sequence[str] = (),
 ) -> Trust:
     """Weigh the statements that were made for one identification.

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import chdtri, fdtri
+from scipy.special import chdtri
 
 from calib.arrays import Array, check, frozen
 from calib.errors import InputError
@@ -73,22 +73,6 @@ def scatter_range(degrees_of_freedom: int, probability: float = 0.95) -> tuple[f
     nu, tail = degrees_of_freedom, (1 - probability) / 2
     # chdtri takes the probability above
     return float(np.sqrt(chdtri(nu, 1 - tail) / nu)), float(np.sqrt(chdtri(nu, tail) / nu))
-
-
-def ratio_range(
-    degrees_of_freedom: int, other: int, probability: float = 0.95
-) -> tuple[float, float]:
-    """Range that holds s1 / s2 with `probability` when both sigmas are equal.
-
-    A ratio of two type A figures inside it shows no difference. For ten repeats each: 0.50 to 2.01.
-
-    References
-    ----------
-    s1^2 / s2^2 of equal sigmas follows Fisher's F.
-    """
-    tail = (1 - probability) / 2
-    low, high = fdtri(degrees_of_freedom, other, [tail, 1 - tail])
-    return float(np.sqrt(low)), float(np.sqrt(high))
 
 
 def root_sum_square(*components: ArrayLike) -> Array:

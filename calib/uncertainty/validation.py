@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
 from calib.errors import InputError
-from calib.uncertainty.adaptive import Adaptive, AdaptiveVector
+from calib.uncertainty.adaptive import Adaptive
 from calib.uncertainty.covariance import correlation, covariance_factor
 from calib.uncertainty.monte_carlo import numerical_tolerance
-from calib.uncertainty.regions import coverage_factor, student_factor
+from calib.uncertainty.regions import coverage_factor
 
 Outcome = Literal["validated", "not validated", "undecided"]
 DIFFERENCE_STEP = 1e-2
@@ -42,12 +42,12 @@ class FirstOrder:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Validation:
+class LinearCheck:
     """The verdict on first-order propagation, and what it rests on."""
 
     outcome: Outcome
     differences: Array
-    """(d,) absolute differences from Monte Carlo: ends of the interval, or all of a vector."""
+    """(d,) absolute differences from Monte Carlo: means, u, largest eigenvalue, factor."""
     tolerance: Array
     """(d,) what each may be."""
     sentence: str
@@ -93,69 +93,26 @@ def first_order(
 
 
 def validate(
-    value: float,
-    standard: float,
+    value: ArrayLike,
+    covariance: ArrayLike,
     monte_carlo: Adaptive,
     *,
     digits: int = 2,
-    degrees_of_freedom: float = np.inf,
-) -> Validation:
-    """Compare the interval y -+ k u with the Monte Carlo interval, to `digits` digits of u.
-
-    Parameters
-    ----------
-    value, standard : float
-        y and u by the law of propagation.
-    monte_carlo : Adaptive
-        Run with ``finer=5``: its own error must not matter.
-    digits : int
-        Significant digits of u that are to be stated.
-    degrees_of_freedom : float
-        Effective, for the Student factor; the normal factor by default.
-
-    References
-    ----------
-    JCGM 101:2008, clause 8: both ends within delta, Monte Carlo run to delta / 5.
-    """
-    delta = numerical_tolerance(standard, digits)
-    low, high = monte_carlo.spread.interval
-    half = float(student_factor(degrees_of_freedom, monte_carlo.spread.probability)) * standard
-    differences = np.abs([value - half - low, value + half - high])
-    outcome = _verdict(differences, np.full(2, delta), monte_carlo.error[2:])
-    k = int(np.argmax(differences))
-    return Validation(
-        outcome,
-        frozen(differences),
-        frozen(np.full(2, delta)),
-        _words(
-            outcome,
-            f"the {('low', 'high')[k]} end of the interval differs by {differences[k]:.3g} with a "
-            f"tolerance of {delta:.3g}",
-        ),
-    )
-
-
-def validate_vector(
-    value: ArrayLike,
-    covariance: ArrayLike,
-    monte_carlo: AdaptiveVector,
-    *,
-    digits: int = 2,
-) -> Validation:
+) -> LinearCheck:
     """Compare means, u, largest eigenvalue of the correlation and k_p with Monte Carlo.
 
     Parameters
     ----------
     value, covariance : (k,), (k, k) array_like
         By the law of propagation.
-    monte_carlo : AdaptiveVector
+    monte_carlo : Adaptive
         Run with ``finer=5``, region "ellipsoid".
     digits : int
         Significant digits that are to be stated.
 
     References
     ----------
-    JCGM 102:2011, clause 8.
+    JCGM 101:2008 and JCGM 102:2011, clause 8: within delta, Monte Carlo run to delta / 5.
     """
     value, covariance = check("k, k k", value=value, covariance=covariance)
     if monte_carlo.region != "ellipsoid":
@@ -184,7 +141,7 @@ def validate_vector(
     names = [f"{what} {i + 1}" for what in ("value", "uncertainty") for i in range(len(u))]
     names += ["largest eigenvalue of the correlation", "coverage factor"]
     k = int(np.argmax(differences / tolerance))
-    return Validation(
+    return LinearCheck(
         outcome,
         frozen(differences),
         frozen(tolerance),

@@ -1,4 +1,4 @@
-"""The compiled loops against plain numpy: moments of tool points, noisy tables, gradients."""
+"""The compiled loops against plain numpy: noisy tables and gradients."""
 
 import os
 import shutil
@@ -9,18 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.errors import InputError
 from calib.geometry.frames import exp_so3
 from calib.geometry.parameters import parameters_of
-from calib.kernels import points, replicates
+from calib.kernels import replicates
 from calib.measurement.noise import isotropic_covariance, with_joint_noise
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import stacked
-from calib.uncertainty import point_moments as room
-from calib.uncertainty.point_moments import PAIRS, chunk_sums, point_moments
 from calib.uncertainty.refit import Lanes, freeze
-from calib.uncertainty.tool_point import postures, propagate
-from tests.calib.uncertainty.test_monte_carlo import MODELS, calibration_covariance
+from tests.calib.uncertainty.test_monte_carlo import MODELS
 from tests.reference import pool_r, tx60
 
 CASES = pytest.mark.parametrize("name", MODELS)
@@ -45,103 +41,6 @@ def mixed_table(model, q, rng):
         pose_id=np.arange(m),
         repeat=np.zeros(m, dtype=int),
     )
-
-
-@CASES
-def test_moments_of_tool_points_equal_those_of_plain_propagation(name):
-    rng = np.random.default_rng(7)
-    model = MODELS[name](rng)
-    q = rng.normal(size=(11, model.chain.n_joints))
-    steps = rng.normal(size=(2000, model.n_numbers)) * 1e-3
-    nominal = model.poses(q)[:, :3, 3]
-    sums = chunk_sums(
-        postures(model, q), np.arange(model.n_numbers), np.ascontiguousarray(steps.T), nominal
-    )
-    e = propagate(model, q, steps) - nominal
-    assert np.abs(sums[:3] / 2000 - e.mean(axis=0).T).max() < 1e-12  # metres: the bar
-    plain = np.stack([np.einsum("mn,mn->n", e[..., i], e[..., j]) for i, j in PAIRS])
-    assert np.abs(sums[3:] - plain).max() < 1e-9 * np.abs(plain).max()  # the bar; 1e-14 in fact
-
-
-def test_one_draw_of_the_moments_equals_the_moved_model():
-    rng = np.random.default_rng(8)
-    model = MODELS["gravity and harmonics"](rng)
-    q = rng.normal(size=(5, model.chain.n_joints))
-    step, nominal = rng.normal(size=model.n_numbers) * 1e-3, model.poses(q)[:, :3, 3]
-    sums = chunk_sums(postures(model, q), np.arange(model.n_numbers), step[:, None], nominal)
-    # rounding of the chain itself: metres, five joints
-    assert pytest.approx(model.moved(step).poses(q)[:, :3, 3] - nominal, abs=1e-13) == sums[:3].T
-
-
-def test_a_large_step_of_a_joint_term_goes_through_numpy(monkeypatch):
-    rng = np.random.default_rng(9)
-    model = MODELS["gravity and harmonics"](rng)
-    q = rng.normal(size=(4, model.chain.n_joints))
-    steps = rng.normal(size=(50, model.n_numbers)) * 0.2
-    nominal = model.poses(q)[:, :3, 3]
-    args = (postures(model, q), np.arange(model.n_numbers), np.ascontiguousarray(steps.T), nominal)
-    expected = propagate(model, q, steps).sum(axis=0) - 50 * nominal
-    assert pytest.approx(expected, abs=1e-10) == chunk_sums(*args)[:3].T
-    monkeypatch.setattr(room, "LARGEST_TERM", 10.0)  # the series alone would be wrong
-    assert np.abs(chunk_sums(*args)[:3].T - expected).max() > 1e-8
-
-
-def test_moments_have_the_same_bits_for_any_number_of_threads():
-    C, q = calibration_covariance(), pool_r(9)
-    runs = [
-        point_moments(tx60(), q, C, np.random.default_rng(3), draws=25_000, threads=threads)
-        for threads in (1, 2, 5)
-    ]
-    for run in runs[1:]:
-        for name in ("mean", "covariance", "shift", "controlled"):
-            assert np.array_equal(getattr(run, name), getattr(runs[0], name))
-
-
-def test_the_control_variate_needs_a_thousandth_of_the_draws():
-    C, q = calibration_covariance(), pool_r(9)
-    few = point_moments(tx60(), q, C, np.random.default_rng(3), draws=1000)
-    linear = np.trace(few.linear, axis1=1, axis2=2)
-    plain = np.trace(few.covariance, axis1=1, axis2=2) / linear - 1
-    controlled = np.trace(few.controlled, axis1=1, axis2=2) / linear - 1
-    # sd of a plain variance: sqrt(2/1000) / about sqrt(2) effective axes; the kinematics are
-    # linear to 1e-4 of u here
-    assert 0.01 < np.sqrt(np.mean(plain**2)) < 0.1
-    assert np.abs(controlled).max() < 1e-3
-    assert np.abs(few.shift).max() < 1e-2 * np.abs(few.mean).max()
-
-
-def test_the_control_variate_equals_the_same_formula_draw_by_draw():
-    C, q, draws = calibration_covariance(scale=300), pool_r(3), 400
-    run = point_moments(tx60(), q, C, np.random.default_rng(4), draws=draws)
-    moving = np.flatnonzero(np.diag(C))
-    L = np.linalg.cholesky(C[np.ix_(moving, moving)])
-    (stream,) = np.random.default_rng(4).spawn(1)
-    steps = np.zeros((draws, 42))
-    steps[:, moving] = stream.standard_normal((draws, len(moving))) @ L.T
-    e = propagate(tx60(), q, steps) - tx60().poses(q)[:, :3, 3]
-    line = np.einsum("nip,mp->mni", tx60().poses_and_jacobian(q)[1][:, :3], steps)
-    for k in range(3):
-        own = np.cov(e[:, k].T)
-        assert run.covariance[k] == pytest.approx(own, rel=1e-9, abs=1e-12 * own.max())
-        expected = run.linear[k] + own - np.cov(line[:, k].T)
-        assert run.controlled[k] == pytest.approx(expected, rel=1e-6, abs=1e-9 * own.max())
-    assert run.shift == pytest.approx((e - line).mean(axis=0), abs=1e-9 * np.abs(e).max())
-
-
-@pytest.mark.parametrize("draws", [1, 0, -3])
-def test_too_few_draws_are_refused(draws):
-    with pytest.raises(InputError, match="draws"):
-        point_moments(
-            tx60(), pool_r(2), calibration_covariance(), np.random.default_rng(0), draws=draws
-        )
-
-
-def test_a_covariance_that_is_not_positive_is_refused():
-    C = calibration_covariance()
-    k = np.flatnonzero(np.diag(C))[:2]
-    C[k[0], k[1]] = C[k[1], k[0]] = 2 * np.sqrt(C[k[0], k[0]] * C[k[1], k[1]])
-    with pytest.raises(InputError, match="eigenvalue"):
-        point_moments(tx60(), pool_r(2), C, np.random.default_rng(0), draws=100)
 
 
 @CASES
@@ -202,17 +101,14 @@ def test_noisy_tables_are_true_poses_turned_by_the_exponential():
 
 def test_the_source_of_the_loops_runs_as_plain_python_with_the_same_bits():
     rng = np.random.default_rng(6)
-    n, N, M = 2, 3, 2
     args = (
-        rng.normal(size=(n, 8, M)), rng.normal(size=(3, M)), rng.normal(size=(12, M)),
-        rng.normal(size=(1, M)) * 0.01, rng.normal(size=(n, N)), rng.normal(size=(n, N)),
-        rng.normal(size=(n, N)), rng.normal(size=(1, N)), np.array([1]), np.array([True, False]),
-        True, rng.normal(size=(3, N)),
+        rng.standard_normal((1, 2, 6, 32)), rng.normal(size=(2, 3)), rng.normal(size=(2, 3, 3)),
+        rng.normal(size=(2, 6, 6)) * 1e-3,
     )  # fmt: skip
-    compiled, plain = np.zeros((9, N)), np.zeros((9, N))
-    points.point_sums(*args, compiled)
-    points.point_sums.py_func(*args, plain)
-    assert np.array_equal(compiled, plain)
+    by_machine, by_python = np.zeros((1, 2, 12, 32)), np.zeros((1, 2, 12, 32))
+    replicates.shots(*args, by_machine)
+    replicates.shots.py_func(*args, by_python)
+    assert np.array_equal(by_machine, by_python)
 
 
 def test_arrays_of_another_layout_or_type_are_refused_rather_than_compiled_for():
@@ -229,7 +125,7 @@ def test_without_a_folder_to_write_the_loops_compile_uncached(tmp_path):
     )
     (tmp_path / "calib" / "kernels" / "__pycache__").write_text("in the way")
     environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-    code = "import calib.kernels.points as k; print(k.point_sums.stats.cache_path)"
+    code = "import calib.kernels.replicates as k; print(k.shots.stats.cache_path)"
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code],
         cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300, check=False,

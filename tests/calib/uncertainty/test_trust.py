@@ -15,7 +15,7 @@ from calib.uncertainty.discrepancy import discrepancy
 from calib.uncertainty.held_out import held_out
 from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.trust import trust
-from calib.uncertainty.validation import Validation
+from calib.uncertainty.validation import LinearCheck
 from tests.reference import DEG, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
 
@@ -126,7 +126,7 @@ def test_when_only_linearity_fails_the_replicates_are_believed():
         "none",
         False,
     )
-    failed = Validation("not validated", np.ones(2), np.ones(2), "first-order is not validated")
+    failed = LinearCheck("not validated", np.ones(2), np.ones(2), "first-order is not validated")
     assert trust(fit, bootstrap=run, linear=failed).believe == "bootstrap"
     assert trust(fit, linear=failed).believe == "none"
 

@@ -19,7 +19,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.prior import Prior
 from calib.measurement.observations import pose_measurements
 from calib.measurement.residual import table_whiteners
-from calib.uncertainty.adaptive import spread
+from calib.uncertainty.adaptive import adaptive
 from calib.uncertainty.bootstrap import bootstrap
 from calib.uncertainty.conformal import conformal
 from calib.uncertainty.discrepancy import discrepancy
@@ -407,7 +407,9 @@ CASES = {
     "9 validation poses": lambda _: discrepancy(
         HeldOut(np.zeros((9, 3)), np.zeros((9, 3, 3)), np.zeros((9, 3, 3)), 0.0, 1.0)
     ),
-    "draws too few for the coverage": lambda _: spread(np.arange(1999.0), probability=0.95),
+    "draws too few for the coverage": lambda _: adaptive(
+        lambda n, rng: rng.standard_normal((n, 1)), np.random.default_rng(0), batch=1999
+    ),
     "replicates too few": lambda _: bootstrap(
         ROBOT.model, shots(30), parameters_of(ROBOT.model), np.random.default_rng(0), replicates=99
     ),

@@ -13,7 +13,7 @@ from calib.uncertainty.conformal import Conformal
 from calib.uncertainty.discrepancy import Discrepancy
 from calib.uncertainty.held_out import HeldOut
 from calib.uncertainty.trust import Trust
-from calib.uncertainty.validation import Validation as LinearCheck
+from calib.uncertainty.validation import LinearCheck
 
 LEVEL = 0.95
 """Content that every statement promises."""

@@ -15,15 +15,14 @@ from calib.identification.identify import Identification
 from calib.identification.joint_models import shared_waves
 from calib.identification.lack_of_fit import LackOfFit
 from calib.measurement.observations import Measurements, joined
-from calib.uncertainty.adaptive import adaptive_vector
+from calib.uncertainty.adaptive import adaptive
 from calib.uncertainty.bootstrap import Bootstrap
 from calib.uncertainty.conformal import Conformal, fewest_poses
 from calib.uncertainty.covariance import correlated_draws
 from calib.uncertainty.discrepancy import FEWEST
 from calib.uncertainty.judgement import judge
 from calib.uncertainty.tool_point import propagate, tool_statement
-from calib.uncertainty.validation import Validation as LinearCheck
-from calib.uncertainty.validation import validate_vector
+from calib.uncertainty.validation import LinearCheck, validate
 from testbed.laboratory.campaign_bench import Bench
 from testbed.streams import stream
 from testbed.studies.trial.compare import attained
@@ -258,8 +257,8 @@ def linear_check(
         return moved_targets(found.model, there, steps, target)[:, 0] @ axes
 
     axes = moving_axes(linear.covariance[worst])
-    played = adaptive_vector(sample, rng, digits=DIGITS, probability=LEVEL, finer=5.0)
-    check = validate_vector(
+    played = adaptive(sample, rng, digits=DIGITS, probability=LEVEL, finer=5.0)
+    check = validate(
         linear.position[worst] @ axes,
         axes.T @ linear.covariance[worst] @ axes,
         played,
