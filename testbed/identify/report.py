@@ -25,7 +25,7 @@ from testbed.identify.words import (
     reasons,
     verdict,
 )
-from testbed.report.page import Block, Page, Points, Section, Table, Text, render, versions_table
+from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section, render
 from testbed.robots.write.dh_table import DhRow
 from testbed.units import DEG, MM, counted, fixed, with_uncertainty
 
@@ -59,7 +59,11 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         identifiable_section(calibration),
         delivered_section(delivered),
         data_section(calibration),
-        record_section(calibration, versions),
+        record_section(
+            f"Seed {calibration.split.seed}. The same files, robot and options with the same "
+            "versions give the same numbers.",
+            versions,
+        ),
     )
     return Page(
         banner=notice(calibration),
@@ -86,7 +90,6 @@ def headline(calibration: Calibration) -> Table:
         caption=f"Errors at {where}: seen minus predicted",
         head=HEAD,
         rows=tuple(rows),
-        align="l" + "r" * (len(HEAD) - 1),
         strong=(chosen,),
         size="small",
         note="Errors hold the measuring noise, too. First row: the links as the maker describes "
@@ -142,16 +145,6 @@ def data_section(calibration: Calibration) -> Section:
         if sentences:
             blocks += [Text(title), Points(tuple(closed(text) for text in sentences))]
     return Section("data", "The data", tuple(blocks))
-
-
-def record_section(calibration: Calibration, versions: Mapping[str, str]) -> Section:
-    """What is needed to make this again."""
-    table = versions_table(versions)
-    text = (
-        f"Seed {calibration.split.seed}. The same files, robot and options with the same versions "
-        "give the same numbers."
-    )
-    return Section("record", "Versions", (Text(text), table))
 
 
 def parameter_section(calibration: Calibration) -> Section:

@@ -2,7 +2,7 @@
 
 from calib.uncertainty.conformal import fewest_poses
 from testbed.identify.records import Calibration, Delivered, Figures, Fit
-from testbed.store.layout import SIMULATED
+from testbed.report.page import SIMULATED
 from testbed.units import DEG, MM, counted, fixed, significant
 
 MEASURED = "MEASURED - a calibration report, not a certificate of traceability"

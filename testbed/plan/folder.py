@@ -13,9 +13,10 @@ from testbed.plan.report import plan_report_html
 from testbed.plan.table import joint_units, plan_csv, pose_ids
 from testbed.plan.words import station_words, untested
 from testbed.progress import Progress
+from testbed.report.page import SIMULATED
 from testbed.robots.catalog import Robot, load_robot
 from testbed.scenario.read import Scenario, dump_scenario, scenario_hash
-from testbed.store.layout import PLAN, SCENARIO, SIMULATED
+from testbed.store.layout import PLAN, SCENARIO
 from testbed.store.npz import pretty_json
 from testbed.store.run_folder import check_free, whole_folder
 from testbed.versions import all_versions, number_versions

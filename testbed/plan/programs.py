@@ -8,7 +8,7 @@ import numpy as np
 from calib.arrays import Array
 from testbed.plan.records import Plan
 from testbed.plan.table import Stop, stops_of
-from testbed.store.layout import SIMULATED
+from testbed.report.page import SIMULATED
 from testbed.units import counted
 
 ACCELERATION = 1.4

@@ -8,8 +8,8 @@ from testbed.plan.records import Plan
 from testbed.plan.words import PROMISED, certificate_word, headline_rows, minutes, promise
 from testbed.recording.cell import draw_arm, draw_beam, draw_box, draw_station
 from testbed.recording.pen import Color, Pen, viridis
+from testbed.report.page import SIMULATED
 from testbed.robots.catalog import Robot
-from testbed.store.layout import SIMULATED
 from testbed.units import counted
 
 REASONS: tuple[tuple[str, Color], ...] = (

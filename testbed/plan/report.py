@@ -19,18 +19,17 @@ from testbed.plan.words import (
     untested,
 )
 from testbed.report.page import (
-    BANNER,
+    SIMULATED,
     Block,
-    Code,
     Figure,
     Page,
     Points,
     Section,
     Table,
     Text,
-    pool_rows,
+    record_section,
+    rejection_table,
     render,
-    versions_table,
 )
 from testbed.robots.catalog import Robot
 from testbed.scenario.read import dump_scenario
@@ -51,7 +50,7 @@ def plan_report_html(plan: Plan, robot: Robot, *, versions: Mapping[str, str]) -
     """
     scenario = plan.scenario
     page = Page(
-        banner=BANNER,
+        banner=SIMULATED,
         title=scenario.title or scenario.name,
         subtitle=f"Measuring plan {scenario.name}, seed {scenario.seed}, {robot.title}. Predicted "
         "from the nominal robot; nothing has been measured.",
@@ -70,7 +69,12 @@ def plan_report_html(plan: Plan, robot: Robot, *, versions: Mapping[str, str]) -
                 station_section(plan),
                 candidate_section(plan),
                 parameter_section(plan),
-                record_section(plan, versions),
+                record_section(
+                    f"Seed {scenario.seed}. Planning the scenario below again with the same "
+                    f"versions gives the same table. {certificate_word(plan)}",
+                    versions,
+                    dump_scenario(scenario),
+                ),
             )
             if section is not None
         ),
@@ -90,18 +94,6 @@ def headline(plan: Plan) -> Table:
         "counts what the tracker and the joints scatter, through the numbers identified; it does "
         "not count what the model leaves out (sag, harmonics, backlash) nor the repeatability of "
         "the later move.",
-    )
-
-
-def record_section(plan: Plan, versions: Mapping[str, str]) -> Section:
-    """What is needed to make the plan again."""
-    table = versions_table(versions)
-    text = (
-        f"Seed {plan.scenario.seed}. Planning the scenario below again with the same versions "
-        f"gives the same table. {certificate_word(plan)}"
-    )
-    return Section(
-        "record", "Scenario and versions", (Text(text), table, Code(dump_scenario(plan.scenario)))
     )
 
 
@@ -280,7 +272,7 @@ def candidate_section(plan: Plan) -> Section:
                 if clearance
                 else "Refused by floor or obstacle: touches it, the base aside."
             ),
-            pool_rows(pool.n_drawn, pool.rejection_names, pool.rejection_counts, len(pool.q)),
+            rejection_table(pool.n_drawn, pool.rejection_names, pool.rejection_counts, len(pool.q)),
             Figure(
                 "Candidates refused inside the box, by reason (at most 100 each), over the pool "
                 "(gray).",

@@ -3,7 +3,7 @@
 import numpy as np
 
 from testbed.plan.records import FAR, Plan
-from testbed.store.layout import SIMULATED
+from testbed.report.page import SIMULATED
 from testbed.units import MM, UM, counted, fixed, percent, significant
 
 CLOSE = 0.01

@@ -1,4 +1,4 @@
-"""What a report is made of: sections of paragraphs, lists, tables and figures."""
+"""A report as one HTML page: headline, then sections of paragraphs, lists, tables and figures."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,6 +7,10 @@ from typing import ClassVar
 
 from calib.arrays import Index
 from testbed.units import NARROW
+
+SIMULATED = "SIMULATED - not a calibration certificate"
+"""On everything that was made from a virtual robot."""
+TEMPLATES = Path(__file__).parent / "templates"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,13 +37,18 @@ class Table:
     caption: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    align: str
-    """One letter per column: l or r."""
+    align: str = ""
+    """One letter per column, l or r; without them the first is l and all others are r."""
     note: str = ""
     size: str = "normal"
     """normal, or small for tables of many columns."""
     strong: tuple[int, ...] = ()
     """Rows printed bold."""
+
+    @property
+    def letters(self) -> str:
+        """One letter per column."""
+        return self.align or "l" + "r" * (len(self.head) - 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,22 +80,6 @@ class Section:
     blocks: tuple[Block, ...]
 
 
-def versions_table(versions: Mapping[str, str]) -> Table:
-    """Program and packages that made a result."""
-    return Table(
-        caption="Versions",
-        head=("program or package", "version"),
-        rows=tuple(versions.items()),
-        align="ll",
-    )
-
-
-BANNER = "SIMULATED - not a calibration certificate"
-
-
-TEMPLATES = Path(__file__).parents[1] / "report" / "templates"
-
-
 @dataclass(frozen=True, slots=True)
 class Page:
     """Everything the template prints."""
@@ -105,7 +98,7 @@ class Page:
 
 
 def render(page: Page) -> str:
-    """The page as HTML; whatever a user wrote is escaped."""
+    """The page as HTML: no network, same bytes each time; whatever a user wrote is escaped."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
@@ -123,22 +116,40 @@ def plain(text: str) -> str:
     return text.replace(NARROW, " ").replace("µ", "u").replace("−", "-")
 
 
-def pool_rows(n_drawn: int, names: Sequence[str], rejected: Index, size: int) -> Table:
-    """The same, of a pool of `size` poses from `n_drawn` candidates."""
-    counts = [int(count) for count in rejected]
+def record_section(text: str, versions: Mapping[str, str], scenario: str = "") -> Section:
+    """What is needed to make the result again: versions, and the scenario in full.
+
+    Parameters
+    ----------
+    text : str
+        What is promised to whoever does.
+    versions : mapping of str to str
+        Program and packages.
+    scenario : str
+        TOML of the scenario that was played; empty if none was.
+    """
+    table = Table(
+        caption="Versions",
+        head=("program or package", "version"),
+        rows=tuple(versions.items()),
+        align="ll",
+    )
+    if not scenario:
+        return Section("record", "Versions", (Text(text), table))
+    return Section("record", "Scenario and versions", (Text(text), table, Code(scenario)))
+
+
+def rejection_table(n_drawn: int, names: Sequence[str], rejected: Index, size: int) -> Table:
+    """How many of `n_drawn` candidate poses were refused for which reason, for a pool of `size`."""
+    counts = {f"refused: {name}": int(n) for name, n in zip(names, rejected, strict=True)}
+    kept = n_drawn - sum(counts.values())
     rows = [("drawn", str(n_drawn), "100 %")]
-    share = [f"{100 * count / max(n_drawn, 1):.1f} %" for count in counts]
-    rows += [
-        (f"refused: {name}", str(count), part)
-        for name, count, part in zip(names, counts, share, strict=True)
-    ]
-    kept = n_drawn - sum(counts)
-    rows.append(("feasible", str(kept), f"{100 * kept / max(n_drawn, 1):.1f} %"))
+    for name, count in {**counts, "feasible": kept}.items():
+        rows.append((name, str(count), f"{100 * count / max(n_drawn, 1):.1f} %"))
     return Table(
         caption=f"Candidate poses: a pool of {size}",
         head=("candidates", "number", "share"),
         rows=tuple(rows),
-        align="lrr",
         note="Each candidate is counted under the first reason that applies. "
         + (f"The first {size} feasible ones are the pool." if kept > size else ""),
     )

@@ -2,16 +2,7 @@
 
 from collections.abc import Mapping
 
-from testbed.report.page import (
-    BANNER,
-    Code,
-    Page,
-    Section,
-    Text,
-    plain,
-    render,
-    versions_table,
-)
+from testbed.report.page import SIMULATED, Page, plain, record_section, render
 from testbed.scenario.read import dump_scenario
 from testbed.studies.compensation import report as report_compensation
 from testbed.studies.compensation.summary import outcomes
@@ -86,10 +77,16 @@ def page_of(campaign: Campaign, versions: Mapping[str, str]) -> Page:
         report_paper.tool_section(campaign),
         report_paper.paper_section(campaign, examined),
         report_parameters.parameter_section(campaign),
-        record_section(campaign, versions),
+        record_section(
+            f"Seed {scenario.seed}. Every number of this report comes from the scenario below; "
+            "playing it again with the same versions on the same kind of processor gives the same "
+            "bytes.",
+            versions,
+            dump_scenario(scenario),
+        ),
     )
     return Page(
-        banner=BANNER,
+        banner=SIMULATED,
         title=scenario.title or scenario.name,
         subtitle=f"Scenario {scenario.name}, seed {scenario.seed}, robot {scenario.robot}",
         believable=verdict.believable,
@@ -102,18 +99,6 @@ def page_of(campaign: Campaign, versions: Mapping[str, str]) -> Page:
         next_step=next_step(campaign),
         sections=tuple(section for section in sections if section is not None),
     )
-
-
-def record_section(campaign: Campaign, versions: Mapping[str, str]) -> Section:
-    """What is needed to play the campaign again: versions, seed, the scenario in full."""
-    table = versions_table(versions)
-    text = (
-        f"Seed {campaign.scenario.seed}. Every number of this report comes from the scenario "
-        "below; playing it again with the same versions on the same kind of processor gives the "
-        "same bytes."
-    )
-    scenario = dump_scenario(campaign.scenario)
-    return Section("record", "Scenario and versions", (Text(text), table, Code(scenario)))
 
 
 def headline_verdict(campaign: Campaign) -> Verdict:

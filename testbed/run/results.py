@@ -8,8 +8,8 @@ import numpy as np
 from calib.information.propagation import point_uncertainty
 from calib.measurement.accuracy import Accuracy
 from testbed.laboratory.campaign_bench import Setting
+from testbed.report.page import SIMULATED
 from testbed.run.report import headline_verdict
-from testbed.store.layout import SIMULATED
 from testbed.studies.compensation.summary import compensation_arrays, compensation_headline
 from testbed.studies.coverage.summary import coverage_arrays, coverage_headline
 from testbed.studies.pose_sets.compare import contest_of

@@ -21,6 +21,3 @@ OWNERS = {
 """What the file that marks a folder, written last, makes it; no other folder is renamed."""
 OURS = (SCENARIO, MANIFEST, *DERIVED, TIMING, LOG, UNFINISHED, LOCK, CRASH)
 """Every file a run may leave in its folder, beside trials/."""
-
-
-SIMULATED = "SIMULATED - not a calibration certificate"

@@ -8,8 +8,8 @@ from calib.measurement.accuracy import seen_minus_predicted, target_points
 from calib.uncertainty.regions import ellipsoid
 from testbed.recording.pen import AFTER_COLOR, ARROW_SIZE, BEFORE_COLOR, Writer, first, viridis
 from testbed.recording.story import PhaseName, Story, growing, nice_factor
+from testbed.report.page import SIMULATED
 from testbed.robots.placements import quaternion_wxyz
-from testbed.store.layout import SIMULATED
 from testbed.studies.compensation import recording as recording_compensation
 from testbed.studies.coverage import recording as recording_coverage
 from testbed.studies.trial.records import Campaign

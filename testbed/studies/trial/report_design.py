@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib.information.observability import CRITERIA
-from testbed.report.page import Block, Figure, Section, Table, Text, pool_rows
+from testbed.report.page import Block, Figure, Section, Table, Text, rejection_table
 from testbed.studies.trial import plots
 from testbed.studies.trial.records import Campaign, PoseCountStudy, RandomSets
 from testbed.studies.trial.report import set_in_words
@@ -15,7 +15,7 @@ from testbed.units import counted, micrometres, significant
 def pool_table(campaign: Campaign) -> Table:
     """Candidates that were drawn, refused by reason, and kept."""
     setting = campaign.setting
-    return pool_rows(
+    return rejection_table(
         setting.n_drawn, setting.rejection_names, setting.rejection_counts, len(setting.pool_q)
     )
 

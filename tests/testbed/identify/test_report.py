@@ -20,8 +20,7 @@ from testbed.identify.words import (
     terminal_text,
     verdict,
 )
-from testbed.report.page import render
-from testbed.store.layout import SIMULATED
+from testbed.report.page import SIMULATED, render
 from tests.calibrated import real, sound
 from tests.reported import VERSIONS, read
 

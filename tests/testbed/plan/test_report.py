@@ -9,7 +9,7 @@ import pytest
 from testbed.plan import plots as plan_plots
 from testbed.plan.report import plan_report_html
 from testbed.plan.words import terminal_text
-from testbed.report.page import BANNER
+from testbed.report.page import SIMULATED
 from testbed.scenario.read import changed
 from tests.planned import ROBOT, quick_plan, small_plan, with_blocked_move
 from tests.reported import VERSIONS, read
@@ -46,7 +46,7 @@ def test_the_page_is_well_formed_and_needs_nothing_from_outside(make):
 def test_the_first_screen_has_promise_proof_time_and_next_step(text):
     made = small_plan()
     first = text[: text.index("In this report:")]
-    assert first.startswith(BANNER)
+    assert first.startswith(SIMULATED)
     for wanted in (
         f"U = {2e6 * made.u_mean:.1f} µm (k = 2, RMS over the goal)",
         "V-efficiency at least",

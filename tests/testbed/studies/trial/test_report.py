@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbed.report.page import BANNER, Table
+from testbed.report.page import SIMULATED, Table
 from testbed.run.report import page_of, report_html
 from testbed.scenario.read import dump_scenario
 from testbed.studies.trial import report as report_headline
@@ -45,7 +45,7 @@ def tables(make):
 @pytest.mark.parametrize("make", EVERY)
 def test_the_banner_is_the_first_line_and_the_verdict_comes_before_any_section(make):
     text = read(html(make)).text
-    assert text[0] == text[-1] == BANNER
+    assert text[0] == text[-1] == SIMULATED
     first_section = text.index("What to believe here, and why", text.index("In this report:") + 2)
     first_screen = " ".join(text[:first_section])
     assert " ".join(page(make).verdict.split()) in first_screen
@@ -121,7 +121,7 @@ def test_every_column_of_numbers_says_its_unit(make):
     for table in tables(make):
         unit = re.compile(r"\[?\b(mm|deg|µm|%)\]?")
         own_unit = "unit" in table.head or unit.search(table.caption)
-        for head, letter in zip(table.head, table.align, strict=True):
+        for head, letter in zip(table.head, table.letters, strict=True):
             if letter == "r":
                 assert own_unit or unit.search(head) or COUNTED.search(head), (table.caption, head)
 
@@ -129,7 +129,7 @@ def test_every_column_of_numbers_says_its_unit(make):
 @pytest.mark.parametrize("make", EVERY)
 def test_tables_are_rectangular(make):
     for table in tables(make):
-        assert len(table.head) == len(table.align)
+        assert len(table.head) == len(table.letters)
         assert {len(row) for row in table.rows} == {len(table.head)}
 
 
