@@ -12,7 +12,7 @@ from calib.arrays import Array, Index
 from calib.design.detmax import detmax
 from calib.design.random import random_selection
 from calib.identification.identify import identify
-from testbed.laboratory.campaign_bench import make_setting, open_bench
+from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
 from testbed.scenario.read import changed, load_scenario
 from testbed.streams import stream
 from testbed.studies.trial.compare import compare, true_step
@@ -35,7 +35,7 @@ def contest(robots: int = 8) -> dict[str, Array]:
     errors: dict[str, list[float]] = {"DETMAX": [], "random": [], "farthest": []}
     for seed in range(robots):
         scenario = changed(load_scenario("quick"), {"seed": seed})
-        bench = open_bench(scenario, make_setting(scenario))
+        bench = open_laboratory(scenario, make_setting(scenario))
         blocks, q = bench.design_blocks("whitened"), bench.setting.pool_q
         sets = {
             "DETMAX": detmax(blocks, POSES, "O1", stream(seed, "DETMAX")).indices,

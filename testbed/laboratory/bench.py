@@ -1,48 +1,62 @@
-"""The laboratory as a planner sees it: the nominal robot, the tracker, the noise it will state."""
+"""What a real laboratory has: robot, tracker, cell, candidate poses, noise stated; no truth."""
 
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
 from calib.arrays import Array
-from calib.design.blocks import scaled_blocks
-from calib.errors import InputError
-from calib.geometry.parameters import Parameters
+from calib.design.blocks import paper_blocks, scaled_blocks
+from calib.errors import refuse
+from calib.geometry.parameters import Parameters, parameters_of
+from calib.identification.identify import Mode
 from calib.information.goals import goal_matrix
 from calib.information.rank import RANK_TOLERANCE
 from calib.information.reduction import Reduction, reduce
-from testbed.laboratory.campaign_bench import free_parameters
+from calib.measurement.residual import point_blocks, whitened_blocks
 from testbed.laboratory.cell import Obstacle, cell_from
-from testbed.laboratory.pool import Pool, draw_pool
+from testbed.laboratory.pool import Candidates
 from testbed.laboratory.simulator import Simulator
-from testbed.laboratory.tracker.station import station_rows
 from testbed.laboratory.tracker.tracker import Tracker, tracker_from
-from testbed.laboratory.truth.robot import joint_repeatability
 from testbed.robots.catalog import Robot, load_robot
-from testbed.scenario.read import PoolSettings, Scenario
+from testbed.scenario.read import PAPER_SET, PoolSettings, Scenario, TruthSettings
 
+PROBED_POSES = 200
+"""Pool poses from which identifiability is judged before anything is selected."""
 FELT = 1e-6
 """Part of a unit step's effect on the goal below which a hidden direction does not matter."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PlanBench:
+class Bench:
     """A scenario's laboratory without its secret."""
 
     scenario: Scenario
     robot: Robot
-    simulator: Simulator
-    """Of the cell with the clearance that poses and moves of a plan keep."""
-    touching: Simulator
-    """Of the same cell without: the robot works as near to things as it likes."""
-    cell: tuple[Obstacle, ...]
+    """Nominal."""
     tracker: Tracker
+    """At its station."""
+    cell: tuple[Obstacle, ...]
+    simulator: Simulator
+    """Of the nominal robot in its cell, with the clearance that poses and moves must keep."""
+    touching: Simulator
+    """The same without clearance: the robot works as near to things as it likes."""
     sigma_q: Array
     """(n,) stated repeatability of each joint [rad or m]."""
+    pool_q: Array
+    """(N, n) candidates that designs choose from; none before they are drawn [rad, m]."""
+
+    def covariance(self, q: Array) -> Array:
+        """Stated covariance (m, 6, 6) of one visit of each pose, from nominal poses [m, rad]."""
+        return self.tracker.covariance(self.robot.model, q, self.sigma_q)
 
     def whitened_rows(self, q: Array) -> Array:
-        """Whitened Jacobian blocks (m, r, P) of poses q (m, n), all P columns."""
-        return station_rows(self.robot, self.tracker, q, self.sigma_q)
+        """Whitened Jacobian blocks (m, r, P) of poses q (m, n) not measured yet, all P columns."""
+        covariance = self.covariance(q)
+        if self.tracker.measures == "pose":
+            return whitened_blocks(self.robot.model, q, covariance)
+        offset = np.broadcast_to(self.tracker.reflector, (len(q), 3))
+        return point_blocks(self.robot.model, q, covariance[:, :3, :3], offset)
 
     def blocks(self, q: Array, parameters: Parameters) -> Array:
         """Whitened blocks (m, r, p) of the free numbers in scaled units."""
@@ -50,19 +64,42 @@ class PlanBench:
             return np.zeros((0, 6 if self.tracker.measures == "pose" else 3, parameters.n_free))
         return scaled_blocks(self.whitened_rows(q), parameters)
 
+    def free(self, mode: Mode) -> Parameters:
+        """Parameters that an estimator may move, before reduction."""
+        return free_parameters(self.scenario, self.robot, mode)
+
     def reduction(self, q: Array) -> tuple[Parameters, Reduction]:
         """Free numbers that poses like q (m, n) can tell apart, and the account of the others."""
-        free = free_parameters(self.scenario, self.robot, "whitened")
+        free = self.free("whitened")
         if not free.n_free:
-            raise InputError(
-                "[identification] leaves nothing free",
+            raise refuse(
+                "identification.free",
                 code="M27",
-                field="identification.free",
+                message="[identification] leaves nothing free",
                 fix="free at least one number",
             )
-        A = self.whitened_rows(q)[:, :, free.free] * free.free_scale
-        found = reduce(A.reshape(-1, free.n_free), free, model=self.robot.model, q=q)
+        found = reduce(self._scaled_rows(q, free), free, model=self.robot.model, q=q)
         return free.freeing(found.kept), found
+
+    def _scaled_rows(self, q: Array, free: Parameters) -> Array:
+        """Whitened rows (m r, f) of poses q (m, n), columns scaled."""
+        A = self.whitened_rows(q)[:, :, free.free] * free.free_scale
+        return np.asarray(A.reshape(-1, free.n_free))
+
+    def kept(self) -> Parameters:
+        """Free numbers of the default estimator that generic poses of the pool can tell apart."""
+        return self.reduction(self.pool_q[:PROBED_POSES])[0]
+
+    def design_blocks(self, rows: str) -> Array:
+        """Blocks (N, r, p) of the whole pool in which an index is computed.
+
+        `rows` is "whitened" (whitened rows, columns scaled to 1 m and 1/L rad) or "paper" (twelve
+        unweighted rows, mm and rad, in their six-row equivalent).
+        """
+        if rows == "whitened":
+            return self.blocks(self.pool_q, self.kept())
+        free = self.free("paper") if PAPER_SET in self.robot.free_sets else self.kept()
+        return paper_blocks(self.robot.model, free, self.pool_q)
 
     def check_seen(self, q: Array, goal_q: Array, point: Array) -> None:
         """Refuse a goal that moves with something the poses q (m, n) never show.
@@ -72,8 +109,8 @@ class PlanBench:
         InputError
             Says in words which numbers move the tool point at the goal and nothing measured.
         """
-        free = free_parameters(self.scenario, self.robot, "whitened")
-        A = self.whitened_rows(q)[:, :, free.free].reshape(-1, free.n_free) * free.free_scale
+        free = self.free("whitened")
+        A = self._scaled_rows(q, free)
         goals = goal_matrix(self.robot.model, goal_q, free, target=point).rows
         size = np.linalg.norm(A, axis=0)
         size = np.where(size > RANK_TOLERANCE * size.max(), size, size.max())
@@ -86,61 +123,94 @@ class PlanBench:
         order = np.argsort(-np.abs(way), kind="stable")[:4]
         names = [free.free_names[k] for k in order if abs(way[k]) > 0.05 * abs(way[order[0]])]
         together = " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
-        raise InputError(
-            f"{together} can change together so that the tool point at the goal moves, and no pose "
-            "of the pool shows it",
+        raise refuse(
+            "plan.goal",
+            names,
             code="M28",
-            field="plan.goal",
-            value=names,
+            message=f"{together} can change together so that the tool point at the goal moves, and "
+            "no pose of the pool shows it",
             fix="measure full poses, widen the pool, or ask for a point that the tracker sees "
             "([plan] point_mm)",
         )
 
-    def standing_at(self, station: Array) -> "PlanBench":
+    def standing_at(self, station: Array) -> Self:
         """The same laboratory with the tracker at a station (3,) in the base frame [m]."""
         settings = self.scenario.tracker.model_copy(update={"station_mm": tuple(station * 1e3)})
         return replace(self, tracker=tracker_from(settings, self.robot.model.chain))
 
-    def pool(
-        self,
-        settings: PoolSettings,
-        rng: np.random.Generator,
-        *,
-        size: int,
-        seen: bool = True,
-        near: bool = False,
-        exclude: Array | None = None,
-    ) -> Pool:
-        """Feasible poses; `seen` False asks the robot and its cell only, not the tracker.
+    def candidates(
+        self, settings: PoolSettings | None = None, *, seen: bool = True, near: bool = False
+    ) -> Candidates:
+        """Poses of [pool], or of other settings, and the tests they must pass here.
 
-        `near` lets them come as near to the cell as the robot can without touching it.
+        Unless `seen`, the tracker is not asked, only the robot and its cell. `near` lets poses come
+        as near to the cell as the robot can without touching it.
         """
+        settings = self.scenario.pool if settings is None else settings
         if not seen:
             settings = settings.model_copy(update={"line_of_sight": False})
-        return draw_pool(
+        return Candidates(
             self.robot,
             self.touching if near else self.simulator,
             settings,
             self.tracker.station,
-            rng,
-            size=size,
             aim=self.tracker.aim(self.robot.model.chain),
             acceptance=self.tracker.acceptance if seen else np.pi,
-            exclude=exclude,
         )
 
 
-def open_plan_bench(scenario: Scenario) -> PlanBench:
-    """Set up the laboratory for planning; no truth is drawn."""
+def open_bench(scenario: Scenario, *, clearance: float = 0.0) -> Bench:
+    """Set up the laboratory; poses and moves keep a `clearance` from the cell [m].
+
+    No truth is drawn, and no candidates.
+    """
     robot = load_robot(scenario.robot)
     chain = robot.model.chain
     cell = cell_from(scenario.cell, chain)
-    return PlanBench(
+    touching = Simulator(robot, chain, cell)
+    return Bench(
         scenario,
         robot,
-        Simulator(robot, chain, cell, clearance=scenario.plan.clearance_mm / 1e3),
-        Simulator(robot, chain, cell),
-        cell,
         tracker_from(scenario.tracker, chain),
+        cell,
+        Simulator(robot, chain, cell, clearance=clearance) if clearance else touching,
+        touching,
         joint_repeatability(robot, scenario.truth),
+        np.zeros((0, chain.n_joints)),
     )
+
+
+def joint_repeatability(robot: Robot, truth: TruthSettings) -> Array:
+    """Standard deviation of each joint (n,) [rad or m]; the robot's own where truth says None.
+
+    A number in the scenario is an angle: sliding joints keep their own, or none if it is zero.
+    """
+    if truth.joint_repeatability_mdeg is None:
+        return robot.repeatability
+    value = float(np.radians(truth.joint_repeatability_mdeg * 1e-3))
+    slides = robot.model.chain.prismatic.astype(bool)
+    return np.where(slides, robot.repeatability * bool(value), value)
+
+
+def free_parameters(scenario: Scenario, robot: Robot, mode: Mode) -> Parameters:
+    """Parameters that the estimator `mode` may move.
+
+    The paper's estimator always identifies the robot's set ``wen2022`` with base and tool fixed.
+    """
+    table = parameters_of(robot.model)
+    if mode == "paper":
+        return table.freeing(robot.free_sets[PAPER_SET])
+    wanted = scenario.identification.free
+    if isinstance(wanted, str):
+        names = table.names if wanted == "identifiable" else robot.free_sets[wanted]
+    else:
+        names = wanted
+    fixed = tuple(
+        f"{frame}."
+        for frame, state in (
+            ("base", scenario.identification.base),
+            ("tool", scenario.identification.tool),
+        )
+        if state == "fixed"
+    )
+    return table.freeing(name for name in names if not name.startswith(fixed or ("\0",)))

@@ -10,8 +10,7 @@ from calib.geometry.frames import exp_so3, inverse, log_so3, slide, transform
 from calib.geometry.inverse import inverse as joints_reaching
 from calib.information.criteria.named import NEEDS_GOALS
 from calib.information.goals import Goals, goal_matrix
-from testbed.laboratory.bench import PlanBench, open_plan_bench
-from testbed.laboratory.campaign_bench import PROBED_POSES, Bench
+from testbed.laboratory.bench import PROBED_POSES, Bench
 from testbed.laboratory.joint_lists import from_deg
 from testbed.laboratory.pool import joint_ranges
 from testbed.robots.catalog import Robot
@@ -37,7 +36,7 @@ class Goal:
     """What the goal is, in words."""
 
 
-def goal_of(bench: PlanBench) -> Goal:
+def goal_of(bench: Bench) -> Goal:
     """The goal postures of a scenario's [plan.goal], with weights that sum to one.
 
     Raises
@@ -80,7 +79,7 @@ def noun(number: int, word: str) -> str:
     return word if number == 1 else f"{word}s"
 
 
-def point_of(bench: PlanBench) -> Array:
+def point_of(bench: Bench) -> Array:
     """The point (3,) of the tool that counts [m]: [plan] point_mm, else what the tracker tracks.
 
     One reflector tells nothing of how the tool is turned about it: where nothing else is asked for
@@ -96,14 +95,14 @@ def box_of(scenario: Scenario, goal: BoxGoal) -> tuple[Corner, Corner]:
     return center or scenario.pool.box_center_mm, size or scenario.pool.box_size_mm
 
 
-def box_poses(bench: PlanBench, goal: BoxGoal) -> Array:
+def box_poses(bench: Bench, goal: BoxGoal) -> Array:
     """Feasible postures (g, n) in the goal's box, seen by the tracker or not."""
     scenario = bench.scenario
     center, size = box_of(scenario, goal)
     pool = scenario.pool.model_copy(update={"box_center_mm": center, "box_size_mm": size})
     rng = stream(scenario.seed, "plan", "goal")
     try:
-        return bench.pool(pool, rng, size=goal.poses, seen=False, near=True).q
+        return bench.candidates(pool, seen=False, near=True).draw(rng, size=goal.poses).q
     except InputError as error:
         raise of_the_goal(error) from error
 
@@ -120,7 +119,7 @@ def of_the_goal(error: InputError) -> InputError:
     )
 
 
-def _entries(bench: PlanBench, goal: ListGoal | PathGoal) -> Array:
+def _entries(bench: Bench, goal: ListGoal | PathGoal) -> Array:
     """Joint values (k, n) of the goal's entries, solved for where tool poses are given."""
     robot = bench.robot
     if goal.joints_deg:
@@ -135,7 +134,7 @@ def _entries(bench: PlanBench, goal: ListGoal | PathGoal) -> Array:
     return np.array(q)
 
 
-def _check_free(bench: PlanBench, q: Array, name: str) -> None:
+def _check_free(bench: Bench, q: Array, name: str) -> None:
     """Refuse a goal posture q (n,) at which the robot hits something."""
     if bench.touching.collides(q[None])[0]:
         raise InputError(
@@ -147,14 +146,14 @@ def _check_free(bench: PlanBench, q: Array, name: str) -> None:
         )
 
 
-def _tool_poses(bench: PlanBench, goal: ListGoal | PathGoal) -> Array:
+def _tool_poses(bench: Bench, goal: ListGoal | PathGoal) -> Array:
     """Wanted tool poses (k, 4, 4) in the world [m]."""
     values = np.array(goal.tool_mm_deg)
     T_base_tool = transform(exp_so3(np.radians(values[:, 3:])), values[:, :3] / 1e3)
     return np.asarray(bench.robot.model.chain.T_world_base @ T_base_tool)
 
 
-def _posture(bench: PlanBench, T: Array, before: Array | None, name: str) -> Array:
+def _posture(bench: Bench, T: Array, before: Array | None, name: str) -> Array:
     """The posture (n,) nearest to the one before it that brings the tool to T and hits nothing."""
     robot = bench.robot
     ranges = joint_ranges(robot, bench.scenario.pool)
@@ -188,7 +187,7 @@ def _posture(bench: PlanBench, T: Array, before: Array | None, name: str) -> Arr
     return np.asarray(q[np.argmin(np.abs(q - reference).max(axis=1))])
 
 
-def _path(bench: PlanBench, goal: PathGoal) -> tuple[Array, Array, float]:
+def _path(bench: Bench, goal: PathGoal) -> tuple[Array, Array, float]:
     """Postures (g, n) along a path, what each counts (g,), and the tool's way [m]."""
     corners, model = _entries(bench, goal), bench.robot.model
     lines = len(corners) - 1
@@ -272,11 +271,10 @@ def goals_of(bench: Bench) -> Goals:
     InputError
         The goal is out of reach, or moves with something that no pose of the pool shows.
     """
-    laboratory = open_plan_bench(bench.scenario)
-    goal = goal_of(laboratory)
-    laboratory.check_seen(bench.setting.pool_q[:PROBED_POSES], goal.q, goal.point)
+    goal = goal_of(bench)
+    bench.check_seen(bench.pool_q[:PROBED_POSES], goal.q, goal.point)
     return goal_matrix(
-        bench.setting.nominal, goal.q, bench.kept(), weights=goal.weights, target=goal.point
+        bench.robot.model, goal.q, bench.kept(), weights=goal.weights, target=goal.point
     )
 
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
-from calib.arrays import Array, Index, check, frozen
-from calib.errors import InputError
+from calib.arrays import Array, Bool, Index, frozen
+from calib.errors import refuse
 from calib.geometry.frames import inverse
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot
@@ -61,119 +61,142 @@ class Pool:
     """Candidates up to the last one kept: N plus all rejections."""
 
 
-def draw_pool(
-    robot: Robot,
-    simulator: Simulator,
-    settings: PoolSettings,
-    station: ArrayLike,
-    rng: np.random.Generator,
-    *,
-    size: int | None = None,
-    aim: ArrayLike = (0.0, 0.0, 0.0),
-    acceptance: float = np.pi,
-    exclude: Array | None = None,
-) -> Pool:
-    """Draw feasible poses; the held-out ones come from here too, with their own `rng`.
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidates:
+    """Where poses are drawn from, and the tests each must pass.
 
-    Blocks of four candidates per pose wanted are uniform in the joint ranges. A candidate is kept
-    if its nominal tool lies in the box, its joints keep their margin, the target faces the tracker,
-    the robot hits neither itself nor the floor (both under `self_collision`) nor an obstacle of the
-    simulator, and the tracker sees the target.
-
-    Parameters
-    ----------
-    robot : Robot
-        Nominal robot and its limits.
-    simulator : Simulator
-        Of the robot's nominal chain, with its parts.
-    settings : PoolSettings
-        Box, margin and tests.
-    station : (3,) array_like
-        Where the beam starts, in the world [m].
-    rng : Generator
-        Candidates.
-    size : int, optional
-        Poses wanted; the size in the settings by default.
-    aim : (3,) array_like
-        Target in the tool frame [m].
-    acceptance : float
-        Half angle of the cone about the tool's z axis in which the tracker must stand, seen from
-        the target [rad]; pi: anywhere.
-    exclude : (k, n) array, optional
-        Joint vectors that must not come again, to within 1e-7 rad or m: the pool, when held-out
-        poses are drawn.
-
-    Raises
-    ------
-    InputError
-        If feasible poses are so rare that something is set wrong; says which test lets least pass.
-
-    References
-    ----------
-    The box is that of Wen et al. 2022, 900 x 1200 x 800 mm; with all tests off the draw is plain
-    rejection sampling in joint space.
+    A candidate is uniform in the joint ranges. It is kept if its nominal tool lies in the box, its
+    joints keep their margin, the target faces the tracker, the robot hits neither itself nor the
+    floor (both under `self_collision`) nor an obstacle of the simulator, and the tracker sees the
+    target.
     """
-    station, aim = check("3, 3", station=station, aim=aim)
-    wanted = settings.size if size is None else size
-    taken = np.zeros((0, len(robot.limits))) if exclude is None else np.asarray(exclude)
-    lower, upper = joint_ranges(robot, settings).T
-    blocks: list[Array] = []
-    faults: list[Index] = []
-    rejected, drawn = np.zeros(len(REASONS), dtype=np.int64), 0
-    while drawn - rejected.sum() < wanted:
-        block = rng.uniform(lower, upper, (4 * wanted, len(lower)))
-        block = block[is_new(block, taken)]
-        blocks.append(block)
-        faults.append(first_fault(robot, simulator, settings, station, aim, block, acceptance))
-        rejected, drawn = rejected + counts(faults[-1]), drawn + len(block)
-        _check_patience(rejected, drawn, wanted)
-    q, reason = np.concatenate(blocks), np.concatenate(faults)
-    end = np.flatnonzero(reason < 0)[wanted - 1] + 1
-    q, reason = q[:end], reason[:end]
-    apply = applying(simulator, acceptance)
-    sample = np.concatenate([np.flatnonzero(reason == k)[:SAMPLE] for k in range(len(REASONS))])
-    kept = frozen(q[reason < 0])
-    return Pool(
-        q=kept,
-        T=frozen(robot.model.poses(kept)),
-        rejected_q=frozen(q[sample]),
-        rejected_reason=tuple(REASONS[k] for k in reason[sample]),
-        rejection_names=tuple(REASONS[k] for k in apply),
-        rejection_counts=frozen(counts(reason)[apply], np.int64),
-        n_drawn=int(end),
-    )
 
+    robot: Robot
+    """Nominal robot and its limits."""
+    simulator: Simulator
+    """Of the robot's nominal chain, with its parts."""
+    settings: PoolSettings
+    """Box, margin and tests."""
+    station: ArrayLike
+    """(3,) where the beam starts, in the world [m]."""
+    aim: ArrayLike = (0.0, 0.0, 0.0)
+    """(3,) target in the tool frame [m]."""
+    acceptance: float = np.pi
+    """Half angle of the cone about the tool's z axis in which the tracker must stand, seen from the
+    target [rad]; pi: anywhere."""
 
-def first_fault(
-    robot: Robot,
-    simulator: Simulator,
-    settings: PoolSettings,
-    station: Array,
-    aim: Array,
-    q: Array,
-    acceptance: float = np.pi,
-) -> Index:
-    """Index (m,) into `REASONS` of the first test each candidate q (m, n) fails, -1 if none.
+    def draw(
+        self, rng: np.random.Generator, *, size: int | None = None, exclude: Array | None = None
+    ) -> Pool:
+        """Draw feasible poses; the held-out ones come from here too, with their own `rng`.
 
-    Cheap tests first; a later test looks only at what the earlier ones left.
-    """
-    reason = np.full(len(q), -1, dtype=np.int64)
-    reason[~in_box(robot, settings, q)] = BOX
-    reason[(reason < 0) & ~keeps_margin(robot, settings, q)] = LIMITS
-    if acceptance < np.pi:
+        Candidates come in blocks of four per pose wanted.
+
+        Parameters
+        ----------
+        rng : Generator
+            Candidates.
+        size : int, optional
+            Poses wanted; the size in the settings by default.
+        exclude : (k, n) array, optional
+            Joint vectors that must not come again, to within 1e-7 rad or m: the pool, when held-out
+            poses are drawn.
+
+        Raises
+        ------
+        InputError
+            If feasible poses are so rare that something is set wrong; says which test lets least
+            pass.
+
+        References
+        ----------
+        The box is that of Wen et al. 2022, 900 x 1200 x 800 mm; with all tests off the draw is
+        plain rejection sampling in joint space.
+        """
+        robot, wanted = self.robot, self.settings.size if size is None else size
+        taken = np.zeros((0, len(robot.limits))) if exclude is None else np.asarray(exclude)
+        lower, upper = joint_ranges(robot, self.settings).T
+        blocks: list[Array] = []
+        faults: list[Index] = []
+        rejected, drawn = np.zeros(len(REASONS), dtype=np.int64), 0
+        while drawn - rejected.sum() < wanted:
+            block = rng.uniform(lower, upper, (4 * wanted, len(lower)))
+            block = block[is_new(block, taken)]
+            blocks.append(block)
+            faults.append(self.first_fault(block))
+            rejected, drawn = rejected + counts(faults[-1]), drawn + len(block)
+            _check_patience(rejected, drawn, wanted)
+        q, reason = np.concatenate(blocks), np.concatenate(faults)
+        end = np.flatnonzero(reason < 0)[wanted - 1] + 1
+        q, reason = q[:end], reason[:end]
+        apply = self._applying()
+        sample = np.concatenate([np.flatnonzero(reason == k)[:SAMPLE] for k in range(len(REASONS))])
+        kept = frozen(q[reason < 0])
+        return Pool(
+            q=kept,
+            T=frozen(robot.model.poses(kept)),
+            rejected_q=frozen(q[sample]),
+            rejected_reason=tuple(REASONS[k] for k in reason[sample]),
+            rejection_names=tuple(REASONS[k] for k in apply),
+            rejection_counts=frozen(counts(reason)[apply], np.int64),
+            n_drawn=int(end),
+        )
+
+    def first_fault(self, q: Array) -> Index:
+        """Index (m,) into `REASONS` of the first test each pose q (m, n) fails, -1 if none.
+
+        Cheap tests first; a later test looks only at what the earlier ones left.
+        """
+        settings, reason = self.settings, np.full(len(q), -1, dtype=np.int64)
+        reason[~self._in_box(q)] = BOX
+        reason[(reason < 0) & ~self._keeps_margin(q)] = LIMITS
         left = np.flatnonzero(reason < 0)
-        reason[left[~faces(robot, q[left], station, aim, acceptance)]] = CONE
-    if settings.self_collision or simulator.obstacles:
-        left = np.flatnonzero(reason < 0)
-        itself, floor, obstacle = simulator.contacts(q[left])
-        reason[left[obstacle]] = OBSTACLE
-        if settings.self_collision:
-            reason[left[floor]] = FLOOR
-            reason[left[itself]] = ITSELF
-    if settings.line_of_sight:
-        left = np.flatnonzero(reason < 0)
-        reason[left[~simulator.sees(q[left], station, aim)]] = SIGHT
-    return reason
+        reason[left[~self.faces(q[left])]] = CONE
+        if settings.self_collision or self.simulator.obstacles:
+            left = np.flatnonzero(reason < 0)
+            itself, floor, obstacle = self.simulator.contacts(q[left])
+            reason[left[obstacle]] = OBSTACLE
+            if settings.self_collision:
+                reason[left[floor]] = FLOOR
+                reason[left[itself]] = ITSELF
+        if settings.line_of_sight:
+            left = np.flatnonzero(reason < 0)
+            reason[left[~self.sees(q[left])]] = SIGHT
+        return reason
+
+    def faces(self, q: Array) -> Bool:
+        """Whether (m,) the tracker stands in the cone about the tool's z axis."""
+        if self.acceptance >= np.pi:
+            return np.ones(len(q), dtype=bool)
+        T = self.robot.model.poses(q)
+        beam = np.asarray(self.station) - (T[:, :3, 3] + T[:, :3, :3] @ np.asarray(self.aim))
+        along = np.einsum("mi,mi->m", T[:, :3, 2], beam)
+        return np.asarray(along >= np.cos(self.acceptance) * np.linalg.norm(beam, axis=1))
+
+    def sees(self, q: Array) -> Bool:
+        """Whether (m,) nothing stands between the tracker and the target."""
+        return self.simulator.sees(q, self.station, self.aim)
+
+    def _in_box(self, q: Array) -> Bool:
+        """Whether (m,) the nominal tool lies in the box, which is fixed to the base frame."""
+        model = self.robot.model
+        T = inverse(model.chain.T_world_base) @ model.poses(q)
+        center = np.array(self.settings.box_center_mm) / 1e3
+        half = np.array(self.settings.box_size_mm) / 2e3
+        return np.asarray((np.abs(T[:, :3, 3] - center) < half).all(axis=1))
+
+    def _keeps_margin(self, q: Array) -> Bool:
+        """Whether (m,) every revolute joint keeps the margin from both its limits."""
+        turns = 1 - self.robot.model.chain.prismatic
+        margin = np.radians(self.settings.joint_margin_deg) * turns
+        lower, upper = self.robot.limits.T
+        return np.asarray(((q >= lower + margin) & (q <= upper - margin)).all(axis=1))
+
+    def _applying(self) -> list[int]:
+        """Tests that can reject: that of the cone and that of obstacles only if there are any."""
+        off = {CONE} if self.acceptance >= np.pi else set()
+        off |= set() if self.simulator.obstacles else {OBSTACLE}
+        return [k for k in range(len(REASONS)) if k not in off]
 
 
 def joint_ranges(robot: Robot, settings: PoolSettings) -> Array:
@@ -184,48 +207,12 @@ def joint_ranges(robot: Robot, settings: PoolSettings) -> Array:
     return np.asarray(settings.joint_ranges_deg) * scale[:, None]
 
 
-def is_new(q: Array, taken: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def is_new(q: Array, taken: Array) -> Bool:
     """Whether (m,) joint vectors q (m, n) differ from all of `taken` (k, n) in some joint."""
     if not len(taken):
         return np.ones(len(q), dtype=bool)
     distance, _ = KDTree(taken).query(q, p=np.inf, distance_upper_bound=SAME)
     return np.asarray(np.isinf(distance))
-
-
-def in_box(
-    robot: Robot, settings: PoolSettings, q: Array
-) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Whether (m,) the nominal tool lies in the box, which is fixed to the base frame."""
-    T = inverse(robot.model.chain.T_world_base) @ robot.model.poses(q)
-    center = np.array(settings.box_center_mm) / 1e3
-    half = np.array(settings.box_size_mm) / 2e3
-    return np.asarray((np.abs(T[:, :3, 3] - center) < half).all(axis=1))
-
-
-def keeps_margin(
-    robot: Robot, settings: PoolSettings, q: Array
-) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Whether (m,) every revolute joint keeps the margin from both its limits."""
-    margin = np.radians(settings.joint_margin_deg) * (1 - robot.model.chain.prismatic)
-    lower, upper = robot.limits.T
-    return np.asarray(((q >= lower + margin) & (q <= upper - margin)).all(axis=1))
-
-
-def faces(
-    robot: Robot, q: Array, station: Array, aim: Array, acceptance: float
-) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Whether (m,) the tracker stands in the cone about the tool's z axis, seen from the target."""
-    T = robot.model.poses(q)
-    beam = station - (T[:, :3, 3] + T[:, :3, :3] @ aim)
-    along = np.einsum("mi,mi->m", T[:, :3, 2], beam)
-    return np.asarray(along >= np.cos(acceptance) * np.linalg.norm(beam, axis=1))
-
-
-def applying(simulator: Simulator, acceptance: float) -> list[int]:
-    """Tests that can reject: that of the cone and that of obstacles only if there are any."""
-    off = {CONE} if acceptance >= np.pi else set()
-    off |= set() if simulator.obstacles else {OBSTACLE}
-    return [k for k in range(len(REASONS)) if k not in off]
 
 
 def counts(reason: Index) -> Index:
@@ -245,11 +232,11 @@ def _check_patience(rejected: Index, drawn: int, wanted: int) -> None:
         return
     # the test that lets the smallest share pass, not the first one, which sees them all
     worst = int(np.argmax(rejected / np.maximum(entered, 1)))
-    raise InputError(
-        f"[pool] only {feasible} of {wanted} poses are feasible after {drawn} draws",
+    raise refuse(
+        "pool",
+        feasible,
+        f'the test "{REASONS[worst]}" rejects {rejected[worst]} of {entered[worst]}',
         code="S37",
-        field="pool",
-        value=feasible,
-        allowed=f'the test "{REASONS[worst]}" rejects {rejected[worst]} of {entered[worst]}',
+        message=f"[pool] only {feasible} of {wanted} poses are feasible after {drawn} draws",
         fix=REMEDIES[worst],
     )

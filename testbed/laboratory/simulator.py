@@ -6,6 +6,7 @@ as fast as MuJoCo's batches are on one thread, and ten times faster on the thirt
 
 import logging
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +16,6 @@ from calib.arrays import Array, Bool, check
 from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.frames import slide, transform
 from testbed.laboratory.cell import Obstacle
-from testbed.laboratory.truth.terms import grown
 from testbed.robots.catalog import Robot
 from testbed.robots.placements import quaternion_wxyz
 
@@ -238,6 +238,11 @@ class Simulator:
             share = mujoco.mj_ray(model, data, start, beam, None, 1, self._carrier, hit)
             out[k] = share < 0 or share > 1 - TOUCH
         return out
+
+
+def grown(chain: Chain, share: float) -> Chain:
+    """The chain with the lengths d and a of its links larger by a share."""
+    return replace(chain, links=chain.links * [1.0, 1.0 + share, 1.0 + share, 1.0, 1.0])
 
 
 def _lay_floor(spec: Any, T_world_floor: Array, margin: float) -> None:

@@ -4,19 +4,19 @@ import numpy as np
 
 from calib.arrays import Array, frozen
 from calib.errors import InputError
-from testbed.laboratory.bench import PlanBench
+from testbed.laboratory.bench import Bench
 from testbed.laboratory.goal import Goal, box_of, of_the_goal
-from testbed.laboratory.pool import first_fault, is_new
+from testbed.laboratory.pool import is_new
 from testbed.scenario.read import BoxGoal
 from testbed.streams import stream
 
 
-def held_out(bench: PlanBench, goal: Goal, taken: Array) -> Array:
+def held_out(bench: Bench, goal: Goal, taken: Array) -> Array:
     """Held-out poses (h, n): random from the goal, filled up from the pool's box where too few.
 
     Parameters
     ----------
-    bench : PlanBench
+    bench : Bench
         The laboratory.
     goal : Goal
         Where the robot will work.
@@ -32,23 +32,14 @@ def held_out(bench: PlanBench, goal: Goal, taken: Array) -> Array:
         pool = pool.model_copy(update={"box_center_mm": center, "box_size_mm": size})
     elif count:
         anywhere = pool.model_copy(update={"box_size_mm": (1e6, 1e6, 1e6)})
-        station, aim = bench.tracker.station, bench.tracker.aim(bench.robot.model.chain)
-        fault = first_fault(
-            bench.robot,
-            bench.simulator,
-            anywhere,
-            station,
-            aim,
-            goal.q,
-            bench.tracker.acceptance,
-        )
+        fault = bench.candidates(anywhere).first_fault(goal.q)
         seen = goal.q[is_new(goal.q, taken) & (fault < 0)]
         found = seen[rng.permutation(len(seen))[:count]]
     if len(found) == count:
         return frozen(found)
     exclude = np.vstack([taken, found])
     try:
-        rest = bench.pool(pool, rng, size=count - len(found), exclude=exclude).q
+        rest = bench.candidates(pool).draw(rng, size=count - len(found), exclude=exclude).q
     except InputError as error:
         error = of_the_goal(error) if isinstance(settings, BoxGoal) else error
         raise InputError(

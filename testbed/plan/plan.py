@@ -5,8 +5,7 @@ import numpy as np
 from calib.arrays import Array, frozen
 from calib.errors import InputError
 from calib.information.goals import goal_matrix
-from testbed.laboratory.bench import PlanBench, open_plan_bench
-from testbed.laboratory.campaign_bench import PROBED_POSES
+from testbed.laboratory.bench import PROBED_POSES, Bench, open_bench
 from testbed.laboratory.goal import Goal, goal_of
 from testbed.laboratory.joint_lists import read_joints
 from testbed.laboratory.pool import Pool
@@ -63,7 +62,7 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     """`plan`, with errors that do not name the scenario yet."""
     tell(STEPS[0], 0, len(STEPS))
     check_tested(scenario)
-    bench = open_plan_bench(scenario)
+    bench = open_bench(scenario, clearance=scenario.plan.clearance_mm / 1e3)
     check_robot(scenario, bench.robot, where=where)
     check_stations(bench)
     robot, settings = bench.robot, scenario.plan
@@ -118,48 +117,39 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     )
 
 
-def candidates(bench: PlanBench, measured: Array) -> Pool:
+def candidates(bench: Bench, measured: Array) -> Pool:
     """The pool of the scenario, the same that `truebed run` draws, without poses measured."""
     scenario = bench.scenario
-    return bench.pool(
-        scenario.pool,
-        stream(scenario.seed, "pool"),
-        size=scenario.pool.size,
-        exclude=measured if len(measured) else None,
-    )
+    rng = stream(scenario.seed, "pool")
+    return bench.candidates().draw(rng, exclude=measured if len(measured) else None)
 
 
-def compared(bench: PlanBench, goal: Goal) -> StationComparison | None:
+def compared(bench: Bench, goal: Goal) -> StationComparison | None:
     """The stations of [plan.stations] compared on one common pool; None if none are given."""
     scenario = bench.scenario
     if not scenario.plan.stations.given:
         return None
     rng = stream(scenario.seed, "plan", "stations")
-    q = bench.pool(scenario.pool, rng, size=scenario.pool.size, seen=False).q
+    q = bench.candidates(seen=False).draw(rng).q
     parameters, _ = bench.reduction(q[:PROBED_POSES])
     none = np.zeros((0, parameters.n_free))
     goals = goal_matrix(
         bench.robot.model, goal.q, parameters, weights=goal.weights, target=goal.point
     )
     return compare_stations(
-        bench.robot,
-        bench.simulator,
-        scenario.tracker,
+        bench,
         station_grid(scenario.plan.stations),
         q,
         parameters,
-        goals.rows,
+        goals,
         lambda blocks: quick_design(
             Task(blocks, goals, none, scenario.plan, parameters.free_names),
             stream(scenario.seed, "plan", "stations", "select"),
         ),
-        sigma_q=bench.sigma_q,
-        weights=goals.weights,
-        line_of_sight=scenario.pool.line_of_sight,
     )
 
 
-def _measured(bench: PlanBench) -> Array:
+def _measured(bench: Bench) -> Array:
     """Poses measured already (k, n); none without [plan] measured."""
     file = bench.scenario.plan.measured
     if not file:

@@ -7,7 +7,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.chain import Chain
-from testbed.laboratory.bench import PlanBench
+from testbed.laboratory.bench import Bench
 from testbed.laboratory.tracker.stations import place_word, station_grid
 from testbed.robots.placements import placements
 from testbed.scenario.read import Scenario
@@ -39,7 +39,7 @@ def check_tested(scenario: Scenario) -> None:
         )
 
 
-def check_stations(bench: PlanBench) -> None:
+def check_stations(bench: Bench) -> None:
     """Refuse stations below the floor, in the robot's work space, or given twice.
 
     Raises
@@ -64,7 +64,7 @@ def check_stations(bench: PlanBench) -> None:
             )
 
 
-def _check_station(bench: PlanBench, station: Array, name: str) -> None:
+def _check_station(bench: Bench, station: Array, name: str) -> None:
     """Refuse one station (3,) in the base frame [m] where no tracker can stand."""
     chain = bench.robot.model.chain
     x, y, z = station * 1e3
@@ -92,7 +92,7 @@ def _check_station(bench: PlanBench, station: Array, name: str) -> None:
         )
 
 
-def check_ranges(bench: PlanBench, q: Array) -> None:
+def check_ranges(bench: Bench, q: Array) -> None:
     """Refuse a station that poses q (m, n) bring the target too near to.
 
     Raises

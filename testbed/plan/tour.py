@@ -4,7 +4,7 @@ import numpy as np
 
 from calib.arrays import Array, Index, frozen
 from calib.errors import InputError
-from testbed.laboratory.bench import PlanBench
+from testbed.laboratory.bench import Bench
 from testbed.laboratory.joint_lists import from_deg
 from testbed.laboratory.pool import joint_ranges
 from testbed.laboratory.route.route import Route, measuring_route
@@ -13,7 +13,7 @@ from testbed.streams import stream
 
 
 def tour_of(
-    bench: PlanBench,
+    bench: Bench,
     start: Array,
     chosen: Array,
     places: Index,
@@ -24,7 +24,7 @@ def tour_of(
 
     Parameters
     ----------
-    bench : PlanBench
+    bench : Bench
         The laboratory; its scenario has speed and rest.
     start : (n,) array
         Where the robot stands before [rad, m].
@@ -67,7 +67,7 @@ def tour_of(
     )
 
 
-def _clearance(bench: PlanBench, route: Route, blocked: tuple[int, ...]) -> float:
+def _clearance(bench: Bench, route: Route, blocked: tuple[int, ...]) -> float:
     """Smallest distance to floor and obstacles at every posture that the moves were tested at."""
     simulator = bench.simulator
     bounds, postures, here = simulator.travel_bounds(), [route.start[None]], route.start
@@ -94,7 +94,7 @@ def _sentence(route: Route, blocked: tuple[int, ...]) -> str:
     )
 
 
-def start_of(bench: PlanBench) -> Array:
+def start_of(bench: Bench) -> Array:
     """Posture (n,) the robot starts from [rad, m]: of the scenario, else zero or mid-range.
 
     Raises
@@ -123,7 +123,7 @@ def start_of(bench: PlanBench) -> Array:
     return start
 
 
-def readings_of(bench: PlanBench, q: Array) -> tuple[Reading, ...]:
+def readings_of(bench: Bench, q: Array) -> tuple[Reading, ...]:
     """Predicted readings at joint targets q (s, n), from the nominal robot.
 
     A 6-D target has two: the tool frame's origin, which the tracker reports, and the probe, which

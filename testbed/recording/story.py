@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from calib.arrays import Array, Index
-from testbed.laboratory.campaign_bench import Setting
+from testbed.laboratory.truth.laboratory import Setting
 from testbed.studies.trial.records import Estimate, Trial
 
 PhaseName = Literal["select", "measure", "identify", "evaluate", "compensate", "coverage"]

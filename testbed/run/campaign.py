@@ -7,7 +7,7 @@ from streams named after it, so records can be made in any order.
 from collections.abc import Callable
 from typing import Any
 
-from testbed.laboratory.campaign_bench import Setting
+from testbed.laboratory.truth.laboratory import Setting
 from testbed.scenario.read import Scenario
 from testbed.studies.compensation.records import CompensationStudy
 from testbed.studies.compensation.settings import COMPENSATION_KEYS, compensation_keys
@@ -79,8 +79,8 @@ def record_type(key: str) -> type:
 
 def compute(scenario: Scenario, key: str, get: Get) -> Any:
     """Make one record; `get` hands over another record by key, making it first if need be."""
-    from testbed.laboratory.campaign_bench import make_setting, open_bench
     from testbed.laboratory.goal import goals_of, wants_goals
+    from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
     from testbed.studies.compensation.play import compensation_study
     from testbed.studies.coverage.play import coverage_study
     from testbed.studies.pose_sets.play import population_study
@@ -93,7 +93,9 @@ def compute(scenario: Scenario, key: str, get: Get) -> Any:
     if key == SETTING:
         made = make_setting(scenario)
         if wants_goals(scenario):
-            goals_of(open_bench(scenario, made))  # a goal out of reach is refused before any trial
+            goals_of(
+                open_laboratory(scenario, made)
+            )  # a goal out of reach is refused before any trial
         return made
     setting = get(SETTING)
     if key == VALIDATION:

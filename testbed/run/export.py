@@ -10,7 +10,12 @@ from calib.arrays import Array, Bool, Index
 from calib.measurement.observations import POSE, Measurements, joined
 from testbed.files.columns import covariance_names
 from testbed.files.session_toml import SESSION_FILE
-from testbed.laboratory.campaign_bench import Bench, journey, open_bench, validation_start
+from testbed.laboratory.truth.laboratory import (
+    Laboratory,
+    journey,
+    open_laboratory,
+    validation_start,
+)
 from testbed.robots.robot import Robot
 from testbed.store.run_folder import whole_folder
 from testbed.studies.trial.records import Campaign, Trial
@@ -41,7 +46,7 @@ def export_campaign(
     InputError
         The folder is in use. MachineError: the disk is full.
     """
-    bench = open_bench(campaign.scenario, campaign.setting)
+    bench = open_laboratory(campaign.scenario, campaign.setting)
     with whole_folder(Path(folder), SESSION_FILE, overwrite=overwrite) as inside:
         for k, trial in enumerate(campaign.trials):
             table, is_test, time = exported_rows(bench, trial)
@@ -52,7 +57,7 @@ def export_campaign(
             (inside / name).write_bytes(text.encode())
 
 
-def exported_rows(bench: Bench, trial: Trial) -> tuple[Measurements, Bool, Array]:
+def exported_rows(bench: Laboratory, trial: Trial) -> tuple[Measurements, Bool, Array]:
     """All visits of a trial's poses, then the held-out poses once.
 
     Returns
@@ -117,7 +122,7 @@ def _digits(row: Sequence[float]) -> Iterator[str]:
     return (f"{value:.17g}" for value in row)
 
 
-def _times(visit: Measurements, poses: Index, start: float, bench: Bench) -> Array:
+def _times(visit: Measurements, poses: Index, start: float, bench: Laboratory) -> Array:
     """When each row of a visit was measured [s]; missed shots took their time too."""
     time, _ = journey(np.zeros((len(poses), 1)), start, bench.tracker.pose_time)
     at = {int(pose): k for k, pose in enumerate(poses)}

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.information.propagation import point_uncertainty
 from calib.measurement.accuracy import Accuracy
-from testbed.laboratory.campaign_bench import Setting
+from testbed.laboratory.truth.laboratory import Setting
 from testbed.report.page import SIMULATED
 from testbed.run.report import headline_verdict
 from testbed.studies.compensation.summary import compensation_arrays, compensation_headline

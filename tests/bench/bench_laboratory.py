@@ -7,7 +7,7 @@ line of sight 30 us each, the pool of the paper within 0.2 s, readings of 1000 p
 import numpy as np
 import pytest
 
-from testbed.laboratory.pool import draw_pool
+from testbed.laboratory.pool import Candidates
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.robots.catalog import load_robot
@@ -51,11 +51,8 @@ def test_build_with_meshes(benchmark):
 
 @pytest.mark.benchmark(group="pool of 1000")
 def test_pool(benchmark):
-    benchmark(
-        lambda: draw_pool(
-            ROBOT, SIMULATOR, PoolSettings(), TRACKER.station, np.random.default_rng(5)
-        )
-    )
+    candidates = Candidates(ROBOT, SIMULATOR, PoolSettings(), TRACKER.station)
+    benchmark(lambda: candidates.draw(np.random.default_rng(5)))
 
 
 @pytest.mark.benchmark(group="tracker, 1000 poses")

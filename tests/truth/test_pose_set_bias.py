@@ -15,7 +15,7 @@ from calib.design.exchange import exchange
 from calib.design.random import random_selection
 from calib.geometry.frames import log_so3
 from calib.identification.identify import identify
-from testbed.laboratory.campaign_bench import make_setting, open_bench
+from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.scenario.read import changed, load_scenario
 from testbed.streams import stream
@@ -30,7 +30,7 @@ def robots():
     per robot what the best 24 numbers leave: whitened (N, 6) at the pool, [m] (t, 3) elsewhere."""
     scenario = changed(load_scenario("pose_sets"), {"test.poses": 600})
     setting = make_setting(scenario)
-    bench = open_bench(scenario, setting)
+    bench = open_laboratory(scenario, setting)
     table, pool, other = bench.kept(), setting.pool_q, setting.test_q
     A = bench.whitened_rows(pool)[:, :, table.free] * table.free_scale
     J = setting.nominal.poses_and_jacobian(other)[1][:, :3, table.free] * table.free_scale

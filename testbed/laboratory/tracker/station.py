@@ -4,17 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Bool, Index, frozen
-from calib.design.blocks import information, scaled_blocks, sees_all
+from calib.design.blocks import information, sees_all
 from calib.errors import CalibError
 from calib.geometry.parameters import Parameters
-from calib.measurement.residual import point_blocks, whitened_blocks
-from testbed.laboratory.pool import faces
-from testbed.laboratory.simulator import Simulator
-from testbed.laboratory.tracker.tracker import Tracker
-from testbed.robots.catalog import Robot
+from calib.information.goals import Goals
+from testbed.laboratory.bench import Bench
 
 Designer = Callable[[Array], Index]
 """From blocks (V, r, p) of the visible poses to the positions of the chosen ones."""
@@ -42,36 +38,27 @@ class View:
     """Why there is no design."""
 
 
-def judge(
-    robot: Robot,
-    simulator: Simulator,
-    tracker: Tracker,
-    q: Array,
-    parameters: Parameters,
-    goal: Array,
-    weights: Array,
-    sigma_q: Array,
-    designer: Designer,
-    line_of_sight: bool,
+def view_from(
+    bench: Bench, q: Array, parameters: Parameters, goals: Goals, designer: Designer
 ) -> View:
-    """What one station sees and how well the design from there does."""
-    facing, seen = visible_from(robot, simulator, tracker, q, line_of_sight=line_of_sight)
+    """What the station of a bench sees of poses q (m, n), and how well the best design does."""
+    facing, seen = visible_from(bench, q)
     away, hidden = int((~facing).sum()), int((facing & ~seen).sum())
     left, none = np.flatnonzero(seen), np.zeros(0, dtype=np.int64)
     if not len(left):
         return View(away, hidden, 0, np.nan, none, np.inf, np.inf, "nothing")
-    targets = tracker.targets(robot.model.poses(q[left]))
-    distance = float(np.linalg.norm(targets - tracker.station, axis=1).mean())
+    targets = bench.tracker.targets(bench.robot.model.poses(q[left]))
+    distance = float(np.linalg.norm(targets - bench.tracker.station, axis=1).mean())
     counted = (away, hidden, len(left), distance)
-    blocks = scaled_blocks(station_rows(robot, tracker, q[left], sigma_q), parameters)
+    blocks = bench.blocks(q[left], parameters)
     try:
         chosen = np.asarray(designer(blocks), dtype=np.int64)
     except CalibError as error:
         return View(*counted, none, np.inf, np.inf, _why(error))
-    u = goal_uncertainty(blocks[chosen], goal)
+    u = goal_uncertainty(blocks[chosen], goals.rows)
     if not np.isfinite(u).all():
         return View(*counted, none, np.inf, np.inf, "the design cannot tell the parameters apart")
-    mean = float(np.sqrt(np.average(u**2, weights=weights)))
+    mean = float(np.sqrt(np.average(u**2, weights=goals.weights)))
     return View(*counted, frozen(left[chosen], np.int64), mean, float(u.max()))
 
 
@@ -80,32 +67,14 @@ def _why(error: CalibError) -> str:
     return f"{error.message}, {error.allowed}" if error.allowed else error.message
 
 
-def visible_from(
-    robot: Robot,
-    simulator: Simulator,
-    tracker: Tracker,
-    q: Array,
-    *,
-    line_of_sight: bool = True,
-) -> tuple[Bool, Bool]:
-    """Whether (m,) the target faces the tracker, and whether it also sees it."""
-    aim = tracker.aim(robot.model.chain)
-    facing = np.ones(len(q), dtype=bool)
-    if tracker.acceptance < np.pi:
-        facing = faces(robot, q, tracker.station, aim, tracker.acceptance)
+def visible_from(bench: Bench, q: Array) -> tuple[Bool, Bool]:
+    """Whether (m,) the target faces the tracker, and whether the tracker also sees it."""
+    candidates = bench.candidates()
+    facing = candidates.faces(q)
     seen = facing.copy()
-    if line_of_sight:
-        seen[facing] = simulator.sees(q[facing], tracker.station, aim)
+    if candidates.settings.line_of_sight:
+        seen[facing] = candidates.sees(q[facing])
     return facing, seen
-
-
-def station_rows(robot: Robot, tracker: Tracker, q: Array, sigma_q: ArrayLike) -> Array:
-    """Whitened Jacobian blocks (m, r, P) of poses measured from the tracker's station."""
-    covariance = tracker.covariance(robot.model, q, sigma_q)
-    if tracker.measures == "pose":
-        return whitened_blocks(robot.model, q, covariance)
-    offset = np.broadcast_to(tracker.reflector, (len(q), 3))
-    return point_blocks(robot.model, q, covariance[:, :3, :3], offset)
 
 
 def goal_uncertainty(blocks: Array, goal: Array) -> Array:

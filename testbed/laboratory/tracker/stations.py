@@ -3,16 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Index, check, frozen
-from calib.errors import InputError
+from calib.arrays import Array, Index, frozen
+from calib.errors import refuse
 from calib.geometry.parameters import Parameters
-from testbed.laboratory.simulator import Simulator
-from testbed.laboratory.tracker.station import Designer, View, judge
-from testbed.laboratory.tracker.tracker import tracker_from
-from testbed.robots.catalog import Robot
-from testbed.scenario.read import At960Tracker, PaperTracker, StationSettings
+from calib.information.goals import Goals
+from testbed.laboratory.bench import Bench
+from testbed.laboratory.tracker.station import Designer, View, view_from
+from testbed.scenario.read import StationSettings
 
 TOLD = 5
 """Stations whose fault is told when none can be used."""
@@ -61,45 +59,29 @@ def station_grid(settings: StationSettings) -> Array:
 
 
 def compare_stations(
-    robot: Robot,
-    simulator: Simulator,
-    settings: PaperTracker | At960Tracker,
-    stations: ArrayLike,
-    q: ArrayLike,
+    bench: Bench,
+    stations: Array,
+    q: Array,
     parameters: Parameters,
-    goal: ArrayLike,
+    goals: Goals,
     designer: Designer,
-    *,
-    sigma_q: ArrayLike | None = None,
-    weights: ArrayLike | None = None,
-    line_of_sight: bool = True,
 ) -> StationComparison:
     """Design from every station with the same pool and say which station is best.
 
     Parameters
     ----------
-    robot : Robot
-        Nominal robot.
-    simulator : Simulator
-        Of its nominal chain, with the obstacles of the cell.
-    settings : PaperTracker or At960Tracker
-        The tracker; its own station is not used.
-    stations : (s, 3) array_like
+    bench : Bench
+        The laboratory; the tracker's own station is not used.
+    stations : (s, 3) array
         Beam origins in the base frame [m].
-    q : (N, n) array_like
+    q : (N, n) array
         Common pool: free poses, drawn without asking what any station sees [rad, m].
     parameters : Parameters
         Numbers to identify, already reduced to what poses of the pool can tell.
-    goal : (g, 3, p) array_like
-        Jacobians of the tool point at the goal poses, in scaled columns [m].
+    goals : Goals
+        The goal poses in these numbers.
     designer : callable
         Chooses poses from blocks; must be the same procedure for every station.
-    sigma_q : (n,) array_like, optional
-        Stated repeatability of each joint; none by default [rad or m].
-    weights : (g,) array_like, optional
-        How much each goal pose counts; the same by default.
-    line_of_sight : bool
-        Whether a blocked beam hides a pose.
 
     Raises
     ------
@@ -111,24 +93,10 @@ def compare_stations(
     Predicted covariance of the parameters: the inverse of M = sum of B'B over the designed poses,
     whitened by the tracker's covariance from that station; u^2 at a goal is tr(G M^-1 G').
     """
-    stations, goal = check(f"s 3, g 3 {parameters.n_free}", stations=stations, goal=goal)
-    (q,) = check(f"N {len(robot.limits)}", q=q)
-    share = np.ones(len(goal)) if weights is None else check(f"{len(goal)}", weights=weights)[0]
-    noise = np.zeros(q.shape[1]) if sigma_q is None else np.asarray(sigma_q, dtype=np.float64)
-    if not len(stations):
-        raise InputError(
-            "no stations to compare",
-            code="S37",
-            field="plan.stations",
-            fix="write [plan.stations] list_mm or a grid",
-        )
-    rows = []
-    for station in stations:
-        tracker = tracker_from(
-            settings.model_copy(update={"station_mm": tuple(station * 1e3)}), robot.model.chain
-        )
-        rows.append(judge(robot, simulator, tracker, q, parameters, goal, share, noise, designer,
-                           line_of_sight))  # fmt: skip
+    rows = [
+        view_from(bench.standing_at(station), q, parameters, goals, designer)
+        for station in stations
+    ]
     u_mean = np.array([row.u_mean for row in rows])
     statements = tuple(
         _statement(k, station, row, len(q))
@@ -136,12 +104,12 @@ def compare_stations(
     )
     if not np.isfinite(u_mean).any():
         nobody = f"none of {len(rows)} stations can" if len(rows) > 1 else "the station cannot"
-        raise InputError(
-            f"[plan.stations] {nobody} be used: " + "; ".join(statements[:TOLD]),
+        raise refuse(
+            "plan.stations",
+            stations.tolist(),
+            "the tracker must see poses that tell the parameters apart",
             code="M28",
-            field="plan.stations",
-            value=stations.tolist(),
-            allowed="the tracker must see poses that tell the parameters apart",
+            message=f"[plan.stations] {nobody} be used: " + "; ".join(statements[:TOLD]),
             fix="move the stations to where the probe faces them and nothing stands between",
         )
     return StationComparison(

@@ -10,6 +10,7 @@ from calib.errors import InputError
 from calib.geometry.chain import chain_names, joint_vectors
 from calib.geometry.model import RobotModel
 from calib.identification.joint_models import gravity_quarters
+from testbed.laboratory.bench import joint_repeatability
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.truth.backlash import backlash
 from testbed.laboratory.truth.springs import ElasticArm
@@ -240,15 +241,3 @@ def frame_step(n_joints: int, truth: TruthSettings, rng: np.random.Generator) ->
     sd = np.repeat([truth.frame_sd_mm / 1e3, np.radians(truth.frame_sd_deg)], 3)
     base, tool = rng.standard_normal((2, 6)) * sd
     return np.concatenate([base, np.zeros(5 * n_joints), tool])
-
-
-def joint_repeatability(robot: Robot, truth: TruthSettings) -> Array:
-    """Standard deviation of each joint (n,) [rad or m]; the robot's own where truth says None.
-
-    A number in the scenario is an angle: sliding joints keep their own, or none if it is zero.
-    """
-    if truth.joint_repeatability_mdeg is None:
-        return robot.repeatability
-    value = float(mdeg(truth.joint_repeatability_mdeg))
-    slides = robot.model.chain.prismatic.astype(bool)
-    return np.where(slides, robot.repeatability * bool(value), value)

@@ -14,7 +14,8 @@ from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.frames import transform
-from testbed.laboratory.truth.terms import Springs, grown
+from testbed.laboratory.simulator import grown
+from testbed.laboratory.truth.terms import Springs
 from testbed.robots.catalog import body_name
 from testbed.robots.placements import placements, quaternion_wxyz
 from testbed.robots.write.mjcf import build_spec, compile_spec, set_geometry

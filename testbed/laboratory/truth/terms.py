@@ -1,7 +1,7 @@
 """What the true robot does beyond its geometry: sag, waves, warmth, springs; how to switch it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -72,11 +72,6 @@ class Thermal:
     def growth(self, time: Array) -> Array:
         """Relative growth (m,) of all link lengths at times (m,) [s]."""
         return np.asarray(-self.expansion * self.rise * np.expm1(-time / self.tau))
-
-
-def grown(chain: Chain, share: float) -> Chain:
-    """The chain with the lengths d and a of its links larger by a share."""
-    return replace(chain, links=chain.links * [1.0, 1.0 + share, 1.0 + share, 1.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,7 +6,7 @@ only the last figures, `true` and `held_out`, know the secret.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,10 +25,13 @@ from calib.measurement.iso9283 import (
     repeatability,
     rotation_accuracy,
 )
-from testbed.laboratory.campaign_bench import Bench, Setting, open_bench, validation_start
-from testbed.laboratory.cell import cell_from
-from testbed.laboratory.simulator import Simulator
-from testbed.laboratory.tracker.tracker import bias_size, tracker_from
+from testbed.laboratory.tracker.tracker import bias_size
+from testbed.laboratory.truth.laboratory import (
+    Laboratory,
+    Setting,
+    open_laboratory,
+    validation_start,
+)
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.scenario.read import Scenario
 from testbed.streams import stream
@@ -74,11 +77,10 @@ def compensation_study(
 ) -> CompensationStudy:
     """Play `compensation.robots` robots of one kind, calibrated by the first trial's pose set."""
     first: Trial = get(scenario.trial[0].name)
-    bench = open_bench(scenario, setting)
+    bench = open_laboratory(scenario, setting)
     chain = setting.nominal.chain
-    simulator = Simulator(bench.robot, chain, cell_from(scenario.cell, chain))
     T = cube_poses(scenario.compensation, chain.T_world_base)
-    q = cube_joints(bench.robot, simulator, T)
+    q = cube_joints(bench.robot, bench.simulator, T)
     played = [
         play_robot(robot_bench(bench, truth, k), first, T, q, k)
         for k in range(scenario.compensation.robots)
@@ -104,27 +106,20 @@ def compensation_study(
     )
 
 
-def robot_bench(bench: Bench, truth: TruthName, robot: int) -> Bench:
+def robot_bench(bench: Laboratory, truth: TruthName, robot: int) -> Laboratory:
     """The laboratory with robot number `robot` of one kind in it, and a station of its own."""
     scenario = bench.scenario
     seed = int(stream(scenario.seed, "compensation", "robot", robot).integers(2**62))
     drawn = draw_truth(bench.robot, truth_of_kind(scenario, truth), seed)
-    return replace(
-        bench,
-        truth=drawn,
-        setting=replace(
-            bench.setting, true=drawn.model, joint_repeatability=drawn.joint_repeatability
-        ),
-        tracker=tracker_from(scenario.tracker, bench.setting.nominal.chain, seed=seed),
-    )
+    return bench.with_robot(drawn, seed)
 
 
-def play_robot(bench: Bench, trial: Trial, T: Array, q: Array, robot: int) -> Played:
+def play_robot(bench: Laboratory, trial: Trial, T: Array, q: Array, robot: int) -> Played:
     """Calibrate one robot, and execute its program as it was and corrected.
 
     Parameters
     ----------
-    bench : Bench
+    bench : Laboratory
         Its laboratory.
     trial : Trial
         Whose poses calibrate it.
@@ -162,7 +157,7 @@ def play_robot(bench: Bench, trial: Trial, T: Array, q: Array, robot: int) -> Pl
     )
 
 
-def execute(bench: Bench, T: Array, q: Array, word: str, robot: int) -> Execution:
+def execute(bench: Laboratory, T: Array, q: Array, word: str, robot: int) -> Execution:
     """Run a program of five joint targets for many cycles, read every stop, and sum it up.
 
     Both corrected programs meet the same noise and approach scatter, those of `word`.
@@ -206,13 +201,13 @@ def execute(bench: Bench, T: Array, q: Array, word: str, robot: int) -> Executio
     )
 
 
-def shared_covariance(bench: Bench, T: Array) -> Array:
+def shared_covariance(bench: Laboratory, T: Array) -> Array:
     """Covariance (p, 6, 6) of what all readings of a pose share: the station's own errors."""
     B, variance = _shared(bench, T)
     return np.asarray(B * variance @ np.swapaxes(B, 1, 2))
 
 
-def shared_distance(bench: Bench, T: Array) -> float:
+def shared_distance(bench: Laboratory, T: Array) -> float:
     """Standard uncertainty that all readings of the distance share [m]."""
     B, variance = _shared(bench, T)
     along = T[SECOND, :3, 3] - T[FIRST, :3, 3]
@@ -220,7 +215,7 @@ def shared_distance(bench: Bench, T: Array) -> float:
     return float(np.sqrt((row**2 * variance).sum()))
 
 
-def _shared(bench: Bench, T: Array) -> tuple[Array, Array]:
+def _shared(bench: Laboratory, T: Array) -> tuple[Array, Array]:
     """Sensitivities (p, 6, k) to the station's numbers, and their variances (k,); zero if none."""
     settings, tracker = bench.scenario.tracker, bench.tracker
     if tracker.bias is None or settings.preset != "at960":
@@ -229,7 +224,7 @@ def _shared(bench: Bench, T: Array) -> tuple[Array, Array]:
     return size.sensitivity(T[:, :3, 3], T[:, :3, :3], tracker.T_world_tracker), size.variance
 
 
-def _held_out(model: RobotModel, bench: Bench, true: Array) -> tuple[float, float]:
+def _held_out(model: RobotModel, bench: Laboratory, true: Array) -> tuple[float, float]:
     """Mean and 95th percentile [m] of the errors of predicted tool points at held-out poses."""
     found = summed_up(position_errors(true, model.poses(bench.setting.test_q)))
     return found.mean, found.p95

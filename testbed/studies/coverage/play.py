@@ -7,7 +7,7 @@ says comes from what the tracker saw.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,11 +23,12 @@ from calib.uncertainty.covariance import standard_uncertainty
 from calib.uncertainty.judgement import judge
 from calib.uncertainty.regions import mahalanobis_squared
 from calib.uncertainty.tool_point import tool_statement
-from testbed.laboratory.campaign_bench import Bench, Setting, open_bench, validation_start
-from testbed.laboratory.cell import cell_from
-from testbed.laboratory.pool import draw_pool
-from testbed.laboratory.simulator import Simulator
-from testbed.laboratory.tracker.tracker import tracker_from
+from testbed.laboratory.truth.laboratory import (
+    Laboratory,
+    Setting,
+    open_laboratory,
+    validation_start,
+)
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.scenario.read import Scenario
 from testbed.streams import stream
@@ -54,7 +55,7 @@ class Visit:
     """(t, n) further such poses, never measured [rad, m]."""
     true: Array
     """(t, 3) the secret: noise-free tool points there [m]."""
-    bench: Bench
+    bench: Laboratory
     """Its laboratory."""
 
 
@@ -79,16 +80,14 @@ def coverage_study(
 ) -> CoverageStudy:
     """Play the first trial's pose set on `coverage.robots` robots of one kind."""
     first: Trial = get(scenario.trial[0].name)
-    bench, count = open_bench(scenario, setting), scenario.coverage.robots
+    bench, count = open_laboratory(scenario, setting), scenario.coverage.robots
     free = bench.free("whitened")
-    cell = cell_from(scenario.cell, setting.nominal.chain)
-    simulator = Simulator(bench.robot, setting.nominal.chain, cell)
     judged: list[tuple[Judged, ...]] = []
     numbers: list[tuple[Array, float] | None] = []
     extended, evidence, before = np.zeros(count, dtype=bool), np.zeros(count), np.zeros(count)
     names: tuple[str, ...] = ()
     for k in range(count):
-        visit = visit_robot(bench, simulator, truth, first.selection.indices, k)
+        visit = visit_robot(bench, truth, first.selection.indices, k)
         fits, evidence[k], extended[k] = models(visit, free)
         judged.append(tuple(judge_model(fit, visit, scenario.coverage.level) for fit in fits))
         nominal = setting.nominal.poses(visit.judge_q)[:, :3, 3]
@@ -118,17 +117,13 @@ def coverage_study(
     )
 
 
-def visit_robot(
-    bench: Bench, simulator: Simulator, truth: TruthName, chosen: Index, robot: int
-) -> Visit:
+def visit_robot(bench: Laboratory, truth: TruthName, chosen: Index, robot: int) -> Visit:
     """Draw robot number `robot` of one kind and measure it; every stream has its number.
 
     Parameters
     ----------
-    bench : Bench
+    bench : Laboratory
         The campaign's own laboratory; its robot is replaced.
-    simulator : Simulator
-        Of the nominal robot in its cell: decides which poses are feasible.
     truth : str
         Kind of robot.
     chosen : (m,) array
@@ -136,28 +131,20 @@ def visit_robot(
     robot : int
         From 0.
     """
-    scenario, setting, chain = bench.scenario, bench.setting, bench.setting.nominal.chain
+    scenario, setting = bench.scenario, bench.setting
     seed = int(stream(scenario.seed, "coverage", "robot", robot).integers(2**62))
     drawn = draw_truth(bench.robot, truth_of_kind(scenario, truth), seed)
-    own = replace(
-        bench,
-        truth=drawn,
-        setting=replace(setting, true=drawn.model, joint_repeatability=drawn.joint_repeatability),
-        # each robot meets a station with systematic errors of its own
-        tracker=tracker_from(scenario.tracker, chain, seed=seed),
-    )
+    own = bench.with_robot(drawn, seed)
     count = scenario.coverage.validation_poses
-    q = draw_pool(
-        bench.robot,
-        simulator,
-        scenario.pool,
-        own.tracker.station,
-        stream(scenario.seed, "coverage", "poses", robot),
-        size=count + scenario.test.poses,
-        aim=own.tracker.aim(chain),
-        acceptance=own.tracker.acceptance,
-        exclude=setting.pool_q,
-    ).q
+    q = (
+        own.candidates()
+        .draw(
+            stream(scenario.seed, "coverage", "poses", robot),
+            size=count + scenario.test.poses,
+            exclude=setting.pool_q,
+        )
+        .q
+    )
     return Visit(
         seen=own.measure_pool(chosen, "coverage", "identification", robot),
         validation=own.measure(

@@ -6,7 +6,6 @@ for every robot, as in life: it was chosen on the nominal one. A random set is d
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,9 +17,8 @@ from calib.information.criteria.linear import v_of
 from calib.information.propagation import point_uncertainty
 from calib.measurement.accuracy import distances, target_points
 from calib.uncertainty.regions import inside
-from testbed.laboratory.campaign_bench import Bench, Setting, open_bench
 from testbed.laboratory.goal import goals_of
-from testbed.laboratory.tracker.tracker import tracker_from
+from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.scenario.read import Scenario
 from testbed.streams import stream
@@ -34,7 +32,7 @@ def population_study(
     scenario: Scenario, setting: Setting, get: Callable[[str], Any]
 ) -> PopulationStudy:
     """Play every trial's pose set on `studies.population` further robots, one visit each."""
-    bench, count = open_bench(scenario, setting), scenario.studies.population
+    bench, count = open_laboratory(scenario, setting), scenario.studies.population
     trials: list[Trial] = [get(trial.name) for trial in scenario.trial]
     shape = (len(trials), len(scenario.identification.estimators), count)
     mean, rms, stated, held = (np.zeros(shape) for _ in range(4))
@@ -43,12 +41,7 @@ def population_study(
     nominal = target_points(setting.nominal.poses(setting.test_q), setting.target)
     for k in range(count):
         seed = int(stream(scenario.seed, "population", "robot", k).integers(2**62))
-        other = replace(
-            bench,
-            truth=draw_truth(bench.robot, scenario.truth, seed),
-            # each robot meets a station with systematic errors of its own
-            tracker=tracker_from(scenario.tracker, setting.nominal.chain, seed=seed),
-        )
+        other = bench.with_robot(draw_truth(bench.robot, scenario.truth, seed), seed)
         true = target_points(other.held_out(setting.test_q), setting.target)
         before[k] = distances(true, nominal).mean()
         for i, trial in enumerate(trials):
@@ -60,7 +53,7 @@ def population_study(
     return PopulationStudy(names, mean, rms, stated, held, before, promised)
 
 
-def set_for(bench: Bench, trial: Trial, robot: int) -> Index:
+def set_for(bench: Laboratory, trial: Trial, robot: int) -> Index:
     """Places (m,) in the pool of a trial's set for one robot."""
     chosen = trial.selection.indices
     if trial.method != "random":
@@ -70,7 +63,7 @@ def set_for(bench: Bench, trial: Trial, robot: int) -> Index:
 
 
 def _judged(
-    bench: Bench, name: str, chosen: Index, robot: int, true: Array
+    bench: Laboratory, name: str, chosen: Index, robot: int, true: Array
 ) -> list[tuple[float, float, float, float]]:
     """Mean and rms error, stated u and share inside, per estimator."""
     setting, out = bench.setting, []

@@ -23,7 +23,7 @@ from calib.measurement.accuracy import (
 from calib.measurement.observations import Measurements
 from calib.uncertainty.regions import coverage_factor, inside, mahalanobis_squared
 from calib.uncertainty.tool_point import ToolStatement
-from testbed.laboratory.campaign_bench import Setting
+from testbed.laboratory.truth.laboratory import Setting
 from testbed.studies.trial.records import Comparison
 from testbed.studies.trial.statement.records import Validation
 

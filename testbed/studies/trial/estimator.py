@@ -12,7 +12,8 @@ from calib.identification.joint_models import choose, extended_model, extended_p
 from calib.identification.prior import Prior
 from calib.identification.robust import Loss
 from calib.measurement.observations import Measurements
-from testbed.laboratory.campaign_bench import Bench, free_parameters
+from testbed.laboratory.bench import free_parameters
+from testbed.laboratory.truth.laboratory import Laboratory
 from testbed.robots.catalog import Robot
 from testbed.scenario.read import Scenario
 from testbed.scenario.tables import PriorSettings
@@ -54,7 +55,7 @@ class Estimator:
         )
 
 
-def estimator_for(bench: Bench, mode: Mode, seen: Measurements) -> Estimator:
+def estimator_for(bench: Laboratory, mode: Mode, seen: Measurements) -> Estimator:
     """The estimator `mode` of a scenario; where the evidence decides, it looks at `seen` only.
 
     Chosen geometry is fitted without a prior unless the scenario gives one: everything that the

@@ -19,8 +19,8 @@ from calib.measurement.accuracy import distances, target_points
 from calib.measurement.observations import Measurements
 from calib.uncertainty.regions import inside, mahalanobis_squared
 from calib.uncertainty.type_a import type_a
-from testbed.laboratory.campaign_bench import Bench, Setting, open_bench
 from testbed.laboratory.goal import goals_of
+from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
 from testbed.scenario.read import Scenario, TrialSettings
 from testbed.streams import stream
 from testbed.studies.trial.compare import INTERVAL, compare, target_prediction, true_step
@@ -33,7 +33,7 @@ from testbed.studies.trial.statement.state import state
 def play_trial(scenario: Scenario, setting: Setting, validation: Validation, name: str) -> Trial:
     """Select, measure, identify and judge the trial called `name`."""
     settings = scenario.trial_named(name)
-    bench = open_bench(scenario, setting)
+    bench = open_laboratory(scenario, setting)
     selection = select(
         bench.design_blocks(settings.rows),
         settings,
@@ -62,7 +62,7 @@ def play_trial(scenario: Scenario, setting: Setting, validation: Validation, nam
     )
 
 
-def criterion_of(bench: Bench, settings: TrialSettings) -> Criterion:
+def criterion_of(bench: Laboratory, settings: TrialSettings) -> Criterion:
     """What a trial's set is chosen by, with the scenario's goal where it needs one."""
     goals = goals_of(bench) if settings.criterion in NEEDS_GOALS else None
     return criterion_named(settings.criterion, goals=goals)
@@ -83,7 +83,7 @@ def observed(blocks: Array) -> Observability:
 
 
 def estimate(
-    bench: Bench, mode: Mode, visits: list[Measurements], validation: Validation, name: str
+    bench: Laboratory, mode: Mode, visits: list[Measurements], validation: Validation, name: str
 ) -> Estimate:
     """Identify from the first visit; repeat for type A; say what to believe; replicate to check."""
     estimator = estimator_for(bench, mode, visits[0])
@@ -113,7 +113,7 @@ COVERAGE = 0.95
 
 
 def replicate(
-    bench: Bench,
+    bench: Laboratory,
     estimator: Estimator,
     first: Identification,
     visited: Measurements,

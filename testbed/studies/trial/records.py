@@ -12,7 +12,7 @@ from calib.identification.identify import Identification, Mode
 from calib.information.observability import Observability
 from calib.measurement.accuracy import Accuracy
 from calib.measurement.observations import Measurements
-from testbed.laboratory.campaign_bench import Setting
+from testbed.laboratory.truth.laboratory import Setting
 from testbed.scenario.read import Scenario
 from testbed.studies.compensation.records import CompensationStudy
 from testbed.studies.coverage.records import CoverageStudy

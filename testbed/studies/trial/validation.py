@@ -3,11 +3,8 @@
 import numpy as np
 
 from calib.measurement.accuracy import target_points
-from testbed.laboratory.campaign_bench import Setting, journey, open_bench, validation_start
-from testbed.laboratory.cell import cell_from
-from testbed.laboratory.pool import draw_pool
-from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.truth.budget import truth_budget
+from testbed.laboratory.truth.laboratory import Setting, journey, open_laboratory, validation_start
 from testbed.scenario.read import Scenario
 from testbed.streams import stream
 from testbed.studies.trial.statement.records import Validation
@@ -21,30 +18,24 @@ def validation_visit(scenario: Scenario, setting: Setting) -> Validation:
 
     Streams of its own: no number of a trial moves.
     """
-    bench = open_bench(scenario, setting)
-    chain, start = setting.nominal.chain, validation_start(scenario)
+    bench = open_laboratory(scenario, setting)
+    start = validation_start(scenario)
     seen = bench.measure(
         setting.test_q, np.arange(len(setting.test_q)), "validation", "visit", start=start
     )
-    judges = draw_pool(
-        bench.robot,
-        Simulator(bench.robot, chain, cell_from(scenario.cell, chain)),
-        scenario.pool,
-        bench.tracker.station,
+    judges = bench.candidates().draw(
         stream(scenario.seed, "validation", "judges"),
         size=JUDGES,
-        aim=bench.tracker.aim(chain),
-        acceptance=bench.tracker.acceptance,
         exclude=np.concatenate([setting.pool_q, setting.test_q]),
-    ).q
+    )
     time, previous = journey(setting.test_q, start, bench.tracker.pose_time)
     budget = truth_budget(
         bench.robot, scenario.truth, scenario.seed, setting.test_q, time=time, previous=previous
     )
     return Validation(
         seen=seen,
-        judge_q=judges,
-        judge_true=target_points(bench.held_out(judges), setting.target),
+        judge_q=judges.q,
+        judge_true=target_points(bench.held_out(judges.q), setting.target),
         terms=budget.names,
         term_rms=budget.rms_mm / 1e3,
         together_rms=budget.together_rms_mm / 1e3,

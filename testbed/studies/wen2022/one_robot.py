@@ -22,7 +22,7 @@ from calib.uncertainty.wen2022_budget import (
     location_regions,
     random_budget,
 )
-from testbed.laboratory.campaign_bench import Bench, Setting, open_bench
+from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
 from testbed.scenario.read import Scenario
 from testbed.streams import stream
 from testbed.studies.trial.play import criterion_of
@@ -45,7 +45,7 @@ RANDOM_BUDGET_POSES = 50
 
 def pose_count_study(scenario: Scenario, setting: Setting) -> PoseCountStudy:
     """Mean index of random sets against their size, in the paper's rows where poses are full."""
-    bench = open_bench(scenario, setting)
+    bench = open_laboratory(scenario, setting)
     rows = "paper" if scenario.tracker.measures == "pose" else "whitened"
     blocks = bench.design_blocks(rows)
     largest = min(scenario.studies.pose_count_max, len(blocks))
@@ -69,7 +69,7 @@ def pose_count_study(scenario: Scenario, setting: Setting) -> PoseCountStudy:
 
 def random_sets_study(scenario: Scenario, setting: Setting, get: Get) -> RandomSetsStudy:
     """Each designed trial's figure beside that of random sets of the same size."""
-    bench, sets = open_bench(scenario, setting), []
+    bench, sets = open_laboratory(scenario, setting), []
     for settings in scenario.trial:
         if settings.method == "random":
             continue
@@ -96,7 +96,7 @@ def random_sets_study(scenario: Scenario, setting: Setting, get: Get) -> RandomS
     return RandomSetsStudy(tuple(sets))
 
 
-def paper_estimates(bench: Bench, sets: list[Index], *names: str) -> Array:
+def paper_estimates(bench: Laboratory, sets: list[Index], *names: str) -> Array:
     """Steps (k, f) of the paper's estimator, one visit of each pose set."""
     parameters = bench.free("paper")
     return np.array(
@@ -119,7 +119,7 @@ def paper_budget_study(scenario: Scenario, setting: Setting, get: Get) -> PaperB
     ----------
     Wen et al. 2022, eqs. (7) to (9).
     """
-    bench, n = open_bench(scenario, setting), len(setting.pool_q)
+    bench, n = open_laboratory(scenario, setting), len(setting.pool_q)
     names = bench.free("paper").free_names
     trial: Trial = get(next(t.name for t in scenario.trial if t.method != "random"))
     best_repeats = next(e.repeated for e in trial.estimates if e.mode == "paper")

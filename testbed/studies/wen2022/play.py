@@ -5,7 +5,7 @@ Both estimators move the paper's 24 numbers. Like `comparison`, this module judg
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,15 +20,13 @@ from calib.measurement.observations import Measurements
 from calib.uncertainty.regions import inside
 from calib.uncertainty.type_a import type_a
 from calib.uncertainty.wen2022_budget import LOCATION_POSES, POSE_NUMBERS, location_regions
-from testbed.laboratory.campaign_bench import Bench, Setting, open_bench
-from testbed.laboratory.tracker.tracker import tracker_from
+from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.scenario.read import Scenario
 from testbed.streams import stream
 from testbed.studies.many_robots import TruthName, truth_of_kind
 from testbed.studies.trial.compare import INTERVAL, true_step
 from testbed.studies.wen2022.one_robot import RANDOM_BUDGET_POSES
-from testbed.studies.wen2022.pools import with_pool
 from testbed.studies.wen2022.records import ESTIMATORS, PoolSets, Reexamined, TrialSets
 from testbed.studies.wen2022.settings import SETS_KEY
 
@@ -39,7 +37,7 @@ class Visit:
 
     robot: int
     """From 0."""
-    bench: Bench
+    bench: Laboratory
     true: Array
     """(t, 3) the secret: noise-free tool points at the held-out poses [m]."""
 
@@ -96,7 +94,7 @@ def reexamined_study(
     Wen et al. 2022, eqs. (7) to (9), Tables 1 to 3.
     """
     pools: PoolSets = get(SETS_KEY)
-    bench, count = open_bench(scenario, setting), scenario.reexamined.robots
+    bench, count = open_laboratory(scenario, setting), scenario.reexamined.robots
     trials = [one for one in pools.sets if one.trial in {t.name for t in scenario.trial}]
     best = [i for i, one in enumerate(trials) if one.by_paper]
     played: list[list[Played]] = []
@@ -139,21 +137,12 @@ def reexamined_study(
     )
 
 
-def visit_robot(bench: Bench, truth: TruthName, pools: PoolSets, robot: int) -> Visit:
+def visit_robot(bench: Laboratory, truth: TruthName, pools: PoolSets, robot: int) -> Visit:
     """Draw robot number `robot` of one kind, and give it its pool."""
     scenario, p = bench.scenario, robot % len(pools.pool_q)
     seed = int(stream(scenario.seed, "reexamined", "robot", robot).integers(2**62))
     drawn = draw_truth(bench.robot, truth_of_kind(scenario, truth), seed)
-    own = with_pool(bench, pools.pool_q[p], pools.test_q[p])
-    own = replace(
-        own,
-        truth=drawn,
-        setting=replace(
-            own.setting, true=drawn.model, joint_repeatability=drawn.joint_repeatability
-        ),
-        # each robot meets a station with systematic errors of its own
-        tracker=tracker_from(scenario.tracker, bench.setting.nominal.chain, seed=seed),
-    )
+    own = bench.with_poses(pools.pool_q[p], pools.test_q[p]).with_robot(drawn, seed)
     return Visit(robot, own, own.held_out(pools.test_q[p])[:, :3, 3])
 
 

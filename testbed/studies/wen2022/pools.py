@@ -4,7 +4,7 @@ A designed set is one set and has its own luck. So every trial's recipe is follo
 several pools, and figures come with the scatter between them.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,10 +15,7 @@ from calib.design.random import random_selection
 from calib.geometry.parameters import Parameters
 from calib.measurement.noise import whiteners
 from calib.uncertainty.covariance import matrix_row_weights
-from testbed.laboratory.campaign_bench import Bench, Setting, open_bench
-from testbed.laboratory.cell import cell_from
-from testbed.laboratory.pool import draw_pool
-from testbed.laboratory.simulator import Simulator
+from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
 from testbed.scenario.read import Scenario, TrialSettings
 from testbed.streams import stream
 from testbed.studies.trial.play import criterion_of, select
@@ -64,7 +61,7 @@ class Noise:
         return np.sqrt(variance) * self.scale, np.sqrt(tool)
 
 
-def noise_of(bench: Bench, parameters: Parameters) -> Noise:
+def noise_of(bench: Laboratory, parameters: Parameters) -> Noise:
     """Noise of every pose of a bench's pool, at the nominal robot."""
     setting, free = bench.setting, parameters.free
     J = setting.nominal.poses_and_jacobian(setting.pool_q)[1][:, :, free] * parameters.free_scale
@@ -85,24 +82,14 @@ def noise_of(bench: Bench, parameters: Parameters) -> Noise:
 
 def pool_sets_study(scenario: Scenario, setting: Setting) -> PoolSets:
     """Draw the pools, choose every designed trial's set from each, and predict what noise does."""
-    bench, count = open_bench(scenario, setting), scenario.reexamined.pools
-    chain = setting.nominal.chain
-    simulator = Simulator(bench.robot, chain, cell_from(scenario.cell, chain))
+    bench, count = open_laboratory(scenario, setting), scenario.reexamined.pools
     N = scenario.pool.size
     joints, chosen, u, tool, settled = [], [], [], [], []
     for p in range(count):
-        pool = draw_pool(
-            bench.robot,
-            simulator,
-            scenario.pool,
-            bench.tracker.station,
-            stream(scenario.seed, "reexamined", "pool", p),
-            size=N + scenario.test.poses,
-            aim=bench.tracker.aim(chain),
-            acceptance=bench.tracker.acceptance,
-        )
+        rng = stream(scenario.seed, "reexamined", "pool", p)
+        pool = bench.candidates().draw(rng, size=N + scenario.test.poses)
         joints.append(pool.q)
-        own = with_pool(bench, pool.q[:N], pool.q[N:])
+        own = bench.with_poses(pool.q[:N], pool.q[N:])
         picked = [designed_set(own, trial, p) for trial in scenario.trial]
         noise = noise_of(own, own.free("paper"))
         sizes = [*(trial.poses for trial in scenario.trial), min(RANDOM_BUDGET_POSES, N)]
@@ -140,14 +127,7 @@ def pool_sets_study(scenario: Scenario, setting: Setting) -> PoolSets:
     )
 
 
-def with_pool(bench: Bench, pool_q: Array, test_q: Array) -> Bench:
-    """The same laboratory with other candidates (N, n) and held-out poses (t, n)."""
-    nominal = bench.setting.nominal.poses(pool_q)
-    setting = replace(bench.setting, pool_q=pool_q, pool_nominal=nominal, test_q=test_q)
-    return replace(bench, setting=setting)
-
-
-def designed_set(bench: Bench, trial: TrialSettings, pool: int) -> Index | None:
+def designed_set(bench: Laboratory, trial: TrialSettings, pool: int) -> Index | None:
     """Places (m,) in a pool of a trial's set; None for random sets, drawn anew for each robot."""
     if trial.method == "random":
         return None
@@ -169,7 +149,7 @@ def predicted(
     return u.mean(axis=0), tool.mean(axis=0)
 
 
-def pose_number(bench: Bench, pool: int) -> tuple[int, int]:
+def pose_number(bench: Laboratory, pool: int) -> tuple[int, int]:
     """Poses at which O1 and O2 of random sets settle in the paper's rows; -1 for never."""
     blocks = bench.design_blocks("paper")
     largest = min(bench.scenario.studies.pose_count_max, len(blocks))

@@ -9,7 +9,8 @@ from calib.errors import InputError
 from calib.identification.identify import identify
 from testbed.files.probe import probe
 from testbed.files.read import read_session
-from testbed.laboratory.campaign_bench import free_parameters, open_bench
+from testbed.laboratory.bench import free_parameters
+from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.robots.catalog import load_robot
 from testbed.run import campaign
 from testbed.run.export import export_campaign, exported_rows
@@ -52,7 +53,7 @@ def test_every_array_comes_back_bit_for_bit(tmp_path, points):
     run, robot = played(points), load_robot("staubli_tx60")
     export_campaign(run, robot, tmp_path / "out")
     session = read_session(tmp_path / "out", robot)
-    bench = open_bench(run.scenario, run.setting)
+    bench = open_laboratory(run.scenario, run.setting)
     table, is_test, time = exported_rows(bench, run.trials[0])
     for name in table.__slots__:
         written, read = getattr(table, name), getattr(session.measurements, name)

@@ -10,7 +10,7 @@ from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.frames import inverse, rot_z, slide, step_transform
 from testbed.laboratory.cell import Obstacle, cell_from
-from testbed.laboratory.pool import OBSTACLE, REASONS, draw_pool
+from testbed.laboratory.pool import OBSTACLE, REASONS, Candidates, Pool
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot, load_robot
 from testbed.scenario.read import BoxObstacle, CellSettings, MeshObstacle, PoolSettings
@@ -171,14 +171,14 @@ def test_a_table_the_robot_stands_on_is_no_collision_of_its_base(robot):
     assert not simulator(robot, table).collides(np.zeros((1, 6))).any()
 
 
+def drawn(robot: Robot, sim: Simulator, **settings) -> Pool:
+    candidates = Candidates(robot, sim, PoolSettings(**settings), STATION, aim=AIM)
+    return candidates.draw(np.random.default_rng(5))
+
+
 def test_the_pool_stays_out_of_obstacles_and_says_how_many_it_lost(robot):
-    settings = PoolSettings(size=200)
-
-    def drawn(sim: Simulator):
-        return draw_pool(robot, sim, settings, STATION, np.random.default_rng(5), aim=AIM)
-
     walled = simulator(robot, BOX)
-    pool, free = drawn(walled), drawn(simulator(robot))
+    pool, free = drawn(robot, walled, size=200), drawn(robot, simulator(robot), size=200)
     assert not walled.collides(pool.q).any()
     assert REASONS[OBSTACLE] not in free.rejection_names
     k = pool.rejection_names.index("obstacle")
@@ -194,23 +194,16 @@ def test_the_pool_stays_out_of_obstacles_and_says_how_many_it_lost(robot):
 
 def test_obstacles_count_even_where_the_robot_may_pass_through_itself(robot):
     walled = simulator(robot, BOX)
-    settings = PoolSettings(size=100, self_collision=False)
-    pool = draw_pool(robot, walled, settings, STATION, np.random.default_rng(5), aim=AIM)
+    pool = drawn(robot, walled, size=100, self_collision=False)
     assert not walled.contacts(pool.q).obstacle.any()
     assert walled.contacts(pool.q).itself.any()
 
 
 def test_a_cell_full_of_obstacle_says_so(robot):
     block = BoxObstacle(size_mm=(3000.0, 3000.0, 3000.0), position_mm=(1510.0, 0.0, 0.0))
+    box = {"box_center_mm": (450.0, 0.0, 200.0), "box_size_mm": (200.0,) * 3}
     with pytest.raises(InputError, match=r'"obstacle" rejects .*\[\[cell\.obstacle\]\]'):
-        draw_pool(
-            robot,
-            simulator(robot, block),
-            PoolSettings(size=50, box_center_mm=(450.0, 0.0, 200.0), box_size_mm=(200.0,) * 3),
-            STATION,
-            np.random.default_rng(5),
-            aim=AIM,
-        )
+        drawn(robot, simulator(robot, block), size=50, **box)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from calib.errors import InputError
 from calib.geometry.chain import forward
 from calib.geometry.frames import rot_z, slide
 from calib.geometry.model import RobotModel
-from testbed.laboratory.pool import CONE, OBSTACLE, PATIENCE, SAMPLE, Pool, draw_pool
+from testbed.laboratory.pool import CONE, OBSTACLE, PATIENCE, SAMPLE, Candidates, Pool
 from testbed.laboratory.pool import REASONS as ALL
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot, load_robot
@@ -41,16 +41,10 @@ def drawn(
     robot: Robot, simulator: Simulator, *, seed: int = 5, station: Any = STATION, **changes: Any
 ) -> Pool:
     """Pool of 1000 from a numbered stream, with changed settings; size and exclude go through."""
-    extra = {key: changes.pop(key) for key in ("size", "exclude", "acceptance") if key in changes}
-    return draw_pool(
-        robot,
-        simulator,
-        PoolSettings(**changes),
-        station,
-        np.random.default_rng(seed),
-        aim=AIM,
-        **extra,
-    )
+    extra = {key: changes.pop(key) for key in ("size", "exclude") if key in changes}
+    cone = {key: changes.pop(key) for key in ("acceptance",) if key in changes}
+    candidates = Candidates(robot, simulator, PoolSettings(**changes), station, aim=AIM, **cone)
+    return candidates.draw(np.random.default_rng(seed), **extra)
 
 
 def test_with_all_tests_off_it_is_the_reference_pool(robot, simulator):

@@ -9,7 +9,7 @@ import pytest
 from calib.arrays import Array
 from calib.errors import InputError
 from testbed.laboratory.cell import cell_from
-from testbed.laboratory.pool import Pool, draw_pool
+from testbed.laboratory.pool import Candidates, Pool
 from testbed.laboratory.route import moves
 from testbed.laboratory.route.moves import Mover, spread, travel_times
 from testbed.laboratory.route.route import Route, best_tour, length, measuring_route
@@ -44,8 +44,8 @@ def simulator(robot: Robot) -> Simulator:
 
 @pytest.fixture(scope="module")
 def pool(robot: Robot, simulator: Simulator) -> Pool:
-    settings = PoolSettings(size=120)
-    return draw_pool(robot, simulator, settings, STATION, np.random.default_rng(1), aim=AIM)
+    candidates = Candidates(robot, simulator, PoolSettings(size=120), STATION, aim=AIM)
+    return candidates.draw(np.random.default_rng(1))
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,7 @@
 """Stations compared: what each sees, what its design predicts, and a reason that is true."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,10 +9,10 @@ from calib.arrays import Array, Index
 from calib.design.blocks import scaled_blocks
 from calib.errors import InputError
 from calib.geometry.parameters import parameters_of
-from testbed.laboratory.cell import cell_from
-from testbed.laboratory.pool import draw_pool
-from testbed.laboratory.simulator import Simulator
-from testbed.laboratory.tracker.station import goal_uncertainty, station_rows, visible_from
+from calib.information.goals import Goals
+from calib.measurement.residual import whitened_blocks
+from testbed.laboratory.bench import Bench, open_bench
+from testbed.laboratory.tracker.station import goal_uncertainty, visible_from
 from testbed.laboratory.tracker.stations import StationComparison, compare_stations, station_grid
 from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.robots.catalog import load_robot
@@ -19,8 +21,8 @@ from testbed.scenario.read import (
     BoxObstacle,
     CellSettings,
     PaperTracker,
-    PoolSettings,
     StationSettings,
+    scenario_of,
 )
 
 ROBOT = load_robot("staubli_tx60")
@@ -45,17 +47,28 @@ def designer(blocks: Array) -> Index:
     return np.array(chosen)
 
 
-@pytest.fixture(scope="module")
-def simulator() -> Simulator:
-    return Simulator(ROBOT, CHAIN, cell_from(SCREEN, CHAIN))
+def laboratory(settings=None, *, cell=SCREEN, **pool) -> Bench:
+    """A bench with one pool size for all; the joints scatter as the robot's maker states."""
+    settings = settings or At960Tracker(acceptance_deg=60.0)
+    scenario = scenario_of(
+        {
+            "format": 1,
+            "name": "stations",
+            "seed": 1,
+            "robot": "staubli_tx60",
+            "truth": {"preset": "rigid"},
+            "tracker": {"preset": "at960"},
+            "trial": [{"name": "any", "poses": 20, "method": "random"}],
+        }
+    )
+    pool = scenario.pool.model_copy(update={"size": 300} | pool)
+    changes = {"tracker": settings, "cell": cell, "pool": pool}
+    return replace(open_bench(scenario.model_copy(update=changes)), sigma_q=ROBOT.repeatability)
 
 
 @pytest.fixture(scope="module")
-def q(simulator) -> Array:
-    settings = PoolSettings(size=300, line_of_sight=False)
-    return draw_pool(
-        ROBOT, simulator, settings, (2.6, -2.0, 0.3), np.random.default_rng(1), aim=(0, 0, 0.06)
-    ).q
+def q() -> Array:
+    return laboratory().candidates(seen=False).draw(np.random.default_rng(1)).q
 
 
 @pytest.fixture(scope="module")
@@ -64,17 +77,14 @@ def goal(q) -> Array:
     return J[:, :3][:, :, PARAMETERS.free] * PARAMETERS.free_scale
 
 
-def compared(simulator, q, goal, stations=STATIONS, settings=None, **options) -> StationComparison:
-    settings = settings or At960Tracker(acceptance_deg=60.0)
-    options = {"sigma_q": ROBOT.repeatability} | options
-    return compare_stations(
-        ROBOT, simulator, settings, stations, q, PARAMETERS, goal, designer, **options
-    )
+def compared(bench: Bench, q, goal, stations=STATIONS, weights=None) -> StationComparison:
+    goals = Goals(goal, np.ones(len(goal)) if weights is None else weights)
+    return compare_stations(bench, np.array(stations), q, PARAMETERS, goals, designer)
 
 
 @pytest.fixture(scope="module")
-def found(simulator, q, goal) -> StationComparison:
-    return compared(simulator, q, goal)
+def found(q, goal) -> StationComparison:
+    return compared(laboratory(), q, goal)
 
 
 def test_every_candidate_is_turned_away_hidden_or_visible(found):
@@ -88,23 +98,20 @@ def test_every_candidate_is_turned_away_hidden_or_visible(found):
     assert found.visible[4] == 0
 
 
-def test_designs_are_made_of_visible_poses_only(simulator, q, found):
+def test_designs_are_made_of_visible_poses_only(q, found):
     for k in (1, 2, 3):
-        settings = At960Tracker(acceptance_deg=60.0, station_mm=tuple(np.array(STATIONS[k]) * 1e3))
-        tracker = tracker_from(settings, CHAIN)
-        _, seen = visible_from(ROBOT, simulator, tracker, q)
+        _, seen = visible_from(laboratory().standing_at(np.array(STATIONS[k])), q)
         assert len(found.designs[k]) == 29
         assert seen[found.designs[k]].all()
         assert seen.sum() == found.visible[k]
 
 
-def test_the_predicted_uncertainty_is_that_of_the_inverse_information(simulator, q, goal, found):
+def test_the_predicted_uncertainty_is_that_of_the_inverse_information(q, goal, found):
     for k in (1, 2, 3):
         settings = At960Tracker(station_mm=tuple(np.array(STATIONS[k]) * 1e3))
-        tracker = tracker_from(settings, CHAIN)
-        B = scaled_blocks(
-            station_rows(ROBOT, tracker, q[found.designs[k]], ROBOT.repeatability), PARAMETERS
-        )
+        tracker, chosen = tracker_from(settings, CHAIN), q[found.designs[k]]
+        covariance = tracker.covariance(ROBOT.model, chosen, ROBOT.repeatability)
+        B = scaled_blocks(whitened_blocks(ROBOT.model, chosen, covariance), PARAMETERS)
         C = np.linalg.inv(np.einsum("mri,mrj->ij", B, B))
         u2 = np.einsum("gai,ij,gaj->g", goal, C, goal)
         # the plain inverse loses as many digits as M has condition: about 1e5
@@ -112,11 +119,11 @@ def test_the_predicted_uncertainty_is_that_of_the_inverse_information(simulator,
         assert found.u_worst[k] == pytest.approx(np.sqrt(u2.max()), rel=1e-9)
 
 
-def test_weights_move_the_mean_but_not_the_worst(simulator, q, goal, found):
+def test_weights_move_the_mean_but_not_the_worst(q, goal, found):
     weights = np.zeros(len(goal))
     weights[7] = 2.0
-    one = compared(simulator, q, goal, stations=STATIONS[1:2], weights=weights)
-    seventh = compared(simulator, q, goal[7:8], stations=STATIONS[1:2])
+    one = compared(laboratory(), q, goal, stations=STATIONS[1:2], weights=weights)
+    seventh = compared(laboratory(), q, goal[7:8], stations=STATIONS[1:2])
     assert one.u_mean[0] == pytest.approx(seventh.u_mean[0], rel=1e-12)
     assert one.u_worst[0] == found.u_worst[1]
 
@@ -141,28 +148,26 @@ def test_a_station_that_sees_nothing_says_why(found):
 
 
 def test_a_nearer_station_wins_where_noise_grows_with_range_and_nowhere_else(q, goal):
-    open_cell = Simulator(ROBOT, CHAIN)
     near, far = [2.0, -1.0, 0.3], [12.0, -6.0, 1.8]  # the same direction
-    found = compared(open_cell, q, goal, stations=[far, near], settings=At960Tracker())
+    empty = CellSettings()
+    found = compared(laboratory(At960Tracker(), cell=empty), q, goal, stations=[far, near])
     assert found.best == 1
     assert found.range_mean[1] < found.range_mean[0]
     # constant noise: to be near is no merit, only what is seen counts
     noise = {"range_um": (3.0, 0.0), "transverse_um": (3.0, 0.0)}
-    same = compared(
-        open_cell, q, goal, stations=[far, near], settings=At960Tracker(**noise),
-        line_of_sight=False,
-    )  # fmt: skip
+    blind = laboratory(At960Tracker(**noise), cell=empty, line_of_sight=False)
+    same = compared(blind, q, goal, stations=[far, near])
     assert same.u_mean[0] == pytest.approx(same.u_mean[1], rel=1e-9)
 
 
-def test_one_station_is_a_comparison_too(simulator, q, goal):
-    one = compared(simulator, q, goal, stations=STATIONS[1:2], settings=PaperTracker())
+def test_one_station_is_a_comparison_too(q, goal):
+    one = compared(laboratory(PaperTracker()), q, goal, stations=STATIONS[1:2])
     assert one.best == 0
     assert len(one.statements) == 1
 
 
-def test_too_few_visible_poses_are_told_and_are_no_design(simulator, q, goal):
-    found = compared(simulator, q[:150], goal)
+def test_too_few_visible_poses_are_told_and_are_no_design(q, goal):
+    found = compared(laboratory(), q[:150], goal)
     short = [k for k in range(5) if 0 < found.visible[k] < 29]
     assert short
     for k in short:
@@ -170,13 +175,11 @@ def test_too_few_visible_poses_are_told_and_are_no_design(simulator, q, goal):
         assert np.isinf(found.u_mean[k])
 
 
-def test_if_no_station_sees_anything_that_is_an_error(simulator, q, goal):
+def test_if_no_station_sees_anything_that_is_an_error(q, goal):
     with pytest.raises(
         InputError, match=r"none of 2 stations can be used: station 1 at .* nothing"
     ):
-        compared(simulator, q, goal, stations=[STATIONS[0], STATIONS[4]])
-    with pytest.raises(InputError, match="no stations to compare"):
-        compared(simulator, q, goal, stations=np.zeros((0, 3)))
+        compared(laboratory(), q, goal, stations=[STATIONS[0], STATIONS[4]])
 
 
 def test_numbers_that_nothing_determines_have_infinite_uncertainty(goal):

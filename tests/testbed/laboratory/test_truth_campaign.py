@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from testbed.laboratory.campaign_bench import journey, make_setting, open_bench, validation_start
+from testbed.laboratory.truth.laboratory import (
+    journey,
+    make_setting,
+    open_laboratory,
+    validation_start,
+)
 from testbed.robots.catalog import load_robot
 from testbed.run import campaign
 from testbed.run.play import play
@@ -66,7 +71,7 @@ def test_a_campaign_on_each_preset_with_all_that_can_go_wrong(preset):
 def test_the_bench_plays_what_was_drawn_for_the_setting():
     scenario = small({"preset": "elastic"} | EVERYTHING, MISHAPS)
     setting = make_setting(scenario)
-    bench = open_bench(scenario, setting)
+    bench = open_laboratory(scenario, setting)
     # held-out poses are visited in turn, after one visit of the trial, in a warmer robot
     time, previous = journey(setting.test_q, validation_start(scenario), 10.0)
     assert time[0] == 200.0
@@ -87,7 +92,7 @@ def test_repeated_visits_of_a_trial_see_the_robot_warm_up():
         {"preset": "paper", "position_um": 0.01, "rotation_mdeg": 0.01},
     )
     setting = make_setting(scenario)
-    bench = open_bench(scenario, setting)
+    bench = open_laboratory(scenario, setting)
     q = setting.pool_q[:10]
     nominal = setting.nominal.poses(q)[:, :3, 3]
 
@@ -104,7 +109,7 @@ def test_repeated_visits_of_a_trial_see_the_robot_warm_up():
 def test_presets_that_were_there_before_are_what_they_were():
     for preset in ("rigid", "wen2022"):
         scenario = small({"preset": preset}, {"preset": "paper"})
-        bench = open_bench(scenario, make_setting(scenario))
+        bench = open_laboratory(scenario, make_setting(scenario))
         true = bench.setting.true
         # nothing depends on order or time
         q = bench.setting.test_q

@@ -5,7 +5,7 @@ import pytest
 
 from calib.design.methods import METHODS
 from calib.errors import InputError
-from testbed.laboratory.bench import open_plan_bench
+from testbed.laboratory.bench import open_bench
 from testbed.laboratory.cell import cell_from
 from testbed.laboratory.simulator import Simulator
 from testbed.plan.plan import plan
@@ -48,7 +48,7 @@ def test_the_curve_has_the_plans_own_uncertainty_at_its_own_point():
 
 def test_a_target_that_comes_too_near_to_the_tracker_is_refused():
     """Arm stretched forward: the probe 0.73 m before the base, the tracker at 1.25 m."""
-    bench = open_plan_bench(scenario(QUICK, **{"tracker.station_mm": [1250.0, 0.0, 0.0]}))
+    bench = open_bench(scenario(QUICK, **{"tracker.station_mm": [1250.0, 0.0, 0.0]}))
     with pytest.raises(InputError, match=r"to 0\.52 m from the tracker; it needs 0\.8 m"):
         check_ranges(bench, np.radians([[0.0, 90.0, 0.0, 0.0, 0.0, 0.0]]))
 

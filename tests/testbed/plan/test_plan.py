@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calib.geometry.frames import log_so3
-from testbed.laboratory.bench import open_plan_bench
+from testbed.laboratory.bench import open_bench
 from testbed.laboratory.cell import cell_from
 from testbed.laboratory.goal import goal_of
 from testbed.laboratory.simulator import Simulator
@@ -48,7 +48,7 @@ def pose_change(q, k, *, point=(0.0, 0.0, 0.0)):
 def matrices(made, q):
     """Information (m, p, p) of each pose q in scaled units, from differences and `inv` alone."""
     tracker, free = tracker_of(made), np.flatnonzero(made.parameters.free)
-    C = tracker.covariance(ROBOT.model, q, open_plan_bench(made.scenario).sigma_q)
+    C = tracker.covariance(ROBOT.model, q, open_bench(made.scenario).sigma_q)
     J = np.stack([pose_change(q, k) for k in free], axis=-1) * made.parameters.free_scale
     return np.swapaxes(J, 1, 2) @ np.linalg.inv(C) @ J
 
@@ -233,7 +233,7 @@ def test_the_best_station_is_the_one_with_the_smallest_uncertainty_of_its_own_de
     assert len({len(design) for design in seen.designs}) == 1
     worse = (seen.best + 1) % 3
     settled = scenario(SMALL | {"plan.stations.list_mm": [(seen.stations[worse] * 1e3).tolist()]})
-    bench = open_plan_bench(settled)
+    bench = open_bench(settled, clearance=settled.plan.clearance_mm / 1e3)
     alone = compared(bench, goal_of(bench))
     # one station gets the same design whether compared with others or not
     assert alone.u_mean[0] == pytest.approx(seen.u_mean[worse], rel=1e-12)

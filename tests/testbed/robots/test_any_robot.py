@@ -12,7 +12,7 @@ from calib.geometry.joint_errors import gravity_terms
 from calib.geometry.model import RobotModel
 from calib.identification.joint_models import extended_model, gravity_quarters
 from testbed import assets
-from testbed.laboratory.pool import draw_pool, joint_ranges
+from testbed.laboratory.pool import Candidates, joint_ranges
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.laboratory.truth.backlash import gravity_loads
@@ -67,9 +67,8 @@ def test_the_stated_workspace_is_reachable_and_seen(name):
     robot, bare = load_robot(name), scenario(name)
     simulator = Simulator(robot, robot.model.chain)
     tracker = tracker_from(bare.tracker, robot.model.chain)
-    pool = draw_pool(
-        robot, simulator, bare.pool, tracker.station, np.random.default_rng(0), size=40
-    )
+    candidates = Candidates(robot, simulator, bare.pool, tracker.station)
+    pool = candidates.draw(np.random.default_rng(0), size=40)
     assert pool.n_drawn < 20 * 40  # one candidate in twenty or better
     low, high = joint_ranges(robot, bare.pool).T
     assert ((pool.q >= low) & (pool.q <= high)).all()
@@ -108,14 +107,8 @@ def test_the_workspace_found_from_the_reach_holds_feasible_poses():
             }
         )
         station = np.array(found.station_mm) / 1e3
-        drawn = draw_pool(
-            robot,
-            Simulator(robot, robot.model.chain),
-            pool,
-            station,
-            np.random.default_rng(0),
-            size=20,
-        )
+        candidates = Candidates(robot, Simulator(robot, robot.model.chain), pool, station)
+        drawn = candidates.draw(np.random.default_rng(0), size=20)
         assert drawn.n_drawn < 400
     # joints that turn on and on are kept to half a turn about the middle
     assert workspace_of_reach(UR10).joint_ranges_deg == ((-180.0, 180.0),) * 6

@@ -100,7 +100,7 @@ def test_planning_and_identification_never_see_the_truth(small, monkeypatch):
         test_true=shifted,
     )
     monkeypatch.setattr(
-        "testbed.laboratory.campaign_bench.TrueRobot",
+        "testbed.laboratory.truth.laboratory.TrueRobot",
         lambda *_: TrueRobot(setting.true, np.zeros(6)),
     )
     judges = replace(visit, judge_true=visit.judge_true + 0.01)

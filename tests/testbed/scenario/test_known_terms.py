@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model
-from testbed.laboratory.campaign_bench import open_bench
+from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.robots.write.folder import identified_robot, write_robot_folder
 from testbed.run import campaign
@@ -47,7 +47,7 @@ def test_a_campaign_on_its_folder_identifies_what_is_left(tmp_path):
         load_scenario("quick"),
         {"robot": str(tmp_path / "mine"), "pool.size": 60, "test.poses": 15},
     )
-    bench = open_bench(scenario, campaign.compute(scenario, "setting", None))
+    bench = open_laboratory(scenario, campaign.compute(scenario, "setting", None))
     table = bench.free("whitened")
     assert set(KNOWN.model.joint_errors.names) <= set(table.free_names)
     seen = bench.measure_pool(np.arange(40), "test")

@@ -14,8 +14,8 @@ from calib.uncertainty.budget import RowNoise, budget
 from calib.uncertainty.refit import Frozen, freeze
 from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.type_b import CommonInput, common_inputs, type_b_covariance
-from testbed.laboratory.campaign_bench import Bench
 from testbed.laboratory.tracker.tracker import bias_size
+from testbed.laboratory.truth.laboratory import Laboratory
 from testbed.scenario.read import At960Tracker
 from testbed.studies.trial.estimator import prior_precision
 
@@ -44,13 +44,13 @@ class Sources:
 
 
 def sources_of(
-    bench: Bench, found: Identification, seen: Measurements, suspect: Sequence[int], q: Array
+    bench: Laboratory, found: Identification, seen: Measurements, suspect: Sequence[int], q: Array
 ) -> Sources:
     """Take the uncertainty of one estimate apart, at the tool point of postures q (N, n).
 
     Parameters
     ----------
-    bench : Bench
+    bench : Laboratory
         What the tracker states of itself, and how well joints repeat.
     found : Identification
         In the mode *whitened*.
@@ -83,7 +83,7 @@ def plan_of(found: Identification, seen: Measurements) -> Frozen:
 
 
 def row_noise(
-    bench: Bench, found: Identification, seen: Measurements, suspect: Sequence[int]
+    bench: Laboratory, found: Identification, seen: Measurements, suspect: Sequence[int]
 ) -> list[RowNoise]:
     """What scatters anew in every row: the tracker, the joints, and gross errors where named."""
     setting, m = bench.setting, len(seen)
@@ -107,7 +107,7 @@ def row_noise(
     return noise
 
 
-def systematic_inputs(bench: Bench, seen: Measurements) -> tuple[CommonInput, ...]:
+def systematic_inputs(bench: Laboratory, seen: Measurements) -> tuple[CommonInput, ...]:
     """What the tracker states to get wrong the same way all campaign long; none if it does not."""
     settings = bench.scenario.tracker
     if not isinstance(settings, At960Tracker) or not settings.systematic:
@@ -117,7 +117,7 @@ def systematic_inputs(bench: Bench, seen: Measurements) -> tuple[CommonInput, ..
     return common_inputs(SYSTEMATIC, B, size.variance)
 
 
-def systematic_covariance(bench: Bench, found: Identification, seen: Measurements) -> Array:
+def systematic_covariance(bench: Laboratory, found: Identification, seen: Measurements) -> Array:
     """Covariance (f, f) that the tracker's systematic errors leave in an estimate; often zero."""
     common = systematic_inputs(bench, seen)
     if not common or found.mode == "paper":
@@ -125,7 +125,7 @@ def systematic_covariance(bench: Bench, found: Identification, seen: Measurement
     return type_b_covariance(plan_of(found, seen), common)
 
 
-def drift_left(bench: Bench) -> float:
+def drift_left(bench: Laboratory) -> float:
     """What a wandering station leaves in the readings, 3-D, RMS over time [m].
 
     References

@@ -23,7 +23,7 @@ from calib.uncertainty.discrepancy import FEWEST
 from calib.uncertainty.judgement import judge
 from calib.uncertainty.tool_point import propagate, tool_statement
 from calib.uncertainty.validation import LinearCheck, validate
-from testbed.laboratory.campaign_bench import Bench
+from testbed.laboratory.truth.laboratory import Laboratory
 from testbed.streams import stream
 from testbed.studies.trial.compare import attained
 from testbed.studies.trial.estimator import Estimator
@@ -36,7 +36,7 @@ DRIFT_COUNTS = 1 / 3
 
 
 def state(
-    bench: Bench,
+    bench: Laboratory,
     estimator: Estimator,
     found: Identification,
     visits: list[Measurements],
@@ -47,7 +47,7 @@ def state(
 
     Parameters
     ----------
-    bench : Bench
+    bench : Laboratory
         The laboratory.
     estimator : Estimator
         What was fitted.
@@ -140,7 +140,7 @@ def hidden_reach(
     return float(stated.region[0][:, 0].mean())
 
 
-def left_out(bench: Bench, u: float) -> tuple[str, ...]:
+def left_out(bench: Laboratory, u: float) -> tuple[str, ...]:
     """What is known to be wrong and in no covariance, where it counts beside a stated u [m]."""
     left = drift_left(bench)
     if left <= DRIFT_COUNTS * u:
@@ -151,7 +151,7 @@ def left_out(bench: Bench, u: float) -> tuple[str, ...]:
     )
 
 
-def target_or_origin(bench: Bench) -> Array | None:
+def target_or_origin(bench: Laboratory) -> Array | None:
     """The tool point that is stated; None where it is the origin of the tool frame."""
     target = bench.setting.target
     return target if target.any() else None

@@ -10,9 +10,7 @@ from calib.errors import InputError
 from calib.geometry.frames import log_so3
 from calib.identification.joint_models import extended_model
 from calib.information.rank import weak_prior_sd
-from testbed.laboratory.campaign_bench import open_bench
-from testbed.laboratory.cell import cell_from
-from testbed.laboratory.simulator import Simulator
+from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.robots.catalog import load_robot
 from testbed.run.play import play
 from testbed.run.report import page_of
@@ -49,10 +47,8 @@ def campaign():
 @pytest.fixture(scope="module")
 def visit(campaign):
     """Robot 1 of the kind wen2022, measured again."""
-    bench = open_bench(campaign.scenario, campaign.setting)
-    chain = campaign.setting.nominal.chain
-    simulator = Simulator(bench.robot, chain, cell_from(campaign.scenario.cell, chain))
-    return visit_robot(bench, simulator, "wen2022", campaign.trials[0].selection.indices, 1)
+    bench = open_laboratory(campaign.scenario, campaign.setting)
+    return visit_robot(bench, "wen2022", campaign.trials[0].selection.indices, 1)
 
 
 def study_of(campaign, truth):

@@ -12,8 +12,8 @@ from calib.design.exchange import exchange, fedorov
 from calib.design.greedy import greedy
 from calib.design.random import best_of_random, random_set
 from calib.information.criteria.named import criterion_named
-from testbed.laboratory.campaign_bench import make_setting, open_bench
 from testbed.laboratory.goal import goals_of
+from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
 from testbed.report.page import render
 from testbed.run.report import page_of
 from testbed.run.results import headline
@@ -52,7 +52,7 @@ def crowd():
 @cache
 def bench():
     campaign = crowd()
-    return open_bench(campaign.scenario, campaign.setting)
+    return open_laboratory(campaign.scenario, campaign.setting)
 
 
 def with_errors(errors):
@@ -254,10 +254,10 @@ def brute_force_u(places):
     """RMS 3-D tool-point u over the goal, by finite steps of the model and a plain inverse."""
     setting, table = crowd().setting, bench().kept()
     model, free = setting.nominal, table.free_index
-    from testbed.laboratory.bench import open_plan_bench
+    from testbed.laboratory.bench import open_bench
     from testbed.laboratory.goal import goal_of
 
-    goal = goal_of(open_plan_bench(crowd().scenario))
+    goal = goal_of(open_bench(crowd().scenario))
     q = setting.pool_q[places]
     covariance = bench().covariance(q)
     A = model.poses_and_jacobian(q)[1][:, :, free]
@@ -292,11 +292,11 @@ def test_a_random_set_promises_another_u_to_each_robot():
 
 
 def test_goal_poses_are_neither_held_out_nor_candidates():
-    from testbed.laboratory.bench import open_plan_bench
+    from testbed.laboratory.bench import open_bench
     from testbed.laboratory.goal import goal_of
 
     setting = crowd().setting
-    goal = {row.tobytes() for row in goal_of(open_plan_bench(crowd().scenario)).q}
+    goal = {row.tobytes() for row in goal_of(open_bench(crowd().scenario)).q}
     assert len(goal) == 200
     assert not goal & {row.tobytes() for row in np.vstack([setting.test_q, setting.pool_q])}
 

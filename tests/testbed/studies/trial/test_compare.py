@@ -6,7 +6,7 @@ from scipy import stats
 
 from calib.identification.identify import identify
 from calib.measurement.observations import pose_measurements
-from testbed.laboratory.campaign_bench import open_bench
+from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.run import campaign
 from testbed.scenario.read import changed, load_scenario
 from testbed.studies.trial.compare import compare, noise_free, target_prediction, true_step
@@ -15,7 +15,7 @@ from testbed.studies.trial.play import binomial_band, chi_square_mean_band
 
 def bench_of(name="quick", **changes):
     scenario = changed(load_scenario(name), {"pool.size": 60, "test.poses": 15, **changes})
-    return open_bench(scenario, campaign.compute(scenario, "setting", None))
+    return open_laboratory(scenario, campaign.compute(scenario, "setting", None))
 
 
 def identified(bench, count=30, mode="whitened"):

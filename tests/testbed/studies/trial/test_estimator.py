@@ -10,7 +10,7 @@ from calib.geometry.model import RobotModel
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model, extended_parameters
 from calib.identification.prior import weak_prior
-from testbed.laboratory.campaign_bench import Bench, make_setting, open_bench
+from testbed.laboratory.truth.laboratory import Laboratory, make_setting, open_laboratory
 from testbed.scenario.read import changed, load_scenario
 from testbed.scenario.tables import PriorSettings
 from testbed.studies.trial.compare import drawn_step
@@ -21,20 +21,20 @@ MDEG = np.pi / 180e3
 
 
 @cache
-def laboratory(preset: str) -> Bench:
+def laboratory(preset: str) -> Laboratory:
     """A small laboratory of quick with another robot."""
     scenario = changed(load_scenario("quick"), {"truth": {"preset": preset}, **SMALL})
-    return open_bench(scenario, make_setting(scenario))
+    return open_laboratory(scenario, make_setting(scenario))
 
 
-def bench(preset: str, **identification: object) -> Bench:
+def bench(preset: str, **identification: object) -> Laboratory:
     """The same with other keys of [identification], which no robot or reading hangs on."""
     of = laboratory(preset)
     keys = {f"identification.{key}": value for key, value in identification.items()}
     return replace(of, scenario=changed(of.scenario, keys))
 
 
-def seen(of: Bench, poses: int = 29):
+def seen(of: Laboratory, poses: int = 29):
     return of.measure_pool(np.arange(poses), "visit", "x")
 
 

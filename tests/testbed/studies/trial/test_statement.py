@@ -11,8 +11,8 @@ from scipy import stats
 from calib.errors import InputError
 from calib.uncertainty.discrepancy import Discrepancy
 from calib.uncertainty.tool_point import tool_statement
-from testbed.laboratory.campaign_bench import make_setting, open_bench
 from testbed.laboratory.tracker.tracker import bias_size
+from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
 from testbed.robots.catalog import load_robot
 from testbed.run import campaign
 from testbed.scenario.hashes import record_hash
@@ -93,7 +93,7 @@ def estimate(of: Campaign):
 
 
 def visits(of: Campaign):
-    bench = open_bench(of.scenario, of.setting)
+    bench = open_laboratory(of.scenario, of.setting)
     chosen = of.trials[0].selection.indices
     span = len(chosen) * bench.tracker.pose_time
     return bench, [bench.measure_pool(chosen, "visit", "one", repeat=k, start=k * span)
@@ -231,14 +231,14 @@ def test_a_station_that_wanders_is_known_to_be_in_no_covariance():
     assert verdict.mark == INVALID
     assert verdict.contradicted
     # by playing: what the drift of many visits leaves in the readings
-    bench, rng = open_bench(of.scenario, of.setting), np.random.default_rng(2)
+    bench, rng = open_laboratory(of.scenario, of.setting), np.random.default_rng(2)
     drift, time = bench.tracker.drift, np.arange(0.0, 3600.0, 10.0)
     nests = bench.tracker.own_covariance(drift.nests)[:, :3, :3]
     left = [drift.walk(time, rng) + drift.nest_noise(time, nests, rng) for _ in range(200)]
     rms = np.sqrt(np.mean(np.sum(np.square(left), axis=2)))
     # 1200 rounds, each one draw of a walk: 2 % and four of them
     assert drift_left(bench) == pytest.approx(rms, rel=0.08)
-    assert drift_left(open_bench(at960().scenario, at960().setting)) == 0
+    assert drift_left(open_laboratory(at960().scenario, at960().setting)) == 0
 
 
 def test_chance_is_not_called_a_misfit_of_the_model():

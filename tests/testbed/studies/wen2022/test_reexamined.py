@@ -11,7 +11,7 @@ from scipy import optimize, stats
 from calib.errors import InputError
 from calib.identification.identify import identify
 from calib.uncertainty.covariance import matrix_row_weights, sandwich
-from testbed.laboratory.campaign_bench import open_bench
+from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.report.page import render
 from testbed.robots.catalog import load_robot
 from testbed.run import campaign as campaigns
@@ -76,7 +76,7 @@ def campaign():
 
 @cache
 def bench():
-    return open_bench(campaign().scenario, campaign().setting)
+    return open_laboratory(campaign().scenario, campaign().setting)
 
 
 def study(truth):

@@ -1,29 +1,19 @@
-"""The bench of a campaign: the robot, its secret true twin, the tracker, the pool; a visit."""
+"""The laboratory: a bench with the secret true robot on it, which measures."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.design.blocks import paper_blocks, scaled_blocks
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.model import RobotModel
-from calib.geometry.parameters import Parameters, parameters_of
-from calib.identification.identify import Mode
-from calib.information.reduction import reduce
 from calib.measurement.observations import Measurements
-from testbed.laboratory.cell import cell_from
-from testbed.laboratory.pool import Pool, draw_pool
-from testbed.laboratory.simulator import Simulator
-from testbed.laboratory.tracker.station import station_rows
-from testbed.laboratory.tracker.tracker import Tracker, tracker_from
+from testbed.laboratory.bench import Bench, open_bench
+from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.laboratory.truth.robot import TrueRobot, beyond, draw_truth
-from testbed.robots.catalog import Robot, load_robot
-from testbed.scenario.read import PAPER_SET, At960Tracker, Scenario
+from testbed.scenario.read import At960Tracker, Scenario
 from testbed.streams import stream
-
-PROBED_POSES = 200
-"""Pool poses from which identifiability is judged before anything is selected."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,18 +50,11 @@ class Setting:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Bench:
-    """A scenario's laboratory, ready to measure."""
+class Laboratory(Bench):
+    """A scenario's laboratory, ready to measure; its tracker has systematic errors of its own."""
 
-    scenario: Scenario
     setting: Setting
-    robot: Robot
     truth: TrueRobot
-    tracker: Tracker
-
-    def covariance(self, q: Array) -> Array:
-        """Stated covariance (m, 6, 6) of one visit of each pose, from nominal poses [m, rad]."""
-        return self.tracker.covariance(self.setting.nominal, q, self.setting.joint_repeatability)
 
     def measure(
         self,
@@ -105,50 +88,46 @@ class Bench:
         self, indices: Index, *names: str | int, repeat: int = 0, start: float = 0.0
     ) -> Measurements:
         """Measure pool poses by index (m,)."""
-        return self.measure(
-            self.setting.pool_q[indices], indices, *names, repeat=repeat, start=start
-        )
+        return self.measure(self.pool_q[indices], indices, *names, repeat=repeat, start=start)
 
     def held_out(self, q: Array) -> Array:
         """True poses (m, 4, 4) without scatter at held-out joints q (m, n) [m]."""
         return held_out_poses(self.truth, self.scenario, q)
 
-    def whitened_rows(self, q: Array) -> Array:
-        """Whitened Jacobian blocks (m, r, P) of poses not measured yet, all P columns."""
-        return station_rows(self.robot, self.tracker, q, self.setting.joint_repeatability)
+    def with_poses(self, pool_q: Array, test_q: Array) -> Self:
+        """The same laboratory with other candidates (N, n) and held-out poses (t, n)."""
+        nominal = self.setting.nominal.poses(pool_q)
+        setting = replace(self.setting, pool_q=pool_q, pool_nominal=nominal, test_q=test_q)
+        return replace(self, pool_q=pool_q, setting=setting)
 
-    def free(self, mode: Mode) -> Parameters:
-        """Parameters that an estimator may move, before reduction."""
-        return free_parameters(self.scenario, self.robot, mode)
-
-    def kept(self) -> Parameters:
-        """Free numbers of the default estimator that generic poses of the pool can tell apart."""
-        parameters = self.free("whitened")
-        q = self.setting.pool_q[:PROBED_POSES]
-        A = self.whitened_rows(q)[:, :, parameters.free] * parameters.free_scale
-        found = reduce(
-            A.reshape(-1, parameters.n_free), parameters, model=self.setting.nominal, q=q
+    def with_robot(self, truth: TrueRobot, seed: int) -> Self:
+        """The same laboratory with another robot, at a station with errors of its own."""
+        sigma_q = truth.joint_repeatability
+        return replace(
+            self,
+            truth=truth,
+            sigma_q=sigma_q,
+            setting=replace(self.setting, true=truth.model, joint_repeatability=sigma_q),
+            tracker=tracker_from(self.scenario.tracker, self.robot.model.chain, seed=seed),
         )
-        return parameters.freeing(found.kept)
-
-    def design_blocks(self, rows: str) -> Array:
-        """Blocks (N, r, p) of the whole pool in which an index is computed.
-
-        `rows` is "whitened" (whitened rows, columns scaled to 1 m and 1/L rad) or "paper" (twelve
-        unweighted rows, mm and rad, in their six-row equivalent).
-        """
-        if rows == "whitened":
-            return scaled_blocks(self.whitened_rows(self.setting.pool_q), self.kept())
-        free = self.free("paper") if PAPER_SET in self.robot.free_sets else self.kept()
-        return paper_blocks(self.setting.nominal, free, self.setting.pool_q)
 
 
-def open_bench(scenario: Scenario, setting: Setting) -> Bench:
-    """Set up the laboratory around a setting."""
-    robot = load_robot(scenario.robot)
-    truth = TrueRobot(setting.true, setting.joint_repeatability, beyond(robot, scenario.truth))
-    tracker = tracker_from(scenario.tracker, robot.model.chain, seed=scenario.seed)
-    return Bench(scenario, setting, robot, truth, tracker)
+def open_laboratory(scenario: Scenario, setting: Setting) -> Laboratory:
+    """Set up the laboratory around a campaign's setup, as it was drawn."""
+    bench = open_bench(scenario)
+    robot = bench.robot
+    return Laboratory(
+        scenario,
+        robot,
+        tracker_from(scenario.tracker, robot.model.chain, seed=scenario.seed),
+        bench.cell,
+        bench.simulator,
+        bench.touching,
+        setting.joint_repeatability,
+        setting.pool_q,
+        setting,
+        TrueRobot(setting.true, setting.joint_repeatability, beyond(robot, scenario.truth)),
+    )
 
 
 def journey(q: Array, start: float, pose_time: float) -> tuple[Array, Array]:
@@ -168,55 +147,15 @@ def held_out_poses(truth: TrueRobot, scenario: Scenario, q: Array) -> Array:
     return truth.poses(q, time=time, previous=previous)
 
 
-def free_parameters(scenario: Scenario, robot: Robot, mode: Mode) -> Parameters:
-    """Parameters that the estimator `mode` may move.
-
-    The paper's estimator always identifies the robot's set ``wen2022`` with base and tool fixed.
-    """
-    table = parameters_of(robot.model)
-    if mode == "paper":
-        return table.freeing(robot.free_sets[PAPER_SET])
-    wanted = scenario.identification.free
-    if isinstance(wanted, str):
-        names = table.names if wanted == "identifiable" else robot.free_sets[wanted]
-    else:
-        names = wanted
-    fixed = tuple(
-        f"{frame}."
-        for frame, state in (
-            ("base", scenario.identification.base),
-            ("tool", scenario.identification.tool),
-        )
-        if state == "fixed"
-    )
-    return table.freeing(name for name in names if not name.startswith(fixed or ("\0",)))
-
-
 def make_setting(scenario: Scenario) -> Setting:
     """Draw the true robot, the feasible pool and the held-out poses of a scenario."""
-    robot = load_robot(scenario.robot)
-    truth = draw_truth(robot, scenario.truth, scenario.seed)
-    chain = robot.model.chain
-    tracker = tracker_from(scenario.tracker, chain)
-    nominal = Simulator(robot, chain, cell_from(scenario.cell, chain))
-
-    def feasible(name: str, size: int, exclude: Array | None = None) -> Pool:
-        return draw_pool(
-            robot,
-            nominal,
-            scenario.pool,
-            tracker.station,
-            stream(scenario.seed, name),
-            size=size,
-            aim=tracker.aim(chain),
-            acceptance=tracker.acceptance,
-            exclude=exclude,
-        )
-
-    pool = feasible("pool", scenario.pool.size)
-    test = feasible("test", scenario.test.poses, pool.q)
+    bench = open_bench(scenario)
+    truth = draw_truth(bench.robot, scenario.truth, scenario.seed)
+    candidates = bench.candidates()
+    pool = candidates.draw(stream(scenario.seed, "pool"))
+    test = candidates.draw(stream(scenario.seed, "test"), size=scenario.test.poses, exclude=pool.q)
     setting = Setting(
-        nominal=robot.model,
+        nominal=bench.robot.model,
         true=truth.model,
         joint_repeatability=truth.joint_repeatability,
         pool_q=pool.q,
@@ -228,10 +167,10 @@ def make_setting(scenario: Scenario) -> Setting:
         n_drawn=pool.n_drawn,
         test_q=test.q,
         test_true=held_out_poses(truth, scenario, test.q),
-        T_world_tracker=tracker.T_world_tracker,
-        target=tracker.reflector,
+        T_world_tracker=bench.tracker.T_world_tracker,
+        target=bench.tracker.reflector,
     )
-    require_poses(open_bench(scenario, setting))
+    require_poses(replace(bench, pool_q=pool.q))
     return setting
 
 
@@ -248,12 +187,11 @@ def require_poses(bench: Bench) -> None:
         missed *= 2  # they visit what was seen, and miss shots again
     for trial in bench.scenario.trial:
         if rows * (trial.poses - missed) <= most:
-            raise InputError(
-                f'[[trial]] "{trial.name}" poses is {trial.poses}: '
-                f"{rows * max(trial.poses - missed, 0)} equations "
-                f"for {most} parameters",
+            raise refuse(
+                "trial.poses",
+                trial.poses,
                 code="M27",
-                field="trial.poses",
-                value=trial.poses,
+                message=f'[[trial]] "{trial.name}" poses is {trial.poses}: '
+                f"{rows * max(trial.poses - missed, 0)} equations for {most} parameters",
                 fix=f"write poses = {most // rows + 1 + missed} or more",
             )
