@@ -28,7 +28,7 @@ from testbed.studies.wen2022 import claims_many_robots as claims_robots
 from testbed.studies.wen2022 import paper, report_paper
 from testbed.studies.wen2022.claims import examine
 from testbed.studies.wen2022.play import play, random_parts, visit_robot
-from testbed.studies.wen2022.pools import noise_of, with_pool
+from testbed.studies.wen2022.pools import noise_of
 from testbed.studies.wen2022.records import PoolSets, Reexamined
 from testbed.studies.wen2022.report import few_repeats, opening, procedure
 from testbed.studies.wen2022.summary import (
@@ -106,7 +106,7 @@ def test_the_kind_of_robots_that_is_judged_keeps_an_error_like_the_printed_one()
 
 def test_predicted_uncertainties_are_those_of_the_sandwich_and_of_the_fit_itself():
     sets = campaign().pool_sets
-    own = with_pool(bench(), sets.pool_q[1], sets.test_q[1])
+    own = bench().with_poses(sets.pool_q[1], sets.test_q[1])
     chosen, free = sets.sets[0].indices[1], own.free("paper")
     q = own.setting.pool_q[chosen]
     J = own.setting.nominal.poses_and_jacobian(q)[1][:, :, free.free]
@@ -124,7 +124,7 @@ def test_predicted_uncertainties_are_those_of_the_sandwich_and_of_the_fit_itself
 
 
 def test_the_mean_over_random_sets_is_that_of_sets_one_by_one():
-    own = with_pool(bench(), campaign().pool_sets.pool_q[0], campaign().pool_sets.test_q[0])
+    own = bench().with_poses(campaign().pool_sets.pool_q[0], campaign().pool_sets.test_q[0])
     noise, rng = noise_of(own, own.free("paper")), np.random.default_rng(1)
     many = np.array([rng.choice(180, 29, replace=False) for _ in range(3)])
     u, tool = noise.predicted(many)
@@ -225,7 +225,7 @@ def test_robots_of_all_kinds_share_geometry_noise_and_poses():
 def test_a_pool_that_lies_on_one_side_is_refused_by_its_region():
     at = visit()
     one_side = at.bench.setting.pool_q[at.bench.setting.pool_nominal[:, 0, 3] > 0.25]
-    lopsided = replace(at, bench=with_pool(at.bench, one_side, at.bench.setting.test_q))
+    lopsided = replace(at, bench=at.bench.with_poses(one_side, at.bench.setting.test_q))
     with pytest.raises(InputError, match="region 1 of the pool has 0 poses"):
         random_parts(lopsided, 2)
 
