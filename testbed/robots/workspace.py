@@ -4,7 +4,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.frames import inverse
-from testbed.robots.catalog import Robot, Workspace
+from testbed.robots.robot import Robot, Workspace
 
 SAMPLE = 2000
 """Postures in the joint limits from which the reach is found."""

@@ -7,10 +7,9 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.chain import Chain
-from testbed.robots.catalog import Robot, Visual, body_name
 from testbed.robots.meshes.files import part_mesh
 from testbed.robots.placements import placements, quaternion_wxyz
-from testbed.robots.robot import IN_PLACE
+from testbed.robots.robot import IN_PLACE, Robot, Visual, body_name
 
 COLLIDES, DRAWN = 2, 1
 """Geom groups: parts whose hulls are tested for collision, parts that are only drawn."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.frames import slide
-from testbed.robots.catalog import Robot, Visual
 from testbed.robots.placements import placements, tidy
+from testbed.robots.robot import Robot, Visual
 
 NO_EFFORT_LIMIT = 1000.0
 """URDF wants an effort limit [N m or N]; ours is not known."""
