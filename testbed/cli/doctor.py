@@ -36,7 +36,7 @@ class Agreement:
 def check_kinematics(poses: int = POSES) -> list[Agreement]:
     """MDH against MuJoCo and against the shipped URDF, on random joints of each robot."""
     from testbed.laboratory.simulator import Simulator
-    from testbed.robots.describe.urdf import read_urdf_chain
+    from testbed.robots.describe.urdf import describe_urdf
 
     found = []
     for name in robot_names():
@@ -46,7 +46,7 @@ def check_kinematics(poses: int = POSES) -> list[Agreement]:
         own = forward(robot.model.chain, q)
         others = {
             "MuJoCo": Simulator(None, robot.model.chain).poses(q),
-            "URDF": forward(read_urdf_chain(robot.folder / f"{name}.urdf"), q),
+            "URDF": forward(describe_urdf(robot.folder / f"{name}.urdf").chain, q),
         }
         for other, T in others.items():
             turn = log_so3(own[:, :3, :3] @ np.swapaxes(T[:, :3, :3], 1, 2))

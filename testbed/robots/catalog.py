@@ -1,12 +1,13 @@
 """The robots there are: a model folder becomes a `Robot`, frozen and in SI units."""
 
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
 from calib.arrays import Array, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.chain import Chain
 from calib.geometry.frames import step_transform
 from calib.geometry.joint_errors import JointErrors, JointTerm
@@ -79,15 +80,8 @@ def load_robot(
             path, tip=tip, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes
         )
     if tip is not None:
-        raise InputError(
-            f"tip is {tip}",
-            code="S37",
-            where=str(path),
-            field="tip",
-            value=tip,
-            allowed="a robot.toml says itself where its tool is",
-            fix="leave the tip out",
-        )
+        allowed, fix = "a robot.toml says itself where its tool is", "leave the tip out"
+        raise refuse("tip", tip, allowed, code="S37", fix=fix, where=str(path))
     data = read_toml(path, RobotFile)
     chain = robot_chain(data)
     model = RobotModel(chain, joint_errors(path, data))
@@ -116,19 +110,13 @@ def load_robot(
 
 def robot_chain(data: RobotFile) -> Chain:
     """Nominal chain of a robot file [m, rad]."""
+    links = [
+        [np.radians(j.theta_deg), j.d_mm / 1e3, j.a_mm / 1e3,
+         np.radians(j.alpha_deg), np.radians(j.beta_deg)]
+        for j in data.joints
+    ]  # fmt: skip
     return Chain(
-        links=frozen(
-            [
-                [
-                    np.radians(j.theta_deg),
-                    j.d_mm / 1e3,
-                    j.a_mm / 1e3,
-                    np.radians(j.alpha_deg),
-                    np.radians(j.beta_deg),
-                ]
-                for j in data.joints
-            ]
-        ),
+        links=frozen(links),
         kinds=tuple(j.kind for j in data.joints),
         T_world_base=_transform(data.base),
         T_flange_tool=_transform(data.tool),
@@ -140,21 +128,19 @@ def joint_errors(path: Path, data: RobotFile) -> JointErrors:
     terms, coefficients = [], []
     for entry in data.joint_terms:
         terms.append(JointTerm(entry.name, entry.joint - 1, entry.wave, entry.weights))
-        turns, known = entry.coefficient_deg is not None, ("deg", "mm")
-        angle, length = (
-            np.radians(entry.coefficient_deg or 0.0),
-            (entry.coefficient_mm or 0.0) / 1e3,
-        )
-        coefficients.append(float(angle if turns else length))
-        if turns != (data.joints[entry.joint - 1].kind == "revolute"):
-            raise InputError(
-                f"[joint_terms] {entry.name}: coefficient_{known[not turns]} of a "
-                f"{data.joints[entry.joint - 1].kind} joint",
-                code="S37",
-                where=str(path),
-                field=f"joint_terms.{entry.name}",
-                fix=f"write coefficient_{known[turns]}",
-            )
+        kind = data.joints[entry.joint - 1].kind
+        if entry.coefficient_deg is not None:
+            coefficients.append(float(np.radians(entry.coefficient_deg)))
+            unit, wanted = "deg", "mm"
+        else:
+            coefficients.append((entry.coefficient_mm or 0.0) / 1e3)
+            unit, wanted = "mm", "deg"
+        if (unit == "deg") != (kind == "revolute"):
+            raise refuse(
+                f"joint_terms.{entry.name}", code="S37", where=str(path),
+                message=f"[joint_terms] {entry.name}: coefficient_{unit} of a {kind} joint",
+                fix=f"write coefficient_{wanted}",
+            )  # fmt: skip
     return JointErrors(tuple(terms), np.array(coefficients))
 
 
@@ -174,24 +160,13 @@ def visuals(path: Path, data: Drawn) -> tuple[Visual, ...]:
     out = []
     for part in data.parts:
         file = path.parent / part.file
+        problem = partial(refuse, f"parts.{part.name}.file", part.file, where=str(path))
         if not file.resolve().is_relative_to(folder):
-            raise InputError(
-                f"part {part.name}: {part.file} leads out of the model's folder",
-                code="R6",
-                where=str(path),
-                field=f"parts.{part.name}.file",
-                value=part.file,
-                allowed=f"files below {folder}",
-            )
+            message = f"part {part.name}: {part.file} leads out of the model's folder"
+            raise problem(f"files below {folder}", code="R6", message=message)
         if not file.is_file():
-            raise InputError(
-                f"part {part.name}: no mesh {part.file}",
-                code="R7",
-                where=str(path),
-                field=f"parts.{part.name}.file",
-                value=part.file,
-                fix=f"python -m testbed.robots.write.generate {data.name}" if data.drawing else "",
-            )
+            fix = f"python -m testbed.robots.write.generate {data.name}" if data.drawing else ""
+            raise problem(code="R7", message=f"part {part.name}: no mesh {part.file}", fix=fix)
         red, green, blue = data.colors[part.color]
         out.append(Visual(file, (red, green, blue), part.collides, part.link, part.name))
     return tuple(out)
@@ -207,14 +182,12 @@ def _robot_path(name_or_path: str | Path) -> Path:
         return path / ROBOT_FILE
     if path.is_file():
         return path
-    raise InputError(
-        f'there is no robot "{name_or_path}"',
-        code="S37",
-        field="robot",
-        value=str(name_or_path),
-        allowed="a shipped name, or the path of a robot.toml, a URDF or an MJCF",
+    raise refuse(
+        "robot", str(name_or_path),
+        "a shipped name, or the path of a robot.toml, a URDF or an MJCF", code="S37",
+        message=f'there is no robot "{name_or_path}"',
         fix=choice_of(str(name_or_path), robot_names()),
-    )
+    )  # fmt: skip
 
 
 def _workspace(data: WorkspaceBox | None) -> Workspace | None:
@@ -238,12 +211,8 @@ def _in_si(joint: RevoluteLink | PrismaticLink) -> tuple[float, float, float, fl
     if isinstance(joint, RevoluteLink):
         turn = np.radians([joint.lower_deg, joint.upper_deg, joint.max_speed_deg_s])
         return float(turn[0]), float(turn[1]), float(turn[2]), joint.repeatability_urad * 1e-6
-    return (
-        joint.lower_mm / 1e3,
-        joint.upper_mm / 1e3,
-        joint.max_speed_mm_s / 1e3,
-        joint.repeatability_um * 1e-6,
-    )
+    lower, upper, speed = joint.lower_mm / 1e3, joint.upper_mm / 1e3, joint.max_speed_mm_s / 1e3
+    return lower, upper, speed, joint.repeatability_um * 1e-6
 
 
 def _check_free_sets(path: Path, data: RobotFile, known: tuple[str, ...]) -> None:
@@ -251,12 +220,9 @@ def _check_free_sets(path: Path, data: RobotFile, known: tuple[str, ...]) -> Non
     for title, names in data.free_sets.items():
         for name in names:
             if name not in known or names.count(name) > 1:
-                raise InputError(
-                    f'[free_sets] {title}: "{name}" is '
-                    + ("there twice" if name in known else "not a parameter"),
-                    code="S37",
-                    where=str(path),
-                    field=f"free_sets.{title}",
-                    value=name,
+                problem = "there twice" if name in known else "not a parameter"
+                raise refuse(
+                    f"free_sets.{title}", name, code="S37", where=str(path),
+                    message=f'[free_sets] {title}: "{name}" is {problem}',
                     fix="" if name in known else choice_of(name, known),
-                )
+                )  # fmt: skip

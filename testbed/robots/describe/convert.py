@@ -8,11 +8,10 @@ from types import MappingProxyType
 import numpy as np
 
 from calib.arrays import Array, Bool, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.chain import Chain, forward
 from calib.geometry.frames import inverse
 from calib.geometry.model import RobotModel
-from testbed.robots.describe.axes import chain_from_axes
 from testbed.robots.describe.description import Body, Description, plain_name
 from testbed.robots.describe.xml_gate import read_xml
 from testbed.robots.meshes.files import read_mesh
@@ -52,13 +51,9 @@ def read_description(
     """
     tag = read_xml(path, "robot", "mujoco").tag
     if tag == "robot":
-        from testbed.robots.describe.urdf import describe_urdf
-
-        describe = describe_urdf
+        from testbed.robots.describe.urdf import describe_urdf as describe
     else:
-        from testbed.robots.describe.mjcf import describe_mjcf
-
-        describe = describe_mjcf
+        from testbed.robots.describe.mjcf import describe_mjcf as describe
     return robot_of(
         describe(path, tip=tip, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes)
     )
@@ -66,7 +61,7 @@ def read_description(
 
 def robot_of(found: Description) -> Robot:
     """The robot of a description, its chain proven against the description's own poses."""
-    chain = chain_from_axes(found.points, found.axes, found.kinds, found.T_world_tip)
+    chain = found.chain
     notes = list(found.notes)
     limits = _limits(found, notes)
     agreement = _prove(found, chain, limits)
@@ -115,16 +110,15 @@ def _prove(found: Description, chain: Chain, limits: Array) -> float:
     q = np.vstack([np.zeros(chain.n_joints), spread(limits, PROOFS)])
     position, rotation = difference(forward(chain, q), found.poses(q))
     if not max(position, rotation) <= LIMIT:
-        raise InputError(
+        message = (
             f"the poses of the chain differ from those of {found.reader} by "
-            f"{position:.3g} m and {rotation:.3g} rad",
-            code="R20",
-            where=str(found.path),
-            field="poses",
-            value=position,
-            allowed=f"at most {LIMIT:g}",
-            fix="check rotations and axes in the file for numbers with few digits",
+            f"{position:.3g} m and {rotation:.3g} rad"
         )
+        raise refuse(
+            "poses", position, f"at most {LIMIT:g}", code="R20", message=message,
+            fix="check rotations and axes in the file for numbers with few digits",
+            where=str(found.path),
+        )  # fmt: skip
     return position
 
 

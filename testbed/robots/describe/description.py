@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from calib.arrays import Array
-from calib.errors import InputError
-from calib.geometry.chain import JointKind
+from calib.errors import InputError, refuse
+from calib.geometry.chain import Chain, JointKind
+from testbed.robots.describe.axes import chain_from_axes
 from testbed.strict import choice_of
 
 TOOL_NAMES = ("tool0", "tool")
@@ -83,6 +84,11 @@ class Description:
     notes: tuple[str, ...] = ()
     """What is legal but odd, in sentences."""
 
+    @property
+    def chain(self) -> Chain:
+        """Its geometry in link numbers, from the world to the tip [m, rad]."""
+        return chain_from_axes(self.points, self.axes, self.kinds, self.T_world_tip)
+
 
 def choose_tip(
     tip: str | None, ends: Iterable[str], known: Iterable[str], path: Path
@@ -109,29 +115,24 @@ def choose_tip(
     if tip is not None:
         if tip in known:
             return tip, ""
-        raise InputError(
-            f'there is no link "{tip}"',
-            code="R16",
-            where=str(path),
-            field="tip",
-            value=tip,
-            fix=choice_of(tip, known),
-        )
+        message, fix = f'there is no link "{tip}"', choice_of(tip, known)
+        raise refuse("tip", tip, code="R16", message=message, fix=fix, where=str(path))
     if len(ends) == 1:
         return ends[0], ""
     for name in TOOL_NAMES:
         if name in ends:
             others = ", ".join(end for end in ends if end != name)
             return name, f"the arm is taken to end at {name}; it also has {others}"
-    raise InputError(
-        f"the arm has {len(ends)} ends: {', '.join(ends[:12])}{', ...' * (len(ends) > 12)}",
-        code="R16",
-        where=str(path),
-        field="tip",
-        value=ends,
-        allowed="a serial arm, which ends once",
-        fix="name the end that is calibrated as the tip",
-    )
+    message = f"the arm has {len(ends)} ends: {', '.join(ends[:12])}{', ...' * (len(ends) > 12)}"
+    raise refuse(
+        "tip", ends, "a serial arm, which ends once", code="R16", message=message,
+        fix="name the end that is calibrated as the tip", where=str(path),
+    )  # fmt: skip
+
+
+def nothing_moves(tip: str, path: Path) -> InputError:
+    """R16: all joints on the way to the tip are fixed."""
+    return refuse("tip", tip, code="R16", message=f"no joint moves {tip}", where=str(path))
 
 
 def plain_name(text: str, *, default: str) -> str:

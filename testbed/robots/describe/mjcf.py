@@ -7,10 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.chain import JointKind
 from calib.geometry.frames import inverse, transform
-from testbed.robots.describe.description import Body, Description, Shape, choose_tip
+from testbed.robots.describe.description import (
+    Body,
+    Description,
+    Shape,
+    choose_tip,
+    nothing_moves,
+)
 from testbed.robots.describe.mjcf_gate import Gated, gate
 from testbed.robots.describe.mjcf_model import (
     at_zero,
@@ -22,7 +28,7 @@ from testbed.robots.describe.mjcf_model import (
     mjcf_poses,
     pose_of,
 )
-from testbed.robots.describe.urdf_checks import angle_notes
+from testbed.robots.describe.xml_gate import angle_notes
 
 DRIVEN = ("joint", "jointinparent")
 """Attributes of actuators that name the joint they drive."""
@@ -33,7 +39,11 @@ PAIRED = ("connect", "weld")
 
 
 def describe_mjcf(
-    path: Path, *, tip: str | None, mesh_root: Path | None, allow_missing_meshes: bool
+    path: Path,
+    *,
+    tip: str | None = None,
+    mesh_root: Path | None = None,
+    allow_missing_meshes: bool = False,
 ) -> Description:
     """What an MJCF says of the arm from the world to the body or site `tip`.
 
@@ -54,9 +64,7 @@ def describe_mjcf(
     notes += [choice] if choice else []
     joints = joints_to(model, frames[tip][0])
     if not joints:
-        raise InputError(
-            f"no joint moves {tip}", code="R16", where=str(path), field="tip", value=tip
-        )
+        raise nothing_moves(tip, path)
     _refuse_coupled(model, joints, drives, path)
     places = at_zero(model, joints)
     groups, left_out = _groups(model, joints)
@@ -142,24 +150,15 @@ def _refuse_coupled(
         elif driven & set(names) and name not in driven | tendons:
             problem = f"joint {name} is passive: no actuator drives it, but others are driven"
         if problem:
-            raise InputError(
-                problem,
-                code="R16",
-                where=str(path),
-                field="joint",
-                value=name,
-                allowed="hinge or slide joints, each moving on its own",
-            )
+            allowed = "hinge or slide joints, each moving on its own"
+            raise refuse("joint", name, allowed, code="R16", message=problem, where=str(path))
     way = {model.body(int(model.jnt_bodyid[joint])).name for joint in joints}
     for one in drives["equality"]:
         ends = {one.get("body1"), one.get("body2")} & way
         if one.tag in PAIRED and one.get("active") != "false" and ends:
-            raise InputError(
-                f"<{one.tag}> closes a ring at body {', '.join(sorted(ends))}",
-                code="R16",
-                where=str(path),
-                field=one.tag,
-                allowed="a serial arm",
+            message = f"<{one.tag}> closes a ring at body {', '.join(sorted(ends))}"
+            raise refuse(
+                one.tag, allowed="a serial arm", code="R16", message=message, where=str(path)
             )
 
 

@@ -4,14 +4,23 @@ Includes are opened here, meshes are read here; MuJoCo gets a text and bytes and
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from calib.errors import InputError
-from testbed.robots.describe.mjcf_includes import SOURCE, error_at, remove, whole
-from testbed.robots.describe.mjcf_meshes import asset_name, settle_meshes
-from testbed.robots.describe.urdf_checks import WORDS
+from calib.errors import refuse
+from testbed.robots.describe.xml_gate import (
+    SOURCE,
+    called,
+    check_numbers,
+    check_range,
+    error_at,
+    missing,
+    not_local,
+    outside,
+    read_xml,
+)
 
 NUMBERS = {
     "pos": 3,
@@ -34,7 +43,6 @@ NUMBERS = {
     "rgba": 4,
 }
 """How many numbers each attribute holds."""
-COUNTED = {2: "two numbers, spaces between them", 6: "six numbers, spaces between them", **WORDS}
 CODE = ("plugin", "extension")
 UNKNOWN = ("composite", "flexcomp", "flex", "replicate", "attach", "model")
 """Elements that grow into others when compiled: nothing an arm is described with."""
@@ -54,7 +62,9 @@ UNUSED = (
     "camera",
 )
 """Elements that say nothing about where a tool is; taken out."""
-MOST_ELEMENTS = 50_000
+MOST_ELEMENTS, MOST_FILES = 50_000, 64
+PATHS = ("meshdir", "texturedir", "assetdir", "strippath", "discardvisual", "fusestatic")
+"""Attributes of <compiler> that are settled here."""
 LOCKED = 1e-6
 """A range that is empty gets this to both sides, in the file's unit."""
 
@@ -73,7 +83,7 @@ class Gated:
     def assets(self) -> dict[str, bytes]:
         """Bytes of the meshes under the names they have in the text."""
         return {
-            asset_name(k, file): file.read_bytes() for k, file in enumerate(self.files.values())
+            _asset_name(k, file): file.read_bytes() for k, file in enumerate(self.files.values())
         }
 
 
@@ -86,109 +96,141 @@ def gate(path: Path, *, mesh_root: Path | None, allow_missing_meshes: bool) -> G
         At the first thing that is wrong, with its line: R1 to R8, R11 to R14, R17.
     """
     folder = (mesh_root or path.parent).resolve()
-    root = whole(path, [path], folder, set())
+    root = _whole(path, [path], folder, set())
     elements = list(root.iter("*"))
     if len(elements) > MOST_ELEMENTS:
-        raise InputError(
-            f"has {len(elements)} elements",
-            code="R2",
-            where=str(path),
-            field="elements",
-            allowed=f"at most {MOST_ELEMENTS}",
-        )
+        message, allowed = f"has {len(elements)} elements", f"at most {MOST_ELEMENTS}"
+        raise refuse("elements", allowed=allowed, code="R2", message=message, where=str(path))
     gated = Gated(root)
     for element in elements:
         _check_known(element, path)
-        _check_numbers(element, path)
+        if element.tag not in UNUSED and element.tag != "material":
+            check_numbers(element, path, NUMBERS)
     for joint in root.iter("joint"):
         _check_joint(joint, path, gated.notes)
     for element in list(root.iter(*UNUSED)):
-        remove(element)
-    gated.files = settle_meshes(root, path, folder, gated.notes, allow_missing=allow_missing_meshes)
+        _remove(element)
+    _settle_meshes(gated, path, folder, allow_missing=allow_missing_meshes)
     for element in root.iter("*"):
         element.attrib.pop(SOURCE, None)
     return gated
 
 
+def _whole(path: Path, trail: list[Path], folder: Path, seen: set[Path]) -> Any:
+    """The tree of a file with the files it includes in their places."""
+    root = read_xml(path, *(("mujoco",) if len(trail) == 1 else ("mujoco", "mujocoinclude")))
+    seen.add(path.resolve())
+    for element in list(root.iter("include")):
+        name = element.get("file", "")
+        beside = [trail[0].parent / name, path.parent / name]
+        file = next((one for one in beside if one.is_file()), beside[0])
+        chain = " -> ".join([*(one.name for one in trail), name])
+        problem = ""
+        if not name or not file.is_file():
+            problem = f"include {name} is missing"
+        elif not file.resolve().is_relative_to(folder):
+            problem = f"include {name} lies outside {folder}"
+        elif file.resolve() in seen:
+            problem = f"include {name} is there twice, or within itself"
+        elif len(seen) >= MOST_FILES:
+            problem = f"more than {MOST_FILES} files are included"
+        if problem:
+            raise error_at(element, path, "R8", f"{problem} ({chain})", "include", name)
+        part = _whole(file, [*trail, file], folder, seen)
+        parent = element.getparent()
+        for child in list(part):
+            if isinstance(child.tag, str):
+                for one in child.iter("*"):
+                    if one.get(SOURCE) is None:
+                        one.set(SOURCE, str(file))
+                element.addprevious(child)
+        parent.remove(element)
+    return root
+
+
+def _remove(element: Any) -> None:
+    """Take an element out, if it is still in."""
+    parent = element.getparent()
+    if parent is not None:
+        parent.remove(element)
+
+
 def _check_known(element: Any, path: Path) -> None:
     """R8: nothing that runs code, nothing that grows when compiled."""
-    if element.tag in CODE:
-        raise error_at(
-            f"<{element.tag}> is not allowed: plugins run code",
-            "R8",
-            path,
-            element,
-            element.tag,
-            fix="remove it",
-        )
-    if element.tag in UNKNOWN:
-        raise error_at(
-            f"<{element.tag}> cannot be read as part of an arm",
-            "R8",
-            path,
-            element,
-            element.tag,
-            fix="remove it, or let MuJoCo compile and save the model first",
-        )
-
-
-def _check_numbers(element: Any, path: Path) -> None:
-    """R11 and R12: the right count of finite numbers in each numeric attribute."""
-    if element.tag in UNUSED or element.tag == "material":
-        return
-    for attribute, count in NUMBERS.items():
-        text = element.get(attribute)
-        if text is None:
-            continue
-        try:
-            values = [float(word) for word in text.split()]
-        except ValueError:
-            values = []
-        shown = f'{_called(element)} has {attribute}="{text}"'
-        if len(values) != count:
-            raise error_at(
-                shown, "R12", path, element, attribute, value=text, allowed=COUNTED[count]
-            )
-        if not all(math.isfinite(value) for value in values):
-            raise error_at(
-                shown,
-                "R11",
-                path,
-                element,
-                attribute,
-                value=text,
-                allowed="every value must be finite",
-            )
-
-
-def _called(element: Any) -> str:
-    """Tag and name, the enclosing body's if it has none itself."""
-    name = element.get("name")
-    if name is not None:
-        return f"{element.tag} {name}"
-    above = element.getparent()
-    inside = above.get("name") if above is not None else None
-    return f"<{element.tag}>" + (f" in {above.tag} {inside}" if inside else "")
+    tag = element.tag
+    if tag in CODE:
+        message = f"<{tag}> is not allowed: plugins run code"
+        raise error_at(element, path, "R8", message, tag, fix="remove it")
+    if tag in UNKNOWN:
+        fix = "remove it, or let MuJoCo compile and save the model first"
+        message = f"<{tag}> cannot be read as part of an arm"
+        raise error_at(element, path, "R8", message, tag, fix=fix)
 
 
 def _check_joint(joint: Any, path: Path, notes: list[str]) -> None:
     """R13 and R14: an axis with a direction, a range that is not empty."""
     axis = [float(word) for word in joint.get("axis", "0 0 1").split()]
     if joint.get("type") not in ("ball", "free") and math.hypot(*axis) < 1e-9:
-        raise error_at(f"{_called(joint)} has a zero axis", "R13", path, joint, "axis")
+        raise error_at(joint, path, "R13", f"{called(joint)} has a zero axis", "axis")
     if joint.get("range") is None:
         return
     lower, upper = (float(word) for word in joint.get("range").split())
-    if lower > upper:
-        raise error_at(
-            f"{_called(joint)} has lower {lower:g} above upper {upper:g}",
-            "R14",
-            path,
-            joint,
-            "range",
-            value=(lower, upper),
-            allowed="lower below upper",
-        )
-    if lower == upper and joint.get("limited") != "false":
+    note = check_range(joint, path, "range", called(joint), (lower, upper))
+    if note and joint.get("limited") != "false":
         joint.set("range", f"{lower - LOCKED!r} {upper + LOCKED!r}")
-        notes.append(f"{_called(joint)} cannot move: lower and upper are both {lower:g}")
+        notes.append(note)
+
+
+def _settle_meshes(gated: Gated, path: Path, folder: Path, *, allow_missing: bool) -> None:
+    """R6 and R7: mesh files are there and inside the folder; each gets a name MuJoCo is handed."""
+    root, place, strip = gated.root, "", False
+    for compiler in root.iter("compiler"):
+        place = compiler.get("meshdir") or compiler.get("assetdir") or place
+        strip = compiler.get("strippath", str(strip).lower()) == "true"
+        for key in PATHS:
+            compiler.attrib.pop(key, None)
+    for material in root.iter("material"):
+        material.attrib.pop("texture", None)
+        for layer in list(material):
+            _remove(layer)
+    for mesh in list(_mesh_assets(root)):
+        name = mesh.get("file")
+        if name is None:
+            continue  # its vertices stand in the text
+        if "://" in name:
+            raise not_local(mesh, path, "file", name)
+        plain = Path(name.replace("\\", "/"))
+        own = mesh.get("name") or plain.stem
+        file = _mesh_file(mesh, Path(place) / (plain.name if strip else plain), path, folder)
+        if file is None:
+            if not allow_missing:
+                raise missing(mesh, path, "file", name, folder)
+            gated.notes.append(f"mesh {name} is missing")
+            for geom in [geom for geom in root.iter("geom") if geom.get("mesh") == own]:
+                _remove(geom)
+            _remove(mesh)
+            continue
+        mesh.set("name", own)
+        mesh.set("file", _asset_name(len(gated.files), file))
+        gated.files[own] = file
+
+
+def _mesh_assets(root: Any) -> Iterator[Any]:
+    """The meshes of <asset>, not those of <default>."""
+    for asset in root.iter("asset"):
+        yield from asset.findall("mesh")
+
+
+def _mesh_file(mesh: Any, name: Path, path: Path, folder: Path) -> Path | None:
+    """Where a mesh lies, or None; refused if that is outside the folder."""
+    candidates = [folder / name, path.parent / name]
+    inside = [file for file in candidates if file.resolve().is_relative_to(folder)]
+    found = next((file for file in inside if file.is_file()), None)
+    if found is None and len(inside) < len(candidates):
+        raise outside(mesh, path, "file", name.as_posix(), folder)
+    return found
+
+
+def _asset_name(number: int, file: Path) -> str:
+    """Under which name MuJoCo is handed a mesh, whatever its file and folder are called."""
+    return f"mesh{number}{file.suffix.lower()}"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from calib.arrays import Array
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.frames import transform
 from testbed.robots.describe.mjcf_gate import Gated
 
@@ -31,13 +31,8 @@ def compiled(gated: Gated, path: Path) -> Any:
         said = "; ".join(line.rpartition("Error:")[2].strip() for line in lines[:2])
         said = re.sub(r",? (id|line) \d+", "", said).replace("Element", "element")
         code = "R15" if "repeated" in said or "already" in said else "R16"
-        raise InputError(
-            f"MuJoCo refuses it: {said[:200]}",
-            code=code,
-            where=str(path),
-            field="file",
-            fix="check it with MuJoCo's own viewer",
-        ) from error
+        message, fix = f"MuJoCo refuses it: {said[:200]}", "check it with MuJoCo's own viewer"
+        raise refuse("file", code=code, message=message, fix=fix, where=str(path)) from error
     return model
 
 

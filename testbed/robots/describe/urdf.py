@@ -2,18 +2,23 @@
 
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from calib.arrays import Array, frozen
-from calib.errors import InputError
-from calib.geometry.chain import Chain, JointKind
-from testbed.robots.describe.axes import chain_from_axes
-from testbed.robots.describe.description import GRAY, Body, Description, Shape, choose_tip
+from calib.arrays import Array
+from calib.errors import refuse
+from calib.geometry.chain import JointKind
+from testbed.robots.describe.description import (
+    GRAY,
+    Body,
+    Description,
+    Shape,
+    choose_tip,
+    nothing_moves,
+)
 from testbed.robots.describe.urdf_checks import check_urdf, mesh_files
 from testbed.robots.describe.xml_gate import read_xml
 
@@ -21,61 +26,21 @@ UNIT = 1e-6
 """An axis that is longer or shorter than 1 by more than this is told."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class UrdfArm:
-    """A serial arm found in a URDF."""
-
-    chain: Chain
-    """Its geometry, from the root link to the tip [m, rad]."""
-    joint_names: tuple[str, ...]
-    """(n,) names of the moving joints, base to tip."""
-    limits: Array
-    """(n, 2) joint limits; -inf, inf for a continuous joint [rad or m]."""
-    speeds: Array
-    """(n,) largest joint speeds, inf where not given [rad/s or m/s]."""
-    notes: tuple[str, ...]
-    """What is legal but odd, in sentences."""
-
-
-def read_urdf_chain(path: str | Path, *, tip: str | None = None) -> Chain:
-    """Chain of the serial arm from the root link to `tip`; see `read_urdf`."""
-    return read_urdf(path, tip=tip).chain
-
-
-def read_urdf(
-    path: str | Path,
+def describe_urdf(
+    path: Path,
     *,
     tip: str | None = None,
     mesh_root: Path | None = None,
     allow_missing_meshes: bool = False,
-) -> UrdfArm:
-    """Read the serial arm that ends at link `tip`: any axes, revolute or prismatic.
+) -> Description:
+    """What a URDF says of the arm from its root link to `tip`; fixed joints are merged.
 
-    The link numbers are a choice (the gauge); poses are not: they equal the URDF's.
+    What moves with joints that are not on the way to the tip is left out, and told.
 
     Raises
     ------
     InputError
         R1 to R7 and R11 to R17: file and line, what was found, what was expected.
-    """
-    found = describe_urdf(
-        Path(path), tip=tip, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes
-    )
-    return UrdfArm(
-        chain=chain_from_axes(found.points, found.axes, found.kinds, found.T_world_tip),
-        joint_names=found.joint_names,
-        limits=frozen(found.limits),
-        speeds=frozen(found.speeds),
-        notes=found.notes,
-    )
-
-
-def describe_urdf(
-    path: Path, *, tip: str | None, mesh_root: Path | None, allow_missing_meshes: bool
-) -> Description:
-    """What a URDF says of the arm from its root link to `tip`; fixed joints are merged.
-
-    What moves with joints that are not on the way to the tip is left out, and told.
     """
     root = read_xml(path, "robot")
     notes = check_urdf(root, path, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes)
@@ -86,9 +51,7 @@ def describe_urdf(
     way = _path_to(above, tip)
     moving = [joint for joint in way if _moves(joint, path)]
     if not moving:
-        raise InputError(
-            f"no joint moves {tip}", code="R16", where=str(path), field="tip", value=tip
-        )
+        raise nothing_moves(tip, path)
     for joint in moving:
         length = float(np.linalg.norm(joint.axis))
         if abs(length - 1) > UNIT:
@@ -186,14 +149,9 @@ def _moves(joint: Any, path: Path) -> bool:
         return False
     if joint.mimic is not None or joint.type not in ("revolute", "continuous", "prismatic"):
         kind = f"a mimic joint of {joint.mimic.joint}" if joint.mimic is not None else joint.type
-        raise InputError(
-            f"joint {joint.name} is {kind}",
-            code="R16",
-            where=str(path),
-            field="type",
-            value=joint.type,
-            allowed="revolute, continuous, prismatic or fixed, each moving on its own",
-        )
+        allowed = "revolute, continuous, prismatic or fixed, each moving on its own"
+        message = f"joint {joint.name} is {kind}"
+        raise refuse("type", joint.type, allowed, code="R16", message=message, where=str(path))
     return True
 
 

@@ -1,13 +1,25 @@
-"""The gate every XML robot description passes first: size, syntax, depth, no document types."""
+"""The gate of every XML robot description: size, syntax, depth, document types, numbers, ranges."""
 
+import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from calib.errors import InputError
+from calib.errors import InputError, refuse
 
 LARGEST = 16 * 2**20
 """Bytes; a description of a robot has kilobytes, its meshes lie in files of their own."""
 DEEPEST = 256
+SOURCE = "{truebed}file"
+"""Attribute with the file that an included element comes from, while it is checked."""
+COUNTS = {
+    1: "one number",
+    2: "two numbers, spaces between them",
+    3: "three numbers, spaces between them",
+    4: "four numbers",
+    6: "six numbers, spaces between them",
+}
+MESH_ROOT = "give the folder that holds all meshes as mesh_root"
 
 
 def read_xml(path: Path, *roots: str) -> Any:
@@ -27,33 +39,27 @@ def read_xml(path: Path, *roots: str) -> Any:
     InputError
         R1 truncated or malformed, R2 no such XML, R3 to R5 document type or entity, R17 too deep.
     """
+    where = str(path)
     try:
         size = path.stat().st_size
         data = path.read_bytes() if size <= LARGEST else b""
     except OSError as error:
-        raise InputError(
-            f"cannot be read ({error.strerror})", code="R2", where=str(path), field="file"
-        ) from error
+        message = f"cannot be read ({error.strerror})"
+        raise refuse("file", code="R2", message=message, where=where) from error
     if size > LARGEST:
-        raise InputError(
-            f"has {size} bytes",
-            code="R2",
-            where=str(path),
-            field="file",
-            value=size,
-            allowed=f"at most {LARGEST}",
-        )
-    return parse_xml(data, *roots, where=str(path))
+        message = f"has {size} bytes"
+        raise refuse("file", size, f"at most {LARGEST}", code="R2", message=message, where=where)
+    return parse_xml(data, *roots, where=where)
 
 
 def parse_xml(data: bytes, *roots: str, where: str) -> Any:
     """`read_xml` of bytes in memory; `where` names them in errors."""
     from lxml import etree
 
-    root = "> or <".join(roots)
+    wanted = f"<{'> or <'.join(roots)}>"
     if not data.strip():
-        raise InputError(
-            "is empty", code="R2", where=where, field="file", allowed=f"XML with root <{root}>"
+        raise refuse(
+            "file", allowed=f"XML with root {wanted}", code="R2", message="is empty", where=where
         )
     parser = etree.XMLParser(
         resolve_entities=False, no_network=True, huge_tree=False, recover=False, load_dtd=False
@@ -61,24 +67,18 @@ def parse_xml(data: bytes, *roots: str, where: str) -> Any:
     try:
         element = etree.fromstring(data, parser)
     except (etree.XMLSyntaxError, ValueError) as error:
-        raise _refusal(data, error, where, root) from error
+        raise _refusal(data, error, where, wanted) from error
     document = element.getroottree().docinfo
     if document.doctype or document.internalDTD is not None:
         raise _doctype(where)
     if element.tag not in roots:
-        raise InputError(
-            f"the root element is <{element.tag}>",
-            code="R2",
-            where=where,
-            field="root",
-            value=element.tag,
-            allowed=f"<{root}>",
-        )
+        message = f"the root element is <{element.tag}>"
+        raise refuse("root", element.tag, wanted, code="R2", message=message, where=where)
     _check_depth(element, where)
     return element
 
 
-def _refusal(data: bytes, error: Exception, where: str, root: str) -> InputError:
+def _refusal(data: bytes, error: Exception, where: str, wanted: str) -> InputError:
     """Why the parser gave up, in our words."""
     text = str(getattr(error, "msg", error))
     line = getattr(error, "lineno", None) or 1
@@ -87,42 +87,23 @@ def _refusal(data: bytes, error: Exception, where: str, root: str) -> InputError
     if "depth" in text.lower():
         return _too_deep(where, line)
     if not data.lstrip(b"\xef\xbb\xbf\xff\xfe\xfe\xff\x00 \t\r\n").startswith(b"<"):
-        return InputError(
-            f"is not XML (it begins with {data[:16]!r})",
-            code="R2",
-            where=where,
-            field="file",
-            allowed=f"XML with root <{root}>",
-        )
-    return InputError(
-        f"not well-formed XML: {text}",
-        code="R1",
-        where=f"{where}:{line}",
-        field="file",
-        fix="the file may be cut off there",
-    )
+        message, allowed = f"is not XML (it begins with {data[:16]!r})", f"XML with root {wanted}"
+        return refuse("file", allowed=allowed, code="R2", message=message, where=where)
+    message, fix = f"not well-formed XML: {text}", "the file may be cut off there"
+    return refuse("file", code="R1", message=message, fix=fix, where=f"{where}:{line}")
 
 
 def _doctype(where: str) -> InputError:
     """Document types can carry entity bombs and read other files: never needed here."""
-    return InputError(
-        "has a DOCTYPE, which is not allowed",
-        code="R3",
-        where=where,
-        field="DOCTYPE",
-        fix="remove the DOCTYPE and write entities out",
-    )
+    message = "has a DOCTYPE, which is not allowed"
+    fix = "remove the DOCTYPE and write entities out"
+    return refuse("DOCTYPE", code="R3", message=message, fix=fix, where=where)
 
 
 def _too_deep(where: str, line: int) -> InputError:
     """Elements nested without end."""
-    return InputError(
-        "elements are nested too deeply",
-        code="R17",
-        where=f"{where}:{line}",
-        field="depth",
-        allowed=f"at most {DEEPEST} levels",
-    )
+    message, allowed = "elements are nested too deeply", f"at most {DEEPEST} levels"
+    return refuse("depth", allowed=allowed, code="R17", message=message, where=f"{where}:{line}")
 
 
 def _check_depth(element: Any, where: str) -> None:
@@ -133,3 +114,83 @@ def _check_depth(element: Any, where: str) -> None:
         if not level:
             return
     raise _too_deep(where, level[0].sourceline)
+
+
+def error_at(
+    element: Any,
+    path: Path,
+    code: str,
+    message: str,
+    field: str,
+    value: object = None,
+    allowed: str = "",
+    fix: str = "",
+) -> InputError:
+    """An error with the file and the line of the element it is about."""
+    where = f"{element.get(SOURCE) or path}:{element.sourceline}"
+    return refuse(field, value, allowed, code=code, message=message, fix=fix, where=where)
+
+
+def called(element: Any) -> str:
+    """Tag and name of an element; the nearest named one around it if it has none itself."""
+    if element.get("name") is not None:
+        return f"{element.tag} {element.get('name')}"
+    around = next((one for one in element.iterancestors() if one.get("name") is not None), None)
+    inside = "" if around is None else f" in {around.tag} {around.get('name')}"
+    return f"<{element.tag}>{inside}"
+
+
+def check_numbers(element: Any, path: Path, counts: Mapping[str, int]) -> None:
+    """R11 and R12: the right count of finite numbers in each of these attributes."""
+    for attribute, count in counts.items():
+        text = element.get(attribute)
+        if text is None:
+            continue
+        try:
+            values = [float(word) for word in text.split()]
+        except ValueError:
+            values = []
+        shown = f'{called(element)} has {attribute}="{text}"'
+        if len(values) != count:
+            raise error_at(element, path, "R12", shown, attribute, text, COUNTS[count])
+        if not all(math.isfinite(value) for value in values):
+            allowed = "every value must be finite"
+            raise error_at(element, path, "R11", shown, attribute, text, allowed)
+
+
+def check_range(element: Any, path: Path, field: str, joint: str, span: tuple[float, float]) -> str:
+    """R14: a range is not the wrong way round; a sentence if it is empty."""
+    lower, upper = span
+    if lower > upper:
+        message = f"{joint} has lower {lower:g} above upper {upper:g}"
+        raise error_at(element, path, "R14", message, field, span, "lower below upper")
+    if lower == upper:
+        return f"{joint} cannot move: lower and upper are both {lower:g}"
+    return ""
+
+
+def angle_notes(largest: list[float]) -> list[str]:
+    """R19: sentences about the largest angles (n,) of turning joints that are in doubt [rad]."""
+    if largest and max(largest) > 4 * math.pi:
+        return [f"a joint limit is {max(largest):.6g} rad: were degrees taken for radians?"]
+    if largest and max(largest) < 0.12:
+        return [f"all joint limits are below {max(largest):.3g} rad: were radians converted twice?"]
+    return []
+
+
+def not_local(mesh: Any, path: Path, field: str, name: str) -> InputError:
+    """R7: a mesh on the net."""
+    fix = "download it and name the file"
+    return error_at(mesh, path, "R7", f"mesh {name} is not a local file", field, name, fix=fix)
+
+
+def outside(mesh: Any, path: Path, field: str, name: str, folder: Path) -> InputError:
+    """R6: a mesh that is not below the folder of all meshes."""
+    message = f"mesh {name} lies outside {folder}"
+    return error_at(mesh, path, "R6", message, field, name, fix=MESH_ROOT)
+
+
+def missing(mesh: Any, path: Path, field: str, name: str, folder: Path) -> InputError:
+    """R7: a mesh that is not there."""
+    allowed, fix = f"a file below {folder}", f"{MESH_ROOT}, or allow missing meshes"
+    return error_at(mesh, path, "R7", f"mesh {name} is missing", field, name, allowed, fix)

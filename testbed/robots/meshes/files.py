@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calib.arrays import Array, Index, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from testbed.robots.describe.xml_gate import parse_xml
 from testbed.robots.meshes.solids import corner_normals
 from testbed.robots.robot import IN_PLACE, Visual
@@ -68,7 +68,7 @@ def read_mesh(path: Path) -> tuple[Array, Index, Array | None]:
     import trimesh
 
     if not path.is_file():
-        raise InputError("no such mesh file", code="R7", where=str(path), field="file")
+        raise refuse("file", code="R7", message="no such mesh file", where=str(path))
     data, kind = path.read_bytes(), path.suffix.lower().lstrip(".")
     if kind == "stl":
         _check_stl(path, data)
@@ -80,16 +80,13 @@ def read_mesh(path: Path) -> tuple[Array, Index, Array | None]:
         own = b"\nvn " in data and kind == "obj"
         normals = np.asarray(loaded.vertex_normals, dtype=np.float64) if own else None
     except Exception as error:  # many readers, many error classes: one of ours leaves
-        raise InputError(
-            f"cannot be read as a mesh ({error})",
-            code="R9",
-            where=str(path),
-            field="file",
-            allowed="OBJ, STL, PLY and what else trimesh reads",
-        ) from error
+        message = f"cannot be read as a mesh ({error})"
+        allowed = "OBJ, STL, PLY and what else trimesh reads"
+        where = str(path)
+        raise refuse("file", allowed=allowed, code="R9", message=message, where=where) from error
     if not len(faces) or not np.isfinite(vertices).all():
         problem = "has vertices that are not finite" if len(faces) else "has no faces"
-        raise InputError(f"mesh {problem}", code="R10", where=str(path), field="file")
+        raise refuse("file", code="R10", message=f"mesh {problem}", where=str(path))
     if normals is not None and normals.shape != vertices.shape:
         normals = None
     return vertices, faces, normals
@@ -121,17 +118,10 @@ def _check_stl(path: Path, data: bytes) -> None:
         return  # text
     claimed = struct.unpack_from("<I", data, 80)[0] if len(data) >= 84 else 0
     if len(data) < 84 or len(data) != 84 + 50 * claimed:
-        raise InputError(
-            f"binary STL claims {claimed} facets",
-            code="R9",
-            where=str(path),
-            field="facets",
-            value=claimed,
-            allowed=f"its {len(data)} bytes hold {max(len(data) - 84, 0) / 50:g}",
-        )
+        message = f"binary STL claims {claimed} facets"
+        allowed = f"its {len(data)} bytes hold {max(len(data) - 84, 0) / 50:g}"
+        raise refuse("facets", claimed, allowed, code="R9", message=message, where=str(path))
     floats = np.frombuffer(data, np.uint8, offset=84).reshape(-1, 50)[:, :48].copy().view("<f4")
     bad = np.flatnonzero(~np.isfinite(floats).all(axis=1))
     if len(bad):
-        raise InputError(
-            f"facet {bad[0]} is not finite", code="R10", where=str(path), field="facet"
-        )
+        raise refuse("facet", code="R10", message=f"facet {bad[0]} is not finite", where=str(path))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array, check
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.frames import right_jacobian_inverse
 from calib.geometry.frames import transform_step as numbers_of
 from calib.geometry.model import RobotModel
@@ -68,9 +68,8 @@ def dh_rows(
     (covariance,) = check(f"{parameters.n_free} {parameters.n_free}", covariance=covariance)
     n, k = identified.chain.n_joints, len(identified.joint_errors.terms)
     if parameters.names[: 12 + 5 * n + k] != identified.names[: 12 + 5 * n + k]:
-        raise InputError(
-            "parameters are not those of the identified model", code="A3", field="parameters"
-        )
+        message = "parameters are not those of the identified model"
+        raise refuse("parameters", code="A3", message=message)
     full = np.zeros((len(parameters.names),) * 2)
     full[np.ix_(parameters.free_index, parameters.free_index)] = covariance
     before = dict(zip(nominal.joint_errors.names, nominal.joint_errors.coefficients, strict=True))

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from calib.arrays import Array
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.chain import forward
 from testbed.disk import TEMPORARY, flush_file, flush_folder, write_error
 from testbed.robots.catalog import ROBOT_FILE, load_robot
@@ -134,7 +134,7 @@ def _require_free(folder: Path, names: list[str], *, overwrite: bool) -> None:
         except OSError as error:
             problem = f"cannot be written: {error.strerror or error}"
     if problem:
-        raise InputError(problem, code="C40", where=str(folder), field="folder", fix=fix)
+        raise refuse("folder", code="C40", message=problem, fix=fix, where=str(folder))
 
 
 def _with_meshes(robot: Robot, folder: Path) -> Robot:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.arrays import Array
-from calib.errors import CalibError, InputError
+from calib.errors import CalibError, refuse
 from calib.geometry.frames import inverse
 from testbed import assets
 from testbed.robots.catalog import (
@@ -43,13 +43,8 @@ def generate(name: str, out: Path) -> None:
     elif (source / ROBOT_FILE).is_file():
         generate_robot(source / ROBOT_FILE, out)
     else:
-        raise InputError(
-            f'there is no model "{name}"',
-            code="S37",
-            field="name",
-            value=name,
-            fix=choice_of(name, model_names()),
-        )
+        message, fix = f'there is no model "{name}"', choice_of(name, model_names())
+        raise refuse("name", name, code="S37", message=message, fix=fix)
 
 
 def model_names() -> list[str]:
@@ -64,13 +59,9 @@ def generate_robot(path: Path, out: Path) -> None:
     data = read_toml(path, RobotFile)
     if data.drawing:
         if data.drawing not in ROBOT_DRAWINGS:
-            raise InputError(
-                f'drawing = "{data.drawing}"',
-                code="S37",
-                where=str(path),
-                field="drawing",
-                value=data.drawing,
-                fix=choice_of(data.drawing, ROBOT_DRAWINGS),
+            message, fix = f'drawing = "{data.drawing}"', choice_of(data.drawing, ROBOT_DRAWINGS)
+            raise refuse(
+                "drawing", data.drawing, code="S37", message=message, fix=fix, where=str(path)
             )
         chain = robot_chain(data)
         at_zero = replace(chain, T_world_base=np.eye(4))
@@ -96,14 +87,10 @@ def write_parts(
     """Write each part named in the file, moved by `into[link]` (4, 4); none may be left over."""
     names = {part.name for part in data.parts}
     if names != set(solids):
-        odd = sorted(names ^ set(solids))
-        raise InputError(
-            f"[parts] and the drawing {data.drawing} differ in {', '.join(odd)}",
-            code="S37",
-            where=str(path),
-            field="parts",
-            allowed=f"one [[parts]] for each of {', '.join(solids)}",
-        )
+        odd = ", ".join(sorted(names ^ set(solids)))
+        message = f"[parts] and the drawing {data.drawing} differ in {odd}"
+        allowed = f"one [[parts]] for each of {', '.join(solids)}"
+        raise refuse("parts", allowed=allowed, code="S37", message=message, where=str(path))
     for part in data.parts:
         write_obj(moved(solids[part.name], into[part.link]), out / part.file)
 

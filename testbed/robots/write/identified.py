@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from calib.arrays import frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.chain import Chain
 from calib.geometry.frames import inverse
 from calib.geometry.model import RobotModel
@@ -39,12 +39,9 @@ def identified_robot(robot: Robot, model: RobotModel, *, name: str) -> Robot:
     require_name(name)
     nominal = robot.model.chain
     if model.chain.kinds != nominal.kinds:
-        raise InputError(
-            f"the model has joints {model.chain.kinds}",
-            code="A3",
-            field="model",
-            allowed=f"those of {robot.name}: {nominal.kinds}",
-        )
+        message = f"the model has joints {model.chain.kinds}"
+        allowed = f"those of {robot.name}: {nominal.kinds}"
+        raise refuse("model", allowed=allowed, code="A3", message=message)
     chain, notes = model.chain, robot.notes
     if longest(chain) > max(longest(nominal), reach(nominal)):
         other = regauged(chain)
@@ -78,12 +75,9 @@ def longest(chain: Chain) -> float:
 def require_name(name: str) -> None:
     """Refuse a name that cannot be a robot's."""
     if not NAME.fullmatch(name):
-        raise InputError(
-            f'a robot cannot be called "{name}"',
-            code="S37",
-            field="name",
-            value=name,
-            allowed="small letters, digits and underscores, a letter first, at most 64",
+        allowed = "small letters, digits and underscores, a letter first, at most 64"
+        raise refuse(
+            "name", name, allowed, code="S37", message=f'a robot cannot be called "{name}"'
         )
 
 
