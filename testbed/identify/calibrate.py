@@ -10,6 +10,7 @@ from calib.errors import InputError
 from calib.geometry.chain import Chain
 from calib.identification.identify import Identification, identify
 from calib.identification.joint_models import extended_model
+from calib.identification.outlier_search import noise_factor
 from calib.identification.robust import LOSSES, Loss
 from calib.measurement.noise import with_joint_noise
 from calib.measurement.observations import Measurements, joined
@@ -19,7 +20,7 @@ from testbed.files.session import Stated
 from testbed.identify.errors import figures_of, misses_of, scatter_covariance
 from testbed.identify.fit import checked_model, fit
 from testbed.identify.frames import Frames, frames_of
-from testbed.identify.outliers import held_out_suspects, noise_factor, suspects
+from testbed.identify.outliers import held_out_outliers, training_outliers
 from testbed.identify.proof import proof_of, warnings_of
 from testbed.identify.records import Calibration, Fit, Gross, ModelName, Source, Split
 from testbed.identify.split import split_of
@@ -126,7 +127,7 @@ def calibrate(
         noise_factor=factor,
         left_out=frozen(left_out, np.bool_),
         sentences=sentences,
-        held_out_sentences=held_out_suspects(
+        held_out_sentences=held_out_outliers(
             chosen.misses, split.is_test, row_names(session, measurements)
         ),
     )
@@ -175,12 +176,13 @@ def _gross(
     train = measurements.rows(places)
     plain = identify(frames.start, train, frames.parameters)
     names = row_names(session, measurements)
-    found = suspects(frames.start, train, frames.parameters, plain, [names[k] for k in places])
+    found = training_outliers(
+        frames.start, train, frames.parameters, plain, [names[k] for k in places]
+    )
     left_out = np.zeros(len(measurements), dtype=bool)
     if loss == AUTO:
         left_out[places[found.rows]] = True
-    many = (found.too_many,) if found.too_many else ()
-    return plain, left_out, found.factor, found.sentences, many
+    return plain, left_out, found.noise_factor, found.sentences, found.warnings
 
 
 def _fit(

@@ -1,21 +1,21 @@
 """The fits of a calibration, geometric and extended, and which of them is handed out."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from calib.arrays import Array, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification, identify
-from calib.identification.joint_models import ASKED, choose, extended_model, extended_parameters
+from calib.identification.joint_models import extended_model, extended_parameters
+from calib.identification.model_choice import ASKED, choose, identify_extended, left_out_errors
+from calib.identification.outlier_search import noise_factor, with_noise
 from calib.identification.prior import Prior, weak_prior
 from calib.identification.robust import Loss
 from calib.measurement.observations import Measurements
-from calib.measurement.prediction import predict
-from testbed.identify.outliers import HONEST, noise_factor
 from testbed.identify.records import Choice, ModelName
 from testbed.identify.split import groups
 from testbed.streams import stream
@@ -26,8 +26,6 @@ FOLDS = 4
 """Parts of the training poses that are left out in turn to confirm a choice."""
 FEWEST_TO_CONFIRM = 5
 """Poses in each part."""
-TRIMMED = 0.95
-"""Part of the misses, the smaller ones, that counts for the confirmation."""
 MANY = 400
 """Of more training poses this many are asked for the evidence, and one part confirms."""
 WIDE = 10.0
@@ -59,57 +57,34 @@ def fit(
     one has the weak prior on its joint terms alone. `plain` is the geometric one, if it is there
     already; `mounted` the arm as it stands, see `extended_model`.
     """
-    nothing = frozen(())
-    if model == "geometric":
-        found = plain or identify(start, train, parameters, loss=loss)
-        choice = Choice("geometric", model, float("nan"), nothing, "geometric, as asked for")
-        return Fits((("geometric", found),), choice)
     wide = extended_model(start, mounted)
-    if len(wide.names) == len(start.names):
-        if model == "extended":
-            extended_parameters(start, wide, parameters)  # says that there is no term to add
-        found = plain or identify(start, train, parameters, loss=loss)
-        said = "geometric: no joint of this robot has terms to add"
-        return Fits(
-            (("geometric", found),), Choice("geometric", model, float("nan"), nothing, said)
-        )
-    found = plain or identify(start, train, parameters, loss=loss)
-    extended = fit_extended(start, train, parameters, loss, mounted)
+    if model == "extended":
+        extended_parameters(start, wide, parameters)  # refuses a robot without a term to add
+    geometric = plain or identify(start, train, parameters, loss=loss)
+    only = ""
+    if model == "geometric":
+        only = "geometric, as asked for"
+    elif len(wide.names) == len(start.names):
+        only = "geometric: no joint of this robot has terms to add"
+    if only:
+        return Fits((("geometric", geometric),), _unasked("geometric", model, only))
+    extended = identify_extended(start, train, parameters, loss=loss, mounted=mounted)
     both: tuple[tuple[ModelName, Identification], ...] = (
-        ("geometric", found),
+        ("geometric", geometric),
         ("extended", extended),
     )
     if model == "extended":
-        choice = Choice("extended", model, float("nan"), nothing, "extended, as asked for")
-        return Fits(both, choice)
-    factor = max(1.0, noise_factor(extended.model, train))
-    chosen = choose_within(
+        return Fits(both, _unasked("extended", model, "extended, as asked for"))
+    factor = noise_factor(extended.model, train)
+    choice = choose_within(
         start, train, parameters, factor=factor, loss=loss, seed=seed, mounted=mounted
     )
-    return Fits(both, chosen)
+    return Fits(both, choice)
 
 
-def fit_extended(
-    start: RobotModel,
-    train: Measurements,
-    parameters: Parameters,
-    loss: Loss,
-    mounted: Chain | None = None,
-) -> Identification:
-    """Geometry as the data tell it, joint terms under the weak prior.
-
-    Where the residuals stay larger than the stated noise, the prior is weighed against the noise
-    that they have: else it would be overruled by what is no information.
-    """
-    wide = extended_model(start, mounted)
-    table = extended_parameters(start, wide, parameters)
-    terms = weak_prior(table.freeing(set(wide.names) - set(start.names)))
-    found = identify(wide, train, table, prior=terms, loss=loss)
-    factor = noise_factor(found.model, train)
-    if factor <= HONEST:
-        return found
-    tighter = Prior(terms.mean, terms.sd / factor, terms.names)
-    return identify(wide, train, table, prior=tighter, loss=loss)
+def _unasked(chosen: ModelName, asked: str, sentence: str) -> Choice:
+    """A choice that no measurement was asked for."""
+    return Choice(chosen, asked, float("nan"), frozen(()), sentence)
 
 
 def choose_within(
@@ -144,28 +119,30 @@ def choose_within(
     mounted : Chain, optional
         The arm as it stands; see `extended_model`.
     """
-    honest = some_poses(train, MANY, seed)
-    if factor > HONEST:
-        honest = replace(honest, covariance=honest.covariance * factor**2)
-    found = choose(
-        start, honest, parameters, prior=_wide_prior(parameters), loss=loss, mounted=mounted
-    )
-    asks = found.log_evidence > ASKED
-    said = (
+    evidence = choose(
+        start,
+        with_noise(some_poses(train, MANY, seed), factor),
+        parameters,
+        prior=_wide_prior(parameters),
+        loss=loss,
+        mounted=mounted,
+    ).log_evidence
+    asks = evidence > ASKED
+    reason = (
         f"the measurements {'ask' if asks else 'do not ask'} for joint errors (log evidence "
-        f"{found.log_evidence:+.0f})"
+        f"{evidence:+.0f})"
     )
     error = confirmation(start, train, parameters, loss=loss, seed=seed, mounted=mounted)
     if not len(error):
-        said += f"; fewer than {FOLDS * FEWEST_TO_CONFIRM} training poses cannot confirm any"
-        return Choice("geometric", "choose", found.log_evidence, error, f"geometric: {said}")
+        reason += f"; fewer than {FOLDS * FEWEST_TO_CONFIRM} training poses cannot confirm any"
+        return Choice("geometric", "choose", evidence, error, f"geometric: {reason}")
     name: ModelName = "extended" if asks and error[1] < error[0] else "geometric"
-    text = (
-        f"{name}: {said}, {'and' if asks == (name == 'extended') else 'but'} at training poses "
+    sentence = (
+        f"{name}: {reason}, {'and' if asks == (name == 'extended') else 'but'} at training poses "
         f"left out in turn the mean miss of the best 95 % goes from {error[0] * MM:.4f} mm to "
         f"{error[1] * MM:.4f} mm with them"
     )
-    return Choice(name, "choose", found.log_evidence, error, text)
+    return Choice(name, "choose", evidence, error, sentence)
 
 
 def confirmation(
@@ -177,7 +154,7 @@ def confirmation(
     seed: int,
     mounted: Chain | None = None,
 ) -> Array:
-    """Trimmed mean miss (2,) of both models, geometric first, at training poses left out [m].
+    """Trimmed mean error (2,) of both models, geometric first, at training poses left out [m].
 
     Each pose is left out once; of many poses one part is enough. Empty if there are too few.
     """
@@ -186,21 +163,10 @@ def confirmation(
     if count < FOLDS * FEWEST_TO_CONFIRM:
         return frozen(())
     fold = stream(seed, "confirm").permutation(count) % FOLDS
-    missed: list[list[Array]] = [[], []]
-    for k in range(1 if count > MANY else FOLDS):
-        out = fold[pose] == k
-        inner, apart = train.rows(~out), train.rows(out)
-        geometric = identify(start, inner, parameters, loss=loss)
-        extended = fit_extended(start, inner, parameters, loss, mounted)
-        for place, one in enumerate((geometric, extended)):
-            missed[place].append(predict(one.model, apart).misses)
-    return frozen([_trimmed(np.concatenate(parts)) for parts in missed])
-
-
-def _trimmed(missed: Array) -> float:
-    """Mean without the largest twentieth: a number that rests on one pose may miss that by all."""
-    kept = np.sort(missed)[: int(np.ceil(TRIMMED * len(missed)))]
-    return float(kept.mean())
+    rounds = 1 if count > MANY else FOLDS
+    return left_out_errors(
+        start, train, parameters, fold[pose], rounds=rounds, loss=loss, mounted=mounted
+    )
 
 
 def some_poses(train: Measurements, most: int, seed: int) -> Measurements:
@@ -215,10 +181,9 @@ def some_poses(train: Measurements, most: int, seed: int) -> Measurements:
 def checked_model(model: str) -> str:
     """The name of a model, if it is one."""
     if model not in MODELS:
-        raise InputError(
-            f'--model is "{model}"', code="C41", field="--model", value=model,
-            allowed=", ".join(MODELS),
-        )  # fmt: skip
+        raise refuse(
+            "--model", model, ", ".join(MODELS), code="C41", message=f'--model is "{model}"'
+        )
     return model
 
 

@@ -10,7 +10,7 @@ from calib.geometry.frames import exp_so3
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Status, identify
-from calib.identification.joint_models import ModelChoice, choose
+from calib.identification.model_choice import ModelChoice, choose
 from calib.identification.outliers import inspect
 from calib.measurement.observations import Measurements
 from testbed.laboratory.truth.robot import draw_truth

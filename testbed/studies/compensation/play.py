@@ -14,7 +14,7 @@ import numpy as np
 from calib.arrays import Array, Bool, frozen
 from calib.compensation import corrected_joints
 from calib.geometry.model import RobotModel
-from calib.identification.joint_models import choose
+from calib.identification.model_choice import choose
 from calib.measurement.accuracy import accuracy as summed_up
 from calib.measurement.accuracy import position_errors
 from calib.measurement.iso9283 import (

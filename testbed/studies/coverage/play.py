@@ -15,8 +15,8 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification, identify
-from calib.identification.joint_models import choose
 from calib.identification.least_squares import Status
+from calib.identification.model_choice import choose
 from calib.measurement.accuracy import distances
 from calib.measurement.observations import Measurements
 from calib.uncertainty.covariance import standard_uncertainty

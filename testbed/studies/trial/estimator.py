@@ -8,7 +8,8 @@ from calib.arrays import Array
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification, Mode, identify
-from calib.identification.joint_models import choose, extended_model, extended_parameters
+from calib.identification.joint_models import with_joint_terms
+from calib.identification.model_choice import choose
 from calib.identification.prior import Prior
 from calib.identification.robust import Loss
 from calib.measurement.observations import Measurements
@@ -76,14 +77,13 @@ def estimator_for(bench: Laboratory, mode: Mode, seen: Measurements) -> Estimato
             seen,
             free,
             prior=given or scenario_prior(WEAK, free),
-            term_prior=_term_prior(settings.prior or WEAK, nominal, free),
+            term_prior=scenario_prior(settings.prior or WEAK, with_joint_terms(nominal, free)[2]),
             loss=settings.loss,
         )
         extended, why, evidence = choice.chosen == "extended", choice.sentence, choice.log_evidence
     if not extended:
         return Estimator(mode, nominal, free, given, settings.loss, why, evidence)
-    wide = extended_model(nominal)
-    table = extended_parameters(nominal, wide, free)
+    wide, table, _ = with_joint_terms(nominal, free)
     prior = scenario_prior(settings.prior or WEAK, table)
     return Estimator(mode, wide, table, prior, settings.loss, why, evidence)
 
@@ -93,7 +93,7 @@ def default_parameters(scenario: Scenario, robot: Robot) -> Parameters:
     free = free_parameters(scenario, robot, "whitened")
     if scenario.identification.model == "geometric":
         return free
-    return extended_parameters(robot.model, extended_model(robot.model), free)
+    return with_joint_terms(robot.model, free)[1]
 
 
 def scenario_prior(settings: PriorSettings, parameters: Parameters) -> Prior:
@@ -104,14 +104,6 @@ def scenario_prior(settings: PriorSettings, parameters: Parameters) -> Prior:
         [_spread(settings, name, bool(kind)) for name, kind in zip(names, is_length, strict=True)]
     )
     return Prior(np.zeros(len(names)), sd, names)
-
-
-def _term_prior(settings: PriorSettings, nominal: RobotModel, free: Parameters) -> Prior:
-    """The part of a prior that is about the joint terms which the extended model adds."""
-    wide = extended_model(nominal)
-    table = extended_parameters(nominal, wide, free)
-    known = set(nominal.names)
-    return scenario_prior(settings, table.freeing(n for n in wide.names if n not in known))
 
 
 def _spread(settings: PriorSettings, name: str, is_length: bool) -> float:

@@ -10,11 +10,12 @@ from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
-from calib.identification.joint_models import ASKED, extended_model, extended_parameters
+from calib.identification.joint_models import extended_model, extended_parameters
+from calib.identification.model_choice import ASKED, identify_extended
+from calib.identification.outlier_search import noise_factor
 from calib.identification.prior import weak_prior
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.fit import confirmation, fit, fit_extended, some_poses
-from testbed.identify.outliers import noise_factor
+from testbed.identify.fit import confirmation, fit, some_poses
 from tests.calibrated import real, robot, session_of, table_of, true_model
 from tests.reference import pool_r
 
@@ -75,7 +76,7 @@ def test_gravity_is_judged_where_the_arm_stands_not_in_the_trackers_frame():
 
 def test_a_prior_is_weighed_against_the_noise_that_the_residuals_have():
     start, train = robot().model, train_of(harmonics=0.01, noise=4.0)
-    found = fit_extended(start, train, parameters_of(start), "squared")
+    found = identify_extended(start, train, parameters_of(start))
     # the same: honest covariances and the weak prior as it is
     wide = extended_model(start)
     table = extended_parameters(start, wide, parameters_of(start))
@@ -94,7 +95,7 @@ def test_a_prior_is_weighed_against_the_noise_that_the_residuals_have():
 
 def test_with_honest_noise_the_weak_prior_stays_as_it_is():
     start, train = robot().model, train_of(harmonics=0.01)
-    found = fit_extended(start, train, parameters_of(start), "squared")
+    found = identify_extended(start, train, parameters_of(start))
     wide = extended_model(start)
     table = extended_parameters(start, wide, parameters_of(start))
     terms = weak_prior(table.freeing(set(wide.names) - set(start.names)))

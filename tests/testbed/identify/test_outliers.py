@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib.identification.outlier_search import noise_factor
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.outliers import held_out_suspects, noise_factor
+from testbed.identify.outliers import held_out_outliers
 from tests.calibrated import robot, session_of, sound, sound_session, table_of, true_model
 from tests.reference import pool_r
 
@@ -98,6 +99,6 @@ def test_far_held_out_rows_are_named_but_stay():
     position[row] = 0.4
     names = [f"pose P{k + 1}" for k in range(80)]
     far = replace(found.fit.misses, position=position)
-    (told,) = held_out_suspects(far, found.split.is_test, names)
+    (told,) = held_out_outliers(far, found.split.is_test, names)
     assert told.startswith(f"held-out pose P{row + 1} is missed by 400 mm")
-    assert held_out_suspects(found.fit.misses, found.split.is_test, names) == ()
+    assert held_out_outliers(found.fit.misses, found.split.is_test, names) == ()

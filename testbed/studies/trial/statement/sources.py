@@ -1,11 +1,10 @@
 """Where the uncertainty of a calibration comes from: noise, joints, the tracker's own errors."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, Index
 from calib.identification.identify import Identification
 from calib.identification.robust import sizes
 from calib.measurement.noise import with_joint_noise
@@ -44,7 +43,7 @@ class Sources:
 
 
 def sources_of(
-    bench: Laboratory, found: Identification, seen: Measurements, suspect: Sequence[int], q: Array
+    bench: Laboratory, found: Identification, seen: Measurements, outliers: Index, q: Array
 ) -> Sources:
     """Take the uncertainty of one estimate apart, at the tool point of postures q (N, n).
 
@@ -56,14 +55,14 @@ def sources_of(
         In the mode *whitened*.
     seen : Measurements
         What it was identified from.
-    suspect : sequence of int
+    outliers : (k,) array of int
         Rows that a robust loss found to be grossly wrong: what they still do has its own line.
     q : (N, n) array
         Postures [rad, m].
     """
     start = plan_of(found, seen)
     common = systematic_inputs(bench, seen)
-    whole = budget(start, row_noise(bench, found, seen, suspect), common=common)
+    whole = budget(start, row_noise(bench, found, seen, outliers), common=common)
     target = bench.setting.target
     parts = np.array([_rms_u(found, source.covariance, q, target) for source in whole.sources])
     shared = {one.name for one in common}
@@ -83,7 +82,7 @@ def plan_of(found: Identification, seen: Measurements) -> Frozen:
 
 
 def row_noise(
-    bench: Laboratory, found: Identification, seen: Measurements, suspect: Sequence[int]
+    bench: Laboratory, found: Identification, seen: Measurements, outliers: Index
 ) -> list[RowNoise]:
     """What scatters anew in every row: the tracker, the joints, and gross errors where named."""
     setting, m = bench.setting, len(seen)
@@ -99,11 +98,11 @@ def row_noise(
             offset=np.broadcast_to(setting.target, (m, 3)),
         )
         noise.append(RowNoise("joint repeatability", joints))
-    if len(suspect):
+    if len(outliers):
         size = sizes(found.residual, np.repeat(np.arange(m), seen.equations))
-        beyond = np.zeros(m)
-        beyond[list(suspect)] = np.maximum(size[list(suspect)], 1.0) ** 2 - 1.0
-        noise.append(RowNoise("gross errors", beyond[:, None, None] * seen.covariance))
+        excess = np.zeros(m)
+        excess[outliers] = np.maximum(size[outliers], 1.0) ** 2 - 1.0
+        noise.append(RowNoise("gross errors", excess[:, None, None] * seen.covariance))
     return noise
 
 

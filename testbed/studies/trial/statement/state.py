@@ -14,6 +14,7 @@ from calib.geometry.model import RobotModel
 from calib.identification.identify import Identification
 from calib.identification.joint_models import shared_waves
 from calib.identification.lack_of_fit import LackOfFit
+from calib.identification.outlier_search import search_outliers
 from calib.measurement.observations import Measurements, joined
 from calib.uncertainty.adaptive import adaptive
 from calib.uncertainty.bootstrap import Bootstrap
@@ -27,9 +28,9 @@ from testbed.laboratory.truth.laboratory import Laboratory
 from testbed.streams import stream
 from testbed.studies.trial.compare import attained
 from testbed.studies.trial.estimator import Estimator
+from testbed.studies.trial.statement.outliers import outlier_sentences, without_gross_errors
 from testbed.studies.trial.statement.records import LEVEL, Replayed, Statement, Validation
 from testbed.studies.trial.statement.sources import drift_left, full_covariance, sources_of
-from testbed.studies.trial.statement.suspects import Suspects, sound_shots, suspects_of
 
 DRIFT_COUNTS = 1 / 3
 """Part of the stated u from which drift counts: below it u grows by 5 % at most."""
@@ -61,10 +62,11 @@ def state(
         Of the trial: the bootstrap and the Monte Carlo draw from streams named after it.
     """
     q, seed = bench.setting.test_q, bench.scenario.seed
-    suspects = suspects_of(estimator, found, visits[0])
-    gross = suspects.rows if found.loss != "squared" else ()
+    search = search_outliers(estimator.nominal, found, visits[0])
+    outliers = np.sort(search.rows)
+    gross = outliers if found.loss != "squared" else outliers[:0]
     sources = sources_of(bench, found, visits[0], gross, q)
-    shots, aside = sound_shots(found, validation.seen, visits[0])
+    shots, aside = without_gross_errors(found, validation.seen, visits[0])
     total = full_covariance(found, found.covariance + sources.systematic)
     linear, worst = linear_check(
         found, total, q, bench.setting.target, stream(seed, "statement", "linear", name)
@@ -101,8 +103,8 @@ def state(
         model="extended" if estimator.extended else "geometric",
         why=estimator.why,
         log_evidence=estimator.log_evidence,
-        outliers=suspects.sentences,
-        outlier_poses=visits[0].pose_id[list(suspects.rows)],
+        outliers=outlier_sentences(search, visits[0]),
+        outlier_poses=visits[0].pose_id[outliers],
         set_aside=aside,
         lack_of_fit=lack,
         held_out=seen,
@@ -120,7 +122,7 @@ def state(
         names=tuple(radius),
         radius=np.array(list(radius.values())),
         attained=attained(validation, tuple(stated.values()), radius.get("conformal")),
-        warnings=(*too_few(len(seen)), *notes(found, suspects, aside, hidden, ball)),
+        warnings=(*too_few(len(seen)), *notes(found, len(outliers), aside, hidden, ball)),
     )
 
 
@@ -200,15 +202,15 @@ def misfit(
 
 def notes(
     found: Identification,
-    suspects: Suspects,
+    outliers: int,
     aside: Index,
     hidden: float,
     ball: Conformal | None,
 ) -> tuple[str, ...]:
     """What else a reader must know; `hidden` is the reach of the tracker's systematic part [m]."""
     told = []
-    if suspects.rows and found.loss == "squared":
-        some = "a shot" if len(suspects.rows) == 1 else f"{len(suspects.rows)} shots"
+    if outliers and found.loss == "squared":
+        some = "a shot" if outliers == 1 else f"{outliers} shots"
         told.append(
             f"{some} of the calibration may pull at the result; measure again what does not fit, "
             'or write loss = "cauchy" in [identification]'

@@ -22,6 +22,7 @@ from testbed.studies.trial.compare import attained, target_prediction
 from testbed.studies.trial.estimator import estimator_for
 from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.report import errors_in_words, next_step
+from testbed.studies.trial.statement.outliers import without_gross_errors
 from testbed.studies.trial.statement.report import (
     reasons,
     secret_section,
@@ -31,7 +32,6 @@ from testbed.studies.trial.statement.report import (
 )
 from testbed.studies.trial.statement.sources import drift_left
 from testbed.studies.trial.statement.state import moved_targets, moving_axes, state
-from testbed.studies.trial.statement.suspects import sound_shots
 from testbed.studies.trial.validation import validation_visit
 from testbed.studies.trial.verdict import BAD, INVALID, OPEN, judge, trial_verdict
 from tests.testbed.run.test_campaign import same
@@ -291,14 +291,16 @@ def test_what_the_model_misses_everywhere_is_no_gross_error():
     true = rigid().setting.test_true[:, :3, 3]
     position = at + 3 * (shots.position - true)
     position[7] += [1e-3, 0.0, 0.0]
-    kept, aside = sound_shots(
+    kept, aside = without_gross_errors(
         found, replace(shots, position=position), loose().trials[0].measurements
     )
     assert list(aside) == [7]
     assert len(kept) == len(shots) - 1
     squared = replace(found, loss="squared")
     used = loose().trials[0].measurements
-    assert len(sound_shots(squared, replace(shots, position=position), used)[0]) == len(shots)
+    assert len(without_gross_errors(squared, replace(shots, position=position), used)[0]) == len(
+        shots
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,163 @@
+"""The choice between geometry alone and joint errors: by evidence, confirmed at poses left out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from calib.geometry.parameters import parameters_of
+from calib.identification.identify import Status, identify
+from calib.identification.joint_models import extended_model, shared_waves
+from calib.identification.model_choice import ASKED, choose, identify_extended, left_out_errors
+from calib.identification.prior import Prior, weak_prior
+from calib.measurement.residual import stacked
+from tests.calib.identification.test_joint_models import GOALS, MDEG, POOL, bent, seen
+from tests.reference import WEN24, rigid_truth, tx60
+from tests.truth.measuring import measured
+
+
+@pytest.mark.parametrize("free", [WEN24, None], ids=["24", "42"])
+@pytest.mark.parametrize("m", [29, 61])
+def test_a_bent_robot_asks_for_the_extended_model_and_a_rigid_one_does_not(free, m):
+    for seed in range(3):
+        rigid = rigid_truth(np.random.default_rng(seed))
+        for truth, expected in ((bent(seed), "extended"), (rigid, "geometric")):
+            choice = choose(
+                tx60(),
+                seen(truth, m, seed),
+                parameters_of(tx60(), free),
+            )
+            assert choice.chosen == expected
+            assert choice.identification is choice.identifications[expected == "extended"]
+            assert all(found.status is Status.CONVERGED for found in choice.identifications)
+            assert choice.sentence.startswith(f"{expected}: the measurements")
+            off = choice.identification.model.poses(GOALS)[:, :3, 3] - truth.poses(GOALS)[:, :3, 3]
+            assert np.linalg.norm(off, axis=1).mean() < 0.03e-3
+
+
+def test_log_evidence_is_the_ratio_of_the_densities_of_the_measurements():
+    """Near the nominal robot all is linear: two normal densities, written out."""
+    table = measured(tx60(), POOL[:12], np.random.default_rng(1))
+    parameters, tight = parameters_of(tx60()), weak_prior(parameters_of(tx60()))
+    prior = Prior(tight.mean, 1e-2 * tight.sd, tight.names)
+    wide = extended_model(tx60())
+    added = weak_prior(parameters_of(wide, wide.names[42:]))
+    terms = Prior(added.mean, 1e-2 * added.sd, added.names)
+    choice = choose(tx60(), table, parameters, prior=prior, term_prior=terms)
+    stack, density = stacked(wide, table), []
+    for k, sd in ((42, prior.sd), (69, np.concatenate([prior.sd, terms.sd]))):
+        B = stack.A[:, :k] * sd
+        C = np.eye(len(B)) + B @ B.T
+        density.append(-(stack.r @ np.linalg.solve(C, stack.r) + np.linalg.slogdet(C)[1]) / 2)
+    assert choice.log_evidence == pytest.approx(density[1] - density[0], abs=1e-3)
+
+
+def test_poses_left_out_in_turn_confirm_what_the_evidence_asks_for_or_not():
+    part = np.arange(61) % 4
+    for truth, bends in ((bent(2), True), (rigid_truth(np.random.default_rng(2)), False)):
+        table = seen(truth, 61, 3)
+        error = left_out_errors(tx60(), table, parameters_of(tx60()), part, rounds=4)
+        assert (error[1] < 0.6 * error[0]) == bends
+        assert (choose(tx60(), table).log_evidence > ASKED) == bends
+
+
+def test_an_error_left_out_is_the_mean_distance_without_the_largest_twentieth():
+    table = seen(bent(4), 40, 6)
+    part = (np.arange(40) >= 29).astype(np.int64)
+    error = left_out_errors(
+        tx60(), table, parameters_of(tx60()), 1 - part, rounds=1, loss="squared"
+    )
+    used, left_out = table.rows(part == 0), table.rows(part == 1)
+    for model, stated in zip(
+        (
+            identify(tx60(), used, parameters_of(tx60())).model,
+            identify_extended(tx60(), used, parameters_of(tx60())).model,
+        ),
+        error,
+        strict=True,
+    ):
+        gap = np.linalg.norm(model.poses(left_out.q)[:, :3, 3] - left_out.position, axis=1)
+        assert stated == pytest.approx(np.sort(gap)[:11].mean(), rel=1e-12)
+
+
+def test_the_wave_that_stands_twice_is_reported_as_its_sum():
+    """sin q2 is sag and harmonic: each alone is half prior, the sum is known."""
+    truth = bent(5)
+    choice = choose(tx60(), seen(truth, 150, 7), parameters_of(tx60(), WEN24))
+    found = choice.identifications[1]
+    (sentence,) = shared_waves(found)
+    assert sentence.startswith("gravity2.upper and harmonic2.sin1 are the same wave")
+    names = ("gravity2.upper", "harmonic2.sin1")
+    own = [found.standard_uncertainty[found.names.index(n)] for n in names]
+    stated = truth.joint_errors.names
+    total = sum(truth.joint_errors.coefficients[stated.index(n)] for n in names) / MDEG
+    value, sd = (float(word) for word in sentence.replace(" mdeg", "").split() if _is_number(word))
+    assert abs(value - total) < 4 * sd
+    assert 3 * sd * MDEG < min(own)
+    assert shared_waves(choice.identifications[0]) == ()
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def test_a_gross_error_does_not_call_for_more_terms():
+    """Three poses off by a millimeter; a robust fit stays geometric and names them."""
+    table = seen(rigid_truth(np.random.default_rng(6)), 61, 8)
+    position = table.position.copy()
+    position[[3, 30, 50]] += [[1e-3, 0, 0], [0, -1e-3, 0], [0, 1e-3, 1e-3]]
+    choice = choose(tx60(), replace(table, position=position), loss="cauchy")
+    assert choice.chosen == "geometric"
+    named = [note for note in choice.identification.notes if "does not fit the others" in note]
+    assert {note.split()[1] for note in named} == {"3", "30", "50"}
+
+
+def test_the_extended_fit_is_under_the_same_geometric_prior():
+    choice = choose(tx60(), seen(bent(7), 29, 9))
+    geometric, extended = (found.prior for found in choice.identifications)
+    assert geometric is not None
+    assert extended is not None
+    assert extended.names[:42] == geometric.names
+    np.testing.assert_array_equal(extended.precision[:42, :42], geometric.precision)
+    assert not extended.precision[:42, 42:].any()
+
+
+def refused(**more) -> InputError:
+    with pytest.raises(InputError) as caught:
+        choose(tx60(), seen(tx60(), 29, 10), **more)
+    return caught.value
+
+
+def test_evidence_needs_a_prior_of_every_number():
+    error = refused(prior=weak_prior(parameters_of(tx60(), WEN24)))
+    assert (error.code, error.field) == ("A3", "prior")
+    assert "base.x is free and has no prior" in str(error)
+
+
+def test_a_model_that_has_all_terms_already_cannot_be_extended():
+    wide = extended_model(tx60())
+    with pytest.raises(InputError, match="no joint term to add") as caught:
+        choose(wide, seen(tx60(), 29, 12))
+    assert caught.value.field == "nominal"
+
+
+def test_progress_is_told_for_both_fits():
+    told: list[int] = []
+    choice = choose(tx60(), seen(bent(8), 29, 13), report=lambda k, _cost: told.append(k))
+    steps = [found.iterations for found in choice.identifications]
+    assert told == [k for count in steps for k in range(1, count + 1)]
+
+
+def test_an_extended_fit_of_few_poses_is_held_by_its_prior():
+    """Five poses give 30 equations for 69 numbers."""
+    wide = extended_model(tx60())
+    parameters = parameters_of(wide)
+    found = identify(wide, seen(bent(9), 5, 14), parameters, prior=weak_prior(parameters))
+    assert found.status is Status.CONVERGED
+    assert found.rank == 69
+    assert (found.standard_uncertainty <= weak_prior(parameters).sd * (1 + 1e-9)).all()
