@@ -7,15 +7,13 @@ import numpy as np
 from calib.arrays import Array, Bool
 from calib.geometry.frames import inverse
 from testbed.identify.records import Calibration
-from testbed.report.plots import Look, dots, legend_above, plain_log
+from testbed.report.plots import SHADES, VIEWS, Look, dots, legend_above, plain_log, view_of
 from testbed.report.svg import DARK, LIGHT, MIDDLE, SOFT, drawing, svg_of
 from testbed.units import DEG, MM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SHADES = ("#dfe7ee", "#b9cfe0", "#86aed0", "#4d87b8", "#1f5f97", "#0b3559")
-"""Pale to dark blue: misses in steps of equally many poses, told apart in gray too."""
 PALE = "#d9c7bb"
 """Before, where after lies over it."""
 BINS = 14
@@ -131,18 +129,13 @@ def over_workspace(calibration: Calibration) -> str:
     steps = np.quantile(after, np.linspace(0, 1, len(SHADES) + 1)[1:-1])
     shade = np.searchsorted(steps, after)
     with drawing(1, 2, height=3.1) as (figure, axes):
-        for ax, (i, j, view) in zip(
-            axes, ((0, 1, "from above"), (0, 2, "from the side")), strict=True
-        ):
+        for ax, (i, j, view) in zip(axes, VIEWS, strict=True):
             for k, color in enumerate(SHADES):
                 here = place[shade == k]
                 if len(here):
                     _points(ax, here[:, i], here[:, j], color, "o", "")
             ax.plot(0, 0, "s", color=SOFT, markersize=4)
-            ax.set_title(view)
-            ax.set_xlabel(f"{'xyz'[i]} [mm]")
-            ax.set_ylabel(f"{'xyz'[j]} [mm]")
-            ax.set_aspect("equal", "datalim")
+            view_of(ax, i, j, view)
         return svg_of(figure)
 
 

@@ -6,18 +6,25 @@ import numpy as np
 
 from calib.arrays import Array
 from testbed.plan.records import Plan
-from testbed.report.plots import dots, toward
+from testbed.report.plots import (
+    BARS,
+    SHADES,
+    VIEWS,
+    dots,
+    label,
+    legend_above,
+    marked_line,
+    toward,
+    view_of,
+)
 from testbed.report.svg import DARK, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
 from testbed.units import MM, UM, significant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SHADES = ("#dfe7ee", "#b9cfe0", "#86aed0", "#4d87b8", "#1f5f97", "#0b3559")
-"""Pale to dark blue: leverage in equal steps, told apart in gray too."""
 OUTERMOST = (0.02, 0.98)
 """Quantiles of the leverage between which the shades change."""
-VIEWS = ((0, 1, "from above"), (0, 2, "from the side"))
 NUMBERED = 45
 """More poses than this are not numbered."""
 REASON_COLORS = ("#a63a00", "#e8a33d", "#6b6b6b", "#7a4fa3", "#2f8f5b", "#0b4f8a", "#c2185b")
@@ -41,7 +48,7 @@ def leverage_map(plan: Plan) -> str:
                 if len(here):
                     dots(ax, here[:, [i, j]], shade)
             _mark(ax, chosen[:, [i, j]], "o", MIDDLE, "chosen")
-            _frame(ax, i, j, view)
+            view_of(ax, i, j, view)
         toward(axes[0], plan.T_world_tracker[:2, 3])
         return svg_of(figure)
 
@@ -68,16 +75,9 @@ def order_map(plan: Plan) -> str:
             _mark(ax, points[test][:, [i, j]], "^", LIGHT, "held out")
             if len(points) <= NUMBERED:
                 for k, point in enumerate(points):
-                    ax.annotate(
-                        str(k + 1),
-                        (point[i], point[j]),
-                        xytext=(3, 2),
-                        textcoords="offset points",
-                        fontsize=7,
-                    )
-            _frame(ax, i, j, view)
-        handles, labels = axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=3)
+                    label(ax, str(k + 1), (point[i], point[j]), (3, 2), size=7)
+            view_of(ax, i, j, view)
+        legend_above(figure, axes[0])
         return svg_of(figure)
 
 
@@ -88,35 +88,21 @@ def budget(plan: Plan) -> str:
     with drawing(1, 1, height=2.75) as (figure, (ax,)):
         x = curve.counts
         if np.isfinite(curve.random).any():
-            ax.plot(
-                x, k * curve.random * UM, ":", color=SOFT, label="random sets, median", marker="^"
-            )
+            random = k * curve.random * UM
+            ax.plot(x, random, ":", color=SOFT, label="random sets, median", marker="^")
         ax.plot(x, k * curve.u * UM, color=DARK, marker="o", label="designed")
         if np.isfinite(curve.bound).any():
             bound = k * curve.bound * UM
             ax.plot(x, bound, "--", color=MIDDLE, label="no set goes below")
             ax.fill_between(x, 0, bound, color="#f3ded2", linewidth=0)
         if curve.target is not None:
-            ax.axhline(k * curve.target * UM, color=INK, linewidth=0.8)
-            ax.annotate(
-                f"target {k * curve.target * UM:.3g} µm",
-                (1.0, k * curve.target * UM),
-                xycoords=("axes fraction", "data"),
-                xytext=(-2, 3),
-                textcoords="offset points",
-                ha="right",
-                fontsize=7.5,
-            )
-        ax.axvline(m, color=LIGHT, linewidth=1.2)
-        ax.annotate(
-            f"the plan: {m}",
-            (m, 0.97),
-            xycoords=("data", "axes fraction"),
-            xytext=(4, 0),
-            textcoords="offset points",
-            va="top",
-            fontsize=7.5,
-        )
+            target = k * curve.target * UM
+            ax.axhline(target, color=INK, linewidth=0.8)
+            label(
+                ax, f"target {target:.3g} µm", (1.0, target), (-2, 3),
+                xycoords=("axes fraction", "data"), ha="right",
+            )  # fmt: skip
+        marked_line(ax, m, f"the plan: {m}", 4, color=LIGHT, linewidth=1.2)
         ax.set_ylim(0, _top(k * UM * curve.u, k * UM * (curve.target or 0.0)))
         already = " beyond those measured already" if len(plan.measured_q) else ""
         ax.set_xlabel(f"poses{already}")
@@ -147,21 +133,10 @@ def prediction(plan: Plan) -> str:
         left.set_xlabel("identification poses measured")
         left.locator_params(axis="x", integer=True)
         left.set_ylabel(f"U over the goal, k = {k:g} [µm]")
-        right.hist(k * plan.u * UM, bins=20, weights=plan.goal.weights, color="#c9d6e3",
-                   edgecolor="white", linewidth=0.5)  # fmt: skip
+        right.hist(k * plan.u * UM, bins=20, weights=plan.goal.weights, **BARS)
         right.set_ylim(0, 1.15 * right.get_ylim()[1])  # room for the two words
         for value, name in ((plan.u_mean, "RMS"), (plan.u_worst, "worst")):
-            right.axvline(k * value * UM, color=MIDDLE, linewidth=1.2)
-            right.annotate(
-                name,
-                (k * value * UM, 0.97),
-                xycoords=("data", "axes fraction"),
-                xytext=(-3, 0),
-                textcoords="offset points",
-                ha="right",
-                va="top",
-                fontsize=7.5,
-            )
+            marked_line(right, k * value * UM, name, -3, color=MIDDLE, linewidth=1.2)
         right.set_title("over the goal, after all poses")
         right.set_xlabel(f"U of the tool point, k = {k:g} [µm]")
         right.set_ylabel("share of the goal")
@@ -180,10 +155,9 @@ def rejections(plan: Plan) -> str:
                 here = places[[reason == name for reason in pool.rejected_reason]]
                 color = REASON_COLORS[k % len(REASON_COLORS)]
                 ax.plot(here[:, i], here[:, j], "x", color=color, markersize=3, label=name)
-            _frame(ax, i, j, view)
+            view_of(ax, i, j, view)
         if names:
-            handles, labels = axes[0].get_legend_handles_labels()
-            figure.legend(handles, labels, loc="outside upper center", ncols=min(len(names), 5))
+            legend_above(figure, axes[0], min(len(names), 5))
         return svg_of(figure)
 
 
@@ -198,25 +172,17 @@ def stations(plan: Plan) -> str:
     with drawing(1, 2, height=2.6) as (figure, (left, right)):
         dots(left, plan.pool.T[:, :2, 3] * MM)
         left.plot(0, 0, "s", color=INK, markersize=5)
-        left.annotate("robot", (0, 0), xytext=(4, 4), textcoords="offset points", fontsize=7)
+        label(left, "robot", (0, 0), (4, 4), size=7)
         for number, place in enumerate(seen.stations):
             good = number == seen.best
             blind = not np.isfinite(u[number])
             look = "x" if blind else "o"
             left.plot(*place[:2] * MM, look, color=MIDDLE if good else SOFT if blind else DARK)
-            left.annotate(str(number + 1), tuple(place[:2] * MM), xytext=(4, 2),
-                          textcoords="offset points", fontsize=7)  # fmt: skip
-        left.set_aspect("equal", "datalim")
-        left.set_xlabel("x [mm]")
-        left.set_ylabel("y [mm]")
-        left.set_title("stations from above, base frame")
+            label(left, str(number + 1), tuple(place[:2] * MM), (4, 2), size=7)
+        view_of(left, 0, 1, "stations from above, base frame")
         shown = [int(n) for n in order if np.isfinite(u[n])][:16]
-        right.barh(
-            range(len(shown)),
-            u[shown],
-            color=[MIDDLE if n == seen.best else DARK for n in shown],
-            height=0.65,
-        )
+        colors = [MIDDLE if n == seen.best else DARK for n in shown]
+        right.barh(range(len(shown)), u[shown], color=colors, height=0.65)
         right.set_yticks(range(len(shown)), [f"{n + 1}" for n in shown])
         right.invert_yaxis()
         right.set_xlabel(f"U over the goal, k = {k:g} [µm]")
@@ -230,14 +196,6 @@ def _mark(ax: "Axes", points: Array, marker: str, color: str, label: str) -> Non
     if len(points):
         ax.plot(points[:, 0], points[:, 1], marker, color=color, markersize=4, label=label,
                 markeredgecolor="white", markeredgewidth=0.5)  # fmt: skip
-
-
-def _frame(ax: "Axes", i: int, j: int, view: str) -> None:
-    """Axes of a view of the workspace."""
-    ax.set_title(view)
-    ax.set_xlabel(f"{'xyz'[i]} [mm]")
-    ax.set_ylabel(f"{'xyz'[j]} [mm]")
-    ax.set_aspect("equal", "datalim")
 
 
 def shade_range(plan: Plan) -> tuple[str, str]:

@@ -1,5 +1,6 @@
-"""What all pictures share: looks of points, legends, axes, where the tracker stands."""
+"""What all pictures share: words, legends, rows, ticks and views; where the tracker stands."""
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,11 +11,57 @@ from testbed.units import Mean
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
-
 
 Look = dict[str, Any]
 """Properties of a line, as matplotlib names them."""
+BARS: Look = {"color": "#c9d6e3", "edgecolor": "white", "linewidth": 0.5}
+"""Of a histogram."""
+SHADES = ("#dfe7ee", "#b9cfe0", "#86aed0", "#4d87b8", "#1f5f97", "#0b3559")
+"""Pale to dark blue, told apart in gray too."""
+VIEWS = ((0, 1, "from above"), (0, 2, "from the side"))
+"""Axes to the right and up of each view of the work space, and its title."""
+TICKS = tuple(m * 10.0**e for e in range(-3, 5) for m in (1, 2, 5))
+"""Of logarithmic axes."""
+
+
+def dots(ax: "Axes", points: Array, color: str = FAINT) -> None:
+    """Many small round dots as one path: a tenth of the bytes of a marker each."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    vertices = np.repeat(points, 2, axis=0)
+    path = Path(vertices, np.tile([Path.MOVETO, Path.LINETO], len(points)))
+    # dots have no length: simplification would drop every one
+    path.should_simplify = False
+    ax.add_patch(PathPatch(path, edgecolor=color, linewidth=1.6, capstyle="round", fill=False))
+    ax.update_datalim(points)
+    ax.autoscale_view()
+
+
+def label(
+    ax: "Axes",
+    text: str,
+    at: tuple[float, float],
+    offset: tuple[float, float],
+    *,
+    size: float = 7.5,
+    **look: Any,
+) -> None:
+    """Words beside a point of the data; the offset is in points."""
+    ax.annotate(text, at, xytext=offset, textcoords="offset points", fontsize=size, **look)
+
+
+def marked_line(
+    ax: "Axes", x: float, text: str, offset: float, *, height: float = 0.97, **look: Any
+) -> None:
+    """An upright line with words beside it, to the left of it if the offset is negative."""
+    ax.axvline(x, **look)
+    label(
+        ax, text, (x, height), (offset, 0), xycoords=("data", "axes fraction"),
+        ha="right" if offset < 0 else "left", va="top" if height > 0.5 else "baseline",
+    )  # fmt: skip
 
 
 def toward(ax: "Axes", station: Array) -> None:
@@ -34,24 +81,41 @@ def toward(ax: "Axes", station: Array) -> None:
     )
 
 
-def dots(ax: "Axes", points: Array, color: str = FAINT) -> None:
-    """Many small round dots as one path: a tenth of the bytes of a marker each."""
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path
-
-    vertices = np.repeat(points, 2, axis=0)
-    path = Path(vertices, np.tile([Path.MOVETO, Path.LINETO], len(points)))
-    # dots have no length: simplification would drop every one
-    path.should_simplify = False
-    ax.add_patch(PathPatch(path, edgecolor=color, linewidth=1.6, capstyle="round", fill=False))
-    ax.update_datalim(points)
-    ax.autoscale_view()
-
-
-def legend_above(figure: "Figure", ax: "Axes") -> None:
-    """One legend for all panels, in a line above them."""
+def legend_above(figure: "Figure", ax: "Axes", columns: int | None = None) -> None:
+    """One legend for all panels, in a line above them or in so many columns."""
     handles, labels = ax.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+    figure.legend(handles, labels, loc="outside upper center", ncols=columns or len(labels))
+
+
+def legend_entries(ax: "Axes", looks: Mapping[str, Look]) -> None:
+    """Entries of the legend without data."""
+    for name, look in looks.items():
+        entry: Look = {"markersize": 4.6, "linestyle": "none", "label": name} | look
+        ax.plot([], [], **entry)
+
+
+def rows_of(ax: "Axes", names: Sequence[str]) -> None:
+    """One row per name, the first on top."""
+    ax.set_yticks(range(len(names)), list(names))
+    ax.set_ylim(len(names) - 0.5, -0.5)
+    ax.grid(visible=False, axis="y")
+    ax.tick_params(axis="y", length=0)
+
+
+def interval(
+    ax: "Axes", y: float, inner: Sequence[float], outer: Sequence[float], color: str
+) -> None:
+    """An interval as a bar in its row, a wider one around it as a thin line."""
+    for ends, width in ((outer, 0.8), (inner, 2.6)):
+        ax.plot(ends, [y, y], color=color, linewidth=width)
+
+
+def view_of(ax: "Axes", i: int, j: int, title: str) -> None:
+    """Axes i and j of the work space [mm]."""
+    ax.set_title(title)
+    ax.set_xlabel(f"{'xyz'[i]} [mm]")
+    ax.set_ylabel(f"{'xyz'[j]} [mm]")
+    ax.set_aspect("equal", "datalim")
 
 
 def plain_log(ax: "Axes") -> None:
@@ -60,6 +124,13 @@ def plain_log(ax: "Axes") -> None:
 
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.yaxis.set_minor_formatter(NullFormatter())
+
+
+def log_ticks(axis: "Axis", low: float, high: float) -> None:
+    """Ticks 1, 2, 5, 10 ... between two values of a logarithmic axis."""
+    ticks = [tick for tick in TICKS if low < tick < high]
+    axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
+    axis.set_ticks([], minor=True)
 
 
 def short_ticks(ax: "Axes", axis: str = "y") -> None:
@@ -72,3 +143,8 @@ def percent_of(ratio: Mean) -> tuple[float, float, float]:
     """A logarithm of a ratio with its interval, as changes in percent."""
     middle, low, high = (100 * float(np.expm1(x)) for x in (ratio.value, ratio.low, ratio.high))
     return middle, low, high
+
+
+def share_ends(share: Mean) -> tuple[float, float]:
+    """The interval of a share, cut to 0 to 100 %."""
+    return 100 * max(share.low, 0.0), 100 * min(share.high, 1.0)

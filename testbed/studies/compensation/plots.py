@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from testbed.report.plots import Look
+from testbed.report.plots import Look, legend_above, log_ticks
 from testbed.report.svg import DARK, LIGHT, MIDDLE, SOFT, drawing, svg_of
 from testbed.studies.compensation.records import VARIANTS, CompensationStudy
 from testbed.studies.compensation.summary import FLOOR, VALUE
@@ -25,7 +25,6 @@ NAMES = {
 }
 APART = 0.22
 """Between the marks of one pose, in poses."""
-TICKS = tuple(m * 10.0**e for e in range(-1, 5) for m in (1, 2, 5))
 
 
 def accuracy_by_pose(studies: tuple[CompensationStudy, ...]) -> str:
@@ -47,13 +46,10 @@ def accuracy_by_pose(studies: tuple[CompensationStudy, ...]) -> str:
             ax.set_xticks(study.pose_id, [f"P{k}" for k in study.pose_id])
         every = np.concatenate([study.figures[:, 0, :, :].ravel() for study in studies]) * UM
         small = max(float(every.min()), 0.1)
-        ticks = [t for t in TICKS if small / 2 < t < 2 * float(every.max())]
-        axes[0].set_yticks(ticks, [f"{t:g}" for t in ticks])
-        axes[0].set_yticks([], minor=True)
+        log_ticks(axes[0].yaxis, small / 2, 2 * float(every.max()))
         axes[0].set_ylim(small / 1.5, 1.5 * float(every.max()))
         axes[0].set_ylabel("AP [µm]")
-        handles, labels = axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=4)
+        legend_above(figure, axes[0])
         return svg_of(figure)
 
 
@@ -71,8 +67,7 @@ def readings_of_one(study: CompensationStudy, pose: int = 1) -> str:
             _around(ax, float(np.abs(span[..., [0, 2]]).max()) * 1.15)
         axes[0].set_title(f"first {study.truth} robot, pose P{study.pose_id[pose]}")
         axes[1].set_title("the same, closer")
-        handles, labels = axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=3)
+        legend_above(figure, axes[0])
         return svg_of(figure)
 
 

@@ -3,7 +3,15 @@
 from math import floor
 from typing import TYPE_CHECKING
 
-from testbed.report.plots import Look
+from testbed.report.plots import (
+    Look,
+    interval,
+    legend_above,
+    legend_entries,
+    log_ticks,
+    rows_of,
+    share_ends,
+)
 from testbed.report.svg import DARK, MIDDLE, SOFT, drawing, svg_of
 from testbed.studies.coverage.records import MODELS, STATEMENTS, CoverageStudy
 from testbed.studies.coverage.summary import Cell
@@ -24,8 +32,6 @@ LOOKS: dict[str, Look] = {
 MARKERS = {"model": "o", "discrepancy": "s", "conformal": "D"}
 APART = 0.16
 """Between the rows of one kind of robot, in rows."""
-TICKS = tuple(m * 10.0**e for e in range(-1, 5) for m in (1, 2, 5))
-"""Of an axis of lengths [um]."""
 FINE = 0.8
 """Where every share lies above this, an axis begins at the last twentieth below them; else at 0."""
 
@@ -41,9 +47,7 @@ def attained(cells: tuple[Cell, ...]) -> str:
             for cell in shown:
                 look = LOOKS[cell.model]
                 y = truths.index(cell.truth) + APART * (1 if cell.model == "extended" else -1)
-                for mean, width in ((cell.joint, 0.8), (cell.share, 2.6)):
-                    ends = [100 * max(mean.low, 0.0), 100 * min(mean.high, 1.0)]
-                    ax.plot(ends, [y, y], color=look["color"], linewidth=width)
+                interval(ax, y, share_ends(cell.share), share_ends(cell.joint), look["color"])
                 face = look["color"] if cell.believable else "white"
                 ax.plot(
                     100 * cell.share.value, y, markersize=4.6, markerfacecolor=face,
@@ -55,8 +59,8 @@ def attained(cells: tuple[Cell, ...]) -> str:
             ax.set_title(TITLES[statement])
             ax.set_xlabel("points inside [%]")
             by_truth(ax, truths)
-        named(axes[0], LOOKS)
-        figure.legend(loc="outside upper center", ncols=len(MODELS))
+        legend_entries(axes[0], LOOKS)
+        legend_above(figure, axes[0])
         return svg_of(figure)
 
 
@@ -79,9 +83,7 @@ def sharpness(studies: tuple[CoverageStudy, ...], cells: tuple[Cell, ...]) -> st
                     )  # fmt: skip
             ax.set_xscale("log")
             radii = [cell.radius * UM for cell in cells]
-            ticks = [t for t in TICKS if min(radii) / 2 < t < 2 * max(radii)]
-            ax.set_xticks(ticks, [f"{t:g}" for t in ticks])
-            ax.set_xticks([], minor=True)
+            log_ticks(ax.xaxis, min(radii) / 2, 2 * max(radii))
             ax.set_title(f"{model} model")
             ax.set_xlabel("mean radius [µm]")
             by_truth(ax, truths)
@@ -89,23 +91,14 @@ def sharpness(studies: tuple[CoverageStudy, ...], cells: tuple[Cell, ...]) -> st
             TITLES[statement]: {"marker": mark, "color": DARK}
             for statement, mark in MARKERS.items()
         }
-        named(axes[0], looks | {"mean error": {"marker": "|", "color": SOFT, "markersize": 10}})
-        figure.legend(loc="outside upper center", ncols=len(STATEMENTS) + 1)
+        looks["mean error"] = {"marker": "|", "color": SOFT, "markersize": 10}
+        legend_entries(axes[0], looks)
+        legend_above(figure, axes[0])
         return svg_of(figure)
 
 
 def by_truth(ax: "Axes", truths: tuple[str, ...]) -> None:
     """One row per kind of robot, the first on top."""
-    ax.set_yticks(range(len(truths)), list(truths))
-    ax.set_ylim(len(truths) - 0.5, -0.5)
-    ax.grid(visible=False, axis="y")
-    ax.tick_params(axis="y", length=0)
+    rows_of(ax, truths)
     for y in range(1, len(truths)):
         ax.axhline(y - 0.5, color="#ececec", linewidth=0.6)
-
-
-def named(ax: "Axes", looks: dict[str, Look]) -> None:
-    """Entries of the legend without data."""
-    for name, look in looks.items():
-        entry: Look = {"markersize": 4.6, "linestyle": "none", "label": name} | look
-        ax.plot([], [], **entry)

@@ -1,6 +1,6 @@
 """The forest plot of a contest: each pose set's error against random sets, with intervals."""
 
-from testbed.report.plots import Look, percent_of
+from testbed.report.plots import Look, interval, percent_of, rows_of
 from testbed.report.svg import DARK, MIDDLE, SOFT, drawing, svg_of
 from testbed.studies.many_robots import Outcome
 from testbed.studies.pose_sets.compare import Contest, Entry
@@ -58,13 +58,10 @@ def forest(contest: Contest) -> str:
                 if entry is None or entry.ratio is None or entry.joint is None:
                     continue
                 look = LOOKS[entry.outcome]
-                for ratio, width in ((entry.joint, 0.8), (entry.ratio, 2.6)):
-                    ax.plot(percent_of(ratio)[1:], [y, y], color=look["color"], linewidth=width)
+                ends = percent_of(entry.ratio)[1:], percent_of(entry.joint)[1:]
+                interval(ax, y, *ends, look["color"])
                 ax.plot(percent_of(entry.ratio)[0], y, markersize=4.4, linestyle="none", **look)
             ax.set_title(f"{m} poses")
             ax.set_xlabel("error against random [%]")
-            ax.grid(visible=False, axis="y")
-            ax.tick_params(axis="y", length=0)
-        axes[0].set_yticks(range(len(rows)), list(rows))
-        axes[0].set_ylim(len(rows) - 0.5, -0.5)
+            rows_of(ax, list(rows))
         return svg_of(figure)

@@ -2,19 +2,25 @@
 
 from collections.abc import Sequence
 from math import ceil
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.model import RobotModel
-from testbed.report.plots import Look, dots, legend_above, plain_log, short_ticks, toward
+from testbed.report.plots import (
+    BARS,
+    Look,
+    dots,
+    label,
+    legend_above,
+    marked_line,
+    plain_log,
+    short_ticks,
+    toward,
+)
 from testbed.report.svg import DARK, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
 from testbed.studies.trial.records import Campaign, Estimate, PoseCountStudy, RandomSets, Trial
 from testbed.units import MM, UM
-
-if TYPE_CHECKING:
-    pass
 
 MOST_PANELS = 6
 """Trials shown in one figure; the tables hold all."""
@@ -83,8 +89,8 @@ def _error_panels(panels: Sequence[tuple[Trial, Array, list[Array]]], pose: str)
             x = np.arange(1, len(before) + 1)
             ax.plot(x, before * MM, "o", color=SOFT, markerfacecolor="none", label="nominal")
             for estimate, error in zip(trial.estimates, after, strict=True):
-                label = NAMES[estimate.mode]
-                ax.plot(x, error * MM, linestyle="none", label=label, **LOOKS[estimate.mode])
+                name, look = NAMES[estimate.mode], LOOKS[estimate.mode]
+                ax.plot(x, error * MM, linestyle="none", label=name, **look)
             ax.set_yscale("log")
             ax.set_title(trial.name)
             if k % columns == 0:
@@ -139,13 +145,7 @@ def search_convergence(trials: Sequence[Trial]) -> str:
             ax.step(x, trace, where="post", color=DARK)
             best = int(np.argmax(trace == trace[-1]))
             ax.plot(x[best], trace[best], "o", color=MIDDLE)
-            ax.annotate(
-                f"best: search {x[best]}",
-                (x[best], trace[best]),
-                xytext=(5, -11),
-                textcoords="offset points",
-                fontsize=7,
-            )
+            label(ax, f"best: search {x[best]}", (x[best], trace[best]), (5, -11), size=7)
             ax.set_title(trial.name)
             ax.set_xlabel("local search")
             ax.set_ylabel(f"best {name}, {trial.rows} rows")
@@ -172,15 +172,8 @@ def pose_count(study: PoseCountStudy) -> str:
             ax.fill_between(study.counts, low, high, color="#d5e3f0", linewidth=0)
             ax.plot(study.counts, study.mean[i], color=DARK)
             if chosen is not None:
-                ax.axvline(chosen, color=MIDDLE, linestyle="--", linewidth=1.0)
-                ax.annotate(
-                    f"the rule: {chosen} poses",
-                    (chosen, 0.08),
-                    xycoords=("data", "axes fraction"),
-                    xytext=(4, 0),
-                    textcoords="offset points",
-                    fontsize=7.5,
-                )
+                look: Look = {"color": MIDDLE, "linestyle": "--", "linewidth": 1.0}
+                marked_line(ax, chosen, f"the rule: {chosen} poses", 4, height=0.08, **look)
             ax.set_title(f"{name}: mean and standard deviation of 50 random sets")
             ax.set_xlabel("poses per set")
             ax.set_ylabel(name)
@@ -209,18 +202,11 @@ def random_sets(sets: Sequence[RandomSets]) -> str:
     with drawing(1, len(sets), height=2.1) as (figure, axes):
         for ax, one in zip(axes, sets, strict=True):
             scale, name = unit_factor(one.unit, one.criterion)
-            ax.hist(one.values * scale, bins=14, color="#c9d6e3", edgecolor="white", linewidth=0.5)
-            ax.axvline(one.chosen_value * scale, color=MIDDLE, linewidth=1.6)
-            ax.annotate(
-                "chosen set",
-                (one.chosen_value * scale, 0.96),
-                xycoords=("data", "axes fraction"),
-                xytext=(-3 if one.larger_is_better else 3, 0),
-                textcoords="offset points",
-                ha="right" if one.larger_is_better else "left",
-                va="top",
-                fontsize=7.5,
-            )
+            ax.hist(one.values * scale, bins=14, **BARS)
+            marked_line(
+                ax, one.chosen_value * scale, "chosen set", -3 if one.larger_is_better else 3,
+                height=0.96, color=MIDDLE, linewidth=1.6,
+            )  # fmt: skip
             ax.set_title(f"{one.trial}: {one.n_poses} poses")
             ax.set_xlabel(name)
             ax.set_ylabel("random sets")

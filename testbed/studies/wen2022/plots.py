@@ -4,7 +4,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from testbed.report.plots import legend_above, percent_of
+from testbed.report.plots import (
+    label,
+    legend_above,
+    legend_entries,
+    log_ticks,
+    percent_of,
+    rows_of,
+    share_ends,
+)
 from testbed.report.svg import DARK, FAINT, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
 from testbed.studies.trial.plots import LOOKS
 from testbed.studies.wen2022.records import ESTIMATORS, STATEMENTS
@@ -24,7 +32,6 @@ APART = 0.16
 """Between the rows of one set, in rows."""
 LANE = 0.15
 """Half the height of a step from 1 to the ratio, in rows."""
-RATIOS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 
 
 def ratio_apart(found: tuple[Split, ...]) -> str:
@@ -33,9 +40,9 @@ def ratio_apart(found: tuple[Split, ...]) -> str:
     with drawing(1, 2, height=0.95 + 0.3 * len(found)) as (figure, (left, right)):
         for y, split in enumerate(kinds):
             start = 0.0
-            for (label, color), part in zip(PARTS, split.shares, strict=True):
+            for (source, color), part in zip(PARTS, split.shares, strict=True):
                 width = 100 * part.value
-                name = label if y == 0 else None
+                name = source if y == 0 else None
                 left.barh(y, width, left=start, height=0.6, color=color, label=name)
                 if width > 5:
                     inside = INK if color == LIGHT else "white"
@@ -57,18 +64,14 @@ def ratio_apart(found: tuple[Split, ...]) -> str:
                 )
             right.plot([repeats, repeats], [y - 2 * LANE, y + 2 * LANE], color=INK, linewidth=0.8)
             right.plot(whole, y + LANE, "D", color=INK, markersize=4)
-            right.annotate(
-                f"{whole:.2f}", (whole, y + LANE), xytext=(-6, 0), textcoords="offset points",
-                ha="right", va="center", fontsize=7.5,
-            )  # fmt: skip
+            label(right, f"{whole:.2f}", (whole, y + LANE), (-6, 0), ha="right", va="center")
         right.axvline(1.0, color=SOFT, linewidth=0.9)
         right.set_xscale("log")
         lowest = min(split.geometric[0] for split in found)
         highest = max(split.geometric[1] for split in found)
-        right.set_xlim(lowest / 1.7, 1.25 * max(1.0, highest))
-        ticks = [t for t in RATIOS if lowest / 1.7 < t < 1.25 * max(1.0, highest)]
-        right.set_xticks(ticks, [f"{t:g}" for t in ticks])
-        right.set_xticks([], minor=True)
+        ends = lowest / 1.7, 1.25 * max(1.0, highest)
+        right.set_xlim(*ends)
+        log_ticks(right.xaxis, *ends)
         right.set_xlabel("geometric mean of u best / u random")
         right.set_title("from 1 to the ratio")
         right.plot([], [], color=DARK, linewidth=5, label="repeats against repeats")
@@ -103,14 +106,11 @@ def like_for_like(predicted: tuple[Predicted, ...], found: tuple[Errors, ...]) -
                 dot(ax, middle, (lower, upper), trials.index(pair.trial), pair.estimator)
             ax.set_title(f"true, {truth} robots")
             ax.set_xlabel("error against random [%]")
-        rows_of(axes[0], [f"{name} ({poses[name]} poses)" for name in trials])
         for ax in axes:
+            rows_of(ax, [f"{name} ({poses[name]} poses)" for name in trials])
             ax.axvline(0.0, color=SOFT, linewidth=0.9)
-            ax.grid(visible=False, axis="y")
-            ax.tick_params(axis="y", length=0)
         names = {"paper": "paper's estimator", "whitened": "noise weighed"}
-        for estimator in ESTIMATORS:
-            axes[0].plot([], [], linestyle="none", label=names[estimator], **LOOKS[estimator])
+        legend_entries(axes[0], {names[mode]: LOOKS[mode] for mode in ESTIMATORS})
         legend_above(figure, axes[0])
         return svg_of(figure)
 
@@ -133,26 +133,15 @@ def what_u_best_holds(found: tuple[Held, ...], level: float = 0.95) -> str:
             ax.axvline(100 * level, color=SOFT, linewidth=0.9)
             for y, one in enumerate(found):
                 mean, color = one.shares[s], (DARK, MIDDLE)[truths.index(one.truth) % 2]
-                ends = [100 * max(mean.low, 0.0), 100 * min(mean.high, 1.0)]
-                ax.plot(ends, [y, y], color=color, linewidth=2.0)
+                ax.plot(share_ends(mean), [y, y], color=color, linewidth=2.0)
                 face = color if mean.high >= level else "white"
                 ax.plot(100 * mean.value, y, "o", color=color, markerfacecolor=face)
             ax.set_xlim(-4, 104)
             ax.set_title(TITLES[statement], fontsize=7.8)
             ax.set_xlabel("inside [%]")
-        rows_of(axes[0], [f"{truth}, {trial}" for truth, trial in rows])
         for ax in axes:
-            ax.grid(visible=False, axis="y")
-            ax.tick_params(axis="y", length=0)
+            rows_of(ax, [f"{truth}, {trial}" for truth, trial in rows])
             for y in range(1, len(rows)):
                 if rows[y][0] != rows[y - 1][0]:
                     ax.axhline(y - 0.5, color=FAINT, linewidth=0.6)
         return svg_of(figure)
-
-
-def rows_of(ax: "Axes", names: list[str]) -> None:
-    """One row per name, the first on top."""
-    ax.set_yticks(range(len(names)), names)
-    ax.set_ylim(len(names) - 0.5, -0.5)
-    ax.grid(visible=False, axis="y")
-    ax.tick_params(axis="y", length=0)

@@ -6,6 +6,7 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.uncertainty.tool_map import tool_map
+from testbed.report.plots import label
 from testbed.report.svg import DARK, INK, MIDDLE, SOFT, drawing, svg_of
 from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.statement.records import Statement
@@ -38,15 +39,7 @@ def budget_bars(told: list[tuple[str, Statement]]) -> str:
                 height=0.62,
             )  # fmt: skip
             for k, value in enumerate([*values, one.combined_u * UM, beyond]):
-                ax.annotate(
-                    f"{value:.3g}",
-                    (value, k),
-                    xytext=(3, 0),
-                    textcoords="offset points",
-                    va="center",
-                    fontsize=7,
-                    color=SOFT,
-                )
+                label(ax, f"{value:.3g}", (value, k), (3, 0), size=7, va="center", color=SOFT)
             ax.set_yticks(range(len(labels)), labels)
             ax.set_title(title)
             ax.set_xlabel("u [µm]")
