@@ -9,8 +9,7 @@ Run it: python scenes/own_method.py
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.design.detmax import detmax
-from calib.design.random import random_selection
+from calib.design import Problem, detmax, random_selection
 from calib.identification.identify import identify
 from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
 from testbed.scenario.read import changed, load_scenario
@@ -37,8 +36,9 @@ def contest(robots: int = 8) -> dict[str, Array]:
         scenario = changed(load_scenario("quick"), {"seed": seed})
         bench = open_laboratory(scenario, make_setting(scenario))
         blocks, q = bench.design_blocks("whitened"), bench.setting.pool_q
+        problem = Problem.of_blocks(blocks, POSES, "O1")
         sets = {
-            "DETMAX": detmax(blocks, POSES, "O1", stream(seed, "DETMAX")).indices,
+            "DETMAX": detmax(problem, stream(seed, "DETMAX")).indices,
             "random": random_selection(len(q), POSES, stream(seed, "random")),
             "farthest": farthest(q, POSES, stream(seed, "farthest")),
         }

@@ -1,17 +1,12 @@
-"""What to measure next, beside poses already measured: the best few, and a ranking of the rest."""
+"""What to measure next, beside poses already measured: a ranking of the pool."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, frozen
-from calib.design.exchange import STARTS, exchange
-from calib.design.problem import problem_of
-from calib.design.selection import Selection
-from calib.errors import InputError
-from calib.information.criteria.base import Criterion
+from calib.design.problem import Problem
+from calib.errors import refuse
 
 SHOWN = 10
 """Poses in a ranking unless told otherwise."""
@@ -30,85 +25,30 @@ class Ranking:
     before: float
     """Figure without it."""
 
+    def __repr__(self) -> str:
+        best = f"pose {self.indices[0]} takes {self.before:.4g} to {self.figure[0]:.4g}"
+        return f"Ranking({len(self.indices)} next poses; {best})"
 
-def augment(
-    blocks: ArrayLike,
-    given: ArrayLike,
-    k: int,
-    criterion: str | Criterion,
-    rng: np.random.Generator,
-    *,
-    starts: int = STARTS,
-    prior: ArrayLike | None = None,
-    allowed: ArrayLike | None = None,
-    repeats: bool = False,
-    names: Sequence[str] = (),
-) -> Selection:
-    """The best k poses to add to a set already measured.
+
+def best_next(problem: Problem, *, shown: int = SHOWN) -> Ranking:
+    """The poses that would each add most to those already measured, best first.
+
+    To choose several that are best together, solve the problem by `exchange`.
 
     Parameters
     ----------
-    blocks : (N, r, p) array_like
-        Whitened, scaled rows of each candidate pose.
-    given : (g,) array_like of int
-        Places of the poses already measured; for poses outside the pool put B'B into `prior`.
-    k : int
-        Poses to add.
-    criterion, prior, allowed, repeats, names
-        The problem, as in `calib.design.problem.problem_of`.
-    rng, starts
-        Of the exchange.
-    """
-    return exchange(
-        blocks,
-        k,
-        criterion,
-        rng,
-        starts=starts,
-        prior=prior,
-        given=given,
-        allowed=allowed,
-        repeats=repeats,
-        names=names,
-    )
-
-
-def best_next(
-    blocks: ArrayLike,
-    given: ArrayLike,
-    criterion: str | Criterion,
-    *,
-    shown: int = SHOWN,
-    prior: ArrayLike | None = None,
-    allowed: ArrayLike | None = None,
-    repeats: bool = False,
-    names: Sequence[str] = (),
-) -> Ranking:
-    """The poses that would each add most to a set already measured, best first.
-
-    Parameters
-    ----------
-    blocks, given, criterion, prior, allowed, repeats, names
-        As in `augment`.
+    problem : Problem
+        With the poses already measured in `given` or `prior`; its number of poses plays no part.
     shown : int
         Poses to list at most.
     """
-    problem = problem_of(
-        blocks,
-        1,
-        criterion,
-        prior=prior,
-        given=given,
-        allowed=allowed,
-        repeats=repeats,
-        names=names,
-    )
     if problem.is_singular(()):
-        raise InputError(
-            "the poses already measured leave a direction unseen: each next pose is as good as any",
+        raise refuse(
+            "given",
             code="M28",
-            field="given",
-            fix="choose several poses at once (calib.design.augment.augment)",
+            message="the poses already measured leave a direction unseen: each next pose is as "
+            "good as any",
+            fix="choose several poses at once (calib.design.exchange)",
         )
     M = problem.base
     places = np.flatnonzero(problem.open)

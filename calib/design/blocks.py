@@ -1,14 +1,18 @@
 """What one more pose would tell: blocks (N, r, p) of rows of candidate poses, and what they see."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
+from calib.errors import refuse
 from calib.geometry.model import RobotModel
-from calib.geometry.parameters import Parameters
+from calib.geometry.parameters import CHARACTERISTIC_LENGTH, Parameters, parameters_of
 from calib.information.rank import count, rank, singular_values, triangle
+from calib.information.reduction import reduce
+from calib.measurement.noise import isotropic_covariance
+from calib.measurement.residual import point_blocks, whitened_blocks
 
 PAPER_LENGTH = 1e-3
 """The paper counts lengths in mm: its indices depend on that."""
@@ -20,6 +24,49 @@ def scaled_blocks(blocks: ArrayLike, parameters: Parameters) -> Array:
     """Blocks (N, r, p) of the free numbers, per scaled unit, from whitened ones (N, r, P)."""
     (blocks,) = check(f"N r {len(parameters.names)}", blocks=blocks)
     return frozen(blocks[:, :, parameters.free] * parameters.free_scale)
+
+
+def identifiable_blocks(
+    model: RobotModel, q: ArrayLike, noise: ArrayLike, free: Iterable[str] | None = None
+) -> tuple[Array, Parameters]:
+    """Scaled blocks (N, r, p) of poses at joint values q (N, n), and the numbers they tell apart.
+
+    Parameters
+    ----------
+    model : RobotModel
+        Nominal model.
+    q : (N, n) array_like
+        Joint values [rad, m].
+    noise : float or array_like
+        Standard deviation of a position on each axis [m], a rotation's being that over 0.3 m; or
+        the covariance of a pose, (6, 6) or (N, 6, 6) in world axes [m, rad]; or, where only the
+        tool origin is measured, that of a point, (3, 3) or (N, 3, 3) [m].
+    free : iterable of str, optional
+        Names of the numbers to identify; by default all of the model.
+    """
+    (q,) = check(f"N {model.chain.n_joints}", q=q)
+    covariance = np.asarray(noise, dtype=np.float64)
+    if not covariance.ndim:
+        sd = float(covariance)
+        covariance = isotropic_covariance(1, sd, sd / CHARACTERISTIC_LENGTH)
+    r = covariance.shape[-1]
+    if r not in (3, 6) or covariance.shape not in ((r, r), (1, r, r), (len(q), r, r)):
+        raise refuse(
+            "noise",
+            covariance.shape,
+            "a number, or covariances (6, 6) of a pose or (3, 3) of a point, one or N",
+            code="A1",
+            message=f"noise has shape {covariance.shape}",
+        )
+    covariance = np.broadcast_to(covariance, (len(q), r, r))
+    if r == 6:
+        rows = whitened_blocks(model, q, covariance)
+    else:
+        rows = point_blocks(model, q, covariance, np.zeros((len(q), 3)))
+    parameters = parameters_of(model, free)
+    A = scaled_blocks(rows, parameters).reshape(-1, parameters.n_free)
+    parameters = parameters.freeing(reduce(A, parameters, model=model, q=q).kept)
+    return scaled_blocks(rows, parameters), parameters
 
 
 def paper_blocks(model: RobotModel, parameters: Parameters, q: ArrayLike) -> Array:
@@ -37,11 +84,6 @@ def paper_blocks(model: RobotModel, parameters: Parameters, q: ArrayLike) -> Arr
     return frozen((J * rows[:, None] * columns)[:, :, parameters.free])
 
 
-def fewest_poses(blocks: Array) -> int:
-    """Fewest poses of the pool (N, r, p) whose rows can reach rank p."""
-    return int(-(-blocks.shape[2] // most_of_one(blocks)))
-
-
 def most_of_one(blocks: Array) -> int:
     """Largest rank of one pose of the pool (N, r, p); at least one."""
     full, most = min(blocks.shape[1:]), 1
@@ -57,11 +99,6 @@ def directions_seen(A: Array) -> int:
     """Directions that rows (N, p) tell apart, whatever the column units."""
     size = np.linalg.norm(A, axis=0)
     return count(singular_values(A / np.where(size > 0, size, 1.0)), NEARLY_SINGULAR)
-
-
-def is_singular(blocks: Array) -> bool:
-    """Whether poses (m, r, p) together leave a direction unseen, whatever the column units."""
-    return not sees_all(blocks.reshape(-1, blocks.shape[-1]))
 
 
 def sees_all(A: Array) -> bool:

@@ -1,14 +1,13 @@
 """A certificate: how close a pose set is to the best possible of its pool, whatever found it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, floor
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.design.problem import Problem, problem_of
-from calib.design.relaxation import ITERATIONS, TOLERANCE, Grams, relax
+from calib.design.problem import Problem
+from calib.design.relaxation import ITERATIONS, TOLERANCE, relaxation
 from calib.information.criteria.base import Certifiable, Criterion
 from calib.information.criteria.d import D
 
@@ -36,17 +35,14 @@ class Certificate:
     sentence: str
     """The same in words."""
 
+    def __repr__(self) -> str:
+        return f"Certificate({self.sentence})"
+
 
 def certify(
-    blocks: ArrayLike,
+    problem: Problem,
     indices: ArrayLike,
-    criterion: str | Criterion,
     *,
-    prior: ArrayLike | None = None,
-    given: ArrayLike = (),
-    allowed: ArrayLike | None = None,
-    repeats: bool = False,
-    names: Sequence[str] = (),
     iterations: int = ITERATIONS,
     tolerance: float = TOLERANCE,
 ) -> Certificate | None:
@@ -54,12 +50,10 @@ def certify(
 
     Parameters
     ----------
-    blocks : (N, r, p) array_like
-        Whitened, scaled rows of each candidate pose.
+    problem : Problem
+        What was to be chosen.
     indices : (m,) array_like of int
-        The set, without the poses `given`.
-    criterion, prior, given, allowed, repeats, names
-        The problem, as in `calib.design.problem.problem_of`.
+        The set, without the poses given.
     iterations, tolerance
         Of the relaxation; the bound holds after any number of steps.
 
@@ -67,17 +61,7 @@ def certify(
     ----------
     The bounds are those of `calib.design.relaxation.relaxation`.
     """
-    problem = problem_of(
-        blocks,
-        np.size(indices),
-        criterion,
-        prior=prior,
-        given=given,
-        allowed=allowed,
-        repeats=repeats,
-        names=names,
-    )
-    chosen = problem.checked_set(indices, "indices")
+    chosen = problem.require_set(indices, "indices")
     return certificate_of(problem, chosen, iterations=iterations, tolerance=tolerance)
 
 
@@ -85,21 +69,20 @@ def certificate_of(
     problem: Problem,
     chosen: ArrayLike,
     *,
-    packed: Grams | None = None,
     iterations: int = ITERATIONS,
     tolerance: float = TOLERANCE,
 ) -> Certificate | None:
-    """Certificate of a set of a checked problem; None where no bound is known or M is singular."""
+    """Certificate of a set (m,); None where no bound is known or M is singular."""
     criterion = problem.criterion
     M = problem.information(chosen)
     value = float(criterion.value(M))
     if not isinstance(criterion, Certifiable) or not np.isfinite(value):
         return None
-    relaxed = relax(problem, criterion, packed=packed, iterations=iterations, tolerance=tolerance)
-    return judged(problem, criterion, value, relaxed.bound, len(relaxed.trace))
+    relaxed = relaxation(problem, iterations=iterations, tolerance=tolerance)
+    return certificate_of_bound(problem, criterion, value, relaxed.bound, len(relaxed.trace))
 
 
-def judged(
+def certificate_of_bound(
     problem: Problem, criterion: Certifiable, value: float, bound: float, iterations: int = 0
 ) -> Certificate:
     """A certificate from a value and a proven bound."""

@@ -8,22 +8,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Index
-from calib.design.detmax import checked_start
 from calib.design.greedy import grow
 from calib.design.local import add_and_drop, best_pairs
-from calib.design.problem import Problem, problem_of
-from calib.design.random import nonsingular_set
-from calib.design.selection import Selection, finished
-from calib.errors import InputError
-from calib.information.criteria.base import Criterion
+from calib.design.problem import Problem
+from calib.design.random import nonsingular_set, starting_set
+from calib.design.selection import Selection, selection_of
+from calib.errors import refuse
 from calib.information.criteria.d import D
 from calib.information.criteria.g import G
 from calib.information.criteria.linear import Linear
 
-STARTS = 6
-"""Starts unless told otherwise: the greedy set, for A and V the best for D, the others random."""
-STARTS_OF_D = 2
-"""Starts of that search for D."""
+RESTARTS = 6
+"""Local searches by default, from the greedy set, for A and V the best for D, the others random."""
+RESTARTS_OF_D = 2
+"""Local searches of that search for D."""
 PAIRS_OF_G = 5000
 """Exchanges of two poses that G tries at most: each needs every goal pose."""
 
@@ -37,20 +35,8 @@ class Best(NamedTuple):
     evaluated: int
 
 
-def exchange(
-    blocks: ArrayLike,
-    m: int,
-    criterion: str | Criterion,
-    rng: np.random.Generator,
-    *,
-    starts: int = STARTS,
-    prior: ArrayLike | None = None,
-    given: ArrayLike = (),
-    allowed: ArrayLike | None = None,
-    repeats: bool = False,
-    names: Sequence[str] = (),
-) -> Selection:
-    """Pose set of size m that no exchange improves, the best from several starts.
+def exchange(problem: Problem, rng: np.random.Generator, *, restarts: int = RESTARTS) -> Selection:
+    """Pose set that no exchange improves, the best from several starts.
 
     The first start is the greedy set, so that the result is never worse than that. The second, for
     A and V, is the best set found for D: variances have more local optima than the determinant.
@@ -60,43 +46,30 @@ def exchange(
 
     Parameters
     ----------
-    blocks, m, criterion, prior, given, allowed, repeats, names
-        The problem, as in `calib.design.problem.problem_of`.
+    problem : Problem
+        What to choose.
     rng : numpy.random.Generator
         Draws the other starts.
-    starts : int
-        Number of starts.
+    restarts : int
+        Local searches, each from another start.
 
     References
     ----------
     Mitchell 1974 (add and drop); Fedorov 1972 (pairs).
     """
-    problem = problem_of(
-        blocks,
-        m,
-        criterion,
-        prior=prior,
-        given=given,
-        allowed=allowed,
-        repeats=repeats,
-        names=names,
-    )
-    if starts < 1:
-        raise InputError(
-            f"starts is {starts}", code="A3", field="starts", value=starts, allowed="at least 1"
-        )
-    pairs = not isinstance(problem.criterion, G) or m * len(problem.pool) <= PAIRS_OF_G
-    best = best_exchange(problem, rng, starts=starts, pairs=pairs)
-    return finished(
-        problem, best.chosen, trace=best.trace, method="exchange", evaluations=best.evaluated
-    )
+    if restarts < 1:
+        raise refuse("restarts", restarts, "at least 1", code="A3")
+    small = problem.m * len(problem.pool) <= PAIRS_OF_G
+    pairs = small or not isinstance(problem.criterion, G)
+    best = best_exchange(problem, rng, restarts=restarts, pairs=pairs)
+    return selection_of(problem, best.chosen, "exchange", best.trace, best.evaluated)
 
 
 def best_exchange(
     problem: Problem,
     rng: np.random.Generator,
     *,
-    starts: int = STARTS,
+    restarts: int = RESTARTS,
     first: Sequence[int] | None = None,
     pairs: bool = False,
 ) -> Best:
@@ -104,15 +77,15 @@ def best_exchange(
     criterion = problem.criterion
     if isinstance(criterion, G):
         # the worst goal pose changes from set to set: the best mean is where to begin
-        mean = best_exchange(replace(problem, criterion=criterion.mean()), rng, starts=starts)
+        mean = best_exchange(replace(problem, criterion=criterion.mean()), rng, restarts=restarts)
         first = mean.chosen.tolist()
     chosen, value, trace, evaluated = np.zeros(0, np.int64), -np.inf, list[float](), 0
-    for start in range(starts):
+    for start in range(restarts):
         if start == 0:
             begin = _first(problem, rng, first)
         elif start == 1 and isinstance(criterion, Linear):
             by_d = replace(problem, criterion=D())
-            begin = best_exchange(by_d, rng, starts=STARTS_OF_D).chosen
+            begin = best_exchange(by_d, rng, restarts=RESTARTS_OF_D).chosen
         else:
             begin = nonsingular_set(problem, rng)
         end = add_and_drop(problem, begin)
@@ -135,24 +108,14 @@ def _first(problem: Problem, rng: np.random.Generator, first: Sequence[int] | No
 
 
 def fedorov(
-    blocks: ArrayLike,
-    m: int,
-    criterion: str | Criterion,
-    rng: np.random.Generator,
-    *,
-    start: ArrayLike | None = None,
-    prior: ArrayLike | None = None,
-    given: ArrayLike = (),
-    allowed: ArrayLike | None = None,
-    repeats: bool = False,
-    names: Sequence[str] = (),
+    problem: Problem, rng: np.random.Generator, *, start: ArrayLike | None = None
 ) -> Selection:
-    """Pose set of size m from one start, until no exchange of one pose improves it.
+    """Pose set from one start, until no exchange of one pose improves it.
 
     Parameters
     ----------
-    blocks, m, criterion, prior, given, allowed, repeats, names
-        The problem, as in `calib.design.problem.problem_of`.
+    problem : Problem
+        What to choose.
     rng : numpy.random.Generator
         Draws the first set.
     start : (m,) array of int, optional
@@ -162,19 +125,6 @@ def fedorov(
     ----------
     Fedorov 1972.
     """
-    problem = problem_of(
-        blocks,
-        m,
-        criterion,
-        prior=prior,
-        given=given,
-        allowed=allowed,
-        repeats=repeats,
-        names=names,
-    )
-    chosen = nonsingular_set(problem, rng) if start is None else checked_start(problem, start)
-    end = best_pairs(problem, chosen)
+    end = best_pairs(problem, starting_set(problem, rng, start))
     figure = problem.criterion.figure(problem.information(end.chosen), problem.n_poses)
-    return finished(
-        problem, end.chosen, trace=[figure], method="fedorov", evaluations=end.evaluated
-    )
+    return selection_of(problem, end.chosen, "fedorov", [figure], end.evaluated)

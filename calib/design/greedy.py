@@ -1,16 +1,13 @@
 """Greedy selection: pose after pose, each the best next one; the first k are a set of k."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from calib.arrays import Array
 from calib.design.blocks import sees_all
-from calib.design.problem import Problem, problem_of
-from calib.design.selection import Selection, finished
-from calib.information.criteria.base import Criterion
+from calib.design.problem import Problem
+from calib.design.selection import Selection, selection_of
 from calib.information.rank import singular_values
 
 RIDGE = 1e-6
@@ -27,46 +24,16 @@ class Grown(NamedTuple):
     evaluated: int
 
 
-def greedy(
-    blocks: ArrayLike,
-    m: int,
-    criterion: str | Criterion,
-    rng: np.random.Generator | None = None,  # noqa: ARG001 - the signature of all methods
-    *,
-    prior: ArrayLike | None = None,
-    given: ArrayLike = (),
-    allowed: ArrayLike | None = None,
-    repeats: bool = False,
-    names: Sequence[str] = (),
-) -> Selection:
-    """Pose set of size m, grown by the best next pose.
+def greedy(problem: Problem) -> Selection:
+    """Pose set grown by the best next pose.
 
     Where prior and given poses tell (almost) nothing of a direction, a ridge stands in for it. It
     is relative per column, so that D chooses the same poses in any units; the value reported is
     without it.
     `trace` holds the figure after each pose, with the ridge.
-
-    Parameters
-    ----------
-    blocks, m, criterion, prior, given, allowed, repeats, names
-        The problem, as in `calib.design.problem.problem_of`.
-    rng : numpy.random.Generator, optional
-        Unused: nothing is random here.
     """
-    problem = problem_of(
-        blocks,
-        m,
-        criterion,
-        prior=prior,
-        given=given,
-        allowed=allowed,
-        repeats=repeats,
-        names=names,
-    )
     grown = grow(problem)
-    return finished(
-        problem, grown.chosen, trace=grown.trace, method="greedy", evaluations=grown.evaluated
-    )
+    return selection_of(problem, grown.chosen, "greedy", grown.trace, grown.evaluated)
 
 
 def grow(problem: Problem) -> Grown:

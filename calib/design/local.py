@@ -13,7 +13,7 @@ SHAKES = 100
 """Shakes tried before a set that tells all numbers apart is drawn anew."""
 
 
-class Local(NamedTuple):
+class LocalOptimum(NamedTuple):
     """End of one local search."""
 
     chosen: Index
@@ -21,7 +21,7 @@ class Local(NamedTuple):
     evaluated: int
 
 
-def add_and_drop(problem: Problem, chosen: Index) -> Local:
+def add_and_drop(problem: Problem, chosen: Index) -> LocalOptimum:
     """Add the best and drop the worst until they are the same pose or the value stops rising.
 
     The set stays in ascending order and its information is summed afresh each round, so that a
@@ -48,10 +48,10 @@ def add_and_drop(problem: Problem, chosen: Index) -> Local:
         if not criterion.rises(reached, value):
             break
         chosen, value = candidate, reached
-    return Local(chosen, value, evaluated)
+    return LocalOptimum(chosen, value, evaluated)
 
 
-def best_pairs(problem: Problem, chosen: Index) -> Local:
+def best_pairs(problem: Problem, chosen: Index) -> LocalOptimum:
     """Take the best of all exchanges of one pose for another until the value stops rising.
 
     References
@@ -72,11 +72,11 @@ def best_pairs(problem: Problem, chosen: Index) -> Local:
         if not criterion.rises(reached, value):
             break
         chosen, value = candidate, reached
-    return Local(chosen, value, evaluated)
+    return LocalOptimum(chosen, value, evaluated)
 
 
-def shaken(problem: Problem, chosen: Index, swaps: int, rng: np.random.Generator) -> Index:
-    """The set with `swaps` of its poses exchanged for others of the pool; still nonsingular."""
+def shake(problem: Problem, chosen: Index, swaps: int, rng: np.random.Generator) -> Index:
+    """Exchange `swaps` poses of a set for others of the pool; the result is nonsingular."""
     outside = np.flatnonzero(problem.addable(chosen))
     swaps = min(swaps, len(chosen), len(outside))
     for _ in range(SHAKES):

@@ -4,27 +4,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, frozen
-from calib.design.blocks import directions_seen, most_of_one
-from calib.design.certificate import judged
+from calib.design.certificate import certificate_of_bound
 from calib.design.exchange import best_exchange
-from calib.design.problem import Problem, problem_of
-from calib.design.relaxation import Grams, relax
-from calib.errors import InputError
-from calib.information.criteria.base import Certifiable, Criterion
+from calib.design.problem import Problem
+from calib.design.relaxation import Grams, relaxation
+from calib.errors import refuse
+from calib.information.criteria.base import Certifiable
 
-STARTS = 3
-"""Starts of the exchange at each number of poses."""
-LARGEST = 200
-"""Largest number of poses looked at unless told otherwise."""
+RESTARTS = 3
+"""Local searches of the exchange at each number of poses."""
 STEP = 1.25
 """Ratio of neighboring numbers of poses on the curve."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Budget:
+class PoseBudget:
     """Uncertainty against the number of poses: reached by a designed set, and possible at all."""
 
     criterion: str
@@ -46,25 +42,28 @@ class Budget:
     sentence: str
     """The same in words."""
 
+    def __repr__(self) -> str:
+        return f"PoseBudget({self.criterion}: {self.sentence})"
+
 
 class _Curve:
     """Designed sets and bounds of one problem at any number of poses, each computed once."""
 
     def __init__(
-        self, problem: Problem, criterion: Certifiable, rng: np.random.Generator, starts: int
+        self, problem: Problem, criterion: Certifiable, rng: np.random.Generator, restarts: int
     ) -> None:
-        self.problem, self.criterion, self.rng, self.starts = problem, criterion, rng, starts
+        self.problem, self.criterion, self.rng, self.restarts = problem, criterion, rng, restarts
         self.packed = Grams(problem.blocks[problem.open])
         self.sets: dict[int, tuple[Index, float, float]] = {}
 
     def at(self, m: int) -> tuple[Index, float, float]:
         """The designed set of m poses, its figure, and the figure no set of m can better."""
         if m not in self.sets:
-            problem = self.problem.sized(m)
-            best = best_exchange(problem, self.rng, starts=self.starts)
-            bound = relax(problem, self.criterion, packed=self.packed).bound
-            found = judged(problem, self.criterion, best.value, bound)
-            self.sets[m] = best.chosen, found.figure, found.figure_bound
+            problem = self.problem.resize(m)
+            best = best_exchange(problem, self.rng, restarts=self.restarts)
+            bound = relaxation(problem, packed=self.packed).bound
+            limit = certificate_of_bound(problem, self.criterion, best.value, bound)
+            self.sets[m] = best.chosen, limit.figure, limit.figure_bound
         return self.sets[m]
 
     def first(self, column: int, target: float, low: int, high: int) -> int | None:
@@ -81,77 +80,47 @@ class _Curve:
 
 
 def pose_budget(
-    blocks: ArrayLike,
-    criterion: Criterion,
+    problem: Problem,
     target: float,
     rng: np.random.Generator,
     *,
     counts: Sequence[int] | None = None,
-    largest: int | None = None,
-    starts: int = STARTS,
-    prior: ArrayLike | None = None,
-    given: ArrayLike = (),
-    allowed: ArrayLike | None = None,
-    names: Sequence[str] = (),
-) -> Budget:
+    restarts: int = RESTARTS,
+) -> PoseBudget:
     """Fewest poses that reach a target, the proven least number, and the curve of both.
 
     Parameters
     ----------
-    blocks : (N, r, p) array_like
-        Whitened, scaled rows of each candidate pose.
-    criterion : Criterion
-        V or G of the goal (A will do too).
+    problem : Problem
+        By V or G of the goal (A will do too); its number of poses is the largest looked at.
     target : float
         Standard uncertainty of the tool point asked for, mean (V) or worst (G) [m]; U / 2 for an
         expanded uncertainty U with k = 2.
     rng : numpy.random.Generator
         Draws the starts of each design.
     counts : sequence of int, optional
-        Numbers of poses to show; by default from the fewest on, each a quarter more than the last,
-        a little past the target.
-    largest : int, optional
-        Largest number looked at; by default 200, or the pool.
-    starts : int
-        Starts of the exchange at each number.
-    prior, given, allowed, names
-        The problem, as in `calib.design.problem.problem_of`.
+        Numbers of poses to show, and to look among; by default from the fewest on, each a quarter
+        more than the last, a little past the target.
+    restarts : int
+        Local searches at each number.
     """
+    criterion = problem.criterion
     if not isinstance(criterion, Certifiable) or criterion.larger_is_better:
-        name = criterion if isinstance(criterion, str) else criterion.name
-        raise InputError(
-            f"a pose budget cannot be made by {name}",
+        raise refuse(
+            "criterion",
+            criterion.name,
+            "V or G, with goal poses",
             code="A4",
-            field="criterion",
-            value=name,
-            allowed="V or G, with goal poses",
+            message=f"a pose budget cannot be made by {criterion.name}",
         )
     if not (np.isfinite(target) and target > 0):
-        raise InputError(
-            f"target is {target} m", code="A3", field="target", value=target, allowed="above zero"
-        )
-    problem = problem_of(
-        blocks,
-        _open_poses(blocks, given, allowed),
-        criterion,
-        prior=prior,
-        given=given,
-        allowed=allowed,
-        names=names,
-    )
-    free, least = int(problem.open.sum()), _fewest(problem)
-    top = min(LARGEST if largest is None else largest, free)
-    if top < least:
-        problem_of(blocks, top, criterion, prior=prior, given=given, allowed=allowed, names=names)
-    curve = _Curve(problem, criterion, rng, starts)
-    grid = _grid(least, top) if counts is None else sorted({int(m) for m in counts})
+        raise refuse("target", target, "above zero", code="A3", message=f"target is {target} m")
+    free, least = int(problem.open.sum()), problem.fewest
+    curve = _Curve(problem, criterion, rng, restarts)
+    grid = _grid(least, problem.m) if counts is None else sorted({int(m) for m in counts})
     if not grid or grid[0] < least or grid[-1] > free:
-        raise InputError(
-            "counts holds numbers of poses that cannot be",
-            code="M27",
-            field="counts",
-            allowed=f"{least} to {free}",
-        )
+        message, wanted = "counts holds numbers of poses that cannot be", f"{least} to {free}"
+        raise refuse("counts", allowed=wanted, code="M27", message=message)
     low, high = grid[0], grid[-1]
     if counts is None:
         for high in grid:
@@ -168,7 +137,7 @@ def pose_budget(
     proven = curve.first(2, target, least, high if smallest is None else smallest)
     sizes = sorted({*shown, *filter(None, (smallest, proven))})
     points = [curve.at(m) for m in sizes]
-    return Budget(
+    return PoseBudget(
         criterion=criterion.name,
         target=float(target),
         counts=frozen(sizes, np.int64),
@@ -179,21 +148,6 @@ def pose_budget(
         chosen=frozen(curve.at(high if smallest is None else smallest)[0], np.int64),
         sentence=_sentence(target, smallest, proven, high, curve),
     )
-
-
-def _open_poses(blocks: ArrayLike, given: ArrayLike, allowed: ArrayLike | None) -> int:
-    """Poses of the pool that may be chosen, before anything is checked."""
-    inside = len(np.asarray(blocks)) if np.ndim(blocks) else 0
-    if allowed is None:
-        return max(inside - np.size(given), 1)
-    free = set(np.flatnonzero(allowed).tolist()) - set(np.asarray(given).reshape(-1).tolist())
-    return max(len(free), 1)
-
-
-def _fewest(problem: Problem) -> int:
-    """Fewest poses with which every direction can be seen; at least one."""
-    missing = problem.p - directions_seen(problem.before)
-    return max(-(-missing // most_of_one(problem.blocks[problem.open])), 1)
 
 
 def _grid(least: int, top: int) -> list[int]:

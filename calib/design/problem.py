@@ -1,23 +1,36 @@
 """A design problem, checked: the pool, how many poses, for what, and what is known before."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Bool, Index, check, frozen
-from calib.design.blocks import directions_seen, information, most_of_one, sees_all, unseen_in_words
-from calib.errors import InputError
+from calib.design.blocks import (
+    directions_seen,
+    identifiable_blocks,
+    information,
+    most_of_one,
+    sees_all,
+    unseen_in_words,
+)
+from calib.errors import InputError, refuse
+from calib.geometry.model import RobotModel
 from calib.information.criteria.base import Criterion, Pool
 from calib.information.criteria.named import criterion_named
+from calib.information.goals import goal_matrix
 
 NO_POSES = frozen(np.zeros(0), np.int64)
+LARGER_POOL = "enlarge the pool or choose fewer poses"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """Choose m poses of a pool, beside those already measured, so that a criterion is best."""
+    """Choose m poses of a pool, beside those already measured, so that a criterion is best.
+
+    Made by `of_blocks` or `of_poses`, which check it; all methods of design trust it.
+    """
 
     pool: Pool
     m: int
@@ -34,6 +47,142 @@ class Problem:
     """Poses of the pool already measured; not counted in m."""
     prior: bool
     """Whether there is a prior precision."""
+    fewest: int
+    """Fewest poses that can tell all numbers apart."""
+    names: tuple[str, ...] = ()
+    """(p,) of the numbers, for messages; or none."""
+
+    def __repr__(self) -> str:
+        pool = f"{self.m} of {int(self.open.sum())} poses"
+        return f"Problem({pool}, {self.p} numbers, by {self.criterion.name})"
+
+    @classmethod
+    def of_blocks(
+        cls,
+        blocks: ArrayLike,
+        poses: int,
+        criterion: str | Criterion,
+        *,
+        prior: ArrayLike | None = None,
+        given: ArrayLike = (),
+        allowed: ArrayLike | None = None,
+        repeats: bool = False,
+        names: Sequence[str] = (),
+    ) -> "Problem":
+        """A problem from whitened blocks, checked before anything is computed.
+
+        Parameters
+        ----------
+        blocks : (N, r, p) array_like
+            Whitened, scaled rows of each candidate pose.
+        poses : int
+            Poses to choose.
+        criterion : str or Criterion
+            Name, or a criterion made once (V and G need their goals).
+        prior : (p, p) array_like, optional
+            Precision of the scaled numbers before any measurement; for poses outside the pool
+            that are already measured, their B'B.
+        given : (k,) array_like of int
+            Poses of the pool already measured: counted in M, not in `poses`, not chosen again
+            unless `repeats`.
+        allowed : (N,) array_like of bool, optional
+            Poses that may be chosen.
+        repeats : bool
+            Whether a pose may be chosen more than once.
+        names : sequence of p str
+            Names of the numbers, for the messages.
+        """
+        criterion = criterion_named(criterion)
+        (blocks,) = check("N r p", blocks=blocks)
+        n, _, p = blocks.shape
+        if not blocks.size:
+            shape = f"blocks has shape {blocks.shape}"
+            raise refuse("blocks", allowed="none may be 0", code="A1", message=shape)
+        if criterion.n_numbers not in (None, p):
+            raise refuse(
+                "criterion",
+                criterion.n_numbers,
+                f"the blocks have {p}",
+                code="A1",
+                message=f"the goal is made for {criterion.n_numbers} numbers",
+                fix="make goal and blocks from the same free numbers",
+            )
+        if len(names) not in (0, p):
+            wanted = f"one for each of {p} numbers, or none"
+            raise refuse("names", len(names), wanted, code="A1", message=f"{len(names)} names")
+        measured, may = _places(given, n), _mask(allowed, n)
+        if not repeats:
+            may[measured] = False
+        before = np.concatenate([_prior_rows(prior, p), blocks[measured].reshape(-1, p)])
+        problem = cls(
+            pool=Pool(blocks),
+            m=poses,
+            criterion=criterion,
+            before=before,
+            base=np.asarray(before.T @ before),
+            open=may,
+            repeats=repeats,
+            given=measured,
+            prior=prior is not None,
+            fewest=max(-(-(p - directions_seen(before)) // most_of_one(blocks[may])), 1),
+            names=tuple(names),
+        ).resize(poses)
+        rows = np.concatenate([before, blocks[may].reshape(-1, p)])
+        if not sees_all(rows):
+            raise refuse(
+                "blocks",
+                allowed=unseen_in_words(rows, names),
+                code="M28",
+                message=f"even all {may.sum()} poses cannot tell the {p} numbers apart",
+                fix="reduce the free numbers first (calib.information.reduction)",
+            )
+        return problem
+
+    @classmethod
+    def of_poses(
+        cls,
+        model: RobotModel,
+        pool_q: ArrayLike,
+        *,
+        poses: int,
+        criterion: str | Criterion = "D",
+        goals: ArrayLike | None = None,
+        noise: ArrayLike = 1e-5,
+        free: Iterable[str] | None = None,
+        given: ArrayLike = (),
+        allowed: ArrayLike | None = None,
+        repeats: bool = False,
+    ) -> "Problem":
+        """A problem from joint values; what no pose of the pool can tell apart is held fixed.
+
+        Parameters
+        ----------
+        model : RobotModel
+            Nominal model.
+        pool_q : (N, n) array_like
+            Joint values of the candidate poses [rad, m].
+        poses, given, allowed, repeats
+            As in `of_blocks`.
+        criterion : str or Criterion
+            Name, or a criterion made once.
+        goals : (g, n) array_like, optional
+            Joint values at which the tool must be right, for V and G [rad, m].
+        noise : float or array_like
+            As in `calib.design.blocks.identifiable_blocks`.
+        free : iterable of str, optional
+            Names of the numbers to identify; by default all of the model.
+        """
+        blocks, parameters = identifiable_blocks(model, pool_q, noise, free)
+        wanted = None if goals is None else goal_matrix(model, goals, parameters)
+        return cls.of_blocks(
+            blocks,
+            poses,
+            criterion_named(criterion, goals=wanted),
+            given=given,
+            allowed=allowed,
+            repeats=repeats,
+            names=parameters.free_names,
+        )
 
     @property
     def blocks(self) -> Array:
@@ -70,7 +219,7 @@ class Problem:
             free[np.asarray(chosen, dtype=np.int64)] = False
         return free
 
-    def checked_set(self, chosen: ArrayLike, field: str) -> Index:
+    def require_set(self, chosen: ArrayLike, field: str) -> Index:
         """Places (m,) of a set that the caller names, after refusing what is none."""
         places = np.asarray(chosen)
         sound = places.shape == (self.m,) and np.issubdtype(places.dtype, np.integer)
@@ -81,96 +230,39 @@ class Problem:
             sound = not twice and bool(self.open[places].all())
         if not sound:
             kind = "numbers" if self.repeats else "different numbers"
-            raise InputError(
-                f"{field} is not a set of places in the pool",
+            last = len(self.pool) - 1
+            raise refuse(
+                field,
+                allowed=f"{self.m} {kind} from 0 to {last}, of poses that may be chosen",
                 code="A3",
-                field=field,
-                allowed=f"{self.m} {kind} from 0 to {len(self.pool) - 1}, of poses that may be "
-                "chosen",
+                message=f"{field} is not a set of places in the pool",
             )
         return np.asarray(places, dtype=np.int64)
 
-    def sized(self, m: int) -> "Problem":
-        """The same problem for another number of poses."""
-        return replace(self, m=m)
+    def resize(self, poses: int) -> "Problem":
+        """The same problem for another number of poses, after refusing one that cannot be."""
+        free, n, p = int(self.open.sum()), len(self.pool), self.p
+        if poses != int(poses) or poses < 1:
+            raise _wanted(poses, "a whole number, at least 1", "" if free else LARGER_POOL)
+        if not free or (poses > free and not self.repeats):
+            some = "" if free == n else f", of which {free} may be chosen"
+            raise _wanted(poses, f"the pool has {n}{some}", LARGER_POOL)
+        if poses < self.fewest:
+            candidates = self.blocks[self.open]
+            allowed = f"{p} numbers need at least {self.fewest} poses of {candidates.shape[1]} rows"
+            if self.names:
+                seen = directions_seen(self.before) + poses * most_of_one(candidates)
+                rows = np.concatenate([self.before, *candidates[:poses]])
+                allowed += f"; {poses} leave at least {p - seen} directions unseen, such as: "
+                allowed += unseen_in_words(rows, self.names)
+            raise _wanted(poses, allowed, "choose more poses or free fewer numbers")
+        return replace(self, m=int(poses))
 
 
-def problem_of(
-    blocks: ArrayLike,
-    m: int,
-    criterion: str | Criterion,
-    *,
-    prior: ArrayLike | None = None,
-    given: ArrayLike = (),
-    allowed: ArrayLike | None = None,
-    repeats: bool = False,
-    names: Sequence[str] = (),
-) -> Problem:
-    """Check a design problem before anything is computed.
-
-    Parameters
-    ----------
-    blocks : (N, r, p) array_like
-        Whitened, scaled rows of each candidate pose.
-    m : int
-        Poses to choose.
-    criterion : str or Criterion
-        Name, or a criterion made once (V and G need their goals).
-    prior : (p, p) array_like, optional
-        Precision of the scaled numbers before any measurement.
-    given : (k,) array_like of int
-        Poses of the pool already measured: counted in M, not in m, not chosen again unless
-        `repeats`.
-    allowed : (N,) array_like of bool, optional
-        Poses that may be chosen.
-    repeats : bool
-        Whether a pose may be chosen more than once.
-    names : sequence of p str
-        Names of the numbers, for the messages.
-    """
-    criterion = criterion_named(criterion)
-    (blocks,) = check("N r p", blocks=blocks)
-    n, _, p = blocks.shape
-    if not blocks.size:
-        raise InputError(
-            f"blocks has shape {blocks.shape}", code="A1", field="blocks", allowed="none may be 0"
-        )
-    if criterion.n_numbers not in (None, p):
-        raise InputError(
-            f"the goal is made for {criterion.n_numbers} numbers",
-            code="A1",
-            field="criterion",
-            value=criterion.n_numbers,
-            allowed=f"the blocks have {p}",
-            fix="make goal and blocks from the same free numbers",
-        )
-    if len(names) not in (0, p):
-        raise InputError(
-            f"{len(names)} names",
-            code="A1",
-            field="names",
-            value=len(names),
-            allowed=f"one for each of {p} numbers, or none",
-        )
-    known = _places(given, n)
-    free = _mask(allowed, n)
-    if not repeats:
-        free[known] = False
-    prior_rows = _prior_rows(prior, p)
-    before = np.concatenate([prior_rows, blocks[known].reshape(-1, p)])
-    _check_size(m, int(free.sum()), n, repeats)
-    _check_rank(blocks, m, before, free, names)
-    return Problem(
-        pool=Pool(blocks),
-        m=int(m),
-        criterion=criterion,
-        before=before,
-        base=np.asarray(before.T @ before),
-        open=free,
-        repeats=repeats,
-        given=known,
-        prior=prior is not None,
-    )
+def _wanted(poses: int, allowed: str, fix: str) -> InputError:
+    """The error for a number of poses that cannot be."""
+    message = f"{poses} poses wanted"
+    return refuse("m", poses, allowed, code="M27", message=message, fix=fix)
 
 
 def _places(given: ArrayLike, n: int) -> Index:
@@ -178,21 +270,17 @@ def _places(given: ArrayLike, n: int) -> Index:
     places = np.asarray(given) if np.size(given) else NO_POSES
     whole = places.ndim == 1 and np.issubdtype(places.dtype, np.integer)
     if not whole or (places < 0).any() or (places >= n).any():
-        raise InputError(
-            "given is not a list of places in the pool",
-            code="A3",
-            field="given",
-            allowed=f"numbers from 0 to {n - 1}",
-        )
+        message = "given is not a list of places in the pool"
+        raise refuse("given", allowed=f"numbers from 0 to {n - 1}", code="A3", message=message)
     unique, counts = np.unique(places, return_counts=True)
     if (counts > 1).any():
         twice = int(unique[np.argmax(counts > 1)])
-        raise InputError(
-            f"pose {twice} is given {counts.max()} times",
+        raise refuse(
+            "given",
+            twice,
+            "each pose once",
             code="M31",
-            field="given",
-            value=twice,
-            allowed="each pose once",
+            message=f"pose {twice} is given {counts.max()} times",
             fix="remove the repetition, or put what it told into the prior",
         )
     return frozen(places, np.int64)
@@ -200,15 +288,11 @@ def _places(given: ArrayLike, n: int) -> Index:
 
 def _mask(allowed: ArrayLike | None, n: int) -> Bool:
     """Mask (n,) of poses that may be chosen."""
-    free = np.ones(n, dtype=bool) if allowed is None else np.array(allowed)
-    if free.shape != (n,) or free.dtype != np.bool_:
-        raise InputError(
-            f"allowed has shape {free.shape} of {free.dtype}",
-            code="A1",
-            field="allowed",
-            allowed=f"true or false for each of {n} poses",
-        )
-    return free
+    may = np.ones(n, dtype=bool) if allowed is None else np.array(allowed)
+    if may.shape != (n,) or may.dtype != np.bool_:
+        message, wanted = f"allowed has shape {may.shape} of {may.dtype}", f"each of {n} poses"
+        raise refuse("allowed", allowed=f"true or false for {wanted}", code="A1", message=message)
+    return may
 
 
 def _prior_rows(prior: ArrayLike | None, p: int) -> Array:
@@ -219,67 +303,7 @@ def _prior_rows(prior: ArrayLike | None, p: int) -> Array:
     w, U = np.linalg.eigh((precision + precision.T) / 2)
     slack = p * np.finfo(np.float64).eps * max(np.abs(w).max(), np.finfo(np.float64).tiny)
     if np.abs(precision - precision.T).max() > 1e-9 * np.abs(precision).max() or w[0] < -slack:
-        raise InputError(
-            "prior is not a precision matrix",
-            code="M34",
-            field="prior",
-            value=float(w[0]),
-            allowed="symmetric, no negative eigenvalue",
-        )
+        message, wanted = "prior is not a precision matrix", "symmetric, no negative eigenvalue"
+        raise refuse("prior", float(w[0]), wanted, code="M34", message=message)
     kept = w > slack
     return np.asarray((U[:, kept] * np.sqrt(w[kept])).T)
-
-
-def _check_size(m: int, free: int, n: int, repeats: bool) -> None:
-    """Refuse a number of poses that the pool cannot give."""
-    if m != int(m) or m < 1:
-        raise InputError(
-            f"{m} poses wanted",
-            code="M27",
-            field="m",
-            value=m,
-            allowed="a whole number, at least 1",
-            fix="enlarge the pool or choose fewer poses" if not free else "",
-        )
-    if m > (free if not repeats else np.inf) or not free:
-        pool = f"the pool has {n}" + ("" if free == n else f", of which {free} may be chosen")
-        raise InputError(
-            f"{m} poses wanted",
-            code="M27",
-            field="m",
-            value=m,
-            allowed=pool,
-            fix="enlarge the pool or choose fewer poses",
-        )
-
-
-def _check_rank(blocks: Array, m: int, before: Array, free: Bool, names: Sequence[str]) -> None:
-    """Refuse what leaves a direction unseen whatever is chosen."""
-    _, r, p = blocks.shape
-    candidates = blocks[free]
-    each, missing = most_of_one(candidates), p - directions_seen(before)
-    fewest = -(-missing // each)
-    if m < fewest:
-        seen = unseen_in_words(np.concatenate([before, *candidates[:m]]), names)
-        raise InputError(
-            f"{m} poses wanted",
-            code="M27",
-            field="m",
-            value=m,
-            allowed=f"{p} numbers need at least {fewest} poses of {r} rows"
-            + (
-                f"; {m} leave at least {missing - m * each} directions unseen, such as: {seen}"
-                if names
-                else ""
-            ),
-            fix="choose more poses or free fewer numbers",
-        )
-    rows = np.concatenate([before, candidates.reshape(-1, p)])
-    if not sees_all(rows):
-        raise InputError(
-            f"even all {len(candidates)} poses cannot tell the {p} numbers apart",
-            code="M28",
-            field="blocks",
-            allowed=unseen_in_words(rows, names),
-            fix="reduce the free numbers first (calib.information.reduction)",
-        )

@@ -1,16 +1,14 @@
 """Random pose sets: one, or many with their figures for comparison."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, frozen
-from calib.design.problem import Problem, problem_of
-from calib.design.selection import Selection, figure_of_rows, finished
-from calib.errors import InputError
-from calib.information.criteria.base import Criterion
+from calib.design.problem import LARGER_POOL, Problem
+from calib.design.selection import Selection, figure_of_rows, selection_of
+from calib.errors import refuse
 from calib.information.criteria.lazy import first_best
 
 DRAWS = 1000
@@ -34,91 +32,42 @@ class RandomSets:
 def random_selection(n_pool: int, m: int, rng: np.random.Generator) -> Index:
     """Places (m,) of a random set drawn from a pool without repeats, ascending."""
     if not 1 <= m <= n_pool:
-        raise InputError(
-            f"{m} poses wanted",
+        raise refuse(
+            "m",
+            m,
+            f"1 to {n_pool}, the poses of the pool",
             code="M27",
-            field="m",
-            value=m,
-            allowed=f"1 to {n_pool}, the poses of the pool",
-            fix="enlarge the pool or choose fewer poses",
+            message=f"{m} poses wanted",
+            fix=LARGER_POOL,
         )
     return frozen(np.sort(rng.choice(n_pool, m, replace=False)), np.int64)
 
 
-def random_set(
-    blocks: ArrayLike,
-    m: int,
-    criterion: str | Criterion,
-    rng: np.random.Generator,
-    *,
-    prior: ArrayLike | None = None,
-    given: ArrayLike = (),
-    allowed: ArrayLike | None = None,
-    repeats: bool = False,
-    names: Sequence[str] = (),
-) -> Selection:
-    """One random set of m poses, whatever it is worth.
-
-    Parameters
-    ----------
-    blocks, m, criterion, prior, given, allowed, repeats, names
-        The problem, as in `calib.design.problem.problem_of`.
-    rng : numpy.random.Generator
-        Draws the set.
-    """
-    problem = problem_of(
-        blocks,
-        m,
-        criterion,
-        prior=prior,
-        given=given,
-        allowed=allowed,
-        repeats=repeats,
-        names=names,
-    )
-    return finished(problem, drawn(problem, rng), trace=(), method="random", evaluations=0)
+def random_set(problem: Problem, rng: np.random.Generator) -> Selection:
+    """One random set, whatever it is worth."""
+    return selection_of(problem, draw_set(problem, rng), "random", (), 0)
 
 
-def best_of_random(
-    blocks: ArrayLike,
-    m: int,
-    criterion: str | Criterion,
-    rng: np.random.Generator,
-    *,
-    sets: int = 100,
-    prior: ArrayLike | None = None,
-    given: ArrayLike = (),
-    allowed: ArrayLike | None = None,
-    repeats: bool = False,
-    names: Sequence[str] = (),
-) -> Selection:
-    """Best of `sets` random sets; arguments as in `random_set`."""
-    problem = problem_of(
-        blocks,
-        m,
-        criterion,
-        prior=prior,
-        given=given,
-        allowed=allowed,
-        repeats=repeats,
-        names=names,
-    )
-    return _judged(problem, rng, sets).best
+def best_of_random(problem: Problem, rng: np.random.Generator, *, sets: int = 100) -> Selection:
+    """Best of `sets` random sets."""
+    return random_sets(problem, rng, sets=sets).best
 
 
-def random_sets(
-    blocks: ArrayLike,
-    m: int,
-    criterion: str | Criterion,
-    rng: np.random.Generator,
-    *,
-    sets: int = 100,
-) -> RandomSets:
-    """Draw random sets of m poses from a pool of blocks (N, r, p) and judge each of them."""
-    return _judged(problem_of(blocks, m, criterion), rng, sets)
+def random_sets(problem: Problem, rng: np.random.Generator, *, sets: int = 100) -> RandomSets:
+    """Random sets with their figures, and the best of them."""
+    if sets < 1:
+        raise refuse("sets", sets, "at least 1", code="A3")
+    criterion, n = problem.criterion, problem.n_poses
+    tried = np.array([draw_set(problem, rng) for _ in range(sets)])
+    values = np.array([figure_of_rows(problem.rows(chosen), n, criterion) for chosen in tried])
+    sign = 1.0 if criterion.larger_is_better else -1.0
+    trace = (sign * np.maximum.accumulate(sign * values)).tolist()
+    chosen = tried[first_best(sign * values)]
+    best = selection_of(problem, chosen, "best_of_random", trace, sets)
+    return RandomSets(frozen(tried, np.int64), criterion.name, frozen(values), best)
 
 
-def drawn(problem: Problem, rng: np.random.Generator) -> Index:
+def draw_set(problem: Problem, rng: np.random.Generator) -> Index:
     """A random set (m,) of the poses that may be chosen, ascending."""
     places = np.flatnonzero(problem.open)
     return np.sort(places[rng.choice(len(places), problem.m, replace=problem.repeats)])
@@ -127,33 +76,27 @@ def drawn(problem: Problem, rng: np.random.Generator) -> Index:
 def nonsingular_set(problem: Problem, rng: np.random.Generator) -> Index:
     """Random set (m,) that tells all numbers apart."""
     for _ in range(DRAWS):
-        chosen = drawn(problem, rng)
+        chosen = draw_set(problem, rng)
         if not problem.is_singular(chosen):
             return chosen
-    raise InputError(
-        f"none of {DRAWS} random sets of {problem.m} poses tells all {problem.p} numbers apart",
+    raise refuse(
+        "m",
+        problem.m,
         code="M28",
-        field="m",
-        value=problem.m,
+        message=f"none of {DRAWS} random sets of {problem.m} poses tells all {problem.p} numbers "
+        "apart",
         fix="choose more poses, or a pool with fewer poses alike",
     )
 
 
-def _judged(problem: Problem, rng: np.random.Generator, sets: int) -> RandomSets:
-    """Random sets with their figures, and the best of them."""
-    if sets < 1:
-        raise InputError(
-            f"sets is {sets}", code="A3", field="sets", value=sets, allowed="at least 1"
-        )
-    criterion, n = problem.criterion, problem.n_poses
-    tried = np.array([drawn(problem, rng) for _ in range(sets)])
-    values = np.array([figure_of_rows(problem.rows(chosen), n, criterion) for chosen in tried])
-    sign = 1.0 if criterion.larger_is_better else -1.0
-    best = finished(
-        problem,
-        tried[first_best(sign * values)],
-        trace=(sign * np.maximum.accumulate(sign * values)).tolist(),
-        method="best_of_random",
-        evaluations=sets,
-    )
-    return RandomSets(frozen(tried, np.int64), criterion.name, frozen(values), best)
+def starting_set(
+    problem: Problem, rng: np.random.Generator, start: ArrayLike | None = None
+) -> Index:
+    """The first set (m,) of a search, ascending: the caller's `start`, else a random one."""
+    if start is None:
+        return nonsingular_set(problem, rng)
+    chosen = np.sort(problem.require_set(start, "start"))
+    if problem.is_singular(chosen):
+        message = "start leaves a direction unseen"
+        raise refuse("start", code="M28", message=message, fix="start elsewhere")
+    return chosen

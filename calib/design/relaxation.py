@@ -1,15 +1,13 @@
 """Continuous relaxation: weights on the pool instead of a set, and the bounds that they prove."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, frozen
-from calib.design.problem import Problem, problem_of
-from calib.errors import InputError
-from calib.information.criteria.base import Certifiable, Criterion
+from calib.design.problem import Problem
+from calib.errors import refuse
+from calib.information.criteria.base import Certifiable
 from calib.information.criteria.whitened import grams
 
 ITERATIONS = 400
@@ -39,6 +37,9 @@ class Weights:
     trace: Array
     """(t,) least bound known after each step."""
 
+    def __repr__(self) -> str:
+        return f"Weights({len(self.w)} poses, {len(self.trace)} steps, limit {self.figure:.4g})"
+
 
 class Grams:
     """B_j'B_j of many blocks, packed, so that sums over the pool are products with one matrix."""
@@ -65,16 +66,9 @@ class Grams:
 
 
 def relaxation(
-    blocks: ArrayLike,
-    m: int,
-    criterion: str | Criterion,
-    rng: np.random.Generator | None = None,  # noqa: ARG001 - the signature of all methods
+    problem: Problem,
     *,
-    prior: ArrayLike | None = None,
-    given: ArrayLike = (),
-    allowed: ArrayLike | None = None,
-    repeats: bool = False,
-    names: Sequence[str] = (),
+    packed: Grams | None = None,
     iterations: int = ITERATIONS,
     tolerance: float = TOLERANCE,
 ) -> Weights:
@@ -93,10 +87,10 @@ def relaxation(
 
     Parameters
     ----------
-    blocks, m, criterion, prior, given, allowed, repeats, names
-        The problem, as in `calib.design.problem.problem_of`.
-    rng : numpy.random.Generator, optional
-        Unused: nothing is random here.
+    problem : Problem
+        What to choose.
+    packed : Grams, optional
+        Products of the poses that may be chosen, if already at hand: they do not depend on m.
     iterations : int
         Most steps (per order of sharpness, for E and G); the bound holds after any number.
     tolerance : float
@@ -106,36 +100,15 @@ def relaxation(
     ----------
     Silvey, Titterington and Torsney 1978 (the step); Joshi and Boyd 2009 (bounds from duals).
     """
-    problem = problem_of(
-        blocks,
-        m,
-        criterion,
-        prior=prior,
-        given=given,
-        allowed=allowed,
-        repeats=repeats,
-        names=names,
-    )
-    if not isinstance(problem.criterion, Certifiable):
-        raise InputError(
-            f"{problem.criterion.name} has no relaxation: it is not concave",
+    criterion = problem.criterion
+    if not isinstance(criterion, Certifiable):
+        raise refuse(
+            "criterion",
+            criterion.name,
+            "D, A, V, G or E",
             code="A4",
-            field="criterion",
-            value=problem.criterion.name,
-            allowed="D, A, V, G or E",
+            message=f"{criterion.name} has no relaxation: it is not concave",
         )
-    return relax(problem, problem.criterion, iterations=iterations, tolerance=tolerance)
-
-
-def relax(
-    problem: Problem,
-    criterion: Certifiable,
-    *,
-    packed: Grams | None = None,
-    iterations: int = ITERATIONS,
-    tolerance: float = TOLERANCE,
-) -> Weights:
-    """The relaxation of a checked problem; `packed` are the products of its open poses."""
     places, m, p = np.flatnonzero(problem.open), problem.m, problem.p
     products = Grams(problem.blocks[places]) if packed is None else packed
     cap = np.inf if problem.repeats else 1.0

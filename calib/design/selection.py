@@ -41,6 +41,10 @@ class Selection:
     prior: bool = False
     """Whether a prior precision is counted in the value."""
 
+    def __repr__(self) -> str:
+        figure = f"{self.criterion} = {self.value:.4g}"
+        return f"Selection({len(self)} poses by {self.method}, {figure}; {self.proof})"
+
     def __len__(self) -> int:
         return len(self.indices)
 
@@ -67,14 +71,8 @@ def figure_of_rows(rows: Array, n_poses: int, criterion: Criterion) -> float:
     return criterion.figure(rows.T @ rows, n_poses)
 
 
-def finished(
-    problem: Problem,
-    indices: ArrayLike,
-    *,
-    trace: Sequence[float],
-    method: str,
-    evaluations: int,
-    certified: bool = True,
+def selection_of(
+    problem: Problem, indices: ArrayLike, method: str, trace: Sequence[float], evaluations: int
 ) -> Selection:
     """A selection with its value computed afresh and, where there is one, its certificate."""
     return Selection(
@@ -85,7 +83,7 @@ def finished(
         method=method,
         searches=len(trace),
         evaluations=evaluations,
-        certificate=certificate_of(problem, indices) if certified else None,
+        certificate=certificate_of(problem, indices),
         given=problem.given,
         prior=problem.prior,
     )

@@ -12,8 +12,7 @@ from calib.errors import InputError
 from calib.information.rank import singular_values as singular_values
 
 IndexName = Literal["O1", "O2", "O3", "O4", "O5"]
-Criterion = IndexName
-CRITERIA: tuple[Criterion, ...] = ("O1", "O2", "O3", "O4", "O5")
+CRITERIA: tuple[IndexName, ...] = ("O1", "O2", "O3", "O4", "O5")
 Form = Literal["printed", "correct", "per_pose"]
 FORMS: tuple[Form, ...] = ("printed", "correct", "per_pose")
 GROWS_WITH_POSES = ("O3", "O4", "O5")
@@ -107,7 +106,7 @@ def inverse_sum_index(singular: Array) -> Array:
         return np.asarray(1.0 / (1.0 / singular).sum(-1))
 
 
-_OF_SINGULAR: dict[Criterion, Callable[[Array], Array]] = {
+_OF_SINGULAR: dict[IndexName, Callable[[Array], Array]] = {
     "O2": inverse_condition_index,
     "O3": smallest_index,
     "O4": noise_amplification_index,
@@ -116,10 +115,10 @@ _OF_SINGULAR: dict[Criterion, Callable[[Array], Array]] = {
 
 
 def index_of_singular(
-    singular: Array, n_poses: int | Index, criterion: Criterion, form: Form = "correct"
+    singular: Array, n_poses: int | Index, criterion: IndexName, form: Form = "correct"
 ) -> Array:
     """One index of singular values (..., p), largest first; a vanishing one gives 0."""
-    known(criterion, form)
+    check_index(criterion, form)
     # a set whose every singular value is zero tells nothing: condition 0, not 0 / 0
     singular = np.where(singular[..., :1] > 0, singular, [1.0] + [0.0] * (singular.shape[-1] - 1))
     if criterion == "O1":
@@ -154,7 +153,7 @@ def indices(singular: ArrayLike, n_poses: int) -> Observability:
     return Observability(n_poses, *tables)
 
 
-def index_of(M: Array, n_poses: int | Index, criterion: Criterion, form: Form = "correct") -> Array:
+def index_of(M: Array, n_poses: int | Index, criterion: IndexName, form: Form = "correct") -> Array:
     """One index of information matrices M = A'A (..., p, p), for scoring many sets at once.
 
     Squaring costs digits: with the paper's rows (condition 3e4) O2 to O5 keep about seven.
@@ -165,7 +164,7 @@ def index_of(M: Array, n_poses: int | Index, criterion: Criterion, form: Form = 
         Information matrices, trusted to be symmetric and finite.
     n_poses : int or (...,) array
         Poses in each.
-    criterion : Criterion
+    criterion : IndexName
         ``"O1"`` to ``"O5"``.
     form : Form
         ``"correct"``, ``"per_pose"`` or ``"printed"``.
@@ -174,7 +173,7 @@ def index_of(M: Array, n_poses: int | Index, criterion: Criterion, form: Form = 
     ----------
     Wen et al. 2022, eq. (6): O1 = exp(log det M / 2p) / sqrt(poses), the others from eigenvalues.
     """
-    known(criterion, form)
+    check_index(criterion, form)
     if criterion == "O1":
         sign, log_det = np.linalg.slogdet(M)
         log_det = np.where(sign > 0, log_det, -np.inf)
@@ -187,7 +186,7 @@ def singular_of_information(M: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(M)[..., ::-1], 0.0)), np.float64)
 
 
-def known(criterion: str, form: str = "correct") -> None:
+def check_index(criterion: str, form: str = "correct") -> None:
     """Refuse an index or a form that does not exist."""
     for field, value, allowed in (("criterion", criterion, CRITERIA), ("form", form, FORMS)):
         if value not in allowed:

@@ -7,14 +7,19 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from calib.arrays import Array, Index, frozen
-from calib.design.augment import best_next
+from calib.design import (
+    METHODS,
+    PoseBudget,
+    Problem,
+    Selection,
+    best_next,
+    certify,
+    exchange,
+    pose_budget,
+    random_selection,
+)
 from calib.design.blocks import information, sees_all
-from calib.design.certificate import certify, no_proof
-from calib.design.exchange import exchange
-from calib.design.methods import METHODS
-from calib.design.pose_budget import Budget, pose_budget
-from calib.design.random import random_selection
-from calib.design.selection import Selection
+from calib.design.certificate import no_proof
 from calib.errors import InputError
 from calib.geometry.parameters import Parameters
 from calib.information.criteria.base import Criterion
@@ -28,9 +33,11 @@ from testbed.scenario.read import PlanSettings
 
 RANDOM_SETS = 40
 """Random sets behind each value of the curve."""
-CURVE_STARTS = 2
-"""Starts of the exchange at each point of the curve."""
+CURVE_RESTARTS = 2
+"""Local searches of the exchange at each point of the curve."""
 CURVE_POINTS = 9
+MOST_POSES = 200
+"""Largest number of poses looked at for a target."""
 NEXT_POSES = 5
 NO_TARGET = 1e-12
 """Below what any number of poses reaches [m]: the curve alone is wanted."""
@@ -77,10 +84,13 @@ class Task:
         u = point_u(information_of(self.blocks[places], self.prior), self.goals.rows)
         return float(u.max()) if self.settings.target_is == "worst" else rms(u, self.goals.weights)
 
+    def problem(self, m: int, criterion: Criterion) -> Problem:
+        """To choose m poses beside those measured already."""
+        return Problem.of_blocks(self.blocks, m, criterion, prior=self.prior, names=self.names)
+
     def select(self, m: int, rng: np.random.Generator) -> Selection:
         """The set of m poses that the scenario's method finds."""
-        method = METHODS[self.settings.method]
-        return method(self.blocks, m, self.criterion, rng, prior=self.prior, names=self.names)
+        return METHODS[self.settings.method](self.problem(m, self.criterion), rng)
 
 
 def designed(task: Task, rng: np.random.Generator) -> tuple[Index, str, Curve]:
@@ -97,16 +107,12 @@ def designed(task: Task, rng: np.random.Generator) -> tuple[Index, str, Curve]:
     if task.target is None:
         # first the set: its errors name the number of poses asked for
         places = task.select(task.settings.poses, rng).indices
-        budget = pose_budget(
-            task.blocks, task.judge, NO_TARGET, rng,
-            counts=_counts(task, task.settings.poses), starts=1, prior=task.prior,
-            names=task.names,
-        )  # fmt: skip
+        problem = task.problem(len(task.blocks), task.judge)
+        counts = _counts(task, task.settings.poses)
+        budget = pose_budget(problem, NO_TARGET, rng, counts=counts, restarts=1)
         return np.sort(places), task.settings.method, _curve(task, budget, places, rng)
-    budget = pose_budget(
-        task.blocks, task.judge, task.target, rng,
-        starts=CURVE_STARTS, prior=task.prior, names=task.names,
-    )  # fmt: skip
+    problem = task.problem(min(MOST_POSES, len(task.blocks)), task.judge)
+    budget = pose_budget(problem, task.target, rng, restarts=CURVE_RESTARTS)
     if budget.smallest is None:
         k = task.settings.coverage * 1e6
         raise InputError(
@@ -141,12 +147,12 @@ def _counts(task: Task, m: int) -> list[int]:
     return sorted({m, *(int(value) for value in np.geomspace(fewest, most, CURVE_POINTS).round())})
 
 
-def _curve(task: Task, budget: Budget, places: Index, rng: np.random.Generator) -> Curve:
+def _curve(task: Task, budget: PoseBudget, places: Index, rng: np.random.Generator) -> Curve:
     """The budget with the plan's own set in it and random sets beside it."""
     counts, u, bound = budget.counts, budget.reached, budget.possible
     m, at = len(places), int(np.searchsorted(counts, len(places)))
     if at == len(counts) or counts[at] != m:
-        limit = certify(task.blocks, places, task.judge, prior=task.prior, names=task.names)
+        limit = certify(task.problem(m, task.judge), places)
         counts, u = np.insert(counts, at, m), np.insert(u, at, np.inf)
         bound = np.insert(bound, at, np.nan if limit is None else limit.figure_bound)
     own = task.u(places)
@@ -192,7 +198,7 @@ def four(value: float) -> str:
 
 def proof_of(task: Task, places: Index) -> Proof:
     """How far a set can be from the best one of its size."""
-    found = certify(task.blocks, places, task.criterion, prior=task.prior, names=task.names)
+    found = certify(task.problem(len(places), task.criterion), places)
     if found is None:
         return Proof(None, None, no_proof(task.criterion))
     sentence, k = found.sentence, task.settings.coverage
@@ -224,7 +230,8 @@ def next_poses(task: Task, places: Index) -> tuple[NextPose, ...]:
     """The best poses to measure in addition to a set, judged by the goal's uncertainty."""
     if len(places) == len(task.blocks):
         return ()
-    ranking = best_next(task.blocks, places, task.judge, shown=NEXT_POSES, prior=task.prior)
+    problem = Problem.of_blocks(task.blocks, 1, task.judge, given=places, prior=task.prior)
+    ranking = best_next(problem, shown=NEXT_POSES)
     return tuple(
         NextPose(int(place), float(u))
         for place, u in zip(ranking.indices, ranking.figure, strict=True)
@@ -234,7 +241,8 @@ def next_poses(task: Task, places: Index) -> tuple[NextPose, ...]:
 def quick_design(task: Task, rng: np.random.Generator) -> Index:
     """A pose set to compare stations by: the same number and procedure for each."""
     m = task.settings.poses or DEFAULT_POSES
-    return exchange(task.blocks, m, task.judge, rng, starts=1, names=task.names).indices
+    problem = Problem.of_blocks(task.blocks, m, task.judge, names=task.names)
+    return exchange(problem, rng, restarts=1).indices
 
 
 def covariance_of(M: Array, parameters: Parameters) -> Array:

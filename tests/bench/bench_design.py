@@ -7,15 +7,9 @@ import numpy as np
 import pytest
 
 from calib.arrays import Array
+from calib.design import Problem, certify, detmax, exchange, greedy, pose_count, relaxation
 from calib.design.blocks import information
-from calib.design.certificate import certify
-from calib.design.detmax import detmax
-from calib.design.exchange import exchange
-from calib.design.greedy import greedy
 from calib.design.local import add_and_drop
-from calib.design.pose_count import pose_counts
-from calib.design.problem import problem_of
-from calib.design.relaxation import relaxation
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH, parameters_of
 from calib.information.criteria.base import Pool
 from calib.information.criteria.lazy import best_swap
@@ -92,7 +86,7 @@ def test_the_best_swap_by_every_information_matrix(
 
 @pytest.mark.parametrize("name", ["D", "O2"])
 def test_one_local_search(benchmark, blocks: Array, chosen: Array, name: str):
-    problem = problem_of(blocks, M, name)
+    problem = Problem.of_blocks(blocks, M, name)
     benchmark.pedantic(lambda: add_and_drop(problem, chosen), rounds=5, warmup_rounds=1)
 
 
@@ -100,7 +94,7 @@ def test_one_local_search(benchmark, blocks: Array, chosen: Array, name: str):
 def test_one_local_search_by_every_information_matrix(
     benchmark, blocks: Array, chosen: Array, name: str
 ):
-    problem = problem_of(blocks, M, name)
+    problem = Problem.of_blocks(blocks, M, name)
     naive = replace(problem, criterion=BruteForce(name))
     end = benchmark.pedantic(lambda: add_and_drop(naive, chosen), rounds=3)
     np.testing.assert_array_equal(end.chosen, add_and_drop(problem, chosen).chosen)
@@ -110,7 +104,9 @@ def test_one_local_search_by_every_information_matrix(
 @pytest.mark.parametrize("name", CRITERIA)
 def test_detmax(benchmark, blocks: Array, name: str, m: int):
     benchmark.pedantic(
-        lambda: detmax(blocks, m, name, np.random.default_rng(1)), rounds=3, warmup_rounds=1
+        lambda: detmax(Problem.of_blocks(blocks, m, name), np.random.default_rng(1)),
+        rounds=3,
+        warmup_rounds=1,
     )
 
 
@@ -118,7 +114,8 @@ def test_detmax(benchmark, blocks: Array, name: str, m: int):
 def test_exchange(benchmark, name: str):
     blocks = whitened_pool(N)
     benchmark.pedantic(
-        lambda: exchange(blocks, M, criterion(name), np.random.default_rng(1)), rounds=3
+        lambda: exchange(Problem.of_blocks(blocks, M, criterion(name)), np.random.default_rng(1)),
+        rounds=3,
     )
 
 
@@ -128,26 +125,26 @@ def test_one_local_search_over_a_hundred_thousand_candidates(benchmark):
     blocks = np.ascontiguousarray(J[:, :, free.free] * free.free_scale)
     del J
     start = np.sort(np.random.default_rng(0).choice(100_000, M, replace=False))
-    problem = problem_of(blocks, M, "D")
+    problem = Problem.of_blocks(blocks, M, "D")
     benchmark.pedantic(lambda: add_and_drop(problem, start), rounds=3)
     benchmark.extra_info["peak_gb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
 
 
 def test_greedy(benchmark, blocks: Array):
-    benchmark(greedy, blocks, M, "O1")
+    benchmark(lambda: greedy(Problem.of_blocks(blocks, M, "O1")))
 
 
 def test_curves_of_five_indices_to_150_poses(benchmark, blocks: Array):
-    benchmark(lambda: pose_counts(blocks, rng=np.random.default_rng(0)))
+    benchmark(lambda: pose_count(Problem.of_blocks(blocks, 150, "D"), np.random.default_rng(0)))
 
 
 @pytest.mark.parametrize("name", ["D", "A", "V", "E"])
 def test_certificate(benchmark, chosen: Array, name: str):
-    blocks, judge = whitened_pool(N), criterion(name)
-    found = benchmark.pedantic(lambda: certify(blocks, chosen, judge), rounds=5)
+    problem = Problem.of_blocks(whitened_pool(N), M, criterion(name))
+    found = benchmark.pedantic(lambda: certify(problem, chosen), rounds=5)
     # the figure of the bound, against that of ten times the steps; E, whose minimum is smoothed,
     # comes near to a few thousandths
-    far = certify(blocks, chosen, judge, iterations=4000, tolerance=1e-9)
+    far = certify(problem, chosen, iterations=4000, tolerance=1e-9)
     gap = abs(found.figure_bound / far.figure_bound - 1)
     benchmark.extra_info["gap"] = gap
     assert gap < (1e-3 if name != "E" else 3e-3)
@@ -155,7 +152,9 @@ def test_certificate(benchmark, chosen: Array, name: str):
 
 def test_relaxation_far_beyond_need(benchmark):
     blocks = whitened_pool(N)
-    benchmark.pedantic(lambda: relaxation(blocks, M, "D", iterations=4000), rounds=1)
+    benchmark.pedantic(
+        lambda: relaxation(Problem.of_blocks(blocks, M, "D"), iterations=4000), rounds=1
+    )
 
 
 def test_reduction_of_all_numbers(benchmark):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from calib.arrays import Array
+from calib.design import Problem, exchange
 from calib.design.blocks import scaled_blocks
-from calib.design.exchange import exchange
 from calib.geometry.parameters import parameters_of
 from calib.information.criteria.named import criterion_named
 from calib.information.goals import goal_matrix
@@ -31,8 +31,8 @@ def goal_uncertainties(free: tuple[str, ...], n: int, m: int, goals: int, pools:
 
         table[k] = (
             np.mean([u(rng.choice(n, m, replace=False)) for _ in range(RANDOM_SETS)]),
-            u(exchange(blocks, m, "D", rng).indices),
-            u(exchange(blocks, m, v, rng).indices),
+            u(exchange(Problem.of_blocks(blocks, m, "D"), rng).indices),
+            u(exchange(Problem.of_blocks(blocks, m, v), rng).indices),
         )
     return table
 

@@ -11,8 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.design.exchange import exchange
-from calib.design.random import random_selection
+from calib.design import Problem, exchange, random_selection
 from calib.geometry.frames import log_so3
 from calib.identification.identify import identify
 from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
@@ -66,7 +65,7 @@ def excess(robots):
     bench, A, J, left = robots
     rng, n = np.random.default_rng(6), len(A)
     blocks = bench.design_blocks("whitened")
-    designed = exchange(blocks, POSES, "D", np.random.default_rng(7)).indices
+    designed = exchange(Problem.of_blocks(blocks, POSES, "D"), np.random.default_rng(7)).indices
     own, shuffled = {"designed": [], "random": []}, {"designed": [], "random": []}
     for whitened, _ in left:
         for _ in range(DRAWS):

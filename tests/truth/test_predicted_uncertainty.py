@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calib.design.exchange import exchange
+from calib.design import Problem, exchange
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.information.criteria.named import criterion_named
@@ -20,7 +20,7 @@ def test_predicted_tool_point_uncertainty_is_the_error_of_simulated_calibrations
     q, rng = pool_r(), np.random.default_rng(3)
     goals, target = goal_set(n=200), pool_r(2000, 99)[:200]
     v = criterion_named("V", goals=goals)
-    chosen = exchange(whitened_pool(), 29, v, rng, starts=2)
+    chosen = exchange(Problem.of_blocks(whitened_pool(), 29, v), rng, restarts=2)
     nominal, squares = tx60(), []
     parameters = parameters_of(nominal, WEN24)
     for _ in range(CALIBRATIONS):

@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 from calib.arrays import Array
-from calib.design.exchange import exchange
+from calib.design import Problem, exchange, relaxation
 from calib.design.local import best_pairs
-from calib.design.problem import problem_of
 from calib.design.random import nonsingular_set
-from calib.design.relaxation import relaxation
 from calib.information.criteria.named import criterion_named
 from calib.information.goals import Goals
 
@@ -29,13 +27,15 @@ def grid(levels: list[float], factors: int) -> Array:
 def best(F: Array, n: int, starts: int, criterion="D") -> Array:
     """Rows (n, p) of the best design found; rows may repeat, as they may in the published ones."""
     rng = np.random.default_rng(1)
-    found = exchange(F[:, None], n, criterion, rng, starts=starts, repeats=True)
+    found = exchange(
+        Problem.of_blocks(F[:, None], n, criterion, repeats=True), rng, restarts=starts
+    )
     return F[found.indices]
 
 
 def best_pairwise(F: Array, n: int, starts: int) -> Array:
     """The same by Fedorov's exchange from every start."""
-    rng, problem = np.random.default_rng(1), problem_of(F[:, None], n, "D", repeats=True)
+    rng, problem = np.random.default_rng(1), Problem.of_blocks(F[:, None], n, "D", repeats=True)
     ends = [best_pairs(problem, nonsingular_set(problem, rng)) for _ in range(starts)]
     return F[max(ends, key=lambda end: end.value).chosen]
 
@@ -73,8 +73,8 @@ def test_the_help_page_example_of_algdesign_is_reached():
 
 def continuous(F: Array) -> tuple[Array, float]:
     """The continuous D-optimum of rows F (N, p): weights summing to one, and |M|^(1/p)."""
-    found = relaxation(F[:, None], 1 + F.shape[1], "D", repeats=True, iterations=20_000,
-                       tolerance=1e-10)  # fmt: skip
+    problem = Problem.of_blocks(F[:, None], 1 + F.shape[1], "D", repeats=True)
+    found = relaxation(problem, iterations=20_000, tolerance=1e-10)
     w = found.w / found.w.sum()
     M = (F * w[:, None]).T @ F
     return w, math.exp(np.linalg.slogdet(M)[1] / F.shape[1])

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from calib.arrays import Array, Index
+from calib.design import random_selection
 from calib.design.blocks import information
-from calib.design.random import random_selection
 from calib.information.criteria.linear import v_of
 from calib.information.propagation import point_uncertainty
 from calib.measurement.accuracy import distances, target_points

@@ -8,9 +8,7 @@ import numpy as np
 from scipy.special import bdtr, chdtri
 
 from calib.arrays import Array
-from calib.design.methods import METHODS
-from calib.design.random import best_of_random
-from calib.design.selection import Selection
+from calib.design import METHODS, Problem, Selection, best_of_random
 from calib.identification.identify import Identification, Mode
 from calib.information.criteria.base import Criterion
 from calib.information.criteria.named import NEEDS_GOALS, criterion_named
@@ -72,9 +70,10 @@ def select(
     blocks: Array, settings: TrialSettings, rng: np.random.Generator, criterion: Criterion
 ) -> Selection:
     """The pose set of a trial from the blocks (N, r, p) of the pool."""
+    problem = Problem.of_blocks(blocks, settings.poses, criterion)
     if settings.method == "best_of_random":
-        return best_of_random(blocks, settings.poses, criterion, rng, sets=settings.sets)
-    return METHODS[settings.method](blocks, settings.poses, criterion, rng)
+        return best_of_random(problem, rng, sets=settings.sets)
+    return METHODS[settings.method](problem, rng)
 
 
 def observed(blocks: Array) -> Observability:

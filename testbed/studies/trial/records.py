@@ -7,7 +7,7 @@ see these fields.
 from dataclasses import dataclass
 
 from calib.arrays import Array, Bool, Index
-from calib.design.selection import Selection
+from calib.design import Selection
 from calib.identification.identify import Identification, Mode
 from calib.information.observability import Observability
 from calib.measurement.accuracy import Accuracy

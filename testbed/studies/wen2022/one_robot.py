@@ -6,9 +6,7 @@ from typing import Any
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.design.blocks import fewest_poses
-from calib.design.pose_count import PoseCount, pose_counts
-from calib.design.random import random_sets
+from calib.design import PoseCount, Problem, pose_count, random_sets
 from calib.identification.identify import identify
 from calib.information.observability import CRITERIA, Form
 from calib.uncertainty.monte_carlo import distance_spread, point_spread
@@ -50,11 +48,12 @@ def pose_count_study(scenario: Scenario, setting: Setting) -> PoseCountStudy:
     blocks = bench.design_blocks(rows)
     largest = min(scenario.studies.pose_count_max, len(blocks))
     # with fewer poses some random sets are singular to rounding, and the printed O5 is infinite
-    sizes = range(fewest_poses(blocks) + SPARE_POSES, largest + 1)
+    problem = Problem.of_blocks(blocks, len(blocks), "D")
+    sizes = range(problem.fewest + SPARE_POSES, largest + 1)
 
     def curves(form: Form) -> tuple[PoseCount, ...]:
         rng = stream(scenario.seed, "pose_count")  # the same random sets in every form
-        return pose_counts(blocks, rng=rng, counts=sizes, form=form)
+        return pose_count(problem, rng, counts=sizes, form=form)
 
     printed, per_pose = curves("printed"), curves("per_pose")
     return PoseCountStudy(
@@ -75,9 +74,7 @@ def random_sets_study(scenario: Scenario, setting: Setting, get: Get) -> RandomS
             continue
         blocks, criterion = bench.design_blocks(settings.rows), criterion_of(bench, settings)
         drawn = random_sets(
-            blocks,
-            settings.poses,
-            criterion,
+            Problem.of_blocks(blocks, settings.poses, criterion),
             stream(scenario.seed, "random_sets", settings.name),
             sets=scenario.studies.random_sets,
         )

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.design.random import random_selection
+from calib.design import random_selection
 from calib.errors import InputError
 from calib.identification.identify import Identification, Mode, identify
 from calib.information.propagation import distance_uncertainty, tool_covariance

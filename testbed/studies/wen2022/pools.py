@@ -9,9 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.design.blocks import fewest_poses
-from calib.design.pose_count import pose_counts
-from calib.design.random import random_selection
+from calib.design import Problem, pose_count, random_selection
 from calib.geometry.parameters import Parameters
 from calib.measurement.noise import whiteners
 from calib.uncertainty.covariance import matrix_row_weights
@@ -153,11 +151,8 @@ def pose_number(bench: Laboratory, pool: int) -> tuple[int, int]:
     """Poses at which O1 and O2 of random sets settle in the paper's rows; -1 for never."""
     blocks = bench.design_blocks("paper")
     largest = min(bench.scenario.studies.pose_count_max, len(blocks))
-    curves = pose_counts(
-        blocks,
-        rng=stream(bench.scenario.seed, "reexamined", "pose_count", pool),
-        counts=range(fewest_poses(blocks) + SPARE_POSES, largest + 1),
-        form="per_pose",
-    )
+    problem = Problem.of_blocks(blocks, len(blocks), "D")
+    rng = stream(bench.scenario.seed, "reexamined", "pose_count", pool)
+    curves = pose_count(problem, rng, counts=range(problem.fewest + SPARE_POSES, largest + 1))
     first, second = (-1 if curve.chosen is None else curve.chosen for curve in curves[:2])
     return first, second

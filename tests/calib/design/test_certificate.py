@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 
 from calib.arrays import Array
+from calib.design import Problem, certify, detmax, exchange, random_selection, relaxation
 from calib.design.blocks import information, sees_all
-from calib.design.certificate import certify, no_proof
-from calib.design.detmax import detmax
-from calib.design.exchange import exchange
-from calib.design.problem import problem_of
-from calib.design.random import random_selection
-from calib.design.relaxation import relaxation
+from calib.design.certificate import no_proof
 from calib.errors import InputError
 from calib.information.criteria.named import criterion_named
 from calib.information.goals import Goals
@@ -46,12 +42,13 @@ def test_no_set_at_all_exceeds_the_bound(seed: int, known: str, iterations: int,
         np.put_along_axis(member, sets, 1.0, axis=1)
         values = criterion.value(base + np.tensordot(member, gram, 1))
         best = values.max()
-        options = {"prior": prior, "given": given, "iterations": iterations, "tolerance": 1e-12}
+        problem = Problem.of_blocks(blocks, m, criterion, prior=prior, given=given)
+        options = {"iterations": iterations, "tolerance": 1e-12}
         # rounding of values of size one to ten; the bound itself, not the certificate's, which is
         # never below the value of the set that it certifies
-        bound = relaxation(blocks, m, criterion, **options).bound
+        bound = relaxation(problem, **options).bound
         assert best <= bound + 1e-12 * max(1.0, abs(best))
-        found = certify(blocks, sets[values.argmax()], criterion, **options)
+        found = certify(problem, sets[values.argmax()], **options)
         assert found.bound == pytest.approx(bound, rel=1e-9)
         assert 0 < found.efficiency <= 1
         assert found.value == pytest.approx(best, rel=1e-9)
@@ -65,7 +62,7 @@ def test_no_multiset_exceeds_the_bound_with_repeats(name: str):
     blocks, criterion = small_pool(3, 7), small_criterion(name)
     sets = list(itertools.combinations_with_replacement(range(7), 5))
     values = np.array([float(criterion.value(information(blocks[list(s)]))) for s in sets])
-    bound = relaxation(blocks, 5, criterion, repeats=True).bound
+    bound = relaxation(Problem.of_blocks(blocks, 5, criterion, repeats=True)).bound
     assert values.max() <= bound + 1e-12 * abs(values.max())
 
 
@@ -104,7 +101,9 @@ def test_no_set_exceeds_the_bound_of_a_pool_made_to_break_it(kind: str, name: st
         for rows, m in itertools.product((np.zeros((0, p)), before), (2, 4, 6)):
             prior = rows.T @ rows if len(rows) else None
             try:
-                bound = relaxation(blocks, m, small_criterion(name, p), prior=prior).bound
+                bound = relaxation(
+                    Problem.of_blocks(blocks, m, small_criterion(name, p), prior=prior)
+                ).bound
             except InputError:
                 continue  # too few rows, or nothing of this pool sees some number
             best = max(
@@ -121,7 +120,9 @@ def test_a_goal_that_needs_one_number_only_is_certified_too(name: str):
     for j in range(30):
         blocks[j, [0, 1], [j % 5, (j + 1) % 5]] = rng.uniform(0.5, 2, 2)
     one = Goals(np.eye(15, 5)[:1].reshape(1, 1, 5) * np.array([[[1.0], [0], [0]]]), np.ones(1))
-    found = exchange(blocks, 6, criterion_named(name, goals=one), np.random.default_rng(0))
+    found = exchange(
+        Problem.of_blocks(blocks, 6, criterion_named(name, goals=one)), np.random.default_rng(0)
+    )
     # the best six see number 0 with their larger rows; what the rest needs costs two poses at most
     seen = np.sort(np.square(blocks[:, :, 0]).sum(1))[::-1]
     least = 1 / np.sqrt(seen[:6].sum())
@@ -135,36 +136,36 @@ def test_a_goal_that_needs_one_number_only_is_certified_too(name: str):
 )
 def test_a_set_that_is_none_is_not_certified(chosen):
     with pytest.raises(InputError, match="indices is not a set of places"):
-        certify(small_pool(0), chosen, "D", given=(5,))
+        certify(Problem.of_blocks(small_pool(0), 3, "D", given=(5,)), chosen)
 
 
 def test_a_set_that_leaves_a_direction_unseen_says_so():
     blocks = small_pool(0)
     blocks[:5, :, 2] = 0
-    assert certify(blocks, range(5), "D") is None
+    assert certify(Problem.of_blocks(blocks, 5, "D"), range(5)) is None
     assert no_proof("D") == "no certificate: the set leaves a direction unseen"
     with pytest.raises(InputError, match="number 2"):
-        problem_of(blocks[:5], 5, "D")
+        Problem.of_blocks(blocks[:5], 5, "D")
 
 
 @pytest.mark.parametrize("name", CONVEX)
 def test_the_whole_pool_is_certified_as_the_only_set_of_its_size(name: str):
     # weights one are the set itself: the tangent touches (E, G: but for the smooth stand-in)
-    found = certify(small_pool(1, 9), range(9), small_criterion(name))
+    found = certify(Problem.of_blocks(small_pool(1, 9), 9, small_criterion(name)), range(9))
     assert found.efficiency == pytest.approx(1, abs=1e-9 if name in "DAV" else 0.05)
 
 
 @pytest.mark.parametrize("name", ["O2", "O4", "O5"])
 def test_an_index_without_bound_says_so(name: str):
-    assert certify(small_pool(1, 9), range(5), name) is None
+    assert certify(Problem.of_blocks(small_pool(1, 9), 5, name), range(5)) is None
     assert no_proof(name) == f"no certificate: no bound on the best possible {name} is known"
-    found = exchange(small_pool(1, 9), 5, name, np.random.default_rng(0))
+    found = exchange(Problem.of_blocks(small_pool(1, 9), 5, name), np.random.default_rng(0))
     assert found.certificate is None
     assert found.proof == no_proof(name)
 
 
 def test_the_sentence_is_no_better_than_the_number():
-    found = detmax(whitened_pool(200), 20, "D", np.random.default_rng(0), d=5)
+    found = detmax(Problem.of_blocks(whitened_pool(200), 20, "D"), np.random.default_rng(0), d=5)
     printed = float(found.proof.split("at least ")[1].split(":")[0])
     assert 0 <= found.certificate.efficiency - printed < 0.001
     assert found.proof.startswith("D-efficiency at least 0.9")
@@ -181,7 +182,7 @@ def test_the_sentence_is_no_better_than_the_number():
 )
 def test_certified_d_efficiencies_on_the_tx60(free: int, m: int, random: float, bar: float):
     blocks = whitened_pool() if free == 24 else whitened_pool(free=READABLE30)
-    found = exchange(blocks, m, "D", np.random.default_rng(0)).certificate
+    found = exchange(Problem.of_blocks(blocks, m, "D"), np.random.default_rng(0)).certificate
     assert found.efficiency >= bar
     assert found.figure / found.figure_bound == pytest.approx(found.efficiency**0.5)
     rng = np.random.default_rng(1)
@@ -213,8 +214,8 @@ def test_tool_point_uncertainties_on_the_tx60(free: int, m: int):
 
     rng = np.random.default_rng(0)
     random = np.mean([u(random_selection(1000, m, rng)) for _ in range(100)])
-    by_d = u(exchange(blocks, m, "D", rng).indices)
-    by_v = exchange(blocks, m, v, rng)
+    by_d = u(exchange(Problem.of_blocks(blocks, m, "D"), rng).indices)
+    by_v = exchange(Problem.of_blocks(blocks, m, v), rng)
     found = by_v.certificate
     reached = (random, by_d, by_v.value * 1e6, found.figure_bound * 1e6)
     # printed to three digits; one D set differs from another by 2 %

@@ -3,20 +3,22 @@
 import numpy as np
 import pytest
 
-from calib.design.pose_count import pose_count, pose_counts, settled
+from calib.design import Problem, pose_count
+from calib.design.pose_count import stable_count
 from calib.design.selection import set_value
 from calib.errors import InputError
-from calib.information.observability import CRITERIA, Criterion
+from calib.information.observability import CRITERIA, IndexName, index_of_singular
+from calib.information.rank import singular_values
 from tests.calib.design.design_cases import paper_pool, small_pool, whitened_pool
 
 
 @pytest.mark.slow
 @pytest.mark.truth
 @pytest.mark.parametrize(("criterion", "low", "high"), [("O1", 52, 60), ("O2", 25, 36)])
-def test_the_rule_lands_in_the_published_ranges(criterion: Criterion, low: int, high: int):
-    blocks = paper_pool()
+def test_the_rule_lands_in_the_published_ranges(criterion: IndexName, low: int, high: int):
+    place, problem = CRITERIA.index(criterion), Problem.of_blocks(paper_pool(), 120, "D")
     chosen = [
-        pose_count(blocks, criterion, rng=np.random.default_rng(seed), counts=range(4, 121)).chosen
+        pose_count(problem, np.random.default_rng(seed), counts=range(4, 121))[place].chosen
         for seed in range(24)
     ]
     # MATH 8.1; a single repetition scatters by 3 (O1) or 6 (O2), a median of 24 by 1 or 2
@@ -25,7 +27,8 @@ def test_the_rule_lands_in_the_published_ranges(criterion: Criterion, low: int, 
 
 def test_the_means_are_those_of_sets_drawn_afresh():
     blocks, rng = whitened_pool(300), np.random.default_rng(5)
-    curve = pose_count(blocks, "O2", rng=np.random.default_rng(1), counts=[10, 20, 40], sets=200)
+    problem = Problem.of_blocks(blocks, 40, "D")
+    curve = pose_count(problem, np.random.default_rng(1), counts=[10, 20, 40], sets=200)[1]
     for k, m in enumerate((10, 20, 40)):
         values = [set_value(blocks, rng.choice(300, m, replace=False), "O2") for _ in range(200)]
         # means of 200 sets each: 4 standard deviations of their difference
@@ -33,20 +36,24 @@ def test_the_means_are_those_of_sets_drawn_afresh():
         assert np.std(values) == pytest.approx(curve.sd[k], rel=0.25)
 
 
-def test_all_five_curves_come_from_the_same_sets_as_each_alone():
-    blocks = paper_pool(200)
-    together = pose_counts(blocks, rng=np.random.default_rng(3), sets=10)
-    for criterion, curve in zip(CRITERIA, together, strict=True):
-        alone = pose_count(blocks, criterion, rng=np.random.default_rng(3), sets=10)
+def test_all_five_curves_are_those_of_the_same_growing_sets():
+    blocks, rng = paper_pool(200), np.random.default_rng(3)
+    curves = pose_count(Problem.of_blocks(blocks, 150, "D"), np.random.default_rng(3), sets=3)
+    orders = [rng.permutation(200) for _ in range(3)]
+    for criterion, curve in zip(CRITERIA, curves, strict=True):
         assert curve.criterion == criterion
         np.testing.assert_array_equal(curve.counts, np.arange(4, 151))
-        np.testing.assert_allclose(alone.mean, curve.mean, rtol=1e-12)
+        for m in (6, 54, 150):
+            rows = [blocks[order[:m]].reshape(-1, 24) for order in orders]
+            values = [index_of_singular(singular_values(A), m, criterion, "per_pose") for A in rows]
+            # of rows with condition 3e4 and of their squares: about seven digits are alike
+            assert curve.mean[m - 4] == pytest.approx(np.mean(values), rel=1e-6)
 
 
 def test_the_sum_of_singular_values_settles_only_per_pose():
-    blocks = whitened_pool(400)
+    problem = Problem.of_blocks(whitened_pool(400), 150, "D")
     raw, per_pose = (
-        pose_counts(blocks, rng=np.random.default_rng(2), sets=30, form=form)
+        pose_count(problem, np.random.default_rng(2), sets=30, form=form)
         for form in ("correct", "per_pose")
     )
     for k in (2, 3, 4):
@@ -59,12 +66,12 @@ def test_the_rule_compares_ten_values_with_the_ten_before():
     counts = np.arange(5, 105)
     step = np.where(counts < 50, 1.0, 2.0)
     # the windows hold only twos once ten values from 50 on lie behind; a constant settles at once
-    assert settled(counts, np.full(100, 3.0)) == 15
-    assert settled(counts[35:], step[35:]) == 60
-    assert settled(counts, counts) is None  # rises by 10 in 100 at the end: never 0.5 %
-    assert settled(counts[:19], np.ones(19)) is None  # two windows do not fit
-    assert settled(counts[:20], np.ones(20)) == 15
-    assert settled([2, 4, 8], [1.0, 1.0, 1.0], window=1) == 4
+    assert stable_count(counts, np.full(100, 3.0)) == 15
+    assert stable_count(counts[35:], step[35:]) == 60
+    assert stable_count(counts, counts) is None  # rises by 10 in 100 at the end: never 0.5 %
+    assert stable_count(counts[:19], np.ones(19)) is None  # two windows do not fit
+    assert stable_count(counts[:20], np.ones(20)) == 15
+    assert stable_count([2, 4, 8], [1.0, 1.0, 1.0], window=1) == 4
 
 
 def test_a_brute_force_rule_agrees():
@@ -77,7 +84,7 @@ def test_a_brute_force_rule_agrees():
             if abs(after - before) < 0.005 * before:
                 expected = k
                 break
-        assert settled(np.arange(80), mean) == expected
+        assert stable_count(np.arange(80), mean) == expected
 
 
 @pytest.mark.parametrize(
@@ -92,5 +99,6 @@ def test_a_brute_force_rule_agrees():
     ],
 )
 def test_curves_that_cannot_be_drawn_are_refused(options, says: str):
+    problem = Problem.of_blocks(small_pool(0), 12, "D")
     with pytest.raises(InputError, match=says):
-        pose_count(small_pool(0), "O1", rng=np.random.default_rng(0), **options)
+        pose_count(problem, np.random.default_rng(0), **options)

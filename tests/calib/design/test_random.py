@@ -3,16 +3,10 @@
 import numpy as np
 import pytest
 
-from calib.design.problem import problem_of
-from calib.design.random import (
-    best_of_random,
-    nonsingular_set,
-    random_selection,
-    random_set,
-    random_sets,
-)
+from calib.design import Problem, best_of_random, random_selection, random_set, random_sets
+from calib.design.random import nonsingular_set
 from calib.errors import InputError
-from calib.information.observability import CRITERIA, Criterion
+from calib.information.observability import CRITERIA, IndexName
 from tests.calib.design.design_cases import small_pool, whitened_pool
 
 
@@ -31,9 +25,9 @@ def test_every_pose_is_drawn_equally_often():
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)
-def test_the_best_of_many_is_the_largest_of_all_values(criterion: Criterion):
+def test_the_best_of_many_is_the_largest_of_all_values(criterion: IndexName):
     blocks = whitened_pool(100)
-    drawn = random_sets(blocks, 12, criterion, np.random.default_rng(0), sets=30)
+    drawn = random_sets(Problem.of_blocks(blocks, 12, criterion), np.random.default_rng(0), sets=30)
     assert drawn.indices.shape == (30, 12)
     assert drawn.best.value == drawn.values.max()
     np.testing.assert_array_equal(drawn.best.indices, drawn.indices[drawn.values.argmax()])
@@ -46,14 +40,14 @@ def test_the_best_of_many_is_the_largest_of_all_values(criterion: Criterion):
 
 def test_a_pool_full_of_twins_is_told_apart_from_one_that_is_merely_unlucky(monkeypatch):
     blocks = np.repeat(small_pool(0, 3, 2, 5), 400, axis=0)
-    problem = problem_of(blocks, 8, "D")
+    problem = Problem.of_blocks(blocks, 8, "D")
     assert len(nonsingular_set(problem, np.random.default_rng(0))) == 8
     monkeypatch.setattr("calib.design.random.DRAWS", 10)
     blind = blocks.copy()
     blind[:1199, :, 4] = 0  # one pose in 1200 sees the last number
     blind[1199, :, 4] = 1
     with pytest.raises(InputError, match="none of 10 random sets"):
-        nonsingular_set(problem_of(blind, 3, "D"), np.random.default_rng(3))
+        nonsingular_set(Problem.of_blocks(blind, 3, "D"), np.random.default_rng(3))
 
 
 @pytest.mark.parametrize("m", [0, 51])
@@ -64,13 +58,13 @@ def test_a_size_the_pool_cannot_give_is_refused(m: int):
 
 def test_no_sets_at_all_are_refused():
     with pytest.raises(InputError, match="sets is 0"):
-        best_of_random(small_pool(0), 6, "O1", np.random.default_rng(0), sets=0)
+        best_of_random(Problem.of_blocks(small_pool(0), 6, "O1"), np.random.default_rng(0), sets=0)
 
 
 def test_one_random_set_is_the_first_of_many_and_carries_its_certificate():
     blocks = whitened_pool(100)
-    one = random_set(blocks, 12, "D", np.random.default_rng(4))
-    many = random_sets(blocks, 12, "D", np.random.default_rng(4), sets=1)
+    one = random_set(Problem.of_blocks(blocks, 12, "D"), np.random.default_rng(4))
+    many = random_sets(Problem.of_blocks(blocks, 12, "D"), np.random.default_rng(4), sets=1)
     np.testing.assert_array_equal(one.indices, many.indices[0])
     assert one.value == many.values[0]
     assert one.certificate.efficiency < 0.97
@@ -79,7 +73,9 @@ def test_one_random_set_is_the_first_of_many_and_carries_its_certificate():
 def test_only_allowed_poses_are_drawn_and_not_those_already_measured():
     blocks, allowed = whitened_pool(60), np.arange(60) % 2 == 0
     best = best_of_random(
-        blocks, 10, "A", np.random.default_rng(0), sets=20, given=(0, 1), allowed=allowed
+        Problem.of_blocks(blocks, 10, "A", given=(0, 1), allowed=allowed),
+        np.random.default_rng(0),
+        sets=20,
     )
     assert set(best.indices) <= set(range(2, 60, 2))
     assert (np.diff(best.trace) <= 0).all()  # an uncertainty: smaller is better

@@ -5,8 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
+from calib.design import Problem, relaxation
 from calib.design.blocks import information
-from calib.design.relaxation import Grams, relaxation
+from calib.design.relaxation import Grams
 from calib.errors import InputError
 from calib.information.criteria.named import criterion_named
 from calib.information.goals import Goals
@@ -16,7 +17,9 @@ from tests.calib.design.design_cases import small_criterion, small_pool, whitene
 def test_the_continuous_optimum_of_a_quadratic_meets_kiefer_and_wolfowitz():
     X = np.array(list(itertools.product([-1.0, 0, 1], repeat=2)))
     F = np.column_stack([np.ones(9), X, X**2, X[:, 0] * X[:, 1]])
-    found = relaxation(F[:, None], 6, "D", repeats=True, iterations=20_000, tolerance=1e-11)
+    found = relaxation(
+        Problem.of_blocks(F[:, None], 6, "D", repeats=True), iterations=20_000, tolerance=1e-11
+    )
     w = found.w / 6
     M = (F * w[:, None]).T @ F
     leverage = np.einsum("ij,ij->i", F @ np.linalg.inv(M), F)
@@ -34,7 +37,11 @@ def test_the_continuous_optimum_of_a_quadratic_meets_kiefer_and_wolfowitz():
 @pytest.mark.parametrize("repeats", [False, True])
 def test_weights_are_a_design_and_the_bound_only_falls(name: str, repeats: bool):
     blocks, criterion = small_pool(0, 40), small_criterion(name)
-    found = relaxation(blocks, 8, criterion, prior=0.1 * np.eye(5), given=(0, 3), repeats=repeats)
+    found = relaxation(
+        Problem.of_blocks(
+            blocks, 8, criterion, prior=0.1 * np.eye(5), given=(0, 3), repeats=repeats
+        )
+    )
     assert found.w.sum() == pytest.approx(8)
     assert found.w.min() >= 0
     assert repeats or found.w.max() <= 1 + 1e-9
@@ -62,7 +69,8 @@ def test_packed_products_are_the_products():
 def test_a_bound_within_a_thousandth_of_the_last_is_reached_in_few_steps():
     blocks = whitened_pool()
     few, many = (
-        relaxation(blocks, 29, "D", iterations=k, tolerance=1e-6).bound for k in (400, 4000)
+        relaxation(Problem.of_blocks(blocks, 29, "D"), iterations=k, tolerance=1e-6).bound
+        for k in (400, 4000)
     )
     # D-efficiency: the bound after 400 steps is a thousandth above that after 4000 at most
     assert np.exp((few - many) / 24) < 1.001
@@ -70,7 +78,7 @@ def test_a_bound_within_a_thousandth_of_the_last_is_reached_in_few_steps():
 
 def test_a_criterion_that_is_not_concave_is_refused():
     with pytest.raises(InputError, match="O2 has no relaxation"):
-        relaxation(small_pool(0), 5, "O2")
+        relaxation(Problem.of_blocks(small_pool(0), 5, "O2"))
 
 
 @pytest.mark.parametrize("name", ["V", "G"])
@@ -78,6 +86,6 @@ def test_a_goal_that_no_pose_teaches_anything_about_is_bounded_by_what_is_known(
     blocks, rows = small_pool(0), np.zeros((1, 3, 5))
     blocks[:, :, 2], rows[0, 0, 2] = 0, 1
     criterion = criterion_named(name, goals=Goals(rows, np.ones(1)))
-    found = relaxation(blocks, 5, criterion, prior=np.diag([0, 0, 4.0, 0, 0]))
+    found = relaxation(Problem.of_blocks(blocks, 5, criterion, prior=np.diag([0, 0, 4.0, 0, 0])))
     assert found.figure == pytest.approx(0.5, rel=1e-9)
     assert found.w.sum() == pytest.approx(5)

@@ -14,8 +14,8 @@ from calib.geometry.jacobian import matrix_rows
 from calib.geometry.parameters import parameters_of
 from calib.information.observability import (
     CRITERIA,
-    Criterion,
     Form,
+    IndexName,
     index_of,
     indices,
     singular_values,
@@ -109,7 +109,7 @@ def test_a_set_that_misses_a_direction_has_index_zero():
 @pytest.mark.parametrize("form", ["correct", "per_pose", "printed"])
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_information_matrices_give_the_same_indices_as_singular_values(
-    criterion: Criterion, form: Form, twelve: Array
+    criterion: IndexName, form: Form, twelve: Array
 ):
     rng = np.random.default_rng(0)
     sets = [twelve[rng.choice(1000, 29, replace=False)] for _ in range(5)]

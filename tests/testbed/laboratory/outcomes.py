@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.design.exchange import exchange
+from calib.design import Problem, exchange
 from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
@@ -101,7 +101,9 @@ def best_set(m: int, names: Sequence[str] = READABLE30) -> Index:
     covariance = isotropic_covariance(len(POOL), SIGMA_POSITION, SIGMA_ROTATION)
     blocks = whitened_blocks(NOMINAL, POOL, covariance)[:, :, parameters.free]
     return exchange(
-        blocks * parameters.free_scale, m, "D", np.random.default_rng(0), starts=2
+        Problem.of_blocks(blocks * parameters.free_scale, m, "D"),
+        np.random.default_rng(0),
+        restarts=2,
     ).indices
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calib.design.methods import METHODS
+from calib.design import METHODS
 from calib.errors import InputError
 from testbed.laboratory.bench import open_bench
 from testbed.laboratory.cell import cell_from

@@ -7,10 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from calib.design.detmax import detmax
-from calib.design.exchange import exchange, fedorov
-from calib.design.greedy import greedy
-from calib.design.random import best_of_random, random_set
+from calib.design import Problem, best_of_random, detmax, exchange, fedorov, greedy, random_set
 from calib.information.criteria.named import criterion_named
 from testbed.laboratory.goal import goals_of
 from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
@@ -224,7 +221,7 @@ def test_a_set_that_is_better_leads_even_if_an_undecided_one_has_the_smaller_mea
     [
         ("random", random_set),
         ("best_of_random", lambda *a: best_of_random(*a, sets=7)),
-        ("greedy", greedy),
+        ("greedy", lambda problem, _: greedy(problem)),
         ("detmax", detmax),
         ("fedorov", fedorov),
         ("exchange", exchange),
@@ -236,7 +233,7 @@ def test_select_is_the_direct_call_of_each_algorithm(method, call, criterion):
     blocks = bench().design_blocks("whitened")[:60]
     made = criterion_named(criterion, goals=goals_of(bench()))
     ours = select(blocks, settings, stream(5, "x"), criterion_of(bench(), settings))
-    theirs = call(blocks, 9, made, stream(5, "x"))
+    theirs = call(Problem.of_blocks(blocks, 9, made), stream(5, "x"))
     assert ours.indices.tolist() == theirs.indices.tolist()
     assert (ours.value, ours.method, ours.criterion) == (theirs.value, method, criterion)
 
