@@ -150,6 +150,26 @@ def typeset(text: str) -> str:
     return text.replace(" um", f"{NARROW}µm").replace(" %", f"{NARROW}%")
 
 
+def sentence(text: str, *, keep_name: bool = False) -> str:
+    """The text with a capital and a full stop.
+
+    With `keep_name` a first word that is more than letters, as the name of a number is, stays.
+
+    Examples
+    --------
+    >>> sentence("no pose fits"), sentence("d2 cannot be told from d3.", keep_name=True)
+    ('No pose fits.', 'd2 cannot be told from d3.')
+    """
+    if not keep_name or text.partition(" ")[0].rstrip(",:;").isalpha():
+        text = text[:1].upper() + text[1:]
+    return text if text.endswith((".", "!", "?")) else f"{text}."
+
+
+def sentences(texts: Iterable[str]) -> tuple[str, ...]:
+    """Texts as sentences; the names of numbers that some begin with stay as they are."""
+    return tuple(sentence(text, keep_name=True) for text in texts)
+
+
 def counted(number: int, noun: str) -> str:
     """A count and its noun.
 
@@ -277,9 +297,9 @@ class Quantity:
         self.unit.factor(self.name)  # a name without its unit is refused here
 
     @property
-    def plain(self) -> Any:
+    def shown(self) -> Any:
         """The value in the unit of the name, as JSON has it: a Mean with its interval."""
-        return _plain(self.value, self.unit.factor(self.name))
+        return _shown(self.value, self.unit.factor(self.name))
 
     @property
     def array(self) -> np.ndarray[Any, Any]:
@@ -288,17 +308,17 @@ class Quantity:
         return array if factor == 1.0 else array * factor
 
 
-def _plain(value: Any, factor: float) -> Any:
+def _shown(value: Any, factor: float) -> Any:
     """A value times a factor, in the types of JSON."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item, factor) for key, item in value.items()}
+        return {str(key): _shown(item, factor) for key, item in value.items()}
     if isinstance(value, Mean):  # a printed figure has no interval, nor has that of one pool
         ends = (value.low, value.high) if 0.0 < value.half_width < float("inf") else None
-        return _plain({"value": value.value, "ci_95": ends}, factor)
+        return _shown({"value": value.value, "ci_95": ends}, factor)
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, list | tuple):
-        return [_plain(item, factor) for item in value]
+        return [_shown(item, factor) for item in value]
     if value is None or isinstance(value, bool | str) or factor == 1.0:
         return value
     return value * factor
@@ -320,7 +340,7 @@ def as_json(quantities: Iterable[Quantity]) -> dict[str, Any]:
             table = table.setdefault(part, {})
         if last in table:
             raise ValueError(f'"{quantity.name}" is published twice')
-        table[last] = quantity.plain
+        table[last] = quantity.shown
     return document
 
 

@@ -16,7 +16,6 @@ from testbed.identify.report_errors import (
 from testbed.identify.results import dh_table
 from testbed.identify.words import (
     HEAD,
-    closed,
     headline_rows,
     mark,
     next_step,
@@ -27,7 +26,7 @@ from testbed.identify.words import (
 )
 from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section, render
 from testbed.robots.write.dh_table import DhRow
-from testbed.units import DEG, MM, counted, fixed, with_uncertainty
+from testbed.units import DEG, MM, counted, fixed, sentences, with_uncertainty
 
 
 def calibration_report_html(
@@ -108,10 +107,10 @@ def delivered_section(delivered: Delivered) -> Section:
             "the geometric part. dh_table.csv: the table above. split.csv: every row with its "
             "errors."
         ),
-        Points(tuple(closed(text) for text in delivered.robot)),
+        Points(sentences(delivered.robot)),
     ]
     if delivered.program:
-        blocks += [Text("Corrected program:"), Points(tuple(map(closed, delivered.program)))]
+        blocks += [Text("Corrected program:"), Points(sentences(delivered.program))]
     return Section("files", "What comes with this report", tuple(blocks))
 
 
@@ -134,7 +133,7 @@ def data_section(calibration: Calibration) -> Section:
     blocks: list[Block] = [
         Table(caption="The data", head=("what", "value"), rows=rows, align="ll"),
     ]
-    for title, sentences in (
+    for title, said in (
         ("How they were read:", source.probe),
         ("Assumed of the robot:", source.robot_notes),
         (f"Masked, {counted(len(source.masked), 'note')}:", source.masked),
@@ -142,8 +141,8 @@ def data_section(calibration: Calibration) -> Section:
                                     "moved but the errors in time",)),
         ("Warnings:", (*source.warnings, *calibration.warnings)),
     ):  # fmt: skip
-        if sentences:
-            blocks += [Text(title), Points(tuple(closed(text) for text in sentences))]
+        if said:
+            blocks += [Text(title), Points(sentences(said))]
     return Section("data", "The data", tuple(blocks))
 
 
@@ -215,16 +214,16 @@ def fixture_table(calibration: Calibration) -> Table:
 
 def identifiable_section(calibration: Calibration) -> Section:
     """What the measurements can tell apart, in words."""
-    blocks: list[Block] = [Points(tuple(closed(text) for text in calibration.frames))]
+    blocks: list[Block] = [Points(sentences(calibration.frames))]
     for fit in calibration.fits:
         found = fit.identification
         blocks.append(Text(rank_words(fit)))
-        sentences = found.reduction.sentences
-        if sentences and fit is calibration.fits[0]:
-            blocks.append(Points(tuple(closed(text) for text in sentences)))
-        extra = found.notes[len(sentences) :]
+        dependencies = found.reduction.sentences
+        if dependencies and fit is calibration.fits[0]:
+            blocks.append(Points(sentences(dependencies)))
+        extra = found.notes[len(dependencies) :]
         if extra:
-            blocks.append(Points(tuple(closed(text) for text in extra)))
+            blocks.append(Points(sentences(extra)))
     blocks.append(coverage_table(calibration))
     return Section("identifiable", "What can be identified", tuple(blocks))
 

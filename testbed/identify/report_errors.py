@@ -5,9 +5,9 @@ import numpy as np
 from calib.uncertainty.conformal import fewest_poses
 from testbed.identify import plots as plots
 from testbed.identify.records import Calibration
-from testbed.identify.words import closed, held_out_poses, mm
+from testbed.identify.words import held_out_poses, mm
 from testbed.report.page import Block, Figure, Points, Section, Table, Text
-from testbed.units import MM, counted, percent, probability, significant
+from testbed.units import MM, counted, percent, probability, sentence, sentences, significant
 
 BELIEVED = {True: "yes", False: "NO"}
 
@@ -78,7 +78,7 @@ def belief_section(calibration: Calibration) -> Section:
                 note="u: 3-D standard uncertainty, root of the sum over x, y, z.",
             )
         )
-    blocks.append(Points(tuple(closed(text) for text in proof.trust.sentences)))
+    blocks.append(Points(sentences(proof.trust.sentences)))
     poses = held_out_poses(calibration)
     if poses < fewest_poses():
         blocks.append(
@@ -88,7 +88,7 @@ def belief_section(calibration: Calibration) -> Section:
             )
         )
     if proof.bootstrap is not None:
-        blocks.append(Text(closed(proof.bootstrap.sentence)))
+        blocks.append(Text(sentence(proof.bootstrap.sentence, keep_name=True)))
     return Section("belief", "What to believe, and why", tuple(blocks))
 
 
@@ -144,14 +144,14 @@ def outlier_section(calibration: Calibration) -> Section:
                     else "They took part as the chosen loss weighs them."
                 )
             ),
-            Points(tuple(closed(text) for text in gross.sentences)),
+            Points(sentences(gross.sentences)),
         ]
     else:
         blocks.append(Text("Every training row fits the others."))
     if gross.held_out_sentences:
         blocks += [
             Text("Held-out rows far off; none that was read is left out of any figure:"),
-            Points(tuple(closed(text) for text in gross.held_out_sentences)),
+            Points(sentences(gross.held_out_sentences)),
         ]
     blocks.append(
         Text(

@@ -9,9 +9,9 @@ import numpy as np
 
 from calib.measurement.accuracy import Accuracy
 from testbed.identify.records import Calibration, Delivered, Figures, Fit, Misses
-from testbed.identify.words import closed, notice, reasons, verdict
+from testbed.identify.words import notice, reasons, verdict
 from testbed.robots.write.dh_table import DhRow, dh_rows
-from testbed.units import DEG, MM
+from testbed.units import DEG, MM, sentences
 
 FORMAT = 1
 KIND = "calibration"
@@ -196,7 +196,7 @@ def _fit(fit: Fit) -> dict[str, Any]:
         "free_numbers": len(found.reduction.kept) + len(found.reduction.dropped),
         "estimated": found.rank,
         "condition": found.reduction.condition,
-        "dependencies": [closed(text) for text in found.reduction.sentences],
+        "dependencies": list(sentences(found.reduction.sentences)),
         "chi_square_per_dof": found.chi_square / found.dof if found.dof > 0 else None,
         "p_value": found.p_value,
         "noise_factor": fit.noise_factor,

@@ -3,7 +3,7 @@
 from calib.uncertainty.conformal import fewest_poses
 from testbed.identify.records import Calibration, Delivered, Figures, Fit
 from testbed.report.page import SIMULATED
-from testbed.units import DEG, MM, counted, fixed, significant
+from testbed.units import DEG, MM, counted, fixed, sentences, significant
 
 MEASURED = "MEASURED - a calibration report, not a certificate of traceability"
 GOOD = "✓ The stated uncertainty can be believed"
@@ -99,7 +99,7 @@ def reasons(calibration: Calibration) -> tuple[str, ...]:
         )
     said += calibration.warnings
     said += calibration.source.warnings
-    return tuple(closed(text) for text in said)
+    return sentences(said)
 
 
 def next_step(calibration: Calibration) -> str:
@@ -215,14 +215,6 @@ def deg(angle: float) -> str:
     return fixed(angle * DEG, 4)
 
 
-def closed(text: str) -> str:
-    """A sentence with a full stop and a capital, unless it begins with the name of a number."""
-    word = text.partition(" ")[0]
-    if word.rstrip(",:;").isalpha():
-        text = text[:1].upper() + text[1:]
-    return text if text.endswith((".", "!", "?")) else f"{text}."
-
-
 def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
     """What the command prints: notice, errors, verdict, reasons."""
     from testbed.report.text import table
@@ -236,9 +228,9 @@ def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
     title = f"{calibration.source.name}: errors at {'held-out rows' if held else 'the rows used'}"
     parts = [notice(calibration), table(title, head, rows), "", f"Verdict: {verdict(calibration)}"]
     parts += [f"  {reason}" for reason in reasons(calibration)]
-    parts += [f"  {closed(text)}" for text in calibration.gross.sentences[:MOST_NAMED]]
+    parts += [f"  {text}" for text in sentences(calibration.gross.sentences[:MOST_NAMED])]
     more = len(calibration.gross.sentences) - MOST_NAMED
     if more > 0:
         parts.append(f"  {more} more rows that do not fit are in the report.")
-    parts += [f"  {closed(text)}" for text in delivered.program]
+    parts += [f"  {text}" for text in sentences(delivered.program)]
     return "\n".join(parts)

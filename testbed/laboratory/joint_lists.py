@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, frozen
 from calib.errors import InputError
 from testbed.robots.catalog import Robot
+from testbed.units import counted
 
 MAX_BYTES = 10_000_000
 UNITS = {"deg": np.pi / 180, "rad": 1.0, "mm": 1e-3, "m": 1.0}
@@ -32,7 +33,7 @@ def from_deg(
     for k, row in enumerate(rows):
         if len(row) != n:
             raise InputError(
-                f"{names[k]} has {len(row)} {'number' if len(row) == 1 else 'numbers'}",
+                f"{names[k]} has {counted(len(row), 'number')}",
                 code="S37",
                 field=where,
                 value=list(row),

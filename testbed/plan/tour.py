@@ -10,6 +10,7 @@ from testbed.laboratory.pool import joint_ranges
 from testbed.laboratory.route.route import Route, measuring_route
 from testbed.plan.records import FAR, Reading, Tour
 from testbed.streams import stream
+from testbed.units import sentence
 
 
 def tour_of(
@@ -86,7 +87,7 @@ def _sentence(route: Route, blocked: tuple[int, ...]) -> str:
     The route names poses by where they stood in the list given to it, which no one else sees.
     """
     if not blocked:
-        return route.sentence[:1].upper() + route.sentence[1:] + "."
+        return sentence(route.sentence)
     moves = ", ".join(f"to pose {k + 1} of the order" for k in blocked)
     return (
         f"No free way was found {moves}; lead the robot around by hand there, drop the pose, or "

@@ -4,7 +4,7 @@ import numpy as np
 
 from testbed.plan.records import FAR, Plan
 from testbed.report.page import SIMULATED
-from testbed.units import MM, UM, counted, fixed, percent, significant
+from testbed.units import MM, UM, counted, fixed, percent, sentence, significant
 
 CLOSE = 0.01
 """Stations whose uncertainty differs by less than this part are called equally good."""
@@ -108,7 +108,7 @@ def reasons(plan: Plan) -> tuple[str, ...]:
         measured_words(plan),
         station_words(plan),
     )
-    return tuple(s[:1].upper() + s[1:].rstrip(".") + "." for s in said if s)
+    return tuple(sentence(text) for text in said if text)
 
 
 def mark(plan: Plan) -> str:

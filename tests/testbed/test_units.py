@@ -30,6 +30,7 @@ from testbed.units import (
     fixed,
     percent,
     probability,
+    sentence,
     significant,
     with_uncertainty,
 )
@@ -82,6 +83,13 @@ def test_rounding_up_to_the_next_power_of_ten_does_not_add_a_digit():
     assert with_uncertainty(1.0, 0.0996) == ("1.00", "0.10")
 
 
+def test_a_sentence_begins_with_a_capital_and_ends_once():
+    assert sentence("all done") == sentence("all done.") == "All done."
+    assert sentence("is it?") == "Is it?"
+    assert sentence("q2 moves", keep_name=True) == "q2 moves."
+    assert sentence("note: q2 moves", keep_name=True) == "Note: q2 moves."
+
+
 def test_small_p_values_are_not_written_out_and_shares_keep_their_sign_on_the_line():
     assert probability(0.0) == "< 0.001"
     assert probability(0.0421) == "0.042"
@@ -114,9 +122,9 @@ def test_a_quantity_shows_the_very_bits_of_value_times_factor(numbers):
             ("deg", RADIAN, 180 / np.pi), ("mdeg", RADIAN, 180e3 / np.pi),
         ):  # fmt: skip
             name = f"some/error_{ending}"
-            assert Quantity(name, array, unit).plain == (factor * array).tolist()
-            assert Quantity(name, array[0], unit).plain == float(array[0] * factor)
-            assert Quantity(name, numbers[0], unit).plain == numbers[0] * factor
+            assert Quantity(name, array, unit).shown == (factor * array).tolist()
+            assert Quantity(name, array[0], unit).shown == float(array[0] * factor)
+            assert Quantity(name, numbers[0], unit).shown == numbers[0] * factor
             np.testing.assert_array_equal(Quantity(name, array, unit).array, array * factor)
 
 
@@ -148,10 +156,10 @@ def test_a_document_nests_by_name_in_order_and_holds_only_what_json_has():
 
 def test_a_mean_is_shown_with_its_interval_and_a_printed_one_without():
     mean = Mean(0.5e-3, 0.1e-3)
-    shown = Quantity("before_mm", mean, METRE).plain
+    shown = Quantity("before_mm", mean, METRE).shown
     assert shown == {"value": mean.value * 1e3, "ci_95": [mean.low * 1e3, mean.high * 1e3]}
     for width in (0.0, math.inf, math.nan):
-        assert Quantity("ratio", Mean(2.0, width)).plain == {"value": 2.0, "ci_95": None}
+        assert Quantity("ratio", Mean(2.0, width)).shown == {"value": 2.0, "ci_95": None}
 
 
 @pytest.mark.parametrize(
@@ -165,9 +173,9 @@ def test_a_name_that_does_not_end_in_its_unit_is_refused(name, unit):
 
 
 def test_a_unit_may_end_an_outer_name_and_the_innermost_counts():
-    assert Quantity("budget_um/tracker", 1.0, METRE).plain == 1e6
-    assert Quantity("budget_um/tracker_mm", 1.0, METRE).plain == 1e3
-    assert Quantity("clearance_mm/poses", 3).plain == 3  # one count in a table of lengths
+    assert Quantity("budget_um/tracker", 1.0, METRE).shown == 1e6
+    assert Quantity("budget_um/tracker_mm", 1.0, METRE).shown == 1e3
+    assert Quantity("clearance_mm/poses", 3).shown == 3  # one count in a table of lengths
 
 
 def test_nothing_is_published_twice():

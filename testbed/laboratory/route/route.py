@@ -13,6 +13,7 @@ from calib.geometry.chain import joint_vectors
 from testbed.laboratory.route.moves import Mover, Way, travel_times
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot
+from testbed.units import counted
 
 BLOCKED_TIME = 1e6
 """What a move without a way costs when orders are compared [s]."""
@@ -67,7 +68,6 @@ class Route:
     @property
     def sentence(self) -> str:
         """What came out, in words."""
-        m = len(self.order)
         if self.blocked:
             pairs = ", ".join(
                 f"{'the start' if a < 0 else f'pose {a}'} and pose {b}" for a, b in self.blocked
@@ -83,7 +83,7 @@ class Route:
             else "every straight joint move is free"
         )
         return (
-            f"{m} {'pose' if m == 1 else 'poses'} in {self.total_time:.0f} s, "
+            f"{counted(len(self.order), 'pose')} in {self.total_time:.0f} s, "
             f"{self.move_time:.0f} s of them moving; {around} (tested every "
             f"{self.resolution * 1e3:g} mm of the fastest point)"
         )
