@@ -5,10 +5,12 @@ from functools import cache
 
 import numpy as np
 
+from testbed.recording.story import timeline_of
 from testbed.robots.catalog import load_robot
 from testbed.run import campaign
-from testbed.run.recording import write_recording
+from testbed.run.recording import chapters_of, write_recording
 from testbed.scenario.read import changed, load_scenario
+from testbed.studies.trial.recording_cell import show
 
 SMALL = {
     "pool.size": 60,
@@ -40,6 +42,16 @@ def record(path, played=None):
     played = played or small_campaign()
     write_recording(played, load_robot(played.scenario.robot), path)
     return path
+
+
+def shown(campaign):
+    """The trial that a campaign's recording shows."""
+    return show(campaign.setting, campaign.trials[0])
+
+
+def timeline(campaign):
+    """Where the phases of a campaign's recording lie."""
+    return timeline_of(chapters_of(campaign, shown(campaign)))
 
 
 def store(path):

@@ -89,11 +89,6 @@ HEAVY = (
 )
 MOST_FLOORS, MOST_LINES, MOST_FILES = 9, 400, 25
 BREACHES = {
-    ("testbed/recording/curves.py", "testbed.studies.trial.records"),
-    ("testbed/recording/layout.py", "testbed.studies.coverage.recording"),
-    ("testbed/recording/layout.py", "testbed.studies.coverage.records"),
-    ("testbed/recording/story.py", "testbed.laboratory.truth.laboratory"),
-    ("testbed/recording/story.py", "testbed.studies.trial.records"),
     ("testbed/run/campaign.py", "testbed.studies.compensation.play"),
     ("testbed/run/campaign.py", "testbed.studies.compensation.records"),
     ("testbed/run/campaign.py", "testbed.studies.compensation.settings"),
@@ -145,8 +140,6 @@ BREACHES = {
     ("testbed/studies/protocol.py", "testbed.run.report"),
     ("testbed/studies/protocol.py", "testbed.run.results"),
     ("testbed/studies/trial/plots_uncertainty.py", "testbed.studies.wen2022.paper"),
-    ("testbed/studies/trial/recording.py", "testbed.studies.compensation.recording"),
-    ("testbed/studies/trial/recording.py", "testbed.studies.coverage.recording"),
     ("testbed/studies/trial/records.py", "testbed.studies.compensation.records"),
     ("testbed/studies/trial/records.py", "testbed.studies.coverage.records"),
     ("testbed/studies/trial/records.py", "testbed.studies.wen2022.records"),

@@ -128,9 +128,10 @@ def _derive(
 ) -> None:
     """Write one derived file."""
     if name == layout.RECORDING:
-        from testbed.identify.recording import write_calibration_recording
+        from testbed.identify.recording import calibration_story
+        from testbed.recording.write import write_story
 
-        write_calibration_recording(calibration, robot, path)
+        write_story(calibration_story(calibration, robot), path)
     elif name == layout.RESULT:
         document = {**headline(calibration, delivered), "truebed": own_version()}
         path.write_bytes(npz.pretty_json(document))

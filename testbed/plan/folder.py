@@ -7,12 +7,13 @@ import numpy as np
 
 from testbed.plan.plan import plan as make_plan
 from testbed.plan.programs import programs
-from testbed.plan.recording import write_plan_recording
+from testbed.plan.recording import plan_story
 from testbed.plan.records import Plan
 from testbed.plan.report import plan_report_html
 from testbed.plan.table import joint_units, plan_csv, pose_ids
 from testbed.plan.words import station_words, untested
 from testbed.progress import Progress
+from testbed.recording.write import write_story
 from testbed.report.page import SIMULATED
 from testbed.robots.catalog import Robot, load_robot
 from testbed.scenario.read import Scenario, dump_scenario, scenario_hash
@@ -51,7 +52,7 @@ def write_plan(plan: Plan, robot: Robot, out: Path, *, overwrite: bool = False) 
         }
         for name, text in texts.items():
             (folder / name).write_bytes(text.encode())
-        write_plan_recording(plan, robot, folder / RECORDING)
+        write_story(plan_story(plan, robot), folder / RECORDING)
         (folder / PLAN).write_bytes(pretty_json(plan_numbers(plan, robot)))
 
 

@@ -1,25 +1,46 @@
-"""The recording of a plan: candidates by leverage, the budget, the tour and beams, the goal."""
-
-from pathlib import Path
-from typing import Any
+"""The recording of a plan: candidates by leverage, the number of poses, the tour, the goal."""
 
 import numpy as np
 
 from calib.arrays import Array
-from testbed.plan.recording_cell import draw_candidates, draw_cell, draw_goal, draw_texts, draw_tour
-from testbed.plan.recording_story import PlanPhase, PlanPhaseName, PlanStory, tell_plan
+from testbed.plan.recording_cell import (
+    draw_candidates,
+    draw_cell,
+    draw_chosen,
+    draw_goal,
+    draw_tour,
+    driven,
+    reasons_shown,
+)
 from testbed.plan.records import Plan
-from testbed.recording.cell import floor_height
-from testbed.recording.curves import draw_curve
-from testbed.recording.layout import FRAMES_PER_SECOND, camera, cell_view, plot_over
-from testbed.recording.pen import Color, Pen, open_stream, strict_mode
-from testbed.robots.catalog import Robot
+from testbed.plan.words import PROMISED, certificate_word, headline_rows, minutes, promise
+from testbed.recording import style
+from testbed.recording.curves import draw_curve, draw_level
+from testbed.recording.pen import Pen
+from testbed.recording.story import Chapter, Story
+from testbed.recording.style import Color
+from testbed.recording.timeline import (
+    Motion,
+    Phase,
+    evenly,
+    frames_per_pose,
+    leaf,
+    rests,
+    spread,
+    visit,
+)
+from testbed.report.page import SIMULATED
+from testbed.robots.robot import Robot
+from testbed.units import counted
 
-BLUE, VERMILION, GRAY, AMBER = (92, 150, 240), (232, 100, 60), (150, 156, 164), (232, 163, 61)
+VERMILION, AMBER = (232, 100, 60), (232, 163, 61)
+CANDIDATE_FRAMES, BUDGET_FRAMES = 144, 60
+MOST_GOALS = 30
+"""Goal postures the robot goes to; the others are drawn as points."""
 
 
-def write_plan_recording(plan: Plan, robot: Robot, path: str | Path) -> None:
-    """Write a plan as a Rerun recording.
+def plan_story(plan: Plan, robot: Robot) -> Story:
+    """What the recording of a plan holds.
 
     Parameters
     ----------
@@ -27,98 +48,154 @@ def write_plan_recording(plan: Plan, robot: Robot, path: str | Path) -> None:
         Finished; nothing is computed again but nominal poses.
     robot : Robot
         Whose parts are drawn.
-    path : path
-        File to write, replaced if it is there.
-
-    Raises
-    ------
-    MachineError
-        If the file cannot be written.
     """
-    story = tell_plan(plan)
     scenario = plan.scenario
-    floor = floor_height(plan.nominal.chain, robot)
-    identity = f"{scenario.name}-plan-{scenario.seed}"
-    name = f"{scenario.name}, plan, seed {scenario.seed}"
-    with (
-        strict_mode(),
-        open_stream(Path(path), identity, name, plan_blueprint(story, floor)) as stream,
-    ):
-        writer = Pen(stream, story)
-        draw_texts(writer)
-        draw_cell(writer, robot, floor)
-        draw_candidates(writer)
-        draw_tour(writer)
-        draw_goal(writer)
-        _draw_curves(writer)
-
-
-def plan_blueprint(story: PlanStory, floor: float) -> Any:
-    """Layout of the viewer, embedded in the recording."""
-    import rerun.blueprint as rrb
-
-    plan = story.plan
-    base = plan.nominal.chain.T_world_base[:3, 3]
-    eye = camera(plan.pool.T[:, :3, 3], base, plan.T_world_tracker[:3, 3])
-    top = rrb.Horizontal(
-        cell_view(*eye, floor),
-        rrb.Vertical(
-            rrb.TextDocumentView(origin="/summary", name="Summary"),
-            rrb.TextDocumentView(origin="/now", name="Now"),
-            row_shares=[1.4, 1],
-        ),
-        column_shares=[2.5, 1.3],
+    return Story(
+        identity=f"{scenario.name}-plan-{scenario.seed}",
+        name=f"{scenario.name}, plan, seed {scenario.seed}",
+        summary=summary(plan),
+        robot=robot,
+        chain=plan.nominal.chain,
+        reach=plan.pool.T[:, :3, 3],
+        station=plan.T_world_tracker[:3, 3],
+        draw=lambda pen: draw_cell(plan, robot, pen),
+        chapters=(_candidates(plan), _budget(plan), _tour(plan), _goal(plan)),
     )
-    names: dict[PlanPhaseName, str] = {
-        "budget": "2 U in um by number: designed, bound, random",
-        "tour": "3 U in um after each pose",
-        "goal": "4 U in um at each goal pose",
-    }
-    plots = rrb.Horizontal(
+
+
+def summary(plan: Plan) -> str:
+    """The promise first, then the plan in numbers."""
+    scenario = plan.scenario
+    lines = [
+        f"#### {scenario.title or scenario.name}",
+        f"**{SIMULATED}** (plan of {scenario.name}, seed {scenario.seed})",
+        "",
+        promise(plan),
+        "",
+        "| | | |",
+        "|---|--:|---|",
         *(
-            plot_over(phase.name, names[phase.name], phase.start, phase.stop)
-            for phase in story.phases
-            if phase.name in names
-        )
+            f"| {what} | {value} | {unit} |"
+            for k, (what, value, unit) in enumerate(headline_rows(plan))
+            if k not in PROMISED
+        ),
+    ]
+    return "\n".join(lines)
+
+
+def _candidates(plan: Plan) -> Chapter:
+    """The pool by leverage, and who was refused."""
+    pool, shown = plan.pool, reasons_shown(plan)
+    refused = [
+        f"- refused, {name}: {int(count)}" + (f" ({shown[name][0]})" if name in shown else "")
+        for name, count in zip(pool.rejection_names, pool.rejection_counts, strict=True)
+        if count
+    ]
+    return Chapter(
+        name="candidates",
+        local="candidate",
+        color=style.SEARCH_PHASE,
+        motion=leaf(pool.q, 1, CANDIDATE_FRAMES),
+        text=(
+            f"#### 1 Candidates: {len(pool.q)} of {pool.n_drawn} drawn",
+            "- purple over green to yellow: the pool, with growing leverage",
+            *refused,
+            "- refused ones are shown inside the box only, at most 100 of each",
+        ),
+        draw=lambda pen, phase: draw_candidates(plan, pen, phase),
     )
-    bar = rrb.StateTimelineView(origin="/phase", name="Phase")
-    return rrb.Blueprint(
-        rrb.Vertical(top, bar, plots, row_shares=[6.5, 1.05, 2.4]),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline="step", fps=FRAMES_PER_SECOND),
-        auto_views=False,
+
+
+def _budget(plan: Plan) -> Chapter:
+    """Uncertainty by number of poses [um]."""
+    curve, k = plan.curve, plan.scenario.plan.coverage
+    colors = "- vermilion: no set of that size goes below; gray: random sets"
+
+    def draw(pen: Pen, phase: Phase) -> None:
+        draw_chosen(plan, pen, phase)
+        um = k * 1e6
+        top = 4.0 * um * float(np.median(curve.u))
+        _draw_below(pen, "budget/designed", phase, um * curve.u, top, style.LINE_COLOR)
+        _draw_below(pen, "budget/no_set_below", phase, um * curve.bound, top, VERMILION)
+        _draw_below(pen, "budget/random", phase, um * curve.random, top, style.MUTED_COLOR)
+        if curve.target is not None:
+            draw_level(pen, "budget/target", phase, um * curve.target, AMBER)
+
+    return Chapter(
+        name="budget",
+        local="number",
+        color=(150, 110, 190),
+        motion=spread(len(curve.counts), BUDGET_FRAMES, plan.tour.start[None]),
+        text=(
+            "#### 2 Number of poses",
+            f"- blue curve: predicted U (k = {k:g}) of designed sets",
+            colors if curve.target is None else f"{colors}, amber: target",
+            f"- from {curve.counts[0]} to {curve.counts[-1]} poses",
+            f"- {curve.sentence or plan.proof.sentence}",
+            f"- {certificate_word(plan)}",
+        ),
+        draw=draw,
+        plots={"budget": "2 U in um by number: designed, bound, random"},
     )
 
 
-def _draw_curves(writer: Pen[PlanStory]) -> None:
-    """Uncertainty by number of poses, after each pose of the tour, and at the goal [um]."""
-    story, plan = writer.story, writer.story.plan
-    k, curve = plan.scenario.plan.coverage * 1e6, plan.curve
-    budget, tour, goal = story.phase("budget"), story.phase("tour"), story.phase("goal")
-    top = 4.0 * k * float(np.median(curve.u))
-    for name, values, color in (
-        ("designed", curve.u, BLUE),
-        ("no_set_below", curve.bound, VERMILION),
-        ("random", curve.random, GRAY),
-    ):
-        _draw_below(writer, f"budget/{name}", budget, k * values, top, color)
-    if curve.target is not None:
-        target = np.full(len(curve.counts), k * curve.target)
-        draw_curve(writer, "budget/target", budget, target, AMBER)
-    measured = np.cumsum([role == "identify" for role in plan.tour.roles])
-    # a held-out pose teaches nothing: the curve stays where it was
-    after = np.concatenate([[np.nan], plan.u_of_step])[measured]
-    known = after[np.isfinite(after)]
-    limit = 4.0 * k * float(np.median(known)) if len(known) else 1.0
-    _draw_below(writer, "tour/U", tour, k * after, limit, BLUE)
-    draw_curve(writer, "goal/U", goal, k * plan.u[story.goals], BLUE)
-    draw_curve(writer, "goal/mean", goal, np.full(len(story.goals), k * plan.u_mean), GRAY)
+def _tour(plan: Plan) -> Chapter:
+    """The way from pose to pose, and the uncertainty after each of them [um]."""
+    tour, um = plan.tour, plan.scenario.plan.coverage * 1e6
+    frames = frames_per_pose(len(tour))
+
+    def draw(pen: Pen, phase: Phase) -> None:
+        draw_tour(plan, pen, phase)
+        measured = np.cumsum([role == "identify" for role in tour.roles])
+        # a held-out pose teaches nothing: the curve stays where it was
+        after = np.concatenate([[np.nan], plan.u_of_step])[measured]
+        known = after[np.isfinite(after)]
+        limit = 4.0 * um * float(np.median(known)) if len(known) else 1.0
+        _draw_below(pen, "tour/U", phase, um * after, limit, style.LINE_COLOR)
+
+    return Chapter(
+        name="tour",
+        local="pose",
+        color=style.MEASURE_PHASE,
+        motion=Motion(frames * len(tour), rests(len(tour), frames), driven(plan, frames)),
+        text=(
+            f"#### 3 Tour: {counted(len(tour), 'pose')} in {minutes(tour.duration)}",
+            "- numbers: measuring order; blue: to identify from, orange: held out",
+            "- line: the way of the tool; red: the beam",
+            f"- {tour.sentence}",
+        ),
+        draw=draw,
+        plots={"tour": "3 U in um after each pose"},
+    )
 
 
-def _draw_below(
-    writer: Pen[PlanStory], path: str, phase: PlanPhase, values: Array, top: float, color: Color
-) -> None:
+def _goal(plan: Plan) -> Chapter:
+    """Uncertainty at goal postures [um]."""
+    k = plan.scenario.plan.coverage
+    goals = evenly(np.arange(len(plan.goal.q)), MOST_GOALS)
+
+    def draw(pen: Pen, phase: Phase) -> None:
+        draw_goal(plan, pen, phase)
+        draw_curve(pen, "goal/U", phase, k * 1e6 * plan.u[goals], style.LINE_COLOR)
+        draw_level(pen, "goal/mean", phase, k * 1e6 * plan.u_mean, style.MUTED_COLOR)
+
+    return Chapter(
+        name="goal",
+        local="goal_pose",
+        color=style.IDENTIFY_PHASE,
+        motion=visit(plan.goal.q[goals]),
+        text=(
+            f"#### 4 Goal: {plan.goal.sentence}",
+            "- purple over green to yellow: tool points of the goal, with growing uncertainty",
+            f"- U (k = {k:g}): RMS {k * plan.u_mean * 1e6:.3g} µm, "
+            f"worst {k * plan.u_worst * 1e6:.3g} µm",
+        ),
+        draw=draw,
+        plots={"goal": "4 U in um at each goal pose"},
+    )
+
+
+def _draw_below(pen: Pen, path: str, phase: Phase, values: Array, top: float, color: Color) -> None:
     """A curve without what is far too large or not there."""
     shown = np.flatnonzero(values <= top)
-    draw_curve(writer, path, phase, values[shown], color, local=shown)
+    draw_curve(pen, path, phase, values[shown], color, local=shown)

@@ -1,19 +1,17 @@
-"""Plots in a recording: one curve window per phase, and the parameters against what was stated."""
+"""Plots in a recording: curves over a phase, and planes beside the cell with grid and labels."""
+
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Index
-from calib.measurement.accuracy import seen_minus_predicted
-from testbed.recording.pen import Color, Pen, Stretch, Timeline, Writer
-from testbed.recording.story import search_trace
-from testbed.studies.trial.records import RandomSets
+from calib.arrays import Array, Bool, Index
+from testbed.recording import style
+from testbed.recording.pen import Pen
+from testbed.recording.story import Panel
+from testbed.recording.style import Color
+from testbed.recording.timeline import Phase
 
-LINE_COLOR, STATED_COLOR, MUTED_COLOR = (92, 150, 240), (140, 160, 250), (150, 156, 164)
-RED, GREEN = (232, 84, 80), (60, 190, 110)
-"""Before and after in the plots."""
-BAND_COLOR, GRID_COLOR, TEXT_COLOR = (92, 98, 106), (124, 130, 138), (140, 146, 154)
-COVERED = (110, 240, 160)
-"""Readable on the dark and on the light ground of the viewer's two themes."""
 FEW = 40
 """Curves with fewer points also show the points."""
 TICKS, EDGE = (0, 2, 10, 100), 300.0
@@ -24,9 +22,9 @@ ROW = 10.0
 
 
 def draw_curve(
-    writer: Pen[Timeline],
+    pen: Pen,
     path: str,
-    phase: Stretch,
+    phase: Phase,
     values: Array,
     color: Color,
     name: str = "",
@@ -36,121 +34,85 @@ def draw_curve(
     import rerun as rr
 
     name = name or path.rsplit("/", 1)[1]
-    writer.rows(path, phase, rr.Scalars.columns(scalars=values), local)
-    writer.static(path, rr.SeriesLines(colors=color, names=name, widths=2))
+    pen.rows(path, phase, rr.Scalars.columns(scalars=values), local)
+    pen.static(path, rr.SeriesLines(colors=color, names=name, widths=2))
     if len(values) < FEW:
-        writer.static(
-            path, rr.SeriesPoints(colors=color, names=name, markers="circle", marker_sizes=2.5)
-        )
+        style = rr.SeriesPoints(colors=color, names=name, markers="circle", marker_sizes=2.5)
+        pen.static(path, style)
 
 
-def draw_curves(writer: Writer, random_sets: RandomSets | None) -> None:
-    """The four windows: best index so far, errors seen, fit, held-out errors [mm]."""
-    story = writer.story
-    select, measure, identify, evaluate = story.phases[:4]
-    trial, judged = story.trial, story.estimate.comparison
-    found = story.estimate.identification
-    draw_curve(
-        writer, f"select/{trial.selection.criterion}", select, search_trace(trial), LINE_COLOR
-    )
-    if random_sets is not None:
-        best = np.full(len(select.at), random_sets.best)
-        draw_curve(
-            writer,
-            "select/random",
-            select,
-            best,
-            MUTED_COLOR,
-            f"best of {len(random_sets.values)} random sets",
-        )
-    for name, model, color in (
-        ("nominal", story.setting.nominal, RED),
-        ("identified", found.model, GREEN),
-    ):
-        _, vectors = seen_minus_predicted(model, trial.measurements)
-        size = np.linalg.norm(vectors, axis=1)
-        draw_curve(writer, f"measure/{name}", measure, size * 1e3, color)
-    draw_curve(writer, "identify/fit", identify, fit(found.trace, found.dof), LINE_COLOR)
-    stated = np.sqrt(np.trace(judged.covariance[:, :3, :3], axis1=1, axis2=2))
-    draw_curve(writer, "evaluate/before", evaluate, judged.before * 1e3, RED)
-    draw_curve(writer, "evaluate/after", evaluate, judged.after * 1e3, GREEN)
-    draw_curve(writer, "evaluate/stated", evaluate, stated * 1e3, STATED_COLOR, "stated rms")
+def draw_level(
+    pen: Pen, path: str, phase: Phase, value: float, color: Color, name: str = ""
+) -> None:
+    """A curve that stays at one value."""
+    draw_curve(pen, path, phase, np.full(len(phase.at), value), color, name)
 
 
-def fit(trace: Array, degrees_of_freedom: int) -> Array:
+def draw_fit(pen: Pen, phase: Phase, trace: Array, dof: int) -> None:
     """Log10 of the sum of squares per degree of freedom: 0 where only noise is left."""
-    return np.asarray(np.log10(np.maximum(trace / max(degrees_of_freedom, 1), 1e-30)))
+    ratio = np.maximum(trace / max(dof, 1), 1e-30)
+    draw_curve(pen, "identify/fit", phase, np.log10(ratio), style.LINE_COLOR)
 
 
-def draw_parameters(writer: Writer) -> None:
-    """Error of every estimated parameter in stated standard uncertainties, from nominal to final.
+def draw_grid(pen: Pen, path: str, lines: ArrayLike, order: float) -> None:
+    """Thin lines (k, 2, 2) behind what a plane shows; those of the lowest order lie deepest."""
+    import rerun as rr
+
+    thin = rr.Radius.ui_points(0.5)
+    pen.static(path, rr.LineStrips2D(lines, colors=style.GRID_COLOR, radii=thin, draw_order=order))
+
+
+def draw_labels(pen: Pen, path: str, places: ArrayLike, labels: Sequence[str]) -> None:
+    """Words at places (k, 2) of a plane."""
+    import rerun as rr
+
+    color = style.TEXT_COLOR
+    words = rr.Points2D(places, labels=labels, show_labels=True, radii=0.01, colors=color)
+    pen.static(path, words)
+
+
+def draw_parameters(
+    pen: Pen, names: Sequence[str], error: Array, covered: Bool, steps: Index
+) -> None:
+    """Errors of all parameters, each in its row, at some steps of the timeline.
 
     The axis is asinh, so that 2 and 1000 both fit. Points inside the gray band are covered by the
     stated 95 % interval.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the p parameters.
+    error : (k, p) array
+        In stated standard uncertainties.
+    covered : (k, p) array of bool
+        Whether the stated interval holds the truth.
+    steps : (k,) array of int
+        Where the rows lie on the timeline.
     """
     import rerun as rr
 
-    story = writer.story
-    found, judged = story.estimate.identification, story.estimate.comparison
-    names = found.parameters.free_names
-    u = np.where(found.standard_uncertainty > 0, found.standard_uncertainty, np.inf)
     rows = ROW * np.arange(len(names), dtype=np.float64)
-    low, high = -ROW, rows[-1] + ROW
-    width = float(place(EDGE))
+    low, high, width = -ROW, rows[-1] + ROW, float(place(EDGE))
     # one very thick line: 2-D boxes cannot be filled
-    writer.static(
-        "parameters/band",
-        rr.LineStrips2D(
-            [[[0, 0], [0, rows[-1]]]], colors=BAND_COLOR, radii=place(BAND), draw_order=-30.0
-        ),
+    band = rr.LineStrips2D(
+        [[[0, 0], [0, rows[-1]]]], colors=style.BAND_COLOR, radii=place(BAND), draw_order=-30.0
     )
+    pen.static("parameters/band", band)
     ticks = np.array([sign * tick for tick in TICKS for sign in (1, -1) if tick or sign > 0])
-    writer.static(
-        "parameters/grid",
-        rr.LineStrips2D(
-            [[[place(tick), low], [place(tick), high]] for tick in ticks],
-            colors=GRID_COLOR,
-            radii=rr.Radius.ui_points(0.5),
-            draw_order=-20.0,
-        ),
-    )
-    writer.static(
-        "parameters/axis",
-        rr.Points2D(
-            [[place(tick), high + 0.2 * ROW] for tick in ticks if tick],
-            radii=0.01,
-            labels=[f"{tick:d}" for tick in ticks if tick],
-            show_labels=True,
-            colors=TEXT_COLOR,
-        ),
-    )
-    writer.static(
-        "parameters/names",
-        rr.Points2D(
-            [[-(1.2 + 0.42 * (k % 2)) * width, row - 0.9 * ROW] for k, row in enumerate(rows)],
-            radii=0.01,
-            labels=list(names),
-            show_labels=True,
-            colors=TEXT_COLOR,
-        ),
-    )
-    phase = story.phase("identify")
-    steps = np.concatenate([[0], phase.steps])
-    error = judged.true_step - story.known[steps, None] * found.step
-    points = np.stack(
-        [place(np.clip(error / u, -EDGE, EDGE)), np.broadcast_to(rows, error.shape)], -1
-    )
-    covered = np.abs(error) <= BAND * u
-    covered[-1] = judged.parameter_inside
-    colors = np.where(covered[..., None], COVERED, RED).astype(np.uint8)
-    writer.every_step(
-        "parameters/error",
-        rr.Points2D.columns(
-            positions=points.reshape(-1, 2), colors=colors.reshape(-1, 3)
-        ).partition(np.full(len(steps), len(names))),
-        steps,
-    )
-    writer.static("parameters/error", rr.Points2D.from_fields(radii=rr.Radius.ui_points(4.0)))
+    lines = [[[place(tick), low], [place(tick), high]] for tick in ticks]
+    draw_grid(pen, "parameters/grid", lines, -20.0)
+    marks = [tick for tick in ticks if tick]
+    above = [[place(tick), high + 0.2 * ROW] for tick in marks]
+    draw_labels(pen, "parameters/axis", above, [f"{tick:d}" for tick in marks])
+    beside = [[-(1.2 + 0.42 * (k % 2)) * width, row - 0.9 * ROW] for k, row in enumerate(rows)]
+    draw_labels(pen, "parameters/names", beside, list(names))
+    x = place(np.clip(error, -EDGE, EDGE))
+    points = np.stack([x, np.broadcast_to(rows, x.shape)], axis=-1).reshape(-1, 2)
+    colors = np.where(covered[..., None], style.COVERED, style.RED).astype(np.uint8).reshape(-1, 3)
+    columns = rr.Points2D.columns(positions=points, colors=colors)
+    pen.every_step("parameters/error", columns.partition(np.full(len(steps), len(names))), steps)
+    pen.static("parameters/error", rr.Points2D.from_fields(radii=rr.Radius.ui_points(4.0)))
 
 
 def place(z: Array | float) -> Array:
@@ -158,7 +120,8 @@ def place(z: Array | float) -> Array:
     return np.asarray(12 * np.arcsinh(z))
 
 
-def parameter_bounds(count: int) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Visible range in x and y of the parameter plot with so many rows."""
+def parameter_panel(count: int) -> Panel:
+    """The window of the parameter plot with so many rows, all of them in view."""
     width = float(place(EDGE))
-    return (-1.85 * width, 1.1 * width), (-1.5 * ROW, (count + 1.2) * ROW)
+    x, y = (-1.85 * width, 1.1 * width), (-1.5 * ROW, (count + 1.2) * ROW)
+    return Panel("parameters", "Parameter error / stated u", x, y)

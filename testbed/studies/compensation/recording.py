@@ -1,11 +1,14 @@
 """The corrected program in a recording: five poses run as written, then corrected, as read."""
 
+from functools import partial
+
 import numpy as np
 
-from calib.arrays import Array
-from testbed.recording.curves import GREEN, MUTED_COLOR, RED, draw_curve
-from testbed.recording.pen import AFTER_COLOR, ARROW_SIZE, BEFORE_COLOR, Color, Writer, first
-from testbed.recording.story import Phase, nice_factor
+from testbed.recording import style
+from testbed.recording.curves import draw_curve
+from testbed.recording.pen import Pen
+from testbed.recording.story import Chapter
+from testbed.recording.timeline import Phase, visit
 from testbed.scenario.read import Scenario
 from testbed.studies.compensation.records import FIGURES, VARIANTS, CompensationStudy
 from testbed.units import UM
@@ -14,6 +17,8 @@ BEFORE, CHOSEN = VARIANTS.index("before"), VARIANTS.index("chosen")
 AP = FIGURES.index("AP")
 MARK_COLOR = (70, 90, 200)
 """Of the commanded points."""
+FRAMES = 144
+"""Length of the phase."""
 
 
 def shown(studies: tuple[CompensationStudy, ...], scenario: Scenario) -> CompensationStudy | None:
@@ -22,89 +27,62 @@ def shown(studies: tuple[CompensationStudy, ...], scenario: Scenario) -> Compens
     return next(own, studies[0] if studies else None)
 
 
-def program(study: CompensationStudy) -> Array:
-    """Joint targets (2p, n) of the first robot: as written, then corrected [rad, m]."""
-    return np.vstack([study.targets[BEFORE, 0], study.targets[CHOSEN, 0]])
-
-
-def draw_compensation(writer: Writer, study: CompensationStudy, phase: Phase) -> None:
-    """Readings of both runs around the commanded points, far larger than life, and AP per pose."""
-    import rerun as rr
-
-    command, count = study.T[:, :3, 3], len(study.T)
-    times = factor(study)
-    marks = rr.Points3D(command, radii=0.008, colors=MARK_COLOR)
-    writer.at(phase.start, "world/program/commanded", marks)
-    numbers = [f"P{number}" for number in study.pose_id]
-    # a label has the color of its point, and stands on gray
-    labels = rr.Points3D(command, radii=1e-4, colors=(255,) * 3, labels=numbers, show_labels=True)
-    writer.at(phase.start, "world/program/numbers", labels)
-    for part, (variant, color) in enumerate(((BEFORE, BEFORE_COLOR), (CHOSEN, AFTER_COLOR))):
-        path = f"world/program/{VARIANTS[variant]}_x{times}"
-        readings = command[:, None] + times * study.readings[variant]
-        _draw_readings(writer, path, readings, command, phase, part * count, color)
-    index, values = np.arange(2 * count), study.figures[:, AP, 0, 0]
-    value = UM * np.concatenate([values[BEFORE], values[CHOSEN]])
-    floor = UM * np.concatenate([study.figures[v, AP, 2, 0] for v in (BEFORE, CHOSEN)])
-    early, late = index[:count], index[count:]
-    draw_curve(writer, "compensate/before", phase, value[early], RED, "AP before", early)
-    draw_curve(writer, "compensate/after", phase, value[late], GREEN, "AP after", late)
-    draw_curve(writer, "compensate/floor", phase, floor, MUTED_COLOR, "noise floor")
-
-
-def factor(study: CompensationStudy) -> int:
-    """How many times larger than life the readings are drawn."""
-    size = np.linalg.norm(study.readings[[BEFORE, CHOSEN]], axis=-1)
-    return nice_factor(ARROW_SIZE, float(size.max()))
-
-
-def _draw_readings(
-    writer: Writer,
-    path: str,
-    readings: Array,
-    command: Array,
-    phase: Phase,
-    begin: int,
-    color: Color,
-) -> None:
-    """Clouds (p, c, 3) that come in pose by pose, and an arrow from the command to their middle."""
-    import rerun as rr
-
-    count, cycles = readings.shape[:2]
-    index = begin + np.arange(count)
-    lengths = np.arange(1, count + 1)
-    writer.rows(
-        f"{path}/readings",
-        phase,
-        rr.Points3D.columns(positions=first(readings.reshape(-1, 3), cycles * lengths)).partition(
-            cycles * lengths
-        ),
-        index,
-    )
-    writer.static(f"{path}/readings", rr.Points3D.from_fields(radii=0.0025, colors=color))
-    writer.rows(
-        f"{path}/mean",
-        phase,
-        rr.Arrows3D.columns(
-            origins=first(command, lengths),
-            vectors=first(readings.mean(axis=1) - command, lengths),
-        ).partition(lengths),
-        index,
-    )
-    writer.static(f"{path}/mean", rr.Arrows3D.from_fields(radii=0.0035, colors=color))
-
-
-def words(study: CompensationStudy) -> str:
-    """What is on the screen in this phase."""
+def chapters(studies: tuple[CompensationStudy, ...], scenario: Scenario) -> tuple[Chapter, ...]:
+    """The program run as written, then with corrected joint targets; none without a study."""
+    study = shown(studies, scenario)
+    if study is None:
+        return ()
+    targets = np.vstack([study.targets[BEFORE, 0], study.targets[CHOSEN, 0]])
     ap = UM * study.figures[:, AP, 0, 0].mean(axis=-1)
     floor = UM * float(study.figures[CHOSEN, AP, 2, 0].mean())
-    return "\n".join(
-        [
+    chapter = Chapter(
+        name="compensate",
+        local="visit",
+        color=(24, 140, 140),
+        motion=visit(targets, FRAMES // len(targets)),
+        text=(
             f"#### Compensate: a program on a {study.truth} robot",
             f"- another robot of that kind, calibrated with {study.poses} poses, runs five poses "
             f"{study.cycles} times: as written, then with corrected joint targets",
             "- blue: commanded points of the cube of ISO 9283",
             f"- red, green: what the tracker reads before and after, drawn {factor(study)} times",
             f"- mean AP {ap[BEFORE]:.0f} to {ap[CHOSEN]:.1f} µm; {floor:.1f} µm is noise alone",
-        ]
+        ),
+        draw=partial(_draw, study),
+        plots={"compensate": "5 AP µm: red before, green after, gray noise floor"},
     )
+    return (chapter,)
+
+
+def _draw(study: CompensationStudy, pen: Pen, phase: Phase) -> None:
+    """Readings of both runs around the commanded points, far larger than life, and AP per pose."""
+    import rerun as rr
+
+    command, count = study.T[:, :3, 3], len(study.T)
+    times = factor(study)
+    marks = rr.Points3D(command, radii=0.008, colors=MARK_COLOR)
+    pen.at(phase.start, "world/program/commanded", marks)
+    numbers = [f"P{number}" for number in study.pose_id]
+    # a label has the color of its point, and stands on gray
+    labels = rr.Points3D(command, radii=1e-4, colors=(255,) * 3, labels=numbers, show_labels=True)
+    pen.at(phase.start, "world/program/numbers", labels)
+    runs = ((BEFORE, style.BEFORE_COLOR, 0), (CHOSEN, style.AFTER_COLOR, count))
+    for variant, color, begin in runs:
+        path, cycles = f"world/program/{VARIANTS[variant]}_x{times}", study.readings.shape[2]
+        readings = command[:, None] + times * study.readings[variant]
+        dots, look = {"positions": readings.reshape(-1, 3)}, {"radii": 0.0025, "colors": color}
+        pen.grow(f"{path}/readings", phase, rr.Points3D, dots, look, begin=begin, each=cycles)
+        mean = readings.mean(axis=1) - command
+        pen.grow_arrows(f"{path}/mean", phase, command, mean, color, 0.0035, begin)
+    value, floor = UM * study.figures[:, AP, 0, 0], UM * study.figures[:, AP, 2, 0]
+    early, late = np.arange(count), np.arange(count, 2 * count)
+    draw_curve(pen, "compensate/before", phase, value[BEFORE], style.RED, "AP before", early)
+    draw_curve(pen, "compensate/after", phase, value[CHOSEN], style.GREEN, "AP after", late)
+    floors = np.concatenate([floor[BEFORE], floor[CHOSEN]])
+    draw_curve(pen, "compensate/floor", phase, floors, style.MUTED_COLOR, "noise floor")
+
+
+def factor(study: CompensationStudy) -> int:
+    """How many times larger than life the readings are drawn."""
+    size = np.linalg.norm(study.readings[[BEFORE, CHOSEN]], axis=-1)
+    return style.nice_factor(style.ARROW_SIZE, float(size.max()))

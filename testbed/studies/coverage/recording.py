@@ -1,27 +1,22 @@
 """The coverage study in a recording: robots come in one by one, and the attained share settles."""
 
-from typing import Any
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
 from calib.arrays import Array
-from testbed.recording.curves import (
-    GREEN,
-    GRID_COLOR,
-    LINE_COLOR,
-    MUTED_COLOR,
-    RED,
-    STATED_COLOR,
-    TEXT_COLOR,
-    draw_curve,
-)
-from testbed.recording.pen import Color, Writer, first
-from testbed.recording.story import Phase
+from testbed.recording import style
+from testbed.recording.curves import draw_curve, draw_grid, draw_labels, draw_level
+from testbed.recording.pen import Pen, first
+from testbed.recording.story import Chapter, Panel
+from testbed.recording.timeline import Phase, growing, spread
 from testbed.studies.coverage.plots import TITLES
 from testbed.studies.coverage.records import MODELS, STATEMENTS, CoverageStudy
 from testbed.studies.coverage.summary import Cell, cells
 
-CURVES: tuple[Color, ...] = (GREEN, LINE_COLOR, (226, 150, 60), RED, STATED_COLOR)
+AMBER = (226, 150, 60)
+CURVES = (style.GREEN, style.LINE_COLOR, AMBER, style.RED, style.STATED_COLOR)
 """One per kind of robot."""
 STAGES = 40
 """The clouds of robots grow in so many rows."""
@@ -31,6 +26,8 @@ GOLDEN = 0.6180339887498949
 """Fractional steps of this fill an interval evenly: no two robots lie on each other."""
 SPREAD = 0.55
 """Part of a row over which its robots lie."""
+FRAMES = 144
+"""About the length of the phase."""
 
 
 def running(shares: Array) -> Array:
@@ -38,42 +35,59 @@ def running(shares: Array) -> Array:
     return np.asarray(100 * np.cumsum(shares, axis=-1) / np.arange(1, shares.shape[-1] + 1))
 
 
-def panel(count: int) -> Any:
-    """The window with every robot of `count` kinds, beside the promise."""
-    import rerun.blueprint as rrb
-
-    rows = count * len(MODELS)
-    return rrb.Spatial2DView(
-        origin="/attained",
-        name="Points inside what is stated, % (a dot is a robot)",
-        visual_bounds=rrb.VisualBounds2D(
-            x_range=(-1.05 * PANEL, len(STATEMENTS) * (PANEL + GAP)),
-            y_range=(-1.7 * ROW, (rows + 0.4) * ROW),
-        ),
+def chapters(studies: tuple[CoverageStudy, ...]) -> tuple[Chapter, ...]:
+    """Robots of all kinds come in one by one, beside the promise; none without a study."""
+    if not studies:
+        return ()
+    found, robots = cells(studies), studies[0].before.size
+    short = sum(not cell.believable for cell in found)
+    panel = Panel(
+        origin="attained",
+        title="Points inside what is stated, % (a dot is a robot)",
+        x=(-1.05 * PANEL, len(STATEMENTS) * (PANEL + GAP)),
+        y=(-1.7 * ROW, (len(studies) * len(MODELS) + 0.4) * ROW),
+        columns=(1.5, 1, 1.7),
     )
+    chapter = Chapter(
+        name="coverage",
+        local="robot",
+        color=(140, 92, 170),
+        motion=spread(robots, FRAMES),
+        text=(
+            "#### 5 Coverage: does the statement hold?",
+            f"- {robots} robots of each of {len(studies)} kinds come in one by "
+            "one, each calibrated, validated and judged",
+            f"- a dot: share of one robot's held-out points inside what is stated; blue line: the "
+            f"promised {100 * studies[0].level:g} %",
+            "- large: mean so far, green where the promise is kept, red where it is not",
+            f"- {short} of {len(found)} statements fall short, by bands over robots",
+        ),
+        draw=partial(_draw, studies, found),
+        plots={f"coverage/{model}": f"5 Inside %: {model}" for model in MODELS},
+        panel=panel,
+    )
+    return (chapter,)
 
 
-def draw_coverage(writer: Writer, studies: tuple[CoverageStudy, ...], phase: Phase) -> None:
+def _draw(
+    studies: tuple[CoverageStudy, ...], found: Sequence[Cell], pen: Pen, phase: Phase
+) -> None:
     """Curves and clouds of all kinds of robots, exactly as the records have them."""
-    found = cells(studies)
     for study, color in zip(studies, CURVES, strict=False):
         for model, shares in zip(MODELS, study.inside[:, 0], strict=True):
             path = f"coverage/{model}/{study.truth}"
-            draw_curve(writer, path, phase, running(shares), color, study.truth)
+            draw_curve(pen, path, phase, running(shares), color, study.truth)
     for model in MODELS:
-        level = np.full(len(phase.at), 100 * studies[0].level)
-        draw_curve(writer, f"coverage/{model}/promise", phase, level, MUTED_COLOR, "promised")
-    _draw_frame(writer, studies)
-    for row, (study, i) in enumerate((s, i) for s in studies for i in range(len(MODELS))):
-        for j, statement in enumerate(STATEMENTS):
-            cell = next(
-                c for c in found
-                if (c.truth, c.model, c.statement) == (study.truth, MODELS[i], statement)
-            )  # fmt: skip
-            _draw_robots(writer, phase, study.inside[i, j], cell, row, j)
+        level = 100 * studies[0].level
+        draw_level(pen, f"coverage/{model}/promise", phase, level, style.MUTED_COLOR, "promised")
+    _draw_frame(pen, studies)
+    for k, cell in enumerate(found):
+        row, column = divmod(k, len(STATEMENTS))
+        shares = studies[row // len(MODELS)].inside[row % len(MODELS), column]
+        _draw_robots(pen, phase, shares, cell, row, column)
 
 
-def _draw_frame(writer: Writer, studies: tuple[CoverageStudy, ...]) -> None:
+def _draw_frame(pen: Pen, studies: tuple[CoverageStudy, ...]) -> None:
     """Promise, edges and words of the panels."""
     import rerun as rr
 
@@ -85,20 +99,11 @@ def _draw_frame(writer: Writer, studies: tuple[CoverageStudy, ...]) -> None:
         [[left[0], y], [left[-1] + PANEL, y]]
         for y in (ROW * (len(MODELS) * k - 0.5) for k in range(len(studies) + 1))
     ]
-    thin = rr.Radius.ui_points(0.5)
-    writer.static(
-        "attained/frame", rr.LineStrips2D(lines, colors=GRID_COLOR, radii=thin, draw_order=-30.0)
-    )
-    promise = [x + 100 * studies[0].level for x in left]
-    writer.static(
-        "attained/promise",
-        rr.LineStrips2D(
-            [[[x, low], [x, high]] for x in promise],
-            colors=LINE_COLOR,
-            radii=rr.Radius.ui_points(1.2),
-            draw_order=-20.0,
-        ),
-    )
+    draw_grid(pen, "attained/frame", lines, -30.0)
+    level, thick = 100 * studies[0].level, rr.Radius.ui_points(1.2)
+    lines = [[[x + level, low], [x + level, high]] for x in left]
+    promise = rr.LineStrips2D(lines, colors=style.LINE_COLOR, radii=thick, draw_order=-20.0)
+    pen.static("attained/promise", promise)
     words = [(x + PANEL / 2, -0.95 * ROW, TITLES[s]) for x, s in zip(left, STATEMENTS, strict=True)]
     words += [(x + at, high + 0.6 * ROW, f"{at:.0f}") for x in left for at in (0, 50, 100)]
     words += [
@@ -106,21 +111,11 @@ def _draw_frame(writer: Writer, studies: tuple[CoverageStudy, ...]) -> None:
         for k, study in enumerate(studies)
         for i, model in enumerate(MODELS)
     ]
-    writer.static(
-        "attained/words",
-        rr.Points2D(
-            [[x, y - 0.3 * ROW] for x, y, _ in words],
-            labels=[text for *_, text in words],
-            show_labels=True,
-            radii=0.01,
-            colors=TEXT_COLOR,
-        ),
-    )
+    places = [[x, y - 0.3 * ROW] for x, y, _ in words]
+    draw_labels(pen, "attained/words", places, [text for *_, text in words])
 
 
-def _draw_robots(
-    writer: Writer, phase: Phase, shares: Array, cell: Cell, row: int, column: int
-) -> None:
+def _draw_robots(pen: Pen, phase: Phase, shares: Array, cell: Cell, row: int, column: int) -> None:
     """The robots of one cell as they come in, and their mean so far."""
     import rerun as rr
 
@@ -128,41 +123,14 @@ def _draw_robots(
     path = f"attained/{cell.truth}/{cell.model}/{cell.statement}"
     within = (np.arange(count) * GOLDEN) % 1 - 0.5
     points = np.stack([x + 100 * shares, ROW * (row + SPREAD * within)], axis=-1)
-    lengths = np.unique(np.ceil(np.linspace(1, count, min(count, STAGES))).astype(np.int64))
-    writer.every_step(
-        f"{path}/robots",
-        rr.Points2D.columns(positions=first(points, lengths)).partition(lengths),
-        phase.at[lengths - 1],
-    )
-    style = rr.Points2D.from_fields(
-        radii=rr.Radius.ui_points(1.6), colors=(*MUTED_COLOR, 150), draw_order=-10.0
-    )
-    writer.static(f"{path}/robots", style)
-    means = x + running(shares)
-    writer.every_step(
-        f"{path}/mean",
-        rr.Points2D.columns(positions=np.stack([means, np.full(count, ROW * row)], axis=-1)),
-        phase.at,
-    )
-    color = GREEN if cell.believable else RED
-    writer.static(
-        f"{path}/mean",
-        rr.Points2D.from_fields(radii=rr.Radius.ui_points(5.0), colors=color, draw_order=10.0),
-    )
-
-
-def words(studies: tuple[CoverageStudy, ...]) -> str:
-    """What is on the screen in this phase."""
-    found = cells(studies)
-    short = sum(not cell.believable for cell in found)
-    return "\n".join(
-        [
-            "#### 5 Coverage: does the statement hold?",
-            f"- {studies[0].before.size} robots of each of {len(studies)} kinds come in one by "
-            "one, each calibrated, validated and judged",
-            f"- a dot: share of one robot's held-out points inside what is stated; blue line: the "
-            f"promised {100 * studies[0].level:g} %",
-            "- large: mean so far, green where the promise is kept, red where it is not",
-            f"- {short} of {len(found)} statements fall short, by bands over robots",
-        ]
-    )
+    lengths = growing(count, STAGES)
+    clouds = rr.Points2D.columns(positions=first(points, lengths)).partition(lengths)
+    pen.every_step(f"{path}/robots", clouds, phase.at[lengths - 1])
+    small, gray = rr.Radius.ui_points(1.6), (*style.MUTED_COLOR, 150)
+    dots = rr.Points2D.from_fields(radii=small, colors=gray, draw_order=-10.0)
+    pen.static(f"{path}/robots", dots)
+    means = np.stack([x + running(shares), np.full(count, ROW * row)], axis=-1)
+    pen.every_step(f"{path}/mean", rr.Points2D.columns(positions=means), phase.at)
+    large, color = rr.Radius.ui_points(5.0), style.GREEN if cell.believable else style.RED
+    dot = rr.Points2D.from_fields(radii=large, colors=color, draw_order=10.0)
+    pen.static(f"{path}/mean", dot)

@@ -9,8 +9,7 @@ import pytest
 from calib.errors import InputError, MachineError
 from testbed.cli import viewer
 from testbed.cli.page import page
-from testbed.recording.story import tell
-from tests.recorded import record, small_campaign
+from tests.recorded import record, small_campaign, timeline
 
 
 @pytest.fixture(scope="module")
@@ -28,9 +27,7 @@ def needs_driver(call, *args, **options):
 
 @pytest.mark.slow
 def test_no_view_complains_at_the_start_middle_and_end_of_any_phase(path):
-    campaign = small_campaign()
-    trial = campaign.trials[0]
-    phases = tell(campaign.setting, trial, trial.estimates[0]).phases
+    phases = timeline(small_campaign()).phases
     steps = [step for p in phases for step in (p.start, (p.start + p.stop) // 2, p.stop - 1)]
     assert needs_driver(viewer.view_reports, path, steps) == ()
 

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from testbed.identify.recording import arrow_factor, write_calibration_recording
-from testbed.identify.recording_story import tell_calibration
+from testbed.identify.recording import calibration_story
+from testbed.identify.recording_cell import show
+from testbed.recording.story import timeline_of
+from testbed.recording.write import write_story
 from tests.calibrated import real, robot
 from tests.recorded import column, scalars, store
 
@@ -12,47 +14,51 @@ from tests.recorded import column, scalars, store
 @pytest.fixture(scope="module")
 def opened(tmp_path_factory):
     path = tmp_path_factory.mktemp("recording") / "campaign.rrd"
-    write_calibration_recording(real(), robot(), path)
+    write_story(calibration_story(real(), robot()), path)
     return store(path)
 
 
-def test_the_curves_are_the_errors_of_the_record(opened):
-    found, story = real(), tell_calibration(real())
+@pytest.fixture(scope="module")
+def timeline():
+    return timeline_of(calibration_story(real(), robot()).chapters)
+
+
+@pytest.fixture(scope="module")
+def shown():
+    return show(real())
+
+
+def test_the_curves_are_the_errors_of_the_record(opened, shown, timeline):
+    found = real()
     for name, misses in (("before", found.before_misses), ("after", found.fit.misses)):
-        for phase in ("measure", "evaluate"):
+        for phase, rows in (("measure", shown.measured), ("evaluate", shown.judged)):
             at, values = scalars(opened, f"/{phase}/{name}")
-            rows = story.phase(phase).rows
-            assert np.array_equal(at, story.phase(phase).at)
+            assert np.array_equal(at, timeline.phase(phase).at)
             np.testing.assert_array_equal(values, misses.position[rows] * 1e3)
 
 
-def test_all_poses_are_shown_when_they_are_few_and_held_out_ones_come_last(opened):
-    found, story = real(), tell_calibration(real())
-    assert np.array_equal(story.phase("measure").rows, np.flatnonzero(found.is_used))
-    assert np.array_equal(story.phase("evaluate").rows, np.flatnonzero(found.split.is_test))
-    at = story.phase("evaluate").at
-    assert at[-1] < story.n_steps
+def test_all_poses_are_shown_when_they_are_few_and_held_out_ones_come_last(shown, timeline):
+    found = real()
+    assert np.array_equal(shown.measured, np.flatnonzero(found.is_used))
+    assert np.array_equal(shown.judged, np.flatnonzero(found.split.is_test))
+    at = timeline.phase("evaluate").at
+    assert at[-1] < timeline.n_steps
     # the robot rests where something is known about the pose
-    np.testing.assert_allclose(
-        story.q[at], found.measurements.q[story.phase("evaluate").rows], atol=1e-12
-    )
+    np.testing.assert_allclose(timeline.q[at], found.measurements.q[shown.judged], atol=1e-12)
 
 
-def test_arrows_lead_from_what_is_predicted_to_what_was_seen(opened):
-    found, story = real(), tell_calibration(real())
-    factor = arrow_factor(story)
+def test_arrows_lead_from_what_is_predicted_to_what_was_seen(opened, shown):
+    found, factor = real(), shown.factor
     _, origins = column(opened, f"/world/held_out/after_x{factor}", "Arrows3D:origins")
     _, vectors = column(opened, f"/world/held_out/after_x{factor}", "Arrows3D:vectors")
-    rows = story.phase("evaluate").rows
     tip = np.array(origins[-1]) + np.array(vectors[-1]) / factor
     base = found.fit.identification.model.chain.T_world_base
-    seen = (found.measurements.position[rows] - base[:3, 3]) @ base[:3, :3]
+    seen = (found.measurements.position[shown.judged] - base[:3, 3]) @ base[:3, :3]
     # the file keeps float32
     np.testing.assert_allclose(tip, seen, atol=1e-6)
 
 
-def test_the_tracker_stands_where_the_measuring_frame_is(opened):
-    story = tell_calibration(real())
+def test_the_tracker_stands_where_the_measuring_frame_is(opened, shown):
     base = real().fit.identification.model.chain.T_world_base
-    np.testing.assert_allclose(story.station @ base, np.eye(4), atol=1e-12)
+    np.testing.assert_allclose(shown.station @ base, np.eye(4), atol=1e-12)
     assert "/world/held_out/all" in {str(path) for path in opened.schema().entity_paths()}

@@ -7,9 +7,10 @@ from calib.errors import MachineError
 from calib.geometry.chain import forward
 from testbed.cli import viewer
 from testbed.laboratory.tracker.tracker import tracker_from
-from testbed.plan.recording import write_plan_recording
-from testbed.plan.recording_cell import explanation, summary
-from testbed.plan.recording_story import tell_plan
+from testbed.plan.recording import plan_story, summary
+from testbed.recording.story import timeline_of
+from testbed.recording.timeline import evenly
+from testbed.recording.write import write_story
 from tests.planned import ROBOT, quick_plan, small_plan
 from tests.recorded import column, scalars, store
 
@@ -24,13 +25,18 @@ def made():
 
 @pytest.fixture(scope="module")
 def story(made):
-    return tell_plan(made)
+    return plan_story(made, ROBOT)
 
 
 @pytest.fixture(scope="module")
-def path(made, tmp_path_factory):
+def timeline(story):
+    return timeline_of(story.chapters)
+
+
+@pytest.fixture(scope="module")
+def path(story, tmp_path_factory):
     file = tmp_path_factory.mktemp("plan") / "plan.rrd"
-    write_plan_recording(made, ROBOT, file)
+    write_story(story, file)
     return file
 
 
@@ -39,12 +45,17 @@ def opened(path):
     return store(path)
 
 
+def goals(made):
+    """The goal postures that the robot goes to."""
+    return evenly(np.arange(len(made.goal.q)), 30)
+
+
 def same_where_shown(at, values, expected):
     """Whether a curve is its numbers, but for those too large to draw, and most are drawn."""
     return np.array_equal(values, expected[at]) and len(at) > 0.5 * len(expected)
 
 
-def test_curves_are_the_plans_numbers_bit_for_bit(opened, made, story):
+def test_curves_are_the_plans_numbers_bit_for_bit(opened, made):
     k, curve = 2.0 * 1e6, made.curve
     for name, expected in (
         ("designed", k * curve.u), ("no_set_below", k * curve.bound), ("random", k * curve.random)
@@ -56,7 +67,7 @@ def test_curves_are_the_plans_numbers_bit_for_bit(opened, made, story):
     measured = np.cumsum([role == "identify" for role in made.tour.roles])
     assert same_where_shown(at, values, k * made.u_of_step[measured - 1])
     _, values = scalars(opened, "/goal/U", "goal_pose")
-    assert np.array_equal(values, k * made.u[story.goals])
+    assert np.array_equal(values, k * made.u[goals(made)])
 
 
 def test_a_held_out_pose_leaves_the_uncertainty_where_it_was(opened, made):
@@ -87,10 +98,10 @@ def test_the_pool_lies_at_its_tool_points_and_is_brighter_with_more_leverage(ope
     assert green[np.argmax(made.leverage)] > green[np.argmin(made.leverage)] + 150
 
 
-def test_rejected_candidates_are_shown_by_reason_and_then_cleared(opened, made, story):
+def test_rejected_candidates_are_shown_by_reason_and_then_cleared(opened, made, story, timeline):
     names = set(made.pool.rejected_reason) - {made.pool.rejection_names[0]}
     assert names
-    end = story.phase("candidates").stop
+    end = timeline.phase("candidates").stop
     for name in names:
         q = made.pool.rejected_q[[reason == name for reason in made.pool.rejected_reason]]
         entity = f"/world/rejected/{name.replace(' ', '_')}"
@@ -98,25 +109,25 @@ def test_rejected_candidates_are_shown_by_reason_and_then_cleared(opened, made, 
         assert step == 0
         assert np.abs(seen - forward(ROBOT.model.chain, q)[:, :3, 3]).max() < SINGLE
         assert column(opened, entity, "Clear:is_recursive")[0].tolist() == [end]
-        assert f"refused, {name}: " in explanation(story, "candidates")
+        assert f"refused, {name}: " in "\n".join(story.chapters[0].text)
 
 
-def test_chosen_poses_are_numbered_in_measuring_order(opened, made, story):
+def test_chosen_poses_are_numbered_in_measuring_order(opened, made, timeline):
     step, seen = points(opened, "/world/chosen")
-    assert step == story.phase("budget").start
+    assert step == timeline.phase("budget").start
     assert np.abs(seen - forward(ROBOT.model.chain, made.tour.q)[:, :3, 3]).max() < SINGLE
     _, labels = points(opened, "/world/chosen", "Points3D:labels")
     assert labels.tolist() == [str(k + 1) for k in range(len(made.tour))]
     at, strips = column(opened, "/world/path", "LineStrips3D:strips")
-    tour = story.phase("tour")
+    tour = timeline.phase("tour")
     assert np.array_equal(at, np.arange(tour.start, tour.stop))
     whole = np.array(strips[-1][0])
     for point in seen:
         assert np.linalg.norm(whole - point, axis=1).min() < SINGLE
 
 
-def test_the_beam_goes_from_the_station_to_the_probe_of_the_pose_measured(opened, made, story):
-    tour = story.phase("tour")
+def test_the_beam_goes_from_the_station_to_the_probe_of_the_pose_measured(opened, made, timeline):
+    tour = timeline.phase("tour")
     at, strips = column(opened, "/world/beam", "LineStrips3D:strips")
     assert np.array_equal(at, np.arange(tour.start, tour.stop))
     ends = np.array(strips)[:, 0]
@@ -129,24 +140,26 @@ def test_the_beam_goes_from_the_station_to_the_probe_of_the_pose_measured(opened
     assert column(opened, "/world/beam", "Clear:is_recursive")[0].tolist() == [tour.stop]
 
 
-def test_the_robot_stands_at_every_step_and_at_each_pose_when_it_is_measured(opened, made, story):
+def test_the_robot_stands_at_every_step_and_at_each_pose_when_it_is_measured(
+    opened, made, timeline
+):
     link = "/world/robot" + "".join(f"/link{k}" for k in range(1, 7))
     at, _ = column(opened, link, "Transform3D:translation")
-    assert np.array_equal(at, np.arange(story.n_steps))
-    assert np.array_equal(story.q[story.phase("tour").at], made.tour.q)
-    assert np.abs(story.q[story.phase("goal").at] - made.goal.q[story.goals]).max() < 1e-14
+    assert np.array_equal(at, np.arange(timeline.n_steps))
+    assert np.array_equal(timeline.q[timeline.phase("tour").at], made.tour.q)
+    assert np.abs(timeline.q[timeline.phase("goal").at] - made.goal.q[goals(made)]).max() < 1e-14
     for k, via in enumerate(made.tour.vias):  # the drawn way passes the stops too
-        first, last = (story.phase("tour").at[k] - 6, story.phase("tour").at[k])
+        first, last = (timeline.phase("tour").at[k] - 6, timeline.phase("tour").at[k])
         for stop in via:
-            tool = forward(ROBOT.model.chain, np.vstack([stop, story.q[first : last + 1]]))
+            tool = forward(ROBOT.model.chain, np.vstack([stop, timeline.q[first : last + 1]]))
             way = np.linalg.norm(tool[1:, :3, 3] - tool[0, :3, 3], axis=1)
             # frames are some 0.1 m apart
             assert way.min() < 0.25
 
 
-def test_goal_points_are_where_the_tool_point_will_be(opened, made, story):
+def test_goal_points_are_where_the_tool_point_will_be(opened, made, timeline):
     step, seen = points(opened, "/world/goal")
-    assert step == story.phase("goal").start
+    assert step == timeline.phase("goal").start
     assert np.abs(seen - forward(ROBOT.model.chain, made.goal.q)[:, :3, 3]).max() < SINGLE
 
 
@@ -161,7 +174,7 @@ def test_the_summary_promises_what_the_plan_promises(made):
 
 def test_a_plan_without_target_station_or_obstacle_is_recorded_too(tmp_path):
     file = tmp_path / "plan.rrd"
-    write_plan_recording(quick_plan(), ROBOT, file)
+    write_story(plan_story(quick_plan(), ROBOT), file)
     assert viewer.verify(file)
     summary_lines = store(file).summary()
     assert "/budget/target" not in summary_lines
@@ -169,7 +182,7 @@ def test_a_plan_without_target_station_or_obstacle_is_recorded_too(tmp_path):
 
 
 def test_recording_twice_gives_the_same_content(path, made, tmp_path):
-    write_plan_recording(made, ROBOT, tmp_path / "again.rrd")
+    write_story(plan_story(made, ROBOT), tmp_path / "again.rrd")
     assert viewer.compare(path, tmp_path / "again.rrd")
 
 
@@ -179,8 +192,8 @@ def test_no_clock_of_this_machine_is_in_the_file(opened):
 
 
 @pytest.mark.slow
-def test_no_view_complains_at_the_start_middle_and_end_of_any_phase(path, story):
-    steps = [s for p in story.phases for s in (p.start, (p.start + p.stop) // 2, p.stop - 1)]
+def test_no_view_complains_at_the_start_middle_and_end_of_any_phase(path, timeline):
+    steps = [s for p in timeline.phases for s in (p.start, (p.start + p.stop) // 2, p.stop - 1)]
     try:
         reports = viewer.view_reports(path, steps)
     except MachineError as error:

@@ -12,13 +12,14 @@ from calib.geometry.chain import forward
 from calib.measurement.accuracy import position_errors
 from calib.uncertainty.regions import coverage_factor
 from testbed.cli import viewer
-from testbed.recording.cell import box_edges, ghost_chains, smallest_equal
+from testbed.recording.cell import box_edges
 from testbed.recording.curves import place
-from testbed.recording.story import glide, growing, nice_factor, tell
-from testbed.robots.catalog import load_robot
+from testbed.recording.style import nice_factor
+from testbed.recording.timeline import glide, growing
+from testbed.recording.write import strict_mode
 from testbed.robots.placements import placements
-from testbed.run import recording
-from testbed.studies.trial.recording import factors
+from testbed.studies.trial.recording_cell import ghost_chains, smallest_equal
+from tests import recorded
 from tests.recorded import column, properties, record, scalars, small_campaign, store, structure
 from tests.reported import SMALL, played
 
@@ -33,9 +34,13 @@ def campaign():
 
 
 @pytest.fixture(scope="module")
-def story(campaign):
-    trial = campaign.trials[0]
-    return tell(campaign.setting, trial, trial.estimates[0])
+def shown(campaign):
+    return recorded.shown(campaign)
+
+
+@pytest.fixture(scope="module")
+def timeline(campaign):
+    return recorded.timeline(campaign)
 
 
 @pytest.fixture(scope="module")
@@ -48,8 +53,8 @@ def opened(path):
     return store(path)
 
 
-def test_curves_are_the_records_numbers_bit_for_bit(opened, story):
-    judged, trial = story.estimate.comparison, story.trial
+def test_curves_are_the_records_numbers_bit_for_bit(opened, shown):
+    judged, trial = shown.estimate.comparison, shown.trial
     for entity, timeline, expected in (
         (f"/select/{trial.selection.criterion}", "search", trial.selection.trace),
         ("/evaluate/before", "test", judged.before * 1e3),
@@ -60,35 +65,35 @@ def test_curves_are_the_records_numbers_bit_for_bit(opened, story):
         assert np.array_equal(values, expected)
 
 
-def test_seen_errors_are_distances_between_measured_and_predicted_poses(opened, story):
-    seen = np.broadcast_to(np.eye(4), (len(story.trial.measurements), 4, 4)).copy()
-    seen[:, :3, 3] = story.trial.measurements.position
+def test_seen_errors_are_distances_between_measured_and_predicted_poses(opened, shown):
+    seen = np.broadcast_to(np.eye(4), (len(shown.trial.measurements), 4, 4)).copy()
+    seen[:, :3, 3] = shown.trial.measurements.position
     for name, model in (
-        ("nominal", story.setting.nominal),
-        ("identified", story.estimate.identification.model),
+        ("nominal", shown.setting.nominal),
+        ("identified", shown.estimate.identification.model),
     ):
-        expected = position_errors(seen, model.poses(story.trial.measurements.q)) * 1e3
+        expected = position_errors(seen, model.poses(shown.trial.measurements.q)) * 1e3
         _, values = scalars(opened, f"/measure/{name}", "pose")
         # a norm of differences of numbers near 1 m, in mm: 1e-13
         assert np.abs(values - expected).max() < 1e-12
     assert values.mean() == pytest.approx(
-        story.estimate.comparison.identification_after.mean * 1e3, rel=1e-12
+        shown.estimate.comparison.identification_after.mean * 1e3, rel=1e-12
     )
 
 
-def test_properties_carry_the_truth_in_float64(opened, story):
+def test_properties_carry_the_truth_in_float64(opened, shown):
     found = properties(opened)
-    setting, judged = story.setting, story.estimate.comparison
+    setting, judged = shown.setting, shown.estimate.comparison
     assert np.array_equal(found["true_links"], setting.true.chain.links.ravel())
     assert np.array_equal(found["true_joint_errors"], setting.true.joint_errors.coefficients)
     assert np.array_equal(found["true_step"], judged.true_step)
-    assert np.array_equal(found["step"], story.estimate.identification.step)
-    assert found["parameters"] == list(story.estimate.identification.parameters.free_names)
+    assert np.array_equal(found["step"], shown.estimate.identification.step)
+    assert found["parameters"] == list(shown.estimate.identification.parameters.free_names)
     assert found["seed"] == [1]
 
 
-def test_every_row_lies_in_its_phase_and_every_step_has_a_robot(opened, story):
-    for phase in story.phases:
+def test_every_row_lies_in_its_phase_and_every_step_has_a_robot(opened, timeline):
+    for phase in timeline.phases:
         assert phase.start <= phase.at[0]
         assert phase.at[-1] < phase.stop
         assert (np.diff(phase.at) > 0).all()
@@ -98,16 +103,16 @@ def test_every_row_lies_in_its_phase_and_every_step_has_a_robot(opened, story):
         assert np.array_equal(scalars(opened, entity)[0], phase.at)
     link = "/world/robot" + "".join(f"/link{k}" for k in range(1, 7))
     at, _ = column(opened, link, "Transform3D:translation")
-    assert np.array_equal(at, np.arange(story.n_steps))
+    assert np.array_equal(at, np.arange(timeline.n_steps))
 
 
-def drawn_tool(opened, story, root, tool):
+def drawn_tool(opened, timeline, root, tool):
     """Tool poses (s, 4, 4) from the nested transforms of the file."""
     T, path = np.eye(4), root
     for joint in range(1, 7):
         path += f"/link{joint}"
         x, y, z, w = np.array(column(opened, path, "Transform3D:quaternion")[1])[:, 0].T
-        A = np.zeros((story.n_steps, 4, 4))
+        A = np.zeros((timeline.n_steps, 4, 4))
         A[:, 0, :3] = np.c_[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)]
         A[:, 1, :3] = np.c_[2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)]
         A[:, 2, :3] = np.c_[2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]
@@ -117,39 +122,39 @@ def drawn_tool(opened, story, root, tool):
     return T @ tool
 
 
-def test_the_drawn_robot_stands_where_forward_kinematics_says(opened, story):
-    chain = story.setting.nominal.chain
-    drawn = drawn_tool(opened, story, "/world/robot", placements(chain).tool)
-    assert np.abs(drawn - forward(chain, story.q)).max() < SINGLE
+def test_the_drawn_robot_stands_where_forward_kinematics_says(opened, shown, timeline):
+    chain = shown.setting.nominal.chain
+    drawn = drawn_tool(opened, timeline, "/world/robot", placements(chain).tool)
+    assert np.abs(drawn - forward(chain, timeline.q)).max() < SINGLE
     for phase, q in (
-        (story.phase("measure"), story.trial.measurements.q),
-        (story.phase("evaluate"), story.setting.test_q),
+        (timeline.phase("measure"), shown.trial.measurements.q),
+        (timeline.phase("evaluate"), shown.setting.test_q),
     ):
-        assert np.abs(story.q[phase.at] - q).max() < 1e-14
+        assert np.abs(timeline.q[phase.at] - q).max() < 1e-14
 
 
-def test_the_ghost_deviates_by_its_factor_before_and_after(opened, story):
+def test_the_ghost_deviates_by_its_factor_before_and_after(opened, shown, timeline):
     """To first order: 50 times 0.02 deg is 1 deg, products of two such turns are some percent."""
     entity = next(
         line.split()[0] for line in opened.summary().splitlines() if "/world/true_x" in line
     )
     factor = int(re.search(r"true_x(\d+)", entity)[1])
     root = f"/world/true_x{factor}"
-    chain = story.setting.nominal.chain
-    drawn = drawn_tool(opened, story, root, placements(chain).tool)[:, :3, 3]
-    nominal, q = forward(chain, story.q)[:, :3, 3], story.q
-    true = story.setting.true.poses(q)[:, :3, 3]
-    identified = story.estimate.identification.model.poses(q)[:, :3, 3]
+    chain = shown.setting.nominal.chain
+    drawn = drawn_tool(opened, timeline, root, placements(chain).tool)[:, :3, 3]
+    nominal, q = forward(chain, timeline.q)[:, :3, 3], timeline.q
+    true = shown.setting.true.poses(q)[:, :3, 3]
+    identified = shown.estimate.identification.model.poses(q)[:, :3, 3]
     for phase, stated, largest in (("measure", nominal, 0.06), ("evaluate", identified, 0.01)):
-        steps = story.phase(phase).steps
+        steps = timeline.phase(phase).steps
         expected = factor * (true - stated)[steps]
         wrong = np.linalg.norm((drawn - nominal)[steps] - expected, axis=1)
         unit = factor * np.linalg.norm((true - nominal)[steps], axis=1).mean()
         assert wrong.mean() < largest * unit, phase
 
 
-def test_the_smallest_equal_step_moves_the_tool_alike_and_drops_what_nobody_sees(story):
-    chain, q = story.setting.nominal.chain, story.setting.pool_q
+def test_the_smallest_equal_step_moves_the_tool_alike_and_drops_what_nobody_sees(shown):
+    chain, q = shown.setting.nominal.chain, shown.setting.pool_q
     # d2 against d3: joints 2 and 3 are parallel, only the sum is seen
     step = np.zeros(42)
     step[6 + 5 + 1], step[6 + 10 + 1] = 1e-4, -1e-4
@@ -162,13 +167,13 @@ def test_the_smallest_equal_step_moves_the_tool_alike_and_drops_what_nobody_sees
     assert np.abs(smallest_equal(chain, small, q) - small).max() < 1e-15
 
 
-def test_ghost_chains_start_at_the_truth(story):
-    (chain,) = ghost_chains(story, 1, np.array([0.0]))
-    assert np.abs(chain.links - story.setting.true.chain.links).max() < 1e-15
+def test_ghost_chains_start_at_the_truth(shown):
+    (chain,) = ghost_chains(shown, 1, np.array([0.0]))
+    assert np.abs(chain.links - shown.setting.true.chain.links).max() < 1e-15
 
 
-def test_an_arrow_ends_inside_its_ellipsoid_exactly_where_the_record_says_so(opened, story):
-    judged, factor = story.estimate.comparison, factors(story).regions
+def test_an_arrow_ends_inside_its_ellipsoid_exactly_where_the_record_says_so(opened, shown):
+    judged, factor = shown.estimate.comparison, shown.regions
     path = f"/world/held_out/region_95_x{factor}"
     last = {
         name: np.array(column(opened, path, f"Ellipsoids3D:{name}")[1][-1])
@@ -192,18 +197,18 @@ def test_an_arrow_ends_inside_its_ellipsoid_exactly_where_the_record_says_so(ope
     assert size == pytest.approx(np.sqrt(distance) / coverage_factor(3), rel=1e-4)  # float32 axes
 
 
-def test_the_beam_follows_the_target_and_goes_out_after_the_last_pose(opened, story):
-    measure = story.phase("measure")
+def test_the_beam_follows_the_target_and_goes_out_after_the_last_pose(opened, shown, timeline):
+    measure = timeline.phase("measure")
     at, strips = column(opened, "/world/beam", "LineStrips3D:strips")
     assert np.array_equal(at, measure.steps)
     ends = np.array(strips)[:, 0]
-    assert np.abs(ends[:, 0] - story.setting.T_world_tracker[:3, 3]).max() < SINGLE
-    target = story.setting.nominal.poses(story.q[measure.steps])[:, :3, 3]
+    assert np.abs(ends[:, 0] - shown.setting.T_world_tracker[:3, 3]).max() < SINGLE
+    target = shown.setting.nominal.poses(timeline.q[measure.steps])[:, :3, 3]
     assert np.abs(ends[:, 1] - target).max() < SINGLE
     assert column(opened, "/world/beam", "Clear:is_recursive")[0].tolist() == [measure.stop]
 
 
-def test_the_tracker_looks_along_its_beam(opened, story):
+def test_the_tracker_looks_along_its_beam(opened, shown, timeline):
     """The head's x axis, from the transforms in the file, points at the target."""
     axes = np.array([[1.0, 0, 0]])
     for name in ("yoke/head", "yoke"):
@@ -214,22 +219,22 @@ def test_the_tracker_looks_along_its_beam(opened, story):
         axes = np.broadcast_to(axes, u.shape)
         t = 2 * np.cross(u, axes)
         axes = axes + w[:, None] * t + np.cross(u, t)
-    station = story.setting.T_world_tracker
-    beam = story.setting.nominal.poses(story.q)[:, :3, 3] - station[:3, 3]
+    station = shown.setting.T_world_tracker
+    beam = shown.setting.nominal.poses(timeline.q)[:, :3, 3] - station[:3, 3]
     beam = beam / np.linalg.norm(beam, axis=1, keepdims=True) @ station[:3, :3]
     assert np.abs(axes - beam).max() < SINGLE
 
 
-def test_points_cleared_at_a_phase_end_do_not_linger(opened, story):
+def test_points_cleared_at_a_phase_end_do_not_linger(opened, timeline):
     for entity, step in (
-        ("/world/chosen", story.phase("identify").stop),
-        ("/world/measured", story.phase("identify").stop),
+        ("/world/chosen", timeline.phase("identify").stop),
+        ("/world/measured", timeline.phase("identify").stop),
     ):
         assert column(opened, entity, "Clear:is_recursive")[0].tolist() == [step]
 
 
-def test_final_parameter_points_are_errors_over_stated_uncertainty(opened, story):
-    found, judged = story.estimate.identification, story.estimate.comparison
+def test_final_parameter_points_are_errors_over_stated_uncertainty(opened, shown):
+    found, judged = shown.estimate.identification, shown.estimate.comparison
     last = np.array(column(opened, "/parameters/error", "Points2D:positions")[1][-1])
     z = (judged.true_step - found.step) / found.standard_uncertainty
     assert np.sinh(last[:, 0] / place(1.0) * np.arcsinh(1.0)) == pytest.approx(
@@ -276,7 +281,7 @@ def test_strict_mode_is_given_back_also_after_an_error():
     before = rr.strict_mode()
 
     def fail():
-        with recording.strict_mode():
+        with strict_mode():
             assert rr.strict_mode()
             raise KeyError
 
@@ -335,5 +340,5 @@ def test_a_campaign_without_any_search_is_recorded_too(tmp_path):
     """A random set was not searched for: its select phase shows its own index."""
     trial = [{"name": "only", "poses": 10, "method": "random"}]
     campaign = played("quick", {**SMALL, "trial": trial, "uncertainty.replications": 0})
-    recording.write_recording(campaign, load_robot("staubli_tx60"), tmp_path / "only.rrd")
+    record(tmp_path / "only.rrd", campaign)
     assert viewer.verify(tmp_path / "only.rrd")

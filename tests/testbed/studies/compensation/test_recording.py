@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from testbed.cli import viewer
-from testbed.recording.story import tell
-from testbed.studies.compensation.recording import factor, program, shown, words
+from testbed.studies.compensation.recording import chapters, factor, shown
 from testbed.studies.compensation.records import CompensationStudy
-from tests.recorded import column, record, scalars, small_campaign, store
+from tests.recorded import column, record, scalars, small_campaign, store, timeline
 
 ROBOTS, POSES, CYCLES = 2, 5, 4
 SINGLE = 1e-6
@@ -87,8 +86,7 @@ def test_readings_end_where_they_were_read_so_many_times_larger(opened, campaign
 
 
 def test_the_robot_stops_at_the_targets_as_written_and_then_as_corrected(campaign):
-    trial, one = campaign.trials[0], campaign.compensation[1]
-    story = tell(campaign.setting, trial, trial.estimates[0], program=program(one))
+    one, story = campaign.compensation[1], timeline(campaign)
     phase = story.phase("compensate")
     assert phase.stop == story.n_steps
     stops = np.vstack([one.targets[0, 0], one.targets[2, 0]])
@@ -98,7 +96,8 @@ def test_the_robot_stops_at_the_targets_as_written_and_then_as_corrected(campaig
 
 def test_the_words_say_what_the_figures_say(campaign):
     one = campaign.compensation[1]
-    text = words(one)
+    (chapter,) = chapters(campaign.compensation, campaign.scenario)
+    text = "\n".join(chapter.text)
     assert f"mean AP {1e6 * one.figures[0, 0, 0, 0].mean():.0f} to" in text
     assert f"drawn {factor(one)} times" in text
 

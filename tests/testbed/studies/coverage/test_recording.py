@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from testbed.cli import viewer
-from testbed.recording.story import tell
-from testbed.studies.coverage.recording import GAP, PANEL, ROW, words
+from testbed.studies.coverage.recording import GAP, PANEL, ROW, chapters
 from testbed.studies.coverage.records import CoverageStudy
 from testbed.studies.coverage.summary import cells
-from tests.recorded import column, record, scalars, small_campaign, store
+from tests.recorded import column, record, scalars, small_campaign, store, timeline
 
 ROBOTS = 12
 SINGLE = 1e-4
@@ -85,16 +84,15 @@ def test_the_mean_ends_at_the_share_that_the_report_states(opened, campaign):
 
 
 def test_the_phase_comes_last_and_the_words_count_what_falls_short(campaign):
-    trial = campaign.trials[0]
-    story = tell(campaign.setting, trial, trial.estimates[0], robots=ROBOTS)
-    bare = tell(campaign.setting, trial, trial.estimates[0])
+    story, bare = timeline(campaign), timeline(small_campaign())
     assert [phase.name for phase in story.phases][:4] == [phase.name for phase in bare.phases]
     last = story.phase("coverage")
     assert (last.start, last.stop) == (bare.n_steps, story.n_steps)
     assert len(last.at) == ROBOTS
     assert len(np.unique(last.at)) == ROBOTS
     assert np.array_equal(story.q[last.start], bare.q[-1])
-    assert "6 of 12 statements fall short" in words(campaign.coverage)
+    (chapter,) = chapters(campaign.coverage)
+    assert chapter.text[-1].startswith("- 6 of 12 statements fall short")
 
 
 def test_the_file_is_whole(path):

@@ -1,0 +1,130 @@
+"""The timeline of a recording: its phases as rows of frames, and where the robot is at every step.
+
+One timeline, `step`, runs through all phases. The robot glides from pose to pose and rests where
+something is known about it; the glide is for the eye, not planned.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, Index
+
+FRAMES_PER_POSE = 6
+"""Frames from one pose to the next, the last two at rest; fewer when there are many poses."""
+MOST_FRAMES = 900
+"""A phase is kept below this by dropping frames, not poses."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """What the robot does during a phase, and when the numbers of the phase are known."""
+
+    steps: int
+    at: Index
+    """(k,) step of each search, pose, iteration or test, counted from the start of the phase."""
+    q: Array | None = None
+    """(steps, n) drawn joint values [rad, m]; None: the robot stays where it is."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Phase:
+    """A stretch of the timeline and where its rows of numbers lie on it."""
+
+    name: str
+    local: str
+    """Name of the phase's own timeline."""
+    start: int
+    stop: int
+    """First step after the phase."""
+    at: Index
+    """(k,) step of each item."""
+
+    @property
+    def steps(self) -> Index:
+        """Every step of the phase."""
+        return np.arange(self.start, self.stop)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Timeline:
+    """Phases end to end, and the robot's joints all along."""
+
+    phases: tuple[Phase, ...]
+    q: Array
+    """(s, n) drawn joint values at every step [rad, m]."""
+
+    @property
+    def n_steps(self) -> int:
+        """Steps of the whole timeline."""
+        return len(self.q)
+
+    def phase(self, name: str) -> Phase:
+        """The phase with this name."""
+        return next(phase for phase in self.phases if phase.name == name)
+
+    def moves_on(self, step: int) -> int | None:
+        """First step from `step` on at which the robot is not where it was; None if it stays."""
+        moved = (self.q[step:] != self.q[step - 1]).any(axis=1)
+        return step + int(moved.argmax()) if moved.any() else None
+
+
+def visit(stops: Array, frames: int = 0) -> Motion:
+    """Go from stop to stop (k, n) [rad, m]: an item is known when the robot rests at its stop.
+
+    Each stop gets so many frames, by default as many as keep the phase short.
+    """
+    frames = frames or frames_per_pose(len(stops))
+    steps = frames * len(stops)
+    return Motion(steps, rests(len(stops), frames), glide(stops, steps))
+
+
+def rests(count: int, frames: int) -> Index:
+    """Step (k,) at which the robot has come to rest at each of its stops."""
+    return np.asarray(frames * np.arange(count) + max(frames - 2, 0))
+
+
+def spread(count: int, length: int, stops: Array | None = None) -> Motion:
+    """Items spread evenly over about `length` steps, while the robot glides from stop to stop."""
+    steps = count * max(1, length // count)
+    at = np.round(np.linspace(0, steps - 1, count)).astype(np.int64)
+    return Motion(steps, at, None if stops is None else glide(stops, steps))
+
+
+def leaf(pool_q: Array, count: int, length: int) -> Motion:
+    """Items spread evenly, while the robot leafs through evenly spread pool poses (N, n)."""
+    steps = count * max(1, length // count)
+    shown = max(1, min(len(pool_q), steps // FRAMES_PER_POSE))
+    return spread(count, length, pool_q[np.arange(shown) * len(pool_q) // shown])
+
+
+def frames_per_pose(poses: int) -> int:
+    """Frames spent on each of so many poses."""
+    return max(1, min(FRAMES_PER_POSE, MOST_FRAMES // poses))
+
+
+def glide(stops: Array, steps: int) -> Array:
+    """Joint values (steps, n) that go from stop to stop and rest at each [rad, m]."""
+    phase = np.arange(steps) * len(stops) / steps
+    index = np.minimum(phase.astype(np.int64), len(stops) - 1)
+    frames = steps / len(stops)
+    # the last two of `frames` steps belong to the stop itself
+    part = eased(np.clip((phase - index) * frames / max(frames - 2, 1e-9), 0, 1))
+    before = stops[np.maximum(index - 1, 0)]
+    return np.asarray(before + part[:, None] * (stops[index] - before))
+
+
+def eased(part: Array) -> Array:
+    """Progress 0 to 1 with a soft start and a soft stop."""
+    return np.asarray(part * part * (3 - 2 * part))
+
+
+def evenly(places: Index, most: int) -> Index:
+    """Evenly spread ones of these places, at most so many."""
+    chosen = np.linspace(0, len(places) - 1, min(len(places), most)).round().astype(np.int64)
+    return places[np.unique(chosen)]
+
+
+def growing(count: int, most: int = 300) -> Index:
+    """Lengths (r,) of a cloud that grows to `count` points in at most `most` rows."""
+    return np.unique(np.ceil(np.linspace(1, count, min(count, most))).astype(np.int64))

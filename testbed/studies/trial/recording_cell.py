@@ -1,0 +1,188 @@
+"""The cell of a trial in the recording: the true robot as a ghost, the pool, errors as arrows."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.geometry.chain import Chain
+from calib.geometry.jacobian import pose_and_jacobian
+from calib.geometry.parameters import CHARACTERISTIC_LENGTH
+from calib.measurement.accuracy import seen_minus_predicted, target_points
+from calib.uncertainty.regions import ellipsoid
+from testbed.laboratory.truth.laboratory import Setting
+from testbed.recording import style
+from testbed.recording.cell import draw_arm, draw_beam
+from testbed.recording.pen import Pen
+from testbed.recording.timeline import Phase, Timeline, eased
+from testbed.robots.placements import quaternion_wxyz
+from testbed.robots.robot import Robot
+from testbed.studies.trial.records import Estimate, Trial
+
+GHOST_SIZE = 0.036
+"""Mean drawn deviation of the ghost before calibration [m]: seen, and still a robot."""
+GHOST_COLOR = (222, 60, 50, 110)
+POOL_COLOR, REJECTED_COLOR, CHOSEN_COLOR = (120, 132, 146), (206, 150, 146), (28, 92, 190)
+REGION_SIZE = 0.07
+"""Longest drawn error or semi-axis of a stated region [m]."""
+INSIDE_COLOR, OUTSIDE_COLOR = (66, 112, 214, 120), (238, 136, 28, 150)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShownTrial:
+    """The trial that is shown, and how many times larger than life."""
+
+    setting: Setting
+    trial: Trial
+    estimate: Estimate
+    ghost: int
+    """Deviation of the true robot."""
+    arrows: int
+    """Errors, before and after."""
+    regions: int
+    """Stated regions, and the errors that are drawn in them."""
+
+
+def show(setting: Setting, trial: Trial) -> ShownTrial:
+    """Show a trial by its default estimator, the largest thing of each kind below its size."""
+    estimate = trial.estimates[0]
+    judged = estimate.comparison
+    _, seen = seen_minus_predicted(setting.nominal, trial.measurements)
+    before = max(float(judged.before.max()), float(np.linalg.norm(seen, axis=1).max()))
+    axes, _ = ellipsoid(judged.covariance[:, :3, :3])
+    return ShownTrial(
+        setting,
+        trial,
+        estimate,
+        ghost=style.nice_factor(GHOST_SIZE, float(judged.before.mean())),
+        arrows=style.nice_factor(style.ARROW_SIZE, before),
+        regions=style.nice_factor(REGION_SIZE, max(float(judged.after.max()), float(axes.max()))),
+    )
+
+
+def known(timeline: Timeline) -> Array:
+    """How far (s,) the model in use has moved from nominal (0) to identified (1)."""
+    identify = timeline.phase("identify")
+    part = np.zeros(timeline.n_steps)
+    part[identify.steps] = eased(np.linspace(0, 1, identify.stop - identify.start))
+    part[identify.stop :] = 1
+    return part
+
+
+def draw_ghost(shown: ShownTrial, robot: Robot, pen: Pen) -> None:
+    """The true robot with its deviation from the model in use drawn many times.
+
+    Until identification the model in use is the nominal one; while the solver works the ghost
+    closes in on what the identified model still leaves.
+    """
+    part, q = known(pen.timeline), pen.timeline.q
+    values, index = np.unique(part, return_inverse=True)
+    true, identified = shown.setting.true, shown.estimate.identification.model
+    deviating = q + shown.ghost * (
+        true.joint_errors.offsets(q) - part[:, None] * identified.joint_errors.offsets(q)
+    )
+    chains = ghost_chains(shown, shown.ghost, values)
+    path = f"world/true_x{shown.ghost}"
+    draw_arm(pen, path, robot, deviating, chains, index.reshape(-1), GHOST_COLOR)
+
+
+def ghost_chains(shown: ShownTrial, factor: int, known: Array) -> tuple[Chain, ...]:
+    """Nominal chain moved by `factor` times what is left of the truth at each value of `known`."""
+    nominal = shown.setting.nominal.chain
+    before = nominal.step_to(shown.setting.true.chain)
+    identified = shown.estimate.identification.model.chain
+    q = np.vstack([shown.trial.measurements.q, shown.setting.test_q])
+    after = smallest_equal(nominal, before - nominal.step_to(identified), q)
+    return tuple(nominal.moved(factor * ((1 - w) * before + w * after)) for w in known)
+
+
+def smallest_equal(chain: Chain, step: Array, q: Array) -> Array:
+    """Smallest step (42,) that moves the tool at q as `step` does, to first order [m, rad].
+
+    Two models may describe the same robot with different numbers; what differs only in that would
+    otherwise be drawn as links out of place.
+    """
+    _, J = pose_and_jacobian(chain, q)
+    length = CHARACTERISTIC_LENGTH
+    rows = np.array([1, 1, 1, length, length, length])
+    frame, link = (
+        (1, 1, 1, 1 / length, 1 / length, 1 / length),
+        (1 / length, 1, 1) + (1 / length,) * 2,
+    )
+    columns = np.array([*frame, *(link * chain.n_joints), *frame])
+    A = (J * rows[:, None] * columns).reshape(-1, len(columns))
+    return np.asarray(columns * np.linalg.lstsq(A, A @ (step / columns), rcond=1e-9)[0])
+
+
+def tracked(setting: Setting, q: Array) -> Array:
+    """The target (m, 3) that the tracker is looking at, where the nominal model has it [m]."""
+    return target_points(setting.nominal.poses(q), setting.target)
+
+
+def draw_selected(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
+    """Candidate tool positions, those refused inside the box, and the chosen set."""
+    import rerun as rr
+
+    setting = shown.setting
+    pool = setting.pool_nominal[:, :3, 3]
+    pen.static("world/pool", rr.Points3D(pool, radii=0.0028, colors=POOL_COLOR))
+    outside = setting.rejection_names[0] if setting.rejection_names else ""
+    inside = [k for k, reason in enumerate(setting.rejected_reason) if reason != outside]
+    if inside:
+        refused = setting.nominal.poses(setting.rejected_q[inside])[:, :3, 3]
+        points = rr.Points3D(refused, radii=0.004, colors=REJECTED_COLOR)
+        pen.at(phase.start, "world/rejected", points)
+        pen.clear(phase.stop, "world/rejected")
+    chosen = pool[shown.trial.selection.indices]
+    pen.at(int(phase.at[-1]), "world/chosen", rr.Points3D(chosen))
+    pen.static("world/chosen", rr.Points3D.from_fields(radii=0.009, colors=CHOSEN_COLOR))
+    pen.clear(pen.timeline.phase("identify").stop, "world/chosen")
+
+
+def draw_measured(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
+    """The beam, what the tracker has seen so far, and its distance from the nominal prediction."""
+    import rerun as rr
+
+    setting, factor = shown.setting, shown.arrows
+    draw_beam(pen, phase, setting.T_world_tracker, tracked(setting, pen.timeline.q))
+    points, vectors = seen_minus_predicted(setting.nominal, shown.trial.measurements)
+    size = np.linalg.norm(vectors, axis=1)
+    cloud, arrows = "world/measured", f"world/error_nominal_x{factor}"
+    dots = {"positions": points, "colors": style.viridis(size, float(size.max()))}
+    pen.grow(cloud, phase, rr.Points3D, dots, {"radii": 0.012})
+    pen.grow_arrows(arrows, phase, points, factor * vectors, style.BEFORE_COLOR, 0.0032)
+    pen.clear(pen.timeline.phase("identify").stop, cloud, arrows)
+
+
+def draw_held_out(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
+    """Held-out poses: true minus nominal, true minus identified, and the stated 95 % regions.
+
+    Before and after share one factor. Regions have a larger one, and so have the errors drawn from
+    their centers: an arrow ends inside its ellipsoid exactly where the record says so.
+    """
+    import rerun as rr
+
+    judged, setting = shown.estimate.comparison, shown.setting
+    true = target_points(setting.test_true, setting.target)
+    nominal, stated = tracked(setting, setting.test_q), true - judged.error
+    root, few, many = "world/held_out", shown.arrows, shown.regions
+    arrows = {
+        f"{root}/before_x{few}": (nominal, few, style.BEFORE_COLOR, 0.0024),
+        f"{root}/after_x{few}": (stated, few, style.AFTER_COLOR, 0.004),
+        f"{root}/after_x{many}": (stated, many, (30, 40, 90), 0.002),
+    }
+    for path, (origin, times, color, radius) in arrows.items():
+        pen.grow_arrows(path, phase, origin, times * (true - origin), color, radius)
+    path = f"{root}/region_95_x{many}"
+    axes, turn = ellipsoid(judged.covariance[:, :3, :3])
+    colors = np.where(judged.inside[:, None], INSIDE_COLOR, OUTSIDE_COLOR)
+    regions: dict[str, Array] = {
+        "centers": stated,
+        "half_sizes": many * axes,
+        "quaternions": quaternion_wxyz(turn)[:, [1, 2, 3, 0]],
+        "colors": np.asarray(colors.astype(np.uint8)),
+    }
+    pen.grow(path, phase, rr.Ellipsoids3D, regions, {"fill_mode": "solid"})
+    leaves = pen.timeline.moves_on(phase.stop)
+    if leaves is not None:
+        pen.clear(leaves, *arrows, path)

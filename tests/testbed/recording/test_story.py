@@ -1,0 +1,110 @@
+"""Chapters end to end: any of them can be added, and none has to know the others."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from testbed.cli import viewer
+from testbed.recording.curves import draw_curve
+from testbed.recording.layout import blueprint
+from testbed.recording.story import Chapter, Panel, Story, timeline_of
+from testbed.recording.timeline import evenly, leaf, rests, spread, visit
+from testbed.recording.write import write_story
+from testbed.robots.catalog import load_robot
+from tests.recorded import column, scalars, store
+
+STOPS = np.array([[0.0] * 6, [0.1] * 6, [-0.2] * 6])
+
+
+def nothing(*_):
+    """Draws nothing."""
+
+
+def chapter(name, motion, draw=nothing):
+    return Chapter(name, f"{name}_item", (1, 2, 3), motion, ("#### Toy", f"- {name}"), draw)
+
+
+def story(*chapters):
+    robot = load_robot("staubli_tx60")
+    reach, station = np.ones((4, 3)) * np.arange(4)[:, None], np.array([3.0, 0, 1])
+    return Story("toy-1", "toy", "sum", robot, robot.model.chain, reach, station, nothing, chapters)
+
+
+def test_a_chapter_brings_its_place_on_the_timeline_its_curve_and_its_words(tmp_path):
+    values = np.array([3.0, 1.0, 2.0])
+    toy = chapter(
+        "toy", visit(STOPS), lambda pen, phase: draw_curve(pen, "toy/u", phase, values, (9, 9, 9))
+    )
+    whole = story(chapter("first", visit(STOPS[:2])), replace(toy, plots={"toy/u": "u"}))
+    write_story(whole, tmp_path / "toy.rrd")
+    assert viewer.verify(tmp_path / "toy.rrd")
+    opened = store(tmp_path / "toy.rrd")
+    phase = timeline_of(whole.chapters).phase("toy")
+    at, drawn = scalars(opened, "/toy/u")
+    assert np.array_equal(at, phase.at)
+    assert np.array_equal(drawn, values)
+    assert scalars(opened, "/toy/u", "toy_item")[0].tolist() == [0, 1, 2]
+    steps, texts = column(opened, "/now", "TextDocument:text")
+    assert steps.tolist() == [0, phase.start]
+    assert texts[1] == ["#### Toy\n- toy"]
+    assert column(opened, "/phase", "StateChange:state")[1] == [["first"], ["toy"]]
+
+
+def test_without_a_motion_of_its_own_the_robot_stays_and_then_moves_on():
+    timeline = timeline_of([
+        chapter("go", visit(STOPS)), chapter("wait", spread(4, 10)), chapter("on", visit(STOPS)),
+    ])  # fmt: skip
+    go, wait, on = timeline.phases
+    assert (timeline.q[wait.steps] == timeline.q[go.stop - 1]).all()
+    assert timeline.moves_on(go.stop) == on.start
+    assert timeline.moves_on(timeline.n_steps) is None
+    assert timeline_of([chapter("go", visit(STOPS)), chapter("wait", spread(4, 10))]).moves_on(
+        go.stop
+    ) is None  # fmt: skip
+    assert (go.stop, wait.stop) == (wait.start, on.start)
+    assert on.stop == timeline.n_steps
+
+
+def test_items_are_spread_over_a_phase_and_a_phase_has_room_for_each():
+    for count, length in ((1, 144), (7, 144), (144, 144), (500, 144)):
+        motion = spread(count, length)
+        assert motion.steps == count * max(1, length // count)
+        assert len(np.unique(motion.at)) == count
+        assert motion.at[0] == 0
+        assert motion.at[-1] == (motion.steps - 1 if count > 1 else 0)
+        assert len(leaf(STOPS, count, length).q) == motion.steps
+
+
+def test_a_robot_rests_at_a_stop_when_its_item_is_known():
+    motion = visit(STOPS, 6)
+    assert np.array_equal(motion.at, rests(3, 6))
+    for at in (motion.at, motion.at + 1):
+        # a glide ends by adding the way there: one rounding of angles below 1
+        assert np.abs(motion.q[at] - STOPS).max() < 1e-15
+
+
+def test_of_many_places_evenly_spread_ones_are_taken_with_both_ends():
+    places = np.arange(0, 2000, 2)
+    chosen = evenly(places, 150)
+    assert len(chosen) == 150
+    assert (chosen[0], chosen[-1]) == (places[0], places[-1])
+    assert np.ptp(np.diff(chosen)) <= 2
+    assert np.array_equal(evenly(places, 5000), places)
+
+
+def test_the_panel_of_the_last_chapter_lies_on_top():
+    from rerun.blueprint import Tabs
+
+    first = replace(chapter("a", visit(STOPS)), panel=Panel("a", "A", (0, 1), (0, 1)))
+    last = replace(
+        chapter("b", visit(STOPS)), panel=Panel("b", "B", (0, 1), (0, 1), columns=(1, 1, 2))
+    )
+    for chapters, names, widths in (
+        ((first, last), ["B", "A"], [1, 1, 2]), ((first,), ["A"], [2.5, 1.2, 1]),
+    ):  # fmt: skip
+        whole = story(*chapters)
+        top = blueprint(whole, timeline_of(chapters)).root_container.contents[0]
+        beside = top.contents[2]
+        views = beside.contents if isinstance(beside, Tabs) else [beside]
+        assert [view.name for view in views] == names
+        assert list(top.column_shares) == widths
