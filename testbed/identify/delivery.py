@@ -10,7 +10,8 @@ from testbed.identify.records import Calibration, Delivered, Fit
 from testbed.identify.results import csv_text, dh_table
 from testbed.identify.words import mm
 from testbed.robots.catalog import Robot
-from testbed.robots.write.folder import identified_robot, write_robot_folder
+from testbed.robots.write.folder import write_robot_folder
+from testbed.robots.write.identified import identified_robot
 
 ROBOT, DH_TABLE, SPLIT_TABLE = "robot", "dh_table.csv", "split.csv"
 GEOMETRIC = "robot_geometric"
@@ -24,7 +25,7 @@ def deliver(
     """Write the identified robot, the table and the corrected program; what became of each."""
     model, name = delivered_model(calibration, calibration.fit), identified_name(robot.name)
     found = identified_robot(robot, model, name=name)
-    said = (*write_robot_folder(found, folder / ROBOT).sentences, *found.notes)
+    said = (*write_robot_folder(found, folder / ROBOT), *found.notes)
     if calibration.choice.chosen == "extended":
         # its geometric part leans on the joint terms: alone it is worse than a geometric fit
         plain = delivered_model(calibration, calibration.fits[0])

@@ -62,11 +62,6 @@ def load_mjcf(path: Path) -> Any:
     return model
 
 
-def frame_of(model: Any, name: str) -> tuple[int, int]:
-    """Body and site (or -1) of a name, for `mjcf_poses`."""
-    return frames_of(model)[name]
-
-
 def at_zero(model: Any, joints: Iterable[int]) -> Any:
     """`mujoco.MjData` with these joints at zero, all others where the file has them."""
     import mujoco

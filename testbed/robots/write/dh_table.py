@@ -6,10 +6,10 @@ import numpy as np
 
 from calib.arrays import Array, check
 from calib.errors import refuse
-from calib.geometry.frames import right_jacobian_inverse
-from calib.geometry.frames import transform_step as numbers_of
+from calib.geometry.frames import right_jacobian_inverse, transform_step
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from testbed.units import MM, unit_of
 
 COVERAGE = 2.0
 """k of the expanded uncertainty."""
@@ -31,14 +31,6 @@ class DhRow:
     """New minus old."""
     expanded: float | None
     """U (k = 2); None if the number was held."""
-
-    @property
-    def uncertainty(self) -> str:
-        """U (k = 2) to two significant digits, or ``held``."""
-        if self.expanded is None:
-            return "held"
-        digits = 1 - int(np.floor(np.log10(self.expanded)))
-        return f"{self.expanded:.{max(digits, 0)}f}"
 
 
 def dh_rows(
@@ -72,53 +64,44 @@ def dh_rows(
         raise refuse("parameters", code="A3", message=message)
     full = np.zeros((len(parameters.names),) * 2)
     full[np.ix_(parameters.free_index, parameters.free_index)] = covariance
+    sd = np.sqrt(np.diagonal(full))
     before = dict(zip(nominal.joint_errors.names, nominal.joint_errors.coefficients, strict=True))
-    old, new, sd = [], [], []
-    for place, start in (("T_world_base", 0), (None, 6), ("T_flange_tool", 6 + 5 * n)):
-        if place is None:
-            old.append(nominal.chain.links.ravel())
-            new.append(identified.chain.links.ravel())
-            sd.append(np.sqrt(np.diagonal(full)[6 : 6 + 5 * n]))
-            continue
-        T = getattr(identified.chain, place)
-        old.append(numbers_of(getattr(nominal.chain, place)))
-        new.append(_near(numbers_of(T), old[-1]))
-        moves = np.zeros((6, 6))
-        moves[:3, :3], moves[3:, 3:] = T[:3, :3], right_jacobian_inverse(new[-1][3:])
-        own = full[start : start + 6, start : start + 6]
-        spread = np.sqrt(np.clip(np.diagonal(moves @ own @ moves.T), 0, None))
-        # what was held stays exactly so: no rounding of a rotation may make it look free
-        sd.append(np.where(spread > 1e-12 * np.sqrt(own.max(initial=0.0)), spread, 0.0))
-    old.append(np.array([before.get(name, 0.0) for name in identified.joint_errors.names]))
-    new.append(identified.joint_errors.coefficients)
-    sd.append(np.sqrt(np.diagonal(full)[12 + 5 * n : 12 + 5 * n + k]))
-    is_length = identified.is_length
-    return tuple(
-        _row(name, is_length[i], a, b, s)
-        for i, (name, a, b, s) in enumerate(
-            zip(
-                parameters.names[: 12 + 5 * n + k],
-                np.concatenate(old),
-                np.concatenate(new),
-                np.concatenate(sd),
-                strict=True,
-            )
-        )
+    first, tool, end = 6, 6 + 5 * n, 12 + 5 * n
+    own, other = nominal.chain, identified.chain
+    parts = (
+        _frame(own.T_world_base, other.T_world_base, full[:first, :first]),
+        (own.links.ravel(), other.links.ravel(), sd[first:tool]),
+        _frame(own.T_flange_tool, other.T_flange_tool, full[tool:end, tool:end]),
+        (
+            np.array([before.get(name, 0.0) for name in identified.joint_errors.names]),
+            identified.joint_errors.coefficients,
+            sd[end : end + k],
+        ),
     )
+    rows = zip(*(np.concatenate(columns) for columns in zip(*parts, strict=True)), strict=True)
+    return tuple(
+        _row(parameters.names[i], identified.is_length[i], *row) for i, row in enumerate(rows)
+    )
+
+
+def _frame(nominal: Array, identified: Array, covariance: Array) -> tuple[Array, Array, Array]:
+    """Position and rotation vector (6,) of a frame before and after, and their uncertainties."""
+    old = transform_step(nominal)
+    new = _near(transform_step(identified), old)
+    moves = np.zeros((6, 6))
+    moves[:3, :3], moves[3:, 3:] = identified[:3, :3], right_jacobian_inverse(new[3:])
+    spread = np.sqrt(np.clip(np.diagonal(moves @ covariance @ moves.T), 0, None))
+    # what was held stays exactly so: no rounding of a rotation may make it look free
+    return old, new, np.where(spread > 1e-12 * np.sqrt(covariance.max(initial=0.0)), spread, 0.0)
 
 
 def _row(name: str, is_length: bool, old: float, new: float, sd: float) -> DhRow:
     """One row in mm or deg."""
-    scale = 1e3 if is_length else float(np.degrees(1.0))
-    expanded = float(COVERAGE * sd * scale) if sd > 0 else None
+    scale = MM if is_length else float(np.degrees(1.0))
     return DhRow(
-        name,
-        "mm" if is_length else "deg",
-        float(old * scale),
-        float(new * scale),
-        float((new - old) * scale),
-        expanded,
-    )
+        name, unit_of(is_length), float(old * scale), float(new * scale),
+        float((new - old) * scale), float(COVERAGE * sd * scale) if sd > 0 else None,
+    )  # fmt: skip
 
 
 def _near(step: Array, other: Array) -> Array:

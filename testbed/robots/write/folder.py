@@ -1,10 +1,8 @@
 """A robot out of a calibration: its folder with robot.toml, URDF and MJCF, each proven equal."""
 
 import tempfile
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -13,47 +11,23 @@ from calib.errors import refuse
 from calib.geometry.chain import forward
 from testbed.disk import TEMPORARY, flush_file, flush_folder, write_error
 from testbed.robots.catalog import ROBOT_FILE, load_robot
-from testbed.robots.describe.mjcf_model import frame_of, load_mjcf, mjcf_poses
+from testbed.robots.describe.mjcf_model import frames_of, load_mjcf, mjcf_poses
 from testbed.robots.describe.urdf import load_urdf, urdf_poses, way_to
 from testbed.robots.meshes.files import Mesh, part_mesh
 from testbed.robots.proof import LIMIT, difference, spread
 from testbed.robots.robot import IN_PLACE, Robot, Visual
-from testbed.robots.write.dh_table import DhRow as DhRow
-from testbed.robots.write.dh_table import dh_rows as dh_rows
-from testbed.robots.write.identified import identified_robot as identified_robot
-from testbed.robots.write.identified import longest, require_name
+from testbed.robots.write.identified import require_name
 from testbed.robots.write.mjcf import mjcf_text
 from testbed.robots.write.toml import robot_toml
 from testbed.robots.write.urdf import urdf_bytes
+from testbed.units import MM
 
 PROOFS, SAMPLES = 64, 1000
 """Poses at which a file is proven, and at which joint terms are weighed."""
 MESHES = "meshes"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Exported:
-    """What was written, and how well each file was found to agree."""
-
-    folder: Path
-    """Where."""
-    files: tuple[Path, ...]
-    """robot.toml, URDF, MJCF, then the meshes."""
-    agreement: Mapping[str, float]
-    """By file and reader: largest distance of its tool from the robot's [m]."""
-    rotation: Mapping[str, float]
-    """By file and reader: largest angle between them [rad]."""
-    beyond_max: float
-    """Largest distance of the geometric part (URDF, MJCF) from the full model [m]."""
-    beyond_rms: float
-    """Root mean square of it over poses spread over the limits [m]."""
-    longest: float
-    """Largest |d| or |a| among the links [m]."""
-    sentences: tuple[str, ...]
-    """All that in words."""
-
-
-def write_robot_folder(robot: Robot, folder: Path, *, overwrite: bool = False) -> Exported:
+def write_robot_folder(robot: Robot, folder: Path, *, overwrite: bool = False) -> tuple[str, ...]:
     """Write robot.toml, NAME.urdf, NAME.xml and the meshes, each read again and proven first.
 
     robot.toml has the full model with its joint terms; URDF and MJCF have its geometric part, which
@@ -67,6 +41,11 @@ def write_robot_folder(robot: Robot, folder: Path, *, overwrite: bool = False) -
         Made if it is not there; other files in it are left alone.
     overwrite : bool
         Whether files of these names may be replaced.
+
+    Returns
+    -------
+    tuple of str
+        How well each file agrees with the robot, and what URDF and MJCF leave out; in words.
 
     Raises
     ------
@@ -84,8 +63,7 @@ def write_robot_folder(robot: Robot, folder: Path, *, overwrite: bool = False) -
     try:
         with tempfile.TemporaryDirectory(TEMPORARY, f".{folder.name}.", folder.parent) as made:
             draft = _with_meshes(robot, Path(made))
-            beyond_max, beyond_rms = _beyond(robot)
-            words = _geometric_words(robot, beyond_max, beyond_rms)
+            words = _geometric_words(robot)
             (draft.folder / names[0]).write_text(
                 robot_toml(draft, comment=_head(robot)), encoding="utf-8", newline="\n"
             )
@@ -102,21 +80,11 @@ def write_robot_folder(robot: Robot, folder: Path, *, overwrite: bool = False) -
             flush_folder(folder)
     except OSError as error:
         raise write_error(folder / ROBOT_FILE, error) from error
-    sentences = [
+    told = tuple(
         f"{name} has the robot's poses to {position:.1g} m and {rotation:.1g} rad"
         for name, (position, rotation) in found.items()
-    ]
-    sentences += [words] if robot.model.joint_errors.terms else []
-    return Exported(
-        folder=folder,
-        files=tuple(folder / name for name in names),
-        agreement=MappingProxyType({name: one[0] for name, one in found.items()}),
-        rotation=MappingProxyType({name: one[1] for name, one in found.items()}),
-        beyond_max=beyond_max,
-        beyond_rms=beyond_rms,
-        longest=longest(robot.model.chain),
-        sentences=tuple(sentences),
     )
+    return (*told, words) if robot.model.joint_errors.terms else told
 
 
 def _require_free(folder: Path, names: list[str], *, overwrite: bool) -> None:
@@ -169,25 +137,18 @@ def _head(robot: Robot) -> str:
     )
 
 
-def _beyond(robot: Robot) -> tuple[float, float]:
-    """Largest and root mean square distance of the geometric part from the full model [m]."""
-    if not robot.model.joint_errors.terms:
-        return 0.0, 0.0
-    q = spread(robot.limits, SAMPLES)
-    full, part = robot.model.poses(q), forward(robot.model.chain, q)
-    away = np.linalg.norm(full[:, :3, 3] - part[:, :3, 3], axis=1)
-    return float(away.max()), float(np.sqrt(np.mean(away**2)))
-
-
-def _geometric_words(robot: Robot, largest: float, rms: float) -> str:
+def _geometric_words(robot: Robot) -> str:
     """What URDF and MJCF hold, and what they cannot."""
     terms = len(robot.model.joint_errors.terms)
     if not terms:
         return "Geometry only; this is the whole model."
+    q = spread(robot.limits, SAMPLES)
+    full, part = robot.model.poses(q), forward(robot.model.chain, q)
+    away = np.linalg.norm(full[:, :3, 3] - part[:, :3, 3], axis=1)
     return (
         f"Geometry only: the {terms} joint terms of robot.toml cannot be said in URDF or MJCF. "
-        f"Without them the tool is up to {largest * 1e3:.3f} mm away from the full model, rms "
-        f"{rms * 1e3:.3f} mm over poses spread over the joint limits."
+        f"Without them the tool is up to {away.max() * MM:.3f} mm away from the full model, rms "
+        f"{np.sqrt(np.mean(away**2)) * MM:.3f} mm over poses spread over the joint limits."
     )
 
 
@@ -197,20 +158,15 @@ def _proven(robot: Robot, folder: Path, names: list[str]) -> dict[str, tuple[flo
     q = np.vstack([np.zeros(len(robot.limits)), spread(robot.limits, PROOFS)])
     geometry = forward(robot.model.chain, q)
     read = load_urdf(urdf.read_bytes())
-    in_urdf, in_xml = load_mjcf(urdf), load_mjcf(xml)
     joints = list(range(len(robot.limits)))
     found: dict[str, tuple[Array, Array]] = {
-        f"{toml.name}": (load_robot(toml).model.poses(q), robot.model.poses(q)),
+        toml.name: (load_robot(toml).model.poses(q), robot.model.poses(q)),
         f"{urdf.name} (yourdfpy)": (urdf_poses(way_to(read, "tool0"), "tool0", q), geometry),
-        f"{urdf.name} (MuJoCo)": (
-            mjcf_poses(in_urdf, joints, frame_of(in_urdf, "tool0"), q),
-            geometry,
-        ),
-        f"{xml.name} (MuJoCo)": (
-            mjcf_poses(in_xml, joints, frame_of(in_xml, "tool"), q),
-            geometry,
-        ),
     }
+    for file, tip in ((urdf, "tool0"), (xml, "tool")):
+        model = load_mjcf(file)
+        poses = mjcf_poses(model, joints, frames_of(model)[tip], q)
+        found[f"{file.name} (MuJoCo)"] = poses, geometry
     out = {name: difference(T, other) for name, (T, other) in found.items()}
     for name, (position, rotation) in out.items():
         if not max(position, rotation) <= LIMIT:

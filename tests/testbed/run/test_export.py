@@ -1,5 +1,6 @@
 """Identified robots as folders: every file proven, every digit back, nothing of others lost."""
 
+import re
 from dataclasses import replace
 
 import mujoco
@@ -20,7 +21,9 @@ from testbed.robots.describe.axes import reach
 from testbed.robots.meshes.files import part_mesh
 from testbed.robots.placements import link_poses
 from testbed.robots.write import folder as export
-from testbed.robots.write.folder import dh_rows, identified_robot, write_robot_folder
+from testbed.robots.write.dh_table import dh_rows
+from testbed.robots.write.folder import write_robot_folder
+from testbed.robots.write.identified import identified_robot
 from testbed.robots.write.toml import degrees, millimeters
 from testbed.scenario.hashes import robot_hash
 from tests.testbed.robots.described_cases import ARMS, UR_LIKE, bench_arm
@@ -68,11 +71,12 @@ def test_an_identified_robot_of_any_build_survives_its_folder(name, tmp_path):
     for ending, tip in (("urdf", None), ("xml", "tool")):
         again = load_robot(files[ending], tip=tip)
         np.testing.assert_allclose(again.model.poses(q), geometry, rtol=0, atol=AGREE)
-    assert set(done.agreement) == {
+    said = [re.fullmatch(r"(.+) has the robot's poses to (.+) m and (.+) rad", s) for s in done[:4]]
+    assert {one[1] for one in said} == {
         "robot.toml", "mine.urdf (yourdfpy)", "mine.urdf (MuJoCo)", "mine.xml (MuJoCo)"
     }  # fmt: skip
-    assert max(*done.agreement.values(), *done.rotation.values()) < AGREE
-    assert done.longest <= reach(robot.model.chain) * 1.01
+    assert max(float(one[k]) for one in said for k in (2, 3)) < AGREE
+    assert np.abs(back.model.chain.links[:, 1:3]).max() <= reach(robot.model.chain) * 1.01
 
 
 def test_every_number_comes_back_to_the_last_bit_or_its_neighbor(tmp_path):
@@ -145,16 +149,15 @@ def test_the_files_say_what_urdf_and_mjcf_leave_out(tmp_path):
     q = joint_vectors(20_000, seed=5)
     away = np.linalg.norm((model.poses(q) - forward(model.chain, q))[:, :3, 3], axis=1)
     # 1000 even poses against 20000 random ones: the rms to its sampling error, the largest below
-    assert done.beyond_rms == pytest.approx(np.sqrt(np.mean(away**2)), rel=0.05)
-    assert 0.7 * away.max() < done.beyond_max <= away.max() * 1.02
-    words = done.sentences[-1]
-    assert f"{done.beyond_max * 1e3:.3f} mm" in words
+    words = done[-1]
+    largest, rms = (1e-3 * float(number) for number in re.findall(r"([0-9.]+) mm", words))
+    assert rms == pytest.approx(np.sqrt(np.mean(away**2)), rel=0.05)
+    assert 0.7 * away.max() < largest <= away.max() * 1.02
     assert "27 joint terms" in words
     for name in ("mine.urdf", "mine.xml"):
         assert words in (tmp_path / "r" / name).read_text()
     rigid = write_robot_folder(PLAIN, tmp_path / "plain")
-    assert (rigid.beyond_max, rigid.beyond_rms) == (0.0, 0.0)
-    assert len(rigid.sentences) == 4
+    assert len(rigid) == 4
 
 
 def test_no_length_leaves_larger_than_the_robot(tmp_path):
@@ -179,7 +182,7 @@ def test_no_length_leaves_larger_than_the_robot(tmp_path):
     )
     np.testing.assert_allclose(after, before, rtol=0, atol=2e-3)
     np.testing.assert_allclose(found.inertias.sum(axis=1), robot.inertias.sum(axis=1), rtol=1e-9)
-    assert write_robot_folder(found, tmp_path / "out").longest < 1
+    write_robot_folder(found, tmp_path / "out")
     # a model whose lengths are sane keeps its numbers
     same = identified_robot(robot, robot.model, name="mine")
     assert same.model.chain is robot.model.chain
@@ -247,12 +250,11 @@ def test_rows_are_old_new_and_uncertainty_in_millimeters_and_degrees():
     d1 = rows["d1"]
     assert (d1.unit, d1.expanded) == ("mm", pytest.approx(0.04, rel=1e-12))
     assert d1.delta == pytest.approx(1e3 * model.chain.links[0, 1], rel=1e-9)
-    assert d1.uncertainty == "0.040"
     assert rows["theta1"].expanded == pytest.approx(np.degrees(2e-5), rel=1e-12)
     term = rows["harmonic1.sin1"]
     assert (term.unit, term.old) == ("deg", 0.0)
     assert term.expanded == pytest.approx(np.degrees(8e-5), rel=1e-12)
-    held = [name for name, row in rows.items() if row.uncertainty == "held"]
+    held = [name for name, row in rows.items() if row.expanded is None]
     assert set(held) == set(model.names) - set(free)
     for row in rows.values():
         assert row.new - row.old == pytest.approx(row.delta, abs=1e-9)
