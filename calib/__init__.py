@@ -1,1 +1,61 @@
-"""Robot calibration as estimation on arrays: numpy and scipy only, no files, no simulator."""
+"""Robot calibration as estimation on arrays: numpy and scipy only, no files, no simulator.
+
+The names below are the front door; each is imported from its module at first use.
+"""
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from calib import design as design
+    from calib import errors as errors
+    from calib import uncertainty as uncertainty
+    from calib.calibration import CalibratedRobot as CalibratedRobot
+    from calib.calibration import calibrate as calibrate
+    from calib.compensation import compensate as compensate
+    from calib.geometry.chain import Chain as Chain
+    from calib.geometry.model import RobotModel as RobotModel
+    from calib.geometry.parameters import parameters_of as parameters_of
+    from calib.identification.identify import identify as identify
+    from calib.identification.result import Identification as Identification
+    from calib.measurement.observations import Measurements as Measurements
+    from calib.measurement.observations import distances as distances
+    from calib.measurement.observations import joined as joined
+    from calib.measurement.observations import points as points
+    from calib.measurement.observations import poses as poses
+    from calib.uncertainty.judgement import Judgement as Judgement
+    from calib.uncertainty.judgement import judge as judge
+else:
+    from importlib import import_module
+
+    HOMES = {
+        "CalibratedRobot": "calibration",
+        "Chain": "geometry.chain",
+        "Identification": "identification.result",
+        "Judgement": "uncertainty.judgement",
+        "Measurements": "measurement.observations",
+        "RobotModel": "geometry.model",
+        "calibrate": "calibration",
+        "compensate": "compensation",
+        "design": "",
+        "distances": "measurement.observations",
+        "errors": "",
+        "identify": "identification.identify",
+        "joined": "measurement.observations",
+        "judge": "uncertainty.judgement",
+        "parameters_of": "geometry.parameters",
+        "points": "measurement.observations",
+        "poses": "measurement.observations",
+        "uncertainty": "",
+    }
+    """Module of each name; a room is its own."""
+
+    def __getattr__(name):
+        if name not in HOMES:
+            raise AttributeError(f"module 'calib' has no attribute '{name}'")
+        home = HOMES[name]
+        if not home:
+            return import_module(f"calib.{name}")
+        return getattr(import_module(f"calib.{home}"), name)
+
+    def __dir__():
+        return sorted(HOMES)

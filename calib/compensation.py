@@ -31,6 +31,8 @@ from calib.measurement.accuracy import position_errors, rotation_errors
 LARGEST = np.radians(5.0)
 """A correction that moves a joint farther than this comes from a nearly singular posture [rad, and
 that times 0.3 m]."""
+UNLIMITED = 1e3
+"""Farther than any joint goes [rad, m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,6 +57,10 @@ class Correction:
     for it or the posture is nearly singular), "limits", "out of reach"."""
     condition: Array
     """(m,) of the joint Jacobian, the larger one before and after the correction."""
+
+    def __repr__(self) -> str:
+        left = f"{1e6 * self.position_error.max(initial=0.0):.3g} um"
+        return f"Correction({self.corrected.sum()} of {len(self.q)} targets, largest rest: {left})"
 
     @property
     def corrected(self) -> Bool:
@@ -97,8 +103,8 @@ class PoseCorrection:
         return told(self.status, "target")
 
 
-def corrected_joints(
-    nominal: RobotModel, identified: RobotModel, q: ArrayLike, limits: ArrayLike
+def compensate(
+    nominal: RobotModel, identified: RobotModel, q: ArrayLike, limits: ArrayLike | None = None
 ) -> Correction:
     """Joint targets at which the identified robot has the poses that the nominal one has at `q`.
 
@@ -110,20 +116,21 @@ def corrected_joints(
         What the robot is, joint errors included.
     q : (m, n) array_like
         Joint targets of the program [rad, m].
-    limits : (n, 2) array_like
-        Lower and upper joint limits [rad, m].
+    limits : (n, 2) array_like, optional
+        Lower and upper joint limits [rad, m]; none by default.
 
     Examples
     --------
     >>> from calib.geometry.chain import Chain
     >>> nominal = RobotModel(Chain([[0, 0, 0.3, 0, 0]]))
     >>> identified = RobotModel(Chain([[0.01, 0, 0.3, 0, 0]]))
-    >>> corrected_joints(nominal, identified, [[0.5]], [[-3, 3]]).q.round(12).tolist()
+    >>> compensate(nominal, identified, [[0.5]]).q.round(12).tolist()
     [[0.49]]
     """
     _same_joints(nominal, identified)
     n = nominal.chain.n_joints
     (q,) = check(f"m {n}", q=q)
+    limits = np.tile([-UNLIMITED, UNLIMITED], (n, 1)) if limits is None else limits
     T = nominal.poses(q)
     found = inverse(identified, T, q, limits, whole_turns=False)
     here = identified.poses(q)

@@ -36,6 +36,9 @@ class Parameters:
         for name in ("is_length", "free"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.bool_))
 
+    def __repr__(self) -> str:
+        return f"Parameters({self.n_free} of {len(self.names)} free)"
+
     @property
     def free_names(self) -> tuple[str, ...]:
         """(f,) names of the free numbers, in the order of the full vector."""

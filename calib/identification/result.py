@@ -1,4 +1,4 @@
-"""What an identification found: the model, the numbers estimated, their covariance and tests."""
+"""The result of an identification: model, numbers estimated, covariance, tests, and all as text."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -6,15 +6,20 @@ from typing import Literal
 import numpy as np
 
 from calib.arrays import Array, frozen
+from calib.geometry.chain import Chain
+from calib.geometry.fixtures import Fixtures
+from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.lack_of_fit import LackOfFit
 from calib.identification.least_squares import Status
-from calib.identification.prior import Prior
+from calib.identification.prior import Prior, step_derivative
 from calib.identification.robust import Loss
 from calib.information.reduction import Reduction
 
 Mode = Literal["whitened", "paper"]
+ILL_CONDITIONED = 1e3
+"""Condition of the kept columns above which poses are too much alike."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +76,13 @@ class Identification:
     lack_of_fit: LackOfFit | None = None
     """Misfit against the scatter of repeats; None without repeats or with a robust loss."""
 
+    def __repr__(self) -> str:
+        if self.mode == "paper":
+            test = f"s^2 = {self.variance:.3g}"
+        else:
+            test = f"chi-square {self.chi_square:.4g} of {self.dof}, p = {self.p_value:.2g}"
+        return f"Identification({self.rank} numbers, {self.status.name.lower()}, {test})"
+
     @property
     def names(self) -> tuple[str, ...]:
         """(f,) names of the numbers estimated."""
@@ -88,3 +100,75 @@ class Identification:
         index = self.parameters.free_index
         full[np.ix_(index, index)] = self.covariance
         return full
+
+    @property
+    def least_known(self) -> int:
+        """Which of the f numbers has the largest standard uncertainty for its scale."""
+        return int(np.argmax(self.standard_uncertainty / self.parameters.free_scale))
+
+    def summary(self) -> str:
+        """Numbers with their U (k = 2), the tests of the fit, and what to know, as text."""
+        return "\n".join([*_table(self), "", *_tests(self), *_remarks(self)])
+
+
+def values_and_uncertainties(result: Identification) -> tuple[Array, Array]:
+    """All numbers of the identified model and their standard uncertainties (P,) [m, rad].
+
+    Base, tool and stations stand as position and rotation vector; they are estimated as a step
+    along their own axes, so that the uncertainty is carried over to what is listed.
+    """
+    chain, fixtures = result.model.chain, result.model.fixtures
+    nothing = RobotModel(
+        Chain(np.zeros_like(chain.links), chain.kinds),
+        JointErrors(result.model.joint_errors.terms),
+        Fixtures(
+            np.zeros_like(fixtures.reflectors),
+            np.zeros_like(fixtures.anchors),
+            np.tile(np.eye(4), (len(fixtures.stations), 1, 1)),
+        ),
+    )
+    values = nothing.step_to(result.model)
+    moves = step_derivative(values, result.model)
+    return values, np.sqrt(np.diagonal(moves @ result.full_covariance @ moves.T))
+
+
+def _table(result: Identification) -> list[str]:
+    """Lines with name, value, U and unit of each number that was estimated."""
+    values, u = values_and_uncertainties(result)
+    width = max(map(len, result.names), default=0)
+    lines = [f"{'':{width}}  {'value':>14}  {'U (k = 2)':>12}  unit"]
+    for name, place in zip(result.names, result.parameters.free_index, strict=True):
+        is_length = result.parameters.is_length[place]
+        scale = 1e3 if is_length else float(np.degrees(1.0))
+        value, U = scale * values[place], 2 * scale * u[place]
+        places = max(0, 1 - int(np.floor(np.log10(U)))) if U > 0 else 6
+        unit = "mm" if is_length else "deg"
+        lines.append(f"{name:{width}}  {value:14.{places}f}  {U:12.{places}f}  {unit}")
+    return lines
+
+
+def _tests(result: Identification) -> list[str]:
+    """Lines on how the fit ended and whether the residuals are what the noise explains."""
+    lines = [f"{result.rank} numbers from {len(result.residual)} rows: {result.status.value}"]
+    if result.mode == "paper":
+        return [*lines, f"s^2 = {result.variance:.4g} of unweighted rows [1, mm]"]
+    lines.append(
+        f"chi-square {result.chi_square:.1f} for {result.dof} degrees of freedom "
+        f"({result.chi_square / result.dof:.2f} each), p = {result.p_value:.2g}"
+    )
+    if result.lack_of_fit is not None:
+        lack = result.lack_of_fit
+        lines.append(f"lack of fit against repeats: F = {lack.ratio:.2f}, p = {lack.p_value:.2g}")
+    return lines
+
+
+def _remarks(result: Identification) -> list[str]:
+    """Lines on what cannot be told apart, and warnings."""
+    lines = [f"note: {note}" for note in result.notes]
+    if result.reduction.condition > ILL_CONDITIONED:
+        lines.append(
+            f"warning: the poses are much alike (condition {result.reduction.condition:.1e}); "
+            f"least known is {result.names[result.least_known]}; vary the wrist and the "
+            "orientation of the tool more"
+        )
+    return lines

@@ -48,6 +48,10 @@ class Reduction:
     practical_rank: int | None = None
     """Directions learned beyond the prior; None if no prior was given."""
 
+    def __repr__(self) -> str:
+        kept, dropped = len(self.kept), len(self.dropped)
+        return f"Reduction({kept} kept, {dropped} dropped, condition {self.condition:.3g})"
+
 
 class _Kept(NamedTuple):
     """Columns kept, in the order they were met, and all columns in terms of them."""

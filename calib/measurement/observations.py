@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calib.arrays import Array, Bool, Index, check, frozen
-from calib.errors import InputError
+from calib.errors import InputError, refuse
 
 POSE, POINT, DISTANCE = "pose", "point", "distance"
 KINDS = (POSE, POINT, DISTANCE)
@@ -122,6 +122,11 @@ class Measurements:
     def __len__(self) -> int:
         return len(self.q)
 
+    def __repr__(self) -> str:
+        rows = {kind: int((self.kind == kind).sum()) for kind in KINDS}
+        counted = ", ".join(f"{count} {kind} rows" for kind, count in rows.items() if count)
+        return f"Measurements({counted or 'no rows'}, {self.n_poses} poses)"
+
     @property
     def is_pose(self) -> Bool:
         """(m,) True for pose rows."""
@@ -159,6 +164,21 @@ class Measurements:
         index = np.asarray(which)
         return replace(self, **{name: getattr(self, name)[index] for name in self.__slots__})
 
+    def split(self, *, held_out: int = 20, seed: int = 0) -> tuple["Measurements", "Measurements"]:
+        """Rows to identify from, and the rows of `held_out` poses drawn at random.
+
+        Rows at the same joints, or of the same `pose_id`, stay together.
+        """
+        pose = _linked(_first_met(self.q), _first_met(self.pose_id[:, None]))
+        several = np.unique(pose)
+        if not 0 < held_out < len(several):
+            raise refuse(
+                "held_out", held_out, f"1 to {len(several) - 1}, of {len(several)} poses", code="A3"
+            )
+        drawn = np.random.default_rng(seed).choice(several, held_out, replace=False)
+        is_test = np.isin(pose, drawn)
+        return self.rows(~is_test), self.rows(is_test)
+
 
 def joined(tables: Sequence[Measurements]) -> Measurements:
     """One table of the rows of several, in order; `pose_id` is kept."""
@@ -170,99 +190,205 @@ def joined(tables: Sequence[Measurements]) -> Measurements:
     )
 
 
-def pose_measurements(
-    q: Array,
-    T_seen: Array,
-    covariance: Array,
+def poses(
+    q: ArrayLike,
+    T: ArrayLike,
     *,
-    pose_id: Index | None = None,
-    repeat: int = 0,
+    sd: ArrayLike,
     station: ArrayLike = 0,
+    pose_id: ArrayLike | None = None,
+    repeat: ArrayLike | None = None,
 ) -> Measurements:
-    """Table of full poses T_station_tool (m, 4, 4) with covariances (m, 6, 6)."""
-    m = len(q)
-    return Measurements(
-        q=q,
-        position=T_seen[:, :3, 3],
-        rotation=T_seen[:, :3, :3],
-        covariance=covariance,
-        kind=np.full(m, POSE),
-        offset=np.zeros((m, 3)),
-        pose_id=np.arange(m) if pose_id is None else pose_id,
-        repeat=np.full(m, repeat),
-        station=_column(station, m),
-    )
+    """Table of full poses T_station_tool (m, 4, 4) at joints q (m, n).
+
+    Parameters
+    ----------
+    q : (m, n) array_like
+        Commanded joint values [rad, m].
+    T : (m, 4, 4) array_like
+        Poses seen, in the frame of the station [m].
+    sd : array_like
+        Standard deviations of position and rotation (2,), or of the six axes (6,) [m, rad]; or
+        covariances, one (6, 6) or (m, 6, 6) [m^2, m rad, rad^2].
+    station : int or (m,) array_like
+        Which station saw it; 0 is the world.
+    pose_id, repeat : int or (m,) array_like, optional
+        Which pose and which visit of it; by default rows at the same joints are visits of one pose.
+    """
+    (T,) = check("m 4 4", T=T)
+    sd = np.asarray(sd, dtype=np.float64)
+    if sd.ndim == 0:
+        raise refuse(
+            "sd",
+            float(sd),
+            "two numbers, of position [m] and rotation [rad], or six, or covariances (6, 6)",
+            code="A3",
+        )
+    covariance = _covariances(np.repeat(sd, 3) if sd.shape == (2,) else sd, 6, len(T))
+    return _table(q, POSE, covariance, T[:, :3, 3], T[:, :3, :3], station=station,
+                  pose_id=pose_id, repeat=repeat)  # fmt: skip
 
 
-def point_measurements(
-    q: Array,
-    position: Array,
-    covariance: Array,
+def points(
+    q: ArrayLike,
+    xyz: ArrayLike,
     *,
+    sd: ArrayLike,
     offset: ArrayLike = (0.0, 0.0, 0.0),
     reflector: ArrayLike = GIVEN,
     station: ArrayLike = 0,
-    pose_id: Index | None = None,
-    repeat: int = 0,
+    pose_id: ArrayLike | None = None,
+    repeat: ArrayLike | None = None,
 ) -> Measurements:
-    """Table of reflector positions (m, 3) in the station's frame, covariances (m, 3, 3).
+    """Table of reflector positions (m, 3) at joints q (m, n).
 
-    The reflector lies at `offset` (3,) or (m, 3) in the tool frame, or is number `reflector`, one
-    or (m,), of the model's fixtures.
+    Parameters
+    ----------
+    q : (m, n) array_like
+        Commanded joint values [rad, m].
+    xyz : (m, 3) array_like
+        Positions seen, in the frame of the station [m].
+    sd : array_like
+        Standard deviation of each axis: one number, or three [m]; or covariances, one (3, 3) or
+        (m, 3, 3) [m^2].
+    offset : (3,) or (m, 3) array_like
+        Where the reflector lies in the tool frame [m].
+    reflector : int or (m,) array_like
+        Which reflector of the model's fixtures it is, from 0; -1: the one at `offset`.
+    station, pose_id, repeat
+        As in `poses`.
     """
-    (position,) = check("m 3", position=position)
-    m = len(position)
-    full = np.tile(np.eye(6), (m, 1, 1))
-    full[:, :3, :3] = covariance
-    return Measurements(
-        q=q,
-        position=position,
-        rotation=np.tile(np.eye(3), (m, 1, 1)),
-        covariance=full,
-        kind=np.full(m, POINT),
-        offset=np.broadcast_to(np.asarray(offset, dtype=np.float64), (m, 3)),
-        pose_id=np.arange(m) if pose_id is None else pose_id,
-        repeat=np.full(m, repeat),
-        reflector=_column(reflector, m),
-        station=_column(station, m),
-    )
+    (xyz,) = check("m 3", xyz=xyz)
+    covariance = np.tile(np.eye(6), (len(xyz), 1, 1))
+    covariance[:, :3, :3] = _covariances(sd, 3, len(xyz))
+    return _table(q, POINT, covariance, xyz, offset=offset, reflector=reflector, station=station,
+                  pose_id=pose_id, repeat=repeat)  # fmt: skip
 
 
-def distance_measurements(
-    q: Array,
-    distance: Array,
-    sd: ArrayLike,
+def distances(
+    q: ArrayLike,
+    d: ArrayLike,
     *,
+    sd: ArrayLike,
     anchor: ArrayLike = 0,
     offset: ArrayLike = (0.0, 0.0, 0.0),
     reflector: ArrayLike = GIVEN,
-    pose_id: Index | None = None,
-    repeat: int = 0,
+    pose_id: ArrayLike | None = None,
+    repeat: ArrayLike | None = None,
 ) -> Measurements:
-    """Table of distances (m,) [m] with standard deviations `sd`, one or (m,) [m].
+    """Table of distances (m,) from anchors to a reflector, at joints q (m, n).
 
-    Each from number `anchor`, one or (m,), of the model's fixtures to the reflector at `offset` in
-    the tool frame, or to number `reflector` of the fixtures.
+    Parameters
+    ----------
+    q : (m, n) array_like
+        Commanded joint values [rad, m].
+    d : (m,) array_like
+        Distances seen [m].
+    sd : float or (m,) array_like
+        Standard deviation of all, or of each [m].
+    anchor : int or (m,) array_like
+        Which anchor of the model's fixtures each was measured from, from 0.
+    offset, reflector, pose_id, repeat
+        As in `points`.
     """
-    (distance,) = check("m", distance=distance)
-    m = len(distance)
-    full = np.tile(np.eye(6), (m, 1, 1))
-    full[:, 0, 0] = np.square(np.asarray(sd, dtype=np.float64))
-    return Measurements(
+    (d,) = check("m", d=d)
+    covariance = np.tile(np.eye(6), (len(d), 1, 1))
+    covariance[:, 0, 0] = np.square(np.broadcast_to(_positive(sd), len(d)))
+    return _table(q, DISTANCE, covariance, np.zeros((len(d), 3)), offset=offset,
+                  reflector=reflector, anchor=anchor, distance=d, pose_id=pose_id,
+                  repeat=repeat)  # fmt: skip
+
+
+def _table(
+    q: ArrayLike,
+    kind: str,
+    covariance: Array,
+    position: Array,
+    rotation: Array | None = None,
+    *,
+    offset: ArrayLike = (0.0, 0.0, 0.0),
+    reflector: ArrayLike = GIVEN,
+    station: ArrayLike = 0,
+    anchor: ArrayLike = GIVEN,
+    distance: ArrayLike = 0.0,
+    pose_id: ArrayLike | None = None,
+    repeat: ArrayLike | None = None,
+) -> Measurements:
+    """Table of one kind of rows; single values hold for all of them."""
+    m = len(position)
+    q, position = check("m n, m 3", q=q, position=position)
+
+    def column(value: ArrayLike) -> Index:
+        return np.array(np.broadcast_to(np.asarray(value, dtype=np.int64), (m,)))
+
+    table = Measurements(
         q=q,
-        position=np.zeros((m, 3)),
-        rotation=np.tile(np.eye(3), (m, 1, 1)),
-        covariance=full,
-        kind=np.full(m, DISTANCE),
+        position=position,
+        rotation=np.tile(np.eye(3), (m, 1, 1)) if rotation is None else rotation,
+        covariance=covariance,
+        kind=np.full(m, kind),
         offset=np.broadcast_to(np.asarray(offset, dtype=np.float64), (m, 3)),
-        pose_id=np.arange(m) if pose_id is None else pose_id,
-        repeat=np.full(m, repeat),
-        reflector=_column(reflector, m),
-        anchor=_column(anchor, m),
-        distance=distance,
+        pose_id=_first_met(q) if pose_id is None else column(pose_id),
+        repeat=column(0 if repeat is None else repeat),
+        reflector=column(reflector),
+        station=column(station),
+        anchor=column(anchor),
+        distance=np.broadcast_to(np.asarray(distance, dtype=np.float64), (m,)),
     )
+    if repeat is None:
+        seen = np.column_stack([table.pose_id, table.target_key])
+        table = replace(table, repeat=_earlier(_first_met(seen)))
+    return table
 
 
-def _column(value: ArrayLike, m: int) -> Index:
-    """One whole number for all rows, or one for each (m,)."""
-    return np.array(np.broadcast_to(np.asarray(value, dtype=np.int64), (m,)))
+def _linked(one: Index, other: Index) -> Index:
+    """Group (m,) of each row, where rows that either numbering puts together are together."""
+    group = one
+    while True:
+        lowest = np.full(len(group), len(group))
+        np.minimum.at(lowest, other, group)
+        joined_by_other = lowest[other]
+        lowest = np.full(len(group), len(group))
+        np.minimum.at(lowest, one, joined_by_other)
+        if np.array_equal(lowest[one], group):
+            return group
+        group = lowest[one]
+
+
+def _first_met(rows: Array | Index) -> Index:
+    """Number (m,) of each distinct row, counted as they are met."""
+    _, first, group = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    return np.asarray(np.argsort(np.argsort(first))[group.ravel()], dtype=np.int64)
+
+
+def _earlier(group: Index) -> Index:
+    """How many earlier rows (m,) are of the same group."""
+    order = np.argsort(group, kind="stable")
+    counts = np.bincount(group)
+    out = np.empty(len(group), dtype=np.int64)
+    out[order] = np.arange(len(group)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return out
+
+
+def _covariances(sd: ArrayLike, size: int, m: int) -> Array:
+    """Covariances (m, k, k), from deviations or from covariances."""
+    sd = np.asarray(sd, dtype=np.float64)
+    if sd.shape in ((), (size,)):
+        sd = np.diag(np.square(np.broadcast_to(_positive(sd), size)))
+    elif sd.shape not in ((size, size), (m, size, size)):
+        raise refuse(
+            "sd",
+            sd.shape,
+            f"one number, {size}, or covariances ({size}, {size}) or ({m}, {size}, {size})",
+            code="A1",
+            message=f"sd has shape {sd.shape}",
+        )
+    return np.broadcast_to(sd, (m, size, size))
+
+
+def _positive(sd: ArrayLike) -> Array:
+    """Standard deviations, all of them finite and above zero."""
+    sd = np.asarray(sd, dtype=np.float64)
+    if not (np.isfinite(sd) & (sd > 0)).all():
+        raise refuse("sd", sd.tolist(), "finite standard deviations above zero", code="A3")
+    return sd

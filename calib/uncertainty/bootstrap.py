@@ -39,6 +39,9 @@ class Bootstrap:
     unconverged: int
     """Replicates whose last step was still long; they are counted, not dropped."""
 
+    def __repr__(self) -> str:
+        return f"Bootstrap({self.sentence})"
+
     @property
     def replicates(self) -> int:
         """Number N of virtual calibrations."""

@@ -24,6 +24,10 @@ class Discrepancy:
     n_poses: int
     """Held-out poses behind it."""
 
+    def __repr__(self) -> str:
+        size = 1e6 * float(np.sqrt(np.trace(self.covariance)))
+        return f"Discrepancy({size:.3g} um from {self.n_poses} poses)"
+
     def factor(self, probability: float = 0.95) -> float:
         """Factor of the region of Sigma_t + Sigma_d: as if all of it were known from n poses.
 

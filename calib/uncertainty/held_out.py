@@ -35,6 +35,10 @@ class HeldOut:
     def __len__(self) -> int:
         return len(self.error)
 
+    def __repr__(self) -> str:
+        mean = 1e6 * self.distance.mean()
+        return f"HeldOut({len(self)} poses, mean error {mean:.3g} um, p = {self.p_value:.2g})"
+
     @property
     def distance(self) -> Array:
         """(n,) length of the errors [m]."""

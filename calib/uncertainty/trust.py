@@ -24,6 +24,9 @@ class Trust:
     """Whether the interval from the covariance of the parameters may be used at all."""
     sentences: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        return f"Trust(believe={self.believe!r}, model_valid={self.model_valid})"
+
     @property
     def sentence(self) -> str:
         """All of it, as one text."""

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from calib.arrays import Array, Bool, frozen
-from calib.compensation import corrected_joints, corrected_poses, told
+from calib.compensation import compensate, corrected_poses, told
 from calib.errors import InputError
 from calib.geometry.frames import inverse as inverse_transform
 from calib.geometry.frames import transform
@@ -199,7 +199,7 @@ def _joints(table: Table, robot: Robot, nominal: RobotModel, identified: RobotMo
     joints = read_joints(table, robot, "commanded", drop=False)
     n = robot.model.chain.n_joints
     names = joints.columns[:n]
-    found = corrected_joints(nominal, identified, joints.q, robot.limits)
+    found = compensate(nominal, identified, joints.q, robot.limits)
     ok = found.corrected[:, None]
     q = np.where(ok, found.q, joints.q)
     T, here = nominal.poses(joints.q), identified.poses(q)

@@ -10,8 +10,8 @@ import pytest
 
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
+from calib.measurement import observations
 from calib.measurement.noise import isotropic_covariance
-from calib.measurement.observations import pose_measurements
 from calib.uncertainty.bootstrap import bootstrap
 from calib.uncertainty.tool_point import propagate
 from tests.calib.uncertainty.test_monte_carlo import calibration_covariance
@@ -19,10 +19,10 @@ from tests.reference import SIGMA_POSITION, SIGMA_ROTATION, WEN24, pool_r, tx60
 from tests.truth.measuring import measured
 
 C, Q, MODEL = calibration_covariance(), pool_r(50), tx60()
-PLAN = pose_measurements(
+PLAN = observations.poses(
     pool_r()[:29],
     MODEL.poses(pool_r()[:29]),
-    isotropic_covariance(29, SIGMA_POSITION, SIGMA_ROTATION),
+    sd=isotropic_covariance(29, SIGMA_POSITION, SIGMA_ROTATION),
 )
 PARAMETERS = parameters_of(MODEL, WEN24)
 

@@ -9,14 +9,9 @@ from calib.geometry.chain import Chain
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.frames import exp_so3, inverse, transform
 from calib.geometry.model import RobotModel
+from calib.measurement import observations
 from calib.measurement.noise import isotropic_covariance
-from calib.measurement.observations import (
-    Measurements,
-    distance_measurements,
-    joined,
-    point_measurements,
-    pose_measurements,
-)
+from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import targets
 from tests.reference import DEG, TX60_LINKS
 
@@ -88,7 +83,9 @@ def poses(
     T = inverse(true.fixtures.station_frames[station]) @ true.poses(q)
     T[:, :3, 3] += rng.normal(size=(len(q), 3)) * NOISE
     T[:, :3, :3] = exp_so3(rng.normal(size=(len(q), 3)) * TURN_NOISE) @ T[:, :3, :3]
-    return pose_measurements(q, T, isotropic_covariance(len(q), NOISE, TURN_NOISE), station=station)
+    return observations.poses(
+        q, T, sd=isotropic_covariance(len(q), NOISE, TURN_NOISE), station=station
+    )
 
 
 def points(
@@ -96,10 +93,10 @@ def points(
 ) -> Measurements:
     """A reflector of the fixtures, or the one at `OFFSET`, seen by a station."""
     offset = OFFSET if reflector < 0 else (0.0, 0.0, 0.0)
-    table = point_measurements(
+    table = observations.points(
         q,
         np.zeros((len(q), 3)),
-        np.eye(3) * NOISE**2,
+        sd=np.eye(3) * NOISE**2,
         offset=offset,
         reflector=reflector,
         station=station,
@@ -114,8 +111,8 @@ def distances(
 ) -> Measurements:
     """Distances from an anchor to a reflector of the fixtures, or to the one at `OFFSET`."""
     offset = OFFSET if reflector < 0 else (0.0, 0.0, 0.0)
-    table = distance_measurements(
-        q, np.ones(len(q)), NOISE, anchor=anchor, offset=offset, reflector=reflector
+    table = observations.distances(
+        q, np.ones(len(q)), sd=NOISE, anchor=anchor, offset=offset, reflector=reflector
     )
     d = np.linalg.norm(places(true, table) - true.fixtures.anchors[anchor], axis=1)
     return replace(table, distance=d + rng.normal(size=len(q)) * NOISE)

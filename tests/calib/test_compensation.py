@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calib.compensation import corrected_joints, corrected_poses
+from calib.compensation import compensate, corrected_poses
 from calib.errors import InputError
 from calib.geometry.chain import Chain
 from calib.geometry.frames import log_so3
@@ -29,7 +29,7 @@ def case(name, count=60):
 @pytest.mark.parametrize("name", ARMS)
 def test_the_identified_robot_has_the_nominal_poses_at_the_corrected_joints(name):
     nominal, real, q, limits = case(name)
-    found = corrected_joints(nominal, real, q, limits)
+    found = compensate(nominal, real, q, limits)
     ok = found.corrected
     assert ok.mean() > 0.9
     want, have = nominal.poses(q), real.poses(found.q)
@@ -46,7 +46,7 @@ def test_the_identified_robot_has_the_nominal_poses_at_the_corrected_joints(name
 
 def test_to_first_order_the_correction_is_one_newton_step():
     nominal, real, q, limits = case("six turns", 40)
-    found = corrected_joints(nominal, real, q, limits)
+    found = compensate(nominal, real, q, limits)
     T, J = joint_jacobian(real, q)
     want = nominal.poses(q)
     turn = log_so3(want[:, :3, :3] @ np.swapaxes(T[:, :3, :3], 1, 2))
@@ -60,7 +60,7 @@ def test_to_first_order_the_correction_is_one_newton_step():
 
 def test_a_robot_without_errors_needs_no_correction():
     nominal, _, q, limits = case("six turns")
-    found = corrected_joints(nominal, nominal, q, limits)
+    found = compensate(nominal, nominal, q, limits)
     assert (found.step == 0).all()
 
 
@@ -76,21 +76,21 @@ def test_a_controller_that_keeps_its_nominal_model_is_told_other_poses(name):
     assert np.abs(real.poses(taken)[:, :3] - T[ok][:, :3]).max() < LEFT
     np.testing.assert_allclose(taken, found.q[ok], atol=1e-7)
     # both ways out are one: the joints are those of the joint correction
-    direct = corrected_joints(nominal, real, q, limits)
+    direct = compensate(nominal, real, q, limits)
     both = ok & direct.corrected
     np.testing.assert_allclose(found.q[both], direct.q[both], atol=1e-7)
 
 
 def test_a_target_at_a_joint_limit_is_listed_and_stays_inside():
     nominal, real, q, limits = case("six turns", 40)
-    good = corrected_joints(nominal, real, q, limits)
+    good = compensate(nominal, real, q, limits)
     k = int(np.flatnonzero(good.corrected)[0])
     joint = int(np.abs(good.step[k]).argmax())
     tight = limits.copy()
     edge = q[k, joint]
     # the target itself is just allowed, its correction is not
     tight[joint] = (edge, limits[joint, 1]) if good.step[k, joint] < 0 else (limits[joint, 0], edge)
-    found = corrected_joints(nominal, real, q[k : k + 1], tight)
+    found = compensate(nominal, real, q[k : k + 1], tight)
     assert found.status == ("limits",)
     assert tight[joint, 0] <= found.q[0, joint] <= tight[joint, 1]
     assert found.position_error[0] <= found.position_before[0] + 1e-4
@@ -100,7 +100,7 @@ def test_a_target_at_a_joint_limit_is_listed_and_stays_inside():
 def test_a_wrist_in_line_is_named_for_its_large_moves():
     nominal, real, _, limits = case("six turns")
     q = np.array([[0.4, 0.6, 0.8, 0.3, 0.0005, -0.2], [0.4, 0.6, 0.8, 0.3, 0.7, -0.2]])
-    found = corrected_joints(nominal, real, q, limits)
+    found = compensate(nominal, real, q, limits)
     assert found.status == ("singular", "reached")
     assert np.abs(found.step[0]).max() > np.radians(5) or found.condition[0] > 1e3
     assert "(target 1)" in found.sentences[0]
@@ -118,4 +118,4 @@ def test_a_pose_out_of_reach_is_no_correction():
 
 def test_two_different_arms_are_refused():
     with pytest.raises(InputError, match="differ in their joints"):
-        corrected_joints(RobotModel(TX60), RobotModel(Chain(TX60.links[:5])), np.zeros((1, 6)), [])
+        compensate(RobotModel(TX60), RobotModel(Chain(TX60.links[:5])), np.zeros((1, 6)), [])

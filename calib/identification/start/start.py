@@ -45,6 +45,9 @@ class Start:
     notes: tuple[str, ...]
     """Where the frames come from, and what stayed nominal because nothing tells it."""
 
+    def __repr__(self) -> str:
+        return f"Start(misses by {1e3 * self.position_rms:.3g} mm rms: {self.notes[0]})"
+
 
 def start_frames(
     model: RobotModel,

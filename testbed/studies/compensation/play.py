@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from calib.arrays import Array, Bool, frozen
-from calib.compensation import corrected_joints
+from calib.compensation import compensate
 from calib.geometry.model import RobotModel
 from calib.identification.model_choice import choose
 from calib.measurement.accuracy import accuracy as summed_up
@@ -138,7 +138,7 @@ def play_robot(bench: Laboratory, trial: Trial, T: Array, q: Array, robot: int) 
     runs = [execute(bench, T, q, "before", robot)]
     corrected, targets = [np.ones(len(T), dtype=bool)], [q]
     for model in models if extended else models[:1]:
-        found = corrected_joints(nominal, model, q, limits)
+        found = compensate(nominal, model, q, limits)
         # what cannot be corrected without reserve stays as it was
         targets.append(np.where(found.corrected[:, None], found.q, q))
         corrected.append(found.corrected)

@@ -5,8 +5,8 @@ import pytest
 
 from calib.errors import InputError
 from calib.geometry.parameters import parameters_of
+from calib.measurement import observations
 from calib.measurement.noise import isotropic_covariance, with_joint_noise
-from calib.measurement.observations import pose_measurements
 from calib.uncertainty.budget import (
     RowNoise,
     Source,
@@ -27,7 +27,7 @@ def plan(m=29):
     q = pool_r()[:m]
     tracker = isotropic_covariance(m, SIGMA_POSITION, SIGMA_ROTATION)
     both = with_joint_noise(tx60(), q, tracker, SIGMA_Q)
-    table = pose_measurements(q, tx60().poses(q), both)
+    table = observations.poses(q, tx60().poses(q), sd=both)
     noise = (RowNoise("tracker noise", tracker), RowNoise("joints", both - tracker, 9))
     return table, noise
 

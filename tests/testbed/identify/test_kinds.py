@@ -5,7 +5,8 @@ import pytest
 
 from calib.errors import InputError
 from calib.geometry.fixtures import Fixtures
-from calib.measurement.observations import distance_measurements, joined, point_measurements
+from calib.measurement import observations
+from calib.measurement.observations import joined
 from testbed.identify.calibrate import Options, calibrate, with_test
 from testbed.identify.words import kind, next_step, verdict
 from tests.calibrated import robot, session_of, true_model
@@ -22,7 +23,7 @@ def points(model, q, rng):
         p = T[:, :3, 3] + T[:, :3, :3] @ place
         seen = p + rng.normal(0, SIGMA_POSITION, p.shape)
         covariance = np.tile(SIGMA_POSITION**2 * np.eye(3), (len(q), 1, 1))
-        tables.append(point_measurements(q, seen, covariance, reflector=k))
+        tables.append(observations.points(q, seen, sd=covariance, reflector=k))
     return joined(tables)
 
 
@@ -32,7 +33,7 @@ def distances(model, q, rng):
     p = T[:, :3, 3] + T[:, :3, :3] @ PLACES[0]
     for k, anchor in enumerate(ANCHORS):
         d = np.linalg.norm(p - anchor, axis=1) + rng.normal(0, SIGMA_POSITION, len(q))
-        tables.append(distance_measurements(q, d, SIGMA_POSITION, anchor=k, offset=PLACES[0]))
+        tables.append(observations.distances(q, d, sd=SIGMA_POSITION, anchor=k, offset=PLACES[0]))
     return joined(tables)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.compensation import corrected_joints
+from calib.compensation import compensate
 from calib.errors import InputError
 from calib.geometry.frames import inverse as inverse_transform
 from testbed.laboratory.cell import cell_from
@@ -100,7 +100,7 @@ def test_with_a_perfect_model_only_noise_is_left(campaign, studies):
     study = studies["wen2022"]
     own = robot_bench(open_laboratory(campaign.scenario, campaign.setting), "wen2022", 0)
     nominal = campaign.setting.nominal
-    found = corrected_joints(nominal, own.truth.model, study.q, own.robot.limits)
+    found = compensate(nominal, own.truth.model, study.q, own.robot.limits)
     run = execute(own, study.T, found.q, "after", 0)
     assert run.true.max() < 1e-9
     # AP then is its floor: mean of five, each scattering by 0.42 of itself

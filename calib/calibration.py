@@ -1,0 +1,117 @@
+"""A calibration in one call: frames, reduction, fit, its tests, and judging by other poses."""
+
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import parameters_of
+from calib.identification.identify import identify
+from calib.identification.prior import Prior
+from calib.identification.result import Identification
+from calib.identification.robust import Loss
+from calib.identification.start.start import Start, start_frames
+from calib.measurement.observations import Measurements
+from calib.uncertainty.judgement import Judgement, judge
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CalibratedRobot:
+    """A robot after its calibration: what was identified, from where, and from what."""
+
+    identification: Identification
+    start: Start
+    """The nominal links with the frames found from the measurements."""
+    measured: Measurements
+    """What it was identified from."""
+
+    def __repr__(self) -> str:
+        return f"CalibratedRobot({self.identification!r}, from {len(self.measured)} rows)"
+
+    @property
+    def model(self) -> RobotModel:
+        """The identified robot."""
+        return self.identification.model
+
+    def summary(self) -> str:
+        """Frames, numbers with their U, tests of the fit, what cannot be told apart, as text."""
+        misfit = f"nominal links miss by {1e3 * self.start.position_rms:.3f} mm rms"
+        said = [note for note in self.start.notes if note not in self.identification.notes]
+        return "\n".join([*said, misfit, self.identification.summary()])
+
+    def judge(self, test: Measurements, *, rng: np.random.Generator | None = None) -> Judgement:
+        """Judge the calibration by poses that it never used; see `calib.judge`.
+
+        Parameters
+        ----------
+        test : Measurements
+            Held-out poses or points, drawn from where the robot will be used.
+        rng : numpy.random.Generator, optional
+            Of virtual calibrations; none are played without it.
+        """
+        return judge(self.identification, test, train=self.measured, rng=rng)
+
+
+def calibrate(
+    model: RobotModel,
+    measured: Measurements,
+    *,
+    free: Iterable[str] | None = None,
+    free_tool: bool = True,
+    free_anchors: Collection[int] = (),
+    prior: Prior | None = None,
+    loss: Loss = "squared",
+    report: Callable[[int, float], None] | None = None,
+) -> CalibratedRobot:
+    """Calibrate a robot from measurements; nothing but its links need be known.
+
+    Base, tool and fixtures are found first, then all free numbers together; of those that the
+    measurements cannot tell apart some stay nominal, and the summary says which.
+
+    Parameters
+    ----------
+    model : RobotModel
+        The robot as its maker describes it.
+    measured : Measurements
+        Poses, points or distances; see `calib.poses`, `calib.points`, `calib.distances`.
+    free : iterable of str, optional
+        Names of the numbers to identify; by default all but known anchors and a held tool.
+    free_tool : bool
+        Whether the tool is looked for; False holds it where the model has it.
+    free_anchors : collection of int
+        Anchors of the fixtures, from 0, whose place in the world is not known.
+    prior, loss, report
+        As in `calib.identify`.
+
+    Raises
+    ------
+    InputError
+        Too few measurements; how many are needed is said.
+
+    Examples
+    --------
+    >>> from calib.geometry.chain import Chain
+    >>> from calib.measurement.observations import points
+    >>> links = [[0, 0.4, 0.1, -1.57, 0], [0, 0, 0.5, 0, 0], [0, 0, 0.4, 0, 0]]
+    >>> arm = RobotModel(Chain(links))
+    >>> rng = np.random.default_rng(0)
+    >>> q = rng.uniform(-2, 2, (60, 3))
+    >>> xyz = arm.poses(q)[:, :3, 3] + rng.normal(scale=20e-6, size=(60, 3))
+    >>> train, test = points(q, xyz, sd=20e-6).split(held_out=20)
+    >>> result = calibrate(arm, train)
+    >>> result.identification.status.name, result.judge(test).trust.believe
+    ('CONVERGED', 'model')
+    """
+    start = start_frames(model, measured, free_tool=free_tool, free_anchors=free_anchors)
+    if free is None:
+        known = {f"anchor{k + 1}" for k in range(len(model.fixtures.anchors))}
+        held = known - {f"anchor{k + 1}" for k in free_anchors}
+        if not free_tool:
+            held.add("tool")
+        free = [name for name in model.names if name.split(".")[0] not in held]
+    parameters = parameters_of(start.model, free)
+    identification = identify(
+        start.model, measured, parameters, prior=prior, loss=loss, report=report
+    )
+    return CalibratedRobot(identification, start, measured)

@@ -1,0 +1,109 @@
+"""The product's front: robots, campaigns, plans and calibrations in one call each.
+
+Everything here hands on to `testbed` and is imported at first use. Lengths in metres, angles in
+radians; what is written to disk is what the command of the same name writes.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from testbed.files.read import Session
+    from testbed.identify.records import Calibration
+    from testbed.plan.records import Plan
+    from testbed.robots.robot import Robot
+    from testbed.scenario.read import Scenario
+    from testbed.studies.trial.records import Campaign
+
+__all__ = ("identify", "load", "plan", "robot", "run")
+
+
+def robot(name_or_path: str | Path) -> "Robot":
+    """A robot: one that ships (``staubli_tx60``), or a robot.toml, URDF or MJCF file."""
+    from testbed.robots.catalog import load_robot
+
+    return load_robot(name_or_path)
+
+
+def run(scenario: "str | Path | Scenario", out: str | Path | None = None) -> "Campaign":
+    """Play a whole virtual campaign, as ``truebed run`` does.
+
+    Equal bytes on every machine are promised for the command only: it sets the thread variables
+    (``OPENBLAS_NUM_THREADS=1`` and its like) before numpy is loaded, which a script that has
+    imported numpy cannot do any more. Set them in the environment to get the same.
+
+    Parameters
+    ----------
+    scenario : str, Path or Scenario
+        A scene that ships (``quick``), a scenario file, or a scenario.
+    out : path, optional
+        Run folder to write; without it nothing is written.
+    """
+    from testbed.run.play import play
+
+    return play(_scenario(scenario), out)
+
+
+def plan(scenario: "str | Path | Scenario", out: str | Path | None = None) -> "Plan":
+    """Plan the measurement of a real robot, as ``truebed plan`` does.
+
+    Parameters
+    ----------
+    scenario : str, Path or Scenario
+        A scene that ships (``plan_tx60``), a scenario file, or a scenario.
+    out : path, optional
+        Folder to write; without it nothing is written.
+    """
+    from testbed.plan.folder import play_plan
+    from testbed.plan.plan import plan
+
+    scene = _scenario(scenario)
+    return plan(scene) if out is None else play_plan(scene, Path(out))
+
+
+def identify(
+    robot: "str | Path | Robot", session: "str | Path | Session", out: str | Path | None = None
+) -> "Calibration":
+    """Calibrate a real robot from measurement files, as ``truebed identify`` does.
+
+    Parameters
+    ----------
+    robot : str, Path or Robot
+        The robot as its maker describes it.
+    session : str, Path or Session
+        A session.toml, a CSV of measurements, or what `testbed.files.read.read_session` gave.
+    out : path, optional
+        Folder to write; without it nothing is written.
+    """
+    from testbed.files.read import Session, read_session
+    from testbed.identify.calibrate import calibrate
+    from testbed.identify.folder import play_calibration
+    from testbed.robots.catalog import load_robot
+    from testbed.robots.robot import Robot
+
+    arm = robot if isinstance(robot, Robot) else load_robot(robot)
+    seen = session if isinstance(session, Session) else read_session(session, arm)
+    return calibrate(arm, seen) if out is None else play_calibration(arm, seen, Path(out))[0]
+
+
+def load(folder: str | Path) -> "Campaign | Calibration | dict[str, Any]":
+    """What `run` or `identify` wrote into a folder; of a plan the numbers, as in plan.json."""
+    from testbed.identify.folder import load_calibration
+    from testbed.run.archive import load_run
+    from testbed.store.layout import PLAN
+    from testbed.store.manifest import CALIBRATION, kind_of, read_manifest
+    from testbed.store.npz import strict_json
+
+    path = Path(folder)
+    if (path / PLAN).is_file():
+        return strict_json((path / PLAN).read_bytes())
+    return (
+        load_calibration(path)[0] if kind_of(read_manifest(path)) == CALIBRATION else load_run(path)
+    )
+
+
+def _scenario(scenario: "str | Path | Scenario") -> "Scenario":
+    """The scenario, read where a name or a file is given."""
+    from testbed.scenario.read import Scenario, load_scenario
+
+    return scenario if isinstance(scenario, Scenario) else load_scenario(scenario)

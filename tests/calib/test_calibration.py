@@ -1,0 +1,146 @@
+"""A calibration in one call: what is said of it, and the proof on other poses."""
+
+import numpy as np
+import pytest
+
+import calib
+from calib.geometry.frames import exp_so3
+from calib.identification.result import values_and_uncertainties
+from tests.calib.kinds import ARMS, KINDS, joints, measured, true_robot
+
+SD, TURN_SD = 20e-6, 50e-6
+
+
+def points_of(true, q, rng):
+    """The tool point of a robot, seen with the stated noise."""
+    return calib.points(q, true.poses(q)[:, :3, 3] + rng.normal(size=(len(q), 3)) * SD, sd=SD)
+
+
+def poses_of(true, q, rng):
+    """The tool of a robot, seen with the stated noise."""
+    T = true.poses(q)
+    T[:, :3, 3] += rng.normal(size=(len(q), 3)) * SD
+    T[:, :3, :3] = exp_so3(rng.normal(size=(len(q), 3)) * TURN_SD) @ T[:, :3, :3]
+    return calib.poses(q, T, sd=(SD, TURN_SD))
+
+
+@pytest.mark.parametrize("see", [points_of, poses_of])
+def test_a_robot_anywhere_is_calibrated_and_judged_by_other_poses(see):
+    rng = np.random.default_rng(1)
+    true = true_robot("tx60", rng)
+    train, test = see(true, joints("tx60", rng, 100), rng).split(held_out=25, seed=3)
+    result = calib.calibrate(calib.RobotModel(ARMS["tx60"]), train)
+    # 0.001 on both sides: one wrong failure in 500 seeds
+    assert 1e-3 < result.identification.p_value < 1 - 1e-3
+    judged = result.judge(test)
+    assert judged.trust.believe == "model"
+    assert len(judged.held_out) == 25
+    error = (result.model.poses(test.q) - true.poses(test.q))[:, :3, 3]
+    assert np.linalg.norm(error, axis=1).max() < 2e-4  # links were wrong by 0.3 mm and 0.1 deg
+    assert calib.judge(result.identification, test, train=train).held_out.chi_square == (
+        judged.held_out.chi_square
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_measurement_is_calibrated_in_one_call(kind):
+    rng = np.random.default_rng(4)
+    _, nominal, table, unknown = measured(kind, "tx60", joints("tx60", rng, 60), rng)
+    result = calib.calibrate(nominal, table, free_anchors=unknown)
+    assert result.identification.status.name == "CONVERGED"
+    assert 1e-3 < result.identification.p_value < 1 - 1e-3
+    known = {f"anchor{k + 1}" for k in range(len(nominal.fixtures.anchors)) if k not in unknown}
+    assert not known & {name.split(".")[0] for name in result.identification.names}
+
+
+def test_what_is_asked_to_stay_stays():
+    rng = np.random.default_rng(5)
+    true = true_robot("tx60", rng)
+    table = poses_of(true, joints("tx60", rng, 40), rng)
+    nominal = calib.RobotModel(ARMS["tx60"]).moved(np.zeros(42))
+    held = calib.calibrate(nominal, table, free_tool=False).identification
+    assert not [name for name in held.names if name.startswith("tool.")]
+    few = calib.calibrate(nominal, table, free=["base.x", "theta2"]).identification
+    assert few.names == ("base.x", "theta2")
+
+
+def test_the_summary_lists_values_with_their_uncertainty_and_what_cannot_be_told_apart():
+    rng = np.random.default_rng(6)
+    true = true_robot("tx60", rng)
+    result = calib.calibrate(
+        calib.RobotModel(ARMS["tx60"]), points_of(true, joints("tx60", rng, 80), rng)
+    )
+    text = result.summary()
+    rows = {line.split()[0]: line.split()[1:] for line in text.splitlines() if line}
+    value, U, unit = rows["a2"]
+    k = result.identification.names.index("a2")
+    assert unit == "mm"
+    assert float(value) == pytest.approx(1e3 * result.model.chain.links[1, 2], abs=0.5 * float(U))
+    u = result.identification.standard_uncertainty[k]
+    assert float(U) == pytest.approx(2e3 * u, rel=0.05)  # two digits
+    assert rows["theta2"][2] == "deg"
+    assert "d2 cannot be told from d3" in text
+    assert "chi-square" in text
+    assert "warning" not in text
+    assert text.count("tool.rx has no effect") == 1
+
+
+def test_poses_too_much_alike_are_warned_of():
+    rng = np.random.default_rng(7)
+    true = true_robot("tx60", rng)
+    q = joints("tx60", rng, 40)
+    q[:, 3:] = 0.3 + 0.002 * q[:, 3:]
+    result = calib.calibrate(calib.RobotModel(ARMS["tx60"]), poses_of(true, q, rng))
+    assert "warning: the poses are much alike" in result.summary()
+    assert result.identification.names[result.identification.least_known] in result.summary()
+
+
+def test_listed_values_and_uncertainties_are_those_of_the_frames_themselves():
+    """Base and tool as position and rotation vector: the spread of virtual estimates agrees."""
+    rng = np.random.default_rng(8)
+    true = true_robot("tx60", rng)
+    found = calib.calibrate(
+        calib.RobotModel(ARMS["tx60"]), poses_of(true, joints("tx60", rng, 40), rng)
+    ).identification
+    values, u = values_and_uncertainties(found)
+    names = list(found.model.names)
+    assert values[:3] == pytest.approx(found.model.chain.T_world_base[:3, 3], abs=1e-15)
+    assert values[names.index("a3")] == found.model.chain.links[2, 2]
+    root = np.linalg.cholesky(found.covariance)
+    drawn = []
+    for _ in range(2000):
+        step = found.parameters.expand(root @ rng.standard_normal(len(root)))
+        moved = found.model.moved(step)
+        drawn.append(np.concatenate([moved.chain.T_world_base[:3, 3],
+                                     moved.chain.T_flange_tool[:3, 3]]))  # fmt: skip
+    at = [names.index(f"{frame}.{axis}") for frame in ("base", "tool") for axis in "xyz"]
+    # 2000 draws leave 1.6 %; five times that for six of them
+    assert np.std(drawn, axis=0) == pytest.approx(u[at], rel=0.08)
+
+
+def test_every_result_prints_as_one_line():
+    rng = np.random.default_rng(9)
+    true = true_robot("tx60", rng)
+    train, test = points_of(true, joints("tx60", rng, 80), rng).split(held_out=20)
+    result = calib.calibrate(calib.RobotModel(ARMS["tx60"]), train)
+    judged = result.judge(test, rng=np.random.default_rng(0))
+    corrected = calib.compensate(result.start.model, result.model, test.q)
+    found = result.identification
+    for one in (result, found, result.start, found.reduction, found.parameters, found.lack_of_fit,
+                judged, judged.held_out, judged.discrepancy, judged.conformal, judged.bootstrap,
+                judged.trust, corrected, train):  # fmt: skip
+        assert "\n" not in repr(one)
+        assert len(repr(one)) < 400, repr(one)
+    assert "converged" in repr(result)
+    assert corrected.corrected.mean() > 0.8  # some stand nearly singular
+
+
+def test_paper_mode_has_a_summary_too():
+    rng = np.random.default_rng(10)
+    true = true_robot("tx60", rng)
+    table = poses_of(true, joints("tx60", rng, 40), rng)
+    start = calib.calibrate(calib.RobotModel(ARMS["tx60"]), table).start.model
+    free = ["theta2", "a2", "alpha3"]
+    found = calib.identify(start, table, calib.parameters_of(start, free), mode="paper")
+    assert "s^2" in found.summary()
+    assert "s^2" in repr(found)

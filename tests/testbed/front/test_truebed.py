@@ -1,0 +1,40 @@
+"""The product's front: what it hands out is what the rooms make, in memory and on disk."""
+
+import numpy as np
+import pytest
+
+import truebed
+from testbed.run.export import export_campaign
+from testbed.scenario.read import changed, load_scenario
+
+SMALL = {
+    "identification.estimators": ["whitened"],
+    "uncertainty.replications": 0,
+    "uncertainty.repeats": 2,
+    "studies.random_sets": 0,
+}
+
+
+def test_a_campaign_runs_in_memory_and_comes_back_from_its_folder(tmp_path):
+    scenario = changed(load_scenario("quick"), SMALL)
+    played = truebed.run(scenario)
+    assert truebed.run(scenario, tmp_path / "run").trials[0].name == played.trials[0].name
+    loaded = truebed.load(tmp_path / "run")
+    one, other = (c.trials[0].estimates[0].identification for c in (played, loaded))
+    assert np.array_equal(one.step, other.step)
+
+    robot = truebed.robot("staubli_tx60")
+    export_campaign(played, robot, tmp_path / "files")
+    inside = truebed.identify("staubli_tx60", tmp_path / "files" / "session.toml")
+    written = truebed.identify(robot, tmp_path / "files" / "session.toml", tmp_path / "identified")
+    again = truebed.load(str(tmp_path / "identified"))
+    for found in (written, again):
+        assert np.array_equal(found.fits[0].identification.step, inside.fits[0].identification.step)
+
+
+@pytest.mark.slow
+def test_a_plan_is_made_and_its_numbers_come_back(tmp_path):
+    made = truebed.plan("plan_tx60", tmp_path / "plan")
+    numbers = truebed.load(tmp_path / "plan")
+    assert numbers["poses"] == len(made.places)
+    assert len(truebed.plan("plan_tx60").places) == len(made.places)
