@@ -492,6 +492,13 @@ def test_each_module_says_first_what_lives_there_and_stays_small():
         assert text.count("\n") <= MOST_LINES, f"{path} has more than one subject"
 
 
+def test_the_front_is_installed_from_a_folder_that_is_no_package():
+    """Its prefix is removed: an `__init__` there would lie at the top of site-packages."""
+    assert not (ROOT / "testbed" / "front" / "__init__.py").exists()
+    for package in ("calib", "testbed", "testbed/front/truebed"):
+        assert (ROOT / package / "py.typed").exists()
+
+
 def test_no_folder_is_a_street_sorted_by_first_name():
     for package in (*ALLOWED, "tests"):
         folders = {path.parent for path in (ROOT / package).rglob("*.py")}
