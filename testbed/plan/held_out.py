@@ -3,7 +3,7 @@
 import numpy as np
 
 from calib.arrays import Array, frozen
-from calib.errors import InputError
+from calib.errors import InputError, refuse
 from testbed.laboratory.bench import Bench
 from testbed.laboratory.goal import Goal, box_of, of_the_goal
 from testbed.laboratory.pool import is_new
@@ -42,12 +42,9 @@ def held_out(bench: Bench, goal: Goal, taken: Array) -> Array:
         rest = bench.candidates(pool).draw(rng, size=count - len(found), exclude=exclude).q
     except InputError as error:
         error = of_the_goal(error) if isinstance(settings, BoxGoal) else error
-        raise InputError(
-            error.message.replace("poses are feasible", "held-out poses are feasible"),
-            code=error.code,
-            field=error.field,
-            value=error.value,
-            allowed=error.allowed,
+        message = error.message.replace("poses are feasible", "held-out poses are feasible")
+        raise refuse(
+            error.field, error.value, error.allowed, code=error.code, message=message,
             fix=f"{error.fix}, or lower [plan] held_out",
-        ) from error
+        ) from error  # fmt: skip
     return frozen(np.vstack([found, rest]))

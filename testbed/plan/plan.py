@@ -8,7 +8,6 @@ from calib.information.goals import goal_matrix
 from testbed.laboratory.bench import PROBED_POSES, Bench, open_bench
 from testbed.laboratory.goal import Goal, goal_of
 from testbed.laboratory.joint_lists import read_joints
-from testbed.laboratory.pool import Pool
 from testbed.laboratory.tracker.station import point_u
 from testbed.laboratory.tracker.stations import StationComparison, compare_stations, station_grid
 from testbed.plan.design import (
@@ -72,7 +71,9 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     stations = compared(bench, goal)
     if stations is not None:
         bench = bench.standing_at(stations.stations[stations.best])
-    pool = candidates(bench, measured)
+    # the same pool that `truebed run` draws
+    draw = stream(scenario.seed, "pool")
+    pool = bench.candidates().draw(draw, exclude=measured if len(measured) else None)
     apart = held_out(bench, goal, np.vstack([pool.q, measured]))
     tell(STEPS[2], 2, len(STEPS))
     shown = np.vstack([pool.q[:PROBED_POSES], measured])
@@ -115,13 +116,6 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
         stations=stations,
         obstacles=bench.cell,
     )
-
-
-def candidates(bench: Bench, measured: Array) -> Pool:
-    """The pool of the scenario, the same that `truebed run` draws, without poses measured."""
-    scenario = bench.scenario
-    rng = stream(scenario.seed, "pool")
-    return bench.candidates().draw(rng, exclude=measured if len(measured) else None)
 
 
 def compared(bench: Bench, goal: Goal) -> StationComparison | None:

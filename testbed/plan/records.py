@@ -166,6 +166,11 @@ class Plan:
     """Of the cell."""
 
     @property
+    def coverage(self) -> float:
+        """Factor k of expanded uncertainties."""
+        return self.scenario.plan.coverage
+
+    @property
     def station_mm(self) -> tuple[float, float, float]:
         """The station in the base frame [mm]."""
         T_world_base = self.nominal.chain.T_world_base

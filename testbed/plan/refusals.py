@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 
 from calib.arrays import Array
-from calib.errors import InputError
+from calib.errors import InputError, refuse
 from calib.geometry.chain import Chain
 from testbed.laboratory.bench import Bench
 from testbed.laboratory.tracker.stations import place_word, station_grid
@@ -21,99 +21,68 @@ EQUAL = 1e-3
 
 
 def check_tested(scenario: Scenario) -> None:
-    """Refuse a scenario whose pool is not tested for collisions: a plan moves a real robot.
-
-    Raises
-    ------
-    InputError
-        [pool] self_collision is false.
-    """
+    """Refuse a scenario whose pool is not tested for collisions: a plan moves a real robot."""
     if not scenario.pool.self_collision:
-        raise InputError(
-            "[pool] self_collision is false, and a plan is for a real robot: its poses and moves "
-            "must be tested",
-            code="S37",
-            field="pool.self_collision",
-            value=False,
-            fix="remove that key",
-        )
+        raise refuse(
+            "pool.self_collision", False, code="S37", fix="remove that key",
+            message="[pool] self_collision is false, and a plan is for a real robot: its poses and "
+            "moves must be tested",
+        )  # fmt: skip
 
 
 def check_stations(bench: Bench) -> None:
-    """Refuse stations below the floor, in the robot's work space, or given twice.
-
-    Raises
-    ------
-    InputError
-        Names the station, where it is and what is wrong with it.
-    """
+    """Refuse stations below the floor, in the robot's work space, or given twice."""
     settings = bench.scenario.plan.stations
     if not settings.given:
-        _check_station(bench, np.array(bench.scenario.tracker.station_mm) / 1e3, "[tracker]")
+        x, y, z = bench.scenario.tracker.station_mm
+        name = f"[tracker] station_mm at ({x:g}, {y:g}, {z:g}) mm"
+        _check_station(bench, np.array([x, y, z]) / 1e3, name, "tracker.station_mm")
         return
     stations = station_grid(settings)
     for k, station in enumerate(stations):
-        _check_station(bench, station, f"[plan.stations] {place_word(k, station)}")
+        name = f"[plan.stations] {place_word(k, station)}"
+        _check_station(bench, station, name, "plan.stations")
     for a, b in combinations(range(len(stations)), 2):
         if np.linalg.norm(stations[a] - stations[b]) < EQUAL:
-            raise InputError(
-                f"[plan.stations] {place_word(b, stations[b])} is the same as station {a + 1}",
-                code="S37",
-                field="plan.stations",
-                fix="remove one of them",
-            )
+            message = f"[plan.stations] {place_word(b, stations[b])} is the same as station {a + 1}"
+            raise refuse("plan.stations", code="S37", message=message, fix="remove one of them")
 
 
-def _check_station(bench: Bench, station: Array, name: str) -> None:
+def _check_station(bench: Bench, station: Array, name: str, field: str) -> None:
     """Refuse one station (3,) in the base frame [m] where no tracker can stand."""
     chain = bench.robot.model.chain
-    x, y, z = station * 1e3
-    at = f" station_mm at ({x:g}, {y:g}, {z:g}) mm" if name == "[tracker]" else ""
-    field = "tracker.station_mm" if at else "plan.stations"
+
+    def refusal(message: str, allowed: str, fix: str) -> InputError:
+        mm = (station * 1e3).tolist()
+        return refuse(field, mm, allowed, code="S37", message=f"{name} {message}", fix=fix)
+
     below = -bench.simulator.above_floor((chain.T_world_base @ [*station, 1.0])[:3])
     if below > 0:
-        raise InputError(
-            f"{name}{at} lies {below * 1e3:.0f} mm below the floor",
-            code="S37",
-            field=field,
-            value=(station * 1e3).tolist(),
-            fix="put the tracker above the floor",
-        )
+        message = f"lies {below * 1e3:.0f} mm below the floor"
+        raise refusal(message, "", "put the tracker above the floor")
     needed = reach(chain, bench.robot.limits) + BESIDE
     if np.linalg.norm(station) < needed:
-        raise InputError(
-            f"{name}{at} is {np.linalg.norm(station):.2f} m from the base: the tracker would stand "
-            "in the robot's work space",
-            code="S37",
-            field=field,
-            value=(station * 1e3).tolist(),
-            allowed=f"it needs {needed:.2f} m or more, the arm's length and {BESIDE:g} m",
-            fix="move the tracker away from the robot",
+        raise refusal(
+            f"is {np.linalg.norm(station):.2f} m from the base: the tracker would stand in the "
+            "robot's work space",
+            f"it needs {needed:.2f} m or more, the arm's length and {BESIDE:g} m",
+            "move the tracker away from the robot",
         )
 
 
 def check_ranges(bench: Bench, q: Array) -> None:
-    """Refuse a station that poses q (m, n) bring the target too near to.
-
-    Raises
-    ------
-    InputError
-        Says how near the target comes.
-    """
+    """Refuse a station that poses q (m, n) bring the target too near to."""
     chain = bench.robot.model.chain
     T = bench.robot.model.poses(q)
     targets = T[:, :3, 3] + T[:, :3, :3] @ bench.tracker.aim(chain)
     nearest = float(np.linalg.norm(targets - bench.tracker.station, axis=1).min())
     if nearest < NEAREST:
-        raise InputError(
-            f"a pose of the plan brings the target to {nearest:.2f} m from the tracker",
-            code="S37",
-            field="tracker.station_mm",
-            value=nearest,
-            allowed=f"it needs {NEAREST:g} m or more, or the tracker stands in the robot's work "
-            "space",
-            fix="move the tracker away from the robot",
-        )
+        raise refuse(
+            "tracker.station_mm", nearest,
+            f"it needs {NEAREST:g} m or more, or the tracker stands in the robot's work space",
+            code="S37", fix="move the tracker away from the robot",
+            message=f"a pose of the plan brings the target to {nearest:.2f} m from the tracker",
+        )  # fmt: skip
 
 
 def reach(chain: Chain, limits: Array) -> float:

@@ -4,15 +4,18 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from testbed.plan import plots as plan_plots
+from calib.arrays import Array
+from testbed.plan import plots
 from testbed.plan.records import Plan
 from testbed.plan.table import joint_columns, joint_units, pose_ids
 from testbed.plan.words import (
     PROMISED,
     certificate_word,
+    expanded,
     headline_rows,
     mark,
     next_step,
+    or_dash,
     promise,
     reasons,
     station_words,
@@ -33,7 +36,7 @@ from testbed.report.page import (
 )
 from testbed.robots.catalog import Robot
 from testbed.scenario.read import dump_scenario
-from testbed.units import DEG, MM, UM, counted, fixed, significant
+from testbed.units import DEG, MDEG, MM, UM, counted, fixed, significant
 
 
 def plan_report_html(plan: Plan, robot: Robot, *, versions: Mapping[str, str]) -> str:
@@ -49,6 +52,20 @@ def plan_report_html(plan: Plan, robot: Robot, *, versions: Mapping[str, str]) -
         Program and packages.
     """
     scenario = plan.scenario
+    sections = (
+        order_section(plan),
+        number_section(plan),
+        prediction_section(plan),
+        station_section(plan),
+        candidate_section(plan),
+        parameter_section(plan),
+        record_section(
+            f"Seed {scenario.seed}. Planning the scenario below again with the same versions gives "
+            f"the same table. {certificate_word(plan)}",
+            versions,
+            dump_scenario(scenario),
+        ),
+    )
     page = Page(
         banner=SIMULATED,
         title=scenario.title or scenario.name,
@@ -60,24 +77,7 @@ def plan_report_html(plan: Plan, robot: Robot, *, versions: Mapping[str, str]) -
         reasons=reasons(plan),
         headline=headline(plan),
         next_step=next_step(plan),
-        sections=tuple(
-            section
-            for section in (
-                order_section(plan),
-                number_section(plan),
-                prediction_section(plan),
-                station_section(plan),
-                candidate_section(plan),
-                parameter_section(plan),
-                record_section(
-                    f"Seed {scenario.seed}. Planning the scenario below again with the same "
-                    f"versions gives the same table. {certificate_word(plan)}",
-                    versions,
-                    dump_scenario(scenario),
-                ),
-            )
-            if section is not None
-        ),
+        sections=tuple(section for section in sections if section is not None),
     )
     return render(page)
 
@@ -97,115 +97,100 @@ def headline(plan: Plan) -> Table:
     )
 
 
+def joint_head(plan: Plan) -> tuple[str, ...]:
+    """Heads of the columns of joints."""
+    return tuple(name.replace("_", " ") for name in joint_columns(plan))
+
+
+def joint_cells(plan: Plan, q: Array) -> tuple[str, ...]:
+    """One posture (n,), a cell per joint."""
+    return tuple(fixed(value, 2) for value in q * joint_units(plan))
+
+
 def order_section(plan: Plan) -> Section:
     """Every pose in measuring order, with what the tracker will show."""
     tour, reading = plan.tour, plan.readings[-1]
-    scale = joint_units(plan)
-    rows = []
-    for k, name in enumerate(pose_ids(plan)):
-        rows.append(
-            (
-                str(k + 1),
-                name,
-                "held out" if tour.roles[k] == "test" else "identify",
-                *(fixed(value, 2) for value in tour.q[k] * scale),
-                fixed(float(reading.azimuth[k]) * DEG, 2),
-                fixed(float(reading.elevation[k]) * DEG, 2),
-                fixed(float(reading.range[k]) * MM, 1),
-                fixed(float(tour.move[k]), 1) + (" *" if len(tour.vias[k]) else ""),
-            )
+    rows = tuple(
+        (
+            str(k + 1),
+            name,
+            "held out" if tour.roles[k] == "test" else "identify",
+            *joint_cells(plan, tour.q[k]),
+            fixed(float(reading.azimuth[k]) * DEG, 2),
+            fixed(float(reading.elevation[k]) * DEG, 2),
+            fixed(float(reading.range[k]) * MM, 1),
+            fixed(float(tour.move[k]), 1) + (" *" if len(tour.vias[k]) else ""),
         )
-    joints = tuple(name.replace("_", " ") for name in joint_columns(plan))
+        for k, name in enumerate(pose_ids(plan))
+    )
+    joints = joint_head(plan)
+    starred = ' *: the move passes a stop on the way around, a row "via" of plan.csv.'
     table = Table(
         caption=f"{counted(len(tour), 'pose')} in measuring order",
         head=("", "pose", "role", *joints, "azimuth deg", "elevation deg", "range mm", "move s"),
-        rows=tuple(rows),
+        rows=rows,
         align="lll" + "r" * (len(joints) + 4),
         size="small",
         note=f"Azimuth, elevation and range of the {reading.target}, seen from the tracker in axes "
         "parallel to the robot's base. plan.csv has every digit and every target."
-        + (
-            ' *: the move passes a stop on the way around, a row "via" of plan.csv.'
-            if any(map(len, tour.vias))
-            else ""
-        ),
+        + (starred if any(map(len, tour.vias)) else ""),
     )
     caption = (
         "The way of the tool from pose to pose, numbered as in the table; square: where the robot "
         "starts, blue: poses to identify from, amber: held-out poses."
     )
-    return Section("order", "Measuring order", (Figure(caption, plan_plots.order_map(plan)), table))
+    return Section("order", "Measuring order", (Figure(caption, plots.order_map(plan)), table))
 
 
 def number_section(plan: Plan) -> Section:
     """How many poses, how good they are, which to add."""
-    curve, k = plan.curve, plan.scenario.plan.coverage
+    curve = plan.curve
     caption = (
-        f"Predicted U (k = {k:g}) against the number of poses. Blue: the designed sets. Dashed: no "
-        "set of so many poses from this pool can go below (proven). Line: the plan."
+        f"Predicted U (k = {plan.coverage:g}) against the number of poses. Blue: the designed "
+        "sets. Dashed: no set of so many poses from this pool can go below (proven). Line: the "
+        "plan."
         + (f" Dotted: median of {curve.random_sets} random sets." if curve.random_sets else "")
     )
-    rows = [
-        (
-            str(int(m)),
-            significant(k * float(u) * UM, 4),
-            or_none(k * float(bound) * UM, 4),
-            or_none(float(bound / u)),
-            or_none(k * float(random) * UM, 4),
-        )
-        for m, u, bound, random in zip(
-            curve.counts, curve.u, curve.bound, curve.random, strict=True
-        )
-    ]
     table = Table(
         caption="Uncertainty against the number of poses",
         head=("poses", "designed U µm", "no set below µm", "efficiency", "random U µm"),
-        rows=tuple(rows),
-        align="lrrrr",
-    )
-    blocks: list[Block] = [Figure(caption, plan_plots.budget(plan)), table]
-    if plan.next_poses:
-        scale = joint_units(plan)
-        ranking = [
+        rows=tuple(
             (
-                str(rank + 1),
-                *(fixed(value, 2) for value in plan.pool.q[one.place] * scale),
-                significant(k * one.u * UM, 4),
+                str(int(m)),
+                expanded(plan, u, 4),
+                expanded(plan, bound, 4),
+                or_dash(bound / u),
+                expanded(plan, random, 4),
             )
-            for rank, one in enumerate(plan.next_poses)
-        ]
-        joints = tuple(name.replace("_", " ") for name in joint_columns(plan))
-        blocks.append(
-            Table(
-                caption="The best next pose, if one more can be measured",
-                head=("", *joints, "U with it µm"),
-                rows=tuple(ranking),
-                align="l" + "r" * (len(joints) + 1),
-                note="Each alone in addition to the plan, best first.",
+            for m, u, bound, random in zip(
+                curve.counts, curve.u, curve.bound, curve.random, strict=True
             )
+        ),
+    )
+    blocks: list[Block] = [Figure(caption, plots.budget(plan)), table]
+    if plan.next_poses:
+        ranking = Table(
+            caption="The best next pose, if one more can be measured",
+            head=("", *joint_head(plan), "U with it µm"),
+            rows=tuple(
+                (str(rank), *joint_cells(plan, plan.pool.q[one.place]), expanded(plan, one.u, 4))
+                for rank, one in enumerate(plan.next_poses, start=1)
+            ),
+            note="Each alone in addition to the plan, best first.",
         )
+        blocks.append(ranking)
     return Section("number", "Number of poses", tuple(blocks))
 
 
 def prediction_section(plan: Plan) -> Section:
     """Where the tool will be known how well."""
-    return Section(
-        "prediction",
-        "Predicted uncertainty",
-        (
-            Text(f"The goal: {plan.goal.sentence}."),
-            Figure(
-                "Left: U over the goal after each pose, in the order of the plan; nothing is "
-                "drawn while some number cannot be told yet. Right: U of each posture of the goal.",
-                plan_plots.prediction(plan),
-            ),
-        ),
+    figure = Figure(
+        "Left: U over the goal after each pose, in the order of the plan; nothing is drawn while "
+        "some number cannot be told yet. Right: U of each posture of the goal.",
+        plots.prediction(plan),
     )
-
-
-def or_none(value: float, digits: int = 3) -> str:
-    """A number with so many digits, a dash where there is none."""
-    return significant(value, digits) if np.isfinite(value) else "–"
+    goal = Text(f"The goal: {plan.goal.sentence}.")
+    return Section("prediction", "Predicted uncertainty", (goal, figure))
 
 
 def station_section(plan: Plan) -> Section | None:
@@ -213,8 +198,6 @@ def station_section(plan: Plan) -> Section | None:
     seen = plan.stations
     if seen is None:
         return None
-    k = plan.scenario.plan.coverage
-    order = np.argsort(np.where(np.isfinite(seen.u_mean), seen.u_mean, np.inf), kind="stable")
     rows = tuple(
         (
             str(n + 1),
@@ -222,11 +205,11 @@ def station_section(plan: Plan) -> Section | None:
             str(int(seen.visible[n])),
             str(int(seen.turned_away[n])),
             str(int(seen.hidden[n])),
-            or_none(float(seen.range_mean[n])),
-            or_none(k * float(seen.u_mean[n]) * UM),
-            or_none(k * float(seen.u_worst[n]) * UM),
+            or_dash(seen.range_mean[n]),
+            expanded(plan, seen.u_mean[n]),
+            expanded(plan, seen.u_worst[n]),
         )
-        for n in map(int, order)
+        for n in map(int, np.argsort(seen.u_mean, kind="stable"))
     )
     table = Table(
         caption=f"{counted(len(rows), 'station')} compared on the same "
@@ -234,7 +217,6 @@ def station_section(plan: Plan) -> Section | None:
         head=("station", "x mm", "y mm", "z mm", "seen", "turned away", "hidden", "mean range m",
               "U mean µm", "U worst µm"),
         rows=rows,
-        align="l" + "r" * 9,
         size="small",
         strong=(0,),
         note="seen: candidates that can be measured from there; turned away: the probe does not "
@@ -244,7 +226,7 @@ def station_section(plan: Plan) -> Section | None:
     figure = Figure(
         "Stations from above and the uncertainty of the design from each; vermilion: the best, "
         "cross: sees too little.",
-        plan_plots.stations(plan),
+        plots.stations(plan),
     )
     text = (
         f"{station_words(plan)} Only the order of the stations is taken from this: the plan is "
@@ -255,31 +237,25 @@ def station_section(plan: Plan) -> Section | None:
 
 def candidate_section(plan: Plan) -> Section:
     """The pool: what was refused and why, and what each pose is worth."""
-    low, high = plan_plots.shade_range(plan)
+    low, high = plots.shade_range(plan)
     pool, clearance = plan.pool, plan.scenario.plan.clearance_mm
-    return Section(
-        "candidates",
-        "Candidate poses",
-        (
-            Figure(
-                "The pool colored by leverage, how much a pose tells beside the chosen set (trace "
-                f"of K_jj): from {low} or less, pale, to {high} or more, dark, in equal steps. "
-                "Vermilion: the chosen poses.",
-                plan_plots.leverage_map(plan),
-            ),
-            Text(
-                f"Refused by floor or obstacle: nearer than {clearance:g} mm to it, the base aside."
-                if clearance
-                else "Refused by floor or obstacle: touches it, the base aside."
-            ),
-            rejection_table(pool.n_drawn, pool.rejection_names, pool.rejection_counts, len(pool.q)),
-            Figure(
-                "Candidates refused inside the box, by reason (at most 100 each), over the pool "
-                "(gray).",
-                plan_plots.rejections(plan),
-            ),
+    near = f"nearer than {clearance:g} mm to it" if clearance else "touches it"
+    blocks = (
+        Figure(
+            "The pool colored by leverage, how much a pose tells beside the chosen set (trace "
+            f"of K_jj): from {low} or less, pale, to {high} or more, dark, in equal steps. "
+            "Vermilion: the chosen poses.",
+            plots.leverage_map(plan),
+        ),
+        Text(f"Refused by floor or obstacle: {near}, the base aside."),
+        rejection_table(pool.n_drawn, pool.rejection_names, pool.rejection_counts, len(pool.q)),
+        Figure(
+            "Candidates refused inside the box, by reason (at most 100 each), over the pool "
+            "(gray).",
+            plots.rejections(plan),
         ),
     )
+    return Section("candidates", "Candidate poses", blocks)
 
 
 def parameter_section(plan: Plan) -> Section:
@@ -287,15 +263,14 @@ def parameter_section(plan: Plan) -> Section:
     u = np.sqrt(np.diagonal(plan.covariance))
     lengths = plan.parameters.is_length[plan.parameters.free]
     names = plan.parameters.free_names
-    rows = tuple(
-        (name, significant(float(value) * (UM if length else DEG * 1e3), 3),
-         "µm" if length else "mdeg")
-        for name, value, length in zip(names, u, lengths, strict=True)
-    )  # fmt: skip
     table = Table(
         caption=f"{counted(len(names), 'number')} will be identified",
         head=("number", "predicted u", "unit"),
-        rows=rows,
+        rows=tuple(
+            (name, significant(float(value) * factor), unit)
+            for name, value, length in zip(names, u, lengths, strict=True)
+            for factor, unit in [(UM, "µm") if length else (MDEG, "mdeg")]
+        ),
         align="lrl",
         note="Standard uncertainties, k = 1. They are strongly correlated: never combine them as "
         "if they were independent.",

@@ -3,7 +3,7 @@
 import numpy as np
 
 from calib.arrays import Array, Index, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from testbed.laboratory.bench import Bench
 from testbed.laboratory.joint_lists import from_deg
 from testbed.laboratory.pool import joint_ranges
@@ -112,15 +112,13 @@ def start_of(bench: Bench) -> Array:
         what = bench.simulator.hit_word(start)
         near = not bench.touching.collides(start[None])[0]
         verb = f"comes nearer than {bench.scenario.plan.clearance_mm:g} mm to" if near else "hits"
-        raise InputError(
+        message = (
             f"[plan] start_deg: the robot {verb} {what} there"
             if given
-            else f"[plan] has no start_deg, and with joints at zero the robot {verb} {what}",
-            code="M27",
-            field="plan.start_deg",
-            value=start.tolist(),
-            fix="write a start_deg where the robot stands free",
+            else f"[plan] has no start_deg, and with joints at zero the robot {verb} {what}"
         )
+        fix = "write a start_deg where the robot stands free"
+        raise refuse("plan.start_deg", start.tolist(), code="M27", message=message, fix=fix)
     return start
 
 

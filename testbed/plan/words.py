@@ -1,10 +1,23 @@
 """What a plan says in words: on the first screen of its report, on the terminal, in the viewer."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
+from testbed.laboratory.tracker.stations import place_word
 from testbed.plan.records import FAR, Plan
 from testbed.report.page import SIMULATED
-from testbed.units import MM, UM, counted, fixed, percent, sentence, significant
+from testbed.units import (
+    MM,
+    UM,
+    counted,
+    fixed,
+    micrometres,
+    millimetres,
+    percent,
+    sentence,
+    significant,
+)
 
 CLOSE = 0.01
 """Stations whose uncertainty differs by less than this part are called equally good."""
@@ -14,15 +27,22 @@ PROMISED = (3, 4)
 
 def promise(plan: Plan) -> str:
     """The one sentence of a plan."""
-    k = plan.scenario.plan.coverage
-    more = " more" if len(plan.measured_q) else ""
+    poses = counted(len(plan.places), "more pose" if len(plan.measured_q) else "pose")
     return (
-        f"{len(plan.places)}{more} {'pose' if len(plan.places) == 1 else 'poses'} in about "
-        f"{minutes(plan.tour.duration)} will make the tool point known to "
-        f"U = {significant(k * plan.u_mean * UM, 3)} µm (k = {k:g}, RMS over the goal), "
-        f"{significant(k * plan.u_worst * UM, 3)} µm at its worst, if the robot is as its model "
-        "says."
+        f"{poses} in about {minutes(plan.tour.duration)} will make the tool point known to "
+        f"U = {expanded(plan, plan.u_mean)} µm (k = {plan.coverage:g}, RMS over the goal), "
+        f"{expanded(plan, plan.u_worst)} µm at its worst, if the robot is as its model says."
     )
+
+
+def expanded(plan: Plan, u: float, digits: int = 3) -> str:
+    """Expanded uncertainty [µm] of a standard one [m]."""
+    return or_dash(plan.coverage * u * UM, digits)
+
+
+def or_dash(value: float, digits: int = 3) -> str:
+    """A number with so many digits, a dash where there is none."""
+    return significant(float(value), digits) if np.isfinite(value) else "–"
 
 
 def minutes(seconds: float) -> str:
@@ -43,49 +63,31 @@ def minutes(seconds: float) -> str:
 
 def headline_rows(plan: Plan) -> list[tuple[str, str, str]]:
     """What, value, unit."""
-    settings, tour, k = plan.scenario.plan, plan.tour, plan.scenario.plan.coverage
-    held = tour.roles.count("test")
+    settings, tour, target = plan.scenario.plan, plan.tour, plan.curve.target
+    count, k = len(plan.measured_q), f"(k = {plan.coverage:g})"
+    beyond = f"beyond {counted(count, 'pose')} measured already" if count else ""
+    minutes_moving = fixed(float(tour.move.sum()) / 60, 1)
+    efficiency = plan.proof.efficiency
     rows = [
-        ("poses to identify from", str(len(plan.places)), _already(plan)),
-        ("held-out poses, to check with", str(held), ""),
-        (
-            "expected time",
-            fixed(tour.duration / 60, 1),
-            f"min, {fixed(float(tour.move.sum()) / 60, 1)} min moving at "
-            f"{percent(settings.speed_share)} speed",
-        ),
-        (f"predicted U over the goal (k = {k:g})", significant(k * plan.u_mean * UM, 3),
-         f"µm, RMS; u = {significant(plan.u_mean * UM, 3)} µm"),
-        (f"predicted U at the worst of the goal (k = {k:g})",
-         significant(k * plan.u_worst * UM, 3),
-         f"µm; u = {significant(plan.u_worst * UM, 3)} µm"),
-        ("certified efficiency", _efficiency(plan), f"of the best possible, {settings.criterion}"),
+        ("poses to identify from", str(len(plan.places)), beyond),
+        ("held-out poses, to check with", str(tour.roles.count("test")), ""),
+        ("expected time", fixed(tour.duration / 60, 1),
+         f"min, {minutes_moving} min moving at {percent(settings.speed_share)} speed"),
+        (f"predicted U over the goal {k}", expanded(plan, plan.u_mean),
+         f"µm, RMS; u = {micrometres(plan.u_mean)} µm"),
+        (f"predicted U at the worst of the goal {k}", expanded(plan, plan.u_worst),
+         f"µm; u = {micrometres(plan.u_worst)} µm"),
+        ("certified efficiency", "–" if efficiency is None else fixed(efficiency, 4),
+         f"of the best possible, {settings.criterion}"),
     ]  # fmt: skip
-    if plan.curve.target is not None:
-        rows.append(
-            (
-                "target",
-                significant(k * plan.curve.target * UM, 3),
-                f"µm, {'RMS over the goal' if settings.target_is == 'mean' else 'worst'}",
-            )
-        )
+    if target is not None:
+        over = "RMS over the goal" if settings.target_is == "mean" else "worst"
+        rows.append(("target", expanded(plan, target), f"µm, {over}"))
         if plan.curve.fewest is not None:
             rows.append(("proven least number of poses for it", str(plan.curve.fewest), "poses"))
-    x, y, z = plan.station_mm
-    rows.append(("tracker station", f"({x:.0f}, {y:.0f}, {z:.0f})", "mm in the base frame"))
+    rows.append(("tracker station", in_mm(plan.station_mm), "mm in the base frame"))
     rows.append(("numbers identified", str(plan.parameters.n_free), ""))
     return rows
-
-
-def _already(plan: Plan) -> str:
-    """Beside how many measured already."""
-    count = len(plan.measured_q)
-    return f"beyond {counted(count, 'pose')} measured already" if count else ""
-
-
-def _efficiency(plan: Plan) -> str:
-    """The certified part of the best, or a dash."""
-    return "–" if plan.proof.efficiency is None else fixed(plan.proof.efficiency, 4)
 
 
 def certificate_word(plan: Plan) -> str:
@@ -115,13 +117,13 @@ def mark(plan: Plan) -> str:
     """What holds of every pose and move, as far as it was tested."""
     if plan.tour.blocked:
         return "✗ Not every move is free"
-    tested = ["is free of collisions"]
+    tested, tracker = "is free of collisions", "the tracker's"
     if tests_cone(plan):
-        tested.append("faces the tracker")
+        tested, tracker = f"{tested}, faces the tracker", "its"
     if plan.scenario.pool.line_of_sight:
-        tested.append("is in its line of sight" if tests_cone(plan) else
-                      "is in the tracker's line of sight")  # fmt: skip
-    listed = " and ".join([", ".join(tested[:-1]), tested[-1]] if tested[1:] else tested)
+        tested = f"{tested}, is in {tracker} line of sight"
+    *first, last = tested.split(", ")
+    listed = f"{', '.join(first)} and {last}" if first else last
     return f"{'!' if untested(plan) else '✓'} Every pose {listed}, and every move is free"
 
 
@@ -157,7 +159,7 @@ def clearance_words(plan: Plan) -> str:
         return f"The robot keeps {FAR * MM:g} mm or more from floor and obstacles"
     rule = f"at least {wanted:g} mm was kept" if wanted else "only no touch was asked for"
     return (
-        f"The robot comes to {significant(smallest * MM, 3)} mm from floor or obstacles where the "
+        f"The robot comes to {millimetres(smallest)} mm from floor or obstacles where the "
         f"moves were tested; {rule}"
     )
 
@@ -166,10 +168,9 @@ def measured_words(plan: Plan) -> str:
     """From where the poses measured already were measured; nothing if there are none."""
     if not len(plan.measured_q):
         return ""
-    x, y, z = plan.station_mm
     return (
         f"The {counted(len(plan.measured_q), 'pose')} measured already count as measured from "
-        f"[tracker] station_mm, ({x:.0f}, {y:.0f}, {z:.0f}) mm, with this tracker and base"
+        f"[tracker] station_mm, {in_mm(plan.station_mm)} mm, with this tracker and base"
     )
 
 
@@ -178,39 +179,34 @@ def station_words(plan: Plan) -> str:
     seen = plan.stations
     if seen is None:
         return ""
-    k, top = plan.scenario.plan.coverage, seen.best
+    top, poses = seen.best, len(seen.designs[seen.best])
     order = np.argsort(seen.u_mean, kind="stable")
-    usable = [int(n) for n in order if np.isfinite(seen.u_mean[n])]
+    others = [int(n) for n in order if np.isfinite(seen.u_mean[n]) and n != top]
     head = (
-        f"Of {counted(len(order), 'station')}, {_station(plan, top)} is best: "
-        f"{counted(len(seen.designs[top]), 'pose')} designed from there "
-        f"{'gives' if len(seen.designs[top]) == 1 else 'give'} U = "
-        f"{significant(k * float(seen.u_mean[top]) * UM, 3)} µm (k = {k:g}, RMS over the goal)"
+        f"Of {counted(len(order), 'station')}, {place_word(top, seen.stations[top])} is best: "
+        f"{counted(poses, 'pose')} designed from there {'gives' if poses == 1 else 'give'} U = "
+        f"{expanded(plan, seen.u_mean[top])} µm (k = {plan.coverage:g}, RMS over the goal)"
     )
-    if len(usable) < 2:
+    if not others:
         return f"{head}; no other can be used." if len(order) > 1 else f"{head}."
-    second = next(n for n in usable if n != top)
+    second = others[0]
     more = float(seen.u_mean[second] / seen.u_mean[top]) - 1
     ahead = []
-    if seen.visible[top] > seen.visible[second]:
-        ahead.append(
-            f"sees {counted(int(seen.visible[top] - seen.visible[second]), 'candidate')} more"
-        )
-    if seen.range_mean[top] < seen.range_mean[second]:
-        ahead.append(f"stands {float(seen.range_mean[second] - seen.range_mean[top]):.2f} m nearer")
+    if (sees := int(seen.visible[top] - seen.visible[second])) > 0:
+        ahead.append(f"sees {counted(sees, 'candidate')} more")
+    if (nearer := float(seen.range_mean[second] - seen.range_mean[top])) > 0:
+        ahead.append(f"stands {nearer:.2f} m nearer")
     why = " and ".join(ahead) or "sees the poses from a better side"
     hardly = ", hardly a difference" if more < CLOSE else ""
     return (
-        f"{head}; as many from {_station(plan, second)} give {percent(more)} more{hardly}. The "
-        f"best one {why}."
+        f"{head}; as many from {place_word(second, seen.stations[second])} give {percent(more)} "
+        f"more{hardly}. The best one {why}."
     )
 
 
-def _station(plan: Plan, number: int) -> str:
-    """A compared station as people name it."""
-    assert plan.stations is not None
-    x, y, z = plan.stations.stations[number] * MM
-    return f"station {number + 1} at ({x:.0f}, {y:.0f}, {z:.0f}) mm"
+def in_mm(place: Iterable[float]) -> str:
+    """A place [mm] in whole millimetres."""
+    return f"({', '.join(f'{value:.0f}' for value in place)})"
 
 
 def next_step(plan: Plan) -> str:
@@ -240,4 +236,4 @@ def terminal_text(plan: Plan) -> str:
 
     rows = [list(row) for row in headline_rows(plan)]
     parts = [SIMULATED, table(promise(plan), ("what", "value", ""), rows, wrap=True), ""]
-    return "\n".join([*parts, *(f"- {sentence}" for sentence in reasons(plan))])
+    return "\n".join([*parts, *(f"- {reason}" for reason in reasons(plan))])

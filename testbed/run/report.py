@@ -21,7 +21,7 @@ from testbed.studies.trial.verdict import Verdict, trial_verdict
 from testbed.studies.wen2022 import report as report_reexamined
 from testbed.studies.wen2022 import report_paper
 from testbed.studies.wen2022.claims import examine
-from testbed.units import counted, typeset
+from testbed.units import counted, sentence, typeset
 
 
 def report_html(campaign: Campaign, *, versions: Mapping[str, str]) -> str:
@@ -92,9 +92,7 @@ def page_of(campaign: Campaign, versions: Mapping[str, str]) -> Page:
         believable=verdict.believable,
         mark=verdict.mark,
         verdict=typeset(verdict.sentence),
-        reasons=tuple(
-            typeset(reason[:1].upper() + reason[1:].rstrip(".") + ".") for reason in verdict.reasons
-        ),
+        reasons=tuple(typeset(sentence(reason)) for reason in verdict.reasons),
         headline=headline,
         next_step=next_step(campaign),
         sections=tuple(section for section in sections if section is not None),
