@@ -118,12 +118,9 @@ def acquire(folder: Path) -> IO[str]:
         owner = file.read().strip() or "another process"
         file.close()
         raise MachineError(
-            f"in use by {owner}",
-            code="F8",
-            where=str(folder),
-            value=owner,
+            f"in use by {owner}", code="F8", where=str(folder), value=owner,
             fix="wait, or choose another --out",
-        ) from error
+        ) from error  # fmt: skip
     file.truncate(0)
     now = datetime.now().astimezone()
     file.write(f"process {os.getpid()} since {now:%H:%M}\n")

@@ -4,7 +4,7 @@ from hashlib import sha256
 
 import numpy as np
 
-from calib.errors import InputError
+from calib.errors import refuse
 
 
 def stream(seed: int, *names: str | int) -> np.random.Generator:
@@ -24,13 +24,8 @@ def stream(seed: int, *names: str | int) -> np.random.Generator:
     True
     """
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise InputError(
-            f"seed is {seed!r}",
-            code="C41",
-            field="seed",
-            value=seed,
-            allowed="a whole number, 0 or larger",
-        )
+        message, allowed = f"seed is {seed!r}", "a whole number, 0 or larger"
+        raise refuse("seed", seed, allowed, code="C41", message=message)
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=_key(names)))
 
 

@@ -24,8 +24,7 @@ def compiled(gated: Gated, path: Path) -> Any:
         etree.cleanup_namespaces(gated.root)
         text = etree.tostring(gated.root, encoding="unicode")
         model = mujoco.MjSpec.from_string(text, assets=gated.assets()).compile()
-        # a site is moved with its body, whatever the compiler found equal
-        model.site_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+        free_sites(model)
     except (ValueError, mujoco.FatalError) as error:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         said = "; ".join(line.rpartition("Error:")[2].strip() for line in lines[:2])
@@ -58,8 +57,15 @@ def load_mjcf(path: Path) -> Any:
 
     mujoco.set_mju_user_warning(logging.getLogger(__name__).info)
     model = mujoco.MjModel.from_xml_path(str(path))
-    model.site_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+    free_sites(model)
     return model
+
+
+def free_sites(model: Any) -> None:
+    """Stop MuJoCo from copying a body's pose to a site it found equal when compiling."""
+    import mujoco
+
+    model.site_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
 
 
 def at_zero(model: Any, joints: Iterable[int]) -> Any:

@@ -58,6 +58,29 @@ def ball(radius: float, at: Point, fineness: int = 3) -> Solid:
     return solid
 
 
+def corners(x: float, y: float) -> list[tuple[float, float]]:
+    """Four places around an upright axis."""
+    return [(sx * x, sy * y) for sx in (-1, 1) for sy in (-1, 1)]
+
+
+def on_circle(radius: float, count: int, start: float = 0.0) -> list[tuple[float, float]]:
+    """Places evenly spread on a circle."""
+    angle = start + np.arange(count) * 2 * np.pi / count
+    return [(float(radius * np.cos(t)), float(radius * np.sin(t))) for t in angle]
+
+
+def posts(
+    radius: float,
+    low: float,
+    high: float,
+    fillet: float,
+    places: list[tuple[float, float]],
+    sections: int,
+) -> list[Solid]:
+    """Upright pucks, one at each place."""
+    return [puck(radius, low, high, fillet, "z", (x, y, 0), sections) for x, y in places]
+
+
 def hull(*solids: Solid) -> Solid:
     """Smallest convex solid that contains all."""
     from trimesh.util import concatenate

@@ -7,6 +7,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.chain import Chain
+from testbed.robots.describe.mjcf_model import free_sites
 from testbed.robots.meshes.files import part_mesh
 from testbed.robots.placements import placements, quaternion_wxyz
 from testbed.robots.robot import IN_PLACE, Robot, Visual, body_name
@@ -74,14 +75,14 @@ def build_spec(chain: Chain, robot: Robot | None = None, *, meshes: bool = True)
 def compile_spec(spec: Any) -> Any:
     """Compile to a `mujoco.MjModel` whose sites may be edited in place."""
     model = spec.compile()
-    _free_sites(model)
+    free_sites(model)
     return model
 
 
 def set_geometry(model: Any, chain: Chain) -> None:
     """Rewrite the geometry of a compiled model (`build_spec`) in place: no recompilation."""
     frames, flange, tool = placements(chain)
-    _free_sites(model)
+    free_sites(model)
     for i, T in enumerate((chain.T_world_base, *frames)):
         k = model.body(body_name(i)).id
         model.body_pos[k], model.body_quat[k] = T[:3, 3], quaternion_wxyz(T[:3, :3])
@@ -124,13 +125,6 @@ def write_mjcf(robot: Robot, path: Path) -> None:
 def _pose(T: Array) -> dict[str, Array]:
     """MuJoCo's keywords for a frame (4, 4)."""
     return {"pos": T[:3, 3], "quat": quaternion_wxyz(T[:3, :3])}
-
-
-def _free_sites(model: Any) -> None:
-    """Stop MuJoCo from copying a body's pose to a site it found equal when compiling."""
-    import mujoco
-
-    model.site_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
 
 
 def _add_part(spec: Any, body: Any, visual: Visual, folder: Path) -> None:

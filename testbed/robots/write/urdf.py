@@ -1,4 +1,4 @@
-"""A robot as URDF, through yourdfpy; `urdf_read` is the way back."""
+"""A robot as URDF, through yourdfpy; `describe.urdf` is the way back."""
 
 import io
 from dataclasses import replace

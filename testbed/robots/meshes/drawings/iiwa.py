@@ -5,9 +5,17 @@ Zero is the candle: axes 1, 3, 5, 7 upright through the origin, axes 2, 4, 6 alo
 Lengths between axes are the maker's; the shells, their seams and the pedestal are our own.
 """
 
-import numpy as np
-
-from testbed.robots.meshes.solids import Point, Solid, cut, groove, hull, puck, union
+from testbed.robots.meshes.solids import (
+    Point,
+    Solid,
+    cut,
+    groove,
+    hull,
+    on_circle,
+    posts,
+    puck,
+    union,
+)
 
 FLOOR, SHOULDER, ELBOW, WRIST, FLANGE = -0.675, 0.340, 0.740, 1.140, 1.266
 SEAM_1, SEAM_3, SEAM_5, SEAM_7 = 0.1575, 0.5445, 0.9445, 1.2210
@@ -60,11 +68,7 @@ def shell(
 
 def pedestal() -> dict[str, Solid]:
     """Round column with a bolted foot and a top plate; static."""
-    angle = np.arange(6) * np.pi / 3
-    bolts = [
-        puck(0.010, FLOOR + 0.018, FLOOR + 0.030, 0.002, "z", (x, y, 0), 6)
-        for x, y in zip(0.185 * np.cos(angle), 0.185 * np.sin(angle), strict=True)
-    ]
+    bolts = posts(0.010, FLOOR + 0.018, FLOOR + 0.030, 0.002, on_circle(0.185, 6), 6)
     cone = hull(
         puck(0.145, FLOOR + 0.015, FLOOR + 0.03, 0.002, "z", sections=48),
         puck(0.110, FLOOR + 0.085, FLOOR + 0.09, 0.002, "z", sections=48),
@@ -120,11 +124,7 @@ def wrist() -> dict[str, Solid]:
 
 def flange() -> dict[str, Solid]:
     """Media flange with a ring of holes and a light ring; link 7."""
-    angle = np.arange(7) * 2 * np.pi / 7
-    holes = [
-        puck(0.0030, FLANGE - 0.008, FLANGE + 0.01, 3e-4, "z", (x, y, 0), 16)
-        for x, y in zip(0.025 * np.cos(angle), 0.025 * np.sin(angle), strict=True)
-    ]
+    holes = posts(0.0030, FLANGE - 0.008, FLANGE + 0.01, 3e-4, on_circle(0.025, 7), 16)
     disc = union(
         puck(0.0480, SEAM_7, FLANGE - 0.012, 0.003, "z", sections=40),
         puck(0.0315, FLANGE - 0.014, FLANGE, 0.001, "z", sections=40),

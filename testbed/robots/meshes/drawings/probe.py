@@ -1,24 +1,18 @@
 """A 6-D tracker target, invented: parts by name, in the flange frame [m], z out of the flange."""
 
 from calib.geometry.frames import rot_z
-from testbed.robots.meshes.solids import Solid, ball, cut, hull, moved, puck, union
+from testbed.robots.meshes.solids import Solid, ball, corners, cut, hull, moved, posts, puck, union
 
 
 def probe() -> dict[str, Solid]:
     """Mount, housing, bezel, reflector, light spots."""
-    corners = [(x, y) for x in (-1, 1) for y in (-1, 1)]
     plate = hull(
         puck(0.021, 0.010, 0.013, 0.001, "z"),
-        *(
-            puck(0.008, 0.0125, 0.0175, 0.001, "z", (x * 0.034, y * 0.034, 0), 20)
-            for x, y in corners
-        ),
+        *posts(0.008, 0.0125, 0.0175, 0.001, corners(0.034, 0.034), 20),
     )
-    housing = hull(
-        *(puck(0.012, 0.017, 0.058, 0.004, "z", (x * 0.038, y * 0.038, 0), 28) for x, y in corners)
-    )
+    housing = hull(*posts(0.012, 0.017, 0.058, 0.004, corners(0.038, 0.038), 28))
     bezel = cut(puck(0.031, 0.054, 0.0630, 0.002, "z"), puck(0.0225, 0.0585, 0.08, 0.0005, "z"))
-    spots = [ball(0.0036, (0.0395 * x, 0.0395 * y, 0.0572), 2) for x, y in corners]
+    spots = [ball(0.0036, (x, y, 0.0572), 2) for x, y in corners(0.0395, 0.0395)]
     # one spot more breaks the symmetry, so that a roll can be seen
     spots.append(ball(0.0036, (0.0, 0.0425, 0.0572), 2))
     grip = [

@@ -8,7 +8,20 @@ Lengths between axes are the paper's; radii, rims, seams and bolts are our own.
 import numpy as np
 
 from calib.geometry.frames import rot_x, rot_z, slide
-from testbed.robots.meshes.solids import Point, Solid, ball, cut, groove, hull, moved, puck, union
+from testbed.robots.meshes.solids import (
+    Point,
+    Solid,
+    ball,
+    corners,
+    cut,
+    groove,
+    hull,
+    moved,
+    on_circle,
+    posts,
+    puck,
+    union,
+)
 
 FLOOR, ELBOW, WRIST, FLANGE = -0.375, 0.290, 0.600, 0.670
 SIDE = 0.020
@@ -20,12 +33,6 @@ def arm() -> dict[str, Solid]:
     return base() | shoulder() | upper_arm() | elbow() | forearm() | wrist() | flange()
 
 
-def on_circle(radius: float, count: int, start: float = 0.0) -> list[tuple[float, float]]:
-    """Points evenly spread on a circle."""
-    angle = start + np.arange(count) * 2 * np.pi / count
-    return [(float(radius * np.cos(t)), float(radius * np.sin(t))) for t in angle]
-
-
 def mirrored(low: float, high: float, radius: float, fillet: float, at: Point) -> list[Solid]:
     """Two pucks along y, from `low` to `high` on either side of `at`."""
     return [puck(radius, side * low, side * high, fillet, "y", at, 40) for side in (-1, 1)]
@@ -33,13 +40,12 @@ def mirrored(low: float, high: float, radius: float, fillet: float, at: Point) -
 
 def base() -> dict[str, Solid]:
     """Foot with four bolted lugs, column, connector socket; static."""
-    corners = [(x, y) for x in (-1, 1) for y in (-1, 1)]
     lugs = [
         hull(
             puck(0.022, FLOOR, -0.345, 0.004, "z", (x * 0.093, y * 0.085, 0), 28),
             puck(0.040, FLOOR, -0.315, 0.006, "z", (x * 0.045, y * 0.045, 0), 28),
         )
-        for x, y in corners
+        for x, y in corners(1, 1)
     ]
     socket = hull(
         *(puck(0.034, -0.125, -0.075, 0.004, "x", (0, 0, z), 36) for z in (-0.305, -0.285))
@@ -51,9 +57,9 @@ def base() -> dict[str, Solid]:
         socket,
     )
     holes = [
-        puck(radius, low, -0.30, 0.0005, "z", (x * 0.093, y * 0.085, 0), 20)
+        hole
         for radius, low in ((0.0065, -0.40), (0.011, -0.350))
-        for x, y in corners
+        for hole in posts(radius, low, -0.30, 0.0005, corners(0.093, 0.085), 20)
     ]
     plugs = [
         puck(radius, low, high, fillet, "x", (0, y, -0.295), 24)
@@ -142,19 +148,8 @@ def elbow() -> dict[str, Solid]:
 
 def rounded_box(height: float, half_x: float, half_y: float, radius: float = 0.022) -> list[Solid]:
     """Four corner pucks of a rounded box around the forearm axis, to be hulled."""
-    return [
-        puck(
-            radius,
-            height - 0.008,
-            height + 0.008,
-            0.006,
-            "z",
-            (x * (half_x - radius), SIDE + y * (half_y - radius), 0),
-            28,
-        )
-        for x in (-1, 1)
-        for y in (-1, 1)
-    ]
+    places = [(x, SIDE + y) for x, y in corners(half_x - radius, half_y - radius)]
+    return posts(radius, height - 0.008, height + 0.008, 0.006, places, 28)
 
 
 def forearm() -> dict[str, Solid]:
@@ -202,10 +197,8 @@ def wrist() -> dict[str, Solid]:
 
 def flange() -> dict[str, Solid]:
     """Tool flange with four threaded holes, pilot and pin hole; link 6."""
-    holes = [
-        puck(0.0025, FLANGE - 0.006, FLANGE + 0.01, 0.0003, "z", (x, SIDE + y, 0), 16)
-        for x, y in [*on_circle(0.0155, 4, np.pi / 4), (0.0125, 0.0)]
-    ]
+    places = [(x, SIDE + y) for x, y in [*on_circle(0.0155, 4, np.pi / 4), (0.0125, 0.0)]]
+    holes = posts(0.0025, FLANGE - 0.006, FLANGE + 0.01, 0.0003, places, 16)
     pilot = puck(0.010, FLANGE - 0.003, FLANGE + 0.01, 0.0003, "z", (0, SIDE, 0), 32)
     disc = puck(0.020, WRIST + 0.0525, FLANGE, 0.0015, "z", (0, SIDE, 0))
     return {"flange": cut(disc, *holes, pilot)}

@@ -8,7 +8,18 @@ Lengths between axes are the maker's; tubes, housings, lids and the pedestal are
 
 from typing import NamedTuple
 
-from testbed.robots.meshes.solids import Axis, Point, Solid, cut, groove, hull, puck, union
+from testbed.robots.meshes.solids import (
+    Axis,
+    Point,
+    Solid,
+    corners,
+    cut,
+    groove,
+    hull,
+    posts,
+    puck,
+    union,
+)
 
 FLOOR, SHOULDER, ELBOW, WRIST = -0.675, 0.1273, -0.612, -1.1843
 SIDE = -0.163941
@@ -44,21 +55,10 @@ def arm() -> dict[str, Solid]:
     return pedestal() | base() | moving
 
 
-def corners(x: float, y: float) -> list[tuple[float, float]]:
-    """Four corners around axis 1."""
-    return [(sx * x, sy * y) for sx in (-1, 1) for sy in (-1, 1)]
-
-
 def pedestal() -> dict[str, Solid]:
     """Square column with a bolted foot and a top plate; static."""
-    column = hull(
-        *(
-            puck(0.02, FLOOR + 0.01, -0.01, 0.003, "z", (x, y, 0), 20)
-            for x, y in corners(0.07, 0.07)
-        )
-    )
     plates = [
-        hull(*(puck(0.02, low, low + 0.02, 0.003, "z", (x, y, 0), 20) for x, y in corners(w, w)))
+        hull(*posts(0.02, low, low + 0.02, 0.003, corners(w, w), 20))
         for low, w in ((FLOOR, 0.18), (-0.02, 0.11))
     ]
     ribs = [
@@ -68,12 +68,9 @@ def pedestal() -> dict[str, Solid]:
         )
         for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))
     ]
-    bolts = [
-        puck(0.011, FLOOR + 0.018, FLOOR + 0.032, 0.002, "z", (x, y, 0), 6)
-        for x, y in corners(0.165, 0.165)
-    ]
+    bolts = posts(0.011, FLOOR + 0.018, FLOOR + 0.032, 0.002, corners(0.165, 0.165), 6)
     return {
-        "pedestal": column,
+        "pedestal": hull(*posts(0.02, FLOOR + 0.01, -0.01, 0.003, corners(0.07, 0.07), 20)),
         "pedestal_plates": union(*plates, *ribs),
         "pedestal_bolts": union(*bolts),
     }
@@ -89,7 +86,7 @@ def base() -> dict[str, Solid]:
         for x, y in corners(0.067, 0.067)
     ]
     body = union(puck(0.082, 0.0, 0.044, 0.005, "z"), *lugs)
-    holes = [puck(0.0045, -0.1, 0.1, 5e-4, "z", (x, y, 0), 16) for x, y in corners(0.067, 0.067)]
+    holes = posts(0.0045, -0.1, 0.1, 5e-4, corners(0.067, 0.067), 16)
     gland = union(
         puck(0.013, 0.075, 0.104, 0.002, "x", (0, 0, 0.023), 24),
         puck(0.009, 0.100, 0.118, 0.002, "x", (0, 0, 0.023), 20),
