@@ -1,4 +1,4 @@
-"""Many noisy tables and the gradient of many fits, 32 replicates side by side.
+"""The gradient of many fits, 32 replicates side by side.
 
 The width is written out: loops of constant length compile to vector instructions.
 """
@@ -43,10 +43,10 @@ def _arm(S: Any, to: int, A: Any, arm: int, force: int, r1: int, r2: int) -> Non
 
 
 @part
-def _add(into: Any, row: int, S: Any, own: int) -> None:
-    """Add row `own` of S to a row."""
+def _add(into: Any, row: int, S: Any, other: int) -> None:
+    """Add row `other` of S to a row."""
     for k in range(32):
-        into[row, k] += S[own, k]
+        into[row, k] += S[other, k]
 
 
 @part
@@ -72,6 +72,7 @@ def _frames(
     for i in range(turns.shape[0]):
         par, T = links[i], turned[i]
         _posture(T, par, cosine[i], sine[i], slide[i])
+        # joint terms turn or slide it further
         used = False
         for t in range(joint.shape[0]):
             if joint[t] == i:
@@ -89,6 +90,7 @@ def _frames(
                 T[0, k] = u
         elif used:
             _add(T, 2, S, 39)
+        # Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta)
         for r in range(3):
             _turn(S, r, 3 + r, T, 0)
             for k in range(32):
@@ -98,86 +100,115 @@ def _frames(
 
 
 @part
-def _walk(g: Any, S: Any, turned: Any, links: Any, basis: Any, joint: Any, turns: Any) -> None:
-    """Take the wrench (rows 12-17 of S) from base to flange; leave its components in g."""
+def _links(g: Any, S: Any, turned: Any, links: Any, basis: Any, joint: Any, turns: Any) -> None:
+    """Carry the wrench (rows 12-17 of S) from base to flange; its components are added to g."""
     n = turns.shape[0]
     for i in range(n):
         par, T, at = links[i], turned[i], 6 + 5 * i
-        _add(g, at, S, 17)
-        own = 17 if turns[i] else 14
+        _add(g, at, S, 17)  # theta
+        moment = 17 if turns[i] else 14
         for t in range(joint.shape[0]):
             if joint[t] == i:
                 value, into = basis[t], g[12 + 5 * n + t]
                 for k in range(32):
-                    into[k] += value * S[own, k]
+                    into[k] += value * S[moment, k]
         _turn(S, 12, 13, T, 0)
         _turn(S, 15, 16, T, 0)
-        _add(g, at + 1, S, 14)
-        _add(g, at + 2, S, 12)
+        _add(g, at + 1, S, 14)  # d
+        _add(g, at + 2, S, 12)  # a
         for k in range(32):
             S[15, k] += T[2, k] * S[13, k]
             S[16, k] += par[3, k] * S[14, k] - T[2, k] * S[12, k]
             S[17, k] -= par[3, k] * S[13, k]
-        _add(g, at + 3, S, 15)
+        _add(g, at + 3, S, 15)  # alpha
         _turn(S, 13, 14, par, 4)
         _turn(S, 16, 17, par, 4)
-        _add(g, at + 4, S, 16)
+        _add(g, at + 4, S, 16)  # beta
         _turn(S, 14, 12, par, 6)
         _turn(S, 17, 15, par, 6)
 
 
-@compiled(array_in(4), array_in(2), array_in(3), array_in(3), array_out(4))
-def shots(normal: Any, position: Any, rotation: Any, factor: Any, seen: Any) -> None:
-    """Poses seen with noise: p + n_p and Exp(n_r) R, with n = L z.
+@part
+def _tool(S: Any, H: Any) -> None:
+    """Tool axes (rows 18-26 of S) and tool point (27-29), seen from the base; tool H (12, 32)."""
+    for r in range(3):
+        for c in range(3):
+            _dot(S, 18 + 3 * r + c, H, c, 3 + c, 6 + c, S, r, 3 + r, 6 + r)
+        _dot(S, 27 + r, H, 9, 10, 11, S, r, 3 + r, 6 + r)
+        _add(S, 27 + r, S, 9 + r)
 
-    Parameters
-    ----------
-    normal : (B, m, 6, 32) array
-        Standard normal draws z.
-    position, rotation : (m, 3), (m, 3, 3) array
-        True poses in the world [m].
-    factor : (m, 6, 6) array
-        Lower factors L of the noise covariances [m, rad].
-    seen : (B, m, 12, 32) array
-        Receives the position [m], then the rotation row by row.
-    """
-    n = np.empty((6, 32))
-    K = np.empty((9, 32))
-    for b in range(normal.shape[0]):
-        for j in range(normal.shape[1]):
-            z, out = normal[b, j], seen[b, j]
-            n[:] = 0.0
-            for r in range(6):
-                for c in range(r + 1):
-                    L = factor[j, r, c]
-                    if L != 0.0:
-                        for k in range(32):
-                            n[r, k] += L * z[c, k]
-            for r in range(3):
-                for k in range(32):
-                    out[r, k] = position[j, r] + n[r, k]
+
+@part
+def _residual(S: Any, B: Any, seen: Any, offset: Any) -> bool:
+    """Residual (rows 30-35 of S) of one observation (12, 32); whether a reflector was aimed at."""
+    # tool into the world: axes to rows 0-8 (row by row), point into the residual
+    for r in range(3):
+        for c in range(3):
+            _dot(S, 3 * r + c, B, 3 * r, 3 * r + 1, 3 * r + 2, S, 18 + c, 21 + c, 24 + c)
+        _dot(S, 39, B, 3 * r, 3 * r + 1, 3 * r + 2, S, 27, 28, 29)
+        for k in range(32):
+            S[30 + r, k] = seen[r, k] - B[9 + r, k] - S[39, k]
+    # reflector beside the tool origin
+    o0, o1, o2 = offset[0], offset[1], offset[2]
+    lever = o0 != 0.0 or o1 != 0.0 or o2 != 0.0
+    if lever:
+        for r in range(3):
+            x = 3 * r
             for k in range(32):
-                x, y, w = n[3, k], n[4, k], n[5, k]
-                q = x * x + y * y + w * w
-                # sine and versed sine of a small turn over the turn and its square
-                s = 1.0 - q / 6 * (1.0 - q / 20 * (1.0 - q / 42))
-                v = 0.5 - q / 24 * (1.0 - q / 30 * (1.0 - q / 56))
-                K[0, k] = 1.0 - v * (y * y + w * w)
-                K[1, k] = v * x * y - s * w
-                K[2, k] = v * x * w + s * y
-                K[3, k] = v * x * y + s * w
-                K[4, k] = 1.0 - v * (x * x + w * w)
-                K[5, k] = v * y * w - s * x
-                K[6, k] = v * x * w - s * y
-                K[7, k] = v * y * w + s * x
-                K[8, k] = 1.0 - v * (x * x + y * y)
-            for r in range(3):
-                for c in range(3):
-                    R0, R1, R2 = rotation[j, 0, c], rotation[j, 1, c], rotation[j, 2, c]
-                    for k in range(32):
-                        out[3 + 3 * r + c, k] = (
-                            K[3 * r, k] * R0 + K[3 * r + 1, k] * R1 + K[3 * r + 2, k] * R2
-                        )
+                S[36 + r, k] = o0 * S[x, k] + o1 * S[x + 1, k] + o2 * S[x + 2, k]
+            for k in range(32):
+                S[30 + r, k] -= S[36 + r, k]
+    # sine of the rotation vector: half the sum of axis x axis seen
+    for r in range(3):
+        r1, r2 = 3 * ((r + 1) % 3), 3 * ((r + 2) % 3)
+        _dot(S, 33 + r, seen, r2 + 3, r2 + 4, r2 + 5, S, r1, r1 + 1, r1 + 2)
+        _dot(S, 39, seen, r1 + 3, r1 + 4, r1 + 5, S, r2, r2 + 1, r2 + 2)
+        for k in range(32):
+            S[33 + r, k] -= S[39, k]
+    # arc sine
+    for k in range(32):
+        u, v, w = 0.5 * S[33, k], 0.5 * S[34, k], 0.5 * S[35, k]
+        q = u * u + v * v + w * w
+        s = 1.0 + q * (1 / 6 + q * (3 / 40 + q * (5 / 112 + q * (35 / 1152))))
+        S[33, k] = s * u
+        S[34, k] = s * v
+        S[35, k] = s * w
+    return lever
+
+
+@part
+def _wrench(S: Any, weight: Any, chi: Any) -> None:
+    """Force and torque W r (rows 12-17 of S) in world axes; r'W r is added to chi (32,)."""
+    for r in range(6):
+        S[12 + r] = 0.0
+        for c in range(6):
+            W = weight[r, c]
+            if W != 0.0:
+                for k in range(32):
+                    S[12 + r, k] += W * S[30 + c, k]
+        for k in range(32):
+            chi[k] += S[12 + r, k] * S[30 + r, k]
+    # torque <- inverse right Jacobian, transposed, times torque
+    for k in range(32):
+        x, y, z = S[33, k], S[34, k], S[35, k]
+        u, v, w = S[15, k], S[16, k], S[17, k]
+        q = x * x + y * y + z * z
+        h = 1 / 12 + q * (1 / 720 + q * (1 / 30240))
+        c0, c1, c2 = y * w - z * v, z * u - x * w, x * v - y * u
+        S[15, k] = u - 0.5 * c0 + h * (y * c2 - z * c1)
+        S[16, k] = v - 0.5 * c1 + h * (z * c0 - x * c2)
+        S[17, k] = w - 0.5 * c2 + h * (x * c1 - y * c0)
+
+
+@part
+def _to_base(S: Any, B: Any) -> None:
+    """The wrench (rows 12-17 of S) in base axes, about the base origin."""
+    for r in range(3):
+        _dot(S, 39 + r, B, r, 3 + r, 6 + r, S, 12, 13, 14)
+        _dot(S, 42 + r, B, r, 3 + r, 6 + r, S, 15, 16, 17)
+    S[12:18] = S[39:45]
+    for r in range(3):
+        _arm(S, 15 + r, S, 27, 12, (r + 1) % 3, (r + 2) % 3)
 
 
 @compiled(
@@ -187,7 +218,7 @@ def shots(normal: Any, position: Any, rotation: Any, factor: Any, seen: Any) -> 
     array_out(3), array_out(2),
 )  # fmt: skip
 def gradient(
-    links: Any, base: Any, tool: Any, terms: Any, seen: Any, weight: Any, offset: Any,
+    links: Any, base: Any, tool: Any, terms: Any, observed: Any, weight: Any, offset: Any,
     cosine: Any, sine: Any, slide: Any, basis: Any, joint: Any, turns: Any,
     slope: Any, square: Any,
 ) -> None:  # fmt: skip
@@ -199,13 +230,14 @@ def gradient(
     Parameters
     ----------
     links : (B, n, 8, 32) array
-        Per block, link and replicate: as in `point_sums`.
+        Per block, link and replicate: cos, sin of the step of theta; step of d; a; cos, sin of
+        alpha; cos, sin of beta [m].
     base, tool : (B, 12, 32) array
         Rows of the rotation, then the origin of base in world and tool in flange [m].
     terms : (B, k, 32) array
         Steps of the coefficients of the joint terms [rad or m].
-    seen : (B, m, 12, 32) array
-        Position seen [m], then the rotation row by row, in the world.
+    observed : (B, m, 12, 32) array
+        Position observed [m], then the rotation row by row, in the world.
     weight : (m, 6, 6) array
         Inverse covariance of [position; rotation vector] in world axes.
     offset : (m, 3) array
@@ -215,7 +247,7 @@ def gradient(
     basis : (m, k) array
         Values of the joint terms.
     joint, turns : (k,) array of int, (n,) array of bool
-        As in `point_sums`.
+        Joint of each term; whether the joint is revolute.
     slope : (B, 12 + 5 n + k, 32) array
         Receives J'W r, by every number of the model.
     square : (B, 32) array
@@ -223,9 +255,9 @@ def gradient(
 
     References
     ----------
-    Residual [p_seen - p; Log(R_seen R')]; Sola, Deray, Atchuthan, arXiv 1812.01537, eq. (144).
+    Residual [p_obs - p; Log(R_obs R')]; Sola, Deray, Atchuthan, arXiv 1812.01537, eq. (144).
     """
-    n, m = links.shape[1], seen.shape[1]
+    n, m = links.shape[1], observed.shape[1]
     # rows of 32: axes x y z 0-8, point 9-11, force 12-14, torque 15-17, tool axes 18-26,
     # point seen from the base 27-29, residual 30-35, reflector arm 36-38, spare 39-44
     S = np.empty((45, 32))
@@ -235,80 +267,21 @@ def gradient(
         g[:] = 0.0
         chi[:] = 0.0
         for j in range(m):
-            see = seen[b, j]
+            # forward: flange, tool, residual
             _frames(
                 S, turned, links[b], terms[b], cosine[j], sine[j], slide[j], basis[j], joint, turns
             )
-            # tool axes and tool point, seen from the base
-            for r in range(3):
-                for c in range(3):
-                    _dot(S, 18 + 3 * r + c, H, c, 3 + c, 6 + c, S, r, 3 + r, 6 + r)
-                _dot(S, 27 + r, H, 9, 10, 11, S, r, 3 + r, 6 + r)
-                _add(S, 27 + r, S, 9 + r)
-            # into the world: axes to rows 0-8 (row by row), point into the residual
-            for r in range(3):
-                for c in range(3):
-                    _dot(S, 3 * r + c, B, 3 * r, 3 * r + 1, 3 * r + 2, S, 18 + c, 21 + c, 24 + c)
-                _dot(S, 39, B, 3 * r, 3 * r + 1, 3 * r + 2, S, 27, 28, 29)
-                for k in range(32):
-                    S[30 + r, k] = see[r, k] - B[9 + r, k] - S[39, k]
-            o0, o1, o2 = offset[j, 0], offset[j, 1], offset[j, 2]
-            lever = o0 != 0.0 or o1 != 0.0 or o2 != 0.0
-            if lever:
-                for r in range(3):
-                    x = 3 * r
-                    for k in range(32):
-                        S[36 + r, k] = o0 * S[x, k] + o1 * S[x + 1, k] + o2 * S[x + 2, k]
-                    for k in range(32):
-                        S[30 + r, k] -= S[36 + r, k]
-            # rotation vector: half the sum of axis x axis seen is its sine
-            for r in range(3):
-                r1, r2 = 3 * ((r + 1) % 3), 3 * ((r + 2) % 3)
-                _dot(S, 33 + r, see, r2 + 3, r2 + 4, r2 + 5, S, r1, r1 + 1, r1 + 2)
-                _dot(S, 39, see, r1 + 3, r1 + 4, r1 + 5, S, r2, r2 + 1, r2 + 2)
-                for k in range(32):
-                    S[33 + r, k] -= S[39, k]
-            for k in range(32):
-                u, v, w = 0.5 * S[33, k], 0.5 * S[34, k], 0.5 * S[35, k]
-                q = u * u + v * v + w * w
-                s = 1.0 + q * (1 / 6 + q * (3 / 40 + q * (5 / 112 + q * (35 / 1152))))
-                S[33, k] = s * u
-                S[34, k] = s * v
-                S[35, k] = s * w
-            # wrench in world axes
-            for r in range(6):
-                S[12 + r] = 0.0
-                for c in range(6):
-                    W = weight[j, r, c]
-                    if W != 0.0:
-                        for k in range(32):
-                            S[12 + r, k] += W * S[30 + c, k]
-                for k in range(32):
-                    chi[k] += S[12 + r, k] * S[30 + r, k]
-            # torque <- inverse right Jacobian, transposed, times torque
-            for k in range(32):
-                x, y, z = S[33, k], S[34, k], S[35, k]
-                u, v, w = S[15, k], S[16, k], S[17, k]
-                q = x * x + y * y + z * z
-                h = 1 / 12 + q * (1 / 720 + q * (1 / 30240))
-                c0, c1, c2 = y * w - z * v, z * u - x * w, x * v - y * u
-                S[15, k] = u - 0.5 * c0 + h * (y * c2 - z * c1)
-                S[16, k] = v - 0.5 * c1 + h * (z * c0 - x * c2)
-                S[17, k] = w - 0.5 * c2 + h * (x * c1 - y * c0)
+            _tool(S, H)
+            lever = _residual(S, B, observed[b, j], offset[j])
+            # backward: wrench at the tool, at the base, along the links, at the flange
+            _wrench(S, weight[j], chi)
             if lever:
                 for r in range(3):
                     _arm(S, 15 + r, S, 36, 12, (r + 1) % 3, (r + 2) % 3)
-            # into base axes, about the base origin
-            for r in range(3):
-                _dot(S, 39 + r, B, r, 3 + r, 6 + r, S, 12, 13, 14)
-                _dot(S, 42 + r, B, r, 3 + r, 6 + r, S, 15, 16, 17)
-            S[12:18] = S[39:45]
-            for r in range(3):
-                _arm(S, 15 + r, S, 27, 12, (r + 1) % 3, (r + 2) % 3)
+            _to_base(S, B)
             for r in range(6):
                 _add(g, r, S, 12 + r)
-            _walk(g, S, turned, links[b], basis[j], joint, turns)
-            # through the tool: shift to its origin, turn into its axes
+            _links(g, S, turned, links[b], basis[j], joint, turns)
             for r in range(3):
                 _arm(S, 15 + r, H, 9, 12, (r + 2) % 3, (r + 1) % 3)
             for r in range(3):

@@ -147,6 +147,7 @@ def bootstrap(
         )
     start = freeze(model, measurements, parameters, prior_precision=prior_precision)
     spread = _prior_spread(start)
+    import calib.kernels.noisy_poses
     import calib.kernels.replicates  # noqa: F401  # compiled before threads start
 
     parts = in_chunks(
@@ -171,12 +172,12 @@ def _replicate(
     start: Frozen, spread: Array, rng: np.random.Generator, count: int, steps: int
 ) -> Refits:
     """One chunk of virtual campaigns."""
-    from calib.kernels.replicates import shots
+    from calib.kernels.noisy_poses import noisy_poses
 
     plan, blocks = start.measurements, -(-count // LANES)
     normal = rng.standard_normal((blocks, len(plan), 6, LANES))
     seen = np.empty((blocks, len(plan), 12, LANES))
-    shots(normal, plan.position, plan.rotation, start.factor, seen)
+    noisy_poses(normal, plan.position, plan.rotation, start.factor, seen)
     center = np.zeros((blocks, len(spread), LANES))
     if spread.any():
         center = spread @ rng.standard_normal(center.shape)

@@ -12,6 +12,7 @@ import pytest
 from calib.geometry.frames import exp_so3
 from calib.geometry.parameters import parameters_of
 from calib.kernels import replicates
+from calib.kernels.noisy_poses import noisy_poses
 from calib.measurement.noise import isotropic_covariance, with_joint_noise
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import stacked
@@ -88,7 +89,7 @@ def test_noisy_tables_are_true_poses_turned_by_the_exponential():
     A = rng.normal(size=(4, 6, 6)) * 1e-3
     factor = np.linalg.cholesky(A @ np.swapaxes(A, 1, 2))
     seen = np.empty((2, 4, 12, 32))
-    replicates.shots(
+    noisy_poses(
         normal, np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3]), factor, seen
     )
     noise = np.einsum("jrc,bjck->bjrk", factor, normal)
@@ -106,14 +107,14 @@ def test_the_source_of_the_loops_runs_as_plain_python_with_the_same_bits():
         rng.normal(size=(2, 6, 6)) * 1e-3,
     )  # fmt: skip
     by_machine, by_python = np.zeros((1, 2, 12, 32)), np.zeros((1, 2, 12, 32))
-    replicates.shots(*args, by_machine)
-    replicates.shots.py_func(*args, by_python)
+    noisy_poses(*args, by_machine)
+    noisy_poses.py_func(*args, by_python)
     assert np.array_equal(by_machine, by_python)
 
 
 def test_arrays_of_another_layout_or_type_are_refused_rather_than_compiled_for():
     with pytest.raises(TypeError, match="No matching definition"):
-        replicates.shots(np.zeros((1, 1, 6, 32), dtype=np.float32), *(np.zeros((1, 3)),) * 4)
+        noisy_poses(np.zeros((1, 1, 6, 32), dtype=np.float32), *(np.zeros((1, 3)),) * 4)
 
 
 @pytest.mark.slow
@@ -125,7 +126,7 @@ def test_without_a_folder_to_write_the_loops_compile_uncached(tmp_path):
     )
     (tmp_path / "calib" / "kernels" / "__pycache__").write_text("in the way")
     environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-    code = "import calib.kernels.replicates as k; print(k.shots.stats.cache_path)"
+    code = "import calib.kernels.noisy_poses as k; print(k.noisy_poses.stats.cache_path)"
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code],
         cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300, check=False,
