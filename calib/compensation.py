@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Bool, check, frozen
 from calib.errors import InputError
-from calib.geometry.inverse import SINGULAR_CONDITION, Inverse, Outcome, inverse
+from calib.geometry.inverse import SINGULAR_CONDITION, Inverse, Outcome, inverse_kinematics
 from calib.geometry.inverse_search import joint_condition
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
@@ -132,7 +132,7 @@ def compensate(
     (q,) = check(f"m {n}", q=q)
     limits = np.tile([-UNLIMITED, UNLIMITED], (n, 1)) if limits is None else limits
     T = nominal.poses(q)
-    found = inverse(identified, T, q, limits, whole_turns=False)
+    found = inverse_kinematics(identified, T, q, limits, whole_turns=False)
     here = identified.poses(q)
     condition = np.maximum(found.condition, joint_condition(identified, q))
     return Correction(
@@ -176,8 +176,8 @@ def corrected_poses(
     choice.
     """
     _same_joints(nominal, identified)
-    meant = inverse(nominal, T, seeds, limits)
-    found = inverse(identified, T, meant.q, limits, whole_turns=False)
+    meant = inverse_kinematics(nominal, T, seeds, limits)
+    found = inverse_kinematics(identified, T, meant.q, limits, whole_turns=False)
     condition = np.maximum(found.condition, meant.condition)
     judged = _judged(identified, found, found.q - meant.q, condition)
     # a pose the nominal arm cannot take is no target of its program

@@ -8,13 +8,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
-from calib.errors import InputError
-from calib.geometry.frames import inverse, is_rigid, step_transform, transform, transform_step
+from calib.errors import refuse
+from calib.geometry.frames import (
+    inverse,
+    nearest_rigid,
+    require_rigid,
+    step_transform,
+    transform,
+    transform_step,
+)
 
 JointKind = Literal["revolute", "prismatic"]
 COLUMNS = ("theta", "d", "a", "alpha", "beta")
 """Order of the five numbers of a link: Rz(q + theta) Tz(d) Tx(a) Rx(alpha) Ry(beta)."""
-ANGLE_COLUMNS = (True, False, False, True, True)
 FRAME_AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
@@ -49,27 +55,11 @@ class Chain:
         )
         kinds = tuple(self.kinds) or ("revolute",) * len(links)
         if len(kinds) != len(links) or set(kinds) - {"revolute", "prismatic"}:
-            raise InputError(
-                f"kinds is {kinds}",
-                code="A3",
-                field="kinds",
-                value=kinds,
-                allowed=f"{len(links)} entries, each revolute or prismatic",
-            )
-        for name, T in (("T_world_base", base), ("T_flange_tool", tool)):
-            if not is_rigid(T):
-                raise InputError(
-                    f"{name} is not a rigid transform",
-                    code="A3",
-                    field=name,
-                    allowed="an orthonormal right-handed rotation, last row 0 0 0 1",
-                )
-        for name, value in (
-            ("links", links),
-            ("kinds", kinds),
-            ("T_world_base", base),
-            ("T_flange_tool", tool),
-        ):
+            wanted = f"{len(links)} entries, each revolute or prismatic"
+            raise refuse("kinds", kinds, wanted, code="A3")
+        require_rigid(base, "T_world_base")
+        require_rigid(tool, "T_flange_tool")
+        for name, value in zip(self.__slots__, (links, kinds, base, tool), strict=True):
             object.__setattr__(self, name, value)
 
     @property
@@ -97,18 +87,15 @@ class Chain:
         return replace(
             self,
             links=self.links + step[6:-6].reshape(-1, 5),
-            T_world_base=reorthonormalized(self.T_world_base @ step_transform(step[:6])),
-            T_flange_tool=reorthonormalized(self.T_flange_tool @ step_transform(step[-6:])),
+            T_world_base=nearest_rigid(self.T_world_base @ step_transform(step[:6])),
+            T_flange_tool=nearest_rigid(self.T_flange_tool @ step_transform(step[-6:])),
         )
 
     def step_to(self, other: "Chain") -> Array:
         """Step (12 + 5 n,) that moves this chain to `other`: ``a.moved(a.step_to(b))`` is b."""
         if self.kinds != other.kinds:
-            raise InputError(
-                f"chains differ in their joints: {self.kinds} and {other.kinds}",
-                code="A3",
-                field="kinds",
-            )
+            message = f"chains differ in their joints: {self.kinds} and {other.kinds}"
+            raise refuse("kinds", code="A3", message=message)
         return np.concatenate(
             [
                 transform_step(inverse(self.T_world_base) @ other.T_world_base),
@@ -116,12 +103,6 @@ class Chain:
                 transform_step(inverse(self.T_flange_tool) @ other.T_flange_tool),
             ]
         )
-
-
-def reorthonormalized(T: Array) -> Array:
-    """The rigid transform (4, 4) nearest to T: rounding removed so that it never accumulates."""
-    U, _, Vt = np.linalg.svd(T[:3, :3])
-    return transform(U @ Vt, T[:3, 3])
 
 
 def chain_names(n_joints: int) -> tuple[str, ...]:
@@ -153,13 +134,8 @@ def joint_vectors(chain: Chain, q: ArrayLike) -> Array:
     """Joint vectors (m, n) [rad, m] checked against the chain: the border of all kinematics."""
     (q,) = check("m n", q=q)
     if q.shape[1] != chain.n_joints:
-        raise InputError(
-            f"q has shape {q.shape}",
-            code="A1",
-            field="q",
-            value=q.shape,
-            allowed=f"axis 1 should be {chain.n_joints}, the joints of the chain",
-        )
+        wanted = f"axis 1 should be {chain.n_joints}, the joints of the chain"
+        raise refuse("q", q.shape, wanted, code="A1", message=f"q has shape {q.shape}")
     return frozen(q)
 
 

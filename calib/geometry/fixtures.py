@@ -6,9 +6,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
-from calib.errors import InputError
-from calib.geometry.chain import FRAME_AXES, reorthonormalized
-from calib.geometry.frames import inverse, is_rigid, step_transform, transform_step
+from calib.errors import refuse
+from calib.geometry.chain import FRAME_AXES
+from calib.geometry.frames import (
+    inverse,
+    nearest_rigid,
+    require_rigid,
+    step_transform,
+    transform_step,
+)
 
 POINT_AXES = FRAME_AXES[:3]
 
@@ -37,19 +43,8 @@ class Fixtures:
             stations=self.stations,
         )
         for k, T in enumerate(stations):
-            if not is_rigid(T):
-                raise InputError(
-                    f"stations[{k}] is not a rigid transform",
-                    code="A3",
-                    field="stations",
-                    value=k,
-                    allowed="an orthonormal right-handed rotation, last row 0 0 0 1",
-                )
-        for name, value in (
-            ("reflectors", reflectors),
-            ("anchors", anchors),
-            ("stations", stations),
-        ):
+            require_rigid(T, "stations", f"stations[{k}]", k)
+        for name, value in zip(self.__slots__, (reflectors, anchors, stations), strict=True):
             object.__setattr__(self, name, value)
 
     @property
@@ -90,8 +85,8 @@ class Fixtures:
         k, s, _ = self.counts
         points, frames = step[: 3 * (k + s)].reshape(-1, 3), step[3 * (k + s) :].reshape(-1, 6)
         stations = [
-            reorthonormalized(T @ step_transform(own))
-            for T, own in zip(self.stations, frames, strict=True)
+            nearest_rigid(T @ step_transform(move))
+            for T, move in zip(self.stations, frames, strict=True)
         ]
         return Fixtures(
             self.reflectors + points[:k],
@@ -102,15 +97,15 @@ class Fixtures:
     def step_to(self, other: "Fixtures") -> Array:
         """Step that moves these fixtures to `other`: ``a.moved(a.step_to(b))`` is b."""
         if self.counts != other.counts:
-            raise InputError(
-                f"fixtures differ in number: {self.counts} and {other.counts}",
-                code="A3",
-                field="fixtures",
+            raise refuse(
+                "fixtures",
                 allowed="as many reflectors, anchors and stations in both",
+                code="A3",
+                message=f"fixtures differ in number: {self.counts} and {other.counts}",
             )
         frames = [
-            transform_step(inverse(own) @ there)
-            for own, there in zip(self.stations, other.stations, strict=True)
+            transform_step(inverse(here) @ there)
+            for here, there in zip(self.stations, other.stations, strict=True)
         ]
         return np.concatenate(
             [

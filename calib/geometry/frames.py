@@ -6,6 +6,7 @@
 import numpy as np
 
 from calib.arrays import Array
+from calib.errors import refuse
 
 
 def skew(v: Array) -> Array:
@@ -125,8 +126,26 @@ def slide(x: float, y: float, z: float) -> Array:
     return T
 
 
+def nearest_rigid(T: Array) -> Array:
+    """The rigid transform (4, 4) nearest to T: rounding removed so that it never accumulates."""
+    U, _, Vt = np.linalg.svd(T[:3, :3])
+    return transform(U @ Vt, T[:3, 3])
+
+
 def is_rigid(T: Array, tolerance: float = 1e-9) -> bool:
     """Whether the rotation part (4, 4) is orthonormal with determinant +1 within `tolerance`."""
     R = T[:3, :3]
     off = float(np.abs(R.T @ R - np.eye(3)).max())
     return off <= tolerance and float(np.linalg.det(R)) > 0 and bool((T[3] == [0, 0, 0, 1]).all())
+
+
+def require_rigid(T: Array, field: str, name: str = "", value: object = None) -> None:
+    """Refuse a matrix (4, 4) that is not a rigid transform; `name` is what the message calls it."""
+    if not is_rigid(T):
+        raise refuse(
+            field,
+            value,
+            "an orthonormal right-handed rotation, last row 0 0 0 1",
+            code="A3",
+            message=f"{name or field} is not a rigid transform",
+        )

@@ -12,26 +12,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Bool, check, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.inverse_search import (
     ARRIVED,
     NUDGES,
     Task,
-    again,
     conditions,
     distance,
     inside,
-    pulled,
+    into_limits,
+    pull_to_seeds,
+    retry,
     search,
-    turned,
-    within,
+    whole_turns_into_limits,
 )
 from calib.geometry.inverse_search import joint_jacobian as joint_jacobian
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH as L
 
 Outcome = Literal["reached", "singular", "limits", "out of reach"]
-OUTCOMES: tuple[Outcome, ...] = ("reached", "singular", "limits", "out of reach")
 SINGULAR_CONDITION = 1e3
 """From this condition on, turning the tool by 0.01 deg can take joint moves of 10 deg."""
 
@@ -63,7 +62,7 @@ class Inverse:
         return len(self.q)
 
 
-def inverse(
+def inverse_kinematics(
     model: RobotModel,
     T: ArrayLike,
     seeds: ArrayLike,
@@ -99,35 +98,33 @@ def inverse(
     >>> from calib.geometry.chain import Chain
     >>> arm = RobotModel(Chain([[0, 0, 0.3, 0, 0], [0, 0, 0.2, 0, 0]]))
     >>> T = arm.poses([[0.4, 0.8]])
-    >>> found = inverse(arm, T, [[0.3, 0.7]], [[-3, 3], [-3, 3]])
+    >>> found = inverse_kinematics(arm, T, [[0.3, 0.7]], [[-3, 3], [-3, 3]])
     >>> found.status, found.q.round(12).tolist()
     (('reached',), [[0.4, 0.8]])
     """
     n = model.chain.n_joints
     T, limits = check(f"m 4 4, {n} 2", T=T, limits=limits)
     if (limits[:, 0] > limits[:, 1]).any():
-        raise InputError(
-            "limits has a lower limit above its upper one", code="A3", field="limits",
-            value=limits.tolist(), fix="swap them",
-        )  # fmt: skip
+        message = "limits has a lower limit above its upper one"
+        raise refuse("limits", limits.tolist(), code="A3", message=message, fix="swap them")
     every = np.asarray(seeds, dtype=np.float64)
     every = every[:, None] if every.ndim == 2 else every
     (every,) = check(f"{len(T)} s {n}", seeds=every)
     targets, starts = len(T), every.shape[1]
     task = Task(model, np.repeat(T, starts, axis=0), every.reshape(-1, n), limits)
-    q, near = search(task, within(task, task.seeds), bounded=True)
+    q, near = search(task, into_limits(task, task.seeds), bounded=True)
     for nudge in NUDGES if starts == 1 else ():
-        q, near = again(task, q, near, nudge)
+        q, near = retry(task, q, near, nudge)
     beyond, lost = np.zeros(len(q), dtype=bool), np.flatnonzero(~near)
     if len(lost):
         # what the limits stop may come back a whole turn away, or be out of reach for good
         free = task.rows(lost)
         there, beyond[lost] = search(free, free.seeds, bounded=False)
-        there = turned(free, there) if whole_turns else there
+        there = whole_turns_into_limits(free, there) if whole_turns else there
         back = beyond[lost] & inside(there, limits)
         q[lost[back]], near[lost[back]] = there[back], True
     if n > 6:
-        q, near = pulled(task, q, near)
+        q, near = pull_to_seeds(task, q, near)
     return _best(task, q, near, beyond, targets)
 
 
@@ -147,16 +144,17 @@ def spread(limits: ArrayLike, count: int) -> Array:
 
 
 def _best(task: Task, q: Array, near: Bool, beyond: Bool, targets: int) -> Inverse:
-    """Of the searches of each target the best one, judged."""
+    """The best of the searches of each target, with its outcome."""
     starts = len(q) // targets if targets else 1
     e, J = task.error(q)
     place = np.linalg.norm(e[:, :3], axis=1)
     turn = np.linalg.norm(e[:, 3:], axis=1) / L
     condition = conditions(J)
     first = np.repeat(task.seeds[::starts], starts, axis=0)
-    worth = np.where(near, distance(task, q, first), 1e6 + np.linalg.norm(e, axis=1))
-    worth = worth + np.where(near & (condition > SINGULAR_CONDITION), 1e3, 0.0)
-    pick = np.arange(targets) * starts + worth.reshape(targets, starts).argmin(axis=1)
+    # reached before singular before not reached; of equals the nearest to the first seed
+    cost = np.where(near, distance(task, q, first), 1e6 + np.linalg.norm(e, axis=1))
+    cost = cost + np.where(near & (condition > SINGULAR_CONDITION), 1e3, 0.0)
+    pick = np.arange(targets) * starts + cost.reshape(targets, starts).argmin(axis=1)
     outside: Bool = np.any(beyond.reshape(targets, starts), axis=1)
     status: list[Outcome] = []
     for k, row in enumerate(pick):

@@ -1,4 +1,4 @@
-"""The search behind `inverse`: damped Newton on many postures at once, inside limits or without.
+"""The search behind `inverse_kinematics`: damped Newton on many postures, inside limits or without.
 
 The error of a posture is e = [p_T - p (m); L Log(R_T R') (m)] with L the characteristic length; its
 exact derivative is -[Jp; L Jr^-1(e_r) Jw] (1 + d dq/dq), so steps converge quadratically to
@@ -92,14 +92,17 @@ def search(task: Task, q: Array, *, bounded: bool) -> tuple[Array, Bool]:
     for _ in range(ITERATIONS):
         if not len(active):
             break
+        # trial step
         scaled = _step(J[active], e[active], q[active], damping[active], (lower, upper))
         new = np.clip(q[active] + scaled * task.unit, lower, upper)
         e_new, J_new = task.rows(active).error(new)
         cost_new, old = (e_new**2).sum(axis=1), cost[active]
+        # gain ratio: cost saved over what the linear model promised
         moved = (J[active] @ ((new - q[active]) / task.unit)[:, :, None])[..., 0]
         hoped = old - ((e[active] - moved) ** 2).sum(axis=1)
         good = cost_new < old
         gain = np.where(good, (old - cost_new) / np.maximum(hoped, 1e-300), -1.0)
+        # accept, then trust more or less
         at = active[good]
         q[at], e[at], J[at], cost[at] = new[good], e_new[good], J_new[good], cost_new[good]
         factor = np.where(gain > 0.75, 0.2, np.where(gain > 0.25, 1.0, 4.0))
@@ -121,7 +124,7 @@ def _step(J: Array, e: Array, q: Array, damping: Array, bounds: tuple[Array, Arr
     lower, upper = bounds
     held = np.zeros(q.shape, dtype=bool)
     for _ in range(q.shape[1] + 1):
-        step = _solved(np.where(held[:, None, :], 0.0, J), e, damping)
+        step = _damped_step(np.where(held[:, None, :], 0.0, J), e, damping)
         out = ((q <= lower) & (step < 0)) | ((q >= upper) & (step > 0))
         if not (out & ~held).any():
             break
@@ -130,7 +133,7 @@ def _step(J: Array, e: Array, q: Array, damping: Array, bounds: tuple[Array, Arr
     return np.asarray(step * np.minimum(1.0, LONGEST / np.maximum(size, 1e-300)))
 
 
-def _solved(J: Array, e: Array, damping: Array) -> Array:
+def _damped_step(J: Array, e: Array, damping: Array) -> Array:
     """Pseudo-inverse steps V diag(s / (s^2 + damping)) U' e, (s, n)."""
     U, s, Vt = np.linalg.svd(J, full_matrices=False)
     square = s**2 + damping[:, None]
@@ -141,20 +144,20 @@ def _solved(J: Array, e: Array, damping: Array) -> Array:
     return np.asarray((np.swapaxes(Vt, 1, 2) @ along[:, :, None])[..., 0])
 
 
-def again(task: Task, q: Array, near: Bool, nudge: float) -> tuple[Array, Bool]:
+def retry(task: Task, q: Array, near: Bool, nudge: float) -> tuple[Array, Bool]:
     """Where searches that failed end from seeds that are moved aside: out of a singular posture."""
     lost = np.flatnonzero(~near)
     if not len(lost):
         return q, near
     some, q, near = task.rows(lost), q.copy(), near.copy()
     aside = nudge * L * task.unit * (-1.0) ** np.arange(q.shape[1])
-    start = np.clip(within(some, some.seeds) + aside, *task.limits.T)
+    start = np.clip(into_limits(some, some.seeds) + aside, *task.limits.T)
     there, arrived = search(some, start, bounded=True)
     q[lost[arrived]], near[lost[arrived]] = there[arrived], True
     return q, near
 
 
-def pulled(task: Task, q: Array, near: Bool) -> tuple[Array, Bool]:
+def pull_to_seeds(task: Task, q: Array, near: Bool) -> tuple[Array, Bool]:
     """Postures that reach their targets, moved along their free directions toward the seeds."""
     rows = np.flatnonzero(near)
     if not len(rows):
@@ -162,10 +165,11 @@ def pulled(task: Task, q: Array, near: Bool) -> tuple[Array, Bool]:
     some, out = task.rows(rows), q.copy()
     x = q[rows]
     for _ in range(ITERATIONS):
+        # toward the seed in the null space, and back onto the target
         e, J = some.error(x)
         away = (some.seeds - x) / task.unit
         nothing = np.zeros(len(x))
-        step = away - _solved(J, (J @ away[:, :, None])[..., 0] - e, nothing)
+        step = away - _damped_step(J, (J @ away[:, :, None])[..., 0] - e, nothing)
         size = np.abs(step).max(axis=1, keepdims=True) / L
         x = x + step * np.minimum(1.0, 0.2 / np.maximum(size, 1e-300)) * task.unit
         if np.abs(step).max() < 1e-13:
@@ -193,7 +197,7 @@ def distance(task: Task, q: Array, seeds: Array) -> Array:
     return np.asarray(np.linalg.norm((q - seeds) / task.unit, axis=1))
 
 
-def turned(task: Task, q: Array) -> Array:
+def whole_turns_into_limits(task: Task, q: Array) -> Array:
     """The same postures with each turning joint moved by whole turns into its range, if it can."""
     lower, upper = task.limits.T
     turns = 2 * np.pi * (1 - task.model.chain.prismatic)
@@ -202,9 +206,9 @@ def turned(task: Task, q: Array) -> Array:
     return np.asarray(q + turns * (np.maximum(up, 0) - np.maximum(down, 0)))
 
 
-def within(task: Task, q: Array) -> Array:
+def into_limits(task: Task, q: Array) -> Array:
     """Seeds inside the limits: whole turns first, then to the nearest limit."""
-    return np.asarray(np.clip(turned(task, q), *task.limits.T))
+    return np.asarray(np.clip(whole_turns_into_limits(task, q), *task.limits.T))
 
 
 def joint_condition(model: RobotModel, q: Array) -> Array:

@@ -11,7 +11,7 @@ from calib.arrays import Array
 from calib.geometry.chain import Chain, joint_vectors, link_rotation_parts
 from calib.geometry.frames import transform
 
-CHUNK = 1000
+BATCH = 1000
 """Poses per pass: a larger batch leaves the cache and is 2.5 times slower."""
 
 
@@ -28,17 +28,18 @@ def pose_and_jacobian(chain: Chain, q: ArrayLike) -> tuple[Array, Array]:
     q = joint_vectors(chain, q)
     T = np.zeros((len(q), 4, 4))
     J = np.zeros((len(q), 6, chain.n_numbers))
-    for start in range(0, len(q), CHUNK):
-        part = slice(start, start + CHUNK)
-        _sweep(chain, q[part], T[part], J[part])
+    for start in range(0, len(q), BATCH):
+        part = slice(start, start + BATCH)
+        _fill_batch(chain, q[part], T[part], J[part])
     return T, J
 
 
-def _sweep(chain: Chain, q: Array, T_out: Array, J_out: Array) -> None:
-    """Fill poses and Jacobian of one chunk."""
+def _fill_batch(chain: Chain, q: Array, T_out: Array, J_out: Array) -> None:
+    """Fill poses and Jacobian of one batch."""
     base, tool = chain.T_world_base, chain.T_flange_tool
     m, n = q.shape
-    axes = np.zeros((chain.n_numbers, m, 3))  # one screw axis per number
+    # all screws, from base to tool
+    axes = np.zeros((chain.n_numbers, m, 3))  # one axis per number
     points = np.zeros((chain.n_numbers, m, 3))  # a point on it, for turns
     slides = np.zeros(chain.n_numbers, dtype=bool)
     axes[0:3] = axes[3:6] = base[:3, :3].T[:, None, :]
@@ -64,6 +65,7 @@ def _sweep(chain: Chain, q: Array, T_out: Array, J_out: Array) -> None:
     slides[k : k + 3] = True
     origin = T_out[:, :3, 3]
     points[k + 3 :] = origin
+    # columns: slides move along their axis, turns move by axis x arm
     turns = ~slides
     J_out[:, :3, slides] = np.moveaxis(axes[slides], 0, -1)
     J_out[:, 3:, turns] = np.moveaxis(axes[turns], 0, -1)

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from calib.arrays import Array, check
-from calib.errors import InputError
+from calib.errors import refuse
 
 _WAVES: tuple[Literal["sin", "cos"], ...] = ("sin", "cos")
 
@@ -40,12 +40,9 @@ class JointErrors:
     def __post_init__(self) -> None:
         (coefficients,) = check("k", coefficients=self.coefficients)
         if len(coefficients) != len(self.terms):
-            raise InputError(
-                f"coefficients has {len(coefficients)} entries",
-                code="A1",
-                field="coefficients",
-                allowed=f"one per term, {len(self.terms)}",
-            )
+            message = f"coefficients has {len(coefficients)} entries"
+            wanted = f"one per term, {len(self.terms)}"
+            raise refuse("coefficients", allowed=wanted, code="A1", message=message)
         object.__setattr__(self, "coefficients", coefficients)
 
     @property
@@ -82,11 +79,8 @@ def gravity_terms(n_joints: int, quarters: tuple[int, int] = (0, 0)) -> tuple[Jo
     cosines stand for the sines of odd ones: the UR10, level at zero, has (1, 1).
     """
     if n_joints < 3:
-        raise InputError(
-            f"the closed gravity form needs three joints; the chain has {n_joints}",
-            code="A3",
-            field="n_joints",
-        )
+        message = f"the closed gravity form needs three joints; the chain has {n_joints}"
+        raise refuse("n_joints", code="A3", message=message)
     upper = tuple(int(i == 1) for i in range(n_joints))
     fore = tuple(int(i in (1, 2)) for i in range(n_joints))
     of_upper, of_fore = (_WAVES[k % 2] for k in quarters)
@@ -108,5 +102,5 @@ def harmonic_terms(n_joints: int, orders: tuple[int, ...] = (1, 2)) -> tuple[Joi
         )
         for i in range(n_joints)
         for order in orders
-        for wave in ("sin", "cos")
+        for wave in _WAVES
     )

@@ -60,13 +60,13 @@ class RobotModel:
 
     def step_to(self, other: "RobotModel") -> Array:
         """Step (P,) that moves this model to `other`, of the same joint terms and fixtures."""
-        (own, there) = check(
+        (here, there) = check(
             "k, k",
             own=self.joint_errors.coefficients,
             other=other.joint_errors.coefficients,
         )
         return np.concatenate(
-            [self.chain.step_to(other.chain), there - own, self.fixtures.step_to(other.fixtures)]
+            [self.chain.step_to(other.chain), there - here, self.fixtures.step_to(other.fixtures)]
         )
 
     def poses(self, q: ArrayLike) -> Array:
@@ -87,7 +87,7 @@ class RobotModel:
             return T, J
         parts = [J]
         if self.joint_errors.terms:
-            own = np.array(joint_columns(self.chain))[self.joint_errors.joints]
-            parts.append(J[:, :, own] * self.joint_errors.basis(q)[:, None, :])
+            columns = np.array(joint_columns(self.chain))[self.joint_errors.joints]
+            parts.append(J[:, :, columns] * self.joint_errors.basis(q)[:, None, :])
         parts.append(np.zeros((len(q), 6, self.fixtures.n_numbers)))
         return T, np.concatenate(parts, axis=-1)

@@ -7,7 +7,7 @@ from difflib import get_close_matches
 import numpy as np
 
 from calib.arrays import Array, Bool, check, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.model import RobotModel
 
 CHARACTERISTIC_LENGTH = 0.3
@@ -31,7 +31,7 @@ class Parameters:
         p = len(self.names)
         (scale,) = check(f"{p}", scale=self.scale)
         if (scale <= 0).any():
-            raise InputError("scale must be positive", code="A3", field="scale")
+            raise refuse("scale", code="A3", message="scale must be positive")
         object.__setattr__(self, "scale", scale)
         for name in ("is_length", "free"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.bool_))
@@ -65,11 +65,11 @@ class Parameters:
         for name in wanted:
             if name not in self.names:
                 close = get_close_matches(name, self.names, 1)
-                raise InputError(
-                    f'no parameter is called "{name}"',
+                raise refuse(
+                    "free",
+                    name,
                     code="A4",
-                    field="free",
-                    value=name,
+                    message=f'no parameter is called "{name}"',
                     fix=f'did you mean "{close[0]}"?' if close else "see the model's names",
                 )
         return replace(self, free=np.array([name in wanted for name in self.names]))

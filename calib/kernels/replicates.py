@@ -139,7 +139,7 @@ def _tool(S: Any, H: Any) -> None:
 
 
 @part
-def _residual(S: Any, B: Any, seen: Any, offset: Any) -> bool:
+def _residual(S: Any, B: Any, seen: Any, offset: Any) -> Any:
     """Residual (rows 30-35 of S) of one observation (12, 32); whether a reflector was aimed at."""
     # tool into the world: axes to rows 0-8 (row by row), point into the residual
     for r in range(3):

@@ -16,7 +16,7 @@ from calib.compensation import compensate, corrected_poses, told
 from calib.errors import InputError
 from calib.geometry.frames import inverse as inverse_transform
 from calib.geometry.frames import transform
-from calib.geometry.inverse import Outcome, inverse, spread
+from calib.geometry.inverse import Outcome, inverse_kinematics, spread
 from calib.geometry.model import RobotModel
 from calib.measurement.accuracy import position_errors, rotation_errors
 from testbed.disk import atomic_write
@@ -274,10 +274,10 @@ def _configurations(
     everywhere = spread(robot.limits, STARTS)
     before = robot.limits.mean(axis=1)
     for k in range(len(T)):
-        near = inverse(nominal, T[k : k + 1], before[None], robot.limits) if k else None
+        near = inverse_kinematics(nominal, T[k : k + 1], before[None], robot.limits) if k else None
         if near is None or near.status != ("reached",):
             starts = np.concatenate([before[None], everywhere])[None]
-            near = inverse(nominal, T[k : k + 1], starts, robot.limits)
+            near = inverse_kinematics(nominal, T[k : k + 1], starts, robot.limits)
         seeds[k] = near.q[0]
         before = near.q[0] if near.reached[0] else before
     said = (

@@ -7,7 +7,7 @@ import numpy as np
 from calib.arrays import Array, frozen
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3, inverse, log_so3, slide, transform
-from calib.geometry.inverse import inverse as joints_reaching
+from calib.geometry.inverse import inverse_kinematics
 from calib.information.criteria.named import NEEDS_GOALS
 from calib.information.goals import Goals, goal_matrix
 from testbed.laboratory.bench import PROBED_POSES, Bench
@@ -255,7 +255,7 @@ def reached_by(robot: Robot, T: Array, starts: Array) -> tuple[Array, float]:
         How near the tool position came in all [m]: zero if something was found.
     """
     every = np.broadcast_to(T, (len(starts), 4, 4))
-    found = joints_reaching(robot.model, every, starts, robot.limits)
+    found = inverse_kinematics(robot.model, every, starts, robot.limits)
     if found.reached.any():
         return found.q[found.reached], 0.0
     return found.q[:0], float(found.position_error.min())

@@ -7,7 +7,7 @@ from calib.compensation import compensate, corrected_poses
 from calib.errors import InputError
 from calib.geometry.chain import Chain
 from calib.geometry.frames import log_so3
-from calib.geometry.inverse import inverse, joint_jacobian, spread
+from calib.geometry.inverse import inverse_kinematics, joint_jacobian, spread
 from calib.geometry.model import RobotModel
 from tests.calib.geometry.test_inverse import ARMS, TX60, limits_of, wrong
 
@@ -72,7 +72,7 @@ def test_a_controller_that_keeps_its_nominal_model_is_told_other_poses(name):
     ok = found.corrected
     assert ok.mean() > 0.9
     # the controller: its own inverse kinematics, from where it would be for the old target
-    taken = inverse(nominal, found.T[ok], q[ok], limits).q
+    taken = inverse_kinematics(nominal, found.T[ok], q[ok], limits).q
     assert np.abs(real.poses(taken)[:, :3] - T[ok][:, :3]).max() < LEFT
     np.testing.assert_allclose(taken, found.q[ok], atol=1e-7)
     # both ways out are one: the joints are those of the joint correction

@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
-from calib.geometry.chain import reorthonormalized
 from calib.geometry.fixtures import Fixtures
-from calib.geometry.frames import skew, step_transform
+from calib.geometry.frames import nearest_rigid, skew, step_transform
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from calib.identification.least_squares import solve
 from calib.measurement.observations import Measurements
@@ -43,8 +42,8 @@ class Rig:
         """Rig after a step (12 + f,) of base, tool and fixtures, as in `RobotModel.moved`."""
         return replace(
             self,
-            base=reorthonormalized(self.base @ step_transform(step[:6])),
-            tool=reorthonormalized(self.tool @ step_transform(step[6:12])),
+            base=nearest_rigid(self.base @ step_transform(step[:6])),
+            tool=nearest_rigid(self.tool @ step_transform(step[6:12])),
             fixtures=self.fixtures.moved(step[12:]),
         )
 

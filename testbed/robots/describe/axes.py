@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from calib.arrays import Array
-from calib.geometry.chain import Chain, JointKind, forward, reorthonormalized
-from calib.geometry.frames import inverse, rot_x, rot_y, rot_z, slide, transform
+from calib.geometry.chain import Chain, JointKind, forward
+from calib.geometry.frames import inverse, nearest_rigid, rot_x, rot_y, rot_z, slide, transform
 from testbed.robots.placements import link_poses
 
 DUST = 1e-15
@@ -64,9 +64,7 @@ def chain_from_axes(
         link = _without_dust(link)
         links.append(link)
         frame = frame @ link_transform(link)
-    return Chain(
-        np.array(links), tuple(kinds), base, reorthonormalized(inverse(frame) @ T_world_tip)
-    )
+    return Chain(np.array(links), tuple(kinds), base, nearest_rigid(inverse(frame) @ T_world_tip))
 
 
 def reach(chain: Chain) -> float:

@@ -5,7 +5,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3, transform
-from calib.geometry.inverse import inverse, spread
+from calib.geometry.inverse import inverse_kinematics, spread
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot
 from testbed.studies.compensation.settings import CompensationSettings
@@ -42,7 +42,7 @@ def cube_joints(robot: Robot, simulator: Simulator, T: Array) -> Array:
     """
     n, limits = len(robot.limits), robot.limits
     starts = np.broadcast_to(spread(limits, STARTS), (STARTS, n))
-    first = inverse(robot.model, np.broadcast_to(T[0], (STARTS, 4, 4)), starts, limits)
+    first = inverse_kinematics(robot.model, np.broadcast_to(T[0], (STARTS, 4, 4)), starts, limits)
     ways = first.q[np.array([one == "reached" for one in first.status])]
     ways = ways[~simulator.collides(ways)] if len(ways) else ways
     if not len(ways):
@@ -51,14 +51,14 @@ def cube_joints(robot: Robot, simulator: Simulator, T: Array) -> Array:
     best, score = None, np.inf
     for way in np.unique(ways.round(9), axis=0):
         seeds = np.broadcast_to(way, (len(T), n))
-        found = inverse(robot.model, T, seeds, limits, whole_turns=False)
+        found = inverse_kinematics(robot.model, T, seeds, limits, whole_turns=False)
         sound = all(one == "reached" for one in found.status)
         if sound and found.condition.max() < score and not simulator.collides(found.q).any():
             best, score = found.q, float(found.condition.max())
     if best is not None:
         return best
     seeds = np.broadcast_to(ways[0], (len(T), n))
-    found = inverse(robot.model, T, seeds, limits, whole_turns=False)
+    found = inverse_kinematics(robot.model, T, seeds, limits, whole_turns=False)
     wrong = [k for k, one in enumerate(found.status) if one != "reached"]
     raise _unfit(T[wrong[0]] if wrong else T[1], wrong[0] + 1 if wrong else 2)
 

@@ -7,7 +7,7 @@ from scipy import optimize
 from calib.errors import InputError
 from calib.geometry.chain import Chain
 from calib.geometry.frames import log_so3, rot_y, slide
-from calib.geometry.inverse import inverse, joint_jacobian, spread
+from calib.geometry.inverse import inverse_kinematics, joint_jacobian, spread
 from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_terms
 from calib.geometry.model import RobotModel
 
@@ -58,7 +58,7 @@ def test_the_pose_comes_back_to_rounding_with_joint_errors_too(name):
     chain, rng = ARMS[name], np.random.default_rng(4)
     model, limits = wrong(chain, rng), limits_of(ARMS[name])
     q = spread(0.9 * limits, 100)
-    found = inverse(model, model.poses(q), q + rng.normal(size=q.shape) * 0.02, limits)
+    found = inverse_kinematics(model, model.poses(q), q + rng.normal(size=q.shape) * 0.02, limits)
     reached = found.reached
     assert reached.mean() > 0.95  # the rest stand where the arm folds or stretches
     assert apart(model.poses(found.q)[reached], model.poses(q)[reached]) < ROUNDING
@@ -86,11 +86,11 @@ def test_any_pose_of_the_arm_is_found_from_evenly_spread_starts():
     model, limits = RobotModel(TX60), limits_of(TX60)
     q = spread(limits, 130)[100:]
     starts = np.broadcast_to(spread(limits, 24), (len(q), 24, 6))
-    found = inverse(model, model.poses(q), starts, limits)
+    found = inverse_kinematics(model, model.poses(q), starts, limits)
     assert found.reached.all()
     assert apart(model.poses(found.q), model.poses(q)) < ROUNDING
     # of several postures the one nearest to the first start: more starts never give a farther one
-    few = inverse(model, model.poses(q), starts[:, :12], limits)
+    few = inverse_kinematics(model, model.poses(q), starts[:, :12], limits)
     away, before = (np.linalg.norm(one.q - starts[:, 0], axis=1) for one in (found, few))
     plain = np.array([one == "reached" for one in few.status])
     assert plain.sum() > 20
@@ -102,7 +102,7 @@ def test_a_seven_axis_arm_moves_as_little_as_a_constrained_optimizer_finds():
     model, limits, rng = RobotModel(SEVEN), limits_of(SEVEN), np.random.default_rng(6)
     seeds = np.array([[0.3, 0.7, -0.4, 1.2, 0.5, -0.8, 0.2], [-1, 0.5, 0.3, -1.1, 0.2, 0.9, 1]])
     T = model.poses(seeds + rng.normal(size=seeds.shape) * 0.1)
-    found = inverse(model, T, seeds, limits)
+    found = inverse_kinematics(model, T, seeds, limits)
     assert found.status == ("reached", "reached")
     _, J = joint_jacobian(model, found.q)
     for k, seed in enumerate(seeds):
@@ -126,7 +126,7 @@ def test_limits_hold_and_a_pose_beyond_them_is_said_to_be_beyond_them():
     T = model.poses(q)
     tight = q[0, :, None] + [-0.2, 0.2]
     tight[2] = q[0, 2] + np.array([-0.3, -0.1])
-    found = inverse(model, T, q, tight)
+    found = inverse_kinematics(model, T, q, tight)
     assert found.status == ("limits",)
     assert ((found.q >= tight[:, 0]) & (found.q <= tight[:, 1])).all()
     assert found.q[0, 2] == pytest.approx(tight[2, 1])
@@ -146,17 +146,17 @@ def test_a_joint_may_come_back_by_a_whole_turn_only_if_it_is_allowed_to():
     limits = np.array([[-4.0, 4.0]] * 6)
     q = np.array([[0.2, 0.4, 0.9, 0.3, 0.8, 4.1 - 2 * np.pi]])
     seed = q + np.array([0, 0, 0, 0, 0, 2 * np.pi - 0.2])
-    found = inverse(model, model.poses(q), seed, limits)
+    found = inverse_kinematics(model, model.poses(q), seed, limits)
     assert found.status == ("reached",)
     np.testing.assert_allclose(found.q, q, atol=1e-9)
-    held = inverse(model, model.poses(q), seed, limits, whole_turns=False)
+    held = inverse_kinematics(model, model.poses(q), seed, limits, whole_turns=False)
     assert held.status == ("limits",)
 
 
 def test_a_target_out_of_reach_says_how_near_the_tool_came():
     model, limits = RobotModel(TX60), limits_of(TX60)
     T = (slide(0, 0.02, 0.9))[None]  # the candle is 0.67 m high, and looks up like this
-    found = inverse(model, T, [[0, 0.1, 0.1, 0, 0.1, 0]], limits)
+    found = inverse_kinematics(model, T, [[0, 0.1, 0.1, 0, 0.1, 0]], limits)
     assert found.status == ("out of reach",)
     assert found.position_error[0] == pytest.approx(0.23, abs=2e-4)  # singular: slow at the end
 
@@ -164,7 +164,7 @@ def test_a_target_out_of_reach_says_how_near_the_tool_came():
 def test_singular_postures_are_reached_and_named():
     model, limits = RobotModel(TX60), limits_of(TX60)
     q = np.array([[0.4, 0.6, 0.8, 0.3, 0.0, -0.2]])  # axes 4 and 6 in line
-    found = inverse(model, model.poses(q), q + 1e-3, limits)
+    found = inverse_kinematics(model, model.poses(q), q + 1e-3, limits)
     assert found.status == ("singular",)
     assert found.reached.all()
     assert found.condition[0] > 1e4
@@ -174,9 +174,9 @@ def test_an_arm_of_few_joints_ends_at_the_nearest_of_its_poses():
     model = RobotModel(Chain([[0, 0, 0.3, 0, 0], [0, 0, 0.2, 0, 0]]))
     limits = [[-3, 3], [-3, 3]]
     T = model.poses([[0.4, 0.8]])
-    found = inverse(model, T, [[0.2, 0.9]], limits)
+    found = inverse_kinematics(model, T, [[0.2, 0.9]], limits)
     np.testing.assert_allclose(found.q, [[0.4, 0.8]], atol=1e-12)
-    tilted = inverse(model, T @ rot_y(0.01), [[0.2, 0.9]], limits)
+    tilted = inverse_kinematics(model, T @ rot_y(0.01), [[0.2, 0.9]], limits)
     assert tilted.status == ("out of reach",)
     assert tilted.rotation_error[0] == pytest.approx(0.01, rel=1e-9)
 
@@ -188,7 +188,7 @@ def test_a_thousand_corrections_take_less_than_two_seconds():
     model, q = wrong(TX60, rng), spread(0.8 * limits_of(TX60), 1000)
     T = RobotModel(TX60).poses(q)
     start = time.perf_counter()
-    inverse(model, T, q, limits_of(TX60))
+    inverse_kinematics(model, T, q, limits_of(TX60))
     assert time.perf_counter() - start < 2.0  # 0.1 s; room for a busy machine
 
 
@@ -203,4 +203,4 @@ def test_a_thousand_corrections_take_less_than_two_seconds():
 )
 def test_bad_input_is_named(seeds, limits, said):
     with pytest.raises(InputError, match=said):
-        inverse(RobotModel(TX60), np.eye(4)[None], seeds, limits)
+        inverse_kinematics(RobotModel(TX60), np.eye(4)[None], seeds, limits)

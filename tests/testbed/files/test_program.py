@@ -7,7 +7,7 @@ import pytest
 
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3, log_so3
-from calib.geometry.inverse import inverse
+from calib.geometry.inverse import inverse_kinematics
 from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
 from testbed.files.program import ADDED, correct_program
@@ -100,7 +100,7 @@ def test_cartesian_targets_go_through_the_nominal_controller_to_the_right_place(
     told[:, :3, :3], told[:, :3, 3] = R, new[:, :3] / 1e3
     # nothing jumps: the numbers stay near what they were
     assert np.abs(new - rows).max() < 1.0
-    taken = inverse(ROBOT.model, told, Q, ROBOT.limits).q  # the controller
+    taken = inverse_kinematics(ROBOT.model, told, Q, ROBOT.limits).q  # the controller
     assert np.abs(real.poses(taken)[:, :3] - T[:, :3]).max() < 1e-9
     # joint columns only say in which configuration; they are no targets here
     np.testing.assert_array_equal(new[:, -6:], rows[:, -6:])
