@@ -88,7 +88,7 @@ def _measure(shown: ShownCalibration) -> Chapter:
         motion=visit(shown.calibration.measurements.q[shown.measured]),
         text=(
             f"#### 1 Measured: {counted(total, 'row')} to identify from",
-            *_part_shown(len(shown.measured), total),
+            _part_shown(len(shown.measured), total),
             "- dots: where the target was seen, dark to bright with growing error",
             f"- red arrows: what the nominal links miss, drawn {shown.factor} times; base and tool "
             "are fitted already",
@@ -124,12 +124,8 @@ def _evaluate(shown: ShownCalibration) -> Chapter:
     """Poses that judge the calibration, and their errors before and after."""
     calibration = shown.calibration
     judged, held = int(calibration.is_judged.sum()), calibration.split.is_test.any()
-    radius = calibration.proof.conformal
-    within = (
-        ()
-        if radius is None
-        else (f"- 95 % of new poses like these lie within {mm(radius.radius)} mm",)
-    )
+    ball = calibration.proof.conformal
+    within = f"- 95 % of new poses like these lie within {mm(ball.radius)} mm" if ball else ""
 
     def draw(pen: Pen, phase: Phase) -> None:
         draw_sight(shown, pen, phase)
@@ -143,19 +139,19 @@ def _evaluate(shown: ShownCalibration) -> Chapter:
         motion=visit(calibration.measurements.q[shown.judged]),
         text=(
             f"#### 3 {'Held out' if held else 'Again, none held out'}: {counted(judged, 'row')}",
-            *_part_shown(len(shown.judged), judged),
+            _part_shown(len(shown.judged), judged),
             f"- red, green: error before and after, both drawn {shown.factor} times",
             "- dots: all of them, dark to bright with growing error after",
-            *within,
+            within,
         ),
         draw=draw,
         plots={"evaluate": "3 Held-out mm: red before, green after"},
     )
 
 
-def _part_shown(shown: int, total: int) -> tuple[str, ...]:
+def _part_shown(shown: int, total: int) -> str:
     """How many of the rows the robot goes to, unless it goes to all."""
-    return () if shown == total else (f"- {shown} of them, evenly spread, are shown",)
+    return "" if shown == total else f"- {shown} of them, evenly spread, are shown"
 
 
 def _draw_errors(shown: ShownCalibration, pen: Pen, phase: Phase, rows: Index) -> None:

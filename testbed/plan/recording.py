@@ -1,5 +1,7 @@
 """The recording of a plan: candidates by leverage, the number of poses, the tour, the goal."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from calib.arrays import Array
@@ -19,16 +21,7 @@ from testbed.recording.curves import draw_curve, draw_level
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter, Story
 from testbed.recording.style import Color
-from testbed.recording.timeline import (
-    Motion,
-    Phase,
-    evenly,
-    frames_per_pose,
-    leaf,
-    rests,
-    spread,
-    visit,
-)
+from testbed.recording.timeline import Phase, evenly, leaf, spread, visit
 from testbed.report.page import SIMULATED
 from testbed.robots.robot import Robot
 from testbed.units import counted
@@ -142,7 +135,8 @@ def _budget(plan: Plan) -> Chapter:
 def _tour(plan: Plan) -> Chapter:
     """The way from pose to pose, and the uncertainty after each of them [um]."""
     tour, um = plan.tour, plan.scenario.plan.coverage * 1e6
-    frames = frames_per_pose(len(tour))
+    motion = visit(tour.q)
+    q = driven(plan, motion.steps // len(tour))
 
     def draw(pen: Pen, phase: Phase) -> None:
         draw_tour(plan, pen, phase)
@@ -157,7 +151,7 @@ def _tour(plan: Plan) -> Chapter:
         name="tour",
         local="pose",
         color=style.MEASURE_PHASE,
-        motion=Motion(frames * len(tour), rests(len(tour), frames), driven(plan, frames)),
+        motion=replace(motion, q=q),
         text=(
             f"#### 3 Tour: {counted(len(tour), 'pose')} in {minutes(tour.duration)}",
             "- numbers: measuring order; blue: to identify from, orange: held out",

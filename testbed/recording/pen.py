@@ -60,20 +60,8 @@ class Pen:
     ) -> None:
         """Things that come one by one in a phase, and then stay.
 
-        Parameters
-        ----------
-        path : str
-            Their entity.
-        phase : Phase
-            Thing k comes with item ``begin + k`` of it.
-        archetype : type
-            Of Rerun, such as ``rr.Arrows3D``.
-        values : mapping
-            Component to one row for each thing.
-        style : mapping
-            Component to what holds for all of them.
-        begin, each : int
-            First item, and how many rows belong to each.
+        They are of one of Rerun's archetypes. `values` has rows by component: with item
+        ``begin + k`` of the phase come the next `each` of them. `style` holds for all.
         """
         lengths = growing(len(next(iter(values.values()))) // each)
         shown = {name: first(value, each * lengths) for name, value in values.items()}

@@ -40,7 +40,7 @@ class Chapter:
     """On the bar of phases."""
     motion: Motion
     text: Sequence[str]
-    """Lines of Markdown that explain the screen, a heading first."""
+    """Lines of Markdown that explain the screen, a heading first; empty ones are left out."""
     draw: Callable[[Pen, Phase], None]
     """Draws everything that begins in this phase, once the place of all phases is known."""
     plots: Mapping[str, str] = field(default_factory=dict)

@@ -74,14 +74,10 @@ def visit(stops: Array, frames: int = 0) -> Motion:
 
     Each stop gets so many frames, by default as many as keep the phase short.
     """
-    frames = frames or frames_per_pose(len(stops))
-    steps = frames * len(stops)
-    return Motion(steps, rests(len(stops), frames), glide(stops, steps))
-
-
-def rests(count: int, frames: int) -> Index:
-    """Step (k,) at which the robot has come to rest at each of its stops."""
-    return np.asarray(frames * np.arange(count) + max(frames - 2, 0))
+    count = len(stops)
+    frames = frames or max(1, min(FRAMES_PER_POSE, MOST_FRAMES // count))
+    at = frames * np.arange(count) + max(frames - 2, 0)
+    return Motion(frames * count, at, glide(stops, frames * count))
 
 
 def spread(count: int, length: int, stops: Array | None = None) -> Motion:
@@ -96,11 +92,6 @@ def leaf(pool_q: Array, count: int, length: int) -> Motion:
     steps = count * max(1, length // count)
     shown = max(1, min(len(pool_q), steps // FRAMES_PER_POSE))
     return spread(count, length, pool_q[np.arange(shown) * len(pool_q) // shown])
-
-
-def frames_per_pose(poses: int) -> int:
-    """Frames spent on each of so many poses."""
-    return max(1, min(FRAMES_PER_POSE, MOST_FRAMES // poses))
 
 
 def glide(stops: Array, steps: int) -> Array:

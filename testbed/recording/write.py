@@ -45,8 +45,8 @@ def write_story(story: Story, path: str | Path) -> None:
         draw_arm(pen, "world/robot", story.robot, timeline.q, (story.chain,))
         story.draw(pen)
         for chapter, phase in zip(story.chapters, timeline.phases, strict=True):
-            text = rr.TextDocument("\n".join(chapter.text), media_type=markdown)
-            pen.at(phase.start, "now", text)
+            text = "\n".join(line for line in chapter.text if line)
+            pen.at(phase.start, "now", rr.TextDocument(text, media_type=markdown))
             pen.at(phase.start, "phase", rr.StateChange(state=chapter.name))
             chapter.draw(pen, phase)
 
