@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +80,9 @@ def open_stream(path: Path, story: Story, screen: object) -> Iterator[Any]:
     """
     import rerun as rr
 
-    stream = rr.RecordingStream(APPLICATION, recording_id=story.identity)
+    # batches by size alone: the same content in the same chunks, however long drawing takes
+    batches = rr.ChunkBatcherConfig(flush_tick=timedelta(days=1))
+    stream = rr.RecordingStream(APPLICATION, recording_id=story.identity, batcher_config=batches)
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     try:

@@ -1,5 +1,6 @@
 """Chapters end to end: any of them can be added, and none has to know the others."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -48,6 +49,17 @@ def test_a_chapter_brings_its_place_on_the_timeline_its_curve_and_its_words(tmp_
     assert steps.tolist() == [0, phase.start]
     assert texts[1] == ["#### Toy\n- toy"]
     assert column(opened, "/phase", "StateChange:state")[1] == [["first"], ["toy"]]
+
+
+def test_slow_drawing_gives_the_same_content(tmp_path):
+    """The stream's own batches end after 0.2 s, and rows of one entity in two chunks differ."""
+    for name, pause in (("quick", 0.0), ("slow", 0.3)):
+        chapters = (
+            chapter("first", visit(STOPS), lambda *_, pause=pause: time.sleep(pause)),
+            chapter("second", visit(STOPS)),
+        )
+        write_story(story(*chapters), tmp_path / f"{name}.rrd")
+    assert viewer.compare(tmp_path / "quick.rrd", tmp_path / "slow.rrd")
 
 
 def test_without_a_motion_of_its_own_the_robot_stays_and_then_moves_on():
