@@ -65,8 +65,9 @@ def identify(
     with guarded(debug=debug, as_json=as_json) as guard:
         from testbed.cli.terminal import progress
         from testbed.files.read import ReadOptions, read_session
-        from testbed.identify.calibrate import Options, with_test
+        from testbed.identify.calibrate import Options
         from testbed.identify.folder import play_calibration
+        from testbed.identify.session import with_test
         from testbed.identify.words import terminal_text
         from testbed.robots.catalog import load_robot
         from testbed.store.layout import MANIFEST, REPORT, RESULT

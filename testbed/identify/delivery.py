@@ -6,7 +6,7 @@ from pathlib import Path
 
 from calib.geometry.model import RobotModel
 from testbed.files.program import correct_program
-from testbed.identify.records import Calibration, Delivered, Fit
+from testbed.identify.records import Calibration, Delivered, FittedModel
 from testbed.identify.results import csv_text, dh_table
 from testbed.identify.words import mm
 from testbed.robots.catalog import Robot
@@ -51,7 +51,7 @@ def deliver(
     return Delivered(said, result.sentences, int((~result.corrected).sum()))
 
 
-def delivered_model(calibration: Calibration, fit: Fit) -> RobotModel:
+def delivered_model(calibration: Calibration, fit: FittedModel) -> RobotModel:
     """One fit's model as a robot: in the world of the robot's file, without the fixtures.
 
     Where base and tool were found from nothing they say where the tracker stood and where its

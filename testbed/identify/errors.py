@@ -1,39 +1,67 @@
-"""How far a model misses what was measured, row by row, and in figures."""
+"""Errors of a model against what was measured, row by row, and in figures."""
 
 import numpy as np
 
 from calib.arrays import Array, Bool, frozen
 from calib.geometry.model import RobotModel
 from calib.identification.identify import Identification
+from calib.identification.outlier_search import noise_factor
 from calib.identification.prior import prior_rows
 from calib.identification.tangent import covariance_factor
 from calib.measurement.accuracy import accuracy
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.measurement.residual import stacked
-from testbed.identify.records import Figures, Misses
+from testbed.identify.records import Figures, FittedModel, ModelName, RowErrors
 
 
-def misses_of(model: RobotModel, measurements: Measurements) -> Misses:
-    """What `model` misses in every row."""
+def row_errors(model: RobotModel, measurements: Measurements) -> RowErrors:
+    """Errors of `model` in every row."""
     seen = predict(model, measurements)
     vector = seen.residual[:, :3].copy()
     vector[measurements.is_distance] = 0.0
     turn = model.fixtures.station_frames[measurements.station][:, :3, :3]
-    return Misses(
+    return RowErrors(
         frozen((turn @ vector[:, :, None])[:, :, 0]), frozen(seen.misses), frozen(seen.turns)
     )
 
 
-def figures_of(misses: Misses, measurements: Measurements, rows: Bool) -> Figures | None:
-    """Statistics over some rows (m,); None if there are none."""
-    if not rows.any():
-        return None
+def figures_of(errors: RowErrors, measurements: Measurements, rows: Bool) -> Figures:
+    """Statistics over some rows (m,), one or more."""
     pose = rows & measurements.is_pose
     return Figures(
-        position=accuracy(misses.position[rows]),
-        rotation=accuracy(misses.rotation[pose]) if pose.any() else None,
-        median=float(np.median(misses.position[rows])),
+        position=accuracy(errors.position[rows]),
+        rotation=accuracy(errors.rotation[pose]) if pose.any() else None,
+        median=float(np.median(errors.position[rows])),
+    )
+
+
+def held_out_figures(
+    errors: RowErrors, measurements: Measurements, is_test: Bool
+) -> Figures | None:
+    """Statistics over the held-out rows (m,); None if there are none."""
+    return figures_of(errors, measurements, is_test) if is_test.any() else None
+
+
+def fitted_model(
+    name: ModelName,
+    identification: Identification,
+    start: RobotModel,
+    measurements: Measurements,
+    used: Bool,
+    is_test: Bool,
+) -> FittedModel:
+    """One identification from `start` with its errors at the rows used and held out."""
+    train = measurements.rows(used)
+    errors = row_errors(identification.model, measurements)
+    return FittedModel(
+        model=name,
+        identification=identification,
+        scatter=scatter_covariance(start, identification, train),
+        noise_factor=noise_factor(identification.model, train),
+        misses=errors,
+        train=figures_of(errors, measurements, used),
+        test=held_out_figures(errors, measurements, is_test),
     )
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array, frozen
+from calib.arrays import frozen
 from calib.errors import refuse
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
@@ -99,8 +99,8 @@ def choose_within(
 ) -> Choice:
     """Evidence asks, and training poses left out in turn confirm; held-out poses stay untouched.
 
-    With too few poses to confirm, geometry it is: evidence alone is fooled by what neither model
-    explains.
+    Each pose is left out once; of many poses one part is enough. With too few poses to confirm,
+    geometry it is: evidence alone is fooled by what neither model explains.
 
     Parameters
     ----------
@@ -132,41 +132,23 @@ def choose_within(
         f"the measurements {'ask' if asks else 'do not ask'} for joint errors (log evidence "
         f"{evidence:+.0f})"
     )
-    error = confirmation(start, train, parameters, loss=loss, seed=seed, mounted=mounted)
-    if not len(error):
-        reason += f"; fewer than {FOLDS * FEWEST_TO_CONFIRM} training poses cannot confirm any"
-        return Choice("geometric", "choose", evidence, error, f"geometric: {reason}")
+    pose = groups(train)
+    count, needed = int(pose.max()) + 1, FOLDS * FEWEST_TO_CONFIRM
+    if count < needed:
+        text = f"geometric: {reason}; fewer than {needed} training poses cannot confirm any"
+        return Choice("geometric", "choose", evidence, frozen(()), text)
+    fold = stream(seed, "confirm").permutation(count) % FOLDS
+    rounds = 1 if count > MANY else FOLDS
+    error = left_out_errors(
+        start, train, parameters, fold[pose], rounds=rounds, loss=loss, mounted=mounted
+    )
     name: ModelName = "extended" if asks and error[1] < error[0] else "geometric"
-    sentence = (
+    text = (
         f"{name}: {reason}, {'and' if asks == (name == 'extended') else 'but'} at training poses "
         f"left out in turn the mean miss of the best 95 % goes from {error[0] * MM:.4f} mm to "
         f"{error[1] * MM:.4f} mm with them"
     )
-    return Choice(name, "choose", evidence, error, sentence)
-
-
-def confirmation(
-    start: RobotModel,
-    train: Measurements,
-    parameters: Parameters,
-    *,
-    loss: Loss,
-    seed: int,
-    mounted: Chain | None = None,
-) -> Array:
-    """Trimmed mean error (2,) of both models, geometric first, at training poses left out [m].
-
-    Each pose is left out once; of many poses one part is enough. Empty if there are too few.
-    """
-    pose = groups(train)
-    count = int(pose.max()) + 1
-    if count < FOLDS * FEWEST_TO_CONFIRM:
-        return frozen(())
-    fold = stream(seed, "confirm").permutation(count) % FOLDS
-    rounds = 1 if count > MANY else FOLDS
-    return left_out_errors(
-        start, train, parameters, fold[pose], rounds=rounds, loss=loss, mounted=mounted
-    )
+    return Choice(name, "choose", evidence, error, text)
 
 
 def some_poses(train: Measurements, most: int, seed: int) -> Measurements:

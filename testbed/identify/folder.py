@@ -8,10 +8,11 @@ from typing import Any
 from calib.errors import refuse
 from testbed.disk import atomic_path
 from testbed.files.read import Session
-from testbed.identify.calibrate import STEPS, Options, Progress, calibrate
+from testbed.identify.calibrate import STEPS, Options, calibrate
 from testbed.identify.delivery import SPLIT_TABLE, deliver
 from testbed.identify.records import Calibration, Delivered
 from testbed.identify.results import arrays, headline, split_csv
+from testbed.progress import Progress
 from testbed.robots.catalog import ROBOT_FILE, Robot, load_robot
 from testbed.store import layout, npz
 from testbed.store.manifest import CALIBRATION, manifest_bytes, read_manifest

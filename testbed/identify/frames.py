@@ -5,7 +5,7 @@ from difflib import get_close_matches
 
 import numpy as np
 
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.identify import identify
@@ -20,7 +20,7 @@ AS_GOOD = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Frames:
+class StartFrames:
     """Where the identification starts, and what "before" means."""
 
     start: RobotModel
@@ -35,7 +35,7 @@ class Frames:
     sentences: tuple[str, ...]
 
 
-def frames_of(robot: Robot, session: Session, train: Measurements) -> Frames:
+def frames_of(robot: Robot, session: Session, train: Measurements) -> StartFrames:
     """Find the frames of a session from its training rows.
 
     Raises
@@ -48,7 +48,7 @@ def frames_of(robot: Robot, session: Session, train: Measurements) -> Frames:
     if not fits_frames:
         parameters = free_numbers(own, robot, session)
         said = ("base and tool are those of the robot's file, and held there",)
-        return Frames(own, own, True, parameters, said)
+        return StartFrames(own, own, True, parameters, said)
     start = own
     sentences: tuple[str, ...] = ("base and tool start from the robot's file, which fits",)
     if session.base == "free" and not _fits(robot, session, own, train):
@@ -59,7 +59,7 @@ def frames_of(robot: Robot, session: Session, train: Measurements) -> Frames:
     before = start
     if frames:
         before = identify(start, train, parameters.freeing(frames)).model
-    return Frames(start, before, start is own, parameters, sentences)
+    return StartFrames(start, before, start is own, parameters, sentences)
 
 
 def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameters:
@@ -69,15 +69,12 @@ def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameter
     if isinstance(free, str):
         if free != "identifiable" and free not in robot.free_sets:
             close = get_close_matches(free, ["identifiable", *robot.free_sets], 1)
-            raise InputError(
-                f'[identification] free is "{free}"',
-                code="S37",
-                where=session.name,
-                field="identification.free",
-                value=free,
+            raise refuse(
+                "identification.free", free, code="S37", where=session.name,
+                message=f'[identification] free is "{free}"',
                 allowed=", ".join(["identifiable", *robot.free_sets, "or names of numbers"]),
                 fix=f'did you mean "{close[0]}"?' if close else "",
-            )
+            )  # fmt: skip
         names = table.names if free == "identifiable" else tuple(robot.free_sets[free])
     else:
         names = tuple(free)
@@ -91,12 +88,8 @@ def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameter
 
 def _found(own: RobotModel, session: Session, train: Measurements) -> Start:
     """Frames and fixtures from a closed form; anchors that the file places stay there."""
-    free_anchors = [
-        k
-        for k in range(len(own.fixtures.anchors))
-        if not {f"anchor{k + 1}.{axis}" for axis in "xyz"} <= set(session.fixed)
-    ]
-    return start_frames(own, train, free_tool=session.tool == "free", free_anchors=free_anchors)
+    free_tool = session.tool == "free"
+    return start_frames(own, train, free_tool=free_tool, free_anchors=session.free_anchors)
 
 
 def _is_frame(name: str) -> bool:

@@ -11,7 +11,7 @@ from calib.identification.identify import Identification
 from calib.identification.outlier_search import search_outliers
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import Prediction, predict
-from testbed.identify.records import Misses
+from testbed.identify.records import RowErrors
 from testbed.units import DEG, MM, significant
 
 CHANCE = 0.01
@@ -81,7 +81,7 @@ def training_outliers(
     return TrainingOutliers(search.noise_factor, search.rows, sentences, ())
 
 
-def held_out_outliers(errors: Misses, is_test: Bool, name: list[str]) -> tuple[str, ...]:
+def held_out_outliers(errors: RowErrors, is_test: Bool, name: list[str]) -> tuple[str, ...]:
     """Held-out rows that are far off; they stay in every figure."""
     rows = np.flatnonzero(is_test)
     if not len(rows):

@@ -133,7 +133,7 @@ def over_workspace(calibration: Calibration) -> str:
             for k, color in enumerate(SHADES):
                 here = place[shade == k]
                 if len(here):
-                    _points(ax, here[:, i], here[:, j], color, "o", "")
+                    _points(ax, here[:, i], here[:, j], color, "o")
             ax.plot(0, 0, "s", color=SOFT, markersize=4)
             view_of(ax, i, j, view)
         return svg_of(figure)
@@ -194,17 +194,17 @@ def _from_zero(ax: "Axes", calibration: Calibration, rows: Bool) -> None:
 
 def _cloud(ax: "Axes", x: Array, y: Array, color: str, marker: str, label: str) -> None:
     """Points with one entry in the legend."""
-    _points(ax, x, y, color, marker, "")
+    _points(ax, x, y, color, marker)
     ax.plot([], [], linestyle="none", marker=marker, color=color, markersize=3.5, label=label)
 
 
-def _points(ax: "Axes", x: Array, y: Array, color: str, marker: str, label: str) -> None:
+def _points(ax: "Axes", x: Array, y: Array, color: str, marker: str) -> None:
     """Markers if they are few, else round dots as one path."""
     if len(x) > MOST_DOTS:
         drawn = np.linspace(0, len(x) - 1, MOST_DOTS).round().astype(np.int64)
         x, y = x[drawn], y[drawn]
     if len(x) < FEW:
-        ax.plot(x, y, linestyle="none", marker=marker, color=color, markersize=3.2, label=label)
+        ax.plot(x, y, linestyle="none", marker=marker, color=color, markersize=3.2)
     else:
         dots(ax, np.column_stack([x, y]), color)
 

@@ -6,7 +6,7 @@ from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
 from calib.measurement.observations import Measurements
 from calib.uncertainty.judgement import Judgement, judge
-from testbed.identify.records import Fit
+from testbed.identify.records import FittedModel
 from testbed.streams import stream
 from testbed.units import in_units, significant, unit_of
 
@@ -31,7 +31,9 @@ ILL_CONDITIONED = 1e3
 """Condition of the kept columns above which poses are too much alike."""
 
 
-def warnings_of(geometric: Fit, chosen: Fit, train: Measurements) -> tuple[str, ...]:
+def warnings_of(
+    geometric: FittedModel, chosen: FittedModel, train: Measurements
+) -> tuple[str, ...]:
     """Sentences on the poses, by the geometric fit, and on the fit that was chosen."""
     found = chosen.identification
     said = [*_still(geometric, train), *_condition(geometric)]
@@ -44,7 +46,7 @@ def warnings_of(geometric: Fit, chosen: Fit, train: Measurements) -> tuple[str, 
     return tuple(said)
 
 
-def _still(fit: Fit, train: Measurements) -> tuple[str, ...]:
+def _still(fit: FittedModel, train: Measurements) -> tuple[str, ...]:
     """Which joints were hardly moved: nothing was learnt of them, and nothing tests it."""
     kinds = np.array(fit.identification.model.chain.kinds)
     least = np.where(kinds == "revolute", LEAST_TURN, LEAST_SLIDE)
@@ -59,7 +61,7 @@ def _still(fit: Fit, train: Measurements) -> tuple[str, ...]:
     )
 
 
-def _condition(fit: Fit) -> tuple[str, ...]:
+def _condition(fit: FittedModel) -> tuple[str, ...]:
     """Whether the poses are too much alike, and which number suffers most."""
     found = fit.identification
     if found.reduction.condition <= ILL_CONDITIONED:

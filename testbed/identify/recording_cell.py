@@ -7,7 +7,7 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.geometry.frames import inverse
 from calib.measurement.prediction import targets
-from testbed.identify.records import Calibration, Misses
+from testbed.identify.records import Calibration, RowErrors
 from testbed.recording import style
 from testbed.recording.cell import draw_beam, draw_station
 from testbed.recording.pen import Pen
@@ -39,7 +39,7 @@ class ShownCalibration:
     factor: int
     """How many times larger than life errors are drawn: all but gross ones below their size."""
 
-    def vectors(self, misses: Misses) -> Array:
+    def vectors(self, misses: RowErrors) -> Array:
         """(m, 3) what a model misses, base axes [m]."""
         return np.asarray(misses.vector @ self.station[:3, :3].T)
 

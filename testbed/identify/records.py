@@ -17,7 +17,7 @@ ModelName = Literal["geometric", "extended"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Source:
+class Origin:
     """Where the measurements come from, and what happened to them before any fit."""
 
     name: str
@@ -59,7 +59,7 @@ class Split:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Misses:
+class RowErrors:
     """What one model misses in every row of the table."""
 
     vector: Array
@@ -83,7 +83,7 @@ class Figures:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fit:
+class FittedModel:
     """One identified model and how it does."""
 
     model: ModelName
@@ -93,7 +93,7 @@ class Fit:
     whatever noise was stated [m^2, m rad, rad^2]."""
     noise_factor: float
     """Typical residual at the rows identified from, in units of the stated noise."""
-    misses: Misses
+    misses: RowErrors
     train: Figures
     """At the rows identified from."""
     test: Figures | None
@@ -115,7 +115,7 @@ class Choice:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Gross:
+class OutlierRows:
     """Rows that do not fit the others."""
 
     noise_factor: float
@@ -133,7 +133,7 @@ class Gross:
 class Calibration:
     """A robot calibrated from measurements."""
 
-    source: Source
+    source: Origin
     nominal: RobotModel
     """As the robot's maker describes it."""
     before: RobotModel
@@ -151,11 +151,11 @@ class Calibration:
     temperature: Array | None
     """(m,) [degC]"""
     split: Split
-    gross: Gross
-    before_misses: Misses
+    gross: OutlierRows
+    before_misses: RowErrors
     before_train: Figures
     before_test: Figures | None
-    fits: tuple[Fit, ...]
+    fits: tuple[FittedModel, ...]
     """Geometric first."""
     choice: Choice
     proof: Judgement
@@ -163,7 +163,7 @@ class Calibration:
     """What was found on the way, beside what the source says."""
 
     @property
-    def fit(self) -> Fit:
+    def fit(self) -> FittedModel:
         """The one chosen."""
         return next(fit for fit in self.fits if fit.model == self.choice.chosen)
 

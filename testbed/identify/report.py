@@ -81,14 +81,13 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
 
 def headline(calibration: Calibration) -> Table:
     """Before and after, every model."""
-    rows = headline_rows(calibration)
     chosen = 1 + [fit.model for fit in calibration.fits].index(calibration.choice.chosen)
     held = calibration.split.is_test.any()
     where = "held-out rows, never used for identification" if held else "the rows identified from"
     return Table(
         caption=f"Errors at {where}: seen minus predicted",
         head=HEAD,
-        rows=tuple(rows),
+        rows=headline_rows(calibration),
         strong=(chosen,),
         size="small",
         note="Errors hold the measuring noise, too. First row: the links as the maker describes "
@@ -133,7 +132,7 @@ def data_section(calibration: Calibration) -> Section:
     blocks: list[Block] = [
         Table(caption="The data", head=("what", "value"), rows=rows, align="ll"),
     ]
-    for title, said in (
+    for title, texts in (
         ("How they were read:", source.probe),
         ("Assumed of the robot:", source.robot_notes),
         (f"Masked, {counted(len(source.masked), 'note')}:", source.masked),
@@ -141,28 +140,28 @@ def data_section(calibration: Calibration) -> Section:
                                     "moved but the errors in time",)),
         ("Warnings:", (*source.warnings, *calibration.warnings)),
     ):  # fmt: skip
-        if said:
-            blocks += [Text(title), Points(sentences(said))]
+        if texts:
+            blocks += [Text(title), Points(sentences(texts))]
     return Section("data", "The data", tuple(blocks))
 
 
 def parameter_section(calibration: Calibration) -> Section:
     """Every number of the robot old, new and changed, with its U; fixtures as found."""
     found = calibration.fit.identification
-    how = (
-        "U = 2 u, where linear propagation does not hold: "
-        + (
+    how = "U = 2 u from the stated noise"
+    if calibration.not_linear:
+        settled = calibration.proof.trust.believe == "bootstrap"
+        how = "U = 2 u, where linear propagation does not hold: " + (
             "from the spread of virtual calibrations"
-            if calibration.proof.trust.believe == "bootstrap"
+            if settled
             else "a rough size only, because virtual calibrations did not settle"
         )
-        if calibration.not_linear
-        else "U = 2 u from the scatter of the residuals between poses, because the stated noise is "
-        "contradicted: it says how well the numbers of this model are known from poses like "
-        "these, not that the model is right"
-        if calibration.contradicted
-        else "U = 2 u from the stated noise"
-    )
+    elif calibration.contradicted:
+        how = (
+            "U = 2 u from the scatter of the residuals between poses, because the stated noise is "
+            "contradicted: it says how well the numbers of this model are known from poses like "
+            "these, not that the model is right"
+        )
     blocks: list[Block] = [
         Text(
             f"Lengths in mm, angles in deg. {how}. Numbers that cannot be told from others are "
@@ -182,7 +181,7 @@ def parameter_section(calibration: Calibration) -> Section:
             "estimated, or not to be told from others.",
         ),
     ]
-    if calibration.fit.identification.model.fixtures.n_numbers:
+    if found.model.fixtures.n_numbers:
         blocks.append(fixture_table(calibration))
     return Section("parameters", "Parameters", tuple(blocks))
 
@@ -218,12 +217,10 @@ def identifiable_section(calibration: Calibration) -> Section:
     for fit in calibration.fits:
         found = fit.identification
         blocks.append(Text(rank_words(fit)))
-        dependencies = found.reduction.sentences
-        if dependencies and fit is calibration.fits[0]:
-            blocks.append(Points(sentences(dependencies)))
-        extra = found.notes[len(dependencies) :]
-        if extra:
-            blocks.append(Points(sentences(extra)))
+        dependent = found.reduction.sentences
+        shown = dependent if fit is calibration.fits[0] else ()
+        lists = (shown, found.notes[len(dependent) :])
+        blocks += [Points(sentences(texts)) for texts in lists if texts]
     blocks.append(coverage_table(calibration))
     return Section("identifiable", "What can be identified", tuple(blocks))
 
@@ -231,9 +228,8 @@ def identifiable_section(calibration: Calibration) -> Section:
 def coverage_table(calibration: Calibration) -> Table:
     """How far each joint was moved: what was not moved was not calibrated."""
     table = calibration.measurements
-    kinds = calibration.nominal.chain.kinds
     rows = []
-    for k, kind in enumerate(kinds):
+    for k, kind in enumerate(calibration.nominal.chain.kinds):
         scale, unit = (DEG, "deg") if kind == "revolute" else (MM, "mm")
         cells = [str(k + 1), unit]
         for which in (calibration.is_used, calibration.split.is_test):

@@ -2,91 +2,85 @@
 
 import numpy as np
 
+from calib.identification.outlier_search import HONEST
 from calib.uncertainty.conformal import fewest_poses
-from testbed.identify import plots as plots
+from testbed.identify import plots
 from testbed.identify.records import Calibration
 from testbed.identify.words import held_out_poses, mm
 from testbed.report.page import Block, Figure, Points, Section, Table, Text
 from testbed.units import MM, counted, percent, probability, sentence, sentences, significant
 
-BELIEVED = {True: "yes", False: "NO"}
-
 
 def accuracy_section(calibration: Calibration) -> Section:
     """The whole distribution before and after."""
-    held = calibration.split.is_test.any()
-    return Section(
-        "accuracy",
-        "Before and after",
-        (
-            Figure(
-                f"{'Held-out rows' if held else 'Rows identified from'} by the size of their "
-                "error; dashed: the means. What lies beyond the axis is counted in the last bar.",
-                plots.histogram(calibration),
-            ),
-        ),
+    rows = "Held-out rows" if calibration.split.is_test.any() else "Rows identified from"
+    caption = (
+        f"{rows} by the size of their error; dashed: the means. What lies beyond the axis is "
+        "counted in the last bar."
     )
+    figure = Figure(caption, plots.histogram(calibration))
+    return Section("accuracy", "Before and after", (figure,))
 
 
 def belief_section(calibration: Calibration) -> Section:
     """Every statement on a new pose, and whether to believe it."""
     proof = calibration.proof
-    blocks: list[Block] = []
     rows = []
     if proof.held_out is not None:
         u = np.sqrt(np.trace(proof.held_out.predicted, axis1=1, axis2=2))
+        p = probability(proof.held_out.p_value)
+        contradicted = calibration.contradicted and not calibration.not_linear
         rows.append(
             (
+                "model",
                 "model, from the stated noise",
                 f"u = {significant(float(np.sqrt(np.mean(u**2))) * MM, 2)}",
                 "one sd, if the model is right",
-                f"contradicted: held-out p {probability(proof.held_out.p_value)}"
-                if calibration.contradicted and not calibration.not_linear
-                else f"held-out errors agree, p {probability(proof.held_out.p_value)}",
-                BELIEVED[proof.trust.believe == "model"],
+                f"contradicted: held-out p {p}"
+                if contradicted
+                else f"held-out errors agree, p {p}",
             )
         )
     if proof.discrepancy is not None:
         u3 = float(np.sqrt(np.trace(proof.discrepancy.covariance))) * MM
+        poses = counted(proof.discrepancy.n_poses, "pose")
         rows.append(
             (
+                "discrepancy",
                 "discrepancy beyond the model",
                 f"u = {significant(u3, 2)}",
                 "one sd, approximate",
-                f"from {counted(proof.discrepancy.n_poses, 'pose')}",
-                BELIEVED[proof.trust.believe == "discrepancy"],
+                f"from {poses}",
             )
         )
     if proof.conformal is not None:
-        low, high = proof.conformal.content_range()
+        low, high = map(percent, proof.conformal.content_range())
         rows.append(
             (
+                "conformal",
                 "held-out radius (split conformal)",
                 f"radius {significant(proof.conformal.radius * MM)}",
                 percent(proof.conformal.probability),
-                f"needs no model; this set: {percent(low)} to {percent(high)}",
-                BELIEVED[proof.trust.believe == "conformal"],
+                f"needs no model; this set: {low} to {high}",
             )
         )
+    blocks: list[Block] = []
     if rows:
-        blocks.append(
-            Table(
-                caption="What may be said of the tool at a new pose like the held-out ones",
-                head=("statement", "size mm", "content", "test", "believe"),
-                rows=tuple(rows),
-                align="lllll",
-                note="u: 3-D standard uncertainty, root of the sum over x, y, z.",
-            )
+        table = Table(
+            caption="What may be said of the tool at a new pose like the held-out ones",
+            head=("statement", "size mm", "content", "test", "believe"),
+            rows=tuple(
+                (*row, "yes" if name == proof.trust.believe else "NO") for name, *row in rows
+            ),
+            align="lllll",
+            note="u: 3-D standard uncertainty, root of the sum over x, y, z.",
         )
+        blocks.append(table)
     blocks.append(Points(sentences(proof.trust.sentences)))
-    poses = held_out_poses(calibration)
-    if poses < fewest_poses():
-        blocks.append(
-            Text(
-                f"{counted(poses, 'held-out pose')}: a radius for 95 % needs at least "
-                f"{fewest_poses()}."
-            )
-        )
+    count, needed = held_out_poses(calibration), fewest_poses()
+    if count < needed:
+        few = f"{counted(count, 'held-out pose')}: a radius for 95 % needs at least {needed}."
+        blocks.append(Text(few))
     if proof.bootstrap is not None:
         blocks.append(Text(sentence(proof.bootstrap.sentence, keep_name=True)))
     return Section("belief", "What to believe, and why", tuple(blocks))
@@ -119,50 +113,38 @@ def residual_section(calibration: Calibration) -> Section:
         ),
     ]
     if calibration.temperature is not None and np.ptp(calibration.temperature) > 0:
-        blocks.append(
-            Figure(
-                f"Errors of the {shown} against the temperature.",
-                plots.by_temperature(calibration),
-            )
-        )
+        caption = f"Errors of the {shown} against the temperature."
+        blocks.append(Figure(caption, plots.by_temperature(calibration)))
     return Section("errors", "Where the errors are", tuple(blocks))
 
 
 def outlier_section(calibration: Calibration) -> Section:
     """Rows that do not fit, by name."""
-    gross = calibration.gross
-    blocks: list[Block] = []
-    if gross.sentences:
-        left = bool(gross.left_out.any())
-        blocks += [
-            Text(
-                f"{counted(len(gross.sentences), 'training row')} "
-                f"{'does' if len(gross.sentences) == 1 else 'do'} not fit the others, worst first. "
-                + (
-                    "They took no part in the identification; --loss squared keeps them."
-                    if left
-                    else "They took part as the chosen loss weighs them."
-                )
-            ),
-            Points(sentences(gross.sentences)),
+    outliers = calibration.gross
+    blocks: list[Block] = [Text("Every training row fits the others.")]
+    if outliers.sentences:
+        rows = counted(len(outliers.sentences), "training row")
+        part = (
+            "They took no part in the identification; --loss squared keeps them."
+            if outliers.left_out.any()
+            else "They took part as the chosen loss weighs them."
+        )
+        do = "does" if len(outliers.sentences) == 1 else "do"
+        blocks = [
+            Text(f"{rows} {do} not fit the others, worst first. {part}"),
+            Points(sentences(outliers.sentences)),
         ]
-    else:
-        blocks.append(Text("Every training row fits the others."))
-    if gross.held_out_sentences:
+    if outliers.held_out_sentences:
         blocks += [
             Text("Held-out rows far off; none that was read is left out of any figure:"),
-            Points(sentences(gross.held_out_sentences)),
+            Points(sentences(outliers.held_out_sentences)),
         ]
-    blocks.append(
-        Text(
-            "Rows are judged by a robust fit that they cannot pull, "
-            + (
-                "against the stated noise (chance of any false alarm 1 %)."
-                if gross.noise_factor <= 1.5
-                else "against the scatter of the residuals, which is "
-                f"{significant(gross.noise_factor, 2)} times the stated noise; only gross errors "
-                "are named then."
-            )
-        )
+    against = (
+        "against the stated noise (chance of any false alarm 1 %)."
+        if outliers.noise_factor <= HONEST
+        else f"against the scatter of the residuals, which is "
+        f"{significant(outliers.noise_factor, 2)} times the stated noise; only gross errors are "
+        "named then."
     )
-    return Section("outliers", "Outliers", tuple(blocks))
+    judged = f"Rows are judged by a robust fit that they cannot pull, {against}"
+    return Section("outliers", "Outliers", (*blocks, Text(judged)))

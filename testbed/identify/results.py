@@ -8,22 +8,39 @@ from typing import Any
 import numpy as np
 
 from calib.measurement.accuracy import Accuracy
-from testbed.identify.records import Calibration, Delivered, Figures, Fit, Misses
+from testbed.identify.records import Calibration, Delivered, Figures, FittedModel, RowErrors
 from testbed.identify.words import notice, reasons, verdict
 from testbed.robots.write.dh_table import DhRow, dh_rows
-from testbed.units import DEG, MM, sentences
+from testbed.units import (
+    AS_NAMED,
+    DEG,
+    METRE,
+    MM,
+    RADIAN,
+    Quantity,
+    Unit,
+    as_arrays,
+    as_json,
+    below,
+    fields_of,
+    sentences,
+)
 
 FORMAT = 1
 KIND = "calibration"
+DELIVERED = {name: name for name in ("robot", "program", "program_failed")}
 
 
 def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:
     """Every headline number of a calibration as plain JSON values."""
-    source, split, gross, proof = (
-        calibration.source, calibration.split, calibration.gross, calibration.proof,
-    )  # fmt: skip
-    table = calibration.measurements
-    return {
+    return as_json(quantities(calibration, delivered))
+
+
+def quantities(calibration: Calibration, delivered: Delivered) -> list[Quantity]:
+    """Every headline number and word of a calibration, by its path in result.json."""
+    source, split, outliers = calibration.source, calibration.split, calibration.gross
+    table, choice, trust = calibration.measurements, calibration.choice, calibration.proof.trust
+    words: dict[str, object] = {
         "format": FORMAT,
         "kind": KIND,
         "notice": notice(calibration),
@@ -31,81 +48,81 @@ def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:
         "robot": source.robot,
         "seed": split.seed,
         "files_sha256": dict(source.files),
-        "verdict": {
-            "believable": not calibration.contradicted,
-            "believe": proof.trust.believe,
-            "sentence": verdict(calibration),
-            "reasons": list(reasons(calibration)),
-        },
-        "data": {
-            "rows": len(table),
-            "poses": table.n_poses,
-            "kinds": sorted(set(table.kind.tolist())),
-            "joints": source.joints,
-            "uncertainty": source.uncertainty,
-            "masked": list(source.masked),
-            "drift": list(source.drift),
-            "warnings": [*source.warnings, *calibration.warnings],
-        },
-        "split": {
-            "sentence": split.sentence,
-            "stated": split.stated,
-            "train_poses": table.rows(calibration.is_used).n_poses,
-            "held_out_poses": table.rows(split.is_test).n_poses,
-        },
-        "outliers": {
-            "left_out_rows": int(gross.left_out.sum()),
-            "training": list(gross.sentences),
-            "held_out": list(gross.held_out_sentences),
-        },
-        "frames": list(calibration.frames),
-        "before": {
-            "what": "nominal links, base, tool and fixtures fitted to the training rows",
-            "train": _figures(calibration.before_train),
-            "held_out": _figures(calibration.before_test),
-        },
-        "models": {fit.model: _fit(fit) for fit in calibration.fits},
-        "model": calibration.choice.chosen,
-        "model_choice": {
-            "asked": calibration.choice.asked,
-            "sentence": calibration.choice.sentence,
-            "log_evidence": calibration.choice.log_evidence,
-        },
-        "statements": statements(calibration),
-        "parameters": [
-            {
-                "name": row.name,
-                "unit": row.unit,
-                "old": row.old,
-                "new": row.new,
-                "delta": row.delta,
-                "U_k2": row.expanded,
-            }
-            for row in dh_table(calibration)
-        ],
-        "delivered": {
-            "robot": list(delivered.robot),
-            "program": list(delivered.program),
-            "program_failed": delivered.program_failed,
-        },
+        "verdict/believable": not calibration.contradicted,
+        "verdict/believe": trust.believe,
+        "verdict/sentence": verdict(calibration),
+        "verdict/reasons": reasons(calibration),
+        "data/rows": len(table),
+        "data/poses": table.n_poses,
+        "data/kinds": sorted(set(table.kind.tolist())),
+        "data/joints": source.joints,
+        "data/uncertainty": source.uncertainty,
+        "data/masked": source.masked,
+        "data/drift": source.drift,
+        "data/warnings": (*source.warnings, *calibration.warnings),
+        "split/sentence": split.sentence,
+        "split/stated": split.stated,
+        "split/train_poses": table.rows(calibration.is_used).n_poses,
+        "split/held_out_poses": table.rows(split.is_test).n_poses,
+        "outliers/left_out_rows": outliers.left_out.sum(),
+        "outliers/training": outliers.sentences,
+        "outliers/held_out": outliers.held_out_sentences,
+        "frames": calibration.frames,
+        "before/what": "nominal links, base, tool and fixtures fitted to the training rows",
     }
+    chosen: dict[str, object] = {
+        "model": choice.chosen,
+        "model_choice/asked": choice.asked,
+        "model_choice/sentence": choice.sentence,
+        "model_choice/log_evidence": choice.log_evidence,
+    }
+    numbers = [
+        {
+            "name": row.name,
+            "unit": row.unit,
+            "old": row.old,
+            "new": row.new,
+            "delta": row.delta,
+            "U_k2": row.expanded,
+        }
+        for row in dh_table(calibration)
+    ]
+    return [
+        *plain(words),
+        *_figures("before/train", calibration.before_train),
+        *_figures("before/held_out", calibration.before_test),
+        *(each for fit in calibration.fits for each in below(f"models/{fit.model}", _model(fit))),
+        *plain(chosen),
+        *below("statements", statements(calibration)),
+        Quantity("parameters", numbers),
+        *below("delivered", fields_of(delivered, DELIVERED)),
+    ]
 
 
-def statements(calibration: Calibration) -> dict[str, Any]:
-    """What may be said of the tool's position at a new pose [mm]."""
+def plain(values: Mapping[str, object]) -> list[Quantity]:
+    """Counts, shares and words, which have no unit."""
+    return [Quantity(name, value) for name, value in values.items()]
+
+
+def statements(calibration: Calibration) -> list[Quantity]:
+    """What may be said of the tool's position at a new pose."""
     proof = calibration.proof
-    out: dict[str, Any] = {"model_valid": proof.trust.model_valid}
+    out = [Quantity("model_valid", proof.trust.model_valid)]
     if proof.held_out is not None:
         u = np.sqrt(np.trace(proof.held_out.predicted, axis1=1, axis2=2))
-        out["model_u_3d_rms_mm"] = float(np.sqrt(np.mean(u**2)) * MM)
-        out["held_out_p_value"] = proof.held_out.p_value
+        out += [
+            Quantity("model_u_3d_rms_mm", np.sqrt(np.mean(u**2)), METRE),
+            Quantity("held_out_p_value", proof.held_out.p_value),
+        ]
     if proof.discrepancy is not None:
-        out["discrepancy_u_3d_mm"] = float(np.sqrt(np.trace(proof.discrepancy.covariance)) * MM)
+        size = np.sqrt(np.trace(proof.discrepancy.covariance))
+        out.append(Quantity("discrepancy_u_3d_mm", size, METRE))
     if proof.conformal is not None:
-        low, high = proof.conformal.content_range()
-        out["conformal_radius_mm"] = proof.conformal.radius * MM
-        out["conformal_probability"] = proof.conformal.probability
-        out["conformal_content_range"] = [low, high]
+        out += [
+            Quantity("conformal_radius_mm", proof.conformal.radius, METRE),
+            Quantity("conformal_probability", proof.conformal.probability),
+            Quantity("conformal_content_range", proof.conformal.content_range()),
+        ]
     return out
 
 
@@ -117,39 +134,43 @@ def dh_table(calibration: Calibration) -> tuple[DhRow, ...]:
 
 def arrays(calibration: Calibration) -> dict[str, np.ndarray[Any, Any]]:
     """The main arrays of a calibration, names with units."""
-    table = calibration.measurements
-    out: dict[str, np.ndarray[Any, Any]] = {
+    table, before = calibration.measurements, calibration.before.chain
+    own: dict[str, object] = {
         "q_rad_m": table.q,
         "pose_id": table.pose_id,
         "is_test": calibration.split.is_test,
         "is_used": calibration.is_used,
-        "before/T_world_base": calibration.before.chain.T_world_base,
-        "before/T_flange_tool": calibration.before.chain.T_flange_tool,
+        "before/T_world_base": before.T_world_base,
+        "before/T_flange_tool": before.T_flange_tool,
     }
-    out |= _miss_arrays("before", calibration.before_misses)
+    out = [*_as_named(own), *_error_arrays("before", calibration.before_misses)]
     for fit in calibration.fits:
-        found = fit.identification
-        chain = found.model.chain
-        out |= _miss_arrays(fit.model, fit.misses)
-        out |= {
-            f"{fit.model}/links": chain.links,
-            f"{fit.model}/T_world_base": chain.T_world_base,
-            f"{fit.model}/T_flange_tool": chain.T_flange_tool,
-            f"{fit.model}/joint_terms": found.model.joint_errors.coefficients,
-            f"{fit.model}/step": found.step,
-            f"{fit.model}/covariance": found.covariance,
-            f"{fit.model}/scatter_covariance": fit.scatter,
+        found, chain = fit.identification, fit.identification.model.chain
+        values: dict[str, object] = {
+            "links": chain.links,
+            "T_world_base": chain.T_world_base,
+            "T_flange_tool": chain.T_flange_tool,
+            "joint_terms": found.model.joint_errors.coefficients,
+            "step": found.step,
+            "covariance": found.covariance,
+            "scatter_covariance": fit.scatter,
         }
-    return {name: np.asarray(value) for name, value in out.items()}
+        out += [*_error_arrays(fit.model, fit.misses), *below(fit.model, _as_named(values))]
+    return as_arrays(out)
+
+
+def _as_named(values: Mapping[str, object]) -> list[Quantity]:
+    """Arrays whose entries differ in unit, or have none."""
+    return [Quantity(name, value, AS_NAMED) for name, value in values.items()]
 
 
 def split_csv(calibration: Calibration) -> str:
-    """Every row: what it was used for, and what it is missed by before and after."""
-    table, split, gross = calibration.measurements, calibration.split, calibration.gross
+    """Every row: what it was used for, and its errors before and after."""
+    table, split, outliers = calibration.measurements, calibration.split, calibration.gross
     before, after = calibration.before_misses, calibration.fit.misses
     rows = []
     for k in range(len(table)):
-        part = "test" if split.is_test[k] else "left out" if gross.left_out[k] else "identify"
+        part = "test" if split.is_test[k] else "left out" if outliers.left_out[k] else "identify"
         if part == "identify" and not split.is_train[k]:
             part = "later visit"
         pose = bool(table.is_pose[k])
@@ -179,47 +200,44 @@ def csv_text(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return text.getvalue()
 
 
-def _miss_arrays(name: str, misses: Misses) -> dict[str, np.ndarray[Any, Any]]:
-    """The misses of one model."""
-    return {
-        f"{name}/miss_xyz_m": misses.vector,
-        f"{name}/miss_m": misses.position,
-        f"{name}/miss_rad": misses.rotation,
-    }
+def _error_arrays(name: str, errors: RowErrors) -> list[Quantity]:
+    """The errors of one model, row by row."""
+    return [
+        Quantity(f"{name}/miss_xyz_m", errors.vector, METRE),
+        Quantity(f"{name}/miss_m", errors.position, METRE),
+        Quantity(f"{name}/miss_rad", errors.rotation, RADIAN),
+    ]
 
 
-def _fit(fit: Fit) -> dict[str, Any]:
+def _model(fit: FittedModel) -> list[Quantity]:
     """Headline of one model."""
     found = fit.identification
-    return {
+    words: dict[str, object] = {
         "rank": found.reduction.rank,
         "free_numbers": len(found.reduction.kept) + len(found.reduction.dropped),
         "estimated": found.rank,
         "condition": found.reduction.condition,
-        "dependencies": list(sentences(found.reduction.sentences)),
+        "dependencies": sentences(found.reduction.sentences),
         "chi_square_per_dof": found.chi_square / found.dof if found.dof > 0 else None,
         "p_value": found.p_value,
         "noise_factor": fit.noise_factor,
         "certificate": found.certificate,
         "status": found.status.value,
-        "train": _figures(fit.train),
-        "held_out": _figures(fit.test),
     }
+    return [*plain(words), *_figures("train", fit.train), *_figures("held_out", fit.test)]
 
 
-def _figures(figures: Figures | None) -> Mapping[str, Any] | None:
-    """Statistics with units in the keys."""
+def _figures(path: str, figures: Figures | None) -> list[Quantity]:
+    """Statistics of the errors over some rows; null without rows."""
     if figures is None:
-        return None
-    out = _accuracy(figures.position, "mm", MM) | {"median_mm": figures.median * MM}
-    return out if figures.rotation is None else out | _accuracy(figures.rotation, "deg", DEG)
+        return [Quantity(path, None)]
+    out = [*_accuracy(figures.position, "mm", METRE), Quantity("median_mm", figures.median, METRE)]
+    if figures.rotation is not None:
+        out += _accuracy(figures.rotation, "deg", RADIAN)
+    return below(path, out)
 
 
-def _accuracy(a: Accuracy, unit: str, scale: float) -> dict[str, Any]:
+def _accuracy(errors: Accuracy, ending: str, unit: Unit) -> list[Quantity]:
     """Statistics of one kind of error."""
-    return {
-        f"mean_{unit}": a.mean * scale,
-        f"rms_{unit}": a.rms * scale,
-        f"p95_{unit}": a.p95 * scale,
-        f"max_{unit}": a.maximum * scale,
-    }
+    names = {"mean": errors.mean, "rms": errors.rms, "p95": errors.p95, "max": errors.maximum}
+    return [Quantity(f"{name}_{ending}", value, unit) for name, value in names.items()]

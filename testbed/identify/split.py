@@ -5,7 +5,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from calib.arrays import Bool, Index, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.measurement.observations import Measurements
 from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.held_out import SAME_POSE
@@ -53,12 +53,10 @@ def split_of(
     if stated is not None:
         wanted = "--train" if train is not None else "--held-out" if held_out is not None else ""
         if wanted:
-            raise InputError(
-                f"{wanted} is given, but the data say which poses are held out",
-                code="C41",
-                field=wanted,
-                fix=f"leave {wanted} out, or take the split out of the data",
-            )
+            raise refuse(
+                wanted, code="C41", fix=f"leave {wanted} out, or take the split out of the data",
+                message=f"{wanted} is given, but the data say which poses are held out",
+            )  # fmt: skip
         _require_apart(measurements, stated)
         kept, held = (_poses(measurements, rows) for rows in (~stated, stated))
         sentence = f"the data state the split: {kept} to identify from, {held} held out"
@@ -83,15 +81,13 @@ def _require_apart(measurements: Measurements, is_test: Bool) -> None:
     group = groups(measurements)
     both = np.intersect1d(group[is_test], group[~is_test])
     if len(both):
-        raise InputError(
-            f"{len(both)} of {counted(len(np.unique(group[is_test])), 'held-out pose')} "
-            f"{'stands' if len(both) == 1 else 'stand'} at joints that identify, too",
-            code="M35",
-            field="split",
-            value=len(both),
-            allowed="held-out poses of their own",
+        held_out = counted(len(np.unique(group[is_test])), "held-out pose")
+        stand = "stands" if len(both) == 1 else "stand"
+        raise refuse(
+            "split", len(both), "held-out poses of their own", code="M35",
+            message=f"{len(both)} of {held_out} {stand} at joints that identify, too",
             fix="measure other poses, or leave these out of one side",
-        )
+        )  # fmt: skip
 
 
 def _split(
@@ -129,19 +125,14 @@ def groups(measurements: Measurements) -> Index:
 def _count(measurements: Measurements, count: int, train: int | None, held_out: int | None) -> int:
     """Poses to hold out."""
     if train is not None and held_out is not None:
-        raise InputError(
-            "--train and --held-out are both given", code="C41", field="--train", value=train,
+        raise refuse(
+            "--train", train, code="C41", message="--train and --held-out are both given",
             fix="give one of them: all other poses go to the other side",
         )  # fmt: skip
     for option, value in (("--train", train), ("--held-out", held_out)):
         if value is not None and not 1 <= value <= count - 1:
-            raise InputError(
-                f"{option} is {value}",
-                code="C41",
-                field=option,
-                value=value,
-                allowed=f"1 to {count - 1}: the data hold {counted(count, 'pose')}",
-            )
+            allowed = f"1 to {count - 1}: the data hold {counted(count, 'pose')}"
+            raise refuse(option, value, allowed, code="C41")
     if train is not None:
         return count - train
     if held_out is not None:

@@ -1,7 +1,7 @@
 """What a calibration says, sentence by sentence: verdict, reasons, next step, headline rows."""
 
 from calib.uncertainty.conformal import fewest_poses
-from testbed.identify.records import Calibration, Delivered, Figures, Fit
+from testbed.identify.records import Calibration, Delivered, Figures, FittedModel
 from testbed.report.page import SIMULATED
 from testbed.units import DEG, MM, counted, fixed, sentences, significant
 
@@ -18,20 +18,9 @@ LARGER = 1.2
 MOST_NAMED = 5
 """Rows that do not fit, named on the terminal."""
 HEAD = (
-    "model",
-    "mean mm",
-    "median mm",
-    "rms mm",
-    "p95 mm",
-    "max mm",
-    "mean deg",
-    "p95 deg",
-    "max deg",
-    "training mean mm",
-    "χ²/dof",
-    "cond.",
-    "rank",
-)
+    "model", "mean mm", "median mm", "rms mm", "p95 mm", "max mm", "mean deg", "p95 deg", "max deg",
+    "training mean mm", "χ²/dof", "cond.", "rank",
+)  # fmt: skip
 
 
 def notice(calibration: Calibration) -> str:
@@ -138,17 +127,10 @@ def next_step(calibration: Calibration) -> str:
     return f"{use} Quote {radius}. {more}"
 
 
-def headline_rows(calibration: Calibration) -> list[tuple[str, ...]]:
+def headline_rows(calibration: Calibration) -> tuple[tuple[str, ...], ...]:
     """Before, and each model: figures at the held-out rows, else at the training rows."""
-    rows = [
-        (
-            "nominal links, frames fitted",
-            *_figures(calibration.before_test, calibration.before_train),
-            "–",
-            "–",
-            "–",
-        )
-    ]
+    before = _figures(calibration.before_test, calibration.before_train)
+    rows = [("nominal links, frames fitted", *before, *"–––")]
     for fit in calibration.fits:
         found = fit.identification
         chosen = fit is calibration.fit and len(calibration.fits) > 1
@@ -161,7 +143,7 @@ def headline_rows(calibration: Calibration) -> list[tuple[str, ...]]:
                 str(found.reduction.rank),
             )
         )
-    return rows
+    return tuple(rows)
 
 
 def _figures(test: Figures | None, train: Figures) -> tuple[str, ...]:
@@ -175,7 +157,7 @@ def _figures(test: Figures | None, train: Figures) -> tuple[str, ...]:
     return (*(mm(value) for value in lengths), *turns, mm(train.position.mean))
 
 
-def rank_words(fit: Fit) -> str:
+def rank_words(fit: FittedModel) -> str:
     """How many numbers the data tell apart, and how that was counted."""
     found = fit.identification
     reduction = found.reduction

@@ -230,7 +230,7 @@ def test_too_few_poses_say_how_many_are_needed():
 
 
 def test_a_second_file_is_held_out_whole():
-    from testbed.identify.calibrate import with_test
+    from testbed.identify.session import with_test
 
     apart = table_of(true_model(), pool_r(30, seed=99), seed=9)
     both = with_test(sound_session(), session_of(apart))

@@ -15,7 +15,7 @@ from calib.identification.model_choice import ASKED, identify_extended
 from calib.identification.outlier_search import noise_factor
 from calib.identification.prior import weak_prior
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.fit import confirmation, fit, some_poses
+from testbed.identify.fit import choose_within, fit, some_poses
 from tests.calibrated import real, robot, session_of, table_of, true_model
 from tests.reference import pool_r
 
@@ -104,11 +104,12 @@ def test_with_honest_noise_the_weak_prior_stays_as_it_is():
 
 def test_the_confirmation_is_made_at_poses_left_out():
     start, train = robot().model, train_of(harmonics=0.01)
-    error = confirmation(start, train, parameters_of(start), loss="squared", seed=0)
+    own = {"factor": 1.0, "loss": "squared", "seed": 0}
+    error = choose_within(start, train, parameters_of(start), **own).confirmation
     # 10 mdeg of harmonics move a TX60 by some 0.1 mm: geometry alone cannot follow
     assert error[1] < 0.6 * error[0]
     few = train.rows(np.arange(15))
-    assert len(confirmation(start, few, parameters_of(start), loss="squared", seed=0)) == 0
+    assert len(choose_within(start, few, parameters_of(start), **own).confirmation) == 0
 
 
 def test_many_poses_are_thinned_by_whole_poses():

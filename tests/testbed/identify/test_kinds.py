@@ -7,7 +7,8 @@ from calib.errors import InputError
 from calib.geometry.fixtures import Fixtures
 from calib.measurement import observations
 from calib.measurement.observations import joined
-from testbed.identify.calibrate import Options, calibrate, with_test
+from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.session import with_test
 from testbed.identify.words import kind, next_step, verdict
 from tests.calibrated import robot, session_of, true_model
 from tests.reference import SIGMA_POSITION, pool_r

@@ -11,7 +11,16 @@ from testbed.studies.trial import plots
 from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.statement import plots as plots_statement
 from testbed.studies.trial.statement.records import LEVEL, Statement, Validation
-from testbed.units import NARROW, counted, micrometres, millimetres, percent, significant, typeset
+from testbed.units import (
+    NARROW,
+    counted,
+    micrometres,
+    millimetres,
+    percent,
+    sentence,
+    significant,
+    typeset,
+)
 
 WORDS = {
     "model": "model-based region",
@@ -128,7 +137,7 @@ def reasons(one: Statement, *, brief: bool = False) -> tuple[str, ...]:
     """
     said = [*one.trust.sentences]
     if brief:
-        return tuple(_sentence(text) for text in (said[0], *one.outliers, *one.warnings))
+        return tuple(written(text) for text in (said[0], *one.outliers, *one.warnings))
     if one.lack_of_fit is not None and one.trust.model_valid:
         said.append(
             "all visits fitted together, the misfit is what repeats scatter (F = "
@@ -137,7 +146,7 @@ def reasons(one: Statement, *, brief: bool = False) -> tuple[str, ...]:
     if one.discrepancy is not None and one.trust.believe != "discrepancy":
         said.append(discrepancy_words(one, one.discrepancy))
     said += [*one.outliers, *one.warnings]
-    return tuple(_sentence(text) for text in said)
+    return tuple(map(written, said))
 
 
 def discrepancy_words(one: Statement, found: Discrepancy) -> str:
@@ -231,12 +240,9 @@ def _secret(rows: list[tuple[str, str, str]]) -> str:
     return f"{text} Beyond any geometric model: {said}."
 
 
-def _sentence(text: str) -> str:
-    """The text with a capital and a full stop, numbers and units as the report writes them."""
-    text = TINY.sub("p < 0.001", typeset(text))
-    if text.split()[0].isalpha():  # not the name of a number or of a trial
-        text = text[:1].upper() + text[1:]
-    return text if text.endswith((".", "!")) else f"{text}."
+def written(text: str) -> str:
+    """The text as a sentence, numbers and units as the report writes them."""
+    return sentence(TINY.sub("p < 0.001", typeset(text)), keep_name=True)
 
 
 MM, UM = 1e3, 1e6
