@@ -1,9 +1,12 @@
 """What the studies of many robots share."""
 
 import json
-from typing import TYPE_CHECKING, Literal, Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import Field, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from calib.arrays import Array
@@ -179,3 +182,33 @@ def family_confidence(comparisons: int) -> float:
 
 
 CONFIDENCE = 0.95
+
+
+class Record(Protocol):
+    """A dataclass."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+
+R = TypeVar("R", bound=Record)
+Axes = Mapping[str, int]
+"""The arrays of a study's record that hold one figure per robot, and which axis counts robots."""
+
+
+def alone(axes: Axes, **figures: ArrayLike) -> dict[str, Any]:
+    """Figures of one robot as arrays of a record of one robot."""
+    return {name: np.expand_dims(value, axes[name]) for name, value in figures.items()}
+
+
+def together(parts: Sequence[R], axes: Axes) -> R:
+    """Records of some robots each as one of all, in the order given.
+
+    What counts no robots is taken from the first part.
+    """
+    return replace(
+        parts[0],
+        **{
+            name: np.concatenate([getattr(part, name) for part in parts], axis=axis)
+            for name, axis in axes.items()
+        },
+    )

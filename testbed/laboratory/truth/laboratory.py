@@ -12,7 +12,7 @@ from calib.measurement.observations import Measurements
 from testbed.laboratory.bench import Bench, open_bench
 from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.laboratory.truth.robot import TrueRobot, beyond, draw_truth
-from testbed.scenario.read import At960Tracker, Scenario
+from testbed.scenario.read import At960Tracker, Scenario, TruthSettings
 from testbed.streams import stream
 
 
@@ -100,14 +100,19 @@ class Laboratory(Bench):
         setting = replace(self.setting, pool_q=pool_q, pool_nominal=nominal, test_q=test_q)
         return replace(self, pool_q=pool_q, setting=setting)
 
-    def with_robot(self, truth: TrueRobot, seed: int) -> Self:
-        """The same laboratory with another robot, at a station with errors of its own."""
-        sigma_q = truth.joint_repeatability
+    def with_robot(self, truth: TruthSettings, *names: str | int) -> Self:
+        """The same laboratory with another robot, and a station with systematic errors of its own.
+
+        Both are drawn from the stream under `names`, whatever the truth of the scenario.
+        """
+        seed = int(stream(self.scenario.seed, *names).integers(2**62))
+        drawn = draw_truth(self.robot, truth, seed)
+        sigma_q = drawn.joint_repeatability
         return replace(
             self,
-            truth=truth,
+            truth=drawn,
             sigma_q=sigma_q,
-            setting=replace(self.setting, true=truth.model, joint_repeatability=sigma_q),
+            setting=replace(self.setting, true=drawn.model, joint_repeatability=sigma_q),
             tracker=tracker_from(self.scenario.tracker, self.robot.model.chain, seed=seed),
         )
 

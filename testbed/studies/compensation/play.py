@@ -5,13 +5,13 @@ every kind is drawn from the same ones. The program of the true robot is execute
 only the last figures, `true` and `held_out`, know the secret.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from calib.arrays import Array, Bool, frozen
+from calib.arrays import Array, frozen
 from calib.compensation import compensate
 from calib.geometry.model import RobotModel
 from calib.identification.model_choice import choose
@@ -32,12 +32,10 @@ from testbed.laboratory.truth.laboratory import (
     open_laboratory,
     validation_start,
 )
-from testbed.laboratory.truth.robot import draw_truth
 from testbed.scenario.read import Scenario
-from testbed.streams import stream
 from testbed.studies.compensation.cube import cube_joints, cube_poses
 from testbed.studies.compensation.records import CompensationStudy
-from testbed.studies.many_robots import TruthName, truth_of_kind
+from testbed.studies.many_robots import TruthName, alone, together, truth_of_kind
 from testbed.studies.trial.records import Trial
 
 FIRST, SECOND = 1, 3
@@ -58,69 +56,48 @@ class Execution:
     """(5, c, 3) read positions minus commanded ones [m]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Played:
-    """One robot: its program before, and corrected by either model."""
-
-    executions: tuple[Execution, ...]
-    held_out: Array
-    """(3, 2) mean and 95th percentile, nominal, geometric, chosen [m]."""
-    extended: bool
-    corrected: Bool
-    """(3, 5)"""
-    targets: Array
-    """(3, 5, n)"""
+AXES = dict.fromkeys(("distances", "held_out", "extended", "step"), -1) | {
+    "figures": 3,
+    "true": 1,
+    "corrected": 1,
+    "targets": 1,
+}
 
 
 def compensation_study(
     scenario: Scenario, setting: Setting, truth: TruthName, get: Callable[[str], Any]
 ) -> CompensationStudy:
     """Play `compensation.robots` robots of one kind, calibrated by the first trial's pose set."""
-    first: Trial = get(scenario.trial[0].name)
-    bench = open_laboratory(scenario, setting)
-    chain = setting.nominal.chain
-    T = cube_poses(scenario.compensation, chain.T_world_base)
-    q = cube_joints(bench.robot, bench.simulator, T)
-    played = [
-        play_robot(robot_bench(bench, truth, k), first, T, q, k)
-        for k in range(scenario.compensation.robots)
-    ]
-    targets = np.stack([one.targets for one in played], axis=1)
-    return CompensationStudy(
-        truth=truth,
-        trial=first.name,
-        poses=len(first.selection),
-        cycles=scenario.compensation.cycles,
-        T=frozen(T),
-        q=frozen(q),
-        figures=_stacked(played, "figures").transpose(1, 2, 3, 0, 4),
-        distances=_stacked(played, "distances").transpose(1, 2, 3, 0),
-        true=_stacked(played, "true").transpose(1, 0, 2),
-        held_out=np.stack([one.held_out for one in played], axis=-1),
-        extended=np.array([one.extended for one in played]),
-        corrected=np.stack([one.corrected for one in played], axis=1),
-        step=np.abs(targets - q).max(axis=(2, 3)),
-        targets=targets,
-        readings=np.stack([one.offsets for one in played[0].executions]),
-        pose_id=np.arange(1, len(T) + 1),
-    )
+    robots = range(scenario.compensation.robots)
+    return play_robots(scenario, setting, truth, get(scenario.trial[0].name), robots)
 
 
-def robot_bench(bench: Laboratory, truth: TruthName, robot: int) -> Laboratory:
-    """The laboratory with robot number `robot` of one kind in it, and a station of its own."""
-    scenario = bench.scenario
-    seed = int(stream(scenario.seed, "compensation", "robot", robot).integers(2**62))
-    drawn = draw_truth(bench.robot, truth_of_kind(scenario, truth), seed)
-    return bench.with_robot(drawn, seed)
+def play_robots(
+    scenario: Scenario, setting: Setting, truth: TruthName, trial: Trial, robots: range
+) -> CompensationStudy:
+    """Play some robots of one kind; the readings are those of the first of them."""
+    laboratory = open_laboratory(scenario, setting)
+    T = cube_poses(scenario.compensation, laboratory.robot.model.chain.T_world_base)
+    q = cube_joints(laboratory.robot, laboratory.simulator, T)
+    return gather([play_robot(laboratory, truth, trial, T, q, k) for k in robots])
 
 
-def play_robot(bench: Laboratory, trial: Trial, T: Array, q: Array, robot: int) -> Played:
+def gather(parts: Sequence[CompensationStudy]) -> CompensationStudy:
+    """The robots of all parts."""
+    return together(parts, AXES)
+
+
+def play_robot(
+    laboratory: Laboratory, truth: TruthName, trial: Trial, T: Array, q: Array, robot: int
+) -> CompensationStudy:
     """Calibrate one robot, and execute its program as it was and corrected.
 
     Parameters
     ----------
-    bench : Laboratory
-        Its laboratory.
+    laboratory : Laboratory
+        Of the campaign; its robot is replaced.
+    truth : str
+        Kind of robot.
     trial : Trial
         Whose poses calibrate it.
     T : (5, 4, 4) array
@@ -130,111 +107,124 @@ def play_robot(bench: Laboratory, trial: Trial, T: Array, q: Array, robot: int) 
     robot : int
         Its number, for the streams.
     """
-    nominal, limits = bench.setting.nominal, bench.robot.limits
-    seen = bench.measure_pool(trial.selection.indices, "compensation", "identification", robot)
-    choice = choose(nominal, seen, bench.free("whitened"))
+    own = robot_of(laboratory, truth, robot)
+    nominal = own.setting.nominal
+    seen = own.measure_pool(trial.selection.indices, "compensation", "identification", robot)
+    choice = choose(nominal, seen, own.free("whitened"))
     models = [found.model for found in choice.identifications]
     extended = choice.chosen == "extended"
-    runs = [execute(bench, T, q, "before", robot)]
+    runs = [execute(own, T, q, "before", robot)]
     corrected, targets = [np.ones(len(T), dtype=bool)], [q]
     for model in models if extended else models[:1]:
-        found = compensate(nominal, model, q, limits)
+        found = compensate(nominal, model, q, own.robot.limits)
         # what cannot be corrected without reserve stays as it was
         targets.append(np.where(found.corrected[:, None], found.q, q))
         corrected.append(found.corrected)
-        runs.append(execute(bench, T, targets[-1], "after", robot))
+        runs.append(execute(own, T, targets[-1], "after", robot))
     # with the geometric model chosen, both corrected programs are one
-    last = [0, 1, 2 if extended else 1]
-    true = bench.held_out(bench.setting.test_q)
-    return Played(
-        executions=tuple(runs[k] for k in last),
-        held_out=np.array(
-            [_held_out(model, bench, true) for model in (nominal, models[0], models[extended])]
+    variants = [0, 1, 2 if extended else 1]
+    true = own.held_out(own.setting.test_q)
+    judged = (nominal, models[0], models[extended])
+    executed = np.array([targets[k] for k in variants])
+    return CompensationStudy(
+        truth=truth,
+        trial=trial.name,
+        poses=len(trial.selection),
+        cycles=own.scenario.compensation.cycles,
+        T=frozen(T),
+        q=frozen(q),
+        readings=np.stack([runs[k].offsets for k in variants]),
+        pose_id=np.arange(1, len(T) + 1),
+        **alone(
+            AXES,
+            figures=[runs[k].figures for k in variants],
+            distances=[runs[k].distances for k in variants],
+            true=[runs[k].true for k in variants],
+            held_out=[_held_out(model, own, true) for model in judged],
+            extended=extended,
+            corrected=[corrected[k] for k in variants],
+            step=np.abs(executed - q).max(axis=(1, 2)),
+            targets=executed,
         ),
-        extended=extended,
-        corrected=np.array([corrected[k] for k in last]),
-        targets=np.array([targets[k] for k in last]),
     )
 
 
-def execute(bench: Laboratory, T: Array, q: Array, word: str, robot: int) -> Execution:
+def robot_of(laboratory: Laboratory, truth: TruthName, robot: int) -> Laboratory:
+    """The laboratory with robot number `robot` of one kind in it."""
+    kind = truth_of_kind(laboratory.scenario, truth)
+    return laboratory.with_robot(kind, "compensation", "robot", robot)
+
+
+def execute(laboratory: Laboratory, T: Array, q: Array, word: str, robot: int) -> Execution:
     """Run a program of five joint targets for many cycles, read every stop, and sum it up.
 
     Both corrected programs meet the same noise and approach scatter, those of `word`.
     """
-    scenario, cycles = bench.scenario, bench.scenario.compensation.cycles
+    scenario = laboratory.scenario
+    cycles = scenario.compensation.cycles
     p, start = len(q), validation_start(scenario)
     if word != "before":
         start += cycles * p * scenario.tracker.pose_s
-    seen = bench.measure(
-        np.tile(q, (cycles, 1)),
-        np.tile(np.arange(p), cycles),
-        "compensation",
-        word,
-        robot,
-        start=start,
+    numbers = np.tile(np.arange(p), cycles)
+    seen = laboratory.measure(
+        np.tile(q, (cycles, 1)), numbers, "compensation", word, robot, start=start
     )
     x = seen.position.reshape(cycles, p, 3).swapaxes(0, 1)
     R = seen.rotation.reshape(cycles, p, 3, 3).swapaxes(0, 1)
     command = T[:, :3, 3]
-    noise = bench.tracker.own_covariance(command, T[:, :3, :3])
-    common = shared_covariance(bench, T)
+    noise = laboratory.tracker.own_covariance(command, T[:, :3, :3])
+    common = shared_covariance(laboratory, T)
     gap = float(np.linalg.norm(command[SECOND] - command[FIRST]))
     ends = x[FIRST], x[SECOND]
     both = noise[FIRST, :3, :3] + noise[SECOND, :3, :3]
     return Execution(
         figures=np.stack(
             [
-                _worth(accuracy(x, command, common=common[:, :3, :3])),
-                _worth(repeatability(x, noise=noise[:, :3, :3])),
-                _worth(rotation_accuracy(R, T[:, :3, :3], common=common[:, 3:, 3:])),
+                _columns(accuracy(x, command, common=common[:, :3, :3])),
+                _columns(repeatability(x, noise=noise[:, :3, :3])),
+                _columns(rotation_accuracy(R, T[:, :3, :3], common=common[:, 3:, 3:])),
             ]
         ),
         distances=np.stack(
             [
-                _worth(distance_accuracy(*ends, gap, common=shared_distance(bench, T))),
-                _worth(distance_repeatability(*ends, noise=both)),
+                _columns(distance_accuracy(*ends, gap, common=shared_distance(laboratory, T))),
+                _columns(distance_repeatability(*ends, noise=both)),
             ]
         ),
-        true=position_errors(T, bench.held_out(q)),
+        true=position_errors(T, laboratory.held_out(q)),
         offsets=x - command[:, None],
     )
 
 
-def shared_covariance(bench: Laboratory, T: Array) -> Array:
+def shared_covariance(laboratory: Laboratory, T: Array) -> Array:
     """Covariance (p, 6, 6) of what all readings of a pose share: the station's own errors."""
-    B, variance = _shared(bench, T)
+    B, variance = _shared(laboratory, T)
     return np.asarray(B * variance @ np.swapaxes(B, 1, 2))
 
 
-def shared_distance(bench: Laboratory, T: Array) -> float:
+def shared_distance(laboratory: Laboratory, T: Array) -> float:
     """Standard uncertainty that all readings of the distance share [m]."""
-    B, variance = _shared(bench, T)
+    B, variance = _shared(laboratory, T)
     along = T[SECOND, :3, 3] - T[FIRST, :3, 3]
     row = along @ (B[SECOND, :3] - B[FIRST, :3]) / np.linalg.norm(along)
     return float(np.sqrt((row**2 * variance).sum()))
 
 
-def _shared(bench: Laboratory, T: Array) -> tuple[Array, Array]:
+def _shared(laboratory: Laboratory, T: Array) -> tuple[Array, Array]:
     """Sensitivities (p, 6, k) to the station's numbers, and their variances (k,); zero if none."""
-    settings, tracker = bench.scenario.tracker, bench.tracker
+    settings, tracker = laboratory.scenario.tracker, laboratory.tracker
     if tracker.bias is None or settings.preset != "at960":
         return np.zeros((len(T), 6, 1)), np.zeros(1)
     size = bias_size(settings)
     return size.sensitivity(T[:, :3, 3], T[:, :3, :3], tracker.T_world_tracker), size.variance
 
 
-def _held_out(model: RobotModel, bench: Laboratory, true: Array) -> tuple[float, float]:
+def _held_out(model: RobotModel, laboratory: Laboratory, true: Array) -> tuple[float, float]:
     """Mean and 95th percentile [m] of the errors of predicted tool points at held-out poses."""
-    found = summed_up(position_errors(true, model.poses(bench.setting.test_q)))
+    found = summed_up(position_errors(true, model.poses(laboratory.setting.test_q)))
     return found.mean, found.p95
 
 
-def _worth(figure: Figure) -> Array:
+def _columns(figure: Figure) -> Array:
     """Value, uncertainty and floor (3, ...) of a figure."""
     return np.stack([figure.value, figure.uncertainty, figure.floor])
-
-
-def _stacked(played: list[Played], name: str) -> Array:
-    """One figure of every robot and variant (R, 3, ...)."""
-    return np.array([[getattr(run, name) for run in one.executions] for one in played])

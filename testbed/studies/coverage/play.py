@@ -6,14 +6,13 @@ poses; all of it comes from streams of its own. Only the judge here sees the tru
 says comes from what the tracker saw.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification, identify
 from calib.identification.least_squares import Status
 from calib.identification.model_choice import choose
@@ -29,11 +28,10 @@ from testbed.laboratory.truth.laboratory import (
     open_laboratory,
     validation_start,
 )
-from testbed.laboratory.truth.robot import draw_truth
 from testbed.scenario.read import Scenario
 from testbed.streams import stream
-from testbed.studies.coverage.records import MODELS, STATEMENTS, CoverageStudy
-from testbed.studies.many_robots import TruthName, truth_of_kind
+from testbed.studies.coverage.records import STATEMENTS, CoverageStudy
+from testbed.studies.many_robots import TruthName, alone, together, truth_of_kind
 from testbed.studies.trial.compare import true_step
 from testbed.studies.trial.records import Trial
 from testbed.studies.trial.statement.sources import full_covariance, systematic_covariance
@@ -44,7 +42,7 @@ EXACT = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Visit:
+class MeasuredRobot:
     """One robot in the laboratory: what the tracker saw, and the secret that judges."""
 
     seen: Measurements
@@ -55,13 +53,13 @@ class Visit:
     """(t, n) further such poses, never measured [rad, m]."""
     true: Array
     """(t, 3) the secret: noise-free tool points there [m]."""
-    bench: Laboratory
-    """Its laboratory."""
+    laboratory: Laboratory
+    """With this robot."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Judged:
-    """One model of one robot: what it states, against the truth."""
+class JudgedModel:
+    """One model of one robot: what it states, against the truth; fields as in `CoverageStudy`."""
 
     inside: tuple[float, ...]
     """(3,) share of held-out points inside, per statement."""
@@ -75,55 +73,80 @@ class Judged:
     mean_error: float
 
 
+AXES = dict.fromkeys(
+    (
+        *(field.name for field in fields(JudgedModel)),
+        *("extended", "log_evidence", "before", "normal_error", "nees"),
+    ),
+    -1,
+)
+
+
 def coverage_study(
     scenario: Scenario, setting: Setting, truth: TruthName, get: Callable[[str], Any]
 ) -> CoverageStudy:
     """Play the first trial's pose set on `coverage.robots` robots of one kind."""
-    first: Trial = get(scenario.trial[0].name)
-    bench, count = open_laboratory(scenario, setting), scenario.coverage.robots
-    free = bench.free("whitened")
-    judged: list[tuple[Judged, ...]] = []
-    numbers: list[tuple[Array, float] | None] = []
-    extended, evidence, before = np.zeros(count, dtype=bool), np.zeros(count), np.zeros(count)
-    names: tuple[str, ...] = ()
-    for k in range(count):
-        visit = visit_robot(bench, truth, first.selection.indices, k)
-        fits, evidence[k], extended[k] = models(visit, free)
-        judged.append(tuple(judge_model(fit, visit, scenario.coverage.level) for fit in fits))
-        nominal = setting.nominal.poses(visit.judge_q)[:, :3, 3]
-        before[k] = distances(visit.true, nominal).mean()
-        numbers.append(parameter_errors(fits[0], visit))
-        names = fits[0].names
-    held = [found for found in numbers if found is not None]
-    inside = len(held) == count
+    robots = range(scenario.coverage.robots)
+    return play_robots(scenario, setting, truth, get(scenario.trial[0].name), robots)
+
+
+def play_robots(
+    scenario: Scenario, setting: Setting, truth: TruthName, trial: Trial, robots: range
+) -> CoverageStudy:
+    """Play a trial's pose set on some robots of one kind."""
+    laboratory = open_laboratory(scenario, setting)
+    chosen = trial.selection.indices
+    return gather([play_robot(laboratory, truth, chosen, k) for k in robots])
+
+
+def gather(parts: Sequence[CoverageStudy]) -> CoverageStudy:
+    """The robots of all parts; numbers that one of them cannot hold are judged on none."""
+    if not all(part.names for part in parts):
+        parts = [
+            replace(part, names=(), normal_error=np.zeros((0, len(part.before))), nees=np.zeros(0))
+            for part in parts
+        ]
+    return replace(together(parts, AXES), names=parts[-1].names)
+
+
+def play_robot(
+    laboratory: Laboratory, truth: TruthName, chosen: Index, robot: int
+) -> CoverageStudy:
+    """Calibrate, validate and judge one robot."""
+    scenario, nominal = laboratory.scenario, laboratory.setting.nominal
+    measured = measure_robot(laboratory, truth, chosen, robot)
+    fits, evidence, extended = models(measured)
+    judged = [judge_model(fit, measured, scenario.coverage.level) for fit in fits]
+    normal_error, nees = parameter_errors(fits[0], measured) or (np.zeros(0), np.nan)
     return CoverageStudy(
         truth=truth,
         level=scenario.coverage.level,
         judged=scenario.test.poses,
-        inside=np.array([[one.inside for one in row] for row in judged]).transpose(1, 2, 0),
-        radius=np.array([[one.radius for one in row] for row in judged]).transpose(1, 2, 0),
-        p_value=per_model(judged, "p_value"),
-        held_out_p=per_model(judged, "held_out_p"),
-        flagged=per_model(judged, "flagged"),
-        believed=per_model(judged, "believed"),
-        converged=per_model(judged, "converged"),
-        extended=extended,
-        log_evidence=evidence,
-        before=before,
-        mean_error=per_model(judged, "mean_error"),
-        names=names if inside else (),
-        normal_error=np.array([z for z, _ in held]).T if inside else np.zeros((0, count)),
-        nees=np.array([nees for _, nees in held]) if inside else np.zeros(0),
+        names=fits[0].names if len(normal_error) else (),
+        **alone(
+            AXES,
+            extended=extended,
+            log_evidence=evidence,
+            before=distances(measured.true, nominal.poses(measured.judge_q)[:, :3, 3]).mean(),
+            normal_error=normal_error,
+            nees=nees,
+            **{
+                field.name: [getattr(one, field.name) for one in judged]
+                for field in fields(JudgedModel)
+            },
+        ),
     )
 
 
-def visit_robot(bench: Laboratory, truth: TruthName, chosen: Index, robot: int) -> Visit:
+def measure_robot(
+    laboratory: Laboratory, truth: TruthName, chosen: Index, robot: int
+) -> MeasuredRobot:
     """Draw robot number `robot` of one kind and measure it; every stream has its number.
 
     Parameters
     ----------
-    bench : Laboratory
-        The campaign's own laboratory; its robot is replaced.
+    laboratory : Laboratory
+        Of the campaign; its robot is replaced.
     truth : str
         Kind of robot.
     chosen : (m,) array
@@ -131,77 +154,72 @@ def visit_robot(bench: Laboratory, truth: TruthName, chosen: Index, robot: int) 
     robot : int
         From 0.
     """
-    scenario, setting = bench.scenario, bench.setting
-    seed = int(stream(scenario.seed, "coverage", "robot", robot).integers(2**62))
-    drawn = draw_truth(bench.robot, truth_of_kind(scenario, truth), seed)
-    own = bench.with_robot(drawn, seed)
+    scenario = laboratory.scenario
+    own = laboratory.with_robot(truth_of_kind(scenario, truth), "coverage", "robot", robot)
     count = scenario.coverage.validation_poses
-    q = (
-        own.candidates()
-        .draw(
-            stream(scenario.seed, "coverage", "poses", robot),
-            size=count + scenario.test.poses,
-            exclude=setting.pool_q,
-        )
-        .q
+    pool = own.candidates().draw(
+        stream(scenario.seed, "coverage", "poses", robot),
+        size=count + scenario.test.poses,
+        exclude=own.pool_q,
     )
-    return Visit(
+    validation_q, judge_q = np.split(pool.q, [count])
+    return MeasuredRobot(
         seen=own.measure_pool(chosen, "coverage", "identification", robot),
         validation=own.measure(
-            q[:count],
+            validation_q,
             np.arange(count),
             "coverage",
             "validation",
             robot,
             start=validation_start(scenario),
         ),
-        judge_q=q[count:],
-        true=own.held_out(q[count:])[:, :3, 3],
-        bench=own,
+        judge_q=judge_q,
+        true=own.held_out(judge_q)[:, :3, 3],
+        laboratory=own,
     )
 
 
-def models(visit: Visit, free: Parameters) -> tuple[tuple[Identification, ...], float, bool]:
+def models(measured: MeasuredRobot) -> tuple[tuple[Identification, ...], float, bool]:
     """Geometric and extended model of a robot, the log evidence, and whether it climbs.
 
     The geometric one is what is identifiable, without a prior; the extended one is under the weak
     prior. Validation poses have no say in the choice: they would no longer be a test.
     """
-    nominal = visit.bench.setting.nominal
-    choice = choose(nominal, visit.seen, free)
-    fits = (identify(nominal, visit.seen, free), choice.identifications[1])
+    nominal, free = measured.laboratory.setting.nominal, measured.laboratory.free("whitened")
+    choice = choose(nominal, measured.seen, free)
+    fits = (identify(nominal, measured.seen, free), choice.identifications[1])
     return fits, choice.log_evidence, choice.chosen == "extended"
 
 
-def judge_model(found: Identification, visit: Visit, level: float) -> Judged:
+def judge_model(found: Identification, measured: MeasuredRobot, level: float) -> JudgedModel:
     """What one model states at the judging poses, three ways, and which points it holds."""
-    shared = systematic_covariance(visit.bench, found, visit.seen)
+    shared = systematic_covariance(measured.laboratory, found, measured.seen)
     covariance = full_covariance(found, found.covariance + shared)
-    bare = tool_statement(found.model, visit.judge_q, covariance, probability=level)
+    bare = tool_statement(found.model, measured.judge_q, covariance, probability=level)
     judgement = judge(
         found,
-        visit.validation,
-        train=visit.seen,
+        measured.validation,
+        train=measured.seen,
         probability=level,
-        unmodelled=left_out(visit.bench, float(np.sqrt(np.mean(bare.point**2)))),
+        unmodelled=left_out(measured.laboratory, float(np.sqrt(np.mean(bare.point**2)))),
     )
     seen, ball = judgement.held_out, judgement.conformal
     assert seen is not None  # the scenario asks for enough poses, also for the radius
     assert ball is not None
     wide = tool_statement(
         found.model,
-        visit.judge_q,
+        measured.judge_q,
         covariance,
         discrepancy=judgement.discrepancy,
         probability=level,
     )
-    radius = ball.radius + hidden_reach(found, shared, visit.judge_q, level=level)
-    error = distances(visit.true, bare.position)
+    radius = ball.radius + hidden_reach(found, shared, measured.judge_q, level=level)
+    error = distances(measured.true, bare.position)
     verdict = judgement.trust
-    return Judged(
+    return JudgedModel(
         inside=(
-            float(bare.holds(visit.true).mean()),
-            float(wide.holds(visit.true).mean()),
+            float(bare.holds(measured.true).mean()),
+            float(wide.holds(measured.true).mean()),
             float((error <= radius).mean()),
         ),
         radius=(bare.mean_radius, wide.mean_radius, radius),
@@ -214,26 +232,21 @@ def judge_model(found: Identification, visit: Visit, level: float) -> Judged:
     )
 
 
-def parameter_errors(found: Identification, visit: Visit) -> tuple[Array, float] | None:
+def parameter_errors(found: Identification, measured: MeasuredRobot) -> tuple[Array, float] | None:
     """Normalized errors (f,) and NEES of the geometric numbers; None if they cannot hold the truth.
 
     They cannot where joints or links do what no geometry does, or where numbers that differ are
     held fixed.
     """
-    setting, truth = visit.bench.setting, visit.bench.truth
+    setting, truth = measured.laboratory.setting, measured.laboratory.truth
     other = (truth.beyond.backlash, truth.beyond.thermal, truth.beyond.springs)
     if truth.model.joint_errors.coefficients.any() or any(one is not None for one in other):
         return None
-    step = true_step(setting, found, visit.seen)
+    step = true_step(setting, found, measured.seen)
     exact = setting.nominal.moved(found.parameters.expand(step))
-    if distances(exact.poses(visit.judge_q)[:, :3, 3], visit.true).max() > EXACT:
+    if distances(exact.poses(measured.judge_q)[:, :3, 3], measured.true).max() > EXACT:
         return None
     wrong = found.step - step
-    covariance = found.covariance + systematic_covariance(visit.bench, found, visit.seen)
+    covariance = found.covariance + systematic_covariance(measured.laboratory, found, measured.seen)
     nees = float(mahalanobis_squared(wrong, covariance))
     return wrong / standard_uncertainty(covariance), nees
-
-
-def per_model(judged: list[tuple[Judged, ...]], name: str) -> Any:
-    """One figure of every robot, per model (2, R)."""
-    return np.array([[getattr(row[j], name) for row in judged] for j in range(len(MODELS))])

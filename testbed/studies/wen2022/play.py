@@ -4,7 +4,7 @@ Robot k of every kind is drawn from the same random numbers, meets the same pool
 Both estimators move the paper's 24 numbers. Like `comparison`, this module judges by the truth.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,10 +21,9 @@ from calib.uncertainty.regions import inside
 from calib.uncertainty.type_a import type_a
 from calib.uncertainty.wen2022_budget import LOCATION_POSES, POSE_NUMBERS, location_regions
 from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
-from testbed.laboratory.truth.robot import draw_truth
 from testbed.scenario.read import Scenario
 from testbed.streams import stream
-from testbed.studies.many_robots import TruthName, truth_of_kind
+from testbed.studies.many_robots import TruthName, alone, together, truth_of_kind
 from testbed.studies.trial.compare import INTERVAL, true_step
 from testbed.studies.wen2022.one_robot import RANDOM_BUDGET_POSES
 from testbed.studies.wen2022.records import ESTIMATORS, PoolSets, Reexamined, TrialSets
@@ -37,19 +36,21 @@ class Visit:
 
     robot: int
     """From 0."""
-    bench: Laboratory
+    laboratory: Laboratory
     true: Array
     """(t, 3) the secret: noise-free tool points at the held-out poses [m]."""
 
     def measure(self, chosen: Index, name: str, repeat: int = 0) -> Measurements:
         """Visit pool poses (m,) once; repeats follow each other in time."""
-        span = len(chosen) * self.bench.tracker.pose_time
+        span = len(chosen) * self.laboratory.tracker.pose_time
         names = ("reexamined", name, self.robot)
-        return self.bench.measure_pool(chosen, *names, repeat=repeat, start=repeat * span)
+        return self.laboratory.measure_pool(chosen, *names, repeat=repeat, start=repeat * span)
 
     def fitted(self, seen: Measurements, mode: Mode = "paper") -> Identification:
         """The paper's numbers from one table."""
-        return identify(self.bench.setting.nominal, seen, self.bench.free("paper"), mode=mode)
+        return identify(
+            self.laboratory.setting.nominal, seen, self.laboratory.free("paper"), mode=mode
+        )
 
     def steps(self, sets: list[Index], name: str) -> Array:
         """Estimates (k, f) of the paper's estimator from one visit of each set [m, rad]."""
@@ -58,18 +59,18 @@ class Visit:
 
     def random(self, size: int, name: str) -> Index:
         """A random set (m,) of this robot's own."""
-        rng = stream(self.bench.scenario.seed, "reexamined", "set", name, self.robot)
-        N = len(self.bench.setting.pool_q)
+        rng = stream(self.laboratory.scenario.seed, "reexamined", "set", name, self.robot)
+        N = len(self.laboratory.setting.pool_q)
         return random_selection(N, min(size, N), rng)
 
     def error(self, found: Identification) -> Array:
         """Held-out position errors (t,) against the truth [m]."""
-        q = self.bench.setting.test_q
+        q = self.laboratory.setting.test_q
         return distances(self.true, found.model.poses(q)[:, :3, 3])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Played:
+class TrialOnRobot:
     """One trial on one robot."""
 
     own_before: float
@@ -84,6 +85,18 @@ class Played:
     distance_u: float
 
 
+EVERY = ("own_before", "own_after", "error")
+"""What a record has of every trial."""
+BY_PAPER = ("u_best", "inside", "numbers_inside", "distance_u")
+"""What it has of those alone that were chosen as in the paper."""
+AXES = dict.fromkeys(("pool", "before", *EVERY, *BY_PAPER), -1) | {
+    "u_best": 1,
+    "u_r": 0,
+    "u_p": 0,
+    "u_w": 0,
+}
+
+
 def reexamined_study(
     scenario: Scenario, setting: Setting, truth: TruthName, get: Callable[[str], Any]
 ) -> Reexamined:
@@ -93,79 +106,81 @@ def reexamined_study(
     ----------
     Wen et al. 2022, eqs. (7) to (9), Tables 1 to 3.
     """
-    pools: PoolSets = get(SETS_KEY)
-    bench, count = open_laboratory(scenario, setting), scenario.reexamined.robots
-    trials = [one for one in pools.sets if one.trial in {t.name for t in scenario.trial}]
-    best = [i for i, one in enumerate(trials) if one.by_paper]
-    played: list[list[Played]] = []
-    before: list[float] = []
-    u_r: list[Array] = []
-    u_p: list[Array] = []
-    u_w: list[Array] = []
-    pool = np.arange(count) % len(pools.pool_q)
-    for k in range(count):
-        visit = visit_robot(bench, truth, pools, k)
-        played.append([play(visit, one, int(pool[k])) for one in trials])
-        nominal = setting.nominal.poses(visit.bench.setting.test_q)[:, :3, 3]
-        before.append(float(distances(visit.true, nominal).mean()))
-        parts = random_parts(visit, scenario.uncertainty.repeats)
-        for into, part in zip((u_r, u_p, u_w), parts, strict=True):
-            into.append(part)
+    robots = range(scenario.reexamined.robots)
+    return play_robots(scenario, setting, truth, get(SETS_KEY), robots)
 
-    def per_trial(name: str, rows: list[int] | range) -> Array:
-        """One figure of every robot, robots last."""
-        found = np.array([[getattr(row[i], name) for i in rows] for row in played])
-        return np.moveaxis(found, 0, -1)
 
-    everyone = range(len(trials))
+def play_robots(
+    scenario: Scenario, setting: Setting, truth: TruthName, pools: PoolSets, robots: range
+) -> Reexamined:
+    """Play the paper's protocol on some robots of one kind."""
+    laboratory = open_laboratory(scenario, setting)
+    return gather([play_robot(laboratory, truth, pools, k) for k in robots])
+
+
+def gather(parts: Sequence[Reexamined]) -> Reexamined:
+    """The robots of all parts."""
+    return together(parts, AXES)
+
+
+def play_robot(laboratory: Laboratory, truth: TruthName, pools: PoolSets, robot: int) -> Reexamined:
+    """Play the paper's protocol on one robot."""
+    scenario = laboratory.scenario
+    visit = visit_robot(laboratory, truth, pools, robot)
+    named = {trial.name for trial in scenario.trial}
+    trials = [one for one in pools.sets if one.trial in named]
+    pool = robot % len(pools.pool_q)
+    played = [play(visit, one, pool) for one in trials]
+    best = [one for one, trial in zip(played, trials, strict=True) if trial.by_paper]
+    nominal = laboratory.setting.nominal.poses(visit.laboratory.setting.test_q)[:, :3, 3]
+    u_r, u_p, u_w = random_parts(visit, scenario.uncertainty.repeats)
     return Reexamined(
         truth=truth,
-        trials=tuple(one.trial for one in trials),
-        best=tuple(trials[i].trial for i in best),
-        pool=pool,
-        before=np.array(before),
-        own_before=per_trial("own_before", everyone),
-        own_after=per_trial("own_after", everyone),
-        error=per_trial("error", everyone),
-        u_best=np.swapaxes(per_trial("u_best", best), 1, 2),
-        u_r=np.array(u_r),
-        u_p=np.array(u_p),
-        u_w=np.array(u_w),
-        inside=per_trial("inside", best),
-        numbers_inside=per_trial("numbers_inside", best),
-        distance_u=per_trial("distance_u", best),
+        trials=tuple(trial.trial for trial in trials),
+        best=tuple(trial.trial for trial in trials if trial.by_paper),
+        **alone(
+            AXES,
+            pool=pool,
+            before=distances(visit.true, nominal).mean(),
+            u_r=u_r,
+            u_p=u_p,
+            u_w=u_w,
+            **{name: [getattr(one, name) for one in played] for name in EVERY},
+            **{name: [getattr(one, name) for one in best] for name in BY_PAPER},
+        ),
     )
 
 
-def visit_robot(bench: Laboratory, truth: TruthName, pools: PoolSets, robot: int) -> Visit:
+def visit_robot(laboratory: Laboratory, truth: TruthName, pools: PoolSets, robot: int) -> Visit:
     """Draw robot number `robot` of one kind, and give it its pool."""
-    scenario, p = bench.scenario, robot % len(pools.pool_q)
-    seed = int(stream(scenario.seed, "reexamined", "robot", robot).integers(2**62))
-    drawn = draw_truth(bench.robot, truth_of_kind(scenario, truth), seed)
-    own = bench.with_poses(pools.pool_q[p], pools.test_q[p]).with_robot(drawn, seed)
+    kind, p = truth_of_kind(laboratory.scenario, truth), robot % len(pools.pool_q)
+    own = laboratory.with_poses(pools.pool_q[p], pools.test_q[p])
+    own = own.with_robot(kind, "reexamined", "robot", robot)
     return Visit(robot, own, own.held_out(pools.test_q[p])[:, :3, 3])
 
 
-def play(visit: Visit, trial: TrialSets, pool: int) -> Played:
+def play(visit: Visit, trial: TrialSets, pool: int) -> TrialOnRobot:
     """Calibrate once with each estimator; on the paper's sets repeat, and judge what is stated."""
     chosen = trial.indices[pool] if trial.designed else visit.random(trial.poses, trial.trial)
     seen = visit.measure(chosen, trial.trial)
     fits = tuple(visit.fitted(seen, mode) for mode in MODES)
-    nominal = visit.bench.setting.nominal
+    nominal = visit.laboratory.setting.nominal
     own = [
         float(distances(seen.position, observed_points(model, seen)).mean())
         for model in (nominal, fits[0].model)
     ]
     error = tuple(float(visit.error(found).mean()) for found in fits)
     if not trial.by_paper:
-        return Played(own[0], own[1], error, np.zeros(0), (), 0.0, 0.0)
-    repeats = visit.bench.scenario.uncertainty.repeats
+        return TrialOnRobot(own[0], own[1], error, np.zeros(0), (), 0.0, 0.0)
+    repeats = visit.laboratory.scenario.uncertainty.repeats
     others = [visit.measure(chosen, trial.trial, repeat=k) for k in range(1, repeats)]
     steps = np.array([fits[0].step, *(visit.fitted(table).step for table in others)])
     u = type_a(steps).standard
     shares, distance_u = held(visit, fits, u)
-    off = np.abs(fits[0].step - true_step(visit.bench.setting, fits[1], seen))
-    return Played(own[0], own[1], error, u, shares, float((off <= INTERVAL * u).mean()), distance_u)
+    off = np.abs(fits[0].step - true_step(visit.laboratory.setting, fits[1], seen))
+    return TrialOnRobot(
+        own[0], own[1], error, u, shares, float((off <= INTERVAL * u).mean()), distance_u
+    )
 
 
 FEWEST_LOCAL = 10
@@ -182,7 +197,7 @@ def held(
     The first three are made from standard uncertainties u (f,) of independent numbers, as in the
     paper; propagation is linear, which claim 17 shows to be enough.
     """
-    q, nominal, found = visit.bench.setting.test_q, visit.bench.setting.nominal, fits[0]
+    q, nominal, found = visit.laboratory.setting.test_q, visit.laboratory.setting.nominal, fits[0]
     full = np.zeros((nominal.n_numbers, nominal.n_numbers))
     place = found.parameters.free_index
     full[place, place] = u**2
@@ -206,7 +221,7 @@ def held(
 
 def random_parts(visit: Visit, repeats: int) -> tuple[Array, Array, Array]:
     """u_r, u_p, u_w (f,) of the random side, paper estimator [m or rad]."""
-    setting, seed = visit.bench.setting, visit.bench.scenario.seed
+    setting, seed = visit.laboratory.setting, visit.laboratory.scenario.seed
     one = visit.random(RANDOM_BUDGET_POSES, "u_r")
     sized = [visit.random(size, f"u_p {size}") for size in POSE_NUMBERS]
     regions = location_regions(setting.pool_nominal[:, :3, 3])

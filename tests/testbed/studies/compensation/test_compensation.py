@@ -18,7 +18,7 @@ from testbed.scenario.hashes import record_hash
 from testbed.scenario.read import changed, load_scenario
 from testbed.store.codec import pack, unpack
 from testbed.studies.compensation.cube import cube_joints, cube_poses
-from testbed.studies.compensation.play import execute, robot_bench
+from testbed.studies.compensation.play import execute, robot_of
 from testbed.studies.compensation.records import CompensationStudy
 from testbed.studies.compensation.report import compensation_section, sentences, summary_table
 from testbed.studies.compensation.summary import mean_accuracy, outcomes
@@ -48,7 +48,7 @@ def studies(campaign):
 def test_the_figures_of_a_robot_come_out_by_hand_too(campaign, studies):
     """AP, RP and AD of robot 2, read again from the laboratory; formulas written out."""
     study = studies["wen2022"]
-    own = robot_bench(open_laboratory(campaign.scenario, campaign.setting), "wen2022", 2)
+    own = robot_of(open_laboratory(campaign.scenario, campaign.setting), "wen2022", 2)
     run = execute(own, study.T, study.targets[2, 2], "after", 2)
     readings = run.offsets + study.T[:, None, :3, 3]
     for k, x in enumerate(readings):
@@ -67,7 +67,7 @@ def test_the_figures_of_a_robot_come_out_by_hand_too(campaign, studies):
 
 def test_noise_free_poses_are_those_of_the_true_robot(campaign, studies):
     study = studies["elastic"]
-    own = robot_bench(open_laboratory(campaign.scenario, campaign.setting), "elastic", 1)
+    own = robot_of(open_laboratory(campaign.scenario, campaign.setting), "elastic", 1)
     T = own.truth.poses(study.targets[2, 1])
     miss = np.linalg.norm((T - study.T)[:, :3, 3], axis=1)
     np.testing.assert_allclose(study.true[2, 1], miss, rtol=1e-9)
@@ -98,7 +98,7 @@ def test_a_corrected_program_is_as_good_as_its_model_and_better_on_every_robot(t
 def test_with_a_perfect_model_only_noise_is_left(campaign, studies):
     """The whole loop, but for the calibration: corrected by the truth itself."""
     study = studies["wen2022"]
-    own = robot_bench(open_laboratory(campaign.scenario, campaign.setting), "wen2022", 0)
+    own = robot_of(open_laboratory(campaign.scenario, campaign.setting), "wen2022", 0)
     nominal = campaign.setting.nominal
     found = compensate(nominal, own.truth.model, study.q, own.robot.limits)
     run = execute(own, study.T, found.q, "after", 0)

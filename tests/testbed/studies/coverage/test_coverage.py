@@ -19,7 +19,7 @@ from testbed.scenario.checks import check_robot
 from testbed.scenario.hashes import record_hash
 from testbed.scenario.read import changed, load_scenario
 from testbed.store.codec import pack, unpack
-from testbed.studies.coverage.play import judge_model, models, visit_robot
+from testbed.studies.coverage.play import judge_model, measure_robot, models
 from testbed.studies.coverage.records import CoverageStudy
 from testbed.studies.coverage.report import believable_sentence, coverage_section, unnoticed
 from testbed.studies.coverage.summary import cells, followed, numbers_check, uniform_p
@@ -48,7 +48,7 @@ def campaign():
 def visit(campaign):
     """Robot 1 of the kind wen2022, measured again."""
     bench = open_laboratory(campaign.scenario, campaign.setting)
-    return visit_robot(bench, "wen2022", campaign.trials[0].selection.indices, 1)
+    return measure_robot(bench, "wen2022", campaign.trials[0].selection.indices, 1)
 
 
 def study_of(campaign, truth):
@@ -57,17 +57,16 @@ def study_of(campaign, truth):
 
 def fitted(visit, model):
     """Estimate and covariance from scipy and central differences; nothing of `identify`."""
-    bench, seen = visit.bench, visit.seen
-    free = bench.free("whitened")
+    bench, seen = visit.laboratory, visit.seen
     if model == "geometric":
         start = bench.setting.nominal
-        names = models(visit, free)[0][0].names  # which 30 of 42, a choice of gauge
+        names = models(visit)[0][0].names  # which 30 of 42, a choice of gauge
         places = np.array([start.names.index(name) for name in names])
         sd = None
     else:
         start = extended_model(bench.setting.nominal)
         places = np.arange(start.n_numbers)
-        sd = weak_prior_sd(models(visit, free)[0][1].parameters)
+        sd = weak_prior_sd(models(visit)[0][1].parameters)
     # sizes of the steps, so that the solver sees numbers near one
     unit = np.where(np.array(start.is_length)[places], 1e-4, 1e-4)
 
@@ -160,7 +159,7 @@ def test_identification_validation_and_judging_poses_share_none(visit, campaign)
 
 def test_the_judge_never_lets_the_truth_into_a_statement(visit):
     """Another truth moves the shares, never the radii or the advice."""
-    fit = models(visit, visit.bench.free("whitened"))[0][0]
+    fit = models(visit)[0][0]
     far = replace(visit, true=visit.true + 1.0)
     one, other = judge_model(fit, visit, 0.95), judge_model(fit, far, 0.95)
     assert (one.radius, one.flagged, one.believed) == (other.radius, other.flagged, other.believed)

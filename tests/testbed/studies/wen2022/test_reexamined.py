@@ -151,7 +151,7 @@ def paper_fit(seen, nominal, free):
 
 def test_u_best_is_the_scatter_of_fits_by_scipy_on_the_same_tables():
     at, chosen = visit(truth="rigid"), campaign().pool_sets.sets[0].indices[1]
-    nominal, free = at.bench.setting.nominal, at.bench.free("paper")
+    nominal, free = at.laboratory.setting.nominal, at.laboratory.free("paper")
     steps = np.array([paper_fit(at.measure(chosen, "best-61", k), nominal, free) for k in range(3)])
     u = steps.std(axis=0, ddof=1)
     np.testing.assert_allclose(study("rigid").u_best[0, 1], u, rtol=1e-3)
@@ -159,8 +159,8 @@ def test_u_best_is_the_scatter_of_fits_by_scipy_on_the_same_tables():
 
 def test_what_u_best_holds_is_counted_at_the_held_out_poses():
     at, record = visit(), study("wen2022")
-    sets, own = campaign().pool_sets.sets[0], at.bench.setting
-    chosen, free, u = sets.indices[1], at.bench.free("paper"), record.u_best[0, 1]
+    sets, own = campaign().pool_sets.sets[0], at.laboratory.setting
+    chosen, free, u = sets.indices[1], at.laboratory.free("paper"), record.u_best[0, 1]
     step = paper_fit(at.measure(chosen, "best-61"), own.nominal, free)
     # the stated u of |P| and who is inside, by differences of |P| itself
     model = own.nominal.moved(free.expand(step))
@@ -215,17 +215,19 @@ def test_a_robot_is_the_same_whoever_else_is_played():
 def test_robots_of_all_kinds_share_geometry_noise_and_poses():
     one, other = visit(truth="rigid"), visit(truth="wen2022")
     np.testing.assert_array_equal(
-        one.bench.setting.true.chain.links, other.bench.setting.true.chain.links
+        one.laboratory.setting.true.chain.links, other.laboratory.setting.true.chain.links
     )
-    assert other.bench.truth.model.joint_errors.coefficients.any()
-    assert not one.bench.truth.model.joint_errors.coefficients.any()
-    np.testing.assert_array_equal(one.bench.setting.test_q, other.bench.setting.test_q)
+    assert other.laboratory.truth.model.joint_errors.coefficients.any()
+    assert not one.laboratory.truth.model.joint_errors.coefficients.any()
+    np.testing.assert_array_equal(one.laboratory.setting.test_q, other.laboratory.setting.test_q)
 
 
 def test_a_pool_that_lies_on_one_side_is_refused_by_its_region():
     at = visit()
-    one_side = at.bench.setting.pool_q[at.bench.setting.pool_nominal[:, 0, 3] > 0.25]
-    lopsided = replace(at, bench=at.bench.with_poses(one_side, at.bench.setting.test_q))
+    one_side = at.laboratory.setting.pool_q[at.laboratory.setting.pool_nominal[:, 0, 3] > 0.25]
+    lopsided = replace(
+        at, laboratory=at.laboratory.with_poses(one_side, at.laboratory.setting.test_q)
+    )
     with pytest.raises(InputError, match="region 1 of the pool has 0 poses"):
         random_parts(lopsided, 2)
 
