@@ -1,7 +1,10 @@
 """Small campaigns to report on, each played once per process, and how to read a page."""
 
+from dataclasses import fields
 from functools import cache
 from html.parser import HTMLParser
+
+import numpy as np
 
 from testbed.report.page import render
 from testbed.run import campaign
@@ -28,6 +31,12 @@ def played(name, changes):
         return records[key]
 
     return campaign.gather(scenario, get)
+
+
+def assert_same(one, other):
+    """Two records of one class have equal fields, bit for bit."""
+    for field in fields(one):
+        np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name))
 
 
 @cache

@@ -18,11 +18,11 @@ from testbed.scenario.hashes import record_hash
 from testbed.scenario.read import changed, load_scenario
 from testbed.store.codec import pack, unpack
 from testbed.studies.compensation.cube import cube_joints, cube_poses
-from testbed.studies.compensation.play import execute, robot_of
+from testbed.studies.compensation.play import execute, gather, play_robots, robot_of
 from testbed.studies.compensation.records import CompensationStudy
 from testbed.studies.compensation.report import compensation_section, sentences, summary_table
 from testbed.studies.compensation.summary import mean_accuracy, outcomes
-from tests.reported import played
+from tests.reported import assert_same, played
 from tests.testbed.scenario.test_messages import on_a_wall
 
 SMALL = {
@@ -228,3 +228,9 @@ def test_full_size_rigid_below_twenty_micrometres_and_all_kinds_at_their_models_
         assert chosen.true < 1.5 * chosen.held_out
         assert chosen.true < chosen.held_out_p95
         assert chosen.better == chosen.robots
+
+
+def test_robots_played_in_pieces_are_those_played_at_once(campaign, studies):
+    given = campaign.scenario, campaign.setting, "elastic", campaign.trials[0]
+    parts = [play_robots(*given, range(2)), play_robots(*given, range(2, 5))]
+    assert_same(gather(parts), studies["elastic"])

@@ -19,12 +19,12 @@ from testbed.scenario.checks import check_robot
 from testbed.scenario.hashes import record_hash
 from testbed.scenario.read import changed, load_scenario
 from testbed.store.codec import pack, unpack
-from testbed.studies.coverage.play import judge_model, measure_robot, models
+from testbed.studies.coverage.play import gather, judge_model, measure_robot, models, play_robots
 from testbed.studies.coverage.records import CoverageStudy
 from testbed.studies.coverage.report import believable_sentence, coverage_section, unnoticed
 from testbed.studies.coverage.summary import cells, followed, numbers_check, uniform_p
 from testbed.studies.many_robots import mean_over_robots
-from tests.reported import VERSIONS, played
+from tests.reported import VERSIONS, assert_same, played
 from tests.sbc import evenness, prior_ranks
 from tests.testbed.scenario.test_messages import on_a_wall
 
@@ -393,3 +393,20 @@ def test_an_arm_without_closed_gravity_is_refused_by_name_and_may_play_the_rest(
     changes = {"coverage.truths": ["rigid", "elastic"], "truth.gravity_mdeg": [0.0, 0.0, 0.0]}
     rest = changed(load_scenario("coverage"), changes)
     check_robot(rest, wall, where="x.toml")
+
+
+def test_robots_played_in_pieces_are_those_played_at_once(campaign):
+    given = campaign.scenario, campaign.setting, "rigid", campaign.trials[0]
+    parts = [play_robots(*given, range(1)), play_robots(*given, range(1, 3))]
+    assert_same(gather(parts), study_of(campaign, "rigid"))
+
+
+def test_numbers_that_one_robot_cannot_hold_are_judged_on_none(campaign):
+    rigid = study_of(campaign, "rigid")
+    other = replace(rigid, names=(), normal_error=np.zeros((0, 3)), nees=np.zeros(0))
+    for parts in ([rigid, other], [other, rigid]):
+        both = gather(parts)
+        assert both.names == ()
+        assert both.normal_error.shape == (0, 6)
+        assert both.nees.shape == (0,)
+        assert both.before.shape == (6,)

@@ -6,8 +6,9 @@ from scipy import stats
 
 from testbed.run.results import headline
 from testbed.studies.many_robots import log_ratio_over_robots, mean_over_robots
+from testbed.studies.pose_sets.play import gather, play_robots
 from testbed.studies.pose_sets.report_population import outcome, population_section
-from tests.reported import SMALL, played
+from tests.reported import SMALL, assert_same, played
 
 ROBOTS = 20
 
@@ -75,3 +76,9 @@ def test_the_report_has_the_section_only_where_many_robots_were_played(crowd):
     assert "random-29" in text
     bare = played("quick", {**SMALL, "uncertainty.replications": 0})
     assert population_section(bare) is None
+
+
+def test_robots_played_in_pieces_are_those_played_at_once(crowd):
+    given = crowd.scenario, crowd.setting, crowd.trials
+    parts = [play_robots(*given, range(3)), play_robots(*given, range(3, ROBOTS))]
+    assert_same(gather(parts), crowd.population)

@@ -27,7 +27,7 @@ from testbed.studies.trial.statement import report as report_statement
 from testbed.studies.wen2022 import claims_many_robots as claims_robots
 from testbed.studies.wen2022 import paper, report_paper
 from testbed.studies.wen2022.claims import examine
-from testbed.studies.wen2022.play import play, random_parts, visit_robot
+from testbed.studies.wen2022.play import gather, play, play_robots, random_parts, visit_robot
 from testbed.studies.wen2022.pools import noise_of
 from testbed.studies.wen2022.records import PoolSets, Reexamined
 from testbed.studies.wen2022.report import few_repeats, opening, procedure
@@ -42,7 +42,7 @@ from testbed.studies.wen2022.summary import (
     statements,
 )
 from testbed.studies.wen2022.tables import predicted_table
-from tests.reported import VERSIONS, read
+from tests.reported import VERSIONS, assert_same, read
 from tests.testbed.scenario.test_messages import on_a_wall
 
 SMALL = {
@@ -499,3 +499,10 @@ def test_few_repeats_raise_a_mean_ratio_of_equal_scatters():
     # the ratio scatters by 0.36, its mean over 200 000 by 0.0008
     assert few_repeats(10) == pytest.approx(np.mean(s[0] / s[1]), abs=0.003)
     assert few_repeats(2) == np.inf
+
+
+def test_robots_played_in_pieces_are_those_played_at_once():
+    whole = study("rigid")
+    given = campaign().scenario, campaign().setting, "rigid", campaign().pool_sets
+    ends = range(1), range(1, len(whole.pool))
+    assert_same(gather([play_robots(*given, robots) for robots in ends]), whole)
