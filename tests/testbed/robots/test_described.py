@@ -13,7 +13,7 @@ from calib.errors import InputError
 from calib.geometry.chain import Chain, forward
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import load_robot
-from testbed.robots.describe import convert as described
+from testbed.robots.describe import description
 from testbed.robots.describe.axes import chain_from_axes, reach, regauged
 from testbed.robots.meshes.files import part_mesh
 from testbed.robots.placements import link_poses
@@ -282,7 +282,7 @@ def test_the_poses_are_compared_with_the_other_reader(tmp_path, monkeypatch):
         return Chain(chain.links + np.array([0, 1e-6, 0, 0, 0]), chain.kinds, chain.T_world_base,
                      chain.T_flange_tool)  # fmt: skip
 
-    monkeypatch.setattr(described, "chain_from_axes", wrong)
+    monkeypatch.setattr(description, "chain_from_axes", wrong)
     with pytest.raises(InputError, match="differ from those of yourdfpy by 1e-06 m") as caught:
         load_robot(written(urdf("o", [("a", "revolute", "0 0 1", "0 0 0", "0 1 0", (-1, 1))]),
                            tmp_path))  # fmt: skip
