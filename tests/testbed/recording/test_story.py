@@ -53,7 +53,7 @@ def test_a_chapter_brings_its_place_on_the_timeline_its_curve_and_its_words(tmp_
 
 def test_slow_drawing_gives_the_same_content(tmp_path):
     """The stream's own batches end after 0.2 s, and rows of one entity in two chunks differ."""
-    for name, pause in (("quick", 0.0), ("slow", 0.3)):
+    for name, pause in (("quick", 0.0), ("slow", 0.6)):
         chapters = (
             chapter("first", visit(STOPS), lambda *_, pause=pause: time.sleep(pause)),
             chapter("second", visit(STOPS)),
