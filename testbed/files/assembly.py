@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib.arrays import Array, Bool, Index, frozen
-from calib.errors import InputError
 from calib.measurement.observations import Measurements
 from testbed.files.matching import pose_numbers, poses_of_joints, visits_of
+from testbed.files.refusal import refusal
 from testbed.files.session import Session, Stated
 from testbed.files.session_toml import SessionFile
 from testbed.files.targets import Part, Targets, targets_of, texts_of
@@ -17,7 +17,7 @@ SAME_JOINTS = 1e-6
 """Commanded joints of one pose differ by rounding only [rad, m]."""
 
 
-def assembled(parts: Sequence[Part], robot: Robot, settings: SessionFile, *, name: str) -> Session:
+def assemble(parts: Sequence[Part], robot: Robot, settings: SessionFile, *, name: str) -> Session:
     """One session of all parts; what the reader knows besides is left empty.
 
     Raises
@@ -26,24 +26,21 @@ def assembled(parts: Sequence[Part], robot: Robot, settings: SessionFile, *, nam
         M27: no row is left; M31: a pose is not what its name says; M35: a split of one pose.
     """
     if not sum(len(part) for part in parts):
-        raise InputError(
-            "no row is left",
-            code="M27",
-            where=parts[0].readings.where,
-            field="measurements",
-            fix="see what was left out, and measure again",
-        )
+        where, fix = parts[0].readings.where, "see what was left out, and measure again"
+        raise refusal(where, "measurements", "no row is left", code="M27", fix=fix)
     q = np.concatenate([part.joints.q for part in parts])
     place = texts_of(parts, "place")
     target = targets_of(parts)
-    named = all(_pose_column(part) is not None for part in parts)
-    if named:
-        pose, names = pose_numbers([n for part in parts for n in _pose_column(part) or ()])
+    # joints number the poses
+    named = _joined([part.joints.extras.pose for part in parts])
+    if named is not None:
+        pose, names = pose_numbers(named)
     else:
-        pose, _ = poses_of_joints(q)
+        pose = poses_of_joints(q)
         names = tuple(str(k + 1) for k in range(pose.max() + 1))
     source = parts[0].joints.source
-    _check_poses(pose, names, q, place, commanded=named and source == "commanded")
+    if named is not None and source == "commanded":
+        _check_poses(pose, names, q, place)
     repeat = _repeats(parts, pose, target, names, place)
     split = settings.split == "column" and any(_extra(part, "split") for part in parts)
     is_test = np.array(
@@ -77,7 +74,7 @@ def assembled(parts: Sequence[Part], robot: Robot, settings: SessionFile, *, nam
         read_back=_stacked([part.joints.read_back for part in parts]),
         time=_stacked([_extra(part, "time") for part in parts]),
         temperature=_stacked([_extra(part, "temperature") for part in parts]),
-        approach=_approach(parts),
+        approach=_joined([_extra(part, "approach") for part in parts]),
         joint_source=source,
         uncertainty="; ".join(dict.fromkeys(part.readings.uncertainty for part in parts)),
         joint_scatter=frozen(np.zeros(q.shape[1]) if included else robot.repeatability),
@@ -89,7 +86,7 @@ def assembled(parts: Sequence[Part], robot: Robot, settings: SessionFile, *, nam
         masked=(),
         drift=None,
         warnings=tuple(
-            told for part in parts for told in (*part.joints.warnings, *part.readings.warnings)
+            text for part in parts for text in (*part.joints.warnings, *part.readings.warnings)
         ),
         notes=tuple(note for part in parts for note in part.readings.notes),
         stated=parts[0].readings.stated if len(parts) == 1 else Stated(),
@@ -111,20 +108,14 @@ def _extra(part: Part, name: str) -> Array | tuple[str, ...] | None:
     return own if own is not None else there
 
 
-def _pose_column(part: Part) -> tuple[str, ...] | None:
-    """Names of the poses, from the joints: they number them."""
-    return part.joints.extras.pose
-
-
 def _stacked(columns: Sequence[Array | tuple[str, ...] | None]) -> Array | None:
     """A column of numbers that all parts have, or None."""
     there = [column for column in columns if isinstance(column, np.ndarray)]
     return frozen(np.concatenate(there)) if len(there) == len(columns) else None
 
 
-def _approach(parts: Sequence[Part]) -> tuple[str, ...] | None:
-    """How poses were approached, if all parts say it."""
-    columns = [_extra(part, "approach") for part in parts]
+def _joined(columns: Sequence[Array | tuple[str, ...] | None]) -> tuple[str, ...] | None:
+    """A column of texts that all parts have, or None."""
     there = [column for column in columns if isinstance(column, tuple)]
     return tuple(t for column in there for t in column) if len(there) == len(columns) else None
 
@@ -139,74 +130,48 @@ def _repeats(
     InputError
         M31: one visit comes twice.
     """
-    _, what = np.unique(
-        np.column_stack(
-            [
-                target.offset,
-                target.reflector,
-                target.station,
-                target.anchor,
-                [part.readings.kind == "pose" for part in parts for _ in range(len(part))],
-            ]
-        ),
-        axis=0,
-        return_inverse=True,
-    )
+    is_pose = [part.readings.kind == "pose" for part in parts for _ in range(len(part))]
+    of = np.column_stack([target.offset, target.reflector, target.station, target.anchor, is_pose])
+    _, what = np.unique(of, axis=0, return_inverse=True)
     stated = [_extra(part, "repeat") for part in parts]
     if any(column is None for column in stated):
         _, both = np.unique(np.column_stack([pose, what.ravel()]), axis=0, return_inverse=True)
-        return visits_of(both.ravel())
+        return visits_of(both.ravel().tolist())
     repeat = np.concatenate([np.asarray(column) for column in stated])
     key = np.column_stack([pose, what.ravel(), repeat])
     _, first, count = np.unique(key, axis=0, return_index=True, return_counts=True)
     if (count > 1).any():
         row = int(first[np.argmax(count > 1)])
         later = next(int(k) for k in np.flatnonzero((key == key[row]).all(axis=1)) if k != row)
-        raise InputError(
+        message = (
             f"pose {names[pose[row]]}, visit {repeat[row]} is there twice, first in "
-            f"line {place[row].rpartition(':')[2]}",
-            code="M31",
-            where=place[later],
-            field="repeat",
-            fix="number the visits 0, 1, 2 ... in the column repeat",
+            f"line {place[row].rpartition(':')[2]}"
         )
+        fix = "number the visits 0, 1, 2 ... in the column repeat"
+        raise refusal(place[later], "repeat", message, code="M31", fix=fix)
     return repeat
 
 
-def _check_poses(
-    pose: Index, names: Sequence[str], q: Array, place: Sequence[str], *, commanded: bool
-) -> None:
+def _check_poses(pose: Index, names: Sequence[str], q: Array, place: Sequence[str]) -> None:
     """Refuse one name for different commanded joints."""
-    if not commanded:
-        return
-    _, first = np.unique(pose, return_index=True)
-    start = dict(zip(pose[first].tolist(), first.tolist(), strict=True))
-    reference = q[[start[int(k)] for k in pose]]
-    off = np.abs(q - reference).max(axis=1)
+    _, first, number = np.unique(pose, return_index=True, return_inverse=True)
+    start = first[number.ravel()]
+    off = np.abs(q - q[start]).max(axis=1)
     if (off > SAME_JOINTS).any():
         row = int(np.argmax(off > SAME_JOINTS))
-        at = place[start[int(pose[row])]].rpartition(":")[2]
-        raise InputError(
-            f"pose {names[pose[row]]} has other joints than in line {at}",
-            code="M31",
-            where=place[row],
-            field="pose_id",
-            value=names[pose[row]],
-            fix="give it a pose_id of its own",
-        )
+        name, line = names[pose[row]], place[start[row]].rpartition(":")[2]
+        message = f"pose {name} has other joints than in line {line}"
+        fix = "give it a pose_id of its own"
+        raise refusal(place[row], "pose_id", message, code="M31", value=name, fix=fix)
 
 
 def _check_split(pose: Index, is_test: Bool, names: Sequence[str], place: Sequence[str]) -> None:
     """Refuse a pose that judges what it was used for."""
     both = np.intersect1d(pose[is_test], pose[~is_test])
     if both.size:
-        row = int(np.flatnonzero((pose == both[0]) & is_test)[0])
-        raise InputError(
-            f"pose {names[both[0]]} is for identification and for test",
-            code="M35",
-            where=place[row],
-            field="split",
-            value=names[both[0]],
-            allowed="visits of one pose stay together",
+        row, name = int(np.flatnonzero((pose == both[0]) & is_test)[0]), names[both[0]]
+        message = f"pose {name} is for identification and for test"
+        raise refusal(
+            place[row], "split", message, value=name, allowed="visits of one pose stay together",
             fix="write one word for all its rows",
-        )
+        )  # fmt: skip

@@ -1,39 +1,19 @@
 """The column names of the project's own layout: a unit in each, and its factor to SI."""
 
 import re
-from collections.abc import Collection, Container
+from collections.abc import Iterable
 from difflib import get_close_matches
 
 import numpy as np
 
-from calib.errors import InputError
-
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
-ANGLES = {
-    "rad": 1.0,
-    "deg": float(np.pi / 180),
-    "mdeg": float(np.pi / 180e3),
-    "urad": 1e-6,
-}
+ANGLES = {"rad": 1.0, "deg": float(np.pi / 180), "mdeg": float(np.pi / 180e3), "urad": 1e-6}
 UNITS = {"length": LENGTHS, "angle": ANGLES}
-PLAIN = (
-    "pose_id",
-    "repeat",
-    "station",
-    "split",
-    "approach",
-    "time",
-    "time_s",
-    "temperature_degC",
-    "target",
-    "anchor",
-    "euler",
-    "qw",
-    "qx",
-    "qy",
-    "qz",
-    *(f"r{i}{j}" for i in "123" for j in "123"),
-)
+QUATERNION_COLUMNS = ("qw", "qx", "qy", "qz")
+MATRIX_COLUMNS = tuple(f"r{i}{j}" for i in "123" for j in "123")
+TEXTS = ("pose_id", "station", "split", "approach", "time", "target", "anchor", "euler")
+"""Columns that hold no numbers."""
+PLAIN = (*TEXTS, "repeat", "time_s", "temperature_degC", *QUATERNION_COLUMNS, *MATRIX_COLUMNS)
 """Names that carry no unit, or always the same."""
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 STEMS: dict[str, str] = {
@@ -50,7 +30,9 @@ JOINT = re.compile(r"q([1-9]\d?)(_read)?")
 
 def covariance_names() -> tuple[str, ...]:
     """The 21 entries of the upper triangle, by rows: ``cov_x_x_m2`` ... ``cov_rz_rz_rad2``."""
-    return tuple(f"cov_{a}_{b}_{_squared(a, b)}" for i, a in enumerate(AXES) for b in AXES[i:])
+    units = {2: "m2", 3: "m_rad", 4: "rad2"}  # by the letters of both axes
+    pairs = ((a, b) for i, a in enumerate(AXES) for b in AXES[i:])
+    return tuple(f"cov_{a}_{b}_{units[len(a) + len(b)]}" for a, b in pairs)
 
 
 def is_known(name: str) -> bool:
@@ -75,56 +57,7 @@ def close_to(name: str) -> str:
     return f'did you mean "{close[0]}"?' if close else ""
 
 
-def find(names: Container[str], stem: str, kind: str, where: str) -> tuple[str, float] | None:
-    """Name of the column of a stem, whatever its unit, and its factor to SI; None if none is there.
-
-    Raises
-    ------
-    InputError
-        M35: it is there in two units.
-    """
-    found = [f"{stem}_{unit}" for unit in UNITS[kind] if f"{stem}_{unit}" in names]
-    if len(found) > 1:
-        raise InputError(
-            f"{' and '.join(found)} are both there",
-            code="M35",
-            where=where,
-            field=stem,
-            fix="keep one of them",
-        )
-    return (found[0], UNITS[kind][found[0].rpartition("_")[2]]) if found else None
-
-
-def find_all(
-    names: Collection[str], stems: tuple[str, ...], kind: str, where: str
-) -> tuple[list[str], list[float]] | None:
-    """Names and factors of columns that belong together; None if none of them is there.
-
-    Raises
-    ------
-    InputError
-        M35: some are there and some are not.
-    """
-    found = [find(names, stem, kind, where) for stem in stems]
-    if not any(found):
-        return None
-    missing = [stem for stem, at in zip(stems, found, strict=True) if at is None]
-    if missing:
-        have = next(at[0] for at in found if at)
-        raise InputError(
-            f"there is a column {have} but none for {', '.join(missing)}",
-            code="M35",
-            where=where,
-            field=missing[0],
-            fix=next(
-                (hint for name in names if not is_known(name) and (hint := close_to(name))),
-                "give all of them or none",
-            ),
-        )
-    there = [at for at in found if at]
-    return [name for name, _ in there], [factor for _, factor in there]
-
-
-def _squared(a: str, b: str) -> str:
-    """Unit of a covariance entry in a column name."""
-    return {0: "m2", 1: "m_rad", 2: "rad2"}[(len(a) == 2) + (len(b) == 2)]
+def misspelling(names: Iterable[str]) -> str:
+    """The hint on the first name that is none of ours and close to one of them, or nothing."""
+    hints = (close_to(name) for name in names if not is_known(name))
+    return next(filter(None, hints), "")

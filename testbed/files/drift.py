@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.arrays import Array, Bool, Index, frozen
+from calib.arrays import Array, Index, frozen
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3, log_so3, skew
 from testbed.files.readings import Readings
+from testbed.files.refusal import refusal
 from testbed.files.session import Drift
 from testbed.files.session_toml import DriftTable
 
@@ -26,18 +27,18 @@ def split_nests(readings: Readings, nests: Sequence[str]) -> tuple[Readings, Rea
 
 
 def judge_drift(
-    shots: Readings, nests: Sequence[str], middle: Array, *, limit: float
+    readings: Readings, nests: Sequence[str], middle: Array, *, limit: float
 ) -> tuple[Drift, Index]:
-    """How the station moved, from its shots at the nests, and where each round begins.
+    """How the station moved, from its readings of the nests, and where each round begins.
 
-    The k-th shot at a nest belongs to the k-th round. A shot farther than `limit` from the median
+    The k-th reading of a nest belongs to the k-th round. One farther than `limit` from the median
     of its nest is wrong and does not count. Each round is fitted to the first by a rotation and a
     translation (Procrustes).
 
     Parameters
     ----------
-    shots : Readings
-        At the nests only.
+    readings : Readings
+        Of the nests only.
     nests : sequence of str
         Their names.
     middle : (3,) array
@@ -55,34 +56,29 @@ def judge_drift(
     Raises
     ------
     InputError
-        M27: fewer than three nests, or nests in line; M35: a nest was not shot, or not as often as
-        the others.
+        M27: fewer than three nests, or nests in line; M35: a nest was not measured, or not as often
+        as the others.
     """
-    place, order, wrong = _rounds(shots, nests, limit)
-    _require_nests(place, nests, shots.where)
-    steps, residuals, freedom = [], 0.0, 0
-    for seen in place:
-        both = np.isfinite(seen[:, 0]) & np.isfinite(place[0][:, 0])
-        if both.sum() < 3:
-            raise InputError(
-                f"a round over the nests has {int(both.sum())} good shots",
-                code="M27",
-                where=shots.where,
-                field="drift.nests",
-                allowed="at least 3",
-                fix="raise limit_mm under [drift], or leave the drift out",
-            )
-        R, t = best_fit(place[0][both], seen[both])
-        left = seen[both] - place[0][both] @ R.T - t
+    rounds, begins, wrong = _rounds(readings, nests, limit)
+    _require_nests(rounds, nests, readings.where)
+    steps, squares, freedom = [], 0.0, 0
+    first = rounds[0]
+    for k, now in enumerate(rounds):
+        both = np.isfinite(now[:, 0]) & np.isfinite(first[:, 0])
+        count = int(both.sum())
+        if count < 3:
+            message = f"a round over the nests has {count} good shots"
+            fix = "raise limit_mm under [drift], or leave the drift out"
+            raise _too_few(readings.where, message, allowed="at least 3", fix=fix)
+        R, t = best_fit(first[both], now[both])
         steps.append(np.concatenate([t, log_so3(R)]))
-        if seen is not place[0]:
-            residuals += float(np.square(left).sum())
-            freedom += 3 * int(both.sum()) - 6
+        if k:
+            squares += float(np.square(now[both] - first[both] @ R.T - t).sum())
+            freedom += 3 * count - 6
     # the residual holds the scatter of two rounds: the first and its own
-    scatter = (
-        np.sqrt(residuals / freedom) if freedom > 0 else float(np.sqrt(_stated(shots)) * 2**0.5)
-    )
-    u = scatter * _lever(place[0][np.isfinite(place[0][:, 0])], middle)
+    stated = np.diagonal(readings.covariance[:, :3, :3], axis1=1, axis2=2)
+    scatter = np.sqrt(squares / freedom) if freedom > 0 else np.sqrt(stated.mean()) * 2**0.5
+    u = scatter * _lever(first[np.isfinite(first[:, 0])], middle)
     shift = np.array([np.linalg.norm(_moved(step, middle) - middle) for step in steps])
     drift = Drift(
         nests=tuple(nests),
@@ -92,10 +88,10 @@ def judge_drift(
         corrected=bool(shift.max(initial=0.0) > TIMES * u),
         wrong=tuple(wrong),
     )
-    return drift, order
+    return drift, begins
 
 
-def corrected(readings: Readings, drift: Drift, begins: Index) -> Readings:
+def correct_drift(readings: Readings, drift: Drift, begins: Index) -> Readings:
     """Readings with the drift taken off, between two rounds in proportion."""
     if not drift.corrected:
         return readings
@@ -122,61 +118,52 @@ def best_fit(a: Array, b: Array) -> tuple[Array, Array]:
 
 
 def _rounds(
-    shots: Readings, nests: Sequence[str], limit: float
-) -> tuple[list[Array], Index, list[str]]:
-    """Shots (k, 3) of each round, nan where wrong; where rounds begin; the wrong shots in words."""
-    counts = Counter(shots.target)
-    missing = [nest for nest in nests if not counts[nest]]
-    if missing or len(set(counts.values())) > 1:
+    readings: Readings, nests: Sequence[str], limit: float
+) -> tuple[Array, Index, list[str]]:
+    """Places (r, k, 3) by round, nan where wrong; where rounds begin; wrong readings in words."""
+    counts = Counter(readings.target)
+    if not all(counts[nest] for nest in nests) or len(set(counts.values())) > 1:
         shown = ", ".join(f"{nest} {counts[nest]}" for nest in nests)
-        raise InputError(
-            f"the nests were not all shot equally often ({shown})",
-            code="M35",
-            where=shots.where,
-            field="drift.nests",
-            fix="check their names under [drift], or remove the unfinished round",
-        )
-    names = np.array(shots.target)
-    place = np.stack([shots.position[names == nest] for nest in nests], axis=1)
-    order = np.stack([shots.order[names == nest] for nest in nests], axis=1)
+        message = f"the nests were not all shot equally often ({shown})"
+        fix = "check their names under [drift], or remove the unfinished round"
+        raise refusal(readings.where, "drift.nests", message, fix=fix)
+    names = np.array(readings.target)
     rows = np.stack([np.flatnonzero(names == nest) for nest in nests], axis=1)
+    place = readings.position[rows]
     off = np.linalg.norm(place - np.median(place, axis=0), axis=2)
-    wrong: Bool = off > limit
-    told = [
-        f"{shots.place[rows[r, k]]}: nest {nests[k]} is {off[r, k] * 1e3:.3f} mm from its median"
-        for r, k in np.argwhere(wrong)
+    wrong = [
+        f"{readings.place[rows[r, k]]}: nest {nests[k]} is {off[r, k] * 1e3:.3f} mm from its median"
+        for r, k in np.argwhere(off > limit)
     ]
-    place[wrong] = np.nan
-    return list(place), np.asarray(order.mean(axis=1)), told
+    place[off > limit] = np.nan
+    return place, readings.order[rows].mean(axis=1), wrong
 
 
-def _require_nests(place: list[Array], nests: Sequence[str], where: str) -> None:
+def _require_nests(rounds: Array, nests: Sequence[str], where: str) -> None:
     """Refuse nests that were never in their place, or that cannot show a rotation."""
-    columns = np.stack(place, axis=1)
-    for nest, column in zip(nests, columns, strict=True):
-        if np.isnan(column).all():
-            raise InputError(
-                f"nest {nest} has no shot near its median: it moved, or was confused with another",
-                code="M27",
-                where=where,
-                field="drift.nests",
-                value=nest,
-                fix=f"leave {nest} out of [drift], or raise limit_mm",
+    for k, nest in enumerate(nests):
+        if np.isnan(rounds[:, k]).all():
+            message = (
+                f"nest {nest} has no shot near its median: it moved, or was confused with another"
             )
-    at = np.array([np.nanmedian(column, axis=0) for column in columns])
+            fix = f"leave {nest} out of [drift], or raise limit_mm"
+            raise _too_few(where, message, value=nest, fix=fix)
+    at = np.nanmedian(rounds, axis=0)
     extent = np.linalg.svd(at - at.mean(axis=0), compute_uv=False)
     if len(nests) >= 3 and extent[1] > FLAT * extent[0]:
         return
-    told = f"{len(nests)} nests" if len(nests) < 3 else "nests in one line"
-    raise InputError(
-        f"{told} cannot show how a station turns",
-        code="M27",
-        where=where,
-        field="drift.nests",
-        value=len(nests),
-        allowed="at least 3, not in one line",
-        fix="measure more nests, or remove [drift]",
-    )
+    what = f"{len(nests)} nests" if len(nests) < 3 else "nests in one line"
+    raise _too_few(
+        where, f"{what} cannot show how a station turns", value=len(nests),
+        allowed="at least 3, not in one line", fix="measure more nests, or remove [drift]",
+    )  # fmt: skip
+
+
+def _too_few(
+    where: str, message: str, *, value: object = None, allowed: str = "", fix: str
+) -> InputError:
+    """The error of nests that cannot show a drift."""
+    return refusal(where, "drift.nests", message, code="M27", value=value, allowed=allowed, fix=fix)
 
 
 def _lever(nests: Array, middle: Array) -> float:
@@ -195,11 +182,6 @@ def _moved(step: Array, point: Array) -> Array:
     return np.asarray(exp_so3(step[3:]) @ point + step[:3])
 
 
-def _stated(shots: Readings) -> float:
-    """Mean stated variance of a shot, one axis."""
-    return float(np.mean(np.diagonal(shots.covariance[:, :3, :3], axis1=1, axis2=2)))
-
-
 def without_drift(
     readings: Readings, apart: Readings | None, settings: DriftTable
 ) -> tuple[Readings, Drift | None, list[str]]:
@@ -210,27 +192,23 @@ def without_drift(
     readings : Readings
         Of one file, nests among them or not.
     apart : Readings or None
-        Shots at the nests in a file of their own.
+        Of the nests, where they have a file of their own.
     settings : DriftTable
         [drift] of session.toml.
     """
     own, nests = split_nests(readings, settings.nests)
-    shots = nests if apart is None else split_nests(apart, settings.nests)[1]
     if not len(own) or (apart is not None and len(nests)):
-        raise InputError(
-            "holds shots at nests only" if not len(own) else "has shots at nests of [drift] file",
-            code="M35",
-            where=readings.where,
-            field="drift.file",
-            fix="name the file of the nests under [drift] only",
-        )
+        message = "has shots at nests of [drift] file" if len(own) else "holds shots at nests only"
+        fix = "name the file of the nests under [drift] only"
+        raise refusal(readings.where, "drift.file", message, fix=fix)
+    if apart is not None:
+        _, nests = split_nests(apart, settings.nests)
     middle = own.position.mean(axis=0)
-    drift, begins = judge_drift(shots, settings.nests, middle, limit=settings.limit_mm / 1e3)
-    if apart is not None and drift.corrected:
-        return (
-            own,
-            replace(drift, corrected=False),
-            [f"{shots.where}: does not say between which poses the nests were shot; the drift is "
-             "reported, not taken off"],
-        )  # fmt: skip
-    return corrected(own, drift, begins), drift, []
+    drift, begins = judge_drift(nests, settings.nests, middle, limit=settings.limit_mm / 1e3)
+    if apart is None or not drift.corrected:
+        return correct_drift(own, drift, begins), drift, []
+    warning = (
+        f"{nests.where}: does not say between which poses the nests were shot; the drift is "
+        "reported, not taken off"
+    )
+    return own, replace(drift, corrected=False), [warning]

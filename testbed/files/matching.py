@@ -1,15 +1,17 @@
 """Which joints belong to which reading: by row, by pose_id, or by order if that is stated."""
 
-from collections import Counter, defaultdict
-from collections.abc import Collection, Sequence
+from collections import Counter
+from collections.abc import Collection, Hashable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from calib.arrays import Array, Index
 from calib.errors import InputError
+from testbed.files.extras import Extras
 from testbed.files.joints import Joints
 from testbed.files.readings import Readings
+from testbed.files.refusal import refusal
 
 LARGEST_ID = 100_000
 """Whole numbers up to this are kept as pose numbers."""
@@ -44,11 +46,11 @@ def by_order(joints: Joints, readings: Readings) -> Match:
         M31: there are not as many of both.
     """
     if len(joints) != len(readings):
-        raise InputError(
+        raise refusal(
+            readings.where,
+            "match",
             f"has {len(readings)} readings for {len(joints)} joint vectors in {joints.where}",
             code="M31",
-            where=readings.where,
-            field="match",
             allowed='match = "order" needs as many of both',
             fix="remove the extra rows, or number both files in a column pose_id",
         )
@@ -56,23 +58,23 @@ def by_order(joints: Joints, readings: Readings) -> Match:
 
 
 def by_cycle(joints: Joints, readings: Readings) -> Match:
-    """The k-th shot at a target belongs to the k-th joint vector.
+    """The k-th reading of a target belongs to the k-th joint vector.
 
     Raises
     ------
     InputError
-        M31: targets were not shot equally often, or not as often as there are joint vectors.
+        M31: targets were not measured equally often, or not as often as there are joint vectors.
     """
     counts = Counter(readings.target)
     number = np.array([int(k) for k in readings.extras.pose or ()], dtype=np.int64)
     # a row that was left out makes the count go on past the joints
     if set(counts.values()) != {len(joints)} or number.max() >= len(joints):
         shown = ", ".join(f"{name or 'it'} {count}" for name, count in sorted(counts.items())[:8])
-        raise InputError(
+        raise refusal(
+            readings.where,
+            "target",
             f"targets were shot {shown} times for {len(joints)} joint vectors",
             code="M31",
-            where=readings.where,
-            field="target",
             allowed="cycling names count poses only if all counts agree",
             fix="mend the export, or give each pose a group of its own",
         )
@@ -84,7 +86,8 @@ def by_pose(
 ) -> Match:
     """Rows with the same pose_id, and the same repeat where both files count visits.
 
-    Poses of `elsewhere` were seen in other files, from other stations: they may be missing here.
+    Poses of `elsewhere` were measured in other files, from other stations: they may be missing
+    here.
 
     Raises
     ------
@@ -93,35 +96,29 @@ def by_pose(
     """
     for file, extras in ((joints.where, joints.extras), (readings.where, readings.extras)):
         if extras.pose is None:
-            raise InputError(
-                "has no column pose_id",
-                code="M35",
-                where=file,
-                field="pose_id",
-                fix='number the poses in both files, or write match = "order" in session.toml',
-            )
+            fix = 'number the poses in both files, or write match = "order" in session.toml'
+            raise refusal(file, "pose_id", "has no column pose_id", fix=fix)
     visits = joints.extras.repeat is not None and readings.extras.repeat is not None
-    own = _keys(joints.extras.pose or (), joints.extras.repeat if visits else None)
-    seen = _keys(readings.extras.pose or (), readings.extras.repeat if visits else None)
-    twice = [key for key, count in Counter(own).items() if count > 1]
+    where, commanded = readings.where, _keys(joints.extras, visits=visits)
+    measured = _keys(readings.extras, visits=visits)
+    twice = [key for key, count in Counter(commanded).items() if count > 1]
     if twice:
-        _refuse(f"{joints.where} has joints twice for", twice, readings.where)
-    at = {key: k for k, key in enumerate(own)}
-    without = [key for key in dict.fromkeys(seen) if key not in at]
+        raise _mismatch(where, f"{joints.where} has joints twice for", twice)
+    at = {key: k for k, key in enumerate(commanded)}
+    without = [key for key in dict.fromkeys(measured) if key not in at]
     if without:
-        _refuse(f"{joints.where} has no joints for", without, readings.where)
-    there = set(seen)
+        raise _mismatch(where, f"{joints.where} has no joints for", without)
+    there = set(measured)
+    missing = [key for key in commanded if key not in there]
     others = {_plain(name) for name in elsewhere}
-    missing = [key for key in own if key not in there]
     lost = [key for key in missing if key[0] not in others]
     if lost and not drop:
-        _refuse("there is no reading of", lost, readings.where, " or add --drop-invalid")
-    told = [f"{readings.where}: there is no reading of {_listed(lost)}; left out"] if lost else []
+        raise _mismatch(where, "there is no reading of", lost, " or add --drop-invalid")
+    warnings = [f"{where}: there is no reading of {_listed(lost)}; left out"] if lost else []
     if len(missing) > len(lost):
-        told.append(f"{readings.where}: {len(missing) - len(lost)} poses are in other files only")
-    return Match(
-        np.array([at[key] for key in seen], dtype=np.int64), np.arange(len(seen)), tuple(told)
-    )
+        warnings.append(f"{where}: {len(missing) - len(lost)} poses are in other files only")
+    rows = np.array([at[key] for key in measured], dtype=np.int64)
+    return Match(rows, np.arange(len(measured)), tuple(warnings))
 
 
 def pose_numbers(names: Sequence[str]) -> tuple[Index, tuple[str, ...]]:
@@ -133,31 +130,36 @@ def pose_numbers(names: Sequence[str]) -> tuple[Index, tuple[str, ...]]:
         ids = np.array([int(name) for name in names], dtype=np.int64)
         there = set(ids.tolist())
         return ids, tuple(str(k) if k in there else "" for k in range(ids.max(initial=-1) + 1))
+    return numbered(names)
+
+
+def numbered(names: Sequence[str]) -> tuple[Index, tuple[str, ...]]:
+    """Number (m,) of each text in the order they come, and the texts."""
     known = {name: k for k, name in enumerate(dict.fromkeys(names))}
     return np.array([known[name] for name in names], dtype=np.int64), tuple(known)
 
 
-def poses_of_joints(q: Array) -> tuple[Index, Index]:
-    """Pose (m,) and visit (m,) of rows without names: equal joints are one pose, visited again."""
+def poses_of_joints(q: Array) -> Index:
+    """Pose (m,) of rows without names: equal joints are one pose, visited again."""
     _, first, pose = np.unique(q, axis=0, return_index=True, return_inverse=True)
-    number = np.argsort(np.argsort(first))[pose.ravel()]
-    return number, visits_of(number)
+    return np.argsort(np.argsort(first))[pose.ravel()]
 
 
-def visits_of(pose: Sequence[int] | Index) -> Index:
+def visits_of(poses: Iterable[Hashable]) -> Index:
     """Which visit (m,) of its pose each row is, from 0, in the order of the rows."""
-    seen: defaultdict[int, int] = defaultdict(int)
-    out = []
-    for k in pose:
-        out.append(seen[int(k)])
-        seen[int(k)] += 1
-    return np.array(out, dtype=np.int64)
+    count: Counter[Hashable] = Counter()
+    visits = []
+    for pose in poses:
+        visits.append(count[pose])
+        count[pose] += 1
+    return np.array(visits, dtype=np.int64)
 
 
-def _keys(names: Sequence[str], repeat: Index | None) -> list[tuple[str, int]]:
+def _keys(extras: Extras, *, visits: bool) -> list[tuple[str, int]]:
     """Pose and visit of each row; numbers are equal however they are written."""
-    visit = np.zeros(len(names), dtype=np.int64) if repeat is None else repeat
-    return [(_plain(name), int(k)) for name, k in zip(names, visit, strict=True)]
+    names = extras.pose or ()
+    repeat = extras.repeat if visits and extras.repeat is not None else np.zeros(len(names))
+    return [(_plain(name), int(k)) for name, k in zip(names, repeat, strict=True)]
 
 
 def _plain(name: str) -> str:
@@ -172,13 +174,8 @@ def _listed(keys: Sequence[tuple[str, int]]) -> str:
     return f"pose{'s' if len(keys) > 1 else ''} {shown}{more}"
 
 
-def _refuse(told: str, keys: Sequence[tuple[str, int]], where: str, more: str = "") -> None:
-    """Raise for poses that do not match."""
-    raise InputError(
-        f"{told} {_listed(keys)}",
-        code="M31",
-        where=where,
-        field="pose_id",
-        value=[name for name, _ in keys[:SHOWN]],
-        fix=f"mend the column pose_id{more}",
-    )
+def _mismatch(where: str, what: str, keys: Sequence[tuple[str, int]], more: str = "") -> InputError:
+    """The error of poses that do not match."""
+    message, fix = f"{what} {_listed(keys)}", f"mend the column pose_id{more}"
+    names = [name for name, _ in keys[:SHOWN]]
+    return refusal(where, "pose_id", message, code="M31", value=names, fix=fix)

@@ -1,11 +1,11 @@
-"""Is the file read as it was meant? Base and tool are fitted for the stated reading and for others.
+"""Is the file read as it was meant? Base and tool are fitted for it and for other readings.
 
 Only the nominal robot is needed: with the right reading its base and tool explain all but a
 millimeter or so, with a wrong one they leave centimeters. Nothing is ever switched in silence.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,9 +14,14 @@ from calib.errors import InputError
 from calib.geometry.model import RobotModel
 from calib.identification.start.start import start_frames
 from calib.measurement.observations import Measurements
-from testbed.files.alternatives import Alternative, alternatives_of, distance_alternatives
-from testbed.files.frames_fit import Fit, fit, flange_poses, groups
-from testbed.files.readings import Reading
+from testbed.files.alternatives import (
+    Alternative,
+    Interpretation,
+    alternatives_of,
+    distance_alternatives,
+)
+from testbed.files.frames_fit import Misfit, fit_frames, flange_poses, target_groups
+from testbed.files.refusal import refusal
 from testbed.files.session import Session
 from testbed.robots.robot import Robot
 
@@ -43,7 +48,7 @@ class Tried:
     """An alternative reading and what it leaves."""
 
     alternative: Alternative
-    fit: Fit
+    misfit: Misfit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,14 +56,14 @@ class Probe:
     """What the stated reading leaves, and what others would."""
 
     where: str
-    stated: Fit | None
-    """None if there are too few poses to tell."""
-    tried: tuple[Tried, ...]
-    """Best first."""
-    spread: float
-    """Spread of measured over nominal positions; nan for distances."""
-    warnings: tuple[str, ...]
     robot: str
+    stated: Misfit | None = None
+    """None if there are too few poses to judge."""
+    tried: tuple[Tried, ...] = ()
+    """Best first."""
+    spread: float = float("nan")
+    """Spread of measured over nominal positions; nan for distances."""
+    warnings: tuple[str, ...] = ()
 
     @property
     def best(self) -> Tried | None:
@@ -69,21 +74,21 @@ class Probe:
     def wrong(self) -> Tried | None:
         """The alternative that fits so much better that the file is read wrongly."""
         best = self.best
-        if best is None or self.stated is None or self.stated.score <= TIMES * best.fit.score:
+        if best is None or self.stated is None or self.stated.score <= TIMES * best.misfit.score:
             return None
         # what is better and still absurd is no reading of this file either
-        return best if best.fit.score <= FAR else None
+        return best if best.misfit.score <= FAR else None
 
     @property
     def sentence(self) -> str:
         """What the report says."""
         if self.stated is None:
             return f"too few poses to try other readings of the file; at least {FEWEST}"
-        best = self.best
-        told = f"base and tool alone leave {_shown(self.stated)}"
-        if best is None:
-            return told
-        return f"{told}; the best of {len(self.tried)} other readings leaves {_shown(best.fit)}"
+        sentence = f"base and tool alone leave {_shown(self.stated)}"
+        if self.best is None:
+            return sentence
+        count, left = len(self.tried), _shown(self.best.misfit)
+        return f"{sentence}; the best of {count} other readings leaves {left}"
 
     def raise_if_wrong(self) -> None:
         """Refuse a file that is read wrongly, or that is not of this robot.
@@ -93,37 +98,36 @@ class Probe:
         InputError
             The code of the row it belongs to; the message names the reading that fits.
         """
-        if self.stated is None:
+        stated, wrong = self.stated, self.wrong
+        if stated is None:
             if np.isfinite(self.spread) and not UNITS[0] / 5 < self.spread < UNITS[1] * 5:
-                raise InputError(
+                raise refusal(
+                    self.where,
+                    "length",
                     f"the measured points spread {self.spread:.3g} times as far as the robot moves",
                     code="M21",
-                    where=self.where,
-                    field="length",
                     value=self.spread,
                     allowed=f"{UNITS[0]} to {UNITS[1]} times is usual",
                     fix="check the unit of the positions",
                 )
-            return
-        wrong = self.wrong
-        if wrong is not None:
-            raise InputError(
-                f"base+tool fit leaves {_shown(self.stated)}; {_shown(wrong.fit)} "
-                f"{wrong.alternative.told}",
-                code=wrong.alternative.code,
-                where=self.where,
-                field=wrong.alternative.field,
-                value=self.stated.position,
-                fix=wrong.alternative.fix,
+        elif wrong is not None:
+            other = wrong.alternative
+            raise refusal(
+                self.where,
+                other.field,
+                f"base+tool fit leaves {_shown(stated)}; {_shown(wrong.misfit)} {other.condition}",
+                code=other.code,
+                value=stated.position,
+                fix=other.fix,
             )
-        if min([self.stated.score, *(tried.fit.score for tried in self.tried)]) > FAR:
-            raise InputError(
-                f"base+tool fit leaves {_shown(self.stated)}, and no other reading of the file "
-                f"less than {FAR * 1e3:g} mm",
+        elif min([stated.score, *(tried.misfit.score for tried in self.tried)]) > FAR:
+            raise refusal(
+                self.where,
+                "ROBOT",
+                f"base+tool fit leaves {_shown(stated)}, and no other reading of the file less "
+                f"than {FAR * 1e3:g} mm",
                 code="M32",
-                where=self.where,
-                field="ROBOT",
-                value=self.stated.position,
+                value=stated.position,
                 allowed=f"a nominal {self.robot} leaves a few mm",
                 fix="is this the robot that was measured?",
             )
@@ -140,66 +144,58 @@ def probe(robot: Robot, session: Session) -> Probe:
         As it was read.
     """
     table = session.measurements
-    where = session.place[0].rpartition(":")[0]
-    optical = groups(table)
-    if not optical:
-        return _probe_distances(robot, session, where)
-    rows = optical[0]
-    poses = len(np.unique(table.q[rows], axis=0))
+    plain = Probe(session.place[0].rpartition(":")[0], robot.name)
+    groups = target_groups(table)
+    if not groups:
+        return _probe_distances(plain, robot, session)
+    rows = groups[0]
     F = flange_poses(robot.model, table.q[rows])
-    spread = _extent(table.position[rows]) / max(_extent(F[:, :3, 3]), 1e-9)
-    if poses < FEWEST:
-        return Probe(where, None, (), spread, (), robot.name)
+    plain = replace(plain, spread=_extent(table.position[rows]) / max(_extent(F[:, :3, 3]), 1e-9))
+    if len(np.unique(table.q[rows], axis=0)) < FEWEST:
+        return plain
     some = rows[_spread_out(len(rows))]
-    reading = _reading(session, some)
-    stated = _fit(robot.model, reading)
-    tried = [
-        Tried(alternative, _fit(robot.model, other))
-        for alternative, other in _readings(robot, session, reading, rows)
-    ]
-    tried.sort(key=lambda one: one.fit.score)
-    return Probe(
-        where,
-        stated,
-        tuple(tried),
-        spread,
-        _warnings(robot, session, some, stated),
-        robot.name,
-    )
+    stated = _misfit(robot.model, _as_read(session, some))
+    others = [*_other_numbers(robot, session, some), *_other_rows(session, rows)]
+    tried = [Tried(other, _misfit(robot.model, read)) for other, read in others]
+    tried.sort(key=lambda one: one.misfit.score)
+    warnings = _warnings(robot, session, some, stated)
+    return replace(plain, stated=stated, tried=tuple(tried), warnings=warnings)
 
 
-def _readings(
-    robot: Robot, session: Session, reading: Reading, rows: Index
-) -> Iterator[tuple[Alternative, Reading]]:
-    """Other readings: of the numbers, then of the order of the rows."""
-    yield from alternatives_of(reading, session.stated, robot.model.chain)
-    table = session.measurements
+def _other_numbers(
+    robot: Robot, session: Session, rows: Index
+) -> Iterator[tuple[Alternative, Interpretation]]:
+    """Other readings of the numbers of some rows."""
+    numbers = session.stated.rows(rows).numbers
+    read = replace(_as_read(session, rows), numbers=numbers)
+    return alternatives_of(read, session.stated, robot.model.chain)
+
+
+def _other_rows(session: Session, rows: Index) -> Iterator[tuple[Alternative, Interpretation]]:
+    """Readings of one row with the joints of another."""
     for shift in (1, 2, 3, 4, 5, -1, -2, -3, -4, -5):
         if len(rows) < FEWEST + abs(shift):
             continue
         low, high = max(0, -shift), len(rows) - max(0, shift)
         own = _spread_out(high - low) + low
-        moved = _reading(session, rows[own + shift])
-        told = f"if row k{shift:+d} belongs to pose k"
-        extra = "first" if shift > 0 else "last"
-        fix = f"drop the extra {extra} row{'s' if abs(shift) > 1 else ''}"
-        yield (
-            Alternative("rows", told, fix, "M31", "match"),
-            Reading(table.q[rows[own]], moved.position, moved.rotation, None),
-        )
+        moved = _as_read(session, rows[own + shift])
+        which = f"{'first' if shift > 0 else 'last'} row{'s' if abs(shift) > 1 else ''}"
+        condition, fix = f"if row k{shift:+d} belongs to pose k", f"drop the extra {which}"
+        other = Alternative("rows", condition, fix, "M31", "match")
+        yield other, replace(moved, q=session.measurements.q[rows[own]])
 
 
-def _reading(session: Session, rows: Index) -> Reading:
+def _as_read(session: Session, rows: Index) -> Interpretation:
     """Some rows of a session as they were read."""
-    table, stated = session.measurements, session.stated
-    turned = table.rotation[rows] if table.is_pose[rows[0]] else None
-    numbers = None if stated.numbers is None else stated.numbers[rows]
-    return Reading(table.q[rows], table.position[rows], turned, numbers)
+    table = session.measurements
+    rotation = table.rotation[rows] if table.is_pose[rows[0]] else None
+    return Interpretation(table.q[rows], table.position[rows], rotation)
 
 
-def _fit(model: RobotModel, reading: Reading) -> Fit:
+def _misfit(model: RobotModel, read: Interpretation) -> Misfit:
     """What base and tool leave of a reading."""
-    return fit(flange_poses(model, reading.q), reading.position, reading.rotation)
+    F = flange_poses(model, read.q)
+    return fit_frames(F, read.position, read.rotation).misfit(F, read.position, read.rotation)
 
 
 def _spread_out(count: int) -> Index:
@@ -212,28 +208,27 @@ def _extent(points: Array) -> float:
     return float(np.sqrt(np.square(points - points.mean(axis=0)).sum(axis=1).mean()))
 
 
-def _warnings(robot: Robot, session: Session, rows: Index, stated: Fit) -> tuple[str, ...]:
+def _warnings(robot: Robot, session: Session, rows: Index, stated: Misfit) -> tuple[str, ...]:
     """What looks odd though the reading is right."""
-    out, table = [], session.measurements
+    warnings = []
     if stated.position < MODEL:
-        out.append(
+        warnings.append(
             f"base and tool explain the positions to {stated.position * 1e9:.2g} nm: these are a "
             "controller's own poses, not measurements"
         )
     if session.read_back is not None:
-        turned = table.rotation[rows] if table.is_pose[rows[0]] else None
-        other = Reading(session.read_back[rows], table.position[rows], turned, None)
-        left = _fit(robot.model, other)
+        other = replace(_as_read(session, rows), q=session.read_back[rows])
+        left = _misfit(robot.model, other)
         if left.position < BETTER * stated.position:
             name = "commanded" if session.joint_source == "read-back" else "read-back"
-            out.append(
+            warnings.append(
                 f"the {name} joints fit better: base+tool leave {_shown(left)} instead of "
                 f"{_shown(stated)}"
             )
-    return tuple(out)
+    return tuple(warnings)
 
 
-def _probe_distances(robot: Robot, session: Session, where: str) -> Probe:
+def _probe_distances(plain: Probe, robot: Robot, session: Session) -> Probe:
     """The same for distances alone, by the general start, which is slow where nothing fits.
 
     Other readings are tried only if the stated one fails, and no longer than until one fits.
@@ -241,36 +236,36 @@ def _probe_distances(robot: Robot, session: Session, where: str) -> Probe:
     rows = _spread_out(len(session.measurements))
     table = session.measurements.rows(rows)
     if len(np.unique(session.measurements.q, axis=0)) < FEWEST:
-        return Probe(where, None, (), float("nan"), (), robot.name)
+        return plain
     model = RobotModel(robot.model.chain, robot.model.joint_errors, session.fixtures)
     reach = float(np.ptp(flange_poses(robot.model, table.q)[:, :3, 3], axis=0).max())
 
-    def left(some: Measurements) -> Fit:
+    def misfit(some: Measurements) -> Misfit:
         # no point of the tool comes nearer or farther than the robot moves it
         if not LEAST_SPAN * reach < np.ptp(some.distance) < 2 * reach + TOOL:
-            return Fit(float("inf"), 0.0)
+            return Misfit(float("inf"), 0.0)
         try:
             start = start_frames(model, some, free_anchors=session.free_anchors)
         except InputError:
-            return Fit(float("inf"), 0.0)
-        return Fit(start.position_rms, 0.0)
+            return Misfit(float("inf"), 0.0)
+        return Misfit(start.position_rms, 0.0)
 
-    stated = left(table)
+    stated = misfit(table)
     tried: list[Tried] = []
     for alternative, other in distance_alternatives(table) if stated.position > FAR / TIMES else ():
-        tried.append(Tried(alternative, left(other)))
-        if stated.score > TIMES * tried[-1].fit.score:
+        tried.append(Tried(alternative, misfit(other)))
+        if stated.score > TIMES * tried[-1].misfit.score:
             break
-    tried.sort(key=lambda one: one.fit.score)
-    return Probe(where, stated, tuple(tried), float("nan"), (), robot.name)
+    tried.sort(key=lambda one: one.misfit.score)
+    return replace(plain, stated=stated, tried=tuple(tried))
 
 
-def _shown(fit: Fit | None) -> str:
+def _shown(misfit: Misfit) -> str:
     """Misfit for people."""
-    if fit is None or not np.isfinite(fit.position):
+    size = misfit.position
+    if not np.isfinite(size):
         return "no answer at all"
-    angle = f" and {_two(np.degrees(fit.rotation))} deg" if fit.rotation else ""
-    size = fit.position
+    angle = f" and {_two(np.degrees(misfit.rotation))} deg" if misfit.rotation else ""
     return (f"{_two(size * 1e3)} mm" if size < 10 else f"{_two(size)} m") + angle
 
 

@@ -1,33 +1,28 @@
 """A measuring session from its files: read, cleaned, matched, and every assumption said."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
-from calib.arrays import Array, Bool
 from calib.errors import InputError
-from testbed.files.assembly import assembled
+from testbed.files.assembly import assemble
 from testbed.files.drift import without_drift
-from testbed.files.frames_fit import wrong_rows
-from testbed.files.joints import Joints, read_joints
+from testbed.files.frames_fit import mismatched_rows
+from testbed.files.joints import read_joints
 from testbed.files.matching import Match, by_cycle, by_order, by_pose, by_row
-from testbed.files.observed import kind_in, read_observed, unused_columns
-from testbed.files.readings import Readings, copied_rows, missed_shots, numeric_columns
-from testbed.files.session import Drift as Drift
-from testbed.files.session import Session as Session
+from testbed.files.observed import read_observed, section_of, unused_columns
+from testbed.files.readings import Readings, copied_rows, lost_readings
+from testbed.files.session import Drift, Session
 from testbed.files.session_toml import (
     SESSION_FILE,
     FileTable,
-    FramesTable,
     ObservedTable,
+    OpticalTable,
     PointsTable,
-    RangesTable,
     SessionFile,
     Sources,
 )
-from testbed.files.spatial_analyzer import read_sa_frames, read_sa_points
+from testbed.files.spatial_analyzer import read_sa
 from testbed.files.table import Table, table_of
 from testbed.files.targets import Part
 from testbed.files.text import MAX_MB, SourceFile, Text, read_sheet, read_text
@@ -35,8 +30,7 @@ from testbed.robots.robot import Robot
 from testbed.strict import read_toml
 
 BEGINNING = 1000
-"""Lines that tell whether the columns of a long file make sense."""
-SECTIONS = {"frames": FramesTable, "points": PointsTable, "ranges": RangesTable}
+"""Lines that show whether the columns of a long file make sense."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +44,8 @@ class ReadOptions:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Found:
-    """Readings of one file, cleaned, and what was left out."""
+class _Cleaned:
+    """Readings of one file without what does not count, and what was left out."""
 
     readings: Readings
     section: ObservedTable
@@ -59,6 +53,11 @@ class _Found:
     masked: tuple[str, ...]
     warnings: tuple[str, ...]
     drift: Drift | None
+
+    @property
+    def poses(self) -> tuple[str, ...]:
+        """Names of the poses that are read."""
+        return self.readings.extras.pose or ()
 
 
 def read_session(
@@ -77,7 +76,7 @@ def read_session(
     robot : Robot
         Whose joints these are; its limits tell degrees from radians.
     config : path, optional
-        A session.toml that says how to read a CSV: column names, units, conventions.
+        A session.toml on how to read a CSV: column names, units, conventions.
     options : ReadOptions, optional
         What is allowed.
 
@@ -95,49 +94,33 @@ def read_session(
         settings = read_toml(Path(toml), SessionFile)
     root = file.parent if toml is None else Path(toml).parent
     sources = Sources(root, None if toml == file else file, options.max_mb, {})
-    found = list(_observed(sources, settings, options))
-    joined = [
-        _with_joints(one, sources, settings, robot, options, _poses(found[:k] + found[k + 1 :]))
-        for k, one in enumerate(found)
-    ]
-    session = assembled(
+    drop = options.drop_invalid
+    cleaned = list(_observed(sources, settings, drop=drop))
+    joined = []
+    for one in cleaned:
+        elsewhere = {name for other in cleaned if other is not one for name in other.poses}
+        joined.append(_with_joints(one, sources, settings, robot, elsewhere, drop=drop))
+    session = assemble(
         [part for part, _ in joined], robot, settings, name=settings.name or file.stem
     )
-    warnings = [told for one in found for told in one.warnings]
-    warnings += [told for _, match in joined for told in match.warnings]
+    warnings = [text for one in cleaned for text in one.warnings]
+    warnings += [text for _, match in joined for text in match.warnings]
     if settings.robot and settings.robot != robot.name:
         warnings.append(f'the session names the robot "{settings.robot}", not {robot.name}')
-    drifts = [one.drift for one in found if one.drift is not None]
+    drifts = [one.drift for one in cleaned if one.drift is not None]
     session = replace(
         session,
         files=(*first, *sources.files),
-        masked=tuple(told for one in found for told in one.masked),
+        masked=tuple(text for one in cleaned for text in one.masked),
         warnings=tuple(dict.fromkeys([*warnings, *session.warnings])),
         notes=tuple(dict.fromkeys([*session.notes, *(drift.sentence for drift in drifts)])),
         drift=max(drifts, key=lambda drift: float(drift.shift.max()), default=None),
     )
-    return _without_wrong_rows(session, robot)
-
-
-def rows_of(session: Session, which: Bool) -> Session:
-    """The session restricted to some rows (m,); what was left out stays told."""
-    index = np.flatnonzero(which)
-
-    def kept(values: Array | None) -> Array | None:
-        return None if values is None else values[index]
-
-    stated = session.stated
-    return replace(
-        session,
-        measurements=session.measurements.rows(index),
-        is_test=session.is_test[index],
-        read_back=kept(session.read_back),
-        time=kept(session.time),
-        temperature=kept(session.temperature),
-        approach=None if session.approach is None else tuple(session.approach[k] for k in index),
-        stated=replace(stated, numbers=kept(stated.numbers)),
-        place=tuple(session.place[k] for k in index),
-    )
+    mismatched, why = mismatched_rows(robot.model, session.measurements)
+    if not why:
+        return session
+    masked = tuple(f"{session.place[row]}: left out: {why[row]}" for row in sorted(why))
+    return replace(session.rows(~mismatched), masked=(*session.masked, *masked))
 
 
 def _session_file(path: Path) -> Path:
@@ -148,115 +131,104 @@ def _session_file(path: Path) -> Path:
         return path  # reading it will say why
 
 
-def _observed(sources: Sources, settings: SessionFile, options: ReadOptions) -> Iterator[_Found]:
+def _observed(sources: Sources, settings: SessionFile, *, drop: bool) -> Iterator[_Cleaned]:
     """Readings of all files that session.toml names, or of DATA."""
-    named = settings.observed or ((None, None),)
-    for name, section in named:
+    for section in settings.observed or (None,):
         files = (section.files or (section.file,)) if section is not None else (None,)
         for k, file in enumerate(files):
-            key = name or "joints"
-            text = sources.text(file, key)
-            own = f"{k + 1}" if len(files) > 1 else ""
-            yield _cleaned(text, name, section, own, sources, settings, options)
+            text = sources.text(file, section.name if section is not None else "joints")
+            station = f"{k + 1}" if len(files) > 1 else ""
+            yield _cleaned(text, section, station, sources, settings, drop=drop)
 
 
 def _cleaned(
     text: Text,
-    name: str | None,
     section: ObservedTable | None,
     station: str,
     sources: Sources,
     settings: SessionFile,
-    options: ReadOptions,
-) -> _Found:
-    """Readings of one file without nests, missed shots, copies and drift."""
-    drop, warnings = options.drop_invalid, list[str]()
-    if isinstance(section, FramesTable | PointsTable) and section.format == "sa":
-        if isinstance(section, PointsTable):
-            readings = read_sa_points(text, settings, section, drop=drop)
-        else:
-            readings = read_sa_frames(text, settings, section, drop=drop)
+    *,
+    drop: bool,
+) -> _Cleaned:
+    """Readings of one file without nests, lost readings, copies and drift."""
+    warnings = list[str]()
+    if isinstance(section, OpticalTable) and section.format == "sa":
+        readings = read_sa(text, section, settings.uncertainty, drop=drop)
     else:
-        _try_beginning(text, name, section, settings)
+        _try_beginning(text, section, settings)
         table = _table(text, settings, section, settings.joints)
         warnings += unused_columns(table)
-        name = name or kind_in(table)
-        section = section or SECTIONS[name]()
-        readings = read_observed(table, name, settings, section, drop=drop)
-    assert section is not None  # a Spatial Analyzer file has one, others were just given one
+        section = section or section_of(table)
+        readings = read_observed(table, section, settings.uncertainty, drop=drop)
     if station and not any(readings.station):
         readings = replace(readings, station=(station,) * len(readings))
-    nests = settings.drift.nests if settings.drift is not None else ()
-    good, masked = missed_shots(readings, nests)
-    readings = readings.rows(good)
-    drift = None
+    good, masked = lost_readings(readings, settings.drift.nests if settings.drift else ())
+    readings, drift = readings.rows(good), None
     if settings.drift is not None:
-        readings, drift, told = without_drift(readings, _nests(sources, settings), settings.drift)
-        warnings += told
-    good, told = copied_rows(readings)
-    return _Found(readings.rows(good), section, text, (*masked, *told), tuple(warnings), drift)
+        nests = _nests(sources, settings)
+        readings, drift, more = without_drift(readings, nests, settings.drift)
+        warnings += more
+    good, copies = copied_rows(readings)
+    masked += copies
+    return _Cleaned(readings.rows(good), section, text, tuple(masked), tuple(warnings), drift)
 
 
-def _try_beginning(
-    text: Text, name: str | None, section: ObservedTable | None, settings: SessionFile
-) -> None:
+def _try_beginning(text: Text, section: ObservedTable | None, settings: SessionFile) -> None:
     """Refuse a long file by its first lines, if its columns are wrong: all of it takes long."""
     if len(text.lines) <= 2 * BEGINNING:
         return
     try:
         table = _table(replace(text, lines=text.lines[:BEGINNING]), settings, section)
-        name = name or kind_in(table)
-        read_observed(table, name, settings, section or SECTIONS[name](), drop=True)
+        read_observed(table, section or section_of(table), settings.uncertainty, drop=True)
     except InputError as error:
-        # whether numbers have a decimal comma, and what they are, the whole file must say
+        # whether numbers have a decimal comma, and what they are, only the whole file shows
         if error.code in ("M24", "M35") and error.field != "decimal":
             raise
 
 
 def _nests(sources: Sources, settings: SessionFile) -> Readings | None:
-    """Shots at the nests, where they have a file of their own."""
+    """Readings of the nests, where they have a file of their own."""
     drift = settings.drift
     if drift is None or drift.file is None:
         return None
     text = sources.text(drift.file, "drift")
     section = settings.points or PointsTable()
     if section.format == "sa":
-        return read_sa_points(text, settings, section, drop=False)
-    return read_observed(_table(text, settings, section), "points", settings, section, drop=False)
+        return read_sa(text, section, settings.uncertainty, drop=False)
+    table = _table(text, settings, section)
+    return read_observed(table, section, settings.uncertainty, drop=False)
 
 
 def _table(text: Text, settings: SessionFile, *sections: FileTable | None) -> Table:
     """The table of a CSV under our column names."""
     dialect = settings.dialect
     sheet = read_sheet(text, separator=dialect.separator or "")
-    # what the first section maps must be there; the others may speak of other files
+    # what the first section maps must be there; the others may mean other files
     mapping = {
         own: theirs
         for k, section in enumerate(sections)
         for own, theirs in (section.columns if section else {}).items()
         if k == 0 or theirs in sheet.head
     }
-    raw = table_of(sheet, mapping, (), decimal=dialect.decimal or ".")
-    return table_of(sheet, mapping, numeric_columns(raw), decimal=dialect.decimal)
+    return table_of(sheet, mapping, decimal=dialect.decimal)
 
 
 def _with_joints(
-    found: _Found,
+    cleaned: _Cleaned,
     sources: Sources,
     settings: SessionFile,
     robot: Robot,
-    options: ReadOptions,
-    elsewhere: frozenset[str],
+    elsewhere: Collection[str],
+    *,
+    drop: bool,
 ) -> tuple[Part, Match]:
     """The joints of one file's readings; other files show the poses of `elsewhere`."""
-    own, drop = settings.joints, options.drop_invalid
-    text = found.text if own.file is None else sources.text(own.file, "joints")
-    if own.file is None and sources.data is not None:
-        text = sources.text(None, "joints")
-    same = text is found.text
-    table = _table(text, settings, own, *([found.section] if same else []))
+    own, readings, section = settings.joints, cleaned.readings, cleaned.section
+    apart = own.file is not None or sources.data is not None
+    text = sources.text(own.file, "joints") if apart else cleaned.text
+    same = text is cleaned.text
+    table = _table(text, settings, own, section if same else None)
     joints = read_joints(table, robot, own.source, drop=drop)
-    readings = found.readings
     if same:
         match = by_row(joints, readings)
     elif readings.cycling:
@@ -265,23 +237,4 @@ def _with_joints(
         match = by_order(joints, readings)
     else:
         match = by_pose(joints, readings, drop=drop, elsewhere=elsewhere)
-    return _part(joints, readings, match, found.section), match
-
-
-def _poses(found: list[_Found]) -> frozenset[str]:
-    """Names of the poses that some files show."""
-    return frozenset(name for one in found for name in one.readings.extras.pose or ())
-
-
-def _part(joints: Joints, readings: Readings, match: Match, section: ObservedTable) -> Part:
-    """Rows that belong together."""
-    return Part(joints.rows(match.joints), readings.rows(match.readings), section)
-
-
-def _without_wrong_rows(session: Session, robot: Robot) -> Session:
-    """The session without rows that no frames bring near their joints."""
-    wrong, told = wrong_rows(robot.model, session.measurements)
-    if not wrong.any():
-        return session
-    sentences = tuple(f"{session.place[row]}: left out: {told[row]}" for row in sorted(told))
-    return replace(rows_of(session, ~wrong), masked=(*session.masked, *sentences))
+    return Part(joints.rows(match.joints), readings.rows(match.readings), section), match

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.errors import InputError
 from testbed.files.columns import ANGLES, LENGTHS
+from testbed.files.refusal import refusal
+from testbed.files.table import number_of
 from testbed.files.text import Text
 
 AXES = re.compile(r"AXES\s*=\s*(\w+)\s*:(.*)", re.IGNORECASE)
@@ -23,7 +24,6 @@ class Header:
     system: str = "CARTESIAN"
     length: str = ""
     angle: str = ""
-    frame: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,78 +41,52 @@ class Lines:
 def sa_lines(text: Text) -> Lines:
     """Fields of the data lines and what the comments say."""
     comments = [line for line in text.lines if line.lstrip().startswith("//")]
-    kept = [
-        (number, line.strip().rstrip(","))
-        for number, line in enumerate(text.lines, start=1)
-        if line.strip() and not line.lstrip().startswith(("//", "#"))
-    ]
-    if not kept:
-        raise InputError("has no points", code="M35", where=text.where, field="file")
-    separator = "comma" if all("," in line for _, line in kept) else "space"
-    fields = [
-        tuple(f.strip() for f in line.split(",")) if separator == "comma" else tuple(line.split())
-        for _, line in kept
-    ]
-    if "\t" in kept[0][1] and separator == "space":
-        fields = [tuple(f.strip() for f in line.split("\t")) for _, line in kept]
+    content = [(number, line.strip().rstrip(",")) for number, line in text.content("//", "#")]
+    if not content:
+        raise refusal(text.where, "file", "has no points")
+    separator = "comma" if all("," in line for _, line in content) else "space"
+    mark = "," if separator == "comma" else "\t" if "\t" in content[0][1] else None
     return Lines(
-        text.where,
-        tuple(fields),
-        tuple(number for number, _ in kept),
-        separator,
-        _header(comments, text.where),
-        text.encoding,
+        where=text.where,
+        fields=tuple(tuple(f.strip() for f in line.split(mark)) for _, line in content),
+        lines=tuple(number for number, _ in content),
+        separator=separator,
+        header=_header(comments, text.where),
+        encoding=text.encoding,
     )
 
 
 def _header(comments: Sequence[str], where: str) -> Header:
-    """What the comments say of axes, units and frame."""
-    joined = "\n".join(comments)
-    frame = re.search(r"Coordinate Frame\s+'([^']*)'", joined, re.IGNORECASE)
-    found = AXES.search(joined)
+    """What the comments say of axes and units."""
+    found = AXES.search("\n".join(comments))
     if not found:
-        return Header(frame=frame.group(1) if frame else "")
+        return Header()
     system = found.group(1).upper()
     if system not in SYSTEMS:
-        raise InputError(
-            f"AXES = {system[:20]} is no system of coordinates",
-            code="M35",
-            where=where,
-            field="AXES",
-            allowed=f"known are {', '.join(SYSTEMS)}",
-            fix="export again",
-        )
+        message = f"AXES = {system[:20]} is no system of coordinates"
+        known = f"known are {', '.join(SYSTEMS)}"
+        raise refusal(where, "AXES", message, allowed=known, fix="export again")
     units = [UNITS.get(word.lower(), word.lower()) for word in UNIT.findall(found.group(2))]
     return Header(
         system,
         next((unit for unit in units if unit in LENGTHS), ""),
         next((unit for unit in units if unit in ANGLES), ""),
-        frame.group(1) if frame else "",
     )
 
 
-def unit_of(lines: Lines, said: str, stated: str | None, key: str, known: dict[str, float]) -> str:
+def unit_of(
+    lines: Lines, written: str, stated: str | None, key: str, known: dict[str, float]
+) -> str:
     """The unit of an export: what the file says, else what session.toml states."""
-    if said and stated and said != stated:
-        raise InputError(
-            f'the file says {said}, session.toml says {key} = "{stated}"',
-            code="M21",
-            where=lines.where,
-            field=key,
-            fix="remove that key",
-        )
-    unit = said or stated
+    if written and stated and written != stated:
+        message = f'the file says {written}, session.toml says {key} = "{stated}"'
+        raise refusal(lines.where, key, message, code="M21", fix="remove that key")
+    unit = written or stated
     if not unit:
-        choice = "it is mm, m or in" if known is LENGTHS else "it is deg or rad"
-        raise InputError(
-            "does not say its unit",
-            code="M35",
-            where=lines.where,
-            field=key,
-            allowed=choice,
-            fix=f'write {key.split(".")[1]} = "{"mm" if known is LENGTHS else "deg"}" under '
-            f"[{key.split('.')[0]}] in session.toml",
-        )
+        table, _, name = key.partition(".")
+        usual, units = ("mm", "mm, m or in") if known is LENGTHS else ("deg", "deg or rad")
+        fix = f'write {name} = "{usual}" under [{table}] in session.toml'
+        raise refusal(lines.where, key, "does not say its unit", allowed=f"it is {units}", fix=fix)
     return unit
 
 
@@ -126,34 +100,28 @@ def name_fields(lines: Lines, stated: int | None) -> int:
     possible = [
         k
         for k in range(min(4, width - 2))
-        if all(_is_number(f) for fields in lines.fields for f in fields[k : k + 3])
+        if all(np.isfinite(number_of(f)) for fields in lines.fields for f in fields[k : k + 3])
     ]
+    where, first = f"{lines.where}:{lines.lines[0]}", ", ".join(lines.fields[0][:7])
     if stated is not None:
         if stated not in possible:
-            raise InputError(
-                f"fields {stated + 1} to {stated + 3} of the lines are not all numbers",
-                code="M35",
-                where=f"{lines.where}:{lines.lines[0]}",
-                field="points.names",
-                value=stated,
-                fix="check names under [points] in session.toml",
-            )
+            message = f"fields {stated + 1} to {stated + 3} of the lines are not all numbers"
+            fix = "check names under [points] in session.toml"
+            raise refusal(where, "points.names", message, value=stated, fix=fix)
         return stated
-    even = [k for k in possible if _evenly_written(lines, k)]
-    left = even or possible
+    left = [k for k in possible if _evenly_written(lines, k)] or possible
     if len(left) == 1:
         return left[0]
-    first = ", ".join(lines.fields[0][:7])
-    raise InputError(
+    message = (
         f"the line {first} can be read with {' or '.join(map(str, left))} names before x"
         if left
-        else f"the line {first} has no three coordinates",
-        code="M35",
-        where=f"{lines.where}:{lines.lines[0]}",
-        field="points.names",
-        fix="write names = 1 (Target), 2 (Group Target) or 3 (Collection Group Target) under "
-        "[points] in session.toml",
+        else f"the line {first} has no three coordinates"
     )
+    fix = (
+        "write names = 1 (Target), 2 (Group Target) or 3 (Collection Group Target) under [points] "
+        "in session.toml"
+    )
+    raise refusal(where, "points.names", message, fix=fix)
 
 
 def _evenly_written(lines: Lines, k: int) -> bool:
@@ -164,11 +132,3 @@ def _evenly_written(lines: Lines, k: int) -> bool:
         for f in fields[k : k + 3]
     }
     return len(counts) == 1 and counts != {0}
-
-
-def _is_number(cell: str) -> bool:
-    """Whether a field is a number."""
-    try:
-        return bool(np.isfinite(float(cell))) and "_" not in cell
-    except ValueError:
-        return False

@@ -1,14 +1,28 @@
 """What measurement files become: one frozen `Session` in SI units."""
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeVar
 
-from calib.arrays import Array, Bool
+import numpy as np
+
+from calib.arrays import Array, Bool, Index
 from calib.geometry.fixtures import Fixtures
 from calib.measurement.observations import Measurements
 from testbed.files.text import SourceFile
 
 Visits = Literal["all", "first"]
+Record = TypeVar("Record", bound=Any)
+
+
+def rows_of(record: Record, index: Index, columns: tuple[str, ...]) -> Record:
+    """A frozen record with some rows (indices) of the fields that are arrays, tuples or None."""
+
+    def chosen(values: Any) -> Any:
+        if values is None:
+            return None
+        return tuple(values[k] for k in index) if isinstance(values, tuple) else values[index]
+
+    return replace(record, **{name: chosen(getattr(record, name)) for name in columns})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +65,10 @@ class Stated:
     with w first, rotation vectors [rad], matrices by rows."""
     inverted: bool = False
     """Whether the file gives T_tool_tracker."""
+
+    def rows(self, index: Index) -> "Stated":
+        """The same for some rows (indices)."""
+        return rows_of(self, index, ("numbers",))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,6 +130,16 @@ class Session:
     """Which visits of a pose are identified from: "first" leaves repeats to type A."""
     place: tuple[str, ...]
     """(m,) file and line of each row, for messages."""
+
+    def rows(self, which: Bool) -> "Session":
+        """The session restricted to some rows (m,); what was left out stays named."""
+        index = np.flatnonzero(which)
+        columns = ("is_test", "read_back", "time", "temperature", "approach", "place")
+        return replace(
+            rows_of(self, index, columns),
+            measurements=self.measurements.rows(index),
+            stated=self.stated.rows(index),
+        )
 
     @property
     def is_identified(self) -> Bool:

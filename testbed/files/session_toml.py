@@ -2,14 +2,15 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from calib.errors import InputError
+from testbed.files.refusal import refusal
 from testbed.files.text import SourceFile, Text, read_text
 from testbed.strict import Strict
 
+SESSION_FILE = "session.toml"
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 Point = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0.0, le=1e9)]
@@ -37,6 +38,10 @@ class FileTable(Strict):
 class ObservedTable(FileTable):
     """What the files of a measuring device share."""
 
+    name: ClassVar[str] = ""
+    """What the table is called."""
+    kind: ClassVar[str] = ""
+    """Kind of its readings: pose, point or distance."""
     files: tuple[Name, ...] = ()
     """One file per station, the first one's frame is the world."""
 
@@ -54,31 +59,35 @@ class JointsTable(FileTable):
     source: Literal["commanded", "read-back"] | None = None
 
 
-class FramesTable(ObservedTable):
-    """[frames]: full poses."""
+class OpticalTable(ObservedTable):
+    """What [frames] and [points] share."""
 
     format: Literal["csv", "sa"] = "csv"
+    length: Literal["mm", "m", "in"] | None = None
+    """For format = "sa", where the file does not say it."""
+    angle: Literal["deg", "rad"] | None = None
+    """For format = "sa": of Euler angles, or of polar readings."""
+
+
+class FramesTable(OpticalTable):
+    """[frames]: full poses."""
+
+    name = "frames"
+    kind = "pose"
     euler: Euler | None = None
     """Capitals: about axes that turn along; small letters: about fixed axes."""
     gives: Literal["T_tracker_tool", "T_tool_tracker"] = "T_tracker_tool"
-    length: Literal["mm", "m", "in"] | None = None
-    """For format = "sa"."""
-    angle: Literal["deg", "rad"] | None = None
-    """For format = "sa"."""
     rotation: (
         Literal["euler", "matrix", "quaternion_scalar_first", "quaternion_scalar_last"] | None
     ) = None
     """For format = "sa"."""
 
 
-class PointsTable(ObservedTable):
+class PointsTable(OpticalTable):
     """[points]: positions of reflectors."""
 
-    format: Literal["csv", "sa"] = "csv"
-    length: Literal["mm", "m", "in"] | None = None
-    """For format = "sa", where the file does not say it."""
-    angle: Literal["deg", "rad"] | None = None
-    """For format = "sa", polar readings."""
+    name = "points"
+    kind = "point"
     names: Annotated[int, Field(ge=0, le=3)] | None = None
     """For format = "sa": fields of each line before the coordinates."""
     after: tuple[Name, ...] = ()
@@ -86,14 +95,16 @@ class PointsTable(ObservedTable):
     pose: Literal["target", "group", "occurrence"] | None = None
     """For format = "sa": what numbers the poses."""
     reflectors_mm: dict[Name, Place] = Field(default_factory=dict)
-    """Place of each target in the tool frame, or "free" where it is to be found."""
+    """Place of each target in the tool frame, or "free" where it is to be identified."""
 
 
 class RangesTable(ObservedTable):
     """[ranges]: distances from fixed points."""
 
+    name = "ranges"
+    kind = "distance"
     anchors_mm: dict[Name, Place] = Field(default_factory=dict)
-    """Place of each anchor in the world, or "free" where it is to be found."""
+    """Place of each anchor in the world, or "free" where it is to be identified."""
     reflectors_mm: dict[Name, Place] = Field(default_factory=dict)
 
 
@@ -158,13 +169,9 @@ class SessionFile(Strict):
     identification: IdentificationTable = IdentificationTable()
 
     @property
-    def observed(self) -> tuple[tuple[str, ObservedTable], ...]:
-        """The tables of readings that are there, with their names."""
-        tables = (("frames", self.frames), ("points", self.points), ("ranges", self.ranges))
-        return tuple((name, table) for name, table in tables if table is not None)
-
-
-SESSION_FILE = "session.toml"
+    def observed(self) -> tuple[ObservedTable, ...]:
+        """The tables of readings that are there."""
+        return tuple(table for table in (self.frames, self.points, self.ranges) if table)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -178,26 +185,18 @@ class Sources:
 
     def text(self, name: str | None, key: str) -> Text:
         """Content of a file named in session.toml, or of DATA; each file is read once."""
+        toml = str(self.root / SESSION_FILE)
         if name is None and self.data is None:
-            raise InputError(
-                f"[{key}] names no file",
-                code="S37",
-                where=str(self.root / SESSION_FILE),
-                field=f"{key}.file",
-                fix=f'write file = "{key}.csv" under [{key}]',
-            )
+            message, fix = f"[{key}] names no file", f'write file = "{key}.csv" under [{key}]'
+            raise refusal(toml, f"{key}.file", message, code="S37", fix=fix)
         path = self.data if name is None else self.root / name
         assert path is not None  # one of the two is there
         if name is not None and not path.resolve().is_relative_to(self.root.resolve()):
-            raise InputError(
-                f'[{key}] file = "{name[:80]}" leads out of the folder',
-                code="R6",
-                where=str(self.root / SESSION_FILE),
-                field=f"{key}.file",
-                value=name,
-                allowed="a file beside session.toml or in a folder below it",
+            raise refusal(
+                toml, f"{key}.file", f'[{key}] file = "{name[:80]}" leads out of the folder',
+                code="R6", value=name, allowed="a file beside session.toml or in a folder below it",
                 fix="copy it there",
-            )
+            )  # fmt: skip
         if path not in self.texts:
             where = str(path) if name is None else name
             self.texts[path] = read_text(path, where, max_mb=self.max_mb)

@@ -1,31 +1,36 @@
-"""A table under its own column names: texts and numbers, with the decimal mark found and told."""
+"""A table under its own column names: texts and numbers, with units and decimal mark known."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib.arrays import Array, Bool
 from calib.errors import InputError
-from testbed.files.columns import close_to, is_known
+from testbed.files.columns import TEXTS, UNITS, close_to, is_known, misspelling
+from testbed.files.refusal import refusal
 from testbed.files.text import Sheet
 from testbed.strict import choice_of
 
 SHOWN = 10
 """Cells named in one message."""
-MOST_BAD = 100
 GROUPED = re.compile(r"\d[ '\u00a0\u202f\u2019]\d")
 THREE = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 
 @dataclass(frozen=True, slots=True)
-class Bad:
-    """A cell that is no number."""
+class Columns:
+    """Columns of a table that belong together, and their factors to SI."""
 
-    line: int
-    column: str
-    text: str
+    names: tuple[str, ...]
+    factors: tuple[float, ...]
+
+
+def together(parts: Sequence[Columns]) -> Columns:
+    """All columns of some."""
+    names = tuple(name for part in parts for name in part.names)
+    return Columns(names, tuple(factor for part in parts for factor in part.factors))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,9 +51,6 @@ class Table:
     def __len__(self) -> int:
         return len(self.sheet.rows)
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.names)
-
     def __contains__(self, name: object) -> bool:
         return name in self.names
 
@@ -56,10 +58,23 @@ class Table:
         """File and line of a row."""
         return f"{self.where}:{self.sheet.lines[row]}"
 
-    def texts(self, name: str) -> list[str]:
+    @property
+    def places(self) -> tuple[str, ...]:
+        """(m,) file and line of each row."""
+        return tuple(f"{self.where}:{line}" for line in self.sheet.lines)
+
+    def found(self, most: int = 160) -> str:
+        """The columns there are, for messages: so many letters of them."""
+        return f"found: {', '.join(self.names)[:most]}"
+
+    def texts(self, name: str) -> tuple[str, ...]:
         """Cells (m,) of a column."""
         k = self.sheet.head.index(self.names[name])
-        return [row[k] for row in self.sheet.rows]
+        return tuple(row[k] for row in self.sheet.rows)
+
+    def texts_of(self, name: str) -> tuple[str, ...] | None:
+        """Cells (m,) of a column that may be missing."""
+        return self.texts(name) if name in self else None
 
     def numbers(self, names: Sequence[str]) -> Array:
         """Numbers (m, k) of some columns; nan where a cell is none."""
@@ -69,6 +84,40 @@ class Table:
             out[:, k] = _floats(cells if self.decimal != "," else [_pointed(c) for c in cells])
         out[~np.isfinite(out)] = np.nan
         return out
+
+    def values(self, columns: Columns) -> Array:
+        """Numbers (m, k) of some columns in SI units."""
+        return self.numbers(columns.names) * columns.factors
+
+    def find(self, kind: str, *stems: str) -> Columns | None:
+        """Columns of some stems, each in whatever unit of a kind; None if none of them is there.
+
+        Raises
+        ------
+        InputError
+            M35: one is there in two units, or some are there and some are not.
+        """
+        units = UNITS[kind]
+        there = {stem: [f"{stem}_{u}" for u in units if f"{stem}_{u}" in self] for stem in stems}
+        for stem, names in there.items():
+            if len(names) > 1:
+                message = f"{' and '.join(names)} are both there"
+                raise refusal(self.where, stem, message, fix="keep one of them")
+        found = tuple(name for names in there.values() for name in names)
+        if not found:
+            return None
+        missing = [stem for stem, names in there.items() if not names]
+        if missing:
+            fix = misspelling(self.names) or "give all of them or none"
+            raise self.incomplete(found[0], missing, fix)
+        return Columns(found, tuple(units[name.rpartition("_")[2]] for name in found))
+
+    def incomplete(
+        self, there: str, missing: Sequence[str], fix: str = "give all of them or none"
+    ) -> InputError:
+        """The error where columns that belong together are not all there."""
+        message = f"there is a column {there} but none for {', '.join(missing)}"
+        return refusal(self.where, missing[0], message, fix=fix)
 
     def decimals(self, name: str) -> tuple[int, int]:
         """Fewest and most digits after the decimal mark in a column."""
@@ -87,18 +136,17 @@ class Table:
             return None
         texts = sorted(set(self.texts(name)))
         if len(texts) != 1:
-            raise InputError(
-                f"{name} is not the same in all lines: {', '.join(texts[:4])}",
-                code="M35",
-                where=self.where,
-                field=name,
-                fix="split the file",
-            )
+            message = f"{name} is not the same in all lines: {', '.join(texts[:4])}"
+            raise refusal(self.where, name, message, fix="split the file")
         return texts[0]
 
 
 def table_of(
-    sheet: Sheet, mapping: Mapping[str, str], numeric: Sequence[str], *, decimal: str | None = None
+    sheet: Sheet,
+    mapping: Mapping[str, str],
+    *,
+    numeric: Sequence[str] | None = None,
+    decimal: str | None = None,
 ) -> Table:
     """A sheet with its columns renamed and its decimal mark known.
 
@@ -108,8 +156,9 @@ def table_of(
         Cells as they stand in the file.
     mapping : mapping
         Own name to name in the file; columns left out keep their names.
-    numeric : sequence of str
-        Own names that will be read as numbers, as far as they are there: they decide the mark.
+    numeric : sequence of str, optional
+        Own names of the columns of numbers, which decide the mark; by default all columns of this
+        program that hold numbers.
     decimal : {".", ","}, optional
         Stated mark.
 
@@ -120,40 +169,31 @@ def table_of(
     """
     for own, theirs in mapping.items():
         if not is_known(own):
-            raise InputError(
-                f'columns: "{own}" is no column of this program',
-                code="S37",
-                where=sheet.where,
-                field="columns",
-                value=own,
-                fix=close_to(own) or "own names carry their unit: q1_deg, x_mm, rx_deg, ux_mm ...",
-            )
+            fix = "own names carry their unit: q1_deg, x_mm, rx_deg, ux_mm ..."
+            raise unknown_column(sheet.where, "columns", own, fix)
         if theirs not in sheet.head:
-            raise InputError(
-                f'there is no column "{theirs}"',
-                code="M35",
-                where=sheet.where,
-                field=own,
-                value=theirs,
+            raise refusal(
+                sheet.where, own, f'there is no column "{theirs}"', value=theirs,
                 allowed=f"found: {', '.join(sheet.head)[:160]} ({sheet.separator} between cells)",
                 fix=choice_of(theirs, sheet.head) if len(sheet.head) < 12 else "",
-            )
+            )  # fmt: skip
     used = set(mapping.values())
     names = {name: name for name in sheet.head if name not in used and name not in mapping}
     table = Table(sheet, names | dict(mapping), decimal or "")
-    return table if decimal else replace(table, decimal=_decimal_mark(table, numeric))
+    if decimal:
+        return table
+    if numeric is None:
+        numeric = [name for name in table.names if is_known(name) and name not in TEXTS]
+    return replace(table, decimal=_decimal_mark(table, numeric))
 
 
-def bad_cells(table: Table, names: Sequence[str]) -> list[Bad]:
-    """Cells of some columns that are no numbers, by line."""
-    rows, columns = np.nonzero(~np.isfinite(table.numbers(names)))
-    return [
-        Bad(table.sheet.lines[row], table.names[names[k]], table.texts(names[k])[row])
-        for row, k in zip(rows[:MOST_BAD], columns[:MOST_BAD], strict=True)
-    ]
+def unknown_column(where: str, key: str, own: str, fix: str) -> InputError:
+    """The error of a name under a key of session.toml that is none of ours; a likely one first."""
+    message = f'{key.rpartition(".")[2]}: "{own}" is no column of this program'
+    return refusal(where, key, message, code="S37", value=own, fix=close_to(own) or fix)
 
 
-def refuse_bad(table: Table, names: Sequence[str], *, drop: bool) -> tuple[Bool, list[str]]:
+def valid_rows(table: Table, names: Sequence[str], *, drop: bool) -> tuple[Bool, list[str]]:
     """Rows (m,) whose cells are all numbers, and the warning that names the others.
 
     Raises
@@ -161,27 +201,24 @@ def refuse_bad(table: Table, names: Sequence[str], *, drop: bool) -> tuple[Bool,
     InputError
         M25: there are others, unless `drop`.
     """
-    good = np.asarray(np.isfinite(table.numbers(names)).all(axis=1))
+    numeric = np.isfinite(table.numbers(names))
+    good = np.asarray(numeric.all(axis=1))
     count = int((~good).sum())
     if not count:
         return good, []
-    bad = bad_cells(table, names)
-    shown = ", ".join(f'line {b.line} {b.column} "{b.text[:20]}"' for b in bad[:SHOWN])
-    more = " ..." if len(bad) > SHOWN else ""
-    told = (
+    bad = [(int(row), names[k]) for row, k in np.argwhere(~numeric)[: SHOWN + 1]]
+    lines = [
+        f'line {table.sheet.lines[row]} {table.names[name]} "{table.texts(name)[row][:20]}"'
+        for row, name in bad[:SHOWN]
+    ]
+    message = (
         f"{count} of {len(table)} rows {'has' if count == 1 else 'have'} cells that are not "
-        f"numbers ({shown}{more})"
+        f"numbers ({', '.join(lines)}{' ...' * (len(bad) > SHOWN)})"
     )
     if not drop:
-        raise InputError(
-            told,
-            code="M25",
-            where=table.where,
-            field=bad[0].column,
-            value=count,
-            fix="mend them or add --drop-invalid",
-        )
-    return good, [f"{table.where}: {told}; left out"]
+        column, fix = table.names[bad[0][1]], "mend them or add --drop-invalid"
+        raise refusal(table.where, column, message, code="M25", value=count, fix=fix)
+    return good, [f"{table.where}: {message}; left out"]
 
 
 def _decimal_mark(table: Table, numeric: Sequence[str]) -> str:
@@ -189,42 +226,30 @@ def _decimal_mark(table: Table, numeric: Sequence[str]) -> str:
     comma = point = None
     sure = False
     for name in numeric:
-        if name not in table:
-            continue
         for row, cell in enumerate(table.texts(name)):
             marks = cell.count(","), cell.count(".")
             if sum(marks) > 1 or (GROUPED.search(cell) and any(c.isdigit() for c in cell)):
-                raise InputError(
+                raise refusal(
+                    table.place(row), name,
                     f'{table.names[name]} is "{cell[:40]}", which has thousands marks',
-                    code="M35",
-                    where=table.place(row),
-                    field=name,
-                    value=cell[:40],
-                    allowed="a number has one decimal mark and no other",
+                    value=cell[:40], allowed="a number has one decimal mark and no other",
                     fix="save it without thousands marks",
-                )
+                )  # fmt: skip
             if marks[0]:
                 comma = comma or (cell, row)
                 sure = sure or not THREE.fullmatch(cell)
             elif marks[1]:
                 point = point or (cell, row)
     if comma and point:
-        raise InputError(
+        message = (
             f'numbers have a decimal comma ("{comma[0][:20]}", line {table.sheet.lines[comma[1]]}) '
-            f'and a point ("{point[0][:20]}", line {table.sheet.lines[point[1]]})',
-            code="M35",
-            where=table.where,
-            field="decimal",
-            fix="save all of them in one form",
+            f'and a point ("{point[0][:20]}", line {table.sheet.lines[point[1]]})'
         )
+        raise refusal(table.where, "decimal", message, fix="save all of them in one form")
     if comma and not sure:
-        raise InputError(
-            f'numbers such as "{comma[0]}" may have a decimal comma or thousands marks',
-            code="M35",
-            where=table.place(comma[1]),
-            field="decimal",
-            fix='write decimal = "," or "." under [dialect] in session.toml',
-        )
+        message = f'numbers such as "{comma[0]}" may have a decimal comma or thousands marks'
+        fix = 'write decimal = "," or "." under [dialect] in session.toml'
+        raise refusal(table.place(comma[1]), "decimal", message, fix=fix)
     return "," if comma else "."
 
 
@@ -235,10 +260,10 @@ def _floats(cells: Sequence[str]) -> Array:
             return np.array([float(cell) for cell in cells], dtype=np.float64)
         except ValueError:
             pass
-    return np.array([_float(cell) for cell in cells], dtype=np.float64)
+    return np.array([number_of(cell) for cell in cells], dtype=np.float64)
 
 
-def _float(cell: str) -> float:
+def number_of(cell: str) -> float:
     """One number, or nan."""
     try:
         return np.nan if "_" in cell else float(cell)

@@ -1,17 +1,18 @@
-"""What was looked at and from where: reflectors, anchors and stations of all rows."""
+"""What was measured and from where: reflectors, anchors and stations of all rows."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.errors import InputError
 from calib.geometry.fixtures import Fixtures
 from calib.measurement.observations import GIVEN
 from testbed.files.joints import Joints
+from testbed.files.matching import numbered
 from testbed.files.readings import Readings
-from testbed.files.session_toml import ObservedTable, PointsTable, RangesTable
+from testbed.files.refusal import refusal
+from testbed.files.session_toml import ObservedTable, Place, PointsTable, RangesTable
 from testbed.strict import choice_of
 
 
@@ -48,66 +49,66 @@ def texts_of(parts: Sequence[Part], name: str) -> tuple[str, ...]:
 
 
 def targets_of(parts: Sequence[Part]) -> Targets:
-    """Numbers and places of everything that was looked at."""
-    station, station_names = _numbered(texts_of(parts, "station"))
-    anchors, anchor_names = _numbered([name for name in texts_of(parts, "anchor") if name])
+    """Numbers and places of everything that was measured, and from where."""
+    station, station_names = numbered(texts_of(parts, "station"))
+    anchors = texts_of(parts, "anchor")
+    anchor_names = tuple(dict.fromkeys(name for name in anchors if name))
+    anchor = {name: k for k, name in enumerate(anchor_names)}
     known = _anchor_places(parts, anchor_names)
     places: dict[str, Array | None] = {}
-    kinds = {part.readings.kind for part in parts}
     for part in parts:
         places |= _reflector_places(part)
-    names = [
-        name for part in parts if part.readings.kind != "pose" for name in part.readings.target
-    ]
-    lone = len(set(names)) < 2 and kinds == {"point"}
-    stated = {name for part in parts for name in _stated_places(part)}
-    free = [
-        n for n in dict.fromkeys(names) if places.get(n) is None and not (lone and n not in stated)
-    ]
-    reflector, offset, at = [], [], {name: k for k, name in enumerate(free)}
+    free = _free_reflectors(parts, places)
+    at = {name: k for k, name in enumerate(free)}
+    reflector, offset = [], []
     for part in parts:
         own = part.readings
-        for row in range(len(part)):
-            given = None if own.offset is None else own.offset[row]
-            name = own.target[row]
-            is_free = own.kind != "pose" and given is None and name in at
+        is_pose = own.kind == "pose"
+        given = [None] * len(part) if own.offset is None else own.offset
+        for name, xyz in zip(own.target, given, strict=True):
+            is_free = not is_pose and xyz is None and name in at
+            place = places.get(name) if xyz is None else xyz
             reflector.append(at[name] if is_free else GIVEN)
-            place = given if given is not None else places.get(name)
-            offset.append(np.zeros(3) if own.kind == "pose" or is_free or place is None else place)
-    used = iter(anchors)
-    anchor = [int(next(used)) if name else GIVEN for name in texts_of(parts, "anchor")]
+            offset.append(np.zeros(3) if is_pose or is_free or place is None else place)
     far = [part.readings.kind == "distance" for part in parts for _ in range(len(part))]
-    fixtures = Fixtures(
-        np.zeros((len(free), 3)),
-        np.array([np.zeros(3) if xyz is None else xyz for xyz in known]).reshape(-1, 3),
-        np.tile(np.eye(4), (max(len(station_names) - 1, 0), 1, 1)),
-    )
-    fixed = tuple(
-        f"anchor{k + 1}.{axis}" for k, xyz in enumerate(known) if xyz is not None for axis in "xyz"
-    )
     return Targets(
-        np.array(reflector, dtype=np.int64),
-        np.array(offset).reshape(-1, 3),
-        np.array(anchor, dtype=np.int64),
-        np.where(far, 0, station),
-        fixtures,
-        fixed,
-        tuple(free),
-        anchor_names,
-        station_names,
+        reflector=np.array(reflector, dtype=np.int64),
+        offset=np.array(offset).reshape(-1, 3),
+        anchor=np.array([anchor.get(name, GIVEN) for name in anchors], dtype=np.int64),
+        station=np.where(far, 0, station),
+        fixtures=Fixtures(
+            np.zeros((len(free), 3)),
+            np.array([np.zeros(3) if xyz is None else xyz for xyz in known]).reshape(-1, 3),
+            np.tile(np.eye(4), (max(len(station_names) - 1, 0), 1, 1)),
+        ),
+        fixed=tuple(
+            f"anchor{k + 1}.{axis}"
+            for k, xyz in enumerate(known)
+            if xyz is not None
+            for axis in "xyz"
+        ),
+        reflector_names=free,
+        anchor_names=anchor_names,
+        station_names=station_names,
     )
 
 
-def _numbered(names: Sequence[str]) -> tuple[Index, tuple[str, ...]]:
-    """Number of each text in the order they come, and the texts."""
-    known = {name: k for k, name in enumerate(dict.fromkeys(names))}
-    return np.array([known[name] for name in names], dtype=np.int64), tuple(known)
+def _free_reflectors(parts: Sequence[Part], places: Mapping[str, Array | None]) -> tuple[str, ...]:
+    """Reflectors whose place in the tool frame is to be identified.
+
+    A single one that nothing is stated of is the tool itself.
+    """
+    optical = [part.readings for part in parts if part.readings.kind != "pose"]
+    names = list(dict.fromkeys(name for readings in optical for name in readings.target))
+    stated = {name for part in parts for name in _stated_places(part)}
+    lone = len(names) < 2 and {part.readings.kind for part in parts} == {"point"}
+    return tuple(n for n in names if places.get(n) is None and not (lone and n not in stated))
 
 
-def _stated_places(part: Part) -> dict[str, object]:
+def _stated_places(part: Part) -> dict[str, Place]:
     """[points] or [ranges] reflectors_mm."""
     section = part.section
-    return dict(section.reflectors_mm) if isinstance(section, PointsTable | RangesTable) else {}
+    return section.reflectors_mm if isinstance(section, PointsTable | RangesTable) else {}
 
 
 def _reflector_places(part: Part) -> dict[str, Array | None]:
@@ -122,17 +123,16 @@ def _reflector_places(part: Part) -> dict[str, Array | None]:
     out: dict[str, Array | None] = {}
     for name in dict.fromkeys(part.readings.target if part.readings.kind != "pose" else ()):
         if stated and name not in stated:
-            raise InputError(
+            raise refusal(
+                part.readings.where,
+                "reflectors_mm",
                 f'reflectors_mm says nothing of the target "{name}"',
                 code="S37",
-                where=part.readings.where,
-                field="reflectors_mm",
                 value=name,
                 allowed='give its place in the tool frame [mm], or "free"',
                 fix=choice_of(name, stated),
             )
-        place = stated.get(name, "free")
-        out[name] = None if place == "free" else np.array(place, dtype=np.float64) / 1e3
+        out[name] = _meters(stated.get(name, "free"))
     return out
 
 
@@ -144,24 +144,26 @@ def _anchor_places(parts: Sequence[Part], names: Sequence[str]) -> list[Array | 
     InputError
         S37: nothing is said of one.
     """
-    stated: dict[str, object] = {}
-    where = ""
+    stated: dict[str, Place] = {}
     for part in parts:
         if isinstance(part.section, RangesTable):
-            stated |= dict(part.section.anchors_mm)
-        where = where or (part.readings.where if part.readings.kind == "distance" else "")
+            stated |= part.section.anchors_mm
+    ranged = (part.readings.where for part in parts if part.readings.kind == "distance")
+    where = next(ranged, "")
     for name in names:
         if name not in stated:
-            raise InputError(
+            raise refusal(
+                where,
+                "ranges.anchors_mm",
                 f'nothing says where the anchor "{name}" is',
                 code="S37",
-                where=where,
-                field="ranges.anchors_mm",
                 value=name,
                 allowed='give its place in the world [mm], or "free" where it is to be found',
                 fix=f'write anchors_mm = {{ "{name}" = "free" }} under [ranges]',
             )
-    return [
-        None if stated[name] == "free" else np.array(stated[name], dtype=np.float64) / 1e3
-        for name in names
-    ]
+    return [_meters(stated[name]) for name in names]
+
+
+def _meters(place: Place) -> Array | None:
+    """A stated place in SI units [m]; None where it is to be identified."""
+    return None if place == "free" else np.array(place, dtype=np.float64) / 1e3

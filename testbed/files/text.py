@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
-from calib.errors import InputError
+from testbed.files.refusal import refusal
 
 MAX_MB = 100.0
 MAX_ROWS = 1_000_000
@@ -21,10 +21,7 @@ FOREIGN = (
     (b"BZh", "a bzip2 archive"),
     (b"\xfd7zXZ", "an xz archive"),
     (b"\x28\xb5\x2f\xfd", "a zstd archive"),
-    (b"\x80\x02", "a Python pickle"),
-    (b"\x80\x03", "a Python pickle"),
-    (b"\x80\x04", "a Python pickle"),
-    (b"\x80\x05", "a Python pickle"),
+    *((bytes((0x80, protocol)), "a Python pickle") for protocol in (2, 3, 4, 5)),
     (b"\x93NUMPY", "a NumPy array"),
     (b"MATLAB", "a MATLAB file"),
     (b"\x89HDF", "an HDF5 or MATLAB file"),
@@ -32,7 +29,6 @@ FOREIGN = (
     (b"%PDF", "a PDF"),
 )
 """First bytes of what is no text, and what to call it."""
-ARCHIVES = ("archive",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +49,15 @@ class Text:
     encoding: str
     """UTF-8, UTF-8 with BOM, or Latin-1."""
     source: SourceFile
+
+    def content(self, *comments: str) -> list[tuple[int, str]]:
+        """Number, from 1, and text of each line that is neither empty nor a comment."""
+        numbered = enumerate(self.lines, start=1)
+        return [
+            (k, line)
+            for k, line in numbered
+            if line.strip() and not line.lstrip().startswith(comments)
+        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,58 +85,36 @@ def read_text(path: Path, where: str, *, max_mb: float = MAX_MB) -> Text:
     data = _bytes(path, where, max_mb)
     for first, name in FOREIGN:
         if data.startswith(first):
-            packed = any(word in name for word in ARCHIVES)
-            raise InputError(
-                f"is {name}",
-                code="M36" if packed else "S39",
-                where=where,
-                field="file",
-                value=name,
+            raise refusal(
+                where, "file", f"is {name}", code="M36" if "archive" in name else "S39", value=name,
                 allowed="measurements are read from text only, and nothing is unpacked",
                 fix="save the table as CSV",
-            )
+            )  # fmt: skip
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise InputError(
-            "is UTF-16 text", code="M35", where=where, field="file", fix="save it as UTF-8"
-        )
+        raise refusal(where, "file", "is UTF-16 text", fix="save it as UTF-8")
     if b"\0" in data:
-        raise InputError(
-            f"is not text: byte {data.index(0)} is zero",
-            code="S39",
-            where=where,
-            field="file",
-            fix="save the table as CSV",
-        )
+        message = f"is not text: byte {data.index(0)} is zero"
+        raise refusal(where, "file", message, code="S39", fix="save the table as CSV")
     digest = sha256(data).hexdigest()
     data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     count = data.count(b"\n")
     if count > MAX_ROWS:
-        raise InputError(
-            f"has {count} lines",
-            code="M36",
-            where=where,
-            field="file",
-            allowed=f"at most {MAX_ROWS} rows",
-            fix="split it",
-        )
+        most = f"at most {MAX_ROWS} rows"
+        raise refusal(where, "file", f"has {count} lines", code="M36", allowed=most, fix="split it")
     raw = data.split(b"\n")
     longest = max(range(len(raw)), key=lambda k: len(raw[k]))
     if len(raw[longest]) > MAX_LINE:
-        raise InputError(
-            f"line {longest + 1} has {len(raw[longest])} bytes",
-            code="M36",
-            where=where,
-            field="file",
-            allowed=f"at most {MAX_LINE} bytes a line",
-            fix="save one measurement a line",
-        )
+        raise refusal(
+            where, "file", f"line {longest + 1} has {len(raw[longest])} bytes", code="M36",
+            allowed=f"at most {MAX_LINE} bytes a line", fix="save one measurement a line",
+        )  # fmt: skip
     try:
         text = data.decode("utf-8-sig")
         encoding = "UTF-8 with BOM" if data.startswith(b"\xef\xbb\xbf") else "UTF-8"
     except UnicodeDecodeError:
         text, encoding = data.decode("latin-1"), "Latin-1"
     if not text.strip():
-        raise InputError("is empty", code="M35", where=where, field="file", fix="measure something")
+        raise refusal(where, "file", "is empty", fix="measure something")
     return Text(where, tuple(text.split("\n")), encoding, SourceFile(path, digest))
 
 
@@ -143,22 +126,15 @@ def _bytes(path: Path, where: str, max_mb: float) -> bytes:
         data = path.read_bytes() if is_file and size <= max_mb * 1e6 else b""
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         reason = getattr(error, "strerror", None) or "its name is not a path"
-        raise InputError(
-            f"cannot be read: {reason}", code="M35", where=where, field="file"
-        ) from error
+        raise refusal(where, "file", f"cannot be read: {reason}") from error
     if not is_file:
-        told = "is not a file" if path.exists() else "does not exist"
-        raise InputError(told, code="M35", where=where, field="file", fix="check the path")
+        message = "is not a file" if path.exists() else "does not exist"
+        raise refusal(where, "file", message, fix="check the path")
     if size > max_mb * 1e6:
-        raise InputError(
-            f"is {size / 1e6:.3g} MB",
-            code="M36",
-            where=where,
-            field="file",
-            value=size,
-            allowed=f"at most {max_mb:g} MB",
-            fix="split it, or allow more with --max-mb",
-        )
+        raise refusal(
+            where, "file", f"is {size / 1e6:.3g} MB", code="M36", value=size,
+            allowed=f"at most {max_mb:g} MB", fix="split it, or allow more with --max-mb",
+        )  # fmt: skip
     return data
 
 
@@ -177,23 +153,19 @@ def read_sheet(text: Text, *, separator: str = "") -> Sheet:
     InputError
         M35: a row is longer or shorter than the head, a name comes twice, a quote stays open.
     """
-    kept = [
-        (number, line)
-        for number, line in enumerate(text.lines, start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if not kept:
-        raise InputError("has no table", code="M35", where=text.where, field="file")
-    found = separator or separator_of(kept[0][1])
-    numbers = [number for number, _ in kept]
-    cells = split_cells([line for _, line in kept], numbers, found, text.where)
+    content = text.content("#")
+    if not content:
+        raise refusal(text.where, "file", "has no table")
+    separator = separator or separator_of(content[0][1])
+    cells = split_cells(content, separator, text.where)
     head = _trimmed(cells[0])
     _check_head(head, text.where)
-    rows = [_row(row, len(head)) for row in cells[1:]]
-    _check_lengths(rows, numbers[1:], head, found, text.where)
-    return Sheet(
-        text.where, head, tuple(map(tuple, rows)), tuple(numbers[1:]), found, text.encoding
-    )
+    width = len(head)
+    rows = tuple(tuple(row if any(row[width:]) else row[:width]) for row in cells[1:])
+    lines = tuple(number for number, _ in content[1:])
+    sheet = Sheet(text.where, head, rows, lines, separator, text.encoding)
+    _check_lengths(sheet)
+    return sheet
 
 
 def separator_of(line: str) -> str:
@@ -202,76 +174,48 @@ def separator_of(line: str) -> str:
     return next((name for name, mark in SEPARATORS.items() if mark in outside), "comma")
 
 
-def split_cells(
-    lines: Sequence[str], numbers: Sequence[int], separator: str, where: str
-) -> list[list[str]]:
-    """Cells of each line, stripped; quotes as in CSV."""
+def split_cells(content: Sequence[tuple[int, str]], separator: str, where: str) -> list[list[str]]:
+    """Cells of each numbered line, stripped; quotes as in CSV."""
+    lines = [line for _, line in content]
     if separator == "space":
         return [line.split() for line in lines]
     mark = SEPARATORS[separator]
     if not any('"' in line for line in lines):
         return [[cell.strip() for cell in line.split(mark)] for line in lines]
-    for line, number in zip(lines, numbers, strict=True):
+    for number, line in content:
         if line.count('"') % 2:
-            raise InputError(
-                "a quote is not closed in its line",
-                code="M35",
-                where=f"{where}:{number}",
-                field="file",
-                fix="close or remove it",
-            )
+            message = "a quote is not closed in its line"
+            raise refusal(f"{where}:{number}", "file", message, fix="close or remove it")
     reader = csv.reader(lines, delimiter=mark, skipinitialspace=True)
     return [[cell.strip() for cell in row] for row in reader]
 
 
 def _trimmed(cells: Sequence[str]) -> tuple[str, ...]:
-    """Cells without the empty ones that a separator at the end of the line leaves."""
-    out = list(cells)
-    while out and not out[-1]:
-        out.pop()
-    return tuple(out)
-
-
-def _row(cells: list[str], width: int) -> list[str]:
-    """The row without empty cells beyond the head."""
-    return cells[:width] if len(cells) > width and not any(cells[width:]) else cells
+    """Cells without the empty ones that separators at the end of a line leave."""
+    return tuple(cells[: max((k + 1 for k, cell in enumerate(cells) if cell), default=0)])
 
 
 def _check_head(head: tuple[str, ...], where: str) -> None:
     """Every column has a name, once."""
     for k, name in enumerate(head):
         if not name or name in head[:k]:
-            told = (
-                f'two columns are called "{name[:40]}"' if name else f"column {k + 1} has no name"
-            )
-            raise InputError(told, code="M35", where=where, field="file", fix="name each once")
+            twice = f'two columns are called "{name[:40]}"'
+            message = twice if name else f"column {k + 1} has no name"
+            raise refusal(where, "file", message, fix="name each once")
 
 
-def _check_lengths(
-    rows: Sequence[Sequence[str]],
-    numbers: Sequence[int],
-    head: Sequence[str],
-    separator: str,
-    where: str,
-) -> None:
-    """Every row is as long as the head; a comma that is separator and decimal mark is told."""
-    wrong = [k for k, row in enumerate(rows) if len(row) != len(head)]
+def _check_lengths(sheet: Sheet) -> None:
+    """Every row is as long as the head; a comma that is separator and decimal mark is named."""
+    width = len(sheet.head)
+    wrong = [k for k, row in enumerate(sheet.rows) if len(row) != width]
     if not wrong:
         return
-    first = wrong[0]
-    told = f"has {len(rows[first])} cells; the first line names {len(head)} columns"
-    fix = "mend it"
-    if separator == "comma" and len(rows[first]) > len(head):
-        told += " (is the comma separator and decimal mark in one?)"
+    count = len(sheet.rows[wrong[0]])
+    message, fix = f"has {count} cells; the first line names {width} columns", "mend it"
+    if sheet.separator == "comma" and count > width:
+        message += " (is the comma separator and decimal mark in one?)"
         fix = "save it with ; between the cells, or with a decimal point"
     if len(wrong) > 1:
-        told += f", and {len(wrong) - 1} more lines do not fit either"
-    raise InputError(
-        told,
-        code="M35",
-        where=f"{where}:{numbers[first]}",
-        field="file",
-        value=len(rows[first]),
-        allowed=f"found: {separator} between cells",
-        fix=fix,
-    )
+        message += f", and {len(wrong) - 1} more lines do not fit either"
+    where, found = f"{sheet.where}:{sheet.lines[wrong[0]]}", f"{sheet.separator} between cells"
+    raise refusal(where, "file", message, value=count, allowed=f"found: {found}", fix=fix)

@@ -5,16 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array, Bool
-from calib.errors import InputError
 from calib.measurement.noise import spherical_covariance
-from testbed.files.columns import AXES, covariance_names, find_all
+from testbed.files.columns import AXES, covariance_names
+from testbed.files.refusal import refusal
 from testbed.files.session_toml import UncertaintyTable
-from testbed.files.table import Table
+from testbed.files.table import Columns, Table
 
 MPE_RULES = {"rectangular": 3**-0.5, "two_sigma": 0.5, "typical": 0.25}
 """Standard uncertainty as a part of the maximum permissible error."""
 SIZE = {"pose": 6, "point": 3, "distance": 1}
 """Numbers that a reading of each kind states."""
+ABOVE_ZERO = "an uncertainty is above zero"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,10 +25,9 @@ class Spread:
     covariance: Array
     """(m, 6, 6) of [position (m); rotation (rad)], one where a reading states nothing."""
     source: str
-    joints_included: bool
-    """Whether the scatter of the joints is in it already."""
-    columns: tuple[str, ...]
-    warnings: tuple[str, ...]
+    columns: tuple[str, ...] = ()
+    """Of the file, if they come from there."""
+    warnings: tuple[str, ...] = ()
 
 
 def spread_of(
@@ -55,30 +55,23 @@ def spread_of(
     InputError
         M33: nothing is stated, or something below zero; M34: a covariance is none.
     """
-    m, size = len(position), SIZE[kind]
-    own = settings.joint_repeatability == "included"
-    full = _full_columns(table) if table is not None and not _states(settings) else []
-    if full and table is not None:
-        return Spread(
-            _from_entries(table, full, good, size),
-            f"the covariances of {table.where}",
-            own,
-            tuple(full),
-            (),
-        )
-    covariance = np.tile(np.eye(6), (m, 1, 1))
-    told: list[str] = []
-    sources: list[str] = []
-    used: list[str] = []
-    for part in ("distance",) if kind == "distance" else ("position", "rotation")[: size // 3]:
-        block, source, names, warnings = _part(part, table, position, good, settings)
-        start = 3 if part == "rotation" else 0
-        width = 1 if part == "distance" else 3
-        covariance[:, start : start + width, start : start + width] = block
-        sources.append(source)
-        used += names
-        told += warnings
-    return Spread(covariance, " and ".join(dict.fromkeys(sources)), own, tuple(used), tuple(told))
+    if table is not None and not _states(settings):
+        full = _full_columns(table)
+        if full:
+            covariance = _from_entries(table, full, good, SIZE[kind])
+            return Spread(covariance, f"the covariances of {table.where}", full)
+    covariance = np.tile(np.eye(6), (len(position), 1, 1))
+    parts = ("distance",) if kind == "distance" else ("position", "rotation")[: SIZE[kind] // 3]
+    spreads = [_part(part, table, position, good, settings) for part in parts]
+    for k, spread in enumerate(spreads):
+        own = slice(3 * k, 3 * k + spread.covariance.shape[1])
+        covariance[:, own, own] = spread.covariance
+    return Spread(
+        covariance,
+        " and ".join(dict.fromkeys(spread.source for spread in spreads)),
+        tuple(name for spread in spreads for name in spread.columns),
+        tuple(warning for spread in spreads for warning in spread.warnings),
+    )
 
 
 def _states(settings: UncertaintyTable) -> bool:
@@ -89,65 +82,55 @@ def _states(settings: UncertaintyTable) -> bool:
 
 def _part(
     part: str, table: Table | None, position: Array, good: Bool, settings: UncertaintyTable
-) -> tuple[Array, str, list[str], list[str]]:
-    """Covariance (m, 3, 3) or (m, 1, 1) of one part, its source, its columns and warnings."""
-    m, width = len(position), 1 if part == "distance" else 3
-    least, stated = {
-        "position": (settings.at_least_position_um * 1e-6, _times(settings.position_um, 1e-6)),
-        "rotation": (
-            np.radians(settings.at_least_rotation_mdeg * 1e-3),
-            _times(settings.rotation_mdeg, np.pi / 180e3),
-        ),
-        "distance": (settings.at_least_distance_um * 1e-6, _times(settings.distance_um, 1e-6)),
-    }[part]
+) -> Spread:
+    """Covariances (m, 3, 3) or (m, 1, 1) of one part."""
+    turns = part == "rotation"
+    unit, factor = ("mdeg", np.pi / 180e3) if turns else ("um", 1e-6)
+    least = getattr(settings, f"at_least_{part}_{unit}")
+    least = np.radians(least * 1e-3) if turns else least * 1e-6
     if part == "position" and settings.mpe_um is not None:
         return _from_mpe(position, good, settings)
+    stated = getattr(settings, f"{part}_{unit}")
     if stated is not None:
-        unit = (
-            f"{stated * 1e6:g} um" if part != "rotation" else f"{np.degrees(stated) * 1e3:g} mdeg"
-        )
-        u = np.full((m, width), max(stated, least))
-        return _diagonal(u), f"{part} {unit} per axis, stated", [], []
+        u = stated * factor
+        shown = f"{np.degrees(u) * 1e3:g} mdeg" if turns else f"{u * 1e6:g} um"
+        width = 1 if part == "distance" else 3
+        source = f"{part} {shown} per axis, stated"
+        return Spread(_diagonal(np.full((len(position), width), max(u, least))), source)
     found = _columns(part, table) if table is not None else None
     if found is None or table is None:
         where = table.where if table is not None else "session.toml"
-        key = f"{part}_{'mdeg' if part == 'rotation' else 'um'}"
-        column = {"position": "ux_mm uy_mm uz_mm", "rotation": "urx_deg ury_deg urz_deg"}
-        raise InputError(
+        columns = {"position": "ux_mm uy_mm uz_mm", "rotation": "urx_deg ury_deg urz_deg"}
+        key = f"{part}_{unit}"
+        raise refusal(
+            where,
+            f"uncertainty.{key}",
             f"nothing says how well the {part} was measured",
             code="M33",
-            where=where,
-            field=f"uncertainty.{key}",
-            allowed=f"columns {column.get(part, 'u_distance_mm')}, or {key} under [uncertainty] in "
-            "session.toml (k = 1)",
-            fix=f"state it, for example {key} = {10 if part == 'rotation' else 20}",
+            allowed=f"columns {columns.get(part, 'u_distance_mm')}, or {key} under [uncertainty] "
+            "in session.toml (k = 1)",
+            fix=f"state it, for example {key} = {10 if turns else 20}",
         )
-    names, factors, halved = found
-    u, told = _mended(table, names, factors, good)
-    u = np.maximum(u * (0.5 if halved else 1.0), least)
-    source = f"columns {', '.join(table.names[name] for name in names)}"
-    at_least = f", at least {least * 1e6:g} {'urad' if part == 'rotation' else 'um'}"
-    return _diagonal(u), source + at_least * bool(least), names, told
+    u, warnings = _without_zeros(table, found, good)
+    expanded = found.names[0].startswith("U95")
+    u = np.maximum(u * (0.5 if expanded else 1.0), least)
+    source = f"columns {', '.join(table.names[name] for name in found.names)}"
+    at_least = f", at least {least * 1e6:g} {'urad' if turns else 'um'}"
+    return Spread(_diagonal(u), source + at_least * bool(least), found.names, tuple(warnings))
 
 
-def _mended(
-    table: Table, names: list[str], factors: list[float], good: Bool
-) -> tuple[Array, list[str]]:
-    """Stated uncertainties (m, k) with zeros replaced by what their printing hides."""
-    values = table.numbers(names)
-    u = np.where(good[:, None], values, 1.0) * factors
+def _without_zeros(table: Table, columns: Columns, good: Bool) -> tuple[Array, list[str]]:
+    """Stated uncertainties (m, k), zeros replaced by what their printing hides, and warnings."""
+    u = np.where(good[:, None], table.numbers(columns.names), 1.0) * columns.factors
     if (u < 0).any():
         row, k = (int(i) for i in np.argwhere(u < 0)[0])
-        raise InputError(
-            f'{table.names[names[k]]} is "{table.texts(names[k])[row][:20]}"',
-            code="M33",
-            where=table.place(row),
-            field=names[k],
-            allowed="an uncertainty is above zero",
-            fix="mend it",
+        name = columns.names[k]
+        message = f'{table.names[name]} is "{table.texts(name)[row][:20]}"'
+        raise refusal(
+            table.place(row), name, message, code="M33", allowed=ABOVE_ZERO, fix="mend it"
         )
-    told = []
-    for k, name in enumerate(names):
+    warnings = []
+    for k, (name, factor) in enumerate(zip(columns.names, columns.factors, strict=True)):
         zero = u[:, k] == 0
         if not zero.any():
             continue
@@ -155,40 +138,32 @@ def _mended(
         others = u[good & ~zero, k]
         rounded = fewest == most and most > 0
         if not rounded and not len(others):
-            raise InputError(
-                f"{table.names[name]} is zero in all rows",
-                code="M33",
-                where=table.where,
-                field=name,
-                allowed="an uncertainty is above zero",
-                fix="state it under [uncertainty] in session.toml",
-            )
+            message = f"{table.names[name]} is zero in all rows"
+            fix = "state it under [uncertainty] in session.toml"
+            raise refusal(table.where, name, message, code="M33", allowed=ABOVE_ZERO, fix=fix)
         # a fixed number of decimals hides what is below its last digit; otherwise there was none
-        floor = 10.0**-most / 12**0.5 * factors[k] if rounded else float(np.median(others))
+        floor = 10.0**-most / 12**0.5 * factor if rounded else float(np.median(others))
         u[zero, k] = floor
         what = "its print resolution / sqrt(12)" if rounded else "the median of the others"
-        shown = floor / factors[k]
-        told.append(
+        warnings.append(
             f"{table.where}: {table.names[name]} is zero in {int(zero.sum())} of {len(table)} rows;"
-            f" taken as {shown:.3g} {name.rpartition('_')[2]}, {what}"
+            f" taken as {floor / factor:.3g} {name.rpartition('_')[2]}, {what}"
         )
-    return u, told
+    return u, warnings
 
 
-def _columns(part: str, table: Table) -> tuple[list[str], list[float], bool] | None:
+def _columns(part: str, table: Table) -> Columns | None:
     """Columns of a part: k = 1 or else k = 2."""
     axes = {"position": AXES[:3], "rotation": AXES[3:], "distance": ("_distance",)}[part]
     kind = "angle" if part == "rotation" else "length"
     for prefix in ("u", "U95"):
-        found = find_all(table.names, tuple(prefix + axis for axis in axes), kind, table.where)
+        found = table.find(kind, *(f"{prefix}{axis}" for axis in axes))
         if found:
-            return *found, prefix == "U95"
+            return found
     return None
 
 
-def _from_mpe(
-    position: Array, good: Bool, settings: UncertaintyTable
-) -> tuple[Array, str, list[str], list[str]]:
+def _from_mpe(position: Array, good: Bool, settings: UncertaintyTable) -> Spread:
     """Covariances (m, 3, 3) from a maximum permissible error across the beam, taken all around."""
     constant, slope = settings.mpe_um or (0.0, 0.0)
     part = MPE_RULES[settings.mpe_rule]
@@ -200,26 +175,23 @@ def _from_mpe(
     least = settings.at_least_position_um * 1e-6
     u = np.maximum(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), least)
     source = f"MPE {constant:g} um + {slope:g} um/m, read as {settings.mpe_rule}"
-    return _diagonal(u), source, [], []
+    return Spread(_diagonal(u), source)
 
 
-def _full_columns(table: Table) -> list[str]:
+def _full_columns(table: Table) -> tuple[str, ...]:
     """The 21 entries of the covariance, if they are there."""
     names = covariance_names()
-    there = [name for name in names if name in table]
-    if there and len(there) < len(names):
-        missing = next(name for name in names if name not in there)
-        raise InputError(
-            f"there are {len(there)} of 21 columns of the covariance; {missing} is missing",
-            code="M35",
-            where=table.where,
-            field=missing,
-            fix="give all of them or none",
-        )
-    return there
+    missing = [name for name in names if name not in table]
+    if len(missing) == len(names):
+        return ()
+    if missing:
+        count = len(names) - len(missing)
+        message = f"there are {count} of 21 columns of the covariance; {missing[0]} is missing"
+        raise refusal(table.where, missing[0], message, fix="give all of them or none")
+    return names
 
 
-def _from_entries(table: Table, names: list[str], good: Bool, size: int) -> Array:
+def _from_entries(table: Table, names: tuple[str, ...], good: Bool, size: int) -> Array:
     """Covariances (m, 6, 6) of the 21 entries of their upper triangle."""
     values = table.numbers(names)
     covariance = np.zeros((len(table), 6, 6))
@@ -235,12 +207,12 @@ def _from_entries(table: Table, names: list[str], good: Bool, size: int) -> Arra
     wrong = ~positive | (least < 1e-13)
     if wrong.any():
         row = int(np.argmax(wrong))
-        raise InputError(
+        raise refusal(
+            table.place(row),
+            "covariance",
             "the covariance is not positive definite: smallest eigenvalue "
             f"{np.linalg.eigvalsh(part[row])[0]:.3g}",
             code="M34",
-            where=table.place(row),
-            field="covariance",
             value=float(least[row]),
             allowed="every direction must scatter a little",
             fix="check the 21 entries",
@@ -251,8 +223,3 @@ def _from_entries(table: Table, names: list[str], good: Bool, size: int) -> Arra
 def _diagonal(u: Array) -> Array:
     """Covariances (m, k, k) of standard uncertainties (m, k)."""
     return np.square(u)[:, :, None] * np.eye(u.shape[1])
-
-
-def _times(value: float | None, factor: float) -> float | None:
-    """A stated number in SI."""
-    return None if value is None else value * factor

@@ -10,7 +10,7 @@ from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model
 from calib.identification.robust import LOSSES, Loss
 from testbed.files.probe import probe
-from testbed.files.read import Session
+from testbed.files.session import Session
 from testbed.identify.errors import figures_of, fitted_model, held_out_figures, row_errors
 from testbed.identify.fit import checked_model, fit
 from testbed.identify.frames import frames_of

@@ -7,7 +7,7 @@ from typing import Any
 
 from calib.errors import refuse
 from testbed.disk import atomic_path
-from testbed.files.read import Session
+from testbed.files.session import Session
 from testbed.identify.calibrate import STEPS, Options, calibrate
 from testbed.identify.delivery import SPLIT_TABLE, deliver
 from testbed.identify.records import Calibration, Delivered

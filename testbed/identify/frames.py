@@ -12,7 +12,7 @@ from calib.identification.identify import identify
 from calib.identification.start.start import Start, start_frames
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
-from testbed.files.read import Session
+from testbed.files.session import Session
 from testbed.robots.catalog import Robot
 
 AS_GOOD = 3.0

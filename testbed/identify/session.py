@@ -10,8 +10,7 @@ from calib.geometry.model import RobotModel
 from calib.measurement.noise import with_joint_noise
 from calib.measurement.observations import Measurements, joined
 from testbed.files.probe import Probe
-from testbed.files.read import Session
-from testbed.files.session import Stated
+from testbed.files.session import Session, Stated
 from testbed.identify.records import Origin
 from testbed.robots.catalog import Robot
 from testbed.scenario.hashes import robot_hash

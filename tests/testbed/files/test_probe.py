@@ -9,7 +9,7 @@ import pytest
 from calib.errors import InputError
 from calib.geometry.frames import inverse
 from testbed.files.alternatives import Alternative
-from testbed.files.frames_fit import Fit
+from testbed.files.frames_fit import Misfit
 from testbed.files.probe import Probe, Tried, probe
 from testbed.files.read import read_session
 from testbed.robots.catalog import load_robot
@@ -77,7 +77,7 @@ def test_the_right_reading_passes_and_its_margin_is_told(tmp_path):
     found = probe(ROBOT, session)
     found.raise_if_wrong()
     assert found.stated.position < 1.0e-3
-    assert found.best.fit.score > 20 * found.stated.score
+    assert found.best.misfit.score > 20 * found.stated.score
     assert found.sentence.startswith("base and tool alone leave 0.")
     assert not found.warnings
     assert 0.88 < found.spread < 1.26
@@ -167,9 +167,9 @@ def test_another_robot_is_not_taken_for_this_one(tmp_path):
 
 
 def test_what_is_better_and_still_absurd_is_no_reading():
-    bad = Fit(position=800.0, rotation=0.1)
-    told = Tried(Alternative("joints", "if", "do", "M20", "joints"), Fit(16.0, 0.1))
-    found = Probe("a.csv", bad, (told,), 1.0, (), "arm")
+    bad = Misfit(position=800.0, rotation=0.1)
+    told = Tried(Alternative("joints", "if", "do", "M20", "joints"), Misfit(16.0, 0.1))
+    found = Probe("a.csv", "arm", bad, (told,), 1.0)
     assert found.wrong is None
     with pytest.raises(InputError, match="is this the robot that was measured"):
         found.raise_if_wrong()
@@ -259,7 +259,7 @@ def robots(count, m, kind):
             found = probe(ROBOT, read(Path(folder), table, frames, kind))
             right.append(found.stated.position)
             turned.append(found.stated.rotation)
-            wrong.append(found.best.fit.score)
+            wrong.append(found.best.misfit.score)
     return np.array(right), np.array(turned), np.array(wrong)
 
 

@@ -86,9 +86,10 @@ def test_cartesian_targets_go_through_the_nominal_controller_to_the_right_place(
     factor = 180 / np.pi if "_deg" in FORMS[form][0] else 1.0
     head = ["x_mm", "y_mm", "z_mm", *FORMS[form], *(f"q{k}_deg" for k in range(1, 7))]
     rows = np.hstack([1e3 * T[:, :3, 3], factor * turn, np.degrees(Q) + 0.5])
-    path = written(tmp_path / "p.csv", head, rows.tolist())
-    euler = form if form in EULER else None
-    found = correct_program(path, ROBOT, real, tmp_path / "out.csv", euler=euler)
+    stated = [form] if form in EULER else []
+    lines = [[*row, *stated] for row in rows.tolist()]
+    path = written(tmp_path / "p.csv", [*head, *(["euler"] if stated else [])], lines)
+    found = correct_program(path, ROBOT, real, tmp_path / "out.csv")
     assert found.corrected.all()
     out = cells(tmp_path / "out.csv")
     new = np.array([[float(row[name]) for name in head] for row in out])
@@ -186,14 +187,13 @@ def test_a_program_that_is_not_understood_is_refused_and_nothing_written(
     assert not (tmp_path / "out.csv").exists()
 
 
-def test_no_file_is_overwritten_unasked_and_the_program_never(tmp_path, real):
+def test_no_file_is_overwritten(tmp_path, real):
     head = [f"q{k}_rad" for k in range(1, 7)]
     path = written(tmp_path / "p.csv", head, Q.tolist())
     before = path.read_bytes()
     with pytest.raises(InputError, match="is the program itself"):
-        correct_program(path, ROBOT, real, path, overwrite=True)
+        correct_program(path, ROBOT, real, path)
     correct_program(path, ROBOT, real, tmp_path / "out.csv")
     with pytest.raises(InputError, match="exists"):
         correct_program(path, ROBOT, real, tmp_path / "out.csv")
-    correct_program(path, ROBOT, real, tmp_path / "out.csv", overwrite=True)
     assert path.read_bytes() == before
