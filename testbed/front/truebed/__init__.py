@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from testbed.files.read import Session
+    from testbed.files.session import Session
     from testbed.identify.records import Calibration
     from testbed.plan.records import Plan
     from testbed.robots.robot import Robot
@@ -75,7 +75,8 @@ def identify(
     out : path, optional
         Folder to write; without it nothing is written.
     """
-    from testbed.files.read import Session, read_session
+    from testbed.files.read import read_session
+    from testbed.files.session import Session
     from testbed.identify.calibrate import calibrate
     from testbed.identify.folder import play_calibration
     from testbed.robots.catalog import load_robot
