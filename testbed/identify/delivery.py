@@ -7,8 +7,9 @@ from pathlib import Path
 from calib.geometry.model import RobotModel
 from testbed.files.program import correct_program
 from testbed.identify.records import Calibration, Delivered, FittedModel
-from testbed.identify.results import csv_text, dh_table
+from testbed.identify.results import dh_table
 from testbed.identify.words import mm
+from testbed.report.text import csv_text
 from testbed.robots.catalog import Robot
 from testbed.robots.write.folder import write_robot_folder
 from testbed.robots.write.identified import identified_robot

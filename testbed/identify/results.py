@@ -1,8 +1,6 @@
 """result.json, arrays.npz and the small tables of a calibration; units in the names."""
 
-import csv
-import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,6 +8,7 @@ import numpy as np
 from calib.measurement.accuracy import Accuracy
 from testbed.identify.records import Calibration, Delivered, Figures, FittedModel, RowErrors
 from testbed.identify.words import notice, reasons, verdict
+from testbed.report.text import csv_text
 from testbed.robots.write.dh_table import DhRow, dh_rows
 from testbed.units import (
     AS_NAMED,
@@ -189,15 +188,6 @@ def split_csv(calibration: Calibration) -> str:
     head = ("pose_id", "repeat", "kind", "split", "error_before_mm", "error_after_mm",
             "rotation_before_deg", "rotation_after_deg")  # fmt: skip
     return csv_text(head, rows)
-
-
-def csv_text(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A CSV with plain line ends."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows(rows)
-    return text.getvalue()
 
 
 def _error_arrays(name: str, errors: RowErrors) -> list[Quantity]:

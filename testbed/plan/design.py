@@ -20,7 +20,7 @@ from calib.design import (
 )
 from calib.design.blocks import information, sees_all
 from calib.design.certificate import no_proof
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.parameters import Parameters
 from calib.information.criteria.base import Criterion
 from calib.information.criteria.named import criterion_named
@@ -30,6 +30,7 @@ from testbed.laboratory.tracker.station import point_u
 from testbed.plan.records import Curve, NextPose, Proof
 from testbed.scenario.plan import DEFAULT_POSES
 from testbed.scenario.read import PlanSettings
+from testbed.units import UM, counted, significant
 
 RANDOM_SETS = 40
 """Random sets behind each value of the curve."""
@@ -79,9 +80,19 @@ class Task:
         """Standard uncertainty wanted [m]."""
         return self.settings.target_um / self.settings.coverage * 1e-6 or None
 
+    def rows(self, places: Index) -> Array:
+        """Rows (b + m r, p) of poses measured already and of a set."""
+        chosen = self.blocks[places]
+        return np.concatenate([self.before, chosen.reshape(-1, chosen.shape[-1])])
+
+    def information(self, places: Index) -> Array:
+        """Information (p, p) of a set and what was gathered already."""
+        M, prior = information(self.blocks[places]), self.prior
+        return M if prior is None else np.asarray(M + prior)
+
     def u(self, places: Index) -> float:
         """Goal uncertainty of a set, k = 1: mean or worst as the target asks for [m]."""
-        u = point_u(information_of(self.blocks[places], self.prior), self.goals.rows)
+        u = point_u(self.information(places), self.goals.rows)
         return float(u.max()) if self.settings.target_is == "worst" else rms(u, self.goals.weights)
 
     def problem(self, m: int, criterion: Criterion) -> Problem:
@@ -114,17 +125,15 @@ def designed(task: Task, rng: np.random.Generator) -> tuple[Index, str, Curve]:
     problem = task.problem(min(MOST_POSES, len(task.blocks)), task.judge)
     budget = pose_budget(problem, task.target, rng, restarts=CURVE_RESTARTS)
     if budget.smallest is None:
-        k = task.settings.coverage * 1e6
-        raise InputError(
-            f"[plan] target_um is {task.settings.target_um:g}, which "
+        target, k = task.settings.target_um, task.settings.coverage * 1e6
+        reached, possible = float(budget.reached[-1]) * k, float(budget.possible[-1]) * k
+        raise refuse(
+            "plan.target_um", target,
+            f"they reach {reached:.3g} um, and no set of so many goes below {possible:.3g} um",
+            code="S37", fix="ask for less, measure better, or enlarge [pool] size",
+            message=f"[plan] target_um is {target:g}, which "
             f"{_poses(len(budget.chosen), 'do', 'does')} not reach",
-            code="S37",
-            field="plan.target_um",
-            value=task.settings.target_um,
-            allowed=f"they reach {float(budget.reached[-1]) * k:.3g} um, and no set of so many "
-            f"goes below {float(budget.possible[-1]) * k:.3g} um",
-            fix="ask for less, measure better, or enlarge [pool] size",
-        )
+        )  # fmt: skip
     own, method = task.select(budget.smallest, rng).indices, task.settings.method
     places = min((own, budget.chosen), key=task.u)
     if places is budget.chosen:
@@ -179,21 +188,15 @@ def _sentence(task: Task, m: int, proven: int | None) -> str:
     settings = task.settings
     over = OVER["G" if settings.target_is == "worst" else "V"]
     asked = f"U = {settings.target_um:g} µm (k = {settings.coverage:g}, {over})"
-    reach = _poses(m, "reach", "reaches", more=bool(len(task.before)))
+    reach = _poses(m, "reach", "reaches", "more pose" if len(task.before) else "pose")
     if m == proven:
         return f"{reach} {asked}, and it is proven that no fewer can"
     return f"{reach} {asked}; it is proven that fewer than {proven} from this pool do not"
 
 
-def _poses(m: int, verb: str, singular: str, *, more: bool = False) -> str:
+def _poses(m: int, verb: str, singular: str, noun: str = "pose") -> str:
     """So many poses do something."""
-    noun, verb = ("pose", singular) if m == 1 else ("poses", verb)
-    return f"{m} more {noun} {verb}" if more else f"{m} {noun} {verb}"
-
-
-def four(value: float) -> str:
-    """Four significant digits, without a point at the end."""
-    return f"{value:#.4g}".rstrip(".")
+    return f"{counted(m, noun)} {singular if m == 1 else verb}"
 
 
 def proof_of(task: Task, places: Index) -> Proof:
@@ -201,16 +204,15 @@ def proof_of(task: Task, places: Index) -> Proof:
     found = certify(task.problem(len(places), task.criterion), places)
     if found is None:
         return Proof(None, None, no_proof(task.criterion))
-    sentence, k = found.sentence, task.settings.coverage
-    if task.settings.criterion in ("V", "G"):
+    sentence, k, criterion = found.sentence, task.settings.coverage, task.settings.criterion
+    if criterion in OVER:
         # in the unit of everything else a plan says: expanded, not standard, uncertainty
         part = floor(found.efficiency * 1000) / 1000  # as true as the number
         sentence = (
-            f"{task.settings.criterion}-efficiency at least {part:.3f}: no other set of "
-            f"{len(places)} from the {len(task.blocks)} poses of the pool goes below "
-            f"U = {four(k * found.figure_bound * 1e6)} µm "
-            f"(k = {k:g}, {OVER[task.settings.criterion]}); this one reaches "
-            f"{four(k * found.figure * 1e6)} µm"
+            f"{criterion}-efficiency at least {part:.3f}: no other set of {len(places)} from the "
+            f"{len(task.blocks)} poses of the pool goes below "
+            f"U = {significant(k * found.figure_bound * UM, 4)} µm (k = {k:g}, {OVER[criterion]}); "
+            f"this one reaches {significant(k * found.figure * UM, 4)} µm"
         )
     return Proof(found.efficiency, found.figure_bound, sentence)
 
@@ -220,9 +222,9 @@ def random_u(task: Task, counts: Index, rng: np.random.Generator) -> Array:
     values = np.empty(len(counts))
     for i, m in enumerate(counts):
         sets = [random_selection(len(task.blocks), int(m), rng) for _ in range(RANDOM_SETS)]
-        told = [sees_all(stacked(task.before, task.blocks[places])) for places in sets]
-        u = [task.u(places) if one else np.inf for places, one in zip(sets, told, strict=True)]
-        values[i] = np.median(u)
+        values[i] = np.median(
+            [task.u(places) if sees_all(task.rows(places)) else np.inf for places in sets]
+        )
     return np.where(np.isfinite(values), values, np.nan)
 
 
@@ -257,12 +259,6 @@ def rms(u: Array, weights: Array) -> float:
     return float(np.sqrt(weights @ u**2))
 
 
-def information_of(blocks: Array, prior: Array | None) -> Array:
-    """Information (p, p) of poses (m, r, p) and what was known before."""
-    M = information(blocks)
-    return M if prior is None else np.asarray(M + prior)
-
-
 def leverages(blocks: Array, M: Array) -> Array:
     """Leverage tr K_jj (N,) of blocks (N, r, p): their weight against information M (p, p)."""
     n, r, p = blocks.shape
@@ -270,19 +266,11 @@ def leverages(blocks: Array, M: Array) -> Array:
     return np.asarray((half**2).sum(axis=0).reshape(n, r).sum(axis=1))
 
 
-def u_while_measuring(blocks: Array, before: Array, rows: Array, weights: Array) -> Array:
-    """Goal uncertainty (m,) after each of the poses (m, r, p) in order; nan while it is endless.
-
-    `before` (b, p) are the rows of poses measured already.
-    """
-    out = np.full(len(blocks), np.nan)
-    for k in range(len(blocks)):
-        seen = stacked(before, blocks[: k + 1])
-        if sees_all(seen):
-            out[k] = rms(point_u(seen.T @ seen, rows), weights)
+def u_while_measuring(task: Task, places: Index) -> Array:
+    """Goal uncertainty (m,) after each pose of a set in order; nan while it is endless."""
+    out = np.full(len(places), np.nan)
+    for k in range(len(places)):
+        A = task.rows(places[: k + 1])
+        if sees_all(A):
+            out[k] = rms(point_u(A.T @ A, task.goals.rows), task.goals.weights)
     return out
-
-
-def stacked(before: Array, blocks: Array) -> Array:
-    """Rows (b + m r, p) of what was measured before (b, p) and of poses (m, r, p)."""
-    return np.concatenate([before, blocks.reshape(-1, blocks.shape[-1])])

@@ -14,7 +14,6 @@ from testbed.plan.design import (
     Task,
     covariance_of,
     designed,
-    information_of,
     leverages,
     next_poses,
     proof_of,
@@ -87,7 +86,7 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     check_ranges(bench, np.vstack([pool.q[places], apart]))
     tell(STEPS[3], 3, len(STEPS))
     tour = tour_of(bench, start, pool.q[places], places, apart, pool.q)
-    M = information_of(task.blocks[places], task.prior)
+    M = task.information(places)
     ordered = tour.pool_place[tour.pool_place >= 0]
     tell("", len(STEPS), len(STEPS))
     return Plan(
@@ -107,9 +106,7 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
         goal=goal,
         method=method,
         u=frozen(point_u(M, goals.rows)),
-        u_of_step=frozen(
-            u_while_measuring(task.blocks[ordered], task.before, goals.rows, goals.weights)
-        ),
+        u_of_step=frozen(u_while_measuring(task, ordered)),
         proof=proof_of(task, places),
         curve=curve,
         next_poses=next_poses(task, places),

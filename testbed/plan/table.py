@@ -1,7 +1,5 @@
 """plan.csv: every joint target of a plan in turn, with the stops on the way around obstacles."""
 
-import csv
-import io
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,6 +8,7 @@ import numpy as np
 from calib.arrays import Array
 from testbed.laboratory.route.moves import travel_times
 from testbed.plan.records import Move, Plan
+from testbed.report.text import csv_text
 
 DECIMALS = 9
 """Of joint targets: 1e-9 deg moves no arm; the pool's joints come back to within rounding."""
@@ -24,27 +23,26 @@ def plan_csv(plan: Plan) -> str:
     ``via`` are passed, not measured: whoever follows all rows hits nothing, unless a move is
     ``blocked``, which has no time.
     """
-    scale = joint_units(plan)
     head = ["pose_id", "role", "order", *joint_columns(plan)]
+    head += [f"{reading.target}_{name}" for reading in plan.readings for name in READING]
+    rows = [_row(plan, stop) for stop in stops_of(plan)]
+    return csv_text([*head, "move", "approach_s"], rows)
+
+
+def _row(plan: Plan, stop: "Stop") -> list[str]:
+    """The cells of one joint target."""
+    row = [stop.name, stop.role, str(stop.place + 1) if stop.measured else ""]
+    row += [f"{value:.{DECIMALS}f}" for value in stop.q * joint_units(plan)]
     for reading in plan.readings:
-        head += [f"{reading.target}_{name}" for name in READING]
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*head, "move", "approach_s"])
-    for stop in stops_of(plan):
-        row = [stop.name, stop.role, str(stop.place + 1) if stop.measured else ""]
-        row += [f"{value:.{DECIMALS}f}" for value in stop.q * scale]
-        for reading in plan.readings:
-            if not stop.measured:
-                row += [""] * len(READING)
-                continue
-            row += [f"{value * 1e3:.4f}" for value in reading.position[stop.place]]
-            angles = (reading.azimuth[stop.place], reading.elevation[stop.place])
-            row += [f"{np.degrees(angle):.6f}" for angle in angles]
-            row += [f"{reading.range[stop.place] * 1e3:.4f}"]
-        seconds = f"{stop.seconds:.3f}" if np.isfinite(stop.seconds) else ""
-        writer.writerow([*row, stop.move or "", seconds])
-    return text.getvalue()
+        if not stop.measured:
+            row += [""] * len(READING)
+            continue
+        row += [f"{value * 1e3:.4f}" for value in reading.position[stop.place]]
+        angles = (reading.azimuth[stop.place], reading.elevation[stop.place])
+        row += [f"{np.degrees(angle):.6f}" for angle in angles]
+        row += [f"{reading.range[stop.place] * 1e3:.4f}"]
+    seconds = f"{stop.seconds:.3f}" if np.isfinite(stop.seconds) else ""
+    return [*row, stop.move or "", seconds]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

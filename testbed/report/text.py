@@ -1,9 +1,14 @@
 """Tables as plain text, for terminals and text files."""
 
+import csv
 import io
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+
+WIDTH = 110
+"""Where long texts break when they do not go to a terminal."""
+UNBOUNDED = 10_000
 
 
 def table(
@@ -33,13 +38,15 @@ def table(
     return "\n".join(line.rstrip() for line in text.getvalue().rstrip().splitlines())
 
 
+def csv_text(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A CSV with plain line ends."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(rows)
+    return text.getvalue()
+
+
 def _is_number(text: str) -> bool:
     """Whether a cell begins with a digit."""
     return text.lstrip("+-")[:1].isdigit()
-
-
-WIDTH = 110
-"""Where long texts break when they do not go to a terminal."""
-
-
-UNBOUNDED = 10_000

@@ -11,8 +11,9 @@ from typer.testing import CliRunner
 from calib.errors import MachineError
 from testbed.cli import app
 from testbed.plan import folder as plan_files
-from testbed.plan.folder import plan_numbers, play_plan
+from testbed.plan.folder import play_plan
 from testbed.plan.programs import programs
+from testbed.plan.results import plan_numbers
 from testbed.plan.table import stops_of
 from testbed.plan.words import next_step, promise, reasons, terminal_text
 from testbed.scenario.read import dump_scenario, load_scenario
