@@ -46,10 +46,10 @@ def load_robot(
     mesh_root: Path | None = None,
     allow_missing_meshes: bool = False,
 ) -> Robot:
-    """Load a shipped robot by name, or one's own: robot.toml or its folder, URDF, MJCF.
+    """Load a shipped robot by name, or any robot from its robot.toml or folder, URDF or MJCF.
 
     URDF and MJCF are converted to a chain; the poses of the chain are compared with those that
-    yourdfpy or MuJoCo finds, and what the file does not say is assumed and told in `notes`.
+    yourdfpy or MuJoCo computes, and what the file leaves open is assumed and listed in `notes`.
 
     Parameters
     ----------
@@ -58,9 +58,9 @@ def load_robot(
     tip : str, optional
         URDF and MJCF: the link, body or site where the arm ends; the only end by default.
     mesh_root : Path, optional
-        URDF and MJCF: the folder that holds all meshes; the file's own by default.
+        URDF and MJCF: the folder that holds all meshes; that of the file by default.
     allow_missing_meshes : bool
-        URDF and MJCF: whether a mesh may be missing; it is then told in `notes`.
+        URDF and MJCF: whether a mesh may be missing; it is then listed in `notes`.
 
     Raises
     ------
@@ -148,7 +148,7 @@ def load_tracker_visuals() -> tuple[Visual, ...]:
     """Parts of the tracker, origin where its beam axes meet, z up, beam along x [m].
 
     Link 0 stands on the floor, link 1 turns about z (azimuth), link 2 also about y (elevation,
-    upward negative). The stand is as long as `beam_height_mm` in tracker.toml says.
+    upward negative). The stand is as long as `beam_height_mm` in tracker.toml states.
     """
     path = assets.models() / TRACKER / TRACKER_FILE
     return visuals(path, read_toml(path, TrackerFile))

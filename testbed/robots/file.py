@@ -187,7 +187,7 @@ class RobotFile(Drawn):
 
     @model_validator(mode="after")
     def _joint_terms_fit(self) -> "RobotFile":
-        """Terms have names of their own, name joints that exist and weigh every joint."""
+        """Terms have different names, name joints that exist and weigh every joint."""
         n = len(self.joints)
         seen = set(chain_names(n))
         for term in self.joint_terms:

@@ -1,6 +1,6 @@
 """Where the bodies of a chain sit: chain numbers to body frames, flange and tool, and their poses.
 
-The link product is split after the joint: body i+1 hangs in body i at L_i Rz(theta_(i+1)) with
+The link product is split after the joint: body i+1 is placed in body i at L_i Rz(theta_(i+1)) with
 L_i = Tz(d_i) Tx(a_i) Rx(alpha_i) Ry(beta_i), so a joint value is always the commanded q.
 """
 

@@ -18,7 +18,7 @@ class Visual:
     """One drawn part."""
 
     file: Path
-    """Mesh file, in the frame of its link [m] unless `affine` says otherwise."""
+    """Mesh file, in the frame of its link [m] unless `affine` is given."""
     rgb: tuple[float, float, float]
     """Color, 0 to 1."""
     collides: bool
@@ -33,7 +33,7 @@ class Visual:
 
 @dataclass(frozen=True, slots=True)
 class Workspace:
-    """Where an arm is at work and a tracker sees it, base frame [mm], as scenarios say it."""
+    """Where an arm is at work and a tracker sees it, base frame [mm], as in scenarios."""
 
     box_center_mm: tuple[float, float, float]
     """Center of the box of tool positions."""
@@ -80,11 +80,11 @@ class Robot:
     sources: Mapping[str, str]
     """Where each group of numbers comes from."""
     workspace: Workspace | None = None
-    """Where a scenario lets it work unless it says otherwise; None: found from its reach."""
+    """Where it works unless the scenario states it; None: derived from its reach."""
     joint_names: tuple[str, ...] = ()
     """(n,) names of the joints in its URDF or MJCF; empty if it does not come from one."""
     notes: tuple[str, ...] = ()
-    """What is odd in its file, or was assumed because the file does not say it; sentences."""
+    """What is odd in its file, or was assumed because the file leaves it open; sentences."""
     agreement: float | None = None
     """Largest distance from the poses another reader finds in the file, if converted [m]."""
 

@@ -1,4 +1,4 @@
-"""Where a robot is at work when nobody says so: the box it states, or one found from its reach."""
+"""Where a robot is at work by default: the box it states, or one derived from its reach."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from calib.geometry.frames import inverse
 from testbed.robots.robot import Robot, Workspace
 
 SAMPLE = 2000
-"""Postures in the joint limits from which the reach is found."""
+"""Postures in the joint limits from which the reach is derived."""
 SHARE = (10.0, 90.0)
 """The box holds what lies between these percentiles of the reach, axis by axis."""
 ABOVE = 0.1
@@ -26,7 +26,7 @@ STEP = 0.01
 
 
 def workspace(robot: Robot) -> Workspace:
-    """The workspace that a robot states, else one found from its reach.
+    """The workspace that a robot states, else one derived from its reach.
 
     A fixed sample of postures in the joint limits is used: the answer belongs to the robot.
 

@@ -15,7 +15,7 @@ from calib.geometry.chain import Chain, JointKind, forward
 from calib.geometry.frames import inverse, nearest_rigid, rot_x, rot_y, rot_z, slide, transform
 from testbed.robots.placements import link_poses
 
-DUST = 1e-15
+ROUNDING = 1e-15
 """What a few products of rotations leave of a number that is zero [rad or m]."""
 PARALLEL = np.radians(1.0)
 """Axes closer than this get Hayati's beta instead of d: their common normal is ill-defined."""
@@ -61,7 +61,7 @@ def chain_from_axes(
         link = link_to_axis(
             R.T @ (point - frame[:3, 3]), R.T @ axis, keep_height=last, longest=longest, room=room
         )
-        link = _without_dust(link)
+        link = _without_rounding(link)
         links.append(link)
         frame = frame @ link_transform(link)
     return Chain(np.array(links), tuple(kinds), base, nearest_rigid(inverse(frame) @ T_world_tip))
@@ -70,7 +70,7 @@ def chain_from_axes(
 def reach(chain: Chain) -> float:
     """Way [m] from the base over the joint axes to the tool at joint zero, each time the shortest.
 
-    A length that is longer than this says nothing about the robot, only about the gauge.
+    A longer length is a property of the gauge, not of the robot.
     """
     points = _nearest_points(chain)
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
@@ -79,17 +79,17 @@ def reach(chain: Chain) -> float:
 def regauged(chain: Chain) -> Chain:
     """The same robot in human-sized numbers: same poses at every q, no link longer than `reach`.
 
-    Base and tool keep what the links cannot say.
+    Base and tool keep what the links cannot express.
     """
     local = replace(chain, T_world_base=np.eye(4), T_flange_tool=np.eye(4))
     points = _nearest_points(local)
     bodies = link_poses(local, np.zeros((1, chain.n_joints)))[0, 1:]
     flange = forward(local, np.zeros((1, chain.n_joints)))[0]
-    found = chain_from_axes(points[1:-1], bodies[:, :3, 2], chain.kinds, flange)
+    again = chain_from_axes(points[1:-1], bodies[:, :3, 2], chain.kinds, flange)
     return replace(
-        found,
-        T_world_base=chain.T_world_base @ found.T_world_base,
-        T_flange_tool=found.T_flange_tool @ chain.T_flange_tool,
+        again,
+        T_world_base=chain.T_world_base @ again.T_world_base,
+        T_flange_tool=again.T_flange_tool @ chain.T_flange_tool,
     )
 
 
@@ -143,11 +143,11 @@ def link_to_axis(
     return _through(point, axis)
 
 
-def _without_dust(link: Array) -> Array:
+def _without_rounding(link: Array) -> Array:
     """The link with rounding taken off angles that are multiples of 90 degrees and zero lengths."""
     angle = np.array([True, False, False, True, True])
     whole = np.where(angle, np.round(link / (np.pi / 2)) * (np.pi / 2), 0.0)
-    return np.where(np.abs(link - whole) < DUST, whole, link) + 0.0
+    return np.where(np.abs(link - whole) < ROUNDING, whole, link) + 0.0
 
 
 def _common_normal(point: Array, axis: Array) -> Array:

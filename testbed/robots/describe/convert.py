@@ -1,4 +1,4 @@
-"""From what a URDF or an MJCF says to a `Robot`: the chain proven, what is not said assumed."""
+"""A described arm as a `Robot`: its chain is proven, what the file leaves open is assumed."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -47,7 +47,7 @@ def read_description(
     Raises
     ------
     InputError
-        R1 to R19: file and line, what was found, what was expected; R20 if the poses differ.
+        R1 to R19: file and line, what it has, what was expected; R20 if the poses differ.
     """
     tag = read_xml(path, "robot", "mujoco").tag
     if tag == "robot":
@@ -59,93 +59,93 @@ def read_description(
     )
 
 
-def robot_of(found: Description) -> Robot:
-    """The robot of a description, its chain proven against the description's own poses."""
-    chain = found.chain
-    notes = list(found.notes)
-    limits = _limits(found, notes)
-    agreement = _prove(found, chain, limits)
+def robot_of(description: Description) -> Robot:
+    """The robot of a description, its chain proven against the poses of the other reader."""
+    chain = description.chain
+    notes = list(description.notes)
+    limits = _limits(description, notes)
+    agreement = _prove(description, chain, limits)
     frames = link_poses(chain, np.zeros((1, chain.n_joints)))[0]
-    ends = np.vstack([found.points, found.T_world_tip[:3, 3]])
-    masses, centers, inertias = _masses(found.bodies[1:], frames[1:], ends, notes)
-    visuals = _visuals(found.bodies, frames, notes)
-    turns = np.array([kind == "revolute" for kind in found.kinds])
-    name = plain_name(found.name or found.path.stem, default="robot")
+    ends = np.vstack([description.points, description.T_world_tip[:3, 3]])
+    masses, centers, inertias = _masses(description.bodies[1:], frames[1:], ends, notes)
+    visuals = _visuals(description.bodies, frames, notes)
+    turns = np.array([kind == "revolute" for kind in description.kinds])
+    name = plain_name(description.name or description.path.stem, default="robot")
     robot = Robot(
         name=name,
-        title=found.name or found.path.stem,
-        folder=found.folder,
+        title=description.name or description.path.stem,
+        folder=description.folder,
         model=RobotModel(chain),
         limits=frozen(limits),
-        speeds=frozen(_speeds(found, turns, notes)),
+        speeds=frozen(_speeds(description, turns, notes)),
         masses=frozen(masses),
         centers=frozen(centers),
         inertias=frozen(inertias),
         repeatability=frozen(np.where(turns, TURN_SCATTER, SLIDE_SCATTER)),
         visuals=visuals,
         base_offset=_floor(visuals, chain),
-        exclusions=_exclusions(found),
+        exclusions=_exclusions(description),
         free_sets=MappingProxyType({}),
         sources=MappingProxyType(
             {
-                "geometry": f"{found.path.name}, joint axes converted to link numbers; poses "
-                f"equal those of {found.reader} to {agreement:.1g} m",
-                "limits": found.path.name,
-                "masses": f"{found.path.name}, unless noted",
+                "geometry": f"{description.path.name}, joint axes converted to link numbers; poses "
+                f"equal those of {description.reader} to {agreement:.1g} m",
+                "limits": description.path.name,
+                "masses": f"{description.path.name}, unless noted",
                 "repeatability": f"assumed: {TURN_SCATTER * 1e6:g} urad for joints that turn, "
                 f"{SLIDE_SCATTER * 1e6:g} um for those that slide",
             }
         ),
-        joint_names=found.joint_names,
+        joint_names=description.joint_names,
         agreement=agreement,
     )
     robot = _without_constant_contacts(robot, notes)
-    said = f"the repeatability of the joints is assumed ({TURN_SCATTER * 1e6:g} urad"
-    notes.append(said + (f", sliding {SLIDE_SCATTER * 1e6:g} um)" if not turns.all() else ")"))
+    scatter = f"the repeatability of the joints is assumed ({TURN_SCATTER * 1e6:g} urad"
+    notes.append(scatter + (f", sliding {SLIDE_SCATTER * 1e6:g} um)" if not turns.all() else ")"))
     return replace(robot, notes=tuple(notes))
 
 
-def _prove(found: Description, chain: Chain, limits: Array) -> float:
+def _prove(description: Description, chain: Chain, limits: Array) -> float:
     """Largest distance of the chain's tool from the description's over many poses [m]."""
     q = np.vstack([np.zeros(chain.n_joints), spread(limits, PROOFS)])
-    position, rotation = difference(forward(chain, q), found.poses(q))
+    position, rotation = difference(forward(chain, q), description.poses(q))
     if not max(position, rotation) <= LIMIT:
         message = (
-            f"the poses of the chain differ from those of {found.reader} by "
+            f"the poses of the chain differ from those of {description.reader} by "
             f"{position:.3g} m and {rotation:.3g} rad"
         )
         raise refuse(
             "poses", position, f"at most {LIMIT:g}", code="R20", message=message,
             fix="check rotations and axes in the file for numbers with few digits",
-            where=str(found.path),
+            where=str(description.path),
         )  # fmt: skip
     return position
 
 
-def _limits(found: Description, notes: list[str]) -> Array:
+def _limits(description: Description, notes: list[str]) -> Array:
     """Joint limits (n, 2), finite and not empty [rad or m]."""
-    limits = np.array(found.limits, dtype=np.float64)
-    turns = np.array([kind == "revolute" for kind in found.kinds])
+    limits = np.array(description.limits, dtype=np.float64)
+    turns = np.array([kind == "revolute" for kind in description.kinds])
     for wanted, size, words in ((turns, FULL_TURN, "360 deg"), (~turns, FULL_SLIDE, "1 m")):
         without = wanted & ~np.isfinite(limits).all(axis=1)
         if without.any():
-            names = _listed(found.joint_names, without)
+            names = _listed(description.joint_names, without)
             notes.append(f"{names} without limits: -{words} to {words} is assumed")
         limits[without] = -size, size
     locked = limits[:, 0] == limits[:, 1]
     if locked.any():
-        names = _listed(found.joint_names, locked)
+        names = _listed(description.joint_names, locked)
         notes.append(f"{names} with equal limits: a range of {2 * LOCKED:g} about them is assumed")
     limits[locked] += np.array([-LOCKED, LOCKED])
     return limits
 
 
-def _speeds(found: Description, turns: Bool, notes: list[str]) -> Array:
+def _speeds(description: Description, turns: Bool, notes: list[str]) -> Array:
     """Largest joint speeds (n,), finite [rad/s or m/s]."""
-    speeds = np.array(found.speeds, dtype=np.float64)
+    speeds = np.array(description.speeds, dtype=np.float64)
     without = ~np.isfinite(speeds)
     if without.any():
-        names = _listed(found.joint_names, without)
+        names = _listed(description.joint_names, without)
         notes.append(f"{names} without a speed: 180 deg/s, or 1 m/s where it slides, is assumed")
     return np.where(without, np.where(turns, TURN_SPEED, SLIDE_SPEED), speeds)
 
@@ -198,7 +198,7 @@ def _masses(
 
 
 def _visuals(bodies: Sequence[Body], frames: Array, notes: list[str]) -> tuple[Visual, ...]:
-    """Every mesh in the frame of its body, checked; each with a name of its own."""
+    """Every mesh in the frame of its body, checked; each with a different name."""
     visuals: list[Visual] = []
     names: set[str] = set()
     for link, (body, frame) in enumerate(zip(bodies, frames, strict=True)):
@@ -222,7 +222,7 @@ def _visuals(bodies: Sequence[Body], frames: Array, notes: list[str]) -> tuple[V
 
 
 def _rounded(affine: Array) -> Affine:
-    """A (4, 4) matrix as rows, without the dust of rounding."""
+    """A (4, 4) matrix as rows, without rounding errors."""
     return tuple(tuple(float(x) for x in row) for row in np.round(affine, 12) + 0.0)
 
 
@@ -240,10 +240,10 @@ def _floor(visuals: Sequence[Visual], chain: Chain) -> float:
     return float(-chain.T_world_base[2, 3] / up) if up > 0.5 else 0.0
 
 
-def _exclusions(found: Description) -> tuple[tuple[str, str], ...]:
+def _exclusions(description: Description) -> tuple[tuple[str, str], ...]:
     """Neighbors, and what the file never tests."""
-    pairs = {(i, i + 1) for i in range(len(found.bodies) - 1)}
-    pairs |= {(min(pair), max(pair)) for pair in found.apart if pair[0] != pair[1]}
+    pairs = {(i, i + 1) for i in range(len(description.bodies) - 1)}
+    pairs |= {(min(pair), max(pair)) for pair in description.apart if pair[0] != pair[1]}
     return tuple((body_name(a), body_name(b)) for a, b in sorted(pairs))
 
 

@@ -1,4 +1,4 @@
-"""What a URDF or an MJCF says of a serial arm, before it becomes a chain: axes, bodies, shapes."""
+"""What a URDF or an MJCF describes, before it becomes a chain: axes, bodies, shapes."""
 
 import re
 from collections.abc import Callable, Iterable
@@ -40,7 +40,7 @@ class Body:
     name: str
     """For messages and names of parts."""
     mass: float = 0.0
-    """Zero if the file does not say it [kg]."""
+    """Zero if the file does not state it [kg]."""
     center: Array = field(default_factory=lambda: np.zeros(3))
     """(3,) center of mass [m]."""
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
@@ -51,7 +51,7 @@ class Body:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Description:
-    """A serial arm as its file tells it."""
+    """A serial arm as its file describes it."""
 
     name: str
     """What the file calls it."""
@@ -74,7 +74,7 @@ class Description:
     limits: Array
     """(n, 2) lower and upper joint limits, -inf and inf where there are none [rad or m]."""
     speeds: Array
-    """(n,) largest joint speeds, inf where the file does not say them [rad/s or m/s]."""
+    """(n,) largest joint speeds, inf where the file does not state them [rad/s or m/s]."""
     bodies: tuple[Body, ...]
     """(n + 1,) base first."""
     poses: Callable[[Array], Array]
@@ -100,7 +100,7 @@ def choose_tip(
     tip : str, optional
         What the user wants.
     ends : iterable of str
-        Frames that nothing hangs on.
+        Frames without children.
     known : iterable of str
         All frames.
     path : Path

@@ -1,4 +1,4 @@
-"""Any serial arm's MJCF, read by MuJoCo: joint axes, bodies, shapes, and its own poses."""
+"""The MJCF of any serial arm, read by MuJoCo: joint axes, bodies, shapes and poses."""
 
 from collections.abc import Iterable
 from functools import partial
@@ -33,7 +33,7 @@ from testbed.robots.describe.xml_gate import angle_notes
 DRIVEN = ("joint", "jointinparent")
 """Attributes of actuators that name the joint they drive."""
 HIDDEN = 3
-"""Geoms of this group and above are not drawn unless a viewer is told to."""
+"""Geoms of this group and above are not drawn unless a viewer is asked to."""
 PAIRED = ("connect", "weld")
 """Constraints that close a chain."""
 
@@ -45,10 +45,10 @@ def describe_mjcf(
     mesh_root: Path | None = None,
     allow_missing_meshes: bool = False,
 ) -> Description:
-    """What an MJCF says of the arm from the world to the body or site `tip`.
+    """The arm in an MJCF from the world to the body or site `tip`.
 
-    Bodies without joints are merged with what they hang on. What moves with joints that are not on
-    the way to the tip is left out, and told.
+    Bodies without joints are merged with their parents. What moves with joints that are not on the
+    way to the tip is left out and listed in the notes.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def _taken(root: Any, *tags: str) -> dict[str, list[Any]]:
 
 
 def _ends(model: Any, frames: dict[str, tuple[int, int]]) -> list[str]:
-    """Sites of the bodies that nothing hangs on, or the bodies; only those that move, if any."""
+    """Sites of the bodies without children, or the bodies; only those that move, if any."""
     parents = set(model.body_parentid[1:].tolist())
     ends = [k for k in range(1, model.nbody) if k not in parents]
     ends = [k for k in ends if joints_to(model, k)] or ends
@@ -132,7 +132,7 @@ def _ends(model: Any, frames: dict[str, tuple[int, int]]) -> list[str]:
 def _refuse_coupled(
     model: Any, joints: list[int], drives: dict[str, list[Any]], path: Path
 ) -> None:
-    """R16: every joint on the way moves on its own and closes no ring."""
+    """R16: every joint on the way moves alone and closes no ring."""
     names = {called(model, "joint", joint): joint for joint in joints}
     driven = {motor.get(key) for motor in drives["actuator"] for key in DRIVEN}
     tendons = {part.get("joint") for tendon in drives["tendon"] for part in tendon.iter("joint")}
@@ -167,9 +167,9 @@ def _groups(model: Any, joints: list[int]) -> tuple[list[list[int]], list[str]]:
     groups: list[list[int]] = [[] for _ in range(len(joints) + 1)]
     left_out = []
     for body in range(model.nbody):
-        own = joints_to(model, body)
-        if own == joints[: len(own)]:
-            groups[len(own)].append(body)
+        above = joints_to(model, body)
+        if above == joints[: len(above)]:
+            groups[len(above)].append(body)
         else:
             left_out.append(called(model, "body", body))
     return groups, left_out
@@ -217,7 +217,7 @@ def _is_file(model: Any, geom: int, gated: Gated) -> bool:
 
 
 def _shape(model: Any, data: Any, geom: int, collides: bool, gated: Gated) -> Shape:
-    """A mesh file at its place: MuJoCo moves a mesh to its own center, here it is moved back."""
+    """A mesh file at its place: MuJoCo moves a mesh to its center, here it is moved back."""
     import mujoco
 
     mesh = int(model.geom_dataid[geom])

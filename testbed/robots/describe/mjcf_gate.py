@@ -61,7 +61,7 @@ UNUSED = (
     "light",
     "camera",
 )
-"""Elements that say nothing about where a tool is; taken out."""
+"""Elements that do not matter for the place of a tool; taken out."""
 MOST_ELEMENTS, MOST_FILES = 50_000, 64
 PATHS = ("meshdir", "texturedir", "assetdir", "strippath", "discardvisual", "fusestatic")
 """Attributes of <compiler> that are settled here."""

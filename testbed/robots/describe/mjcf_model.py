@@ -52,7 +52,7 @@ def mjcf_poses(model: Any, joints: list[int], tip: tuple[int, int], q: Array) ->
 
 
 def load_mjcf(path: Path) -> Any:
-    """A file that is trusted, because it is our own, as a `mujoco.MjModel` (MJCF or URDF)."""
+    """A file that this program wrote, and that is trusted, as a `mujoco.MjModel` (MJCF or URDF)."""
     import mujoco
 
     mujoco.set_mju_user_warning(logging.getLogger(__name__).info)
@@ -62,7 +62,7 @@ def load_mjcf(path: Path) -> Any:
 
 
 def free_sites(model: Any) -> None:
-    """Stop MuJoCo from copying a body's pose to a site it found equal when compiling."""
+    """Stop MuJoCo from copying a body's pose to a site that was equal when compiled."""
     import mujoco
 
     model.site_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE

@@ -1,4 +1,4 @@
-"""Any serial arm's URDF, read through yourdfpy: joint axes, bodies, shapes, and its own poses."""
+"""The URDF of any serial arm, read by yourdfpy: joint axes, bodies, shapes and poses."""
 
 import io
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from testbed.robots.describe.urdf_checks import check_urdf, mesh_files
 from testbed.robots.describe.xml_gate import read_xml
 
 UNIT = 1e-6
-"""An axis that is longer or shorter than 1 by more than this is told."""
+"""An axis that is longer or shorter than 1 by more than this is noted."""
 
 
 def describe_urdf(
@@ -33,14 +33,14 @@ def describe_urdf(
     mesh_root: Path | None = None,
     allow_missing_meshes: bool = False,
 ) -> Description:
-    """What a URDF says of the arm from its root link to `tip`; fixed joints are merged.
+    """The arm in a URDF from its root link to `tip`; fixed joints are merged.
 
-    What moves with joints that are not on the way to the tip is left out, and told.
+    What moves with joints that are not on the way to the tip is left out and listed in the notes.
 
     Raises
     ------
     InputError
-        R1 to R7 and R11 to R17: file and line, what was found, what was expected.
+        R1 to R7 and R11 to R17: file and line, what it has, what was expected.
     """
     root = read_xml(path, "robot")
     notes = check_urdf(root, path, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes)
@@ -136,7 +136,7 @@ def _path_to(above: dict[str, Any], tip: str) -> list[Any]:
 
 
 def _ends(model: Any, above: dict[str, Any]) -> list[str]:
-    """Links that nothing hangs on; those that no joint moves only if there are no others."""
+    """Links without children; those that no joint moves only if there are no others."""
     parents = {joint.parent for joint in above.values()}
     ends = [link.name for link in model.robot.links if link.name not in parents]
     moved = [end for end in ends if any(joint.type != "fixed" for joint in _path_to(above, end))]

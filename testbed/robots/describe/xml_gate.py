@@ -8,7 +8,7 @@ from typing import Any
 from calib.errors import InputError, refuse
 
 LARGEST = 16 * 2**20
-"""Bytes; a description of a robot has kilobytes, its meshes lie in files of their own."""
+"""Bytes; a description of a robot has kilobytes, its meshes lie in other files."""
 DEEPEST = 256
 SOURCE = "{truebed}file"
 """Attribute with the file that an included element comes from, while it is checked."""

@@ -109,7 +109,7 @@ def _collada_unit(data: bytes, path: Path) -> float:
     try:
         return float(unit.get("meter", "1")) if unit is not None else 1.0
     except ValueError:
-        return float("nan")  # found not finite below
+        return float("nan")  # refused below
 
 
 def _check_stl(path: Path, data: bytes) -> None:

@@ -129,7 +129,7 @@ def on_grid(solid: Solid) -> tuple[Array, Index]:
     Raises
     ------
     ValueError
-        If an edge is left that does not belong to exactly two faces: a drawing to mend.
+        If an edge is left that does not belong to exactly two faces: a drawing to correct.
     """
     places = np.round(np.asarray(solid.vertices) / GRID).astype(np.int64)
     unique, index = np.unique(places, axis=0, return_inverse=True)
@@ -155,7 +155,7 @@ def corner_normals(vertices: Array, faces: Index, crease: float = CREASE) -> Arr
     """Normals (f, 3, 3) at each corner: mean over faces that meet within `crease`, by their angle.
 
     Weights are corner angles, so that a surface looks the same however it is cut into triangles;
-    slivers thinner than the grid have no say.
+    slivers thinner than the grid do not count.
     """
     corners = vertices[faces]
     ahead = np.roll(corners, -1, axis=1) - corners

@@ -39,7 +39,7 @@ def dh_rows(
     """Rows for base, links, tool and joint terms; reflectors and stations are not the robot's.
 
     Base and tool stand as position and rotation vector in the frame they are given in. They are
-    identified as a step in their own axes, so that their uncertainty is carried over:
+    identified as a step in the frame's axes, so that their uncertainty is carried over:
     dp = R t, d Log R = inv(Jr) r.
 
     Parameters
@@ -67,11 +67,11 @@ def dh_rows(
     sd = np.sqrt(np.diagonal(full))
     before = dict(zip(nominal.joint_errors.names, nominal.joint_errors.coefficients, strict=True))
     first, tool, end = 6, 6 + 5 * n, 12 + 5 * n
-    own, other = nominal.chain, identified.chain
+    old, new = nominal.chain, identified.chain
     parts = (
-        _frame(own.T_world_base, other.T_world_base, full[:first, :first]),
-        (own.links.ravel(), other.links.ravel(), sd[first:tool]),
-        _frame(own.T_flange_tool, other.T_flange_tool, full[tool:end, tool:end]),
+        _frame(old.T_world_base, new.T_world_base, full[:first, :first]),
+        (old.links.ravel(), new.links.ravel(), sd[first:tool]),
+        _frame(old.T_flange_tool, new.T_flange_tool, full[tool:end, tool:end]),
         (
             np.array([before.get(name, 0.0) for name in identified.joint_errors.names]),
             identified.joint_errors.coefficients,

@@ -54,7 +54,7 @@ def write_robot_folder(robot: Robot, folder: Path, *, overwrite: bool = False) -
     MachineError
         The disk is full.
     RuntimeError
-        A file does not say what the robot is: a defect of ours.
+        A file does not describe the robot that was written: a defect of this program.
     """
     require_name(robot.name)
     names = [ROBOT_FILE, f"{robot.name}.urdf", f"{robot.name}.xml"]

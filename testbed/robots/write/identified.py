@@ -22,7 +22,7 @@ NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 
 
 def identified_robot(robot: Robot, model: RobotModel, *, name: str) -> Robot:
-    """The robot with an identified model, under a name of its own.
+    """The robot with an identified model, under a new name.
 
     What is drawn and what has mass stays where it was at joint zero. If a length came out larger
     than the robot, which only a gauge can do, the links get other numbers for the same poses.

@@ -19,7 +19,7 @@ COLLIDES, DRAWN = 2, 1
 def build_spec(chain: Chain, robot: Robot | None = None, *, meshes: bool = True) -> Any:
     """Body tree of any chain as a `mujoco.MjSpec`: revolute and prismatic, all 12 + 5 n numbers.
 
-    Bodies ``base`` (fixed) and ``link1`` ... ``linkn`` hang in the world, joints ``joint1`` ...,
+    Bodies ``base`` (fixed) and ``link1`` ... ``linkn`` stand in the world, joints ``joint1`` ...,
     sites ``flange`` and ``tool`` in the last body; a joint's qpos is its commanded value.
 
     Parameters
@@ -113,8 +113,8 @@ def mjcf_text(robot: Robot, *, comment: str = "") -> str:
     """The geometry of a robot as MJCF text, every digit kept, mesh paths relative to its folder."""
     spec = build_spec(robot.model.chain, robot)
     spec.compile()
-    said = f"<!-- {comment.replace('--', '-')} -->\n" if comment else ""
-    return said + str(spec.to_xml())
+    head = f"<!-- {comment.replace('--', '-')} -->\n" if comment else ""
+    return head + str(spec.to_xml())
 
 
 def write_mjcf(robot: Robot, path: Path) -> None:

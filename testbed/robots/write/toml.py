@@ -152,7 +152,7 @@ def _floats(values: Array) -> list[float]:
 
 
 def _text(text: str) -> str:
-    """A TOML basic string; the escapes of JSON are among its own."""
+    """A TOML basic string; the escapes of JSON are valid in TOML."""
     return json.dumps("".join(c for c in text if c.isprintable()), ensure_ascii=False)
 
 

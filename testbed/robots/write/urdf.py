@@ -17,7 +17,7 @@ NO_EFFORT_LIMIT = 1000.0
 FOR_MUJOCO = (
     b'\n  <mujoco><compiler discardvisual="false" fusestatic="false" strippath="false"/></mujoco>'
 )
-"""Its compiler drops visuals, fixed links and the folders of meshes unless told otherwise."""
+"""Its compiler drops visuals, fixed links and the folders of meshes unless asked to keep them."""
 
 
 def write_urdf(robot: Robot, path: Path) -> None:
@@ -28,7 +28,7 @@ def write_urdf(robot: Robot, path: Path) -> None:
 def urdf_bytes(robot: Robot, *, comment: str = "", for_mujoco: bool = False) -> bytes:
     """The geometry of a robot as URDF, every digit kept, mesh paths relative to its folder.
 
-    With `for_mujoco` it says inside what MuJoCo needs to load it as it is: meshes in their folder,
+    With `for_mujoco` it holds what MuJoCo needs to load it as it is: meshes in their folder,
     all links kept. Other readers skip that.
 
     Links: world, base, link_1 ... link_n with the body frames of `placements`, flange, tool0.
@@ -38,7 +38,7 @@ def urdf_bytes(robot: Robot, *, comment: str = "", for_mujoco: bool = False) -> 
     out = y.Robot(name=robot.name)
     palette: dict[tuple[float, float, float], Any] = {}
     chain = robot.model.chain
-    # the link base carries T_world_base, so joint 1 only keeps its own turn
+    # the link base carries T_world_base, so joint 1 keeps only its turn
     frames, flange, _ = placements(replace(chain, T_world_base=np.eye(4)))
     out.links.append(y.Link(name="world"))
     _add_fixed(out, "world", "base", chain.T_world_base)
@@ -56,7 +56,7 @@ def urdf_bytes(robot: Robot, *, comment: str = "", for_mujoco: bool = False) -> 
                 limit=y.Limit(NO_EFFORT_LIMIT, robot.speeds[i], lower, upper),
             )
         )
-    # MuJoCo wants names of their own for what collides
+    # MuJoCo needs other names for what collides
     hull = "_hull" if for_mujoco else ""
     by_name = {link.name: link for link in out.links}
     for visual in robot.visuals:

@@ -1,4 +1,4 @@
-"""Drawings by name: what the key `drawing` of a model file may say."""
+"""Drawings by name: values of the key `drawing` of a model file."""
 
 from collections.abc import Callable
 
