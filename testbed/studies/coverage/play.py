@@ -34,8 +34,12 @@ from testbed.studies.coverage.records import STATEMENTS, CoverageStudy
 from testbed.studies.many_robots import TruthName, alone, together, truth_of_kind
 from testbed.studies.trial.compare import true_step
 from testbed.studies.trial.records import Trial
-from testbed.studies.trial.statement.sources import full_covariance, systematic_covariance
-from testbed.studies.trial.statement.state import hidden_reach, left_out
+from testbed.studies.trial.statement.sources import (
+    full_covariance,
+    systematic_covariance,
+    systematic_reach,
+    unmodelled_effects,
+)
 
 EXACT = 1e-9
 """A model that repeats the noise-free truth this well holds it [m]."""
@@ -201,7 +205,7 @@ def judge_model(found: Identification, measured: MeasuredRobot, level: float) ->
         measured.validation,
         train=measured.seen,
         probability=level,
-        unmodelled=left_out(measured.laboratory, float(np.sqrt(np.mean(bare.point**2)))),
+        unmodelled=unmodelled_effects(measured.laboratory, float(np.sqrt(np.mean(bare.point**2)))),
     )
     seen, ball = judgement.held_out, judgement.conformal
     assert seen is not None  # the scenario asks for enough poses, also for the radius
@@ -213,7 +217,7 @@ def judge_model(found: Identification, measured: MeasuredRobot, level: float) ->
         discrepancy=judgement.discrepancy,
         probability=level,
     )
-    radius = ball.radius + hidden_reach(found, shared, measured.judge_q, level=level)
+    radius = ball.radius + systematic_reach(found, shared, measured.judge_q, level=level)
     error = distances(measured.true, bare.position)
     verdict = judgement.trust
     return JudgedModel(

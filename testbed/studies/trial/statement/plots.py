@@ -33,12 +33,12 @@ def budget_bars(told: list[tuple[str, Statement]]) -> str:
             values = [known.get(name, 0.0) for name in names]
             ax.barh(range(len(names)), values, color=DARK, height=0.62)
             ax.barh([len(names)], [one.combined_u * UM], color=INK, height=0.62)
-            beyond = 0.0 if np.isnan(one.discrepancy_u) else one.discrepancy_u * UM
+            discrepancy = 0.0 if np.isnan(one.discrepancy_u) else one.discrepancy_u * UM
             ax.barh(
-                [len(names) + 1], [beyond], facecolor="none", edgecolor=MIDDLE, hatch="////",
+                [len(names) + 1], [discrepancy], facecolor="none", edgecolor=MIDDLE, hatch="////",
                 height=0.62,
             )  # fmt: skip
-            for k, value in enumerate([*values, one.combined_u * UM, beyond]):
+            for k, value in enumerate([*values, one.combined_u * UM, discrepancy]):
                 label(ax, f"{value:.3g}", (value, k), (3, 0), size=7, va="center", color=SOFT)
             ax.set_yticks(range(len(labels)), labels)
             ax.set_title(title)

@@ -173,10 +173,10 @@ def budget_table(told: list[tuple[Trial, Statement]]) -> Table:
             cells += [micrometres(u), percent((u / one.combined_u) ** 2)]
         rows.append((name, *cells))
     rows.append(("combined", *[c for _, one in told for c in (micrometres(one.combined_u), "")]))
-    beyond = [
+    discrepancies = [
         "–" if np.isnan(one.discrepancy_u) else micrometres(one.discrepancy_u) for _, one in told
     ]
-    rows.append(("discrepancy", *[cell for text in beyond for cell in (text, "")]))
+    rows.append(("discrepancy", *[cell for text in discrepancies for cell in (text, "")]))
     return Table(
         caption="Uncertainty budget by source, at the tool point",
         head=("source", *[h for trial, _ in told for h in (f"{trial.name} u µm", "share")]),
@@ -233,10 +233,10 @@ def _secret(rows: list[tuple[str, str, str]]) -> str:
         return "Nothing: the true robot is the nominal one."
     name, meaning, size = rows[0]
     text = f"Most of this robot's error is {name.replace('_', ' ')} ({meaning}): {size} mm."
-    beyond = [row for row in rows[:-1] if row[0] not in ("geometry", "frames", "repeatability")]
-    if not beyond:
+    unmodelled = [row for row in rows[:-1] if row[0] not in ("geometry", "frames", "repeatability")]
+    if not unmodelled:
         return f"{text} Nothing that a geometric model cannot follow is switched on."
-    said = ", ".join(f"{row[0].replace('_', ' ')} {row[2]} mm" for row in beyond)
+    said = ", ".join(f"{row[0].replace('_', ' ')} {row[2]} mm" for row in unmodelled)
     return f"{text} Beyond any geometric model: {said}."
 
 

@@ -1,4 +1,4 @@
-"""Where the uncertainty of a calibration comes from: noise, joints, the tracker's own errors."""
+"""Sources of a calibration's uncertainty: noise, joints, the tracker's errors; what is in none."""
 
 from dataclasses import dataclass, replace
 
@@ -17,6 +17,7 @@ from testbed.laboratory.tracker.tracker import bias_size
 from testbed.laboratory.truth.laboratory import Laboratory
 from testbed.scenario.read import At960Tracker
 from testbed.studies.trial.estimator import prior_precision
+from testbed.studies.trial.statement.records import LEVEL
 
 SYSTEMATIC = (
     "range offset",
@@ -28,8 +29,12 @@ SYSTEMATIC = (
 """Source that each systematic number of the tracker belongs to, in the order of `station_bias`."""
 
 
+DRIFT_COUNTS = 1 / 3
+"""Part of the stated u from which drift counts: below it u grows by 5 % at most."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Sources:
+class UncertaintySources:
     """What each source leaves in the estimate, and at the tool."""
 
     names: tuple[str, ...]
@@ -42,9 +47,9 @@ class Sources:
     """(f, f) covariance that the tracker's systematic errors leave in the estimate."""
 
 
-def sources_of(
+def uncertainty_sources(
     bench: Laboratory, found: Identification, seen: Measurements, outliers: Index, q: Array
-) -> Sources:
+) -> UncertaintySources:
     """Take the uncertainty of one estimate apart, at the tool point of postures q (N, n).
 
     Parameters
@@ -70,7 +75,9 @@ def sources_of(
     for source in whole.sources:
         if source.name in shared:
             systematic = systematic + source.covariance
-    return Sources(whole.names, parts, _rms_u(found, whole.covariance, q, target), systematic)
+    return UncertaintySources(
+        whole.names, parts, _rms_u(found, whole.covariance, q, target), systematic
+    )
 
 
 def plan_of(found: Identification, seen: Measurements) -> Frozen:
@@ -137,6 +144,36 @@ def drift_left(bench: Laboratory) -> float:
         return 0.0
     nests = bench.tracker.own_covariance(drift.nests)[:, :3, :3].mean(axis=0) / len(drift.nests)
     return float(np.sqrt(3 * drift.rate**2 * drift.every / 2 + np.trace(nests)))
+
+
+def systematic_reach(
+    found: Identification,
+    systematic: Array,
+    q: Array,
+    target: Array | None = None,
+    *,
+    level: float = LEVEL,
+) -> float:
+    """How far the tracker's systematic errors reach at postures q (N, n), on average [m].
+
+    No held-out pose shows it: both visits have these errors in common.
+    """
+    if not systematic.any():
+        return 0.0
+    common = full_covariance(found, systematic)
+    stated = tool_statement(found.model, q, common, target=target, probability=level)
+    return float(stated.region[0][:, 0].mean())
+
+
+def unmodelled_effects(bench: Laboratory, u: float) -> tuple[str, ...]:
+    """What is known to be wrong and in no covariance, where it counts beside a stated u [m]."""
+    left = drift_left(bench)
+    if left <= DRIFT_COUNTS * u:
+        return ()
+    return (
+        f"the station wanders, which no stated covariance contains: about {1e6 * left:.0f} um stay "
+        "in the readings between two rounds over the nests",
+    )
 
 
 def full_covariance(found: Identification, covariance: Array) -> Array:
