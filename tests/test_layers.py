@@ -457,18 +457,28 @@ def test_a_name_at_the_door_is_not_that_of_a_module_beside_it():
     assert names & modules <= rooms
 
 
-def test_help_loads_no_numpy_and_takes_little_time():
-    assert not loaded_by("import testbed.cli") & {"numpy", "pydantic", "rich", *HEAVY}
+def test_help_loads_nothing_but_typer_and_the_verbs():
+    """Modules of typer and of the command itself, and the errors that it ends with."""
+    more = loaded_by("import testbed.cli") - loaded_by("import typer")
+    assert {name for name in more if not name.startswith("testbed.cli")} == {
+        "calib",
+        "calib.errors",
+        "testbed",
+    }
+
+
+def test_help_takes_little_time():
     spans = []
-    for _ in range(3):
+    for _ in range(5):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         subprocess.run(
             [sys.executable, "-m", "testbed", "--help"], cwd=ROOT, capture_output=True, check=True
         )
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         spans.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-    # CPU time and the best of three, so that a busy machine does not count
-    assert min(spans) < 0.5
+    # CPU time, best of five: at most 0.15 s on an idle machine; shared cores and caches make CPU
+    # time up to twice as long while other tests run, hence twice that
+    assert min(spans) < 0.3
 
 
 def test_the_command_sets_its_environment_before_numpy_is_imported():

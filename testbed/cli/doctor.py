@@ -10,8 +10,6 @@ from testbed.robots.catalog import load_robot, robot_names
 from testbed.streams import stream
 
 POSES = 1000
-
-
 LIMIT = 1e-10
 """Largest difference allowed [m or rad]; float64 leaves about 1e-15 per metre of arm and joint."""
 

@@ -1,8 +1,6 @@
-"""What a verb's end means: exit codes, one sentence per error, no traceback."""
+"""How a verb ends: its exit code, one sentence per error, no traceback."""
 
-import json
 import os
-import shlex
 import signal
 import sys
 import traceback
@@ -14,11 +12,8 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from calib.errors import CalibError, InputError, MachineError
-from testbed.store.layout import CRASH
 
 GOOD, SOME_FAILED, BAD_INPUT, MACHINE, DEFECT, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 70, 130, 143
-
-
 Handler = Callable[[int, FrameType | None], Any] | int | None
 
 
@@ -27,8 +22,8 @@ class Terminated(BaseException):
 
 
 @dataclass(slots=True)
-class Guard:
-    """How a verb wants its errors told; it may fill in more as it goes."""
+class Exit:
+    """How a verb ends and reports its errors; it may fill in more as it goes."""
 
     debug: bool = False
     as_json: bool = False
@@ -41,35 +36,35 @@ class Guard:
 
 
 @contextmanager
-def guarded(*, debug: bool = False, as_json: bool = False) -> Iterator[Guard]:
+def exit_codes(*, debug: bool = False, as_json: bool = False) -> Iterator[Exit]:
     """Run a verb; whatever it raises becomes one sentence on stderr and an exit code.
 
     0 good; 1 finished, some trial failed; 2 bad input; 3 machine; 70 our defect; 130 SIGINT; 143
     SIGTERM. A closed pipe ends quietly.
     """
-    guard = Guard(debug=debug, as_json=as_json)
+    end = Exit(debug=debug, as_json=as_json)
     old = _catch_sigterm()
     try:
-        yield guard
+        yield end
     except (KeyboardInterrupt, Terminated) as stop:
-        leave(_stopped(guard, stop))
+        leave(_stopped(end, stop))
     except BrokenPipeError:
         _close_stdout()
-        leave(guard.code)
+        leave(end.code)
     except CalibError as error:
         if debug:
             traceback.print_exc()
-        _tell(guard, str(error), error.code)
+        _report(end, str(error), error.code)
         leave(_code(error))
     except Exception as error:
         if debug:
             traceback.print_exc()
-        _tell(guard, _defect(guard, error), "X70")
+        _report(end, _defect(end, error), "X70")
         leave(DEFECT)
     finally:
         if old is not None:
             signal.signal(signal.SIGTERM, old)
-    leave(guard.code)
+    leave(end.code)
 
 
 def say(text: str = "") -> None:
@@ -80,9 +75,8 @@ def say(text: str = "") -> None:
         _close_stdout()
     except OSError as error:
         _close_stdout()
-        raise MachineError(
-            f"cannot be written: {error.strerror}", code="F3", where="stdout", fix="free some space"
-        ) from error
+        message = f"cannot be written: {error.strerror}"
+        raise MachineError(message, code="F3", where="stdout", fix="free some space") from error
 
 
 def warn(text: str) -> None:
@@ -107,30 +101,36 @@ def _code(error: CalibError) -> int:
     return BAD_INPUT if isinstance(error, InputError) else SOME_FAILED
 
 
-def _tell(guard: Guard, text: str, code: str) -> None:
+def _report(end: Exit, text: str, code: str) -> None:
     """One error, for people or for programs."""
-    if guard.as_json:
+    if end.as_json:
+        import json
+
         say(json.dumps({"error": {"code": code, "message": text}}, ensure_ascii=False))
     else:
         warn(text)
 
 
-def _stopped(guard: Guard, stop: BaseException) -> int:
+def _stopped(end: Exit, stop: BaseException) -> int:
     """Say how to go on after an interruption."""
     text = "stopped"
-    if guard.resume and guard.folder is not None and guard.folder.exists():
-        text += f"; what is finished is kept. To go on:\n  {shlex.join(guard.resume)}"
-    _tell(guard, text, "F5")
+    if end.resume and end.folder is not None and end.folder.exists():
+        import shlex
+
+        text += f"; what is finished is kept. To go on:\n  {shlex.join(end.resume)}"
+    _report(end, text, "F5")
     return TERMINATED if isinstance(stop, Terminated) else INTERRUPTED
 
 
-def _defect(guard: Guard, error: Exception) -> str:
+def _defect(end: Exit, error: Exception) -> str:
     """Keep the traceback of a defect of ours in crash.txt and say where."""
     text = f"this is a defect of truebed: {type(error).__name__}: {error}"
-    if guard.folder is not None and guard.folder.is_dir():
+    if end.folder is not None and end.folder.is_dir():
+        from testbed.store.layout import CRASH
+
         with suppress(OSError):
-            (guard.folder / CRASH).write_text(traceback.format_exc(), encoding="utf-8")
-            return f"{text}; please report it with {guard.folder / CRASH}. [X70]"
+            (end.folder / CRASH).write_text(traceback.format_exc(), encoding="utf-8")
+            return f"{text}; please report it with {end.folder / CRASH}. [X70]"
     return f"{text}; --debug shows more. [X70]"
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from testbed.cli.app import Debug, Json, Quiet, app
-from testbed.cli.exit_codes import SOME_FAILED, guarded, say
+from testbed.cli.exit_codes import SOME_FAILED, exit_codes, say
 
 
 @app.command()
@@ -62,7 +62,7 @@ def identify(
     debug: Debug = False,
 ) -> None:
     """Calibrate a robot from measurements: parameters, a corrected model, proof on other poses."""
-    with guarded(debug=debug, as_json=as_json) as guard:
+    with exit_codes(debug=debug, as_json=as_json) as end:
         from testbed.cli.terminal import progress
         from testbed.files.read import ReadOptions, read_session
         from testbed.identify.calibrate import Options
@@ -87,9 +87,9 @@ def identify(
             calibration, delivered = play_calibration(
                 arm, session, folder, options, program=program, overwrite=overwrite, progress=tell
             )
-        guard.folder = folder
+        end.folder = folder
         sound = calibration.converged and not delivered.program_failed
-        guard.code = guard.code if sound else SOME_FAILED
+        end.code = end.code if sound else SOME_FAILED
         if as_json:
             say((folder / RESULT).read_text(encoding="utf-8").rstrip())
         elif not quiet:

@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
+from calib.errors import refuse
 from testbed.cli.app import Debug, Json, Run, app
-from testbed.cli.exit_codes import SOME_FAILED, guarded, say, warn
+from testbed.cli.exit_codes import SOME_FAILED, exit_codes, say, warn
 
 
 @app.command()
@@ -15,7 +16,7 @@ def scenes(
     debug: Debug = False,
 ) -> None:
     """List the scenes that ship, or show one with every default written out."""
-    with guarded(debug=debug):
+    with exit_codes(debug=debug):
         from testbed.assets import scene_names
         from testbed.scenario.read import dump_scenario, load_scenario
 
@@ -39,7 +40,7 @@ def robots(
     debug: Debug = False,
 ) -> None:
     """List the robots that ship, or show one."""
-    with guarded(debug=debug):
+    with exit_codes(debug=debug):
         from testbed.cli.terminal import robot_text
         from testbed.report.text import table
         from testbed.robots.catalog import load_robot, robot_names
@@ -59,7 +60,7 @@ def compare(
     debug: Debug = False,
 ) -> None:
     """Put several runs into one table, and say which are equal byte for byte."""
-    with guarded(debug=debug, as_json=as_json):
+    with exit_codes(debug=debug, as_json=as_json):
         from testbed.cli.terminal import HEAD, headline_rows
         from testbed.report.text import table
         from testbed.run.archive import equal_runs, read_result
@@ -89,10 +90,10 @@ def compare(
 @app.command()
 def report(folder: Run, debug: Debug = False) -> None:
     """Write result.json, arrays.npz and report.html again from the records."""
-    with guarded(debug=debug) as guard:
+    with exit_codes(debug=debug) as end:
         from testbed.store.layout import ARRAYS, REPORT, RESULT
 
-        guard.folder = folder
+        end.folder = folder
         derive_again(folder, (RESULT, ARRAYS, REPORT))
         say(str(folder / REPORT))
 
@@ -100,10 +101,10 @@ def report(folder: Run, debug: Debug = False) -> None:
 @app.command()
 def record(folder: Run, debug: Debug = False) -> None:
     """Write the recording again from the records."""
-    with guarded(debug=debug) as guard:
+    with exit_codes(debug=debug) as end:
         from testbed.store.layout import RECORDING
 
-        guard.folder = folder
+        end.folder = folder
         derive_again(folder, (RECORDING,))
         say(str(folder / RECORDING))
 
@@ -135,7 +136,7 @@ def view(
     debug: Debug = False,
 ) -> None:
     """Open the recording of a run, or make a picture or a page of it."""
-    with guarded(debug=debug):
+    with exit_codes(debug=debug):
         from testbed.cli import viewer
         from testbed.run.archive import recording_of
 
@@ -153,32 +154,24 @@ def view(
 
 def check_view(picture: Path | None, html: Path | None, step: int | None) -> None:
     """Refuse a picture or page that cannot be written, before a viewer is started."""
-    from calib.errors import InputError
-
     for option, path, suffix in (("--picture", picture, ".png"), ("--html", html, ".html")):
         if path is None:
             continue
         if path.suffix != suffix:
-            raise InputError(
-                f"{option} is {path}", code="C41", field=option, value=str(path),
-                allowed=f"a file name that ends in {suffix}",
-            )  # fmt: skip
+            raise refuse(option, str(path), f"a file name that ends in {suffix}", code="C41")
         if not path.parent.is_dir() or path.is_dir():
-            raise InputError(
-                f"{option} {path} cannot be written", code="C40", field=option, value=str(path),
-                allowed="a file in a folder that exists",
-            )  # fmt: skip
+            message = f"{option} {path} cannot be written"
+            allowed = "a file in a folder that exists"
+            raise refuse(option, str(path), allowed, code="C40", message=message)
     if step is not None and picture is None:
-        raise InputError(
-            f"--step is {step}, but there is no --picture", code="C41", field="--step", value=step,
-            fix="add --picture FILE.png",
-        )  # fmt: skip
+        message, fix = f"--step is {step}, but there is no --picture", "add --picture FILE.png"
+        raise refuse("--step", step, code="C41", message=message, fix=fix)
 
 
 @app.command()
 def doctor(debug: Debug = False) -> None:
     """Show versions and check that three kinematics agree on this machine."""
-    with guarded(debug=debug) as guard:
+    with exit_codes(debug=debug) as end:
         from testbed.cli.doctor import LIMIT, check_kinematics
         from testbed.report.text import table
         from testbed.versions import all_versions
@@ -190,12 +183,9 @@ def doctor(debug: Debug = False) -> None:
              "good" if a.good else "BAD"]
             for a in found
         ]  # fmt: skip
-        head = ("robot", "check", "largest difference m", "rad", "")
-        say(table("", head, rows))
-        good = all(a.good for a in found)
-        say(
-            "All is well."
-            if good
-            else f"A difference is above {LIMIT:g}: results cannot be trusted."
-        )
-        guard.code = 0 if good else SOME_FAILED
+        say(table("", ("robot", "check", "largest difference m", "rad", ""), rows))
+        if all(a.good for a in found):
+            say("All is well.")
+        else:
+            say(f"A difference is above {LIMIT:g}: results cannot be trusted.")
+            end.code = SOME_FAILED

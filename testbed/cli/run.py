@@ -6,17 +6,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from testbed.cli.app import Debug, Json, Quiet, app
-from testbed.cli.exit_codes import SOME_FAILED, guarded, say
+from testbed.cli.exit_codes import SOME_FAILED, exit_codes, say
 
 if TYPE_CHECKING:
     from testbed.scenario.read import Scenario
 
+Scene = Annotated[str, typer.Argument(metavar="SCENE", help="A scene's name or a .toml file.")]
+Seed = Annotated[int | None, typer.Option(help="Another seed.")]
+
 
 @app.command()
 def run(
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="A scene's name or a .toml file.")],
+    scene: Scene,
     out: Annotated[Path | None, typer.Option(help="Folder [runs/SCENE-seedN].")] = None,
-    seed: Annotated[int | None, typer.Option(help="Another seed.")] = None,
+    seed: Seed = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a stopped run.")] = False,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Rename an old run of that name first.")
@@ -30,15 +33,10 @@ def run(
     debug: Debug = False,
 ) -> None:
     """Play a whole virtual campaign and write its run folder."""
-    with guarded(debug=debug, as_json=as_json) as guard:
-        from testbed.scenario.read import changed, load_scenario, scenario_path
-
-        where = scenario_path(scene)[1]
-        scenario = load_scenario(scene)
-        if seed is not None:
-            scenario = changed(scenario, {"seed": seed}, where="--seed")
+    with exit_codes(debug=debug, as_json=as_json) as end:
+        scenario, where = scenario_of(scene, seed)
         folder = out or default_folder(scenario)
-        guard.folder = folder
+        end.folder = folder
         words = ["truebed", "run", scene, "--out", str(folder)]
         words += [] if seed is None else ["--seed", str(seed)]
         if export is not None:
@@ -47,21 +45,16 @@ def run(
 
             check_free(export, SESSION_FILE, overwrite=overwrite)
             words += ["--export", str(export)]
-        guard.resume = [*words, "--resume"]
+        end.resume = [*words, "--resume"]
         from testbed.cli.terminal import headline, progress
         from testbed.run.archive import read_result
         from testbed.run.play import play_run, robot_of
 
         with progress(quiet=quiet or as_json) as report:
             outcome = play_run(
-                scenario,
-                folder,
-                resume=resume,
-                overwrite=overwrite,
-                progress=report,
-                where=where,
+                scenario, folder, resume=resume, overwrite=overwrite, progress=report, where=where
             )
-        guard.code = SOME_FAILED if outcome.failed else guard.code
+        end.code = SOME_FAILED if outcome.failed else end.code
         if export is not None:
             from testbed.run.export import export_campaign
 
@@ -80,9 +73,9 @@ def run(
 
 @app.command()
 def plan(
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="A scene's name or a .toml file.")],
+    scene: Scene,
     out: Annotated[Path | None, typer.Option(help="Folder [runs/SCENE-seedN-plan].")] = None,
-    seed: Annotated[int | None, typer.Option(help="Another seed.")] = None,
+    seed: Seed = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Rename an old plan of that name first.")
     ] = False,
@@ -91,13 +84,8 @@ def plan(
     debug: Debug = False,
 ) -> None:
     """Choose poses for a real robot: what to measure, in what order, what will come out."""
-    with guarded(debug=debug, as_json=as_json) as guard:
-        from testbed.scenario.read import changed, load_scenario, scenario_path
-
-        where = scenario_path(scene)[1]
-        scenario = load_scenario(scene)
-        if seed is not None:
-            scenario = changed(scenario, {"seed": seed}, where="--seed")
+    with exit_codes(debug=debug, as_json=as_json) as end:
+        scenario, where = scenario_of(scene, seed)
         default = default_folder(scenario)
         folder = out or default.with_name(f"{default.name}-plan")
         from testbed.cli.terminal import progress
@@ -107,7 +95,7 @@ def plan(
 
         with progress(quiet=quiet or as_json) as tell:
             made = play_plan(scenario, folder, overwrite=overwrite, progress=tell, where=where)
-        guard.code = SOME_FAILED if made.tour.blocked else guard.code
+        end.code = SOME_FAILED if made.tour.blocked else end.code
         if as_json:
             say((folder / PLAN).read_text(encoding="utf-8").rstrip())
         elif not quiet:
@@ -115,6 +103,17 @@ def plan(
             say()
             say(f"Report     {folder / REPORT}")
             say(f"Next       truebed view {folder / RECORDING}")
+
+
+def scenario_of(scene: str, seed: int | None) -> "tuple[Scenario, str]":
+    """A scene with another seed, if there is one, and what to call it in messages."""
+    from testbed.scenario.read import changed, load_scenario, scenario_path
+
+    where = scenario_path(scene)[1]
+    scenario = load_scenario(scene)
+    if seed is not None:
+        scenario = changed(scenario, {"seed": seed}, where="--seed")
+    return scenario, where
 
 
 def default_folder(scenario: "Scenario") -> Path:

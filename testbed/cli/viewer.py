@@ -1,62 +1,43 @@
-"""The Rerun viewer: open a recording, take its picture without a screen, ask what a view reports.
+"""The Rerun viewer: open a recording, take its picture without a screen, make a page of it.
 
 Every process is the viewer's own binary, bound to 127.0.0.1, with usage statistics off and its
 settings in a folder that is thrown away.
 """
 
+import base64
 import gzip
+import json
 import os
+import socket
 import subprocess
 import sys
+import tempfile
 import time
 import urllib.request
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from html import escape
 from pathlib import Path
+from string import Template
 from typing import Any
 
-from calib.errors import InputError, MachineError
-from testbed.cli.page import page
-from testbed.cli.processes import LOCAL, connects, free_port, private_environment, running, until
+from calib.errors import MachineError, refuse
 
+PAGE = Path(__file__).with_name("viewer.html")
+"""The page for browsers: it opens from a file, fetches nothing, and inlines the viewer."""
+LOCAL = "127.0.0.1"
+SIZE = (1600, 1000)
+"""Width and height of the window of a picture."""
 NOTES_FADE = 6.5
 """A starting viewer shows notes over the window for so long [s]."""
-PAINTED = 2.0
-"""By then all meshes are on the screen [s]."""
 PAINTINGS = 6
 """A viewer is asked so often to paint its window, each time for some seconds."""
+START_LIMIT = 40.0
+"""Longest wait for a process to be ready [s]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
-    """What one view of the viewer has to say about its contents."""
-
-    view: str
-    severity: str
-    """"error" or "warning"."""
-    text: str
-
-
-def verify(rrd: str | Path) -> bool:
-    """Whether a recording is whole and readable; a file cut short is not."""
-    return _rrd("verify", existing(rrd)) == 0
-
-
-def compare(one: str | Path, other: str | Path) -> bool:
-    """Whether two recordings hold the same rows in any order; floats may differ by about 1e-8."""
-    return _rrd("compare", "--unordered", existing(one), existing(other)) == 0
-
-
-def picture(
-    rrd: str | Path,
-    png: str | Path,
-    *,
-    step: int | None = None,
-    size: tuple[int, int] = (1600, 1000),
-    view: str | None = None,
-) -> tuple[Report, ...]:
-    """Write a picture of a recording without a screen; returns what the views complain of.
+def picture(rrd: str | Path, png: str | Path, *, step: int | None = None) -> None:
+    """Write a picture of a recording without a screen.
 
     Parameters
     ----------
@@ -66,53 +47,32 @@ def picture(
         Picture to write.
     step : int, optional
         Place on the story's timeline; the viewer's own start if None.
-    size : (int, int)
-        Width and height of the window.
-    view : str, optional
-        Name of one view instead of the whole window.
 
     Raises
     ------
     InputError
-        No such recording, or no such view.
+        No such recording.
     MachineError
         No viewer came up: there is no Vulkan driver, software or other.
     """
-    with _headless(existing(rrd), size) as client:
+    with headless(existing(rrd)) as client:
         if step is not None:
             client.set_time("step", sequence=step, play_state="paused")
-        _painted(client)  # and the meshes begin to load
-        chosen = None if view is None else _view_id(client.get_state(), view)
-        # a picture of one view does not show the notes over the window
-        time.sleep(NOTES_FADE if chosen is None else PAINTED)
-        state = client.get_state()
-        Path(png).write_bytes(client.take_screenshot(chosen))
-        return _reports(state)
+        paint(client)  # and the meshes begin to load
+        time.sleep(NOTES_FADE)
+        Path(png).write_bytes(client.take_screenshot(None))
 
 
-def view_reports(rrd: str | Path, steps: Sequence[int] = (0,)) -> tuple[Report, ...]:
-    """Errors and warnings of any view at any of these steps; empty for a sound recording."""
-    found: dict[Report, None] = {}
-    with _headless(existing(rrd), (1200, 800)) as client:
-        for step in steps:
-            client.set_time("step", sequence=step, play_state="paused")
-            _painted(client)  # reports come with painting
-            found |= dict.fromkeys(_reports(client.get_state()))
-    return tuple(found)
-
-
-def _painted(client: Any) -> None:
-    """Wait until the window has been painted; on a busy machine that outlasts a call's deadline."""
+def paint(client: Any) -> None:
+    """Wait until the window is painted; on a busy machine that outlasts a call's deadline."""
     for patience in range(PAINTINGS, 0, -1):
         try:
             client.take_screenshot(max_size=64)
         except TimeoutError as error:
             if patience == 1:
-                raise MachineError(
-                    "the viewer does not paint its window",
-                    code="M1",
-                    fix="try again when the machine is less busy",
-                ) from error
+                message = "the viewer does not paint its window"
+                fix = "try again when the machine is less busy"
+                raise MachineError(message, code="M1", fix=fix) from error
         else:
             return
 
@@ -128,12 +88,9 @@ def open_viewer(rrd: str | Path, tell: Callable[[str], None] = lambda _: None) -
         tell("The viewer is open; close its window to go on.")
         with running([str(native()), "--port", "auto", "--bind", LOCAL, str(file)]) as viewer:
             if viewer.wait() != 0:
-                raise MachineError(
-                    "the viewer ended with an error",
-                    code="M1",
-                    where=str(file),
-                    fix="update the graphics driver, or open the file on another machine",
-                )
+                message = "the viewer ended with an error"
+                fix = "update the graphics driver, or open the file on another machine"
+                raise MachineError(message, code="M1", where=str(file), fix=fix)
         return
     with serve(file) as address:
         tell(f"There is no display here. Open {address} in a browser; Ctrl+C ends it.")
@@ -177,6 +134,29 @@ def html_page(rrd: str | Path, out: str | Path) -> None:
     Path(out).write_text(text, encoding="utf-8")
 
 
+def page(title: str, rrd: bytes, script: str, binary: bytes, version: str) -> str:
+    """The page as text.
+
+    Parameters
+    ----------
+    title : str
+        Of the page.
+    rrd : bytes
+        Recording.
+    script, binary : str, bytes
+        JavaScript and WebAssembly of the viewer.
+    version : str
+        Of the viewer.
+    """
+    return Template(PAGE.read_text(encoding="utf-8")).substitute(
+        title=escape(title),
+        version=version,
+        script=script.replace("</script", "<\\/script"),
+        wasm=base64.b64encode(gzip.compress(binary, 9, mtime=0)).decode(),
+        rrd=base64.b64encode(rrd).decode(),
+    )
+
+
 def viewer_files() -> tuple[str, bytes]:
     """JavaScript and WebAssembly of the viewer for browsers, out of the installed package."""
     with serve() as address:
@@ -189,9 +169,8 @@ def existing(rrd: str | Path) -> Path:
     """Absolute path of a recording that is there."""
     path = Path(rrd).resolve()
     if not path.is_file():
-        raise InputError(
-            "no such recording", code="F3", where=str(rrd), field="rrd", fix="truebed record RUN"
-        )
+        message, fix = "no such recording", "truebed record RUN"
+        raise refuse("rrd", code="F3", message=message, fix=fix, where=str(rrd))
     return path
 
 
@@ -204,13 +183,13 @@ def native() -> Path:
 
 
 @contextmanager
-def _headless(rrd: Path, size: tuple[int, int]) -> Iterator[Any]:
+def headless(rrd: Path) -> Iterator[Any]:
     """Client of a viewer without a window that has loaded a recording."""
     from rerun.experimental import ViewerClient
 
     port = free_port()
     words = ["--headless", "--hide-welcome-screen", "--bind", LOCAL, "--port", str(port)]
-    words += ["--window-size", f"{size[0]}x{size[1]}", str(rrd)]
+    words += ["--window-size", f"{SIZE[0]}x{SIZE[1]}", str(rrd)]
     with running([str(native()), *words]) as viewer:
         until(lambda: connects(port), viewer)
         client = ViewerClient.connect(f"rerun+http://{LOCAL}:{port}/proxy")
@@ -223,41 +202,84 @@ def _headless(rrd: Path, size: tuple[int, int]) -> Iterator[Any]:
         yield client
 
 
+@contextmanager
+def private_environment() -> Iterator[dict[str, str]]:
+    """Environment of a viewer process: usage statistics off, settings in a passing folder."""
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
+        folder = Path(name)
+        kinds = ("config", "data", "cache")
+        places = {f"XDG_{kind.upper()}_HOME": str(folder / kind) for kind in kinds}
+        settings = folder / "config" / "rerun" / "analytics.json"
+        settings.parent.mkdir(parents=True)
+        refusal = {
+            "analytics_enabled": False,
+            "analytics_id": "0" * 32,
+            "metadata": {},
+            "config_file_path": str(settings),
+            "data_dir_path": str(folder / "data" / "rerun" / "analytics"),
+        }
+        settings.write_text(json.dumps(refusal), encoding="utf-8")
+        environment = {**os.environ, **places, "RUST_LOG": "error"}
+        environment.setdefault("XDG_RUNTIME_DIR", name)
+        yield environment
+
+
+@contextmanager
+def running(command: Sequence[str]) -> Iterator[subprocess.Popen[bytes]]:
+    """A running process, ended with the block."""
+    with private_environment() as environment:
+        none = subprocess.DEVNULL
+        process = subprocess.Popen(list(command), stdout=none, stderr=none, env=environment)
+        try:
+            yield process
+        finally:
+            process.terminate()
+            try:
+                process.wait(10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def until(ready: Callable[[], bool], process: subprocess.Popen[bytes]) -> None:
+    """Wait until `ready`; the process must live so long.
+
+    Raises
+    ------
+    MachineError
+        It ended, or was not ready within `START_LIMIT`.
+    """
+    end = time.monotonic() + START_LIMIT
+    while time.monotonic() < end and process.poll() is None:
+        try:
+            if ready():
+                return
+        except (OSError, RuntimeError):  # not listening yet, or nothing painted yet
+            pass
+        time.sleep(0.1)
+    raise MachineError(
+        "the viewer did not come up",
+        code="M1",
+        field="viewer",
+        allowed="it needs a Vulkan driver; a software driver is enough",
+        fix="on Debian or Ubuntu: apt install mesa-vulkan-drivers libvulkan1",
+    )
+
+
+def free_port() -> int:
+    """A port of this machine that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind((LOCAL, 0))
+        return int(probe.getsockname()[1])
+
+
+def connects(port: int) -> bool:
+    """Whether somebody listens on a port of this machine."""
+    socket.create_connection((LOCAL, port), 0.5).close()
+    return True
+
+
 def _fetch(address: str) -> bytes:
     """What a server of this machine answers."""
     with urllib.request.urlopen(address, timeout=30) as answer:
         return bytes(answer.read())
-
-
-def _reports(state: Any) -> tuple[Report, ...]:
-    """Everything the views report."""
-    return tuple(
-        Report(str(view.name), str(report.severity), str(report.summary))
-        for view in state.views
-        for report in view.reports
-    )
-
-
-def _view_id(state: Any, name: str) -> Any:
-    """Identifier of a view by its name."""
-    for view in state.views:
-        if view.name == name:
-            return view.view_id
-    raise InputError(
-        f'the recording has no view "{name}"',
-        code="F3",
-        field="view",
-        value=name,
-        allowed=", ".join(str(view.name) for view in state.views),
-    )
-
-
-def _rrd(verb: str, *words: str | Path) -> int:
-    """Exit status of a check of recordings."""
-    with private_environment() as environment:
-        return subprocess.run(
-            [str(native()), "rrd", verb, *map(str, words)],
-            capture_output=True,
-            check=False,
-            env=environment,
-        ).returncode

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from testbed.cli import app
-from testbed.cli import exit_codes as guard
+from testbed.cli.exit_codes import MACHINE
 from testbed.run import play as runner
 from tests.testbed.studies.trial.fake_campaign import SCENARIO, Fake, content
 
@@ -248,7 +248,7 @@ def test_a_full_disk_behind_stdout_is_told():
     done = subprocess.run(
         ["bash", "-c", command], cwd=ROOT, capture_output=True, text=True, check=False, timeout=60
     )
-    assert done.returncode == guard.MACHINE
+    assert done.returncode == MACHINE
     assert done.stderr.startswith("stdout: cannot be written: No space left on device")
 
 

@@ -8,7 +8,8 @@ import pytest
 
 from calib.errors import InputError, MachineError
 from testbed.cli import viewer
-from testbed.cli.page import page
+from testbed.cli.viewer import page
+from tests import viewed
 from tests.recorded import record, small_campaign, timeline
 
 
@@ -29,17 +30,17 @@ def needs_driver(call, *args, **options):
 def test_no_view_complains_at_the_start_middle_and_end_of_any_phase(path):
     phases = timeline(small_campaign()).phases
     steps = [step for p in phases for step in (p.start, (p.start + p.stop) // 2, p.stop - 1)]
-    assert needs_driver(viewer.view_reports, path, steps) == ()
+    assert needs_driver(viewed.view_reports, path, steps) == ()
 
 
 @pytest.mark.slow
-def test_a_picture_has_the_size_asked_for_and_is_not_blank(path, tmp_path, monkeypatch):
+def test_a_picture_has_the_size_of_the_window_and_is_not_blank(path, tmp_path, monkeypatch):
     monkeypatch.setattr(viewer, "NOTES_FADE", 1.0)  # notes on the picture do not matter here
     png = tmp_path / "shot.png"
-    assert needs_driver(viewer.picture, path, png, step=200, size=(800, 600)) == ()
+    needs_driver(viewer.picture, path, png, step=200)
     data = png.read_bytes()
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
-    assert struct.unpack(">II", data[16:24]) == (800, 600)
+    assert struct.unpack(">II", data[16:24]) == viewer.SIZE
     assert len(data) > 50_000  # an empty window of this size is a few kilobytes
 
 
@@ -76,7 +77,7 @@ def test_usage_statistics_are_off_and_nothing_is_left_behind():
 
 
 def test_a_missing_recording_is_named(tmp_path):
-    for call in (viewer.verify, viewer.open_viewer, viewer.view_reports):
+    for call in (viewed.verify, viewer.open_viewer, viewed.view_reports):
         with pytest.raises(InputError, match=r"nothing\.rrd"):
             call(tmp_path / "nothing.rrd")
 
@@ -106,9 +107,3 @@ def test_a_viewer_that_cannot_start_says_what_is_missing(monkeypatch, path, tmp_
     with pytest.raises(MachineError, match="Vulkan"):
         viewer.picture(path, tmp_path / "shot.png")
     assert not (tmp_path / "shot.png").exists()
-
-
-@pytest.mark.slow
-def test_an_unknown_view_is_answered_with_the_known_ones(path, tmp_path):
-    with pytest.raises(InputError, match="Cell"):
-        needs_driver(viewer.picture, path, tmp_path / "shot.png", view="Cel")

@@ -5,12 +5,12 @@ import pytest
 
 from calib.errors import MachineError
 from calib.geometry.chain import forward
-from testbed.cli import viewer
 from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.plan.recording import plan_story, summary
 from testbed.recording.story import timeline_of
 from testbed.recording.timeline import evenly
 from testbed.recording.write import write_story
+from tests import viewed
 from tests.planned import ROBOT, quick_plan, small_plan
 from tests.recorded import column, scalars, store
 
@@ -175,7 +175,7 @@ def test_the_summary_promises_what_the_plan_promises(made):
 def test_a_plan_without_target_station_or_obstacle_is_recorded_too(tmp_path):
     file = tmp_path / "plan.rrd"
     write_story(plan_story(quick_plan(), ROBOT), file)
-    assert viewer.verify(file)
+    assert viewed.verify(file)
     summary_lines = store(file).summary()
     assert "/budget/target" not in summary_lines
     assert "obstacle" not in summary_lines
@@ -183,7 +183,7 @@ def test_a_plan_without_target_station_or_obstacle_is_recorded_too(tmp_path):
 
 def test_recording_twice_gives_the_same_content(path, made, tmp_path):
     write_story(plan_story(made, ROBOT), tmp_path / "again.rrd")
-    assert viewer.compare(path, tmp_path / "again.rrd")
+    assert viewed.compare(path, tmp_path / "again.rrd")
 
 
 def test_no_clock_of_this_machine_is_in_the_file(opened):
@@ -195,7 +195,7 @@ def test_no_clock_of_this_machine_is_in_the_file(opened):
 def test_no_view_complains_at_the_start_middle_and_end_of_any_phase(path, timeline):
     steps = [s for p in timeline.phases for s in (p.start, (p.start + p.stop) // 2, p.stop - 1)]
     try:
-        reports = viewer.view_reports(path, steps)
+        reports = viewed.view_reports(path, steps)
     except MachineError as error:
         pytest.skip(f"no headless viewer on this machine: {error}")
     assert reports == ()

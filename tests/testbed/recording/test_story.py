@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbed.cli import viewer
 from testbed.recording.curves import draw_curve
 from testbed.recording.layout import blueprint
 from testbed.recording.story import Chapter, Panel, Story, timeline_of
 from testbed.recording.timeline import evenly, leaf, spread, visit
 from testbed.recording.write import write_story
 from testbed.robots.catalog import load_robot
+from tests import viewed
 from tests.recorded import column, scalars, store
 
 STOPS = np.array([[0.0] * 6, [0.1] * 6, [-0.2] * 6])
@@ -38,7 +38,7 @@ def test_a_chapter_brings_its_place_on_the_timeline_its_curve_and_its_words(tmp_
     )
     whole = story(chapter("first", visit(STOPS[:2])), replace(toy, plots={"toy/u": "u"}))
     write_story(whole, tmp_path / "toy.rrd")
-    assert viewer.verify(tmp_path / "toy.rrd")
+    assert viewed.verify(tmp_path / "toy.rrd")
     opened = store(tmp_path / "toy.rrd")
     phase = timeline_of(whole.chapters).phase("toy")
     at, drawn = scalars(opened, "/toy/u")
@@ -59,7 +59,7 @@ def test_slow_drawing_gives_the_same_content(tmp_path):
             chapter("second", visit(STOPS)),
         )
         write_story(story(*chapters), tmp_path / f"{name}.rrd")
-    assert viewer.compare(tmp_path / "quick.rrd", tmp_path / "slow.rrd")
+    assert viewed.compare(tmp_path / "quick.rrd", tmp_path / "slow.rrd")
 
 
 def test_without_a_motion_of_its_own_the_robot_stays_and_then_moves_on():

@@ -11,7 +11,6 @@ from calib.errors import MachineError
 from calib.geometry.chain import forward
 from calib.measurement.accuracy import position_errors
 from calib.uncertainty.regions import coverage_factor
-from testbed.cli import viewer
 from testbed.recording.cell import box_edges
 from testbed.recording.curves import place
 from testbed.recording.style import nice_factor
@@ -19,7 +18,7 @@ from testbed.recording.timeline import glide, growing
 from testbed.recording.write import strict_mode
 from testbed.robots.placements import placements
 from testbed.studies.trial.recording_cell import ghost_chains, smallest_equal
-from tests import recorded
+from tests import recorded, viewed
 from tests.recorded import column, properties, record, scalars, small_campaign, store, structure
 from tests.reported import SMALL, played
 
@@ -244,7 +243,7 @@ def test_final_parameter_points_are_errors_over_stated_uncertainty(opened, shown
 
 def test_recording_twice_gives_the_same_content(path, tmp_path, opened):
     again = record(tmp_path / "again.rrd")
-    assert viewer.compare(path, again)
+    assert viewed.compare(path, again)
     assert structure(store(again)) == structure(opened)
 
 
@@ -255,14 +254,14 @@ def test_a_changed_number_is_noticed(path, tmp_path, campaign):
     )
     estimates = (replace(trial.estimates[0], comparison=judged), *trial.estimates[1:])
     other = replace(campaign, trials=(replace(trial, estimates=estimates), *campaign.trials[1:]))
-    assert not viewer.compare(path, record(tmp_path / "other.rrd", other))
+    assert not viewed.compare(path, record(tmp_path / "other.rrd", other))
 
 
 def test_a_whole_file_verifies_and_a_cut_one_does_not(path, tmp_path):
-    assert viewer.verify(path)
+    assert viewed.verify(path)
     cut = tmp_path / "cut.rrd"
     cut.write_bytes(path.read_bytes()[:-4000])
-    assert not viewer.verify(cut)
+    assert not viewed.verify(cut)
 
 
 def test_structure_is_the_golden_one(opened):
@@ -341,4 +340,4 @@ def test_a_campaign_without_any_search_is_recorded_too(tmp_path):
     trial = [{"name": "only", "poses": 10, "method": "random"}]
     campaign = played("quick", {**SMALL, "trial": trial, "uncertainty.replications": 0})
     record(tmp_path / "only.rrd", campaign)
-    assert viewer.verify(tmp_path / "only.rrd")
+    assert viewed.verify(tmp_path / "only.rrd")

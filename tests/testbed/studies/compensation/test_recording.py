@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbed.cli import viewer
 from testbed.studies.compensation.recording import chapters, factor, shown
 from testbed.studies.compensation.records import CompensationStudy
+from tests import viewed
 from tests.recorded import column, record, scalars, small_campaign, store, timeline
 
 ROBOTS, POSES, CYCLES = 2, 5, 4
@@ -103,4 +103,4 @@ def test_the_words_say_what_the_figures_say(campaign):
 
 
 def test_the_file_is_whole(path):
-    assert viewer.verify(path)
+    assert viewed.verify(path)

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbed.cli import viewer
 from testbed.studies.coverage.recording import GAP, PANEL, ROW, chapters
 from testbed.studies.coverage.records import CoverageStudy
 from testbed.studies.coverage.summary import cells
+from tests import viewed
 from tests.recorded import column, record, scalars, small_campaign, store, timeline
 
 ROBOTS = 12
@@ -96,4 +96,4 @@ def test_the_phase_comes_last_and_the_words_count_what_falls_short(campaign):
 
 
 def test_the_file_is_whole(path):
-    assert viewer.verify(path)
+    assert viewed.verify(path)
