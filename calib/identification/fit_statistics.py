@@ -1,4 +1,4 @@
-"""The end of a fit: covariance, tests of model and noise, evidence, and notes in words."""
+"""Statistics of a solved fit: covariance, tests of model and noise, evidence, notes in words."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,8 +27,8 @@ MOST_OUTLIERS = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fit:
-    """A finished fit and how it was set up."""
+class SolvedFit:
+    """The solution of a fit and how it was set up."""
 
     nominal: RobotModel
     kept: Parameters
@@ -41,7 +41,7 @@ class Fit:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Ending:
+class _Statistics:
     """Covariance and tests of one fit."""
 
     covariance: Array
@@ -57,20 +57,20 @@ class _Ending:
     lack_of_fit: LackOfFit | None = None
 
 
-def concluded(
-    fit: Fit,
+def with_statistics(
+    fit: SolvedFit,
     measurements: Measurements,
     whitening: Array | None,
     rows: Callable[[RobotModel], Stack],
 ) -> Identification:
-    """The result of a finished fit."""
+    """The identification that a solved fit gives."""
     if whitening is None:
-        end = _paper_end(fit, len(measurements))
+        statistics = _paper_statistics(fit, len(measurements))
     elif fit.loss == "squared":
-        end = _squared_end(fit, measurements, whitening)
+        statistics = _squared_statistics(fit, measurements, whitening)
     else:
-        end = _robust_end(fit, measurements, rows(fit.solution.x))
-    notes = (*fit.reduction.sentences, *end.notes)
+        statistics = _robust_statistics(fit, measurements, rows(fit.solution.x))
+    notes = (*fit.reduction.sentences, *statistics.notes)
     if fit.solution.status is not Status.CONVERGED:
         notes += (f"the fit {fit.solution.status.value}",)
     return Identification(
@@ -78,29 +78,29 @@ def concluded(
         parameters=fit.kept,
         reduction=fit.reduction,
         step=frozen(fit.nominal.step_to(fit.solution.x)[fit.kept.free_index]),
-        covariance=frozen(end.covariance),
-        chi_square=end.chi_square,
-        dof=end.dof,
-        p_value=end.p_value,
-        variance=end.variance,
+        covariance=frozen(statistics.covariance),
+        chi_square=statistics.chi_square,
+        dof=statistics.dof,
+        p_value=statistics.p_value,
+        variance=statistics.variance,
         rank=fit.kept.n_free,
         certificate=fit.solution.certificate,
         status=fit.solution.status,
         iterations=fit.solution.iterations,
         trace=fit.solution.trace,
-        residual=frozen(end.residual),
+        residual=frozen(statistics.residual),
         mode=fit.mode,
         notes=notes,
         prior=fit.prior,
         loss=fit.loss,
-        weights=frozen(end.weights),
-        dof_effective=end.dof_effective,
-        log_evidence=end.log_evidence,
-        lack_of_fit=end.lack_of_fit,
+        weights=frozen(statistics.weights),
+        dof_effective=statistics.dof_effective,
+        log_evidence=statistics.log_evidence,
+        lack_of_fit=statistics.lack_of_fit,
     )
 
 
-def _paper_end(fit: Fit, m: int) -> _Ending:
+def _paper_statistics(fit: SolvedFit, m: int) -> _Statistics:
     """What a fit of unweighted rows claims for itself."""
     n, f = fit.solution.jacobian.shape
     factor = covariance_factor(fit.solution.jacobian)
@@ -110,21 +110,22 @@ def _paper_end(fit: Fit, m: int) -> _Ending:
         "many, and unweighted rows do not have one common variance; the claimed covariance is "
         "not that of the estimate"
     )
-    nothing = float("nan")
-    return _Ending(
-        variance * (factor @ factor.T),
-        np.ones(m),
-        nothing,
-        n - f,
-        float(n - f),
-        nothing,
-        fit.solution.residual,
-        (note,),
-        variance,
+    return _Statistics(
+        covariance=variance * (factor @ factor.T),
+        weights=np.ones(m),
+        chi_square=np.nan,
+        dof=n - f,
+        dof_effective=float(n - f),
+        p_value=np.nan,
+        residual=fit.solution.residual,
+        notes=(note,),
+        variance=variance,
     )
 
 
-def _squared_end(fit: Fit, measurements: Measurements, whitening: Array) -> _Ending:
+def _squared_statistics(
+    fit: SolvedFit, measurements: Measurements, whitening: Array
+) -> _Statistics:
     """Covariance inv(A'A + Lambda0) and the tests of known noise."""
     n, f = measurements.n_equations, fit.kept.n_free
     r, A = fit.solution.residual[:n], fit.solution.jacobian[:n]
@@ -133,53 +134,53 @@ def _squared_end(fit: Fit, measurements: Measurements, whitening: Array) -> _End
     total, dof = float(r @ r), n - learned
     p_value = float(chdtrc(dof, total))
     misfit = lack_of_fit(r, measurements, whitening, learned)
-    return _Ending(
-        factor @ factor.T,
-        np.ones(len(measurements)),
-        total,
-        round(dof),
-        dof,
-        p_value,
-        r,
-        (*_chi_square_notes(total, dof, p_value), *_repeat_notes(misfit, p_value)),
+    return _Statistics(
+        covariance=factor @ factor.T,
+        weights=np.ones(len(measurements)),
+        chi_square=total,
+        dof=round(dof),
+        dof_effective=dof,
+        p_value=p_value,
+        residual=r,
+        notes=(*_chi_square_notes(total, dof, p_value), *_repeat_notes(misfit, p_value)),
         log_evidence=_log_evidence(fit, factor, n),
         lack_of_fit=misfit,
     )
 
 
-def _robust_end(fit: Fit, measurements: Measurements, stack: Stack) -> _Ending:
+def _robust_statistics(fit: SolvedFit, measurements: Measurements, stack: Stack) -> _Statistics:
     """Sandwich covariance, and the tests of what is left when gross errors are named."""
     r, A, n = stack.r, stack.A[:, fit.kept.free_index], len(stack.r)
     prior = fit.solution.jacobian[n:]
     size = sizes(r, stack.row_of)
     weights = loss_weights(size, fit.loss)
-    found = outliers(r, A, stack.row_of, prior=prior, weights=weights)
+    judged = outliers(r, A, stack.row_of, prior=prior, weights=weights)
     # an observation scatters as stated unless it plainly does not
-    scatter = np.where(found.suspect, np.maximum(size, 1.0), 1.0)
+    scatter = np.where(judged.suspect, np.maximum(size, 1.0), 1.0)
     factor = sandwich_factor(A, stack.row_of, weights, scatter, prior)
-    many = bool(found.suspect.mean() > MOST_OUTLIERS)
-    sound = ~found.suspect | many
-    left = sound[stack.row_of]
+    many = bool(judged.suspect.mean() > MOST_OUTLIERS)
+    # chi-square of the sound rows, degrees of freedom less the numbers learned from them
+    left = (~judged.suspect | many)[stack.row_of]
     near = A[left] @ covariance_factor(np.concatenate([A[left], prior]))
     total, dof = float(r[left] @ r[left]), float(left.sum() - np.square(near).sum())
     p_value = float(chdtrc(dof, total))
-    return _Ending(
-        factor @ factor.T,
-        weights,
-        total,
-        round(dof),
-        dof,
-        p_value,
-        r,
-        (
-            *_outlier_notes(found, measurements, many),
+    return _Statistics(
+        covariance=factor @ factor.T,
+        weights=weights,
+        chi_square=total,
+        dof=round(dof),
+        dof_effective=dof,
+        p_value=p_value,
+        residual=r,
+        notes=(
+            *_outlier_notes(judged, measurements, many),
             *_chi_square_notes(total, dof, p_value, smaller=False),
         ),
         log_evidence=_log_evidence(fit, covariance_factor(fit.solution.jacobian), n),
     )
 
 
-def _log_evidence(fit: Fit, factor: Array, n: int) -> float:
+def _log_evidence(fit: SolvedFit, factor: Array, n: int) -> float:
     """Laplace's evidence, up to a constant of the table; nan where a number has no prior.
 
     Both determinants are taken in the same small step at the answer, where the prior's own rows
@@ -209,31 +210,31 @@ def _chi_square_notes(
     return ()
 
 
-def _repeat_notes(found: LackOfFit | None, p_value: float) -> tuple[str, ...]:
-    """What repeats say about model and noise."""
-    if found is None or (found.p_value >= RED and p_value >= RED):
+def _repeat_notes(misfit: LackOfFit | None, p_value: float) -> tuple[str, ...]:
+    """What repeats show about model and noise."""
+    if misfit is None or (misfit.p_value >= RED and p_value >= RED):
         return ()
-    said = f"against the scatter of repeats the misfit has F = {found.ratio:.2f}"
-    if found.p_value < RED:
+    ratio = f"against the scatter of repeats the misfit has F = {misfit.ratio:.2f}"
+    if misfit.p_value < RED:
         return (
-            f"{said} (p {_chance(found.p_value)}): the model misses more than the measurements "
+            f"{ratio} (p {_chance(misfit.p_value)}): the model misses more than the measurements "
             "scatter; free more numbers or use the extended model",
         )
     return (
-        f"{said} (p = {found.p_value:.3f}): repeats scatter as much as the residuals; the model "
+        f"{ratio} (p = {misfit.p_value:.3f}): repeats scatter as much as the residuals; the model "
         "may well be right and the stated noise too small",
     )
 
 
-def _outlier_notes(found: Outliers, measurements: Measurements, many: bool) -> tuple[str, ...]:
+def _outlier_notes(judged: Outliers, measurements: Measurements, many: bool) -> tuple[str, ...]:
     """The observations that do not fit, or that they are too many to be outliers."""
-    count = int(found.suspect.sum())
     if many:
+        count = int(judged.suspect.sum())
         return (
-            f"{count} of {len(found.suspect)} observations do not fit: that many are no gross "
+            f"{count} of {len(judged.suspect)} observations do not fit: that many are no gross "
             "errors; the model or the stated noise is wrong",
         )
-    return found.sentences(measurements)
+    return judged.sentences(measurements)
 
 
 def _chance(p: float) -> str:

@@ -1,14 +1,14 @@
-"""Identification: the robot model that explains a table of measurements best, and its worth."""
+"""Identification: the robot model that explains a table of measurements best."""
 
 from collections.abc import Callable
 
 import numpy as np
 
 from calib.arrays import Array
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.identification.fit_statistics import Fit, concluded
+from calib.identification.fit_statistics import SolvedFit, with_statistics
 from calib.identification.least_squares import Solution, solve
 from calib.identification.least_squares import Status as Status
 from calib.identification.prior import Prior, PriorRows, prior_rows
@@ -92,20 +92,19 @@ def identify(
     )
     if mode == "paper" and reduction.dropped:
         require_equations(nominal, measurements, parameters)
-        raise InputError(
+        why = " ".join(f"{sentence}." for sentence in reduction.sentences)
+        message = (
             f"{parameters.n_free} numbers are free, but the measurements tell only "
-            f"{len(reduction.kept)} apart: {' '.join(_ended(reduction.sentences))}",
-            code="M30",
-            field="free",
-            value=reduction.dropped,
-            fix=f"hold {', '.join(reduction.dropped)} fixed",
+            f"{len(reduction.kept)} apart: {why}"
         )
+        fix = f"hold {', '.join(reduction.dropped)} fixed"
+        raise refuse("free", reduction.dropped, code="M30", message=message, fix=fix)
     kept = _estimable(nominal, measurements, parameters, prior, reduction, first)
     solution = _solve(nominal, first, rows, kept, belief, "squared", nominal, report)
     for step in LOSSES[1 : LOSSES.index(loss) + 1]:
         solution = _solve(nominal, first, rows, kept, belief, step, solution.x, report)
-    fit = Fit(nominal, kept, reduction, solution, mode, prior, belief, loss)
-    return concluded(fit, measurements, whitening, rows)
+    fit = SolvedFit(nominal, kept, reduction, solution, mode, prior, belief, loss)
+    return with_statistics(fit, measurements, whitening, rows)
 
 
 def _estimable(
@@ -125,8 +124,8 @@ def _estimable(
     if not believed:
         return parameters.freeing(reduction.kept)
     # whatever the prior says, it can only make up for directions of its own numbers
-    told = reduce(first.A[:, bare.free_index] * bare.free_scale, bare, model=nominal).kept
-    return parameters.freeing((*believed, *told))
+    by_data = reduce(first.A[:, bare.free_index] * bare.free_scale, bare, model=nominal).kept
+    return parameters.freeing((*believed, *by_data))
 
 
 def _prior_sd(prior: Prior | None, parameters: Parameters) -> Array | None:
@@ -179,39 +178,26 @@ def _solve(
 def _require_match(nominal: RobotModel, parameters: Parameters) -> None:
     """Refuse a parameter table of another model, or one without a free number."""
     if parameters.names != nominal.names:
-        raise InputError(
-            f"parameters lists {len(parameters.names)} numbers, the model has {nominal.n_numbers}",
-            code="A4",
-            field="parameters",
+        sizes = f"{len(parameters.names)} numbers, the model has {nominal.n_numbers}"
+        raise refuse(
+            "parameters",
             allowed="the table of this model",
+            code="A4",
+            message=f"parameters lists {sizes}",
             fix="make it with parameters_of(nominal)",
         )
     if not parameters.n_free:
-        raise InputError(
-            "no number is free", code="A4", field="free", fix="free at least one number"
-        )
+        fix = "free at least one number"
+        raise refuse("free", code="A4", message="no number is free", fix=fix)
 
 
 def _require_whitened(mode: Mode, prior: Prior | None, loss: Loss) -> None:
     """Refuse an unknown mode or loss, and paper mode with what needs to know the noise."""
     if mode not in ("whitened", "paper"):
-        raise InputError(
-            f'mode is "{mode}"', code="A3", field="mode", value=mode, allowed="whitened or paper"
-        )
+        raise refuse("mode", mode, "whitened or paper", code="A3", message=f'mode is "{mode}"')
     if loss not in LOSSES:
-        raise InputError(
-            f'loss is "{loss}"', code="A3", field="loss", value=loss, allowed=", ".join(LOSSES)
-        )
+        raise refuse("loss", loss, ", ".join(LOSSES), code="A3", message=f'loss is "{loss}"')
     if mode == "paper" and (prior is not None or loss != "squared"):
         field = "loss" if prior is None else "prior"
-        raise InputError(
-            f"paper mode takes no {field}: its rows are not weighed against any noise",
-            code="A3",
-            field=field,
-            fix='use the mode "whitened"',
-        )
-
-
-def _ended(sentences: tuple[str, ...]) -> tuple[str, ...]:
-    """Sentences with a full stop."""
-    return tuple(f"{sentence}." for sentence in sentences)
+        message = f"paper mode takes no {field}: its rows are not weighed against any noise"
+        raise refuse(field, code="A3", message=message, fix='use the mode "whitened"')

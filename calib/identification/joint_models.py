@@ -121,34 +121,34 @@ def gravity_quarters(chain: Chain) -> tuple[int, int] | None:
         return None
     parallel = chain.n_joints > 3 and abs(axis @ fourth[:3, 2]) >= near
     end = fourth if parallel else tip
-    found = []
+    of_parts = []
     for arm in (third[:3, 3] - second[:3, 3], end[:3, 3] - third[:3, 3]):
         up, ahead = arm[2], np.cross(axis, [0.0, 0.0, 1.0]) @ arm  # the part that gravity turns
         quarters = round(np.arctan2(ahead, up) / (np.pi / 2))
         along = up * np.cos(quarters * np.pi / 2) + ahead * np.sin(quarters * np.pi / 2)
         if not 0 < near * np.hypot(up, ahead) <= along:
             return None
-        found.append(quarters % 4)
-    return found[0], found[1]
+        of_parts.append(quarters % 4)
+    return of_parts[0], of_parts[1]
 
 
-def shared_waves(found: Identification) -> tuple[str, ...]:
+def shared_waves(result: Identification) -> tuple[str, ...]:
     """One sentence for each wave that stands in the model more than once: only its sum is known."""
-    errors, names = found.model.joint_errors, found.names
+    errors, names = result.model.joint_errors, result.names
     alike: dict[tuple[object, ...], list[JointTerm]] = {}
     for term in errors.terms:
         if term.name in names:
             alike.setdefault((term.joint, term.wave, term.weights), []).append(term)
-    said = []
+    sentences = []
     for terms in alike.values():
         if len(terms) < 2:
             continue
         value = sum(errors.coefficients[errors.names.index(term.name)] for term in terms)
         places = [names.index(term.name) for term in terms]
-        sd = np.sqrt(found.covariance[np.ix_(places, places)].sum())
-        said.append(
+        sd = np.sqrt(result.covariance[np.ix_(places, places)].sum())
+        sentences.append(
             f"{' and '.join(term.name for term in terms)} are the same wave: only their sum is "
             f"known from the measurements, {1e3 * np.degrees(value):.1f} mdeg with a standard "
             f"uncertainty of {1e3 * np.degrees(sd):.1f} mdeg"
         )
-    return tuple(said)
+    return tuple(sentences)

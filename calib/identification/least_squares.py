@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from calib.arrays import Array, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.identification.tangent import Tangent, column_norms, tangent_plane
 
 X = TypeVar("X")
@@ -54,6 +54,10 @@ class Solution(Generic[X]):
     """Steps taken."""
     trace: Array
     """(iterations + 1,) sum of squares at the start and after each step."""
+
+    def __repr__(self) -> str:
+        status = self.status.name.lower()
+        return f"Solution({status} after {self.iterations} steps, |r|^2 = {self.trace[-1]:.4g})"
 
 
 def solve(
@@ -110,20 +114,13 @@ def solve(
     """
     x, here = start, _system(evaluate, start)
     if here is None:
-        raise InputError(
-            "the residual or its derivative is not finite at the start",
-            code="A2",
-            field="start",
-            fix="start where the model can be computed",
-        )
+        message = "the residual or its derivative is not finite at the start"
+        fix = "start where the model can be computed"
+        raise refuse("start", code="A2", message=message, fix=fix)
     if here.A.shape[1] > len(here.r):
-        raise InputError(
-            f"{len(here.r)} rows for {here.A.shape[1]} unknowns",
-            code="M27",
-            field="residual",
-            value=len(here.r),
-            allowed="at least as many rows as unknowns",
-        )
+        message = f"{len(here.r)} rows for {here.A.shape[1]} unknowns"
+        allowed = "at least as many rows as unknowns"
+        raise refuse("residual", len(here.r), allowed, code="M27", message=message)
     radius = np.inf if reach is None else float(np.linalg.norm(here.scale * reach)) or np.inf
     trace, refused = [here.cost], 0
     while not here.finished and len(trace) <= most and refused < MOST_REFUSALS:
@@ -147,13 +144,13 @@ def solve(
         else:
             refused += 1
     return Solution(
-        x,
-        frozen(here.r),
-        frozen(here.A),
-        here.certificate,
-        _status(here, len(trace) > most),
-        len(trace) - 1,
-        frozen(trace),
+        x=x,
+        residual=frozen(here.r),
+        jacobian=frozen(here.A),
+        certificate=here.certificate,
+        status=_status(here, len(trace) > most),
+        iterations=len(trace) - 1,
+        trace=frozen(trace),
     )
 
 

@@ -38,6 +38,9 @@ class ModelChoice:
     sentence: str
     """What was chosen and why."""
 
+    def __repr__(self) -> str:
+        return f"ModelChoice({self.sentence})"
+
     @property
     def identification(self) -> Identification:
         """The one chosen."""

@@ -40,6 +40,9 @@ class OutlierSearch:
     too_many: bool
     """So many that the model or the stated noise is to blame, not they."""
 
+    def __repr__(self) -> str:
+        return f"OutlierSearch({len(self.suspects)} suspects, noise factor {self.noise_factor:.3g})"
+
     @property
     def rows(self) -> Index:
         """Observations to leave out, worst first; none where they are too many."""

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
 from calib.arrays import Array, Bool, Index, check
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.identification.prior import prior_rows
 from calib.identification.result import Identification
@@ -28,6 +28,9 @@ class Outliers:
     limit: Array
     """(m,) what a sound one exceeds so rarely that, over all m, it happens in 5 % of tables."""
 
+    def __repr__(self) -> str:
+        return f"Outliers({self.suspect.sum()} of {len(self.score)} observations suspect)"
+
     @property
     def suspect(self) -> Bool:
         """(m,) observations beyond the limit."""
@@ -35,14 +38,14 @@ class Outliers:
 
     def sentences(self, measurements: Measurements) -> tuple[str, ...]:
         """One sentence per suspect, worst first, that names its pose and row."""
-        found = np.flatnonzero(self.suspect)
+        rows = np.flatnonzero(self.suspect)
         several = len(np.unique(measurements.pose_id)) < len(measurements)
         return tuple(
             f"pose {measurements.pose_id[j]}"
             f"{f' at visit {measurements.repeat[j]}' if several else ''} (row {j}) does not fit "
             f"the others: its score is {self.score[j]:.0f} where a sound one stays below "
             f"{self.limit[j]:.1f}; measure it again or leave it out"
-            for j in found[np.argsort(-self.score[found], kind="stable")]
+            for j in rows[np.argsort(-self.score[rows], kind="stable")]
         )
 
 
@@ -148,10 +151,13 @@ class Inspection:
     sentences: tuple[str, ...]
     """One per observation that does not fit, worst first, then those that nothing checks."""
 
+    def __repr__(self) -> str:
+        return f"Inspection({self.outliers!r})"
+
 
 def inspect(
     nominal: RobotModel,
-    found: Identification,
+    result: Identification,
     measurements: Measurements,
     *,
     chance: float = 0.05,
@@ -165,27 +171,24 @@ def inspect(
     ----------
     nominal : RobotModel
         Start of the fit: the prior counts from there.
-    found : Identification
-        Result of the fit, in the mode *whitened*.
+    result : Identification
+        Of the fit, in the mode *whitened*.
     measurements : Measurements
         The table it was identified from.
     chance : float
         Chance that a sound table has any suspect at all.
     """
-    if found.mode != "whitened":
-        raise InputError(
-            "an identification in paper mode cannot be inspected: it knows no noise",
-            code="A3",
-            field="found",
-            value=found.mode,
-            fix='identify in the mode "whitened"',
-        )
-    stack = stacked(found.model, measurements)
-    columns = found.parameters.free_index
+    if result.mode != "whitened":
+        message = "an identification in paper mode cannot be inspected: it knows no noise"
+        fix = 'identify in the mode "whitened"'
+        raise refuse("result", result.mode, code="A3", message=message, fix=fix)
+    stack = stacked(result.model, measurements)
+    columns = result.parameters.free_index
     A, prior = stack.A[:, columns], None
-    if found.prior is not None:
-        prior = prior_rows(found.prior, nominal, found.parameters).at(found.model)[1][:, columns]
-    weights = None if found.loss == "squared" else found.weights
+    if result.prior is not None:
+        belief = prior_rows(result.prior, nominal, result.parameters)
+        prior = belief.at(result.model)[1][:, columns]
+    weights = None if result.loss == "squared" else result.weights
     if weights is None:
         share = leverages(A, stack.row_of, prior=prior)
     else:

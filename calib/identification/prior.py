@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, check, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.frames import exp_so3, right_jacobian_inverse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
@@ -39,44 +39,34 @@ class Prior:
         mean, sd = check(f"{len(names)}, {len(names)}", mean=self.mean, sd=self.sd)
         twice = sorted({name for name in names if names.count(name) > 1})
         if not names or twice:
-            raise InputError(
-                f"the prior names {', '.join(twice)} twice" if twice else "the prior is empty",
-                code="A3",
-                field="names",
-                value=tuple(twice),
-                allowed="each name once, at least one",
-            )
+            message = f"the prior names {', '.join(twice)} twice" if twice else "the prior is empty"
+            allowed = "each name once, at least one"
+            raise refuse("names", tuple(twice), allowed, code="A3", message=message)
         if (sd <= 0).any():
             k = int(np.argmin(sd))
-            raise InputError(
-                f"the prior sd of {names[k]} is {sd[k]:g}",
-                code="A3",
-                field="sd",
-                value=float(sd[k]),
-                allowed="above zero",
-                fix="hold a number fixed that is known exactly: do not free it",
-            )
+            message = f"the prior sd of {names[k]} is {sd[k]:g}"
+            fix = "hold a number fixed that is known exactly: do not free it"
+            raise refuse("sd", float(sd[k]), "above zero", code="A3", message=message, fix=fix)
         if np.size(self.precision):
             (precision,) = check(f"{len(names)} {len(names)}", precision=self.precision)
             stated = _sd_of(precision)
             off = np.abs(sd / stated - 1)
             if (off > AGREE).any():
                 k = int(np.argmax(off))
-                raise InputError(
-                    f"the prior sd of {names[k]} is {sd[k]:.6g}, "
+                raise refuse(
+                    "sd", float(sd[k]), "the same in both", code="A3",
+                    message=f"the prior sd of {names[k]} is {sd[k]:.6g}, "
                     f"its precision says {stated[k]:.6g}",
-                    code="A3",
-                    field="sd",
-                    value=float(sd[k]),
-                    allowed="the same in both",
                     fix="give the precision alone, with Prior.of_precision",
-                )
+                )  # fmt: skip
         else:
             precision = frozen(np.diag(sd**-2.0))
-        for name, value in zip(
-            ("mean", "sd", "names", "precision"), (mean, sd, names, precision), strict=True
-        ):
+        checked = {"mean": mean, "sd": sd, "names": names, "precision": precision}
+        for name, value in checked.items():
             object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        return f"Prior(of {len(self.names)} numbers)"
 
     @classmethod
     def of_precision(cls, mean: ArrayLike, precision: ArrayLike, names: Sequence[str]) -> "Prior":
@@ -141,22 +131,13 @@ def prior_rows(prior: Prior, nominal: RobotModel, parameters: Parameters) -> Pri
     for name in prior.names:
         if name in parameters.free_names:
             continue
-        known = name in parameters.names
         close = get_close_matches(name, parameters.names, 1)
-        raise InputError(
-            f'the prior names "{name}", which is not free'
-            if known
-            else f'the prior names "{name}", which the model does not have',
-            code="A4",
-            field="prior",
-            value=name,
-            allowed="names of free numbers",
-            fix=f'free it, or leave "{name}" out of the prior'
-            if known
-            else f'did you mean "{close[0]}"?'
-            if close
-            else "see the model's names",
-        )
+        which = "which the model does not have"
+        fix = f'did you mean "{close[0]}"?' if close else "see the model's names"
+        if name in parameters.names:
+            which, fix = "which is not free", f'free it, or leave "{name}" out of the prior'
+        message = f'the prior names "{name}", {which}'
+        raise refuse("prior", name, "names of free numbers", code="A4", message=message, fix=fix)
     index = np.array([parameters.names.index(name) for name in prior.names], dtype=np.int64)
     return PriorRows(nominal, prior.mean, index, _root(prior.precision))
 
@@ -187,23 +168,18 @@ def _root(precision: Array) -> Array:
     scaled = precision / np.outer(np.where(size > 0, size, 1.0), np.where(size > 0, size, 1.0))
     if np.abs(scaled - scaled.T).max() > 1e-9:
         i, j = (int(k) for k in np.argwhere(np.abs(scaled - scaled.T) > 1e-9)[0])
-        raise InputError(
+        gap, message = (
+            precision[i, j] - precision[j, i],
             f"precision[{i}, {j}] and [{j}, {i}] differ",
-            code="A3",
-            field="precision",
-            value=float(precision[i, j] - precision[j, i]),
-            allowed="a symmetric matrix",
         )
+        raise refuse("precision", float(gap), "a symmetric matrix", code="A3", message=message)
     lowest = float(np.linalg.eigvalsh(scaled)[0])
     if lowest < 1e-13:
-        raise InputError(
-            f"the precision of the prior has the scaled eigenvalue {lowest:.3g}",
-            code="A3",
-            field="precision",
-            value=lowest,
-            allowed="a positive definite matrix",
+        raise refuse(
+            "precision", lowest, "a positive definite matrix", code="A3",
+            message=f"the precision of the prior has the scaled eigenvalue {lowest:.3g}",
             fix="leave numbers out of which nothing is known beforehand",
-        )
+        )  # fmt: skip
     return np.asarray(np.linalg.cholesky((scaled + scaled.T) / 2).T * size)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib.arrays import Array, check
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.information.reduction import reduce
@@ -29,14 +29,10 @@ def require_equations(
     numbers = _generic_rank(nominal, measurements, parameters)
     if have > numbers:
         return
-    poses = f"{count} different pose{'s' if count != 1 else ''}"
-    raise InputError(
-        f"{poses} give{'s' if count == 1 else ''} {have} equations for {numbers} parameters",
-        code="M27",
-        field="measurements",
-        value=count,
-        fix=f"measure at least {numbers * count // have + 1}",
-    )
+    poses = "1 different pose gives" if count == 1 else f"{count} different poses give"
+    message = f"{poses} {have} equations for {numbers} parameters"
+    fix = f"measure at least {numbers * count // have + 1}"
+    raise refuse("measurements", count, code="M27", message=message, fix=fix)
 
 
 def _independent(measurements: Measurements, parameters: Parameters) -> tuple[int, int]:

@@ -11,6 +11,7 @@ from calib.arrays import Array, check, frozen
 from calib.errors import refuse
 from calib.uncertainty.covariance import correlation
 from calib.uncertainty.monte_carlo import numerical_tolerance
+from calib.uncertainty.regions import require_probability
 
 Sample = Callable[[int, np.random.Generator], Array]
 """(M, rng) -> M values of the k outputs (M, k)."""
@@ -45,7 +46,7 @@ class Adaptive:
     sentence: str
 
     def __repr__(self) -> str:
-        return f"<Adaptive of {len(self.mean)} outputs: {self.sentence}>"
+        return f"Adaptive({len(self.mean)} outputs, {self.sentence})"
 
     @property
     def standard(self) -> Array:
@@ -60,8 +61,7 @@ def fewest_draws(probability: float) -> int:
     ----------
     JCGM 101:2008, 7.9.4 b.
     """
-    if not 0 < probability < 1:
-        raise refuse("probability", probability, "between 0 and 1, e.g. 0.95", code="C41")
+    require_probability(probability, "C41")
     # 1 - 0.95 is not quite 0.05: the ceiling must not see it
     return int(np.ceil(100 / (1 - probability) - 1e-6))
 
@@ -109,9 +109,8 @@ def adaptive(
     JCGM 101:2008, 7.9.4; JCGM 102:2011, 7.7 (regions), 7.8 (adaptive procedure).
     """
     if region not in ("ellipsoid", "box"):
-        raise refuse(
-            "region", region, "ellipsoid or box", code="A3", message=f'region is "{region}"'
-        )
+        message = f'region is "{region}"'
+        raise refuse("region", region, "ellipsoid or box", code="A3", message=message)
     size = _batch_size(digits, probability, finer, batch, most)
     values: list[Array] = []
     rows: list[Array] = []
@@ -160,24 +159,17 @@ def adaptive(
 def _batch_size(digits: int, probability: float, finer: float, batch: int | None, most: int) -> int:
     """Draws per batch, with all options checked."""
     if digits not in (1, 2, 3, 4) or not finer >= 1:
-        raise refuse(
-            "digits",
-            digits,
-            "1, 2, 3 or 4 digits; finer 1 or more",
-            code="A3",
-            message=f"digits is {digits} and finer {finer}",
-        )
+        allowed = "1, 2, 3 or 4 digits; finer 1 or more"
+        message = f"digits is {digits} and finer {finer}"
+        raise refuse("digits", digits, allowed, code="A3", message=message)
     need = fewest_draws(probability)
     size = max(BATCH, need) if batch is None else batch
     if size < need:
         raise refuse(
-            "batch",
-            size,
-            f"at least {need}: fewer leave too few values beyond the ends",
-            code="A3",
-            message=f"{size} draws for {100 * probability:g} % coverage",
+            "batch", size, f"at least {need}: fewer leave too few values beyond the ends",
+            code="A3", message=f"{size} draws for {100 * probability:g} % coverage",
             fix="take more draws or ask for less coverage",
-        )
+        )  # fmt: skip
     if most < 2 * size:
         raise refuse("most", most, f"two batches at least, {2 * size}", code="A3")
     return size
@@ -189,13 +181,10 @@ def _figures(y: Array, probability: float, region: Region) -> Array:
     u = np.sqrt(np.diagonal(U))
     if not (u > 0).all():
         raise refuse(
-            "sample",
-            float(u.min()),
-            "a standard uncertainty above zero",
-            code="A3",
+            "sample", float(u.min()), "a standard uncertainty above zero", code="A3",
             message="an output does not scatter: all its draws are equal",
             fix="give at least one input an uncertainty",
-        )
+        )  # fmt: skip
     rho = correlation(U)
     scaled = (y - mean) / u
     if region == "box":
@@ -205,12 +194,10 @@ def _figures(y: Array, probability: float, region: Region) -> Array:
             root = np.linalg.cholesky(rho)
         except np.linalg.LinAlgError:
             raise refuse(
-                "sample",
-                allowed="outputs with a positive definite covariance",
-                code="A3",
+                "sample", allowed="outputs with a positive definite covariance", code="A3",
                 message="the outputs depend on each other exactly",
                 fix='leave one out, or ask for the region "box"',
-            ) from None
+            ) from None  # fmt: skip
         reach = np.linalg.norm(solve_triangular(root, scaled.T, lower=True), axis=0)
     inner = min(int(np.ceil(probability * len(y))), len(y)) - 1
     factor = np.partition(reach, inner)[inner]

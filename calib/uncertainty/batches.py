@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 
 from calib.arrays import Array
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.chain import COLUMNS
 from calib.geometry.frames import exp_so3, log_so3
 from calib.geometry.model import RobotModel
@@ -123,9 +123,7 @@ X = TypeVar("X")
 def mapped(work: Callable[[X], R], items: Sequence[X], threads: int = 1) -> list[R]:
     """``work`` of each item, in the order of the items, on so many threads."""
     if threads < 1:
-        raise InputError(
-            f"threads is {threads}", code="C41", field="threads", value=threads, allowed="1 or more"
-        )
+        raise refuse("threads", threads, "1 or more", code="C41")
     if threads == 1 or len(items) <= 1:
         return [work(item) for item in items]
     with ThreadPoolExecutor(threads) as pool:
@@ -149,10 +147,6 @@ def in_chunks(
     try:
         streams = rng.spawn(len(counts))
     except TypeError:
-        raise InputError(
-            "rng cannot make independent streams",
-            code="A3",
-            field="rng",
-            fix="make it with numpy.random.default_rng(seed)",
-        ) from None
+        message, fix = "rng cannot make independent streams", "numpy.random.default_rng(seed)"
+        raise refuse("rng", code="A3", message=message, fix=f"make it with {fix}") from None
     return mapped(lambda item: work(*item), list(zip(streams, counts, strict=True)), threads)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.measurement.observations import Measurements
@@ -138,13 +138,8 @@ def bootstrap(
     x += inv(A'A + Lambda0) (A(x)'r(x) + Lambda0 (x0 - x)), the Hessian frozen at the model.
     """
     if replicates < FEWEST:
-        raise InputError(
-            f"replicates is {replicates}",
-            code="A3",
-            field="replicates",
-            value=replicates,
-            allowed=f"{FEWEST} or more: fewer leave a standard deviation unknown by 7 %",
-        )
+        allowed = f"{FEWEST} or more: fewer leave a standard deviation unknown by 7 %"
+        raise refuse("replicates", replicates, allowed, code="A3")
     start = freeze(model, measurements, parameters, prior_precision=prior_precision)
     spread = _prior_spread(start)
     import calib.kernels.noisy_poses

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.information.propagation import point_uncertainty, tool_covariance
@@ -169,7 +169,7 @@ def budget(
         covariance_factor(covariance)
         sources.append(Source(extra.name, covariance, extra.degrees_of_freedom))
     if not sources:
-        raise InputError("the budget has no source", code="A3", field="noise", fix="name one")
+        raise refuse("noise", code="A3", message="the budget has no source", fix="name one")
     return Budget(start.parameters, tuple(sources))
 
 
@@ -195,12 +195,7 @@ def check_dof(degrees_of_freedom: ArrayLike, count: int) -> tuple[Array]:
     """Degrees of freedom (s,), each above zero, infinity allowed."""
     nu = np.asarray(degrees_of_freedom, dtype=np.float64)
     if nu.shape != (count,) or not (nu > 0).all():
-        raise InputError(
-            f"degrees_of_freedom is {nu.tolist()}",
-            code="A3",
-            field="degrees_of_freedom",
-            allowed=f"{count} values above zero",
-        )
+        raise refuse("degrees_of_freedom", nu.tolist(), f"{count} values above zero", code="A3")
     return (nu,)
 
 
@@ -239,11 +234,7 @@ def _student(nu: Array, probability: float) -> Array:
 def _same_rows(shared: CommonInput, m: int) -> Array:
     """Its sensitivity, if it has a row for each of the plan."""
     if len(shared.sensitivity) != m:
-        raise InputError(
-            f'"{shared.name}" has {len(shared.sensitivity)} rows',
-            code="A1",
-            field="sensitivity",
-            value=len(shared.sensitivity),
-            allowed=f"one per row of the plan, {m}",
-        )
+        rows, allowed = len(shared.sensitivity), f"one per row of the plan, {m}"
+        message = f'"{shared.name}" has {rows} rows'
+        raise refuse("sensitivity", rows, allowed, code="A1", message=message)
     return shared.sensitivity

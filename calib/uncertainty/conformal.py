@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike
 from scipy.special import betaincinv
 
 from calib.arrays import check
-from calib.errors import InputError
+from calib.errors import refuse
+from calib.uncertainty.regions import require_probability
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +49,7 @@ class Conformal:
 
 def fewest_poses(probability: float = 0.95) -> int:
     """Smallest n for which the k-th smallest of n errors exists: 19 for 95 %."""
-    _checked(probability)
+    require_probability(probability, "C41")
     return int(np.ceil(probability / (1 - probability) - 1e-9))
 
 
@@ -68,33 +69,12 @@ def conformal(distance: ArrayLike, *, probability: float = 0.95) -> Conformal:
     need = fewest_poses(probability)
     n = len(distance)
     if n < need:
-        raise InputError(
-            f"{n} validation poses for {100 * probability:g} %",
-            code="A3",
-            field="distance",
-            value=n,
-            allowed=f"at least {need}",
-            fix="measure more poses where the robot will be used, or ask for less coverage",
-        )
-    if (distance < 0).any():
-        raise InputError(
-            f"distance has the value {distance.min():.3g}",
-            code="A3",
-            field="distance",
-            value=float(distance.min()),
-            allowed="lengths of errors, none negative",
-        )
+        message = f"{n} validation poses for {100 * probability:g} %"
+        fix = "measure more poses where the robot will be used, or ask for less coverage"
+        raise refuse("distance", n, f"at least {need}", code="A3", message=message, fix=fix)
+    least = float(distance.min())
+    if least < 0:
+        message, allowed = f"distance has the value {least:.3g}", "lengths of errors, none negative"
+        raise refuse("distance", least, allowed, code="A3", message=message)
     k = int(np.ceil((n + 1) * probability - 1e-9))
     return Conformal(float(np.partition(distance, k - 1)[k - 1]), k, n, probability)
-
-
-def _checked(probability: float) -> None:
-    """Refuse what is not a probability strictly between 0 and 1."""
-    if not 0 < probability < 1:
-        raise InputError(
-            f"probability is {probability}",
-            code="C41",
-            field="probability",
-            value=probability,
-            allowed="between 0 and 1, e.g. 0.95",
-        )

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
 
 from calib.arrays import Array, check, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 
 RANK_TOLERANCE = 1e-9
 """Smallest singular value of the scaled columns that still counts, relative to the largest."""
@@ -63,14 +63,9 @@ def _maps(J: Array, weight: Array, prior_precision: Array | None) -> tuple[Array
     singular = np.linalg.svd(R, compute_uv=False)
     if len(singular) < f or singular[-1] <= RANK_TOLERANCE * singular[0]:
         rank = int((singular > RANK_TOLERANCE * singular[0]).sum())
-        raise InputError(
-            f"the rows have rank {rank}, with {f} free numbers",
-            code="A5",
-            field="J",
-            value=rank,
-            allowed=f"rank {f}",
-            fix="reduce the free numbers to the identifiable ones, or give a prior",
-        )
+        message = f"the rows have rank {rank}, with {f} free numbers"
+        fix = "reduce the free numbers to the identifiable ones, or give a prior"
+        raise refuse("J", rank, f"rank {f}", code="A5", message=message, fix=fix)
     F = solve_triangular(R, Q.T) / scale[:, None]
     measured, prior = F[:, : m * r], F[:, m * r :]
     return np.moveaxis(measured.reshape(f, m, r), 0, 1) @ root, prior
@@ -99,13 +94,9 @@ def sandwich(
     """
     (covariance,) = check("m r r", covariance=covariance)
     if covariance.shape != weight.shape:
-        raise InputError(
-            f"covariance has shape {covariance.shape}",
-            code="A1",
-            field="covariance",
-            value=covariance.shape,
-            allowed=f"that of the weights, {weight.shape}",
-        )
+        allowed = f"that of the weights, {weight.shape}"
+        message = f"covariance has shape {covariance.shape}"
+        raise refuse("covariance", covariance.shape, allowed, code="A1", message=message)
     F, prior = _maps(J, weight, prior_precision)
     m, f, r = F.shape
     # C = (F L)(F L)' stays symmetric and positive
@@ -167,23 +158,15 @@ def covariance_factor(covariance: Array) -> Array:
     stray = covariance[variance == 0].any(axis=1)
     if stray.any():
         i = int(np.flatnonzero(variance == 0)[stray][0])
-        raise InputError(
-            f"covariance[{i}] is correlated but has no variance",
-            code="A3",
-            field="covariance",
-            value=0.0,
-            allowed="zero rows and columns for fixed numbers",
-        )
+        message = f"covariance[{i}] is correlated but has no variance"
+        allowed = "zero rows and columns for fixed numbers"
+        raise refuse("covariance", 0.0, allowed, code="A3", message=message)
     lopsided = np.abs(covariance - covariance.T) > 1e-9 * np.outer(u, u)
     if lopsided.any():
         i, j = (int(k) for k in np.argwhere(lopsided)[0])
-        raise InputError(
-            f"covariance[{i}, {j}] and [{j}, {i}] differ",
-            code="A3",
-            field="covariance",
-            value=float(covariance[i, j] - covariance[j, i]),
-            allowed="a symmetric matrix",
-        )
+        gap = float(covariance[i, j] - covariance[j, i])
+        message = f"covariance[{i}, {j}] and [{j}, {i}] differ"
+        raise refuse("covariance", gap, "a symmetric matrix", code="A3", message=message)
     moving = np.flatnonzero(variance)
     L = np.zeros_like(covariance)
     if not len(moving):
@@ -193,13 +176,9 @@ def covariance_factor(covariance: Array) -> Array:
     scaled = (scaled + scaled.T) / 2
     lowest = float(np.linalg.eigvalsh(scaled)[0])
     if lowest < -1e-9 or (variance < 0).any():
-        raise InputError(
-            f"covariance has the scaled eigenvalue {lowest:.3g}",
-            code="A3",
-            field="covariance",
-            value=lowest,
-            allowed="no negative variance in any direction",
-        )
+        message = f"covariance has the scaled eigenvalue {lowest:.3g}"
+        allowed = "no negative variance in any direction"
+        raise refuse("covariance", lowest, allowed, code="A3", message=message)
     if lowest > 1e-13:
         root = np.linalg.cholesky(scaled)
     else:  # exactly dependent numbers: semidefinite
@@ -216,26 +195,18 @@ def _cholesky(blocks: Array, name: str) -> Array:
     except np.linalg.LinAlgError:
         lowest = np.linalg.eigvalsh(blocks)[:, 0]
         row = int(np.argmin(lowest))
-        raise InputError(
-            f"{name}[{row}] has the eigenvalue {lowest[row]:.3g}",
-            code="A3",
-            field=name,
-            value=float(lowest[row]),
-            allowed="symmetric positive definite blocks",
-        ) from None
+        message = f"{name}[{row}] has the eigenvalue {lowest[row]:.3g}"
+        allowed = "symmetric positive definite blocks"
+        raise refuse(name, float(lowest[row]), allowed, code="A3", message=message) from None
 
 
 def independent_draws(standard: ArrayLike, draws: int, rng: np.random.Generator) -> Array:
     """Steps (M, P): every number normal about zero with its own u (P,), no correlation [m, rad]."""
     (standard,) = check("k", standard=standard)
     if (standard < 0).any():
-        raise InputError(
-            f"standard[{int(np.argmin(standard))}] is negative",
-            code="A3",
-            field="standard",
-            value=float(standard.min()),
-            allowed="zero (fixed) or more",
-        )
+        message = f"standard[{int(np.argmin(standard))}] is negative"
+        least = float(standard.min())
+        raise refuse("standard", least, "zero (fixed) or more", code="A3", message=message)
     moving = np.flatnonzero(standard)
     steps = np.zeros((_checked(draws), len(standard)))
     steps[:, moving] = rng.standard_normal((draws, len(moving))) * standard[moving]
@@ -254,7 +225,5 @@ def correlated_draws(covariance: ArrayLike, draws: int, rng: np.random.Generator
 def _checked(draws: int) -> int:
     """At least two draws: a standard deviation needs them."""
     if draws < 2:
-        raise InputError(
-            f"draws is {draws}", code="A3", field="draws", value=draws, allowed="2 or more"
-        )
+        raise refuse("draws", draws, "2 or more", code="A3")
     return draws

@@ -6,8 +6,9 @@ import numpy as np
 from scipy.special import fdtri
 
 from calib.arrays import Array, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.uncertainty.held_out import HeldOut
+from calib.uncertainty.regions import require_probability
 
 FEWEST = 10
 """Held-out poses below which a 3 x 3 covariance is not worth stating."""
@@ -37,11 +38,7 @@ class Discrepancy:
         ----------
         Hotelling's T^2 with n degrees of freedom: 3 n / (n - 2) F(3, n - 2).
         """
-        if not 0 < probability < 1:
-            raise InputError(
-                f"probability is {probability}", code="C41", field="probability",
-                value=probability, allowed="between 0 and 1, e.g. 0.95",
-            )  # fmt: skip
+        require_probability(probability, "C41")
         n = self.n_poses
         return float(np.sqrt(3 * n / (n - 2) * fdtri(3, n - 2, probability)))
 
@@ -70,14 +67,9 @@ def discrepancy(validation: HeldOut) -> Discrepancy:
     """
     n = len(validation)
     if n < FEWEST:
-        raise InputError(
-            f"{n} validation poses",
-            code="A3",
-            field="validation",
-            value=n,
-            allowed=f"{FEWEST} or more for a discrepancy",
-            fix="measure more poses where the robot will be used",
-        )
+        allowed, message = f"{FEWEST} or more for a discrepancy", f"{n} validation poses"
+        fix = "measure more poses where the robot will be used"
+        raise refuse("validation", n, allowed, code="A3", message=message, fix=fix)
     e = validation.error
     raw = e.T @ e / n - validation.predicted.mean(axis=0) - validation.measured.mean(axis=0)
     values, vectors = np.linalg.eigh((raw + raw.T) / 2)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtrc
 
 from calib.arrays import Array, check, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
@@ -77,13 +77,8 @@ def held_out(
     (covariance,) = check(f"{model.n_numbers} {model.n_numbers}", covariance=covariance)
     if validation.is_distance.any():
         row = int(np.argmax(validation.is_distance))
-        raise InputError(
-            f"validation row {row} is a distance; it shows no position",
-            code="A3",
-            field="validation",
-            value=row,
-            allowed="poses and points",
-        )
+        message = f"validation row {row} is a distance; it shows no position"
+        raise refuse("validation", row, "poses and points", code="A3", message=message)
     seen = predict(model, validation)
     rows, error = seen.rows[:, :3], seen.residual[:, :3]
     sigma = validation.covariance[:, :3, :3]
@@ -91,11 +86,11 @@ def held_out(
     try:
         root = np.linalg.cholesky(sigma)
     except np.linalg.LinAlgError:
-        raise InputError(
-            "a validation measurement has a covariance that is not positive definite",
-            code="M34",
-            field="validation.covariance",
+        raise refuse(
+            "validation.covariance",
             allowed="every direction must scatter a little",
+            code="M34",
+            message="a validation measurement has a covariance that is not positive definite",
             fix="give each axis a standard deviation above zero",
         ) from None
     white = np.linalg.solve(root, error[..., None])[..., 0].ravel()
@@ -118,11 +113,9 @@ def require_disjoint(q: ArrayLike, used_q: ArrayLike) -> None:
     for row, pose in enumerate(q):
         same = (np.abs(used_q - pose) <= SAME_POSE).all(axis=1)
         if same.any():
-            raise InputError(
-                f"validation pose {row} is pose {int(np.argmax(same))} of the identification",
-                code="A3",
-                field="validation",
-                value=row,
-                allowed="poses that the identification did not use",
+            raise refuse(
+                "validation", row, "poses that the identification did not use", code="A3",
+                message=f"validation pose {row} is pose {int(np.argmax(same))} of the "
+                "identification",
                 fix="measure other poses, or leave these out of the identification",
-            )
+            )  # fmt: skip

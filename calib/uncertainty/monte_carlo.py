@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.information.propagation import point_uncertainty, tool_covariance
 from calib.uncertainty.covariance import correlated_draws as correlated_draws
@@ -45,6 +45,10 @@ class DistanceSpread:
     axis_extremes: Array
     """(N, 3, 2) smallest and largest deviation of x, y, z from nominal [m]."""
 
+    def __repr__(self) -> str:
+        u = 1e6 * self.standard.mean()
+        return f"DistanceSpread({len(self.standard)} postures, mean u of |P| {u:.3g} um)"
+
     @property
     def point(self) -> Array:
         """(N,) sqrt(u_x^2 + u_y^2 + u_z^2) [m]."""
@@ -81,6 +85,10 @@ class PointSpread:
     """
     worst_remainder: Array
     """(N,) largest |exact - linear| of any draw, in units of the linear u_3D."""
+
+    def __repr__(self) -> str:
+        u = 1e6 * self.point.mean()
+        return f"PointSpread({len(self.nominal)} postures, {self.draws} draws, mean u {u:.3g} um)"
 
     @property
     def point(self) -> Array:
@@ -141,12 +149,9 @@ def distance_spread(
     nominal = T[:, :3, 3]
     distance = np.linalg.norm(nominal, axis=-1)
     if not (distance > 0).all():
-        raise InputError(
-            f"tool point {int(np.argmin(distance))} lies in the origin",
-            code="A3",
-            field="q",
-            allowed="postures whose distance from the world origin is not zero",
-        )
+        message = f"tool point {int(np.argmin(distance))} lies in the origin"
+        allowed = "postures whose distance from the world origin is not zero"
+        raise refuse("q", allowed=allowed, code="A3", message=message)
     radial = nominal / distance[:, None]
     slope = np.einsum("ni,nip->np", radial, J[:, :3, moving])  # d|P| / d parameter
     rows: list[tuple[Array, ...]] = []
@@ -256,13 +261,7 @@ def numerical_tolerance(standard: float, digits: int = 2) -> float:
     JCGM 101:2008, 7.9.2: u = c 10^l with c of `digits` digits; delta = 10^l / 2.
     """
     if not standard > 0:
-        raise InputError(
-            f"standard is {standard}",
-            code="A3",
-            field="standard",
-            value=standard,
-            allowed="a standard uncertainty above zero",
-        )
+        raise refuse("standard", standard, "a standard uncertainty above zero", code="A3")
     return float(0.5 * 10.0 ** (np.floor(np.log10(standard)) - (digits - 1)))
 
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
 
 from calib.arrays import Array, Bool, check, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.measurement.observations import GIVEN, Measurements
@@ -120,14 +120,11 @@ def freeze(
     singular = np.linalg.svd(R, compute_uv=False)
     rank = int((singular > RANK_TOLERANCE * singular[0]).sum()) if f else 0
     if rank < f or not f:
-        raise InputError(
-            f"the rows have rank {rank}, with {f} free numbers",
-            code="A5",
-            field="parameters",
-            value=rank,
-            allowed="at least one free number, all of them identifiable",
+        raise refuse(
+            "parameters", rank, "at least one free number, all of them identifiable", code="A5",
+            message=f"the rows have rank {rank}, with {f} free numbers",
             fix="free only what was identified (Identification.parameters), or give a prior",
-        )
+        )  # fmt: skip
     root = solve_triangular(R, np.eye(f)) / scale[:, None]
     N = N.copy()
     N[~measurements.is_pose, 3:] = 0
@@ -154,13 +151,11 @@ def _plain(model: RobotModel, measurements: Measurements, parameters: Parameters
         (bool(free), "parameters", f"free fixtures ({', '.join(free[:3])})"),
     ):
         if wrong:
-            raise InputError(
-                f"virtual calibrations know no {what}",
-                code="A3",
-                field=field,
+            raise refuse(
+                field, code="A3", message=f"virtual calibrations know no {what}",
                 allowed="poses and points seen from one station, fixtures held",
                 fix="use the covariance of the identification, or hold what was set up",
-            )
+            )  # fmt: skip
     own = targets(model.fixtures, measurements)
     return replace(measurements, offset=own, reflector=np.full(len(own), GIVEN))
 
@@ -196,12 +191,8 @@ def refit(
     position, rotation = check(f"k {m} 3, k {m} 3 3", position=position, rotation=rotation)
     K = len(position)
     if K == 0 or steps < 1:
-        raise InputError(
-            f"{K} tables and {steps} steps",
-            code="A3",
-            field="steps" if K else "position",
-            allowed="at least one of each",
-        )
+        field, message = "steps" if K else "position", f"{K} tables and {steps} steps"
+        raise refuse(field, allowed="at least one of each", code="A3", message=message)
     center = np.zeros((K, f)) if prior_mean is None else np.asarray(prior_mean, dtype=np.float64)
     (center,) = check(f"{K} {f}", prior_mean=np.broadcast_to(center, (K, f)))
     size = BLOCKS * LANES

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtri, stdtrit
 
 from calib.arrays import Array, Bool
-from calib.errors import InputError
+from calib.errors import InputError, refuse
 
 FLAT = 1e-12
 """A direction whose variance is below this part of the largest has none: rounding of J C J'."""
@@ -21,14 +21,8 @@ def coverage_factor(dimension: int = 1, probability: float = 0.95) -> float:
     JCGM 102:2011.
     """
     if dimension < 1:
-        raise InputError(
-            f"dimension is {dimension}",
-            code="A3",
-            field="dimension",
-            value=dimension,
-            allowed="1 or more",
-        )
-    return float(np.sqrt(chdtri(dimension, 1 - _checked(probability))))
+        raise refuse("dimension", dimension, "1 or more", code="A3")
+    return float(np.sqrt(chdtri(dimension, 1 - require_probability(probability))))
 
 
 def student_factor(degrees_of_freedom: ArrayLike, probability: float = 0.95) -> Array:
@@ -40,7 +34,7 @@ def student_factor(degrees_of_freedom: ArrayLike, probability: float = 0.95) -> 
     ----------
     JCGM 100:2008, G.3.
     """
-    return np.asarray(stdtrit(degrees_of_freedom, (1 + _checked(probability)) / 2))
+    return np.asarray(stdtrit(degrees_of_freedom, (1 + require_probability(probability)) / 2))
 
 
 def expanded(standard: Array, *, dimension: int = 1, probability: float = 0.95) -> Array:
@@ -97,23 +91,11 @@ def mahalanobis_squared(error: Array, covariance: Array) -> Array:
     # scaled to unit diagonal first, so that metres and radians solve equally well
     u = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
     if not (u > 0).all():
-        raise InputError(
-            "covariance has a direction without variance",
-            code="A3",
-            field="covariance",
-            allowed="positive definite matrices",
-            fix="leave fixed numbers out of the statement",
-        )
+        raise _not_definite("has a direction without variance", "fixed")
     try:
         root = np.linalg.cholesky(covariance / (u[..., :, None] * u[..., None, :]))
     except np.linalg.LinAlgError:
-        raise InputError(
-            "covariance is not positive definite",
-            code="A3",
-            field="covariance",
-            allowed="positive definite matrices",
-            fix="leave dependent numbers out of the statement",
-        ) from None
+        raise _not_definite("is not positive definite", "dependent") from None
     white = np.linalg.solve(root, (error / u)[..., None])[..., 0]
     return np.asarray((white**2).sum(axis=-1))
 
@@ -145,14 +127,16 @@ def inside(error: Array, covariance: Array, *, probability: float = 0.95) -> Boo
     return np.asarray((square <= factors[(~flat).sum(axis=-1)] ** 2) & ~off_plane)
 
 
-def _checked(probability: float) -> float:
-    """A probability strictly between 0 and 1."""
+def require_probability(probability: float, code: str = "A3") -> float:
+    """The probability, if it lies strictly between 0 and 1."""
     if not 0 < probability < 1:
-        raise InputError(
-            f"probability is {probability}",
-            code="A3",
-            field="probability",
-            value=probability,
-            allowed="between 0 and 1, e.g. 0.95",
-        )
+        raise refuse("probability", probability, "between 0 and 1, e.g. 0.95", code=code)
     return probability
+
+
+def _not_definite(what: str, numbers: str) -> InputError:
+    """The error for a covariance that no distance can be measured in."""
+    return refuse(
+        "covariance", allowed="positive definite matrices", code="A3",
+        message=f"covariance {what}", fix=f"leave {numbers} numbers out of the statement",
+    )  # fmt: skip

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, check, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.uncertainty.discrepancy import Discrepancy
 from calib.uncertainty.tool_point import tool_statement
@@ -32,6 +32,10 @@ class ToolMap:
     """(a, b, c) largest u_3D there [m]: the same point can be reached well and badly."""
     covariance: Array
     """(a, b, c, 3, 3) mean covariance there, world axes [m^2]."""
+
+    def __repr__(self) -> str:
+        size, worst = " x ".join(map(str, self.count.shape)), 1e6 * float(np.nanmax(self.worst))
+        return f"ToolMap({size} cells of {self.cell:g} m, largest u {worst:.3g} um)"
 
     @property
     def centers(self) -> tuple[Array, Array, Array]:
@@ -71,13 +75,9 @@ def tool_map(
     """
     (q,) = check(f"k {model.chain.n_joints}", q=q)
     if not len(q) or not (np.isfinite(cell) and cell > 0):
-        raise InputError(
-            f"{len(q)} postures, cells of {cell} m",
-            code="A3",
-            field="cell",
-            value=cell,
-            allowed="at least one posture and an edge above zero",
-        )
+        message = f"{len(q)} postures, cells of {cell} m"
+        allowed = "at least one posture and an edge above zero"
+        raise refuse("cell", cell, allowed, code="A3", message=message)
     parts = [
         tool_statement(
             model, q[start : start + BLOCK], covariance, discrepancy=discrepancy, target=target
@@ -90,14 +90,9 @@ def tool_map(
     first = where.min(axis=0)
     shape = tuple(int(n) for n in where.max(axis=0) - first + 1)
     if np.prod([float(n) for n in shape]) > MOST_CELLS:
-        raise InputError(
-            f"cells of {cell} m make a grid of {' x '.join(map(str, shape))}",
-            code="A3",
-            field="cell",
-            value=cell,
-            allowed=f"at most {MOST_CELLS} cells",
-            fix="take larger cells",
-        )
+        message = f"cells of {cell} m make a grid of {' x '.join(map(str, shape))}"
+        allowed, fix = f"at most {MOST_CELLS} cells", "take larger cells"
+        raise refuse("cell", cell, allowed, code="A3", message=message, fix=fix)
     flat = np.ravel_multi_index(tuple((where - first).T), shape)
     size = int(np.prod(shape))
     count = np.bincount(flat, minlength=size)

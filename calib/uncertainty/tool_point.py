@@ -31,6 +31,10 @@ class ToolStatement:
     """k: the region is all e with e' inv(covariance) e <= k^2."""
     probability: float
 
+    def __repr__(self) -> str:
+        u = 1e6 * self.point.mean()
+        return f"ToolStatement({len(self.position)} postures, mean u {u:.3g} um)"
+
     @property
     def axes(self) -> Array:
         """(N, 3) u_x, u_y, u_z [m]."""

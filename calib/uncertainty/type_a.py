@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
 from calib.arrays import Array, check, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,6 +20,9 @@ class TypeA:
     """(f,) standard deviation of one estimate, not of the mean [m or rad]."""
     degrees_of_freedom: int
     """v - 1."""
+
+    def __repr__(self) -> str:
+        return f"TypeA({len(self.mean)} numbers, {self.degrees_of_freedom} degrees of freedom)"
 
     def scatter_range(self, probability: float = 0.95) -> tuple[float, float]:
         """Range that holds s / sigma with `probability`: see `scatter_range`."""
@@ -45,14 +48,12 @@ def type_a(estimates: ArrayLike) -> TypeA:
     """
     (estimates,) = check("v f", estimates=estimates)
     if len(estimates) < 2:
-        raise InputError(
-            f"estimates has {len(estimates)} row(s)",
-            code="A3",
-            field="estimates",
-            value=len(estimates),
-            allowed="a standard deviation needs at least two repeated calibrations",
+        count = len(estimates)
+        raise refuse(
+            "estimates", count, "a standard deviation needs at least two repeated calibrations",
+            code="A3", message=f"estimates has {count} row(s)",
             fix="repeat the calibration; the paper takes ten",
-        )
+        )  # fmt: skip
     return TypeA(
         frozen(estimates.mean(axis=0)),
         frozen(estimates.std(axis=0, ddof=1)),

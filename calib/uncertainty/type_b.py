@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.jacobian import reflector_rows
 from calib.uncertainty.covariance import common_input_covariance, covariance_factor
 from calib.uncertainty.refit import Frozen
@@ -29,15 +29,16 @@ class CommonInput:
         B, S = check("m 6 k, k k", sensitivity=self.sensitivity, covariance=self.covariance)
         covariance_factor(S)
         if not self.degrees_of_freedom > 0:
-            raise InputError(
-                f'"{self.name}" has {self.degrees_of_freedom} degrees of freedom',
-                code="A3",
-                field="degrees_of_freedom",
-                value=self.degrees_of_freedom,
-                allowed="above zero; infinite where the covariance is taken as known",
+            message = f'"{self.name}" has {self.degrees_of_freedom} degrees of freedom'
+            allowed = "above zero; infinite where the covariance is taken as known"
+            raise refuse(
+                "degrees_of_freedom", self.degrees_of_freedom, allowed, code="A3", message=message
             )
         object.__setattr__(self, "sensitivity", B)
         object.__setattr__(self, "covariance", S)
+
+    def __repr__(self) -> str:
+        return f"CommonInput({self.name!r}, {len(self.covariance)} numbers)"
 
 
 def common_inputs(
@@ -62,12 +63,12 @@ def common_inputs(
     """
     sensitivity, variance = check("m 6 k, k", sensitivity=sensitivity, variance=variance)
     if len(names) != len(variance) or (variance < 0).any():
-        raise InputError(
-            f"{len(names)} names, {len(variance)} variances, smallest {variance.min():.3g}",
-            code="A3",
-            field="variance",
-            allowed="one name for each, none negative",
+        counts = f"{len(names)} names, {len(variance)} variances"
+        message, allowed = (
+            f"{counts}, smallest {variance.min():.3g}",
+            "one name for each, none negative",
         )
+        raise refuse("variance", allowed=allowed, code="A3", message=message)
     groups = {name: [k for k, own in enumerate(names) if own == name] for name in names}
     return tuple(
         CommonInput(name, sensitivity[:, :, own], np.diag(variance[own]), degrees_of_freedom)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.uncertainty.adaptive import Adaptive
 from calib.uncertainty.covariance import correlation, covariance_factor
 from calib.uncertainty.monte_carlo import numerical_tolerance
@@ -29,6 +29,9 @@ class FirstOrder:
     """(k, k) C U C' with sensitivities C."""
     sensitivity: Array
     """(k, n) derivative of each output by each input."""
+
+    def __repr__(self) -> str:
+        return f"FirstOrder({len(self.value)} outputs of {self.sensitivity.shape[1]} inputs)"
 
     @property
     def standard(self) -> Array:
@@ -51,6 +54,9 @@ class LinearCheck:
     tolerance: Array
     """(d,) what each may be."""
     sentence: str
+
+    def __repr__(self) -> str:
+        return f"LinearCheck({self.sentence})"
 
     @property
     def validated(self) -> bool:
@@ -116,12 +122,9 @@ def validate(
     """
     value, covariance = check("k, k k", value=value, covariance=covariance)
     if monte_carlo.region != "ellipsoid":
-        raise InputError(
-            f'monte_carlo has the region "{monte_carlo.region}"',
-            code="A3",
-            field="monte_carlo",
-            allowed="ellipsoid: the region that a normal vector has a factor for",
-        )
+        message = f'monte_carlo has the region "{monte_carlo.region}"'
+        allowed = "ellipsoid: the region that a normal vector has a factor for"
+        raise refuse("monte_carlo", allowed=allowed, code="A3", message=message)
     u = np.sqrt(np.diagonal(covariance))
     largest = float(np.linalg.eigvalsh(correlation(covariance))[-1])
     factor = coverage_factor(len(u), monte_carlo.probability)

@@ -1,22 +1,14 @@
 """The paper's parameter uncertainty budget: repeats, environment, number of poses, location."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, check, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.uncertainty.type_a import root_sum_square, type_a
 
-REPEATABILITY = "repeatability"
-ENVIRONMENT = "environment"
-POSE_NUMBER = "number of poses"
-LOCATION = "location"
-
-REPEATS = 10
-"""Calibrations repeated on one pose set."""
 POSE_NUMBERS = (30, 50, 70, 90, 110, 130, 150)
 """Sizes of the random sets whose estimates are compared for u_p."""
 LOCATION_POSES = 50
@@ -24,103 +16,72 @@ LOCATION_POSES = 50
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Contributor:
-    """One source of uncertainty, for all f identified numbers."""
+class ParameterBudget:
+    """Standard uncertainties of the f identified numbers, by contributor [m or rad]."""
 
-    name: str
-    """One of the four names of this module."""
-    standard: Array
-    """(f,) standard uncertainty [m or rad]."""
-    degrees_of_freedom: float
-    """Repeats minus one; infinite for a stated value."""
+    repeatability: Array
+    """(f,) u_r, from calibrations repeated on one pose set."""
+    environment: Array
+    """(f,) u_c, stated; the paper sets it to zero."""
+    pose_number: Array
+    """(f,) u_p, from random sets of several sizes; zero for an optimal set."""
+    location: Array
+    """(f,) u_w, from four regions of the workspace; zero for an optimal set."""
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Budget:
-    """Contributors of the f identified numbers, added as if uncorrelated."""
-
-    parameters: tuple[str, ...]
-    """(f,) names."""
-    contributors: tuple[Contributor, ...]
-    """(k,) in the order of the paper."""
-
-    def __post_init__(self) -> None:
-        for part in self.contributors:
-            (standard,) = check(f"{len(self.parameters)}", standard=part.standard)
-            if (standard < 0).any():
-                raise InputError(
-                    f"standard uncertainty of {part.name} is negative",
-                    code="A3",
-                    field="standard",
-                    value=float(standard.min()),
-                    allowed="zero or more",
-                )
+    def __repr__(self) -> str:
+        return f"ParameterBudget({len(self.repeatability)} numbers)"
 
     @property
     def combined(self) -> Array:
-        """(f,) root sum of squares of all contributors [m or rad]."""
-        return root_sum_square(*(part.standard for part in self.contributors))
+        """(f,) all contributors, added as if uncorrelated [m or rad].
 
-    @property
-    def variance_shares(self) -> Array:
-        """(k, f) share of each contributor in the combined variance; a column adds to one."""
-        squares = np.stack([part.standard**2 for part in self.contributors])
-        total = squares.sum(axis=0)
-        return frozen(squares / np.where(total > 0, total, 1.0))
-
-    @property
-    def degrees_of_freedom(self) -> Array:
-        """(f,) effective degrees of freedom of the combined figure (Welch-Satterthwaite)."""
-        nu = np.array([part.degrees_of_freedom for part in self.contributors])
-        lost = (self.variance_shares**2 / nu[:, None]).sum(axis=0)
-        return frozen(np.divide(1.0, lost, out=np.full(len(lost), np.inf), where=lost > 0))
-
-    def contributor(self, name: str) -> Contributor:
-        """The contributor called `name`."""
-        for part in self.contributors:
-            if part.name == name:
-                return part
-        known = ", ".join(part.name for part in self.contributors)
-        raise InputError(
-            f'no contributor is called "{name}"', code="A4", field="name", value=name, allowed=known
+        References
+        ----------
+        Wen et al. 2022, eqs. (8) and (9).
+        """
+        return root_sum_square(
+            self.repeatability, self.environment, self.pose_number, self.location
         )
 
 
-def best_budget(
-    parameters: Sequence[str], repeats: ArrayLike, *, environment: ArrayLike = 0.0
-) -> Budget:
+def best_budget(repeats: ArrayLike, *, environment: ArrayLike = 0.0) -> ParameterBudget:
     """What the paper counts for an optimal pose set: repeats and environment only.
 
     Parameters
     ----------
-    parameters : (f,) names
-        Identified numbers, in the order of the columns.
     repeats : (v, f) array_like
         Estimates of repeated calibrations on the optimal set [m or rad].
     environment : float or (f,) array_like
-        u_c, a stated standard uncertainty [m or rad]; the paper sets it to zero.
+        u_c, a stated standard uncertainty [m or rad].
 
     References
     ----------
     Wen et al. 2022, eq. (8): u_best = sqrt(u_r^2 + u_c^2).
     """
-    return Budget(tuple(parameters), _repeats_and_environment(repeats, environment))
+    scatter = type_a(repeats).standard
+    size, stated = len(scatter), np.asarray(environment, dtype=np.float64)
+    if stated.shape not in ((), (size,)):
+        allowed = f"one number or {size}, one per parameter"
+        message = f"environment has shape {stated.shape}"
+        raise refuse("environment", stated.shape, allowed, code="A1", message=message)
+    if (stated < 0).any():
+        message = "standard uncertainty of environment is negative"
+        raise refuse("environment", stated.tolist(), "zero or more", code="A3", message=message)
+    nothing = frozen(np.zeros(size))
+    return ParameterBudget(scatter, frozen(np.broadcast_to(stated, size)), nothing, nothing)
 
 
 def random_budget(
-    parameters: Sequence[str],
     repeats: ArrayLike,
     pose_numbers: ArrayLike,
     locations: ArrayLike,
     *,
     environment: ArrayLike = 0.0,
-) -> Budget:
+) -> ParameterBudget:
     """What the paper counts for random pose sets: two contributors more than for the optimal set.
 
     Parameters
     ----------
-    parameters : (f,) names
-        Identified numbers, in the order of the columns.
     repeats : (v, f) array_like
         Estimates of repeated calibrations on one random set [m or rad].
     pose_numbers : (k, f) array_like
@@ -128,7 +89,7 @@ def random_budget(
     locations : (4, f) array_like
         One estimate per region of the workspace.
     environment : float or (f,) array_like
-        u_c, a stated standard uncertainty [m or rad]; the paper sets it to zero.
+        u_c, a stated standard uncertainty [m or rad].
 
     Notes
     -----
@@ -139,27 +100,10 @@ def random_budget(
     ----------
     Wen et al. 2022, eq. (9): u_rand = sqrt(u_r^2 + u_c^2 + u_p^2 + u_w^2).
     """
-    return Budget(
-        tuple(parameters),
-        (
-            *_repeats_and_environment(repeats, environment),
-            _contributor(POSE_NUMBER, pose_numbers),
-            _contributor(LOCATION, locations),
-        ),
-    )
-
-
-def uncertainty_ratio(best: Budget, random: Budget) -> Array:
-    """Last column of the paper's table: u_best / u_rand (f,) per parameter."""
-    if best.parameters != random.parameters:
-        raise InputError(
-            "the two budgets list different parameters",
-            code="A3",
-            field="parameters",
-            value=random.parameters,
-            allowed=", ".join(best.parameters),
-        )
-    return frozen(best.combined / random.combined)
+    known = best_budget(repeats, environment=environment)
+    f = len(known.repeatability)
+    sized, local = check(f"k {f}, r {f}", pose_numbers=pose_numbers, locations=locations)
+    return replace(known, pose_number=type_a(sized).standard, location=type_a(local).standard)
 
 
 def location_regions(position: ArrayLike, *, x: float = 0.25, y: float = 0.0) -> Index:
@@ -177,29 +121,3 @@ def location_regions(position: ArrayLike, *, x: float = 0.25, y: float = 0.0) ->
     (position,) = check("m 3", position=position)
     regions = 2 * (position[:, 0] > x).astype(np.int64) + (position[:, 1] > y)
     return np.asarray(regions, dtype=np.int64)
-
-
-def _repeats_and_environment(
-    repeats: ArrayLike, environment: ArrayLike
-) -> tuple[Contributor, Contributor]:
-    """The two contributors that both budgets share."""
-    repeatability = _contributor(REPEATABILITY, repeats)
-    shape = repeatability.standard.shape
-    stated = np.asarray(environment, dtype=np.float64)
-    if stated.shape not in ((), shape):
-        raise InputError(
-            f"environment has shape {stated.shape}",
-            code="A1",
-            field="environment",
-            value=stated.shape,
-            allowed=f"one number or {shape[0]}, one per parameter",
-        )
-    return repeatability, Contributor(
-        ENVIRONMENT, frozen(np.broadcast_to(stated, shape)), float("inf")
-    )
-
-
-def _contributor(name: str, estimates: ArrayLike) -> Contributor:
-    """Scatter of estimates (v, f) under a name."""
-    scatter = type_a(estimates)
-    return Contributor(name, scatter.standard, scatter.degrees_of_freedom)

@@ -1,4 +1,4 @@
-"""Frames and fixtures about a robot whose flange poses are held: what the start is polished on."""
+"""Frames and fixtures about a robot whose flange poses are held: what refines a start."""
 
 from dataclasses import dataclass, replace
 
@@ -12,8 +12,8 @@ from calib.identification.least_squares import solve
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import Prediction, predicted
 
-LEASH = 0.01
-"""Weight of staying put, of a length against a length seen: with a millimeter of misfit a frame
+DAMPING = 0.01
+"""Weight of staying put, of a length against a length measured: with a millimeter of misfit a frame
 goes 5 cm at most along a direction that the data hardly tell, and nowhere along one they do not."""
 SCALE = np.array([1.0, 1.0, 1.0, *[CHARACTERISTIC_LENGTH] * 3])
 """A radian counts like L meters in rows: the misfit here is the nominal robot's, not the device's,
@@ -21,7 +21,7 @@ and the stated covariances do not know it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rig:
+class Alignment:
     """Where base, tool and fixtures are, about given poses of the flange."""
 
     F: Array
@@ -38,8 +38,8 @@ class Rig:
         frame = (True, True, True, False, False, False)
         return np.array((*frame, *frame, *self.fixtures.is_length))
 
-    def moved(self, step: Array) -> "Rig":
-        """Rig after a step (12 + f,) of base, tool and fixtures, as in `RobotModel.moved`."""
+    def moved(self, step: Array) -> "Alignment":
+        """After a step (12 + f,) of base, tool and fixtures, as in `RobotModel.moved`."""
         return replace(
             self,
             base=nearest_rigid(self.base @ step_transform(step[:6])),
@@ -57,36 +57,40 @@ class Rig:
         J[:, :3, 6:9] = J[:, 3:, 9:12] = R
         return predicted(T, J, self.fixtures, 12, measurements)
 
-    def rows(self, which: Index) -> "Rig":
-        """The rig at some of the poses."""
+    def rows(self, which: Index) -> "Alignment":
+        """The alignment at some of the poses."""
         return replace(self, F=self.F[which])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Walk:
-    """A rig on its way, and how far it has come (f,)."""
+class _Moved:
+    """An alignment on its way, and how far it has come (f,)."""
 
-    rig: Rig
-    gone: Array
+    alignment: Alignment
+    displacement: Array
 
 
-def polished(rig: Rig, measurements: Measurements, free: Index, *, most: int = 30) -> Rig:
-    """The rig that fits best near a rig, over its numbers `free`; rows count alike, per meter."""
-    leash = LEASH * np.where(rig.is_length[free], 1.0, CHARACTERISTIC_LENGTH)
-    n = rig.is_length.size
+def refine(
+    alignment: Alignment, measurements: Measurements, free: Index, *, most: int = 30
+) -> Alignment:
+    """The best fit near an alignment over its numbers `free`; rows count alike, per meter."""
+    damping = DAMPING * np.where(alignment.is_length[free], 1.0, CHARACTERISTIC_LENGTH)
+    n = alignment.is_length.size
 
-    def evaluate(at: _Walk) -> tuple[Array, Array]:
-        seen = at.rig.predict(measurements)
-        r = (seen.residual * SCALE)[seen.filled]
-        A = (seen.rows * SCALE[:, None])[seen.filled][:, free]
-        return np.concatenate([r, -leash * at.gone]), np.concatenate([A, np.diag(leash)])
+    def evaluate(at: _Moved) -> tuple[Array, Array]:
+        here = at.alignment.predict(measurements)
+        r = (here.residual * SCALE)[here.filled]
+        A = (here.rows * SCALE[:, None])[here.filled][:, free]
+        damped = np.concatenate([r, -damping * at.displacement])
+        return damped, np.concatenate([A, np.diag(damping)])
 
-    def move(at: _Walk, step: Array) -> _Walk:
+    def move(at: _Moved, step: Array) -> _Moved:
         full = np.zeros(n)
         full[free] = step
-        return _Walk(at.rig.moved(full), at.gone + step)
+        return _Moved(at.alignment.moved(full), at.displacement + step)
 
-    # the second time the leash is tied where the first one ended: it pulls no number off
+    # the second time the damping counts from where the first one ended: it pulls no number off
     for _ in range(2):
-        rig = solve(evaluate, _Walk(rig, np.zeros(len(free))), move=move, most=most).x.rig
-    return rig
+        start = _Moved(alignment, np.zeros(len(free)))
+        alignment = solve(evaluate, start, move=move, most=most).x.alignment
+    return alignment

@@ -18,6 +18,11 @@ NUDGE = 1e-9
 """Weight of the rotation to stay with, where points leave the rotation about a line open."""
 
 
+def flange_points(F: Array, arms: Array) -> Array:
+    """Points (m, 3) of the base frame that poses F (m, 4, 4) give to `arms` (m, 3) [m]."""
+    return np.asarray((F[:, :3, :3] @ arms[:, :, None])[:, :, 0] + F[:, :3, 3])
+
+
 def nearest_rotation(M: Array) -> Array:
     """The rotation (3, 3) nearest to a matrix; right-handed whatever the matrix is.
 
@@ -81,6 +86,7 @@ def shift_and_arms(
     """
     m, free = len(F), np.flatnonzero(~fixed)
     R = F[:, :3, :3]
+    # p_F + R_F c = X' (seen - t): c from the differences, then t from the mean
     rest = seen @ X - F[:, :3, 3] - (R @ about[target][:, :, None])[:, :, 0]
     c = about.copy()
     if free.size:
@@ -104,14 +110,14 @@ def lifted_rotation(F: Array, seen: Array, target: Index, about: Array, fixed: B
     """
     m, free = len(F), np.flatnonzero(~fixed)
     R = F[:, :3, :3]
-    right = F[:, :3, 3] + (R @ about[target][:, :, None])[:, :, 0]
+    right = flange_points(F, about[target])
     spread = max(float(np.sqrt(np.square(seen - seen.mean(0)).sum(1).mean())), 1e-12)
     A = np.zeros((m, 3, 9 + 3 * len(free)))
     for row in range(3):
         A[:, row, 3 * row : 3 * row + 3] = (seen - seen.mean(0)) / spread
     for column, k in enumerate(free):
-        own = target == k
-        A[own, :, 9 + 3 * column : 12 + 3 * column] = -R[own]
+        rows = target == k
+        A[rows, :, 9 + 3 * column : 12 + 3 * column] = -R[rows]
     A = (A - A.mean(0)).reshape(3 * m, -1)
     G = _least(A, (right - right.mean(0)).ravel(), FAINT * np.sqrt(m))[:9].reshape(3, 3)
     return nearest_rotation(G).T
@@ -145,11 +151,11 @@ def lifted_arm(F: Array, distance: Array, anchor: Index, n_anchors: int) -> Arra
     A = np.zeros((m, 3 + 13 * n_anchors))
     A[:, :3] = 2 * (p[:, None, :] @ R)[:, 0]
     for k in range(n_anchors):
-        own = anchor == k
-        block = A[own, 3 + 13 * k : 16 + 13 * k]
-        block[:, 0], block[:, 1:4] = 1.0, -2 * p[own]
-        block[:, 4:] = -2 * R[own].reshape(-1, 9)
-        A[own, 3 + 13 * k : 16 + 13 * k] = block
+        rows = anchor == k
+        block = A[rows, 3 + 13 * k : 16 + 13 * k]
+        block[:, 0], block[:, 1:4] = 1.0, -2 * p[rows]
+        block[:, 4:] = -2 * R[rows].reshape(-1, 9)
+        A[rows, 3 + 13 * k : 16 + 13 * k] = block
     scale = np.linalg.norm(A, axis=0)
     right = distance**2 - np.sum(p * p, axis=1)
     z = _least(A / scale, right, FAINT) / scale

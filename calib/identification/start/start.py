@@ -2,7 +2,7 @@
 
 The closed forms are in `closed_forms`: robot-world/hand-eye for full poses (Kronecker product and
 singular values; Li, Wang, Wu 2010, Shah 2013), a linear lift and Procrustes for points (Umeyama
-1991), multilateration and a linear lift for distances. What they give is polished by least squares
+1991), multilateration and a linear lift for distances. What they give is refined by least squares
 over the frames and fixtures alone, the links held.
 
 `identify` looks for the answer near the model it is given: a robot whose frames are meters away
@@ -15,21 +15,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.chain import Chain, forward
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
-from calib.identification.start.alignment import SCALE, Rig, polished
-from calib.identification.start.guesses import Scene, openings, scene_of
+from calib.identification.start.alignment import SCALE, Alignment, refine
+from calib.identification.start.guesses import initial_guesses
+from calib.identification.start.problem import StartProblem, start_problem
 from calib.identification.sufficiency import require_equations
 from calib.information.reduction import Reduction, reduce
 from calib.measurement.observations import GIVEN, POINT, Measurements
 from calib.measurement.prediction import require_fixtures
 
 SUBSET = 200
-"""Rows on which the openings are compared."""
+"""Rows on which initial guesses are compared."""
 GOOD = 0.01
-"""Misfit, as a part of how far the tool moves, below which no other opening is tried."""
+"""Misfit, as a part of how far the tool moves, below which no other guess is tried."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,33 +79,32 @@ def start_frames(
     Raises
     ------
     InputError
-        Too few measurements; how many are needed is said.
+        Too few measurements; how many are needed is stated.
     """
     require_fixtures(model.fixtures, measurements)
-    names = _wanted(model, measurements, free_tool, free_anchors)
+    names = _unknowns(model, measurements, free_tool, free_anchors)
     parameters = parameters_of(model, names)
     require_equations(model, measurements, parameters)
-    chain = model.chain
-    bare = Chain(chain.links, chain.kinds)
-    F = forward(bare, measurements.q + model.joint_errors.offsets(measurements.q))
-    scene = scene_of(model, F, measurements, free_tool, free_anchors)
-    rig = _best(scene, parameters)
-    free = _place(model, _told(rig, scene, parameters).kept)
-    rig = polished(rig, measurements, free)
-    placed = _placed(rig, scene, names)
-    told = _told(rig, scene, parameters, q=measurements.q)
-    seen = rig.predict(measurements)
-    pose = measurements.is_pose
-    turned = np.sqrt(np.square(seen.turns[pose]).mean()) if pose.any() else np.nan
+    # flange poses by the nominal links alone
+    links = Chain(model.chain.links, model.chain.kinds)
+    F = forward(links, measurements.q + model.joint_errors.offsets(measurements.q))
+    problem = start_problem(model, F, measurements, free_tool, free_anchors)
+    # best guess on some rows, refined on all of them
+    alignment = _best_guess(problem, parameters)
+    free = _indices(model, _reduction(alignment, problem, parameters).kept)
+    alignment = refine(alignment, measurements, free)
+    reduction = _reduction(alignment, problem, parameters, q=measurements.q)
+    prediction, pose = alignment.predict(measurements), measurements.is_pose
+    turns = np.sqrt(np.square(prediction.turns[pose]).mean()) if pose.any() else np.nan
     return Start(
-        placed,
-        float(np.sqrt(np.square(seen.misses).mean())),
-        float(turned),
-        (*_origins(measurements, names, free_tool), *told.sentences),
+        model=_with_frames(alignment, problem, names),
+        position_rms=float(np.sqrt(np.square(prediction.misses).mean())),
+        rotation_rms=float(turns),
+        notes=(*_origins(measurements, names, free_tool), *reduction.sentences),
     )
 
 
-def _wanted(
+def _unknowns(
     model: RobotModel,
     measurements: Measurements,
     free_tool: bool,
@@ -113,13 +113,10 @@ def _wanted(
     """Names of the numbers to be found: those that some row of the table may tell."""
     wrong = [k for k in free_anchors if not 0 <= k < len(model.fixtures.anchors)]
     if wrong:
-        raise InputError(
-            f"free_anchors names anchor {wrong[0]}, the model has {len(model.fixtures.anchors)}",
-            code="A3",
-            field="free_anchors",
-            value=wrong[0],
-            allowed="anchors of the fixtures, from 0",
-        )
+        count = len(model.fixtures.anchors)
+        message = f"free_anchors names anchor {wrong[0]}, the model has {count}"
+        allowed = "anchors of the fixtures, from 0"
+        raise refuse("free_anchors", wrong[0], allowed, code="A3", message=message)
     far = measurements.is_distance
     optical = set(np.unique(measurements.station[~far]).tolist())
     anchored = set(np.unique(measurements.anchor[far]).tolist())
@@ -136,55 +133,58 @@ def _wanted(
     return tuple(name for name in model.names if name.startswith(tuple(prefixes)))
 
 
-def _place(model: RobotModel, names: tuple[str, ...]) -> Index:
-    """Places of numbers among those of a rig: base, tool, fixtures."""
+def _indices(model: RobotModel, names: tuple[str, ...]) -> Index:
+    """Positions of numbers among those of an alignment: base, tool, fixtures."""
     n = model.chain.n_numbers
     own = (*model.names[:6], *model.names[n - 6 : n], *model.fixtures.names)
     return np.array([own.index(name) for name in names], dtype=np.int64)
 
 
-def _placed(rig: Rig, scene: Scene, names: tuple[str, ...]) -> RobotModel:
-    """The model with the frames of a rig; what was not looked for stays to the last bit."""
-    chain = scene.model.chain
-    base = rig.base if "base.x" in names else chain.T_world_base
-    tool = rig.tool if "tool.x" in names else chain.T_flange_tool
+def _with_frames(alignment: Alignment, problem: StartProblem, names: tuple[str, ...]) -> RobotModel:
+    """The model with the frames of an alignment; what was not looked for stays to the last bit."""
+    chain = problem.model.chain
+    base = alignment.base if "base.x" in names else chain.T_world_base
+    tool = alignment.tool if "tool.x" in names else chain.T_flange_tool
     return replace(
-        scene.model,
+        problem.model,
         chain=replace(chain, T_world_base=base, T_flange_tool=tool),
-        fixtures=rig.fixtures,
+        fixtures=alignment.fixtures,
     )
 
 
-def _told(rig: Rig, scene: Scene, parameters: Parameters, q: Array | None = None) -> Reduction:
+def _reduction(
+    alignment: Alignment, problem: StartProblem, parameters: Parameters, q: Array | None = None
+) -> Reduction:
     """Which of the numbers looked for the table tells apart, and the others in words."""
     names = parameters.free_names
-    seen = rig.predict(scene.measurements)
-    A = (seen.rows * SCALE[:, None])[seen.filled][:, _place(scene.model, names)]
-    model = _placed(rig, scene, names)
+    prediction = alignment.predict(problem.measurements)
+    rows = (prediction.rows * SCALE[:, None])[prediction.filled]
+    A = rows[:, _indices(problem.model, names)]
+    model = _with_frames(alignment, problem, names)
     return reduce(A * parameters.free_scale, parameters, model=model, q=q)
 
 
-def _best(scene: Scene, parameters: Parameters) -> Rig:
-    """The opening that fits best once polished, judged on some rows of each kind."""
-    rows = _some(scene.measurements)
-    few = replace(scene, F=scene.F[rows], measurements=scene.measurements.rows(rows))
-    spread = float(np.linalg.norm(scene.F[:, :3, 3].std(axis=0))) or 1.0
+def _best_guess(problem: StartProblem, parameters: Parameters) -> Alignment:
+    """The initial guess that fits best once refined, judged on some rows of each kind."""
+    rows = _sample(problem.measurements)
+    few = replace(problem, F=problem.F[rows], measurements=problem.measurements.rows(rows))
+    spread = float(np.linalg.norm(problem.F[:, :3, 3].std(axis=0))) or 1.0
     best, least = None, np.inf
-    for opening in openings(scene):
-        rig = opening.rows(rows)
-        free = _place(scene.model, _told(rig, few, parameters).kept)
-        rig = polished(rig, few.measurements, free, most=15)
-        seen = rig.predict(few.measurements)
-        misfit = float(np.square(seen.residual * SCALE).sum() / len(rows))
+    for guess in initial_guesses(problem):
+        alignment = guess.rows(rows)
+        free = _indices(problem.model, _reduction(alignment, few, parameters).kept)
+        alignment = refine(alignment, few.measurements, free, most=15)
+        residual = alignment.predict(few.measurements).residual * SCALE
+        misfit = float(np.square(residual).sum() / len(rows))
         if best is None or misfit < least:
-            best, least = rig, misfit
+            best, least = alignment, misfit
         if least < (GOOD * spread) ** 2:
             break
-    assert best is not None  # there is always an opening
-    return replace(best, F=scene.F)
+    assert best is not None  # there is always a guess
+    return replace(best, F=problem.F)
 
 
-def _some(table: Measurements) -> Index:
+def _sample(table: Measurements) -> Index:
     """About `SUBSET` rows spread evenly over whatever was looked at."""
     _, group = np.unique(table.target_key, axis=0, return_inverse=True)
     group = group.ravel()
@@ -210,17 +210,17 @@ def _origins(
         if n
     ]
     found = list(dict.fromkeys(name.split(".")[0] for name in names))
-    said = [f"{_listed(found)} found from {_listed(counts)}, starting from nothing"]
+    notes = [f"{_listed(found)} found from {_listed(counts)}, starting from nothing"]
     held = [frame for frame in ("base", "tool") if frame not in found]
     if "base" in held:
-        said.append(
+        notes.append(
             "the base stays where the model has it: no known place was measured, so the base is "
             "the world"
         )
     if "tool" in held:
         why = "no row speaks of its frame" if free_tool else "it was not to be looked for"
-        said.append(f"the tool stays where the model has it: {why}")
-    return tuple(said)
+        notes.append(f"the tool stays where the model has it: {why}")
+    return tuple(notes)
 
 
 def _listed(words: list[str]) -> str:

@@ -11,11 +11,8 @@ from calib.identification.identify import identify
 from calib.information.observability import CRITERIA, Form
 from calib.uncertainty.monte_carlo import distance_spread, point_spread
 from calib.uncertainty.wen2022_budget import (
-    LOCATION,
     LOCATION_POSES,
-    POSE_NUMBER,
     POSE_NUMBERS,
-    REPEATABILITY,
     best_budget,
     location_regions,
     random_budget,
@@ -129,19 +126,18 @@ def paper_budget_study(scenario: Scenario, setting: Setting, get: Get) -> PaperB
     ]
     sized = [rng.choice(n, min(size, n), replace=False) for size in POSE_NUMBERS]
     repeats = [one] * scenario.uncertainty.repeats
-    best = best_budget(names, best_repeats)
+    best = best_budget(best_repeats)
     random = random_budget(
-        names,
         paper_estimates(bench, repeats, "paper_budget", "repeats"),
         paper_estimates(bench, sized, "paper_budget", "pose_number"),
         paper_estimates(bench, local, "paper_budget", "location"),
     )
     return PaperBudget(
         names=names,
-        best_repeatability=best.contributor(REPEATABILITY).standard,
-        repeatability=random.contributor(REPEATABILITY).standard,
-        pose_number=random.contributor(POSE_NUMBER).standard,
-        location=random.contributor(LOCATION).standard,
+        best_repeatability=best.repeatability,
+        repeatability=random.repeatability,
+        pose_number=random.pose_number,
+        location=random.location,
         best=best.combined,
         random=random.combined,
     )

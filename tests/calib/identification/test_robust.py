@@ -309,4 +309,4 @@ def test_unknown_losses_and_robust_paper_mode_are_refused():
     paper = identify(tx60(), table, parameters, mode="paper")
     with pytest.raises(InputError, match="knows no noise") as caught:
         inspect(tx60(), paper, table)
-    assert caught.value.field == "found"
+    assert caught.value.field == "result"

@@ -25,7 +25,8 @@ from calib.identification.start.closed_forms import (
     nearest_rotation,
     shift_and_arms,
 )
-from calib.identification.start.guesses import openings, scene_of
+from calib.identification.start.guesses import initial_guesses
+from calib.identification.start.problem import start_problem
 from calib.identification.start.start import Start, start_frames
 from calib.measurement import observations
 from calib.measurement.noise import isotropic_covariance
@@ -257,7 +258,7 @@ def test_the_first_opening_is_exact_before_anything_is_polished(kind: str):
     true = replace(true, chain=replace(true.chain, links=ARMS["tx60"].links))
     table = exact(true, table)
     F = forward(ARMS["tx60"], table.q)
-    rig = next(openings(scene_of(nominal, F, table, True, unknown)))
+    rig = next(initial_guesses(start_problem(nominal, F, table, True, unknown)))
     seen = rig.predict(table)
     # rounding over the condition of the lifts, below 1e6
     assert seen.misses.max() < 1e-8
@@ -316,7 +317,7 @@ def test_the_start_does_not_depend_on_the_frames_of_the_nominal_model():
     one, other = start_frames(nominal, table), start_frames(RobotModel(chain), table)
     assert one.position_rms == pytest.approx(other.position_rms, rel=1e-6)
     apart = one.model.poses(table.q) - other.model.poses(table.q)
-    # the leash: misfits of millimeters, a weight of 1e-4 against 30 poses
+    # the damping: misfits of millimeters, a weight of 1e-4 against 30 poses
     assert np.abs(apart).max() < 1e-6
 
 
