@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.arrays import Array, check, frozen
-from calib.errors import InputError
+from calib.arrays import Array, frozen
+from calib.errors import refuse
 from calib.geometry.chain import Chain
 from calib.geometry.frames import step_transform
 from testbed.robots.meshes.files import Mesh, load_mesh
@@ -29,11 +29,6 @@ class Obstacle:
     """(3,) edges of the box, or extent of the mesh along its own axes [m]."""
     mesh: Mesh | None = None
     """What blocks beams; parts of the robot collide with its convex hull. None: the box."""
-
-    def __post_init__(self) -> None:
-        T, size = check("4 4, 3", T_world_obstacle=self.T_world_obstacle, size=self.size)
-        object.__setattr__(self, "T_world_obstacle", T)
-        object.__setattr__(self, "size", size)
 
 
 def cell_from(settings: CellSettings, chain: Chain) -> tuple[Obstacle, ...]:
@@ -63,18 +58,18 @@ def _obstacle(name: str, entry: BoxObstacle | MeshObstacle, T_world_base: Array)
 
 def _mesh(file: Path, unit: float) -> Mesh:
     """A mesh in metres, from a file in `unit` metres; it must enclose a volume as a hull."""
-    found = load_mesh(file)
-    places, index = np.unique(found.vertices * unit, axis=0, return_inverse=True)
+    mesh = load_mesh(file)
+    places, index = np.unique(mesh.vertices * unit, axis=0, return_inverse=True)
     spread = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
     if len(places) < 4 or spread[-1] < FLAT * spread[0]:
-        raise InputError(
-            "is flat",
-            code="R10",
-            where=str(file),
-            field="file",
+        raise refuse(
+            "file",
             allowed="an obstacle is a body with a volume",
+            code="R10",
+            message="is flat",
             fix='write kind = "box" with a small thickness',
+            where=str(file),
         )
-    faces = index.reshape(-1)[found.faces]
+    faces = index.reshape(-1)[mesh.faces]
     whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)  # slivers closed up by the merging
     return Mesh(frozen(places), frozen(faces[whole], np.int64), frozen(np.zeros_like(places)))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array, frozen
-from calib.errors import InputError
+from calib.errors import InputError, refuse
 from calib.geometry.frames import exp_so3, inverse, log_so3, slide, transform
 from calib.geometry.inverse import inverse_kinematics
 from calib.information.criteria.named import NEEDS_GOALS
@@ -16,6 +16,7 @@ from testbed.laboratory.pool import joint_ranges
 from testbed.robots.catalog import Robot
 from testbed.scenario.read import BoxGoal, ListGoal, PathGoal, Scenario
 from testbed.streams import stream
+from testbed.units import counted
 
 Corner = tuple[float, float, float]
 MOST_POSES = 5000
@@ -50,12 +51,12 @@ def goal_of(bench: Bench) -> Goal:
     if isinstance(settings, ListGoal):
         q = _entries(bench, settings)
         shares = np.array(settings.weights) if settings.weights else np.ones(len(q))
-        text = f"{len(q)} listed {noun(len(q), 'pose')}"
+        text = f"{counted(len(q), 'listed pose')}"
     elif isinstance(settings, PathGoal):
         q, shares, length = _path(bench, settings)
         text = (
-            f"a path of {length * 1e3:.0f} mm in {len(q)} {noun(len(q), 'posture')}, each meter "
-            "counting the same"
+            f"a path of {length * 1e3:.0f} mm in {counted(len(q), 'posture')}, each meter counting "
+            "the same"
         )
     else:
         q = box_poses(bench, settings)
@@ -64,7 +65,7 @@ def goal_of(bench: Bench) -> Goal:
         x, y, z = size
         center = ", ".join(f"{value:g}" for value in middle)
         text = (
-            f"{len(q)} random feasible {noun(len(q), 'pose')} in a box of {x:g} x {y:g} x {z:g} mm "
+            f"{counted(len(q), 'random feasible pose')} in a box of {x:g} x {y:g} x {z:g} mm "
             f"around ({center}) mm in the base frame"
         )
     if point.any():
@@ -72,11 +73,6 @@ def goal_of(bench: Bench) -> Goal:
             f", for the point ({', '.join(f'{value * 1e3:g}' for value in point)}) mm of the tool"
         )
     return Goal(frozen(q), frozen(shares / shares.sum()), point, text)
-
-
-def noun(number: int, word: str) -> str:
-    """A noun after its count."""
-    return word if number == 1 else f"{word}s"
 
 
 def point_of(bench: Bench) -> Array:
@@ -109,13 +105,10 @@ def box_poses(bench: Bench, goal: BoxGoal) -> Array:
 
 def of_the_goal(error: InputError) -> InputError:
     """An error of a draw in the goal's box, in the words of [plan.goal]."""
-    return InputError(
-        error.message.replace("[pool]", "[plan.goal]"),
-        code=error.code,
-        field="plan.goal",
-        value=error.value,
-        allowed=error.allowed,
-        fix=error.fix.replace("box_center_mm", "center_mm").replace("box_size_mm", "size_mm"),
+    fix = error.fix.replace("box_center_mm", "center_mm").replace("box_size_mm", "size_mm")
+    message = error.message.replace("[pool]", "[plan.goal]")
+    return refuse(
+        "plan.goal", error.value, error.allowed, code=error.code, message=message, fix=fix
     )
 
 
@@ -137,13 +130,8 @@ def _entries(bench: Bench, goal: ListGoal | PathGoal) -> Array:
 def _check_free(bench: Bench, q: Array, name: str) -> None:
     """Refuse a goal posture q (n,) at which the robot hits something."""
     if bench.touching.collides(q[None])[0]:
-        raise InputError(
-            f"{name} makes the robot hit {bench.touching.hit_word(q)}",
-            code="S37",
-            field="plan.goal",
-            value=q.tolist(),
-            fix="move it",
-        )
+        message = f"{name} makes the robot hit {bench.touching.hit_word(q)}"
+        raise refuse("plan.goal", q.tolist(), code="S37", message=message, fix="move it")
 
 
 def _tool_poses(bench: Bench, goal: ListGoal | PathGoal) -> Array:
@@ -166,22 +154,18 @@ def _posture(bench: Bench, T: Array, before: Array | None, name: str) -> Array:
     q, missed = reached_by(robot, T, starts)
     if not len(q):
         x, y, z = (inverse(robot.model.chain.T_world_base) @ T)[:3, 3] * 1e3
-        near = f"the tool comes no nearer than {missed * 1e3:.4g} mm" if missed > 1e-6 else ""
-        raise InputError(
-            f"{name} at ({x:g}, {y:g}, {z:g}) mm is outside the robot's reach",
-            code="S37",
-            field="plan.goal",
-            allowed=near or "the tool cannot take that orientation there inside the joint limits",
-            fix="move it into reach or turn it",
-        )
+        allowed = "the tool cannot take that orientation there inside the joint limits"
+        if missed > 1e-6:
+            allowed = f"the tool comes no nearer than {missed * 1e3:.4g} mm"
+        message = f"{name} at ({x:g}, {y:g}, {z:g}) mm is outside the robot's reach"
+        fix = "move it into reach or turn it"
+        raise refuse("plan.goal", allowed=allowed, code="S37", message=message, fix=fix)
     free = ~bench.touching.collides(q)
     if not free.any():
-        raise InputError(
-            f"{name} makes the robot hit itself, the floor or an obstacle in every posture found",
-            code="S37",
-            field="plan.goal",
-            fix="move it",
+        message = (
+            f"{name} makes the robot hit itself, the floor or an obstacle in every posture found"
         )
+        raise refuse("plan.goal", code="S37", message=message, fix="move it")
     q = q[np.flatnonzero(free)]
     reference = ranges.mean(axis=1) if before is None else before
     return np.asarray(q[np.argmin(np.abs(q - reference).max(axis=1))])
@@ -203,13 +187,12 @@ def _path(bench: Bench, goal: PathGoal) -> tuple[Array, Array, float]:
         length = float(np.linalg.norm(np.diff(ends, axis=0), axis=1).sum())
         pieces = max(1, int(np.ceil(length / (goal.step_mm / 1e3))))
         if len(postures) + pieces > MOST_POSES:
-            raise InputError(
+            message = (
                 f"[plan.goal] step_mm is {goal.step_mm:g}, which cuts the path into more than "
-                f"{MOST_POSES} postures",
-                code="S37",
-                field="plan.goal.step_mm",
-                fix="choose a larger step",
+                f"{MOST_POSES} postures"
             )
+            fix = "choose a larger step"
+            raise refuse("plan.goal.step_mm", code="S37", message=message, fix=fix)
         # middles of equal pieces: no corner counts twice, and the sum over a line is its length
         for part in (np.arange(pieces) + 0.5) / pieces:
             name = f"[plan.goal] the line from corner {k + 1} to {k + 2}"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from testbed.robots.catalog import Robot
 from testbed.units import counted
 
@@ -32,14 +32,9 @@ def from_deg(
     names = [where if single else f"{where} entry {k + 1}" for k in range(len(rows))]
     for k, row in enumerate(rows):
         if len(row) != n:
-            raise InputError(
-                f"{names[k]} has {counted(len(row), 'number')}",
-                code="S37",
-                field=where,
-                value=list(row),
-                allowed=f"{robot.name} has {n} joints",
-                fix="mend the list",
-            )
+            message = f"{names[k]} has {counted(len(row), 'number')}"
+            has = f"{robot.name} has {n} joints"
+            raise refuse(where, list(row), has, code="S37", message=message, fix="mend the list")
     scale = np.where(robot.model.chain.prismatic, 1e-3, np.pi / 180)
     q = np.array(rows, dtype=np.float64).reshape(-1, n) * scale
     check_joints(robot, q, names, where)
@@ -52,35 +47,27 @@ def check_joints(robot: Robot, q: ArrayLike, names: Sequence[str], field: str) -
     lower, upper = robot.limits.T
     for row, name in zip(q, names, strict=True):
         if not np.isfinite(row).all():
-            raise InputError(
-                f"{name}: joint {int(np.argmin(np.isfinite(row))) + 1} is not a number",
-                code="M25",
-                field=field,
-                fix="mend or remove that pose",
-            )
+            message = f"{name}: joint {int(np.argmin(np.isfinite(row))) + 1} is not a number"
+            raise refuse(field, code="M25", message=message, fix="mend or remove that pose")
         # degrees written with few decimals may round a joint at its limit outward
         beyond = np.flatnonzero((row < lower - 1e-6) | (row > upper + 1e-6))
         if beyond.size:
             j = int(beyond[0])
             unit, size = ("mm", 1e3) if robot.model.chain.prismatic[j] else ("deg", 180 / np.pi)
-            raise InputError(
-                f"{name}: joint {j + 1} is {row[j] * size:.6g} {unit}",
+            raise refuse(
+                field,
+                float(row[j]),
+                f"its limits are {lower[j] * size:g} to {upper[j] * size:g} {unit}",
                 code="M20",
-                field=field,
-                value=float(row[j]),
-                allowed=f"its limits are {lower[j] * size:g} to {upper[j] * size:g} {unit}",
+                message=f"{name}: joint {j + 1} is {row[j] * size:.6g} {unit}",
                 fix="give joint values in deg inside the limits",
             )
     order = np.lexsort(np.round(q / SAME).T[::-1]) if len(q) else np.zeros(0, dtype=np.int64)
     for a, b in pairwise(order):
         if np.abs(q[a] - q[b]).max() < SAME:
             first, second = sorted((int(a), int(b)))
-            raise InputError(
-                f"{names[second]} is the same pose as {names[first]}",
-                code="M26",
-                field=field,
-                fix="remove one of them",
-            )
+            message = f"{names[second]} is the same pose as {names[first]}"
+            raise refuse(field, code="M26", message=message, fix="remove one of them")
 
 
 def read_joints(robot: Robot, path: str | Path) -> Array:
@@ -95,13 +82,11 @@ def read_joints(robot: Robot, path: str | Path) -> Array:
         text = file.read_bytes().decode("utf-8-sig") if size <= MAX_BYTES else ""
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise InputError(
-            f"cannot be read: {reason}", code="M35", where=str(path), field="plan.measured"
-        ) from error
+        message = f"cannot be read: {reason}"
+        raise refuse("plan.measured", code="M35", message=message, where=str(path)) from error
     if size > MAX_BYTES:
-        raise InputError(
-            f"is {size / 1e6:.0f} MB", code="M36", where=str(path), allowed="at most 10 MB"
-        )
+        message = f"is {size / 1e6:.0f} MB"
+        raise refuse("", None, "at most 10 MB", code="M36", message=message, where=str(path))
     rows = list(csv.reader(io.StringIO(text, newline="")))
     head = [cell.strip() for cell in rows[0]] if rows else []
     places, scale = _columns(robot, head, str(path))
@@ -115,7 +100,8 @@ def read_joints(robot: Robot, path: str | Path) -> Array:
         q.append([_number(row, k, f"{path}:{line}", head[k]) for k in places])
         names.append(f"{path}:{line}")
     if not q:
-        raise InputError("has no joint targets", code="M35", where=str(path), fix="add some rows")
+        message, fix = "has no joint targets", "add some rows"
+        raise refuse("", code="M35", message=message, fix=fix, where=str(path))
     joints = np.array(q) * scale
     check_joints(robot, joints, names, "plan.measured")
     return frozen(joints)
@@ -129,14 +115,14 @@ def _columns(robot: Robot, head: list[str], where: str) -> tuple[list[int], Arra
         wanted = [f"q{j + 1}_{unit}" for unit in units]
         found = [name for name in wanted if name in head]
         if len(found) != 1 or head.count(found[0]) != 1:
-            raise InputError(
-                f"has {'no' if not found else 'more than one'} column for joint {j + 1}",
+            raise refuse(
+                "plan.measured",
+                ", ".join(head)[:200],
+                f"one of {', '.join(wanted)} belongs in the first line",
                 code="M35",
-                where=where,
-                field="plan.measured",
-                value=", ".join(head)[:200],
-                allowed=f"one of {', '.join(wanted)} belongs in the first line",
+                message=f"has {'more than one' if found else 'no'} column for joint {j + 1}",
                 fix="name the columns q1_deg, q2_deg ...",
+                where=where,
             )
         places.append(head.index(found[0]))
         scale.append(UNITS[found[0].rsplit("_", 1)[1]])
@@ -151,13 +137,13 @@ def _number(row: list[str], k: int, where: str, column: str) -> float:
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise InputError(
-            f'{column} is "{text[:40]}"',
+        raise refuse(
+            column,
+            text[:40],
+            "it must be a number",
             code="M25",
-            where=where,
-            field=column,
-            value=text[:40],
-            allowed="it must be a number",
+            message=f'{column} is "{text[:40]}"',
             fix="mend or remove that row",
+            where=where,
         )
     return value

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.chain import joint_vectors
 from testbed.laboratory.route.moves import Mover, Way, travel_times
 from testbed.laboratory.simulator import Simulator
@@ -140,7 +140,8 @@ def measuring_route(
     chain = robot.model.chain
     q = joint_vectors(chain, q)
     if not len(q):
-        raise InputError("no poses to order", code="M27", field="q", fix="choose a pose or more")
+        message, fix = "no poses to order", "choose a pose or more"
+        raise refuse("q", code="M27", message=message, fix=fix)
     zero = np.zeros(q.shape[1])
     (home,) = joint_vectors(chain, np.asarray(zero if start is None else start)[None])
     stops = np.vstack([home, q])
@@ -198,13 +199,13 @@ def _check_free(simulator: Simulator, stops: Array) -> None:
     if not len(hits):
         return
     at_start = hits[0] == 0
-    raise InputError(
-        f"in {'the start posture' if at_start else f'pose {hits[0] - 1}'} the robot hits "
-        f"{simulator.hit_word(stops[hits[0]])}",
+    where = "the start posture" if at_start else f"pose {hits[0] - 1}"
+    raise refuse(
+        "start" if at_start else "q",
+        stops[hits[0]].tolist(),
+        "a route leads through free postures",
         code="M27",
-        field="start" if at_start else "q",
-        value=stops[hits[0]].tolist(),
-        allowed="a route leads through free postures",
+        message=f"in {where} the robot hits {simulator.hit_word(stops[hits[0]])}",
         fix="write another [plan] start_deg" if at_start else "leave the pose out",
     )
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array, check
+from calib.arrays import Array
 
 NESTS = ((0.9, 0.9, -0.3), (0.9, -0.9, -0.3), (-0.9, -0.9, -0.3), (-0.9, 0.9, 0.7))
 """Reflectors that stay on the floor and the wall, in the base frame; their places are known [m]."""
@@ -24,9 +24,6 @@ class Drift:
     """Time between two rounds over the nests; the first is at the start of a visit [s]."""
     nests: Array
     """(k, 3) nests in the world [m]."""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "nests", check("k 3", nests=self.nests)[0])
 
     def since_nests(self, elapsed: Array) -> Array:
         """Time (m,) since the last round over the nests at times (m,) after the first [s]."""

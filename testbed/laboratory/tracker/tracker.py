@@ -6,8 +6,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Index, check
-from calib.errors import InputError
+from calib.arrays import Array, Index
+from calib.errors import refuse
 from calib.geometry.chain import Chain
 from calib.geometry.frames import exp_so3, inverse, slide
 from calib.geometry.model import RobotModel
@@ -20,8 +20,8 @@ from testbed.streams import stream
 
 
 @dataclass(frozen=True, slots=True)
-class Mishaps:
-    """Shots that go wrong in each visit."""
+class GrossErrors:
+    """Wrong and failed observations of each visit."""
 
     outliers: int = 0
     """Grossly wrong ones; nothing in the data says which."""
@@ -52,11 +52,11 @@ _BELOW = 0x7472  # apart from the children that `spawn` counts from 0
 def some_rows(m: int, count: int, rng: np.random.Generator, key: str) -> Index:
     """Rows (count,) of m, each one once."""
     if count > m:
-        raise InputError(
-            f"[tracker] {key} is {count}; the visit has {m} shots",
+        raise refuse(
+            f"tracker.{key}",
+            count,
             code="M27",
-            field=f"tracker.{key}",
-            value=count,
+            message=f"[tracker] {key} is {count}; the visit has {m} shots",
             fix=f"write {key} = {max(m - 1, 0)} or fewer",
         )
     return np.asarray(rng.permutation(m)[:count])
@@ -92,15 +92,8 @@ class Tracker:
     """What it gets wrong the same way all campaign long; None: nothing."""
     drift: Drift | None = None
     """How its station wanders; None: it stands still."""
-    mishaps: Mishaps = field(default_factory=Mishaps)
-    """Wrong and failed shots."""
-
-    def __post_init__(self) -> None:
-        T, reflector = check(
-            "4 4, 3", T_world_tracker=self.T_world_tracker, reflector=self.reflector
-        )
-        object.__setattr__(self, "T_world_tracker", T)
-        object.__setattr__(self, "reflector", reflector)
+    gross_errors: GrossErrors = field(default_factory=GrossErrors)
+    """Wrong and failed observations."""
 
     @property
     def station(self) -> Array:
@@ -213,11 +206,11 @@ class Tracker:
             position = position + self.drift.walk(elapsed, walk_rng) @ axes.T
             nests = self.own_covariance(self.drift.nests)[:, :3, :3]
             position = position + self.drift.nest_noise(elapsed, nests, nest_rng)
-        if self.mishaps.outliers:
-            rows = some_rows(m, self.mishaps.outliers, wrong_rng, "outliers")
+        if self.gross_errors.outliers:
+            rows = some_rows(m, self.gross_errors.outliers, wrong_rng, "outliers")
             gross = wrong_rng.standard_normal((2, len(rows), 3))
-            position[rows] += gross[0] * self.mishaps.position_sd
-            rotation[rows] = exp_so3(gross[1] * self.mishaps.rotation_sd) @ rotation[rows]
+            position[rows] += gross[0] * self.gross_errors.position_sd
+            rotation[rows] = exp_so3(gross[1] * self.gross_errors.rotation_sd) @ rotation[rows]
         if self.measures == POINT:
             rotation = np.broadcast_to(np.eye(3), (m, 3, 3))
         found = Measurements(
@@ -230,10 +223,10 @@ class Tracker:
             pose_id=pose_id,
             repeat=np.full(m, repeat),
         )
-        if not self.mishaps.missed:
+        if not self.gross_errors.missed:
             return found
         seen = np.ones(m, dtype=bool)
-        seen[some_rows(m, self.mishaps.missed, lost_rng, "missed")] = False
+        seen[some_rows(m, self.gross_errors.missed, lost_rng, "missed")] = False
         return found.rows(seen)
 
 
@@ -282,7 +275,7 @@ def tracker_from(
         pose_time=settings.pose_s,
         bias=_bias(settings, seed),
         drift=_drift(settings, chain),
-        mishaps=Mishaps(
+        gross_errors=GrossErrors(
             settings.outliers,
             settings.outlier_mm / 1e3,
             float(np.radians(settings.outlier_deg)),

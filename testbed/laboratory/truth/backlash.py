@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from calib.arrays import Array, check, frozen
+from calib.arrays import Array
 from calib.geometry.chain import Chain
 from testbed.robots.catalog import Robot
 from testbed.robots.placements import link_poses
@@ -24,23 +24,14 @@ Side = Literal["approach", "load", "posture"]
 class Backlash:
     """Play between drive and joint: dq = half_width * side, the side from -1 to 1."""
 
+    robot: Robot
+    """Nominal; gravity pulls at its bodies."""
     half_width: Array
     """(n,) half of the play of each joint [rad or m]."""
     side: Side
     """What decides on which side a joint rests."""
-    chain: Chain | None = None
-    """Nominal geometry, where gravity decides."""
-    masses: Array = ()  # type: ignore[assignment]  # becomes an array in __post_init__
-    """(n,) of the bodies, where gravity decides [kg]."""
-    centers: Array = ()  # type: ignore[assignment]  # becomes an array in __post_init__
-    """(n, 3) centers of mass in the body frames, where gravity decides [m]."""
-    largest: Array = ()  # type: ignore[assignment]  # becomes an array in __post_init__
-    """(n,) largest load of each joint, where gravity decides [N m or N]."""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "half_width", check("n", half_width=self.half_width)[0])
-        for name in ("masses", "centers", "largest"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+    largest: Array
+    """(n,) largest load of each joint, where gravity decides; else (0,) [N m or N]."""
 
     def offsets(self, q: Array, previous: Array) -> Array:
         """Joint offsets (m, n) at q (m, n), reached by a straight move from `previous` (m, n)."""
@@ -55,9 +46,7 @@ class Backlash:
             side[:, 2] = np.tanh(STEEPNESS * np.sin(q[:, 1] + q[:, 2]))
             side[:, 4] = np.sign(np.cos(q[:, 3]) * np.sin(q[:, 4]))
             return side
-        if self.chain is None:
-            raise RuntimeError("play by load needs the chain and its masses")
-        load = gravity_loads(self.chain, self.masses, self.centers, q)
+        load = gravity_loads(self.robot.model.chain, self.robot.masses, self.robot.centers, q)
         felt = self.largest > 1e-9 * max(self.largest.max(), 1e-9)
         return np.where(felt, np.tanh(STEEPNESS * load / np.where(felt, self.largest, 1.0)), 0.0)
 
@@ -65,12 +54,12 @@ class Backlash:
 def backlash(robot: Robot, truth: TruthSettings, half_width: Array) -> Backlash:
     """The play of a robot, with what its side depends on."""
     if truth.backlash_side != "load":
-        return Backlash(half_width, truth.backlash_side)
+        return Backlash(robot, half_width, truth.backlash_side, np.zeros(0))
     chain, (low, high) = robot.model.chain, robot.limits.T
     # a fixed sample: the largest load belongs to the robot, not to a seed
     q = np.random.default_rng(0).uniform(low, high, (SAMPLE, len(low)))
     largest = np.abs(gravity_loads(chain, robot.masses, robot.centers, q)).max(axis=0)
-    return Backlash(half_width, "load", chain, robot.masses, robot.centers, largest)
+    return Backlash(robot, half_width, "load", largest)
 
 
 def gravity_loads(chain: Chain, masses: Array, centers: Array, q: Array) -> Array:

@@ -3,10 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from calib.arrays import Array, check
-from calib.geometry.chain import joint_vectors
+from calib.arrays import Array
 from calib.geometry.jacobian import joint_columns
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.laboratory.truth.terms import only, terms_of
@@ -29,17 +27,6 @@ class TruthBudget:
     together_mm: Array
     """(m, 3) displacement by all of them at once, without repeatability [mm]."""
 
-    def __post_init__(self) -> None:
-        rms, alone, together = check(
-            "k, d m 3, m 3",
-            rms_mm=self.rms_mm,
-            displacement_mm=self.displacement_mm,
-            together_mm=self.together_mm,
-        )
-        object.__setattr__(self, "rms_mm", rms)
-        object.__setattr__(self, "displacement_mm", alone)
-        object.__setattr__(self, "together_mm", together)
-
     @property
     def together_rms_mm(self) -> float:
         """Root mean square displacement by all terms at once, repeatability included [mm]."""
@@ -51,21 +38,15 @@ class TruthBudget:
         """Root mean square of what the terms together do beyond the sum of each alone [mm]."""
         return _rms(self.together_mm - self.displacement_mm.sum(axis=0))
 
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """The budget in words, the largest first."""
-        order = np.argsort(-self.rms_mm, kind="stable")
-        return tuple(f"{self.names[k]}: {self.rms_mm[k]:.4f} mm" for k in order)
-
 
 def truth_budget(
     robot: Robot,
     truth: TruthSettings,
     seed: int,
-    q: ArrayLike,
+    q: Array,
     *,
-    time: ArrayLike | None = None,
-    previous: ArrayLike | None = None,
+    time: Array | None = None,
+    previous: Array | None = None,
 ) -> TruthBudget:
     """What each term of a scenario's truth contributes to the error of the tool.
 
@@ -80,13 +61,12 @@ def truth_budget(
         [truth] of the scenario.
     seed : int
         Seed of the scenario.
-    q : (m, n) array_like
+    q : (m, n) array
         Poses over which the contributions are averaged [rad, m].
     time, previous : optional
         As in `TrueRobot.poses`.
     """
     model = robot.model
-    q = joint_vectors(model.chain, q)
     nominal = model.poses(q)[:, :3, 3]
 
     def displacement(*terms: str) -> Array:

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, check
-from calib.errors import InputError
+from calib.arrays import Array
+from calib.errors import refuse
 from calib.geometry.chain import chain_names, joint_vectors
 from calib.geometry.model import RobotModel
 from calib.identification.joint_models import gravity_quarters
@@ -50,17 +50,6 @@ class TrueRobot:
     """The same geometry as a MuJoCo body tree, sprung where the arm gives way."""
 
     def __post_init__(self) -> None:
-        n = self.model.chain.n_joints
-        (sd,) = check(f"{n}", joint_repeatability=self.joint_repeatability)
-        if (sd < 0).any():
-            raise InputError(
-                f"joint_repeatability is {sd.min():g}",
-                code="A3",
-                field="joint_repeatability",
-                value=float(sd.min()),
-                allowed="standard deviations are not negative",
-            )
-        object.__setattr__(self, "joint_repeatability", sd)
         chain, springs = self.model.chain, self.beyond.springs
         arm = ElasticArm(chain, springs) if springs else Simulator(None, chain)
         object.__setattr__(self, "simulator", arm)
@@ -70,8 +59,8 @@ class TrueRobot:
         q: ArrayLike,
         *,
         rng: np.random.Generator | None = None,
-        time: ArrayLike | None = None,
-        previous: ArrayLike | None = None,
+        time: Array | None = None,
+        previous: Array | None = None,
     ) -> Array:
         """True tool poses T_world_tool (m, 4, 4) at commanded joints q (m, n) [rad, m].
 
@@ -84,25 +73,21 @@ class TrueRobot:
             Commanded joints [rad, m].
         rng : Generator, optional
             Joint repeatability of each approach.
-        time : (m,) array_like, optional
+        time : (m,) array, optional
             Since the start of the campaign; a cold robot by default [s].
-        previous : (m, n) array_like, optional
+        previous : (m, n) array, optional
             Where each move came from; all joints at zero by default [rad, m].
         """
         q = joint_vectors(self.model.chain, q)
         reached = q + self.model.joint_errors.offsets(q)
         if self.beyond.backlash is not None:
-            (before,) = check(
-                f"{len(q)} {q.shape[1]}",
-                previous=np.zeros_like(q) if previous is None else previous,
-            )
+            before = np.zeros_like(q) if previous is None else previous
             reached = reached + self.beyond.backlash.offsets(q, before)
         if rng is not None:
             reached = reached + rng.standard_normal(q.shape) * self.joint_repeatability
         growth = None
         if self.beyond.thermal is not None:
-            (since,) = check(f"{len(q)}", time=np.zeros(len(q)) if time is None else time)
-            growth = self.beyond.thermal.growth(since)
+            growth = self.beyond.thermal.growth(np.zeros(len(q)) if time is None else time)
         return self.simulator.poses(reached, growth=growth)
 
 
@@ -162,12 +147,12 @@ def beyond(robot: Robot, truth: TruthSettings) -> Beyond:
     if np.any(truth.backlash_mdeg):
         upright = gravity_quarters(chain) == (0, 0) and chain.n_joints >= 5
         if truth.backlash_side == "posture" and not upright:
-            raise InputError(
-                '[truth] backlash_side = "posture" does not fit this arm',
+            raise refuse(
+                "truth.backlash_side",
+                "posture",
+                "an upright arm of five joints or more, joints 2 and 3 level and parallel",
                 code="S37",
-                field="truth.backlash_side",
-                value="posture",
-                allowed="an upright arm of five joints or more, joints 2 and 3 level and parallel",
+                message='[truth] backlash_side = "posture" does not fit this arm',
                 fix='write backlash_side = "load" or "approach"',
             )
         width = np.where(chain.prismatic, 0.0, per_joint(chain, truth.backlash_mdeg))
@@ -214,23 +199,23 @@ def perturbed_names(robot: Robot, perturb: str | tuple[str, ...]) -> frozenset[s
     if isinstance(perturb, str):
         choices = tuple(dict.fromkeys((LINKS, *robot.free_sets)))
         if perturb not in robot.free_sets:
-            raise InputError(
-                f'[truth] perturb = "{perturb}" is no free set of {robot.name}',
+            raise refuse(
+                "truth.perturb",
+                perturb,
+                f"{', '.join(choices)}, or a list of names",
                 code="S37",
-                field="truth.perturb",
-                value=perturb,
-                allowed=f"{', '.join(choices)}, or a list of names",
+                message=f'[truth] perturb = "{perturb}" is no free set of {robot.name}',
                 fix=choice_of(perturb, choices),
             )
         return frozenset(robot.free_sets[perturb])
     for name in perturb:
         if name not in known:
-            raise InputError(
-                f'[truth] perturb has "{name}", no number of {robot.name}',
+            raise refuse(
+                "truth.perturb",
+                name,
+                f"names such as {known[0]}, {known[6]}, {known[-1]}",
                 code="S37",
-                field="truth.perturb",
-                value=name,
-                allowed=f"names such as {known[0]}, {known[6]}, {known[-1]}",
+                message=f'[truth] perturb has "{name}", no number of {robot.name}',
                 fix=choice_of(name, known),
             )
     return frozenset(perturb)

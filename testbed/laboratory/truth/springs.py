@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.frames import transform
 from testbed.laboratory.simulator import grown
@@ -123,12 +123,12 @@ class ElasticArm:
                 break
             if np.abs(step).max() < SETTLED:
                 return np.asarray(angles)
-        raise InputError(
-            f"the sprung arm gives way at q[{row}] by more than {np.degrees(BENT):g} deg",
+        raise refuse(
+            "truth.drive_nm_per_mrad",
+            float(self._stiffness.min() / 1e3),
+            "springs that carry the arm and its payload",
             code="S37",
-            field="truth.drive_nm_per_mrad",
-            value=float(self._stiffness.min() / 1e3),
-            allowed="springs that carry the arm and its payload",
+            message=f"the sprung arm gives way at q[{row}] by more than {np.degrees(BENT):g} deg",
             fix="raise drive_nm_per_mrad and bearing_nm_per_mrad, or lower payload_kg",
         )
 

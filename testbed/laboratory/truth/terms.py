@@ -8,14 +8,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, check, frozen
-from calib.errors import InputError
+from calib.arrays import Array
 from calib.geometry.chain import Chain
 from calib.geometry.joint_errors import JointErrors, JointTerm, gravity_terms, harmonic_terms
 from calib.identification.joint_models import gravity_quarters
 from testbed.laboratory.truth.backlash import GRAVITY, Backlash
 from testbed.scenario.read import TruthSettings
-from testbed.scenario.truth import CLOSED_FORM
 
 SEVENTH = 0.6
 """Amplitude of seven times a turn, as a share of that of three times."""
@@ -86,28 +84,14 @@ class Springs:
     """(n, 3) principal moments, axes of the body frames; rest does not depend on them [kg m^2]."""
     drive: Array
     """(n,) stiffness about the joint's axis [N m/rad]."""
-    bearing: Array = ()  # type: ignore[assignment]  # becomes an array in __post_init__
+    bearing: Array
     """(n,) about x and about y of the body, or (0,) for stiff ones [N m/rad]."""
-    payload: float = 0.0
+    payload: float
     """On the flange [kg]."""
-    payload_center: Array = (0.0, 0.0, 0.0)  # type: ignore[assignment]  # an array in __post_init__
+    payload_center: Array
     """(3,) of the payload in the flange frame [m]."""
-    gravity: Array = (0.0, 0.0, -GRAVITY)  # type: ignore[assignment]  # an array in __post_init__
+    gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -GRAVITY]))
     """(3,) in the world [m/s^2]."""
-
-    def __post_init__(self) -> None:
-        masses, centers, inertias, drive = check(
-            "n, n 3, n 3, n",
-            masses=self.masses,
-            centers=self.centers,
-            inertias=self.inertias,
-            drive=self.drive,
-        )
-        values = {"masses": masses, "centers": centers, "inertias": inertias, "drive": drive}
-        for name in ("bearing", "payload_center", "gravity"):
-            values[name] = frozen(getattr(self, name))
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,21 +118,11 @@ def gravity(chain: Chain, amplitudes: Array) -> JointErrors:
 
     On an arm that lies level at joint zero these are cosines; see `gravity_terms`.
 
-    Raises
-    ------
-    InputError
-        If the arm is not one the closed form holds for; see `gravity_quarters`.
+    The closed form must hold for the arm; see `gravity_quarters`.
     """
     quarters = gravity_quarters(chain)
     if quarters is None:
-        raise InputError(
-            "[truth] gravity_mdeg does not fit this arm",
-            code="S37",
-            field="truth.gravity_mdeg",
-            value=tuple(np.degrees(amplitudes * 1e3).round(9).tolist()),
-            allowed=CLOSED_FORM,
-            fix='write gravity_mdeg = [0, 0, 0] or preset = "rigid"',
-        )
+        raise RuntimeError("the sag of this arm has no closed form")
     upper, fore = (1 if k < 2 else -1 for k in quarters)  # sines or cosines that droop
     return JointErrors(gravity_terms(chain.n_joints, quarters), amplitudes * [upper, fore, fore])
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from calib.arrays import Array
-from calib.errors import InputError
+from calib.errors import InputError, refuse
 from calib.geometry.frames import exp_so3, transform
 from calib.geometry.inverse import inverse_kinematics, spread
 from testbed.laboratory.simulator import Simulator
@@ -66,11 +66,11 @@ def cube_joints(robot: Robot, simulator: Simulator, T: Array) -> Array:
 def _unfit(T: Array, number: int) -> InputError:
     """A pose that the robot cannot take."""
     x, y, z = T[:3, 3] * 1e3
-    return InputError(
-        f"[compensation] pose {number} of the cube at ({x:.0f}, {y:.0f}, {z:.0f}) mm cannot be "
-        "taken in one configuration with the others, without hitting something",
+    return refuse(
+        "compensation.center_mm",
+        number,
         code="S37",
-        field="compensation.center_mm",
-        value=number,
+        message=f"[compensation] pose {number} of the cube at ({x:.0f}, {y:.0f}, {z:.0f}) mm "
+        "cannot be taken in one configuration with the others, without hitting something",
         fix="move center_mm, choose a smaller side_mm, or turn the tool with turn_deg",
     )

@@ -12,7 +12,7 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.design import random_selection
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.identification.identify import Identification, Mode, identify
 from calib.information.propagation import distance_uncertainty, tool_covariance
 from calib.measurement.accuracy import distances, observed_points
@@ -230,12 +230,12 @@ def random_parts(visit: Visit, repeats: int) -> tuple[Array, Array, Array]:
     for region in range(4):
         members = np.flatnonzero(regions == region)
         if len(members) < FEWEST_LOCAL:
-            raise InputError(
-                f"region {region + 1} of the pool has {len(members)} poses, too few to calibrate "
-                "there and see how the place matters",
+            raise refuse(
+                "pool.box_size_mm",
+                len(members),
                 code="M27",
-                field="pool.box_size_mm",
-                value=len(members),
+                message=f"region {region + 1} of the pool has {len(members)} poses, too few to "
+                "calibrate there and see how the place matters",
                 fix="enlarge [pool] size, or let the box reach over x = 250 mm and y = 0",
             )
         local.append(rng.choice(members, min(LOCATION_POSES, len(members)), replace=False))

@@ -202,11 +202,6 @@ def test_a_reflector_has_the_systematic_part_at_the_reflector():
     np.testing.assert_array_equal(a.rotation, b.rotation)
 
 
-def test_a_target_inside_the_tracker_is_refused():
-    with pytest.raises(InputError, match=r"target\[1\] lies at the tracker's own origin"):
-        SIZE.sensitivity([[0, 0, 1], [1, 2, 3]], np.tile(np.eye(3), (2, 1, 1)), slide(1, 2, 3))
-
-
 # drift
 
 

@@ -216,11 +216,6 @@ def test_unknown_numbers_are_refused_by_name(robot, perturb, message):
         draw_truth(robot, truth(perturb=perturb), 0)
 
 
-def test_a_negative_spread_is_refused():
-    with pytest.raises(InputError, match="joint_repeatability is -1"):
-        TrueRobot(tx60(), [0, 0, -1, 0, 0, 0])
-
-
 @pytest.mark.truth
 def test_uncalibrated_error_is_that_of_the_specification(robot):
     # specification section 5: mean position error of a robot, median and 5-95 % over robots,
