@@ -5,7 +5,7 @@ as fast as MuJoCo's batches are on one thread, and ten times faster on the thirt
 """
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -91,6 +91,23 @@ class Simulator:
         obstacles = [self._model.geom(one.name).id for one in self.obstacles]
         return obstacles if self._floor < 0 else [self._floor, *obstacles]
 
+    def _standing(self, q: Array) -> Iterator[int]:
+        """Let the robot stand at each row of q (m, n) in turn; yields the row."""
+        import mujoco
+
+        for k, joints in enumerate(q):
+            self._data.qpos[:] = joints
+            mujoco.mj_kinematics(self._model, self._data)
+            yield k
+
+    def _colliding(self, q: Array) -> Iterator[int]:
+        """The same, with the contacts found."""
+        import mujoco
+
+        for k in self._standing(q):
+            mujoco.mj_collision(self._model, self._data)
+            yield k
+
     def poses(self, q: ArrayLike, *, growth: Array | None = None) -> Array:
         """Tool poses T_world_tool (m, 4, 4) at joint values q (m, n) [rad, m].
 
@@ -114,18 +131,12 @@ class Simulator:
 
     def contacts(self, q: ArrayLike) -> Contacts:
         """What the robot hits at joint values q (m, n) [rad, m], parts taken as convex hulls."""
-        import mujoco
-
         q = joint_vectors(self._chain, q)
         itself, floor, obstacle = np.zeros((3, len(q)), dtype=bool)
-        model, data = self._model, self._data
         obstacles = [k for k in self._surroundings() if k != self._floor]
-        for k, joints in enumerate(q):
-            data.qpos[:] = joints
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_collision(model, data)
-            if data.ncon:
-                pairs = data.contact.geom
+        for k in self._colliding(q):
+            if self._data.ncon:
+                pairs = self._data.contact.geom
                 below = (pairs == self._floor).any(axis=1)
                 beside = np.isin(pairs, obstacles).any(axis=1)
                 itself[k] = not (below | beside).all()
@@ -134,17 +145,8 @@ class Simulator:
 
     def collides(self, q: ArrayLike) -> Bool:
         """Whether (m,) the robot hits itself, the floor or an obstacle at q (m, n) [rad, m]."""
-        import mujoco
-
         q = joint_vectors(self._chain, q)
-        out = np.empty(len(q), dtype=bool)
-        model, data = self._model, self._data
-        for k, joints in enumerate(q):
-            data.qpos[:] = joints
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_collision(model, data)
-            out[k] = data.ncon > 0
-        return out
+        return np.array([self._data.ncon > 0 for _ in self._colliding(q)], dtype=bool)
 
     def hit_word(self, q: Array) -> str:
         """What the robot hits at one posture q (n,) that collides."""
@@ -163,9 +165,7 @@ class Simulator:
         model, data, around = self._model, self._data, self._surroundings()
         moves = model.body_weldid[model.geom_bodyid] > 0
         parts = np.flatnonzero(moves & ((model.geom_contype & ROBOT_BIT) > 0))
-        for k, joints in enumerate(q):
-            data.qpos[:] = joints
-            mujoco.mj_kinematics(model, data)
+        for k in self._standing(q):
             for part in parts:
                 for other in around:
                     found = mujoco.mj_geomDistance(model, data, part, other, most, None)
@@ -230,9 +230,7 @@ class Simulator:
             return out
         model, data, tool = self._model, self._data, self._tool
         hit = np.zeros(1, dtype=np.int32)
-        for k, joints in enumerate(q):
-            data.qpos[:] = joints
-            mujoco.mj_kinematics(model, data)
+        for k in self._standing(q):
             beam = data.site_xpos[tool] + data.site_xmat[tool].reshape(3, 3) @ offset - start
             # the answer is in units of the beam's own length; negative: nothing met
             share = mujoco.mj_ray(model, data, start, beam, None, 1, self._carrier, hit)

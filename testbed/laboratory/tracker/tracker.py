@@ -1,7 +1,7 @@
 """The virtual laser tracker: what it shows of a pose, and the shots that go wrong or fail."""
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -245,34 +245,29 @@ def tracker_from(
         Seed of the campaign, from which systematic errors are drawn; without it there are none:
         planning does not know them.
     """
-    T_world_tracker = chain.T_world_base @ slide(*(np.array(settings.station_mm) / 1e3))
-    reflector = np.array(settings.reflector_mm) / 1e3
-    acceptance = float(np.radians(settings.acceptance_deg))
+    at: dict[str, Any] = {
+        "T_world_tracker": chain.T_world_base @ slide(*(np.array(settings.station_mm) / 1e3)),
+        "measures": settings.measures,
+        "reflector": np.array(settings.reflector_mm) / 1e3,
+        "acceptance": float(np.radians(settings.acceptance_deg)),
+        "pose_time": settings.pose_s,
+    }
     if isinstance(settings, PaperTracker):
         every_axis = (settings.position_um * 1e-6, 0.0)
         turn = float(np.radians(settings.rotation_mdeg * 1e-3))
         return Tracker(
-            T_world_tracker,
-            settings.measures,
-            reflector,
             range_sd=every_axis,
             transverse_sd=every_axis,
             centering_sd=0.0,
             rotation_sd=(turn, turn, turn),
-            acceptance=acceptance,
-            pose_time=settings.pose_s,
+            **at,
         )
     pitch, yaw, roll = (float(np.radians(sd * 1e-3)) for sd in settings.rotation_mdeg)
     return Tracker(
-        T_world_tracker,
-        settings.measures,
-        reflector,
         range_sd=_in_meters(settings.range_um),
         transverse_sd=_in_meters(settings.transverse_um),
         centering_sd=settings.centering_um * 1e-6,
         rotation_sd=(pitch, yaw, roll),
-        acceptance=acceptance,
-        pose_time=settings.pose_s,
         bias=_bias(settings, seed),
         drift=_drift(settings, chain),
         gross_errors=GrossErrors(
@@ -281,6 +276,7 @@ def tracker_from(
             float(np.radians(settings.outlier_deg)),
             settings.missed,
         ),
+        **at,
     )
 
 

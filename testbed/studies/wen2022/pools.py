@@ -4,7 +4,9 @@ A designed set is one set and has its own luck. So every trial's recipe is follo
 several pools, and figures come with the scatter between them.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +18,7 @@ from calib.uncertainty.covariance import matrix_row_weights
 from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
 from testbed.scenario.read import Scenario, TrialSettings
 from testbed.streams import stream
+from testbed.studies.many_robots import alone, together
 from testbed.studies.trial.play import criterion_of, select
 from testbed.studies.wen2022.one_robot import RANDOM_BUDGET_POSES, SPARE_POSES
 from testbed.studies.wen2022.records import PoolSets, TrialSets
@@ -59,11 +62,11 @@ class Noise:
         return np.sqrt(variance) * self.scale, np.sqrt(tool)
 
 
-def noise_of(bench: Laboratory, parameters: Parameters) -> Noise:
-    """Noise of every pose of a bench's pool, at the nominal robot."""
-    setting, free = bench.setting, parameters.free
+def noise_of(laboratory: Laboratory, parameters: Parameters) -> Noise:
+    """Noise of every pose of a laboratory's pool, at the nominal robot."""
+    setting, free = laboratory.setting, parameters.free
     J = setting.nominal.poses_and_jacobian(setting.pool_q)[1][:, :, free] * parameters.free_scale
-    S = bench.covariance(setting.pool_q)
+    S = laboratory.covariance(setting.pool_q)
     A, W = whiteners(S) @ J, matrix_row_weights(len(J))
     WJ = W @ J
     across = np.swapaxes(np.linalg.cholesky(S), 1, 2) @ WJ
@@ -78,60 +81,72 @@ def noise_of(bench: Laboratory, parameters: Parameters) -> Noise:
     )
 
 
+AXES = dict.fromkeys(("pool_q", "test_q", "pose_number"), 0)
+SET_AXES = dict.fromkeys(("indices", "u", "tool_u"), 0)
+
+
 def pool_sets_study(scenario: Scenario, setting: Setting) -> PoolSets:
     """Draw the pools, choose every designed trial's set from each, and predict what noise does."""
-    bench, count = open_laboratory(scenario, setting), scenario.reexamined.pools
+    return play_pools(scenario, setting, range(scenario.reexamined.pools))
+
+
+def play_pools(scenario: Scenario, setting: Setting, pools: range) -> PoolSets:
+    """Some of the pools with their sets."""
+    laboratory = open_laboratory(scenario, setting)
+    return gather([play_pool(laboratory, p) for p in pools])
+
+
+def gather(parts: Sequence[PoolSets]) -> PoolSets:
+    """The pools of all parts."""
+    sets = zip(*(part.sets for part in parts), strict=True)
+    joined = tuple(together(of_one_trial, SET_AXES) for of_one_trial in sets)
+    return replace(together(parts, AXES), sets=joined)
+
+
+def play_pool(laboratory: Laboratory, pool: int) -> PoolSets:
+    """Draw one pool and the sets from it."""
+    scenario, free = laboratory.scenario, laboratory.free("paper")
     N = scenario.pool.size
-    joints, chosen, u, tool, settled = [], [], [], [], []
-    for p in range(count):
-        rng = stream(scenario.seed, "reexamined", "pool", p)
-        pool = bench.candidates().draw(rng, size=N + scenario.test.poses)
-        joints.append(pool.q)
-        own = bench.with_poses(pool.q[:N], pool.q[N:])
-        picked = [designed_set(own, trial, p) for trial in scenario.trial]
-        noise = noise_of(own, own.free("paper"))
-        sizes = [*(trial.poses for trial in scenario.trial), min(RANDOM_BUDGET_POSES, N)]
-        both = [
-            predicted(noise, one, size, scenario.seed, p)
-            for one, size in zip([*picked, None], sizes, strict=True)
-        ]
-        chosen.append(picked)
-        u.append([each[0] for each in both])
-        tool.append([each[1] for each in both])
-        settled.append(pose_number(own, p))
-    q, u_all, tool_all = np.array(joints), np.array(u), np.array(tool)
-    sets = [
-        TrialSets(
-            trial=trial.name,
-            poses=trial.poses,
-            designed=trial.method != "random",
-            by_paper=trial.method == "detmax" and trial.rows == "paper",
-            criterion=trial.criterion,
-            indices=np.array([[] if row[i] is None else row[i] for row in chosen], dtype=np.int64),
-            u=u_all[:, i],
-            tool_u=tool_all[:, i],
-        )
-        for i, trial in enumerate(scenario.trial)
-    ]
-    size = min(RANDOM_BUDGET_POSES, N)
-    none = np.zeros((count, 0), dtype=np.int64)
-    sets.append(TrialSets(BUDGET_SET, size, False, False, "", none, u_all[:, -1], tool_all[:, -1]))
+    rng = stream(scenario.seed, "reexamined", "pool", pool)
+    q = laboratory.candidates().draw(rng, size=N + scenario.test.poses).q
+    own = laboratory.with_poses(q[:N], q[N:])
+    noise, size = noise_of(own, free), min(RANDOM_BUDGET_POSES, N)
+    figures = predicted(noise, None, size, scenario.seed, pool)
+    budget = TrialSets(BUDGET_SET, size, False, False, "", **_figures(None, *figures))
     return PoolSets(
-        names=bench.free("paper").free_names,
-        pool_q=q[:, :N],
-        test_q=q[:, N:],
-        sets=tuple(sets),
-        pose_number=np.array(settled, dtype=np.int64),
+        names=free.free_names,
+        sets=(*(trial_sets(own, noise, trial, pool) for trial in scenario.trial), budget),
+        **alone(AXES, pool_q=q[:N], test_q=q[N:], pose_number=pose_number(own, pool)),
     )
 
 
-def designed_set(bench: Laboratory, trial: TrialSettings, pool: int) -> Index | None:
+def trial_sets(own: Laboratory, noise: Noise, trial: TrialSettings, pool: int) -> TrialSets:
+    """A trial's kind of set in one pool."""
+    chosen = designed_set(own, trial, pool)
+    figures = predicted(noise, chosen, trial.poses, own.scenario.seed, pool)
+    return TrialSets(
+        trial=trial.name,
+        poses=trial.poses,
+        designed=chosen is not None,
+        by_paper=trial.method == "detmax" and trial.rows == "paper",
+        criterion=trial.criterion,
+        **_figures(chosen, *figures),
+    )
+
+
+def _figures(chosen: Index | None, u: Array, tool_u: Array) -> dict[str, Any]:
+    """Arrays of `TrialSets` for one pool; random sets have no places."""
+    places = np.zeros(0, dtype=np.int64) if chosen is None else chosen
+    return alone(SET_AXES, indices=places, u=u, tool_u=tool_u)
+
+
+def designed_set(laboratory: Laboratory, trial: TrialSettings, pool: int) -> Index | None:
     """Places (m,) in a pool of a trial's set; None for random sets, drawn anew for each robot."""
     if trial.method == "random":
         return None
-    rng = stream(bench.scenario.seed, "reexamined", "select", trial.name, pool)
-    blocks = bench.design_blocks(trial.rows)
-    return select(blocks, trial, rng, criterion_of(bench, trial)).indices
+    rng = stream(laboratory.scenario.seed, "reexamined", "select", trial.name, pool)
+    blocks = laboratory.design_blocks(trial.rows)
+    return select(blocks, trial, rng, criterion_of(laboratory, trial)).indices
 
 
 def predicted(
@@ -147,12 +162,12 @@ def predicted(
     return u.mean(axis=0), tool.mean(axis=0)
 
 
-def pose_number(bench: Laboratory, pool: int) -> tuple[int, int]:
+def pose_number(laboratory: Laboratory, pool: int) -> tuple[int, int]:
     """Poses at which O1 and O2 of random sets settle in the paper's rows; -1 for never."""
-    blocks = bench.design_blocks("paper")
-    largest = min(bench.scenario.studies.pose_count_max, len(blocks))
+    blocks = laboratory.design_blocks("paper")
+    largest = min(laboratory.scenario.studies.pose_count_max, len(blocks))
     problem = Problem.of_blocks(blocks, len(blocks), "D")
-    rng = stream(bench.scenario.seed, "reexamined", "pose_count", pool)
+    rng = stream(laboratory.scenario.seed, "reexamined", "pose_count", pool)
     curves = pose_count(problem, rng, counts=range(problem.fewest + SPARE_POSES, largest + 1))
     first, second = (-1 if curve.chosen is None else curve.chosen for curve in curves[:2])
     return first, second
