@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from calib.identification.identify import identify as identify
     from calib.identification.result import Identification as Identification
     from calib.measurement.observations import Measurements as Measurements
-    from calib.measurement.observations import distances as distances
     from calib.measurement.observations import joined as joined
-    from calib.measurement.observations import points as points
-    from calib.measurement.observations import poses as poses
+    from calib.measurement.tables import distances as distances
+    from calib.measurement.tables import points as points
+    from calib.measurement.tables import poses as poses
     from calib.uncertainty.judgement import Judgement as Judgement
     from calib.uncertainty.judgement import judge as judge
 else:
@@ -37,14 +37,14 @@ else:
         "calibrate": "calibration",
         "compensate": "compensation",
         "design": "",
-        "distances": "measurement.observations",
+        "distances": "measurement.tables",
         "errors": "",
         "identify": "identification.identify",
         "joined": "measurement.observations",
         "judge": "uncertainty.judgement",
         "parameters_of": "geometry.parameters",
-        "points": "measurement.observations",
-        "poses": "measurement.observations",
+        "points": "measurement.tables",
+        "poses": "measurement.tables",
         "uncertainty": "",
     }
     """Module of each name; a room is its own."""

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calib.errors import InputError
+from calib.errors import InputError, refuse
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -49,34 +49,31 @@ def check(spec: str, **arrays: ArrayLike) -> tuple[Array, ...]:
         try:
             array = frozen(value)
         except (TypeError, ValueError) as error:
-            raise InputError(f"{name} is not an array of numbers", code="A1", field=name) from error
+            message = f"{name} is not an array of numbers"
+            raise refuse(name, code="A1", message=message) from error
         wanted = shape.split()
         if array.ndim != len(wanted):
-            raise InputError(
-                f"{name} has shape {array.shape}",
-                code="A1",
-                field=name,
-                value=array.shape,
-                allowed=f"expected ({', '.join(wanted)})",
-            )
+            raise wrong_shape(name, array.shape, f"expected ({', '.join(wanted)})")
         for axis, (size, letter) in enumerate(zip(array.shape, wanted, strict=True)):
             expected = int(letter) if letter.isdigit() else sizes.setdefault(letter, size)
             if size != expected:
-                raise InputError(
-                    f"{name} has shape {array.shape}",
-                    code="A1",
-                    field=name,
-                    value=array.shape,
-                    allowed=f"axis {axis} ({letter}) should be {expected}",
-                )
-        if not np.isfinite(array).all():
-            where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-            raise InputError(
-                f"{name}{list(where)} is {array[where]}",
-                code="A2",
-                field=name,
-                value=float(array[where]),
-                allowed="every value must be finite",
-            )
+                allowed = f"axis {axis} ({letter}) should be {expected}"
+                raise wrong_shape(name, array.shape, allowed)
+        require_finite(name, array)
         checked.append(array)
     return tuple(checked)
+
+
+def require_finite(name: str, array: Array) -> None:
+    """Refuse nan and inf, by the place of the first."""
+    finite = np.isfinite(array)
+    if not finite.all():
+        where = tuple(int(i) for i in np.argwhere(~finite)[0])
+        message = f"{name}{list(where)} is {array[where]}"
+        value, allowed = float(array[where]), "every value must be finite"
+        raise refuse(name, value, allowed, code="A2", message=message)
+
+
+def wrong_shape(name: str, shape: tuple[int, ...], allowed: str) -> InputError:
+    """The error for an array of another shape than allowed."""
+    return refuse(name, shape, allowed, code="A1", message=f"{name} has shape {shape}")

@@ -92,7 +92,7 @@ def calibrate(
     Examples
     --------
     >>> from calib.geometry.chain import Chain
-    >>> from calib.measurement.observations import points
+    >>> from calib.measurement.tables import points
     >>> links = [[0, 0.4, 0.1, -1.57, 0], [0, 0, 0.5, 0, 0], [0, 0, 0.4, 0, 0]]
     >>> arm = RobotModel(Chain(links))
     >>> rng = np.random.default_rng(0)

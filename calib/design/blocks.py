@@ -6,13 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
-from calib.errors import refuse
 from calib.geometry.model import RobotModel
-from calib.geometry.parameters import CHARACTERISTIC_LENGTH, Parameters, parameters_of
+from calib.geometry.parameters import Parameters, parameters_of
 from calib.information.rank import count, rank, singular_values, triangle
 from calib.information.reduction import reduce
-from calib.measurement.noise import isotropic_covariance
 from calib.measurement.residual import point_blocks, whitened_blocks
+from calib.measurement.tables import covariances_of_sd
 
 PAPER_LENGTH = 1e-3
 """The paper counts lengths in mm: its indices depend on that."""
@@ -37,28 +36,17 @@ def identifiable_blocks(
         Nominal model.
     q : (N, n) array_like
         Joint values [rad, m].
-    noise : float or array_like
-        Standard deviation of a position on each axis [m], a rotation's being that over 0.3 m; or
-        the covariance of a pose, (6, 6) or (N, 6, 6) in world axes [m, rad]; or, where only the
-        tool origin is measured, that of a point, (3, 3) or (N, 3, 3) [m].
+    noise : array_like
+        Of a measured pose the standard deviations of position and rotation (2,), of the six axes
+        (6,) [m, rad], or covariances, one (6, 6) or (N, 6, 6); or, where only the tool origin is
+        measured, one standard deviation or three [m], or covariances, one (3, 3) or (N, 3, 3).
     free : iterable of str, optional
         Names of the numbers to identify; by default all of the model.
     """
     (q,) = check(f"N {model.chain.n_joints}", q=q)
-    covariance = np.asarray(noise, dtype=np.float64)
-    if not covariance.ndim:
-        sd = float(covariance)
-        covariance = isotropic_covariance(1, sd, sd / CHARACTERISTIC_LENGTH)
-    r = covariance.shape[-1]
-    if r not in (3, 6) or covariance.shape not in ((r, r), (1, r, r), (len(q), r, r)):
-        raise refuse(
-            "noise",
-            covariance.shape,
-            "a number, or covariances (6, 6) of a pose or (3, 3) of a point, one or N",
-            code="A1",
-            message=f"noise has shape {covariance.shape}",
-        )
-    covariance = np.broadcast_to(covariance, (len(q), r, r))
+    shape = np.shape(noise)
+    r = 6 if shape == (2,) or shape[-1:] == (6,) else 3
+    covariance = covariances_of_sd(noise, r, len(q), "noise")
     if r == 6:
         rows = whitened_blocks(model, q, covariance)
     else:

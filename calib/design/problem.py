@@ -17,6 +17,7 @@ from calib.design.blocks import (
 )
 from calib.errors import InputError, refuse
 from calib.geometry.model import RobotModel
+from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from calib.information.criteria.base import Criterion, Pool
 from calib.information.criteria.named import criterion_named
 from calib.information.goals import goal_matrix
@@ -147,7 +148,7 @@ class Problem:
         poses: int,
         criterion: str | Criterion = "D",
         goals: ArrayLike | None = None,
-        noise: ArrayLike = 1e-5,
+        noise: ArrayLike = (1e-5, 1e-5 / CHARACTERISTIC_LENGTH),
         free: Iterable[str] | None = None,
         given: ArrayLike = (),
         allowed: ArrayLike | None = None,
@@ -167,7 +168,7 @@ class Problem:
             Name, or a criterion made once.
         goals : (g, n) array_like, optional
             Joint values at which the tool must be right, for V and G [rad, m].
-        noise : float or array_like
+        noise : array_like
             As in `calib.design.blocks.identifiable_blocks`.
         free : iterable of str, optional
             Names of the numbers to identify; by default all of the model.

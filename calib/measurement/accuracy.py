@@ -6,10 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.frames import log_so3
-from calib.geometry.model import RobotModel
-from calib.measurement.observations import Measurements
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,16 +38,13 @@ def rotation_errors(T_true: ArrayLike, T_stated: ArrayLike) -> Array:
     return np.asarray(np.linalg.norm(log_so3(turn), axis=1))
 
 
-def accuracy(errors: ArrayLike) -> Accuracy:
+def error_statistics(errors: ArrayLike) -> Accuracy:
     """Sum up error sizes (m,) [m or rad], none of them negative."""
     (errors,) = check("m", errors=errors)
     if len(errors) == 0 or errors.min() < 0:
-        raise InputError(
-            "errors is empty" if len(errors) == 0 else f"errors has the value {errors.min():.3g}",
-            code="A3",
-            field="errors",
-            allowed="at least one error size, none negative",
-        )
+        message = f"errors has the value {errors.min():.3g}" if len(errors) else "errors is empty"
+        allowed = "at least one error size, none negative"
+        raise refuse("errors", allowed=allowed, code="A3", message=message)
     return Accuracy(
         mean=float(errors.mean()),
         rms=float(np.sqrt(np.mean(errors**2))),
@@ -65,19 +60,6 @@ def target_points(T: Array, target: Array) -> Array:
     return np.asarray(T[:, :3, 3] + T[:, :3, :3] @ target)
 
 
-def distances(a: Array, b: Array) -> Array:
+def point_distances(a: Array, b: Array) -> Array:
     """Distances (m,) [m] between points (m, 3)."""
     return np.asarray(np.linalg.norm(a - b, axis=1))
-
-
-def observed_points(model: RobotModel, measurements: Measurements) -> Array:
-    """Where `model` predicts the measured points (m, 3) [m]."""
-    T = model.poses(measurements.q)
-    return np.asarray(T[:, :3, 3] + (T[:, :3, :3] @ measurements.offset[:, :, None])[:, :, 0])
-
-
-def seen_minus_predicted(model: RobotModel, measurements: Measurements) -> tuple[Array, Array]:
-    """Predicted points (m, 3) and how far from them the tracker saw the target (m, 3) [m]."""
-    T, offset = model.poses(measurements.q), measurements.offset
-    predicted = T[:, :3, 3] + (T[:, :3, :3] @ offset[:, :, None])[..., 0]
-    return predicted, measurements.position - predicted

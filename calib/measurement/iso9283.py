@@ -18,15 +18,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Index, frozen
-from calib.errors import InputError
+from calib.arrays import Array, Index, frozen, wrong_shape
 from calib.geometry.frames import exp_so3, log_so3
 from calib.measurement.cycles import (
     covariances_of,
     cycles_of,
-    matching,
     mean_norm,
     mean_widest,
+    per_pose,
     repeatability_floor,
     rotations_of,
     sd_bias,
@@ -70,7 +69,7 @@ def accuracy(position: ArrayLike, command: ArrayLike, *, common: ArrayLike | Non
     0.5
     """
     x = cycles_of(position)
-    target = matching(command, x.shape[:-2], "command", (3,))
+    target = per_pose(command, x.shape[:-2], "command", (3,))
     off = x.mean(axis=-2) - target
     value = np.linalg.norm(off, axis=-1)
     scatter = _covariance(x) / x.shape[-2]
@@ -118,16 +117,14 @@ def approaches(position: ArrayLike) -> Figure:
     """
     x = cycles_of(position)
     if x.ndim < 3 or x.shape[-3] < 2:
-        raise InputError(
-            f"position has shape {x.shape}", code="A1", field="position", value=x.shape,
-            allowed="(..., g, n, 3) with at least two directions of approach",
-        )  # fmt: skip
+        allowed = "(..., g, n, 3) with at least two directions of approach"
+        raise wrong_shape("position", x.shape, allowed)
     center = x.mean(axis=-2)
     scatter = _covariance(x) / x.shape[-2]
     value, one, other = widest(center)
-    gap = _picked(center, one) - _picked(center, other)
+    gap = _take(center, one) - _take(center, other)
     along = gap / np.maximum(value, 1e-300)[..., None]
-    both = _picked(scatter, one) + _picked(scatter, other)
+    both = _take(scatter, one) + _take(scatter, other)
     return Figure(
         frozen(value),
         frozen(np.sqrt(np.einsum("...i,...ij,...j->...", along, both, along))),
@@ -263,7 +260,7 @@ def _radius(x: Array) -> Array:
     return np.asarray(away.mean(axis=-1) + 3 * away.std(axis=-1, ddof=1))
 
 
-def _picked(stack: Array, index: Index) -> Array:
+def _take(stack: Array, index: Index) -> Array:
     """Entry `index` (...,) of each group of a stack (..., g, *)."""
     lead = stack.shape[: index.ndim]
     flat = stack.reshape(-1, *stack.shape[index.ndim :])
@@ -274,10 +271,8 @@ def _distances(first: ArrayLike, second: ArrayLike) -> Array:
     """Distances (..., n) cycle by cycle."""
     one, other = cycles_of(first), cycles_of(second)
     if one.shape != other.shape:
-        raise InputError(
-            f"second has shape {other.shape}", code="A1", field="second", value=other.shape,
-            allowed=f"expected {one.shape}: the same cycles at both poses",
-        )  # fmt: skip
+        allowed = f"expected {one.shape}: the same cycles at both poses"
+        raise wrong_shape("second", other.shape, allowed)
     return np.asarray(np.linalg.norm(other - one, axis=-1))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check
-from calib.errors import InputError
+from calib.errors import InputError, refuse
 from calib.geometry.jacobian import joint_columns, pose_and_jacobian, reflector_rows
 from calib.geometry.model import RobotModel
 
@@ -72,19 +72,17 @@ def spherical_covariance(
     distance = np.linalg.norm(beam, axis=1)
     if (distance == 0).any():
         row = int(np.argmin(distance))
-        raise InputError(
-            f"target[{row}] lies at the tracker's own origin",
-            code="A3",
-            field="target",
-            value=row,
-            allowed="a beam needs a length",
-        )
+        message = f"target[{row}] lies at the tracker's own origin"
+        raise refuse("target", row, "a beam needs a length", code="A3", message=message)
+    # variances along and across the unit beam
     u = beam / distance[:, None]
     along = (range_sd[0] + range_sd[1] * distance) ** 2
     across = (transverse_sd[0] + transverse_sd[1] * distance) ** 2
+    # position: (along - across) u u' + (across + centering) I
     covariance = np.zeros((len(target), 6, 6))
     covariance[:, :3, :3] = (along - across)[:, None, None] * (u[:, :, None] * u[:, None, :])
     covariance[:, :3, :3] += (across + centering_sd**2)[:, None, None] * np.eye(3)
+    # rotation: in the axes of the target, then of the world
     covariance[:, 3:, 3:] = np.diag(np.square(rotation_sd))
     if R_world_target is not None:
         _, R = check("m 3, m 3 3", target=target, R_world_target=R_world_target)
@@ -130,6 +128,7 @@ def with_joint_noise(
     if offset is not None:
         _, offset = check("m 6 6, m 3", covariance=covariance, offset=offset)
         J_q[:, :3] = reflector_rows(T, J_q, offset)[1]
+    # joint scatter seen at the tool
     J_q = J_q * sigma_q
     return np.asarray(covariance + J_q @ np.swapaxes(J_q, -1, -2))
 
@@ -146,37 +145,35 @@ def whiteners(covariance: ArrayLike) -> Array:
     (covariance,) = check("m r r", covariance=covariance)
     variance = np.diagonal(covariance, axis1=1, axis2=2)
     if (variance <= 0).any():
-        _refuse(covariance, int(np.argwhere((variance <= 0).any(1))[0, 0]))
+        raise _indefinite(covariance, int(np.argwhere((variance <= 0).any(1))[0, 0]))
+    # correlations: meters and radians do not mix
     scale = np.sqrt(variance)
     correlation = covariance / (scale[:, :, None] * scale[:, None, :])
     asymmetry = np.abs(correlation - np.swapaxes(correlation, -1, -2)).max((-1, -2), initial=0.0)
     if (asymmetry > 1e-9).any():
         row = int(np.argmax(asymmetry))
-        raise InputError(
-            f"covariance[{row}] is not symmetric, by {asymmetry[row]:.1e} of its scale",
-            code="M34",
-            field="covariance",
-            value=row,
-            fix="give the full symmetric matrix",
-        )
+        message = f"covariance[{row}] is not symmetric, by {asymmetry[row]:.1e} of its scale"
+        fix = "give the full symmetric matrix"
+        raise refuse("covariance", row, code="M34", message=message, fix=fix)
     try:
         L = np.linalg.cholesky(correlation)
     except np.linalg.LinAlgError:
-        _refuse(covariance, int(np.argmin(np.linalg.eigvalsh(correlation)[:, 0])))
+        worst = int(np.argmin(np.linalg.eigvalsh(correlation)[:, 0]))
+        raise _indefinite(covariance, worst) from None
     pivots = np.square(np.diagonal(L, axis1=1, axis2=2)).min(-1, initial=1.0)
     if (pivots < SMALLEST_PIVOT).any():
-        _refuse(covariance, int(np.argmin(pivots)))
+        raise _indefinite(covariance, int(np.argmin(pivots)))
     return np.linalg.solve(L, np.eye(L.shape[-1])) / scale[:, None, :]
 
 
-def _refuse(covariance: Array, row: int) -> None:
-    """Raise for one covariance that is not positive definite."""
+def _indefinite(covariance: Array, row: int) -> InputError:
+    """The error for one covariance that is not positive definite."""
     smallest = float(np.linalg.eigvalsh(covariance[row])[0])
-    raise InputError(
-        f"covariance[{row}] is not positive definite: smallest eigenvalue {smallest:.3g}",
+    return refuse(
+        "covariance",
+        smallest,
+        "every direction must scatter a little",
         code="M34",
-        field="covariance",
-        value=smallest,
-        allowed="every direction must scatter a little",
+        message=f"covariance[{row}] is not positive definite: smallest eigenvalue {smallest:.3g}",
         fix="give each axis a standard deviation above zero",
     )

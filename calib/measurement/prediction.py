@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.frames import log_so3, right_jacobian_inverse, skew
 from calib.geometry.model import RobotModel
@@ -103,7 +103,7 @@ def targets(fixtures: Fixtures, measurements: Measurements) -> Array:
     return np.where((own != GIVEN)[:, None], fixtures.reflectors[own], measurements.offset)
 
 
-def seen_positions(model: RobotModel, measurements: Measurements) -> Array:
+def predicted_positions(model: RobotModel, measurements: Measurements) -> Array:
     """Predicted positions (m, 3) in the station's frame: tool origin, or reflector [m].
 
     Of a distance row the place of its reflector in the world.
@@ -127,12 +127,12 @@ def require_fixtures(fixtures: Fixtures, measurements: Measurements) -> None:
         index = getattr(measurements, name)
         if index.max(initial=-1) >= have:
             row = int(np.argmax(index >= have))
-            raise InputError(
-                f"{name}[{row}] is {index[row]}, the model has {have} of them",
+            raise refuse(
+                name,
+                int(index[row]),
+                f"0 to {have - 1}" if have else "none",
                 code="A3",
-                field=name,
-                value=int(index[row]),
-                allowed=f"0 to {have - 1}" if have else "none",
+                message=f"{name}[{row}] is {index[row]}, the model has {have} of them",
                 fix="give the model the fixtures that the table names (RobotModel.fixtures)",
             )
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, check, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.jacobian import matrix_rows, reflector_rows
 from calib.geometry.model import RobotModel
 from calib.measurement.noise import whiteners
@@ -26,9 +26,8 @@ class Stack:
     """(N,) observation each row belongs to."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "r", frozen(self.r))
-        object.__setattr__(self, "A", frozen(self.A))
-        object.__setattr__(self, "row_of", frozen(self.row_of, np.int64))
+        for name, kind in (("r", np.float64), ("A", np.float64), ("row_of", np.int64)):
+            object.__setattr__(self, name, frozen(getattr(self, name), kind))
 
 
 def table_whiteners(measurements: Measurements) -> Array:
@@ -100,24 +99,16 @@ def paper_stack(model: RobotModel, measurements: Measurements) -> Stack:
     ----------
     Wen et al. 2022, eqs. (3)-(5).
     """
+    fix = 'use the mode "whitened"'
     if not measurements.is_pose.all():
         row = int(np.argmin(measurements.is_pose))
-        raise InputError(
-            f"row {row} is a {measurements.kind[row]}; the twelve rows need position and rotation",
-            code="A3",
-            field="kind",
-            value=row,
-            fix='use the mode "whitened"',
-        )
+        kind = f"row {row} is a {measurements.kind[row]}"
+        message = f"{kind}; the twelve rows need position and rotation"
+        raise refuse("kind", row, code="A3", message=message, fix=fix)
     if measurements.station.any():
         row = int(np.argmax(measurements.station > 0))
-        raise InputError(
-            f"row {row} was seen from a further station; the twelve rows know one",
-            code="A3",
-            field="station",
-            value=row,
-            fix='use the mode "whitened"',
-        )
+        message = f"row {row} was seen from a further station; the twelve rows know one"
+        raise refuse("station", row, code="A3", message=message, fix=fix)
     T, J = model.poses_and_jacobian(measurements.q)
     turned = np.swapaxes(measurements.rotation - T[:, :3, :3], -1, -2).reshape(-1, 9)
     shifted = 1e3 * (measurements.position - T[:, :3, 3])

@@ -8,7 +8,7 @@ from calib.identification.identify import Identification
 from calib.identification.outlier_search import noise_factor
 from calib.identification.prior import prior_rows
 from calib.identification.tangent import covariance_factor
-from calib.measurement.accuracy import accuracy
+from calib.measurement.accuracy import error_statistics
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.measurement.residual import stacked
@@ -30,8 +30,8 @@ def figures_of(errors: RowErrors, measurements: Measurements, rows: Bool) -> Fig
     """Statistics over some rows (m,), one or more."""
     pose = rows & measurements.is_pose
     return Figures(
-        position=accuracy(errors.position[rows]),
-        rotation=accuracy(errors.rotation[pose]) if pose.any() else None,
+        position=error_statistics(errors.position[rows]),
+        rotation=error_statistics(errors.rotation[pose]) if pose.any() else None,
         median=float(np.median(errors.position[rows])),
     )
 

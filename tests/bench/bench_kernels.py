@@ -10,7 +10,7 @@ import pytest
 
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
-from calib.measurement import observations
+from calib.measurement import tables
 from calib.measurement.noise import isotropic_covariance
 from calib.uncertainty.bootstrap import bootstrap
 from calib.uncertainty.tool_point import propagate
@@ -19,7 +19,7 @@ from tests.reference import SIGMA_POSITION, SIGMA_ROTATION, WEN24, pool_r, tx60
 from tests.truth.measuring import measured
 
 C, Q, MODEL = calibration_covariance(), pool_r(50), tx60()
-PLAN = observations.poses(
+PLAN = tables.poses(
     pool_r()[:29],
     MODEL.poses(pool_r()[:29]),
     sd=isotropic_covariance(29, SIGMA_POSITION, SIGMA_ROTATION),

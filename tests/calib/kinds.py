@@ -9,7 +9,7 @@ from calib.geometry.chain import Chain
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.frames import exp_so3, inverse, transform
 from calib.geometry.model import RobotModel
-from calib.measurement import observations
+from calib.measurement import tables
 from calib.measurement.noise import isotropic_covariance
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import targets
@@ -83,9 +83,7 @@ def poses(
     T = inverse(true.fixtures.station_frames[station]) @ true.poses(q)
     T[:, :3, 3] += rng.normal(size=(len(q), 3)) * NOISE
     T[:, :3, :3] = exp_so3(rng.normal(size=(len(q), 3)) * TURN_NOISE) @ T[:, :3, :3]
-    return observations.poses(
-        q, T, sd=isotropic_covariance(len(q), NOISE, TURN_NOISE), station=station
-    )
+    return tables.poses(q, T, sd=isotropic_covariance(len(q), NOISE, TURN_NOISE), station=station)
 
 
 def points(
@@ -93,7 +91,7 @@ def points(
 ) -> Measurements:
     """A reflector of the fixtures, or the one at `OFFSET`, seen by a station."""
     offset = OFFSET if reflector < 0 else (0.0, 0.0, 0.0)
-    table = observations.points(
+    table = tables.points(
         q,
         np.zeros((len(q), 3)),
         sd=np.eye(3) * NOISE**2,
@@ -111,7 +109,7 @@ def distances(
 ) -> Measurements:
     """Distances from an anchor to a reflector of the fixtures, or to the one at `OFFSET`."""
     offset = OFFSET if reflector < 0 else (0.0, 0.0, 0.0)
-    table = observations.distances(
+    table = tables.distances(
         q, np.ones(len(q)), sd=NOISE, anchor=anchor, offset=offset, reflector=reflector
     )
     d = np.linalg.norm(places(true, table) - true.fixtures.anchors[anchor], axis=1)

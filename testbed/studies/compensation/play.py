@@ -15,8 +15,7 @@ from calib.arrays import Array, frozen
 from calib.compensation import compensate
 from calib.geometry.model import RobotModel
 from calib.identification.model_choice import choose
-from calib.measurement.accuracy import accuracy as summed_up
-from calib.measurement.accuracy import position_errors
+from calib.measurement.accuracy import error_statistics, position_errors
 from calib.measurement.iso9283 import (
     Figure,
     accuracy,
@@ -221,7 +220,7 @@ def _shared(laboratory: Laboratory, T: Array) -> tuple[Array, Array]:
 
 def _held_out(model: RobotModel, laboratory: Laboratory, true: Array) -> tuple[float, float]:
     """Mean and 95th percentile [m] of the errors of predicted tool points at held-out poses."""
-    found = summed_up(position_errors(true, model.poses(laboratory.setting.test_q)))
+    found = error_statistics(position_errors(true, model.poses(laboratory.setting.test_q)))
     return found.mean, found.p95
 
 

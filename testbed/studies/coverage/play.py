@@ -16,7 +16,7 @@ from calib.arrays import Array, Index
 from calib.identification.identify import Identification, identify
 from calib.identification.least_squares import Status
 from calib.identification.model_choice import choose
-from calib.measurement.accuracy import distances
+from calib.measurement.accuracy import point_distances
 from calib.measurement.observations import Measurements
 from calib.uncertainty.covariance import standard_uncertainty
 from calib.uncertainty.judgement import judge
@@ -131,7 +131,7 @@ def play_robot(
             AXES,
             extended=extended,
             log_evidence=evidence,
-            before=distances(measured.true, nominal.poses(measured.judge_q)[:, :3, 3]).mean(),
+            before=point_distances(measured.true, nominal.poses(measured.judge_q)[:, :3, 3]).mean(),
             normal_error=normal_error,
             nees=nees,
             **{
@@ -218,7 +218,7 @@ def judge_model(found: Identification, measured: MeasuredRobot, level: float) ->
         probability=level,
     )
     radius = ball.radius + systematic_reach(found, shared, measured.judge_q, level=level)
-    error = distances(measured.true, bare.position)
+    error = point_distances(measured.true, bare.position)
     verdict = judgement.trust
     return JudgedModel(
         inside=(
@@ -248,7 +248,7 @@ def parameter_errors(found: Identification, measured: MeasuredRobot) -> tuple[Ar
         return None
     step = true_step(setting, found, measured.seen)
     exact = setting.nominal.moved(found.parameters.expand(step))
-    if distances(exact.poses(measured.judge_q)[:, :3, 3], measured.true).max() > EXACT:
+    if point_distances(exact.poses(measured.judge_q)[:, :3, 3], measured.true).max() > EXACT:
         return None
     wrong = found.step - step
     covariance = found.covariance + systematic_covariance(measured.laboratory, found, measured.seen)

@@ -16,7 +16,7 @@ from calib.design.blocks import information
 from calib.information.criteria.base import Criterion
 from calib.information.criteria.linear import v_of
 from calib.information.propagation import point_uncertainty
-from calib.measurement.accuracy import distances, target_points
+from calib.measurement.accuracy import point_distances, target_points
 from calib.uncertainty.regions import inside
 from testbed.laboratory.goal import goals_of
 from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
@@ -89,7 +89,9 @@ def play_robot(
             rms_error=rms,
             stated_u=stated,
             inside=held,
-            before=distances(true, target_points(own.setting.nominal.poses(q), target)).mean(),
+            before=point_distances(
+                true, target_points(own.setting.nominal.poses(q), target)
+            ).mean(),
             goal_u=[goal.figure(information(blocks[chosen]), len(chosen)) for chosen in sets],
         ),
     )
@@ -119,7 +121,7 @@ def _judged(
             setting.target,
             full_covariance(found, found.covariance + shared),
         )
-        error = distances(true, point)
+        error = point_distances(true, point)
         out.append(
             (
                 float(error.mean()),

@@ -14,13 +14,13 @@ from calib.geometry.jacobian import reflector_rows
 from calib.geometry.model import RobotModel
 from calib.identification.identify import Identification, identify
 from calib.measurement.accuracy import (
-    accuracy,
-    distances,
-    observed_points,
+    error_statistics,
+    point_distances,
     rotation_errors,
     target_points,
 )
 from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predicted_positions
 from calib.uncertainty.regions import coverage_factor, inside, mahalanobis_squared
 from calib.uncertainty.tool_point import ToolStatement
 from testbed.laboratory.truth.laboratory import Setting
@@ -131,12 +131,14 @@ def compare(
     point, R, covariance = target_prediction(
         identification.model, q, target, stated.full_covariance
     )
-    before = distances(p_true, target_points(T0, target))
+    before = point_distances(p_true, target_points(T0, target))
     error = p_true - point
-    after = distances(p_true, point)
+    after = point_distances(p_true, point)
     wrong = identification.step - truth
     at_measured = [
-        accuracy(distances(measurements.position, observed_points(model, measurements)))
+        error_statistics(
+            point_distances(measurements.position, predicted_positions(model, measurements))
+        )
         for model in (setting.nominal, identification.model)
     ]
     return Comparison(
@@ -149,8 +151,8 @@ def compare(
         inside=inside(error, covariance[:, :3, :3]),
         identification_before=at_measured[0],
         identification_after=at_measured[1],
-        accuracy_before=accuracy(before),
-        accuracy_after=accuracy(after),
+        accuracy_before=error_statistics(before),
+        accuracy_after=error_statistics(after),
         true_step=truth,
         parameter_inside=np.abs(wrong) <= INTERVAL * stated.standard_uncertainty,
         nees=float(mahalanobis_squared(wrong, stated.covariance)),
@@ -167,5 +169,5 @@ def attained(
     true = validation.judge_true
     shares = [float(region.holds(true).mean()) for region in regions]
     if radius is not None:
-        shares.append(float((distances(true, regions[0].position) <= radius).mean()))
+        shares.append(float((point_distances(true, regions[0].position) <= radius).mean()))
     return np.array(shares)

@@ -13,7 +13,7 @@ from calib.identification.identify import Identification, Mode
 from calib.information.criteria.base import Criterion
 from calib.information.criteria.named import NEEDS_GOALS, criterion_named
 from calib.information.observability import Observability, indices, singular_values
-from calib.measurement.accuracy import distances, target_points
+from calib.measurement.accuracy import point_distances, target_points
 from calib.measurement.observations import Measurements
 from calib.uncertainty.regions import inside, mahalanobis_squared
 from calib.uncertainty.type_a import type_a
@@ -139,7 +139,7 @@ def replicate(
         )
         steps[k], stated[k] = found.step, found.standard_uncertainty
         nees[k] = mahalanobis_squared(found.step - truth, found.covariance)
-        error[k] = distances(p_true, point)
+        error[k] = point_distances(p_true, point)
         held[k] = inside(p_true - point, covariance[:, :3, :3])
     f = len(truth)
     return Replications(

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib.measurement.accuracy import seen_minus_predicted
+from calib.measurement.prediction import predicted_positions
 from testbed.recording import style
 from testbed.recording.cell import draw_box, draw_station
 from testbed.recording.curves import (
@@ -124,7 +124,7 @@ def _measure(shown: ShownTrial) -> Chapter:
     def draw(pen: Pen, phase: Phase) -> None:
         draw_measured(shown, pen, phase)
         for name, model, color in models:
-            _, vectors = seen_minus_predicted(model, measurements)
+            vectors = measurements.position - predicted_positions(model, measurements)
             size = np.linalg.norm(vectors, axis=1)
             draw_curve(pen, f"measure/{name}", phase, size * 1e3, color)
 

@@ -8,7 +8,8 @@ from calib.arrays import Array
 from calib.geometry.chain import Chain
 from calib.geometry.jacobian import pose_and_jacobian
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
-from calib.measurement.accuracy import seen_minus_predicted, target_points
+from calib.measurement.accuracy import target_points
+from calib.measurement.prediction import predicted_positions
 from calib.uncertainty.regions import ellipsoid
 from testbed.laboratory.truth.laboratory import Setting
 from testbed.recording import style
@@ -47,7 +48,7 @@ def show(setting: Setting, trial: Trial) -> ShownTrial:
     """Show a trial by its default estimator, the largest thing of each kind below its size."""
     estimate = trial.estimates[0]
     judged = estimate.comparison
-    _, seen = seen_minus_predicted(setting.nominal, trial.measurements)
+    seen = trial.measurements.position - predicted_positions(setting.nominal, trial.measurements)
     before = max(float(judged.before.max()), float(np.linalg.norm(seen, axis=1).max()))
     axes, _ = ellipsoid(judged.covariance[:, :3, :3])
     return ShownTrial(
@@ -145,7 +146,8 @@ def draw_measured(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
 
     setting, factor = shown.setting, shown.arrows
     draw_beam(pen, phase, setting.T_world_tracker, tracked(setting, pen.timeline.q))
-    points, vectors = seen_minus_predicted(setting.nominal, shown.trial.measurements)
+    points = predicted_positions(setting.nominal, shown.trial.measurements)
+    vectors = shown.trial.measurements.position - points
     size = np.linalg.norm(vectors, axis=1)
     cloud, arrows = "world/measured", f"world/error_nominal_x{factor}"
     dots = {"positions": points, "colors": style.viridis(size, float(size.max()))}

@@ -15,8 +15,9 @@ from calib.design import random_selection
 from calib.errors import refuse
 from calib.identification.identify import Identification, Mode, identify
 from calib.information.propagation import distance_uncertainty, tool_covariance
-from calib.measurement.accuracy import distances, observed_points
+from calib.measurement.accuracy import point_distances
 from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predicted_positions
 from calib.uncertainty.regions import inside
 from calib.uncertainty.type_a import type_a
 from calib.uncertainty.wen2022_budget import LOCATION_POSES, POSE_NUMBERS, location_regions
@@ -66,7 +67,7 @@ class Visit:
     def error(self, found: Identification) -> Array:
         """Held-out position errors (t,) against the truth [m]."""
         q = self.laboratory.setting.test_q
-        return distances(self.true, found.model.poses(q)[:, :3, 3])
+        return point_distances(self.true, found.model.poses(q)[:, :3, 3])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,7 +142,7 @@ def play_robot(laboratory: Laboratory, truth: TruthName, pools: PoolSets, robot:
         **alone(
             AXES,
             pool=pool,
-            before=distances(visit.true, nominal).mean(),
+            before=point_distances(visit.true, nominal).mean(),
             u_r=u_r,
             u_p=u_p,
             u_w=u_w,
@@ -166,7 +167,7 @@ def play(visit: Visit, trial: TrialSets, pool: int) -> TrialOnRobot:
     fits = tuple(visit.fitted(seen, mode) for mode in MODES)
     nominal = visit.laboratory.setting.nominal
     own = [
-        float(distances(seen.position, observed_points(model, seen)).mean())
+        float(point_distances(seen.position, predicted_positions(model, seen)).mean())
         for model in (nominal, fits[0].model)
     ]
     error = tuple(float(visit.error(found).mean()) for found in fits)

@@ -17,7 +17,7 @@ from calib.identification.prior import step_derivative
 from calib.information.propagation import tool_covariance
 from calib.information.rank import weak_prior_sd
 from calib.measurement.observations import DISTANCE, POINT, joined
-from calib.measurement.prediction import predict, seen_positions
+from calib.measurement.prediction import predict, predicted_positions
 from calib.measurement.residual import paper_stack, stacked
 from calib.uncertainty.held_out import held_out
 from calib.uncertainty.refit import freeze
@@ -140,10 +140,12 @@ def test_seen_positions_are_where_the_reflectors_are():
     rng, true = np.random.default_rng(5), full_model()
     q = pool_r(4)
     for table in (points(true, q, rng, reflector=2), distances(true, q, rng)):
-        np.testing.assert_allclose(seen_positions(true, table), places(true, table), atol=1e-14)
+        np.testing.assert_allclose(
+            predicted_positions(true, table), places(true, table), atol=1e-14
+        )
     away = points(true, q, rng, reflector=2, station=1)
     # noise of 20 um, five standard deviations
-    np.testing.assert_allclose(seen_positions(true, away), away.position, atol=5 * NOISE)
+    np.testing.assert_allclose(predicted_positions(true, away), away.position, atol=5 * NOISE)
 
 
 def test_a_step_of_a_step_follows_the_chain_rule_for_stations_too():

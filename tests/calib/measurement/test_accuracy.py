@@ -5,11 +5,11 @@ import pytest
 
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3, transform
-from calib.measurement.accuracy import accuracy, position_errors, rotation_errors
+from calib.measurement.accuracy import error_statistics, position_errors, rotation_errors
 
 
 def test_statistics_of_five_known_errors():
-    result = accuracy([3.0, 1.0, 2.0, 4.0, 5.0])
+    result = error_statistics([3.0, 1.0, 2.0, 4.0, 5.0])
     assert result.mean == 3
     assert result.rms == pytest.approx(np.sqrt(11), rel=1e-15)
     assert result.sd == pytest.approx(np.sqrt(2.5), rel=1e-15)
@@ -19,7 +19,7 @@ def test_statistics_of_five_known_errors():
 
 def test_mean_square_is_square_of_mean_plus_variance():
     errors = np.random.default_rng(1).gamma(2, size=50)
-    result = accuracy(errors)
+    result = error_statistics(errors)
     assert result.rms**2 == pytest.approx(result.mean**2 + result.sd**2 * 49 / 50, rel=1e-13)
 
 
@@ -47,10 +47,10 @@ def test_neither_error_depends_on_the_frame_or_on_who_is_true():
 
 
 def test_one_pose_has_no_spread():
-    assert np.isnan(accuracy([2.0]).sd)
+    assert np.isnan(error_statistics([2.0]).sd)
 
 
 @pytest.mark.parametrize("errors", [[], [1.0, -0.1]])
 def test_no_errors_or_negative_ones_are_refused(errors):
     with pytest.raises(InputError, match="errors"):
-        accuracy(errors)
+        error_statistics(errors)

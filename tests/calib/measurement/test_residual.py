@@ -11,7 +11,7 @@ from calib.errors import InputError
 from calib.geometry.frames import exp_so3
 from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
-from calib.measurement import observations
+from calib.measurement import tables
 from calib.measurement.noise import isotropic_covariance
 from calib.measurement.observations import POINT, POSE, Measurements
 from calib.measurement.residual import Stack, paper_stack, point_blocks, stacked, whitened_blocks
@@ -30,7 +30,7 @@ def mixed_table(model: RobotModel, rng: np.random.Generator, size: float) -> Mea
     T = model.poses(q)
     T[:, :3, 3] += rng.normal(size=(6, 3)) * size
     T[:, :3, :3] = exp_so3(rng.normal(size=(6, 3)) * size) @ T[:, :3, :3]
-    poses = observations.poses(q, T, sd=correlated(rng, 6))
+    poses = tables.poses(q, T, sd=correlated(rng, 6))
     kind = np.where(np.isin(np.arange(6), [1, 3, 4]), POINT, POSE)
     offset = np.where((kind == POINT)[:, None], rng.normal(size=(6, 3)) * 0.1, 0.0)
     return replace(poses, kind=kind, offset=offset)
@@ -86,14 +86,14 @@ def test_sum_of_squares_is_the_mahalanobis_distance_by_another_rotation_library(
         turn = Rotation.from_matrix(S[j, :3, :3] @ T[j, :3, :3].T).as_rotvec()
         e = np.concatenate([S[j, :3, 3] - T[j, :3, 3], turn])
         total += e @ np.linalg.solve(C[j], e)
-    r = stacked(model, observations.poses(q, S, sd=C)).r
+    r = stacked(model, tables.poses(q, S, sd=C)).r
     assert r @ r == pytest.approx(total, rel=1e-9)
 
 
 def test_blocks_for_planning_equal_the_rows_of_a_perfect_measurement():
     rng, model, q = np.random.default_rng(5), tx60(), pool_r(4)
     C = correlated(rng, 4)
-    table = observations.poses(q, model.poses(q), sd=C)
+    table = tables.poses(q, model.poses(q), sd=C)
     blocks = whitened_blocks(model, q, C)
     np.testing.assert_allclose(
         blocks.reshape(-1, 42), stacked(model, table).A, rtol=1e-9, atol=1e-7
@@ -118,7 +118,7 @@ def test_a_point_row_ignores_rotation_and_its_covariance():
 def test_twelve_rows_hold_the_gram_matrix_of_six_weighted_ones():
     """H'H = 2 Jw'Jw + Jp'Jp, in mm and rad: the paper's estimator is one of six rows."""
     model, q = tx60(), pool_r(29)
-    table = observations.poses(q, model.poses(q), sd=isotropic_covariance(29, 1e-3, np.sqrt(0.5)))
+    table = tables.poses(q, model.poses(q), sd=isotropic_covariance(29, 1e-3, np.sqrt(0.5)))
     H, A = paper_stack(model, table).A, stacked(model, table).A
     assert H.shape == (29 * 12, 42)
     assert np.abs(H.T @ H - A.T @ A).max() < 1e-12 * np.abs(H.T @ H).max()
@@ -127,7 +127,7 @@ def test_twelve_rows_hold_the_gram_matrix_of_six_weighted_ones():
 def test_twelve_row_jacobian_is_minus_the_difference_quotient():
     rng, model = np.random.default_rng(7), tx60()
     q = pool_r(3)
-    table = observations.poses(
+    table = tables.poses(
         q, model.moved(rng.normal(size=42) * 1e-2).poses(q), sd=np.eye(6)[None] * np.ones((3, 1, 1))
     )
     A, h = paper_stack(model, table).A, 1e-5

@@ -5,7 +5,7 @@ import pytest
 
 from calib.errors import InputError
 from calib.geometry.parameters import parameters_of
-from calib.measurement import observations
+from calib.measurement import tables
 from calib.measurement.noise import isotropic_covariance, with_joint_noise
 from calib.uncertainty.budget import (
     RowNoise,
@@ -27,7 +27,7 @@ def plan(m=29):
     q = pool_r()[:m]
     tracker = isotropic_covariance(m, SIGMA_POSITION, SIGMA_ROTATION)
     both = with_joint_noise(tx60(), q, tracker, SIGMA_Q)
-    table = observations.poses(q, tx60().poses(q), sd=both)
+    table = tables.poses(q, tx60().poses(q), sd=both)
     noise = (RowNoise("tracker noise", tracker), RowNoise("joints", both - tracker, 9))
     return table, noise
 

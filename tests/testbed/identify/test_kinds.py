@@ -5,7 +5,7 @@ import pytest
 
 from calib.errors import InputError
 from calib.geometry.fixtures import Fixtures
-from calib.measurement import observations
+from calib.measurement import tables
 from calib.measurement.observations import joined
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.session import with_test
@@ -19,23 +19,23 @@ ANCHORS = np.array([[3.0, 0.5, -0.3], [2.0, -3.0, 0.4], [3.5, -2.5, 1.2]])
 
 def points(model, q, rng):
     """Three reflectors of unknown place at every pose."""
-    T, tables = model.poses(q), []
+    T, parts = model.poses(q), []
     for k, place in enumerate(PLACES):
         p = T[:, :3, 3] + T[:, :3, :3] @ place
         seen = p + rng.normal(0, SIGMA_POSITION, p.shape)
         covariance = np.tile(SIGMA_POSITION**2 * np.eye(3), (len(q), 1, 1))
-        tables.append(observations.points(q, seen, sd=covariance, reflector=k))
-    return joined(tables)
+        parts.append(tables.points(q, seen, sd=covariance, reflector=k))
+    return joined(parts)
 
 
 def distances(model, q, rng):
     """One reflector at a known place, its distance to three known points at every pose."""
-    T, tables = model.poses(q), []
+    T, parts = model.poses(q), []
     p = T[:, :3, 3] + T[:, :3, :3] @ PLACES[0]
     for k, anchor in enumerate(ANCHORS):
         d = np.linalg.norm(p - anchor, axis=1) + rng.normal(0, SIGMA_POSITION, len(q))
-        tables.append(observations.distances(q, d, sd=SIGMA_POSITION, anchor=k, offset=PLACES[0]))
-    return joined(tables)
+        parts.append(tables.distances(q, d, sd=SIGMA_POSITION, anchor=k, offset=PLACES[0]))
+    return joined(parts)
 
 
 def test_three_reflectors_of_unknown_place_are_enough():

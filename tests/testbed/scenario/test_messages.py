@@ -17,7 +17,7 @@ from calib.geometry.frames import rot_x
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.prior import Prior
-from calib.measurement import observations
+from calib.measurement import tables
 from calib.measurement.residual import table_whiteners
 from calib.uncertainty.adaptive import adaptive
 from calib.uncertainty.bootstrap import bootstrap
@@ -171,7 +171,7 @@ def shots(count, covariance=1e-10):
     """So many noise-free poses of the nominal robot, all different."""
     q = np.linspace(0.1, 0.9, 6 * count).reshape(count, 6)
     stated = np.broadcast_to(covariance * np.eye(6), (count, 6, 6))
-    return observations.poses(q, ROBOT.model.poses(q), sd=stated)
+    return tables.poses(q, ROBOT.model.poses(q), sd=stated)
 
 
 def compared(validation, used):

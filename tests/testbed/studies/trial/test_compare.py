@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from calib.identification.identify import identify
-from calib.measurement import observations
+from calib.measurement import tables
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.run import campaign
 from testbed.scenario.read import changed, load_scenario
@@ -90,7 +90,7 @@ def test_noise_free_measurements_are_the_poses_of_the_model():
     q = bench.setting.test_q
     table = noise_free(bench.setting.true, seen, q, np.broadcast_to(seen.covariance[0], (15, 6, 6)))
     T = bench.setting.true.poses(q)
-    same = observations.poses(q, T, sd=table.covariance)
+    same = tables.poses(q, T, sd=table.covariance)
     assert np.array_equal(table.position, same.position)
     assert np.array_equal(table.rotation, same.rotation)
 

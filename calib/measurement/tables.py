@@ -1,0 +1,194 @@
+"""Tables of observations from plain arrays: poses, points or distances with standard deviations."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, Index, check, wrong_shape
+from calib.errors import refuse
+from calib.measurement.observations import (
+    DISTANCE,
+    GIVEN,
+    POINT,
+    POSE,
+    Measurements,
+    first_met,
+)
+
+
+def poses(
+    q: ArrayLike,
+    T: ArrayLike,
+    *,
+    sd: ArrayLike,
+    station: ArrayLike = 0,
+    pose_id: ArrayLike | None = None,
+    repeat: ArrayLike | None = None,
+) -> Measurements:
+    """Table of full poses T_station_tool (m, 4, 4) at joints q (m, n).
+
+    Parameters
+    ----------
+    q : (m, n) array_like
+        Commanded joint values [rad, m].
+    T : (m, 4, 4) array_like
+        Poses seen, in the frame of the station [m].
+    sd : array_like
+        Standard deviations of position and rotation (2,), or of the six axes (6,) [m, rad]; or
+        covariances, one (6, 6) or (m, 6, 6) [m^2, m rad, rad^2].
+    station : int or (m,) array_like
+        Which station saw it; 0 is the world.
+    pose_id, repeat : int or (m,) array_like, optional
+        Which pose and which visit of it; by default rows at the same joints are visits of one pose.
+    """
+    (T,) = check("m 4 4", T=T)
+    sd = np.asarray(sd, dtype=np.float64)
+    if sd.ndim == 0:
+        allowed = "two numbers, of position [m] and rotation [rad], or six, or covariances (6, 6)"
+        raise refuse("sd", float(sd), allowed, code="A3")
+    covariance = covariances_of_sd(sd, 6, len(T))
+    return _table(q, POSE, covariance, T[:, :3, 3], T[:, :3, :3], station=station,
+                  pose_id=pose_id, repeat=repeat)  # fmt: skip
+
+
+def points(
+    q: ArrayLike,
+    xyz: ArrayLike,
+    *,
+    sd: ArrayLike,
+    offset: ArrayLike = (0.0, 0.0, 0.0),
+    reflector: ArrayLike = GIVEN,
+    station: ArrayLike = 0,
+    pose_id: ArrayLike | None = None,
+    repeat: ArrayLike | None = None,
+) -> Measurements:
+    """Table of reflector positions (m, 3) at joints q (m, n).
+
+    Parameters
+    ----------
+    q : (m, n) array_like
+        Commanded joint values [rad, m].
+    xyz : (m, 3) array_like
+        Positions seen, in the frame of the station [m].
+    sd : array_like
+        Standard deviation of each axis: one number, or three [m]; or covariances, one (3, 3) or
+        (m, 3, 3) [m^2].
+    offset : (3,) or (m, 3) array_like
+        Where the reflector lies in the tool frame [m].
+    reflector : int or (m,) array_like
+        Which reflector of the model's fixtures it is, from 0; -1: the one at `offset`.
+    station, pose_id, repeat
+        As in `poses`.
+    """
+    (xyz,) = check("m 3", xyz=xyz)
+    covariance = np.tile(np.eye(6), (len(xyz), 1, 1))
+    covariance[:, :3, :3] = covariances_of_sd(sd, 3, len(xyz))
+    return _table(q, POINT, covariance, xyz, offset=offset, reflector=reflector, station=station,
+                  pose_id=pose_id, repeat=repeat)  # fmt: skip
+
+
+def distances(
+    q: ArrayLike,
+    d: ArrayLike,
+    *,
+    sd: ArrayLike,
+    anchor: ArrayLike = 0,
+    offset: ArrayLike = (0.0, 0.0, 0.0),
+    reflector: ArrayLike = GIVEN,
+    pose_id: ArrayLike | None = None,
+    repeat: ArrayLike | None = None,
+) -> Measurements:
+    """Table of distances (m,) from anchors to a reflector, at joints q (m, n).
+
+    Parameters
+    ----------
+    q : (m, n) array_like
+        Commanded joint values [rad, m].
+    d : (m,) array_like
+        Distances seen [m].
+    sd : float or (m,) array_like
+        Standard deviation of all, or of each [m].
+    anchor : int or (m,) array_like
+        Which anchor of the model's fixtures each was measured from, from 0.
+    offset, reflector, pose_id, repeat
+        As in `points`.
+    """
+    (d,) = check("m", d=d)
+    covariance = np.tile(np.eye(6), (len(d), 1, 1))
+    covariance[:, 0, 0] = np.square(np.broadcast_to(_positive(sd), len(d)))
+    return _table(q, DISTANCE, covariance, np.zeros((len(d), 3)), offset=offset,
+                  reflector=reflector, anchor=anchor, distance=d, pose_id=pose_id,
+                  repeat=repeat)  # fmt: skip
+
+
+def _table(
+    q: ArrayLike,
+    kind: str,
+    covariance: Array,
+    position: Array,
+    rotation: Array | None = None,
+    *,
+    offset: ArrayLike = (0.0, 0.0, 0.0),
+    reflector: ArrayLike = GIVEN,
+    station: ArrayLike = 0,
+    anchor: ArrayLike = GIVEN,
+    distance: ArrayLike = 0.0,
+    pose_id: ArrayLike | None = None,
+    repeat: ArrayLike | None = None,
+) -> Measurements:
+    """Table of one kind of rows; single values hold for all of them."""
+    m = len(position)
+    q, position = check("m n, m 3", q=q, position=position)
+
+    def column(value: ArrayLike) -> Index:
+        return np.array(np.broadcast_to(np.asarray(value, dtype=np.int64), (m,)))
+
+    table = Measurements(
+        q=q,
+        position=position,
+        rotation=np.tile(np.eye(3), (m, 1, 1)) if rotation is None else rotation,
+        covariance=covariance,
+        kind=np.full(m, kind),
+        offset=np.broadcast_to(np.asarray(offset, dtype=np.float64), (m, 3)),
+        pose_id=first_met(q) if pose_id is None else column(pose_id),
+        repeat=column(0 if repeat is None else repeat),
+        reflector=column(reflector),
+        station=column(station),
+        anchor=column(anchor),
+        distance=np.broadcast_to(np.asarray(distance, dtype=np.float64), (m,)),
+    )
+    if repeat is None:
+        seen = np.column_stack([table.pose_id, table.target_key])
+        table = replace(table, repeat=_earlier(first_met(seen)))
+    return table
+
+
+def _earlier(group: Index) -> Index:
+    """How many earlier rows (m,) are of the same group."""
+    order = np.argsort(group, kind="stable")
+    counts = np.bincount(group)
+    out = np.empty(len(group), dtype=np.int64)
+    out[order] = np.arange(len(group)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return out
+
+
+def covariances_of_sd(sd: ArrayLike, size: int, m: int, name: str = "sd") -> Array:
+    """Covariances (m, k, k), from standard deviations or from covariances."""
+    sd = np.asarray(sd, dtype=np.float64)
+    if size == 6 and sd.shape == (2,):
+        sd = np.repeat(sd, 3)
+    if sd.shape in ((), (size,)):
+        sd = np.diag(np.square(np.broadcast_to(_positive(sd), size)))
+    elif sd.shape not in ((size, size), (m, size, size)):
+        allowed = f"one number, {size}, or covariances ({size}, {size}) or ({m}, {size}, {size})"
+        raise wrong_shape(name, sd.shape, allowed)
+    return np.broadcast_to(sd, (m, size, size))
+
+
+def _positive(sd: ArrayLike) -> Array:
+    """Standard deviations, all of them finite and above zero."""
+    sd = np.asarray(sd, dtype=np.float64)
+    if not (np.isfinite(sd) & (sd > 0)).all():
+        raise refuse("sd", sd.tolist(), "finite standard deviations above zero", code="A3")
+    return sd
