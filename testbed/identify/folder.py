@@ -9,7 +9,7 @@ from calib.errors import refuse
 from testbed.disk import atomic_path
 from testbed.files.session import Session
 from testbed.identify.calibrate import STEPS, Options, calibrate
-from testbed.identify.delivery import SPLIT_TABLE, deliver
+from testbed.identify.delivery import ROBOT, SPLIT_TABLE, deliver
 from testbed.identify.records import Calibration, Delivered
 from testbed.identify.results import arrays, headline, split_csv
 from testbed.progress import Progress
@@ -21,8 +21,6 @@ from testbed.store.record import Failure, record_bytes
 from testbed.store.run_folder import RunFolder, check_free, whole_folder
 from testbed.versions import all_versions, own_version
 
-ROBOT = "robot"
-"""Folder of the identified robot."""
 RECORDS: dict[str, type] = {"calibration": Calibration, "delivered": Delivered}
 
 

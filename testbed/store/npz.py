@@ -8,7 +8,6 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from hashlib import sha256
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -82,15 +81,6 @@ def from_bytes(data: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, A
     except DAMAGE as error:
         raise DamagedError(f"{type(error).__name__}: {error}") from error
     return meta, arrays
-
-
-def read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, Any]]]:
-    """`from_bytes` of a file."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise DamagedError(error.strerror or str(error)) from error
-    return from_bytes(data)
 
 
 def strict_json(text: bytes | str) -> dict[str, Any]:
