@@ -4,7 +4,8 @@ import numpy as np
 
 from calib.arrays import Array, frozen
 from calib.errors import InputError
-from calib.information.goals import goal_matrix
+from calib.geometry.parameters import Parameters
+from calib.information.goals import Goals, goal_matrix
 from testbed.laboratory.bench import PROBED_POSES, Bench, open_bench
 from testbed.laboratory.goal import Goal, goal_of
 from testbed.laboratory.joint_lists import read_joints
@@ -63,7 +64,6 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     bench = open_bench(scenario, clearance=scenario.plan.clearance_mm / 1e3)
     check_robot(scenario, bench.robot, where=where)
     check_stations(bench)
-    robot, settings = bench.robot, scenario.plan
     goal = goal_of(bench)
     measured, start = _measured(bench), start_of(bench)
     tell(STEPS[1], 1, len(STEPS))
@@ -78,10 +78,10 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     shown = np.vstack([pool.q[:PROBED_POSES], measured])
     parameters, reduction = bench.reduction(shown)
     bench.check_seen(shown, goal.q, goal.point)
-    goals = goal_matrix(robot.model, goal.q, parameters, weights=goal.weights, target=goal.point)
-    names = parameters.free_names
+    goals = _goals(bench, goal, parameters)
     before = bench.blocks(measured, parameters).reshape(-1, parameters.n_free)
-    task = Task(bench.blocks(pool.q, parameters), goals, before, settings, names)
+    blocks = bench.blocks(pool.q, parameters)
+    task = Task(blocks, goals, before, scenario.plan, parameters.free_names)
     places, method, curve = designed(task, stream(scenario.seed, "plan", "select"))
     check_ranges(bench, np.vstack([pool.q[places], apart]))
     tell(STEPS[3], 3, len(STEPS))
@@ -91,7 +91,7 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     tell("", len(STEPS), len(STEPS))
     return Plan(
         scenario=scenario,
-        nominal=robot.model,
+        nominal=bench.robot.model,
         parameters=parameters,
         notes=reduction.sentences,
         pool=pool,
@@ -101,7 +101,6 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
         tour=tour,
         readings=readings_of(bench, tour.q),
         T_world_tracker=bench.tracker.T_world_tracker,
-        reflector=bench.tracker.reflector,
         covariance=frozen(covariance_of(M, parameters)),
         goal=goal,
         method=method,
@@ -124,9 +123,7 @@ def compared(bench: Bench, goal: Goal) -> StationComparison | None:
     q = bench.candidates(seen=False).draw(rng).q
     parameters, _ = bench.reduction(q[:PROBED_POSES])
     none = np.zeros((0, parameters.n_free))
-    goals = goal_matrix(
-        bench.robot.model, goal.q, parameters, weights=goal.weights, target=goal.point
-    )
+    goals = _goals(bench, goal, parameters)
     return compare_stations(
         bench,
         station_grid(scenario.plan.stations),
@@ -138,6 +135,12 @@ def compared(bench: Bench, goal: Goal) -> StationComparison | None:
             stream(scenario.seed, "plan", "stations", "select"),
         ),
     )
+
+
+def _goals(bench: Bench, goal: Goal, parameters: Parameters) -> Goals:
+    """What the identified numbers do to the tool point at the goal."""
+    model = bench.robot.model
+    return goal_matrix(model, goal.q, parameters, weights=goal.weights, target=goal.point)
 
 
 def _measured(bench: Bench) -> Array:

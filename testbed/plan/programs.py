@@ -33,7 +33,6 @@ def programs(plan: Plan) -> dict[str, str]:
 def _notes(plan: Plan, mark: str) -> list[str]:
     """Comment lines that head every program."""
     scenario, tour = plan.scenario, plan.tour
-    found = ", ".join(f"{value:.3f}" for value in np.degrees(tour.start))
     # a robot of one's own is named by its folder
     robot = Path(scenario.robot).parent.name or scenario.robot
     lines = [
@@ -42,7 +41,7 @@ def _notes(plan: Plan, mark: str) -> list[str]:
         f"Plan {scenario.name}, seed {scenario.seed}, robot {robot}: {counted(len(tour), 'pose')},",
         f"{100 * scenario.plan.speed_share:g} % joint speed, {tour.settle:g} s at each pose.",
         "First bring the robot by hand to the start, joints",
-        f"({found}) deg:",
+        f"({_list(np.degrees(tour.start), 3)}) deg:",
         "the first move was checked only from there. The program begins with a move to the start.",
         "Moves were checked against the nominal robot and the obstacles of the scenario only:",
         "run it once at low speed with a hand on the stop.",

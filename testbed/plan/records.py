@@ -144,8 +144,6 @@ class Plan:
     readings: tuple[Reading, ...]
     T_world_tracker: Array
     """(4, 4) the station the plan is for [m]."""
-    reflector: Array
-    """(3,) tracked point in the tool frame [m]."""
     covariance: Array
     """(p, p) predicted, of `parameters` in their own units [m, rad]."""
     goal: Goal
