@@ -12,8 +12,13 @@ from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.statement import plots as plots_statement
 from testbed.studies.trial.statement.records import LEVEL, Statement, Validation
 from testbed.units import (
+    METRE,
     NARROW,
+    Quantity,
+    as_json,
+    below,
     counted,
+    fields_of,
     micrometres,
     millimetres,
     percent,
@@ -245,66 +250,57 @@ def written(text: str) -> str:
     return sentence(TINY.sub("p < 0.001", typeset(text)), keep_name=True)
 
 
-MM, UM = 1e3, 1e6
-
-
-def statement_headline(found: Statement) -> dict[str, Any]:
+def statement_headline(statement: Statement) -> dict[str, Any]:
     """What may be believed of one calibration, with its figures."""
-    seen = found.held_out
-    out: dict[str, Any] = {
-        "model": {"chosen": found.model, "sentence": found.why},
-        "outlier_poses": [int(pose) for pose in found.outlier_poses],
-        "set_aside_poses": [int(pose) for pose in found.set_aside],
-        "validation": {
-            "poses": len(seen),
-            "chi_square_per_dof": seen.chi_square / (3 * len(seen)),
-            "p_value": seen.p_value,
-            "mean_error_um": float(seen.distance.mean() * UM),
-        },
-        "level": LEVEL,
-        "statements": {
-            name: {
-                "radius_um": float(radius * UM),
-                "attained": float(share),
-                "believed": name == found.trust.believe,
-            }
-            for name, radius, share in zip(found.names, found.radius, found.attained, strict=True)
-        },
-        "trust": {
-            "believe": found.trust.believe,
-            "model_valid": found.trust.model_valid,
-            "reasons": list(found.trust.sentences),
-        },
-        "budget_u_3d_um": {
-            name: float(u * UM) for name, u in zip(found.sources, found.source_u, strict=True)
-        }
-        | {"combined": found.combined_u * UM},
-        "discrepancy_u_3d_um": None if np.isnan(found.discrepancy_u) else found.discrepancy_u * UM,
-        "linear": {"outcome": found.linear.outcome, "sentence": found.linear.sentence},
-        "warnings": {"count": len(found.warnings), "reasons": list(found.warnings)},
-    }
-    if not np.isnan(found.log_evidence):
-        out["model"]["log_evidence"] = found.log_evidence
-    if found.lack_of_fit is not None:
-        lack = found.lack_of_fit
-        out["lack_of_fit"] = {"ratio": lack.ratio, "p_value": lack.p_value}
-    if found.bootstrap is not None:
-        played = found.bootstrap
-        out["bootstrap"] = {
-            "replicates": played.replicates,
-            "agrees": played.agrees,
-            "worst_sd_ratio": played.worst,
-        }
-    return out
+    held_out, lack, played = statement.held_out, statement.lack_of_fit, statement.bootstrap
+    evidence, discrepancy = statement.log_evidence, statement.discrepancy_u
+    out = [
+        Quantity("model/chosen", statement.model),
+        Quantity("model/sentence", statement.why),
+        *([] if np.isnan(evidence) else [Quantity("model/log_evidence", evidence)]),
+        Quantity("outlier_poses", statement.outlier_poses),
+        Quantity("set_aside_poses", statement.set_aside),
+        Quantity("validation/poses", len(held_out)),
+        Quantity("validation/chi_square_per_dof", held_out.chi_square / (3 * len(held_out))),
+        Quantity("validation/p_value", held_out.p_value),
+        Quantity("validation/mean_error_um", held_out.distance.mean(), METRE),
+        Quantity("level", LEVEL),
+    ]
+    for name, radius, share in zip(
+        statement.names, statement.radius, statement.attained, strict=True
+    ):
+        out += [
+            Quantity(f"statements/{name}/radius_um", radius, METRE),
+            Quantity(f"statements/{name}/attained", share),
+            Quantity(f"statements/{name}/believed", name == statement.trust.believe),
+        ]
+    budget = dict(zip(statement.sources, statement.source_u, strict=True))
+    out += [
+        Quantity("trust/believe", statement.trust.believe),
+        Quantity("trust/model_valid", statement.trust.model_valid),
+        Quantity("trust/reasons", statement.trust.sentences),
+        Quantity("budget_u_3d_um", {**budget, "combined": statement.combined_u}, METRE),
+        Quantity("discrepancy_u_3d_um", None if np.isnan(discrepancy) else discrepancy, METRE),
+        Quantity("linear/outcome", statement.linear.outcome),
+        Quantity("linear/sentence", statement.linear.sentence),
+        Quantity("warnings/count", len(statement.warnings)),
+        Quantity("warnings/reasons", statement.warnings),
+    ]
+    if lack is not None:
+        out += below("lack_of_fit", fields_of(lack, {"ratio": "ratio", "p_value": "p_value"}))
+    if played is not None:
+        names = {"replicates": "replicates", "agrees": "agrees", "worst_sd_ratio": "worst"}
+        out += below("bootstrap", fields_of(played, names))
+    return as_json(out)
 
 
 def truth_headline(validation: Validation) -> dict[str, Any]:
     """The secret: how far each term of the truth alone moves the tool, over held-out poses."""
-    return {
-        "terms_rms_mm": {
-            name: float(rms * MM)
-            for name, rms in zip(validation.terms, validation.term_rms, strict=True)
-        },
-        "together_rms_mm": validation.together_rms * MM,
-        "interaction_rms_mm": validation.interaction_rms * MM,
-    }
+    terms = dict(zip(validation.terms, validation.term_rms, strict=True))
+    return as_json(
+        [
+            Quantity("terms_rms_mm", terms, METRE),
+            Quantity("together_rms_mm", validation.together_rms, METRE),
+            Quantity("interaction_rms_mm", validation.interaction_rms, METRE),
+        ]
+    )
