@@ -25,14 +25,14 @@ def deliver(
 ) -> Delivered:
     """Write the identified robot, the table and the corrected program; what became of each."""
     model, name = delivered_model(calibration, calibration.fit), identified_name(robot.name)
-    found = identified_robot(robot, model, name=name)
-    said = (*write_robot_folder(found, folder / ROBOT), *found.notes)
+    identified = identified_robot(robot, model, name=name)
+    sentences = (*write_robot_folder(identified, folder / ROBOT), *identified.notes)
     if calibration.choice.chosen == "extended":
         # its geometric part leans on the joint terms: alone it is worse than a geometric fit
         plain = delivered_model(calibration, calibration.fits[0])
         write_robot_folder(identified_robot(robot, plain, name=name), folder / GEOMETRIC)
-        said += (_geometric_words(calibration),)
-    said += (_frame_words(calibration),)
+        sentences += (_geometric_words(calibration),)
+    sentences += (_frame_words(calibration),)
     rows = [
         (
             row.name,
@@ -47,9 +47,9 @@ def deliver(
     head = ("number", "unit", "old", "new", "delta", "U_k2")
     (folder / DH_TABLE).write_bytes(csv_text(head, rows).encode())
     if program is None:
-        return Delivered(said, (), 0)
+        return Delivered(sentences, (), 0)
     result = correct_program(program, robot, model, folder / corrected_name(program))
-    return Delivered(said, result.sentences, int((~result.corrected).sum()))
+    return Delivered(sentences, result.sentences, int((~result.corrected).sum()))
 
 
 def delivered_model(calibration: Calibration, fit: FittedModel) -> RobotModel:

@@ -66,7 +66,7 @@ def fitted_model(
 
 
 def scatter_covariance(
-    nominal: RobotModel, found: Identification, measurements: Measurements
+    nominal: RobotModel, result: Identification, measurements: Measurements
 ) -> Array:
     """Covariance (f, f) of an estimate from how its residuals scatter from pose to pose.
 
@@ -77,7 +77,7 @@ def scatter_covariance(
     ----------
     nominal : RobotModel
         Where the fit began.
-    found : Identification
+    result : Identification
         Of the default estimator.
     measurements : Measurements
         What it was identified from.
@@ -86,12 +86,12 @@ def scatter_covariance(
     ----------
     White 1980, clustered by pose: inv(H) (sum_j A_j'r_j r_j'A_j) inv(H) m/(m - 1) n/(n - f).
     """
-    stack = stacked(found.model, measurements)
-    columns = found.parameters.free_index
+    stack = stacked(result.model, measurements)
+    columns = result.parameters.free_index
     A, rows = stack.A[:, columns], np.zeros((0, len(columns)))
-    if found.prior is not None:
-        rows = prior_rows(found.prior, nominal, found.parameters).at(found.model)[1][:, columns]
-    weight = found.weights[stack.row_of] if found.loss != "squared" else np.ones(len(A))
+    if result.prior is not None:
+        rows = prior_rows(result.prior, nominal, result.parameters).at(result.model)[1][:, columns]
+    weight = result.weights[stack.row_of] if result.loss != "squared" else np.ones(len(A))
     root = covariance_factor(np.concatenate([np.sqrt(weight)[:, None] * A, rows]))
     _, pose = np.unique(measurements.pose_id, return_inverse=True)
     pull = np.zeros((int(pose.max()) + 1, len(columns)))

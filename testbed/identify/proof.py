@@ -17,12 +17,12 @@ MOST_ROWS = 300
 
 
 def proof_of(
-    found: Identification, train: Measurements, test: Measurements, *, seed: int
+    result: Identification, train: Measurements, test: Measurements, *, seed: int
 ) -> Judgement:
     """Judge the identification that is handed out by held-out rows (also by none)."""
     small = len(train) <= MOST_ROWS
     rng = stream(seed, "bootstrap") if small else None
-    return judge(found, test, train=train, rng=rng, replicates=REPLICATES)
+    return judge(result, test, train=train, rng=rng, replicates=REPLICATES)
 
 
 LEAST_TURN, LEAST_SLIDE = np.radians(10.0), 0.010
@@ -35,11 +35,11 @@ def warnings_of(
     geometric: FittedModel, chosen: FittedModel, train: Measurements
 ) -> tuple[str, ...]:
     """Sentences on the poses, by the geometric fit, and on the fit that was chosen."""
-    found = chosen.identification
+    result = chosen.identification
     said = [*_still(geometric, train), *_condition(geometric)]
-    if found.status is not Status.CONVERGED:
-        said.append(f"the fit {found.status.value}")
-    if found.p_value > 1 - RED:
+    if result.status is not Status.CONVERGED:
+        said.append(f"the fit {result.status.value}")
+    if result.p_value > 1 - RED:
         said.append(
             "the residuals are smaller than the stated noise: the stated uncertainty is too large"
         )
@@ -63,16 +63,16 @@ def _still(fit: FittedModel, train: Measurements) -> tuple[str, ...]:
 
 def _condition(fit: FittedModel) -> tuple[str, ...]:
     """Whether the poses are too much alike, and which number suffers most."""
-    found = fit.identification
-    if found.reduction.condition <= ILL_CONDITIONED:
+    result = fit.identification
+    if result.reduction.condition <= ILL_CONDITIONED:
         return ()
-    lengths = found.parameters.is_length[found.parameters.free_index]
-    u = found.standard_uncertainty
-    worst = int(np.argmax(u / found.parameters.free_scale))
+    lengths = result.parameters.is_length[result.parameters.free_index]
+    u = result.standard_uncertainty
+    worst = int(np.argmax(u / result.parameters.free_scale))
     value = float(in_units(u, lengths)[worst])
     return (
-        f"the poses are much alike: condition {significant(found.reduction.condition, 2)}; least "
-        f"known is {found.names[worst]}, U = {significant(2 * value, 2)} "
+        f"the poses are much alike: condition {significant(result.reduction.condition, 2)}; least "
+        f"known is {result.names[worst]}, U = {significant(2 * value, 2)} "
         f"{unit_of(bool(lengths[worst]))} from the stated noise; vary the wrist and the tool's "
         "orientation more",
     )

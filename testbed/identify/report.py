@@ -147,7 +147,7 @@ def data_section(calibration: Calibration) -> Section:
 
 def parameter_section(calibration: Calibration) -> Section:
     """Every number of the robot old, new and changed, with its U; fixtures as found."""
-    found = calibration.fit.identification
+    result = calibration.fit.identification
     how = "U = 2 u from the stated noise"
     if calibration.not_linear:
         settled = calibration.proof.trust.believe == "bootstrap"
@@ -170,7 +170,7 @@ def parameter_section(calibration: Calibration) -> Section:
             "correlated: never combine them as if they were independent."
         ),
         Table(
-            caption=f"Base, links, tool: {found.parameters.n_free} numbers estimated in all"
+            caption=f"Base, links, tool: {result.parameters.n_free} numbers estimated in all"
             + (", joint terms included" if calibration.choice.chosen == "extended" else ""),
             head=("number", "unit", "old", "new", "delta", "U (k = 2)"),
             rows=tuple(_cells(row) for row in dh_table(calibration)),
@@ -181,20 +181,20 @@ def parameter_section(calibration: Calibration) -> Section:
             "estimated, or not to be told from others.",
         ),
     ]
-    if found.model.fixtures.n_numbers:
+    if result.model.fixtures.n_numbers:
         blocks.append(fixture_table(calibration))
     return Section("parameters", "Parameters", tuple(blocks))
 
 
 def fixture_table(calibration: Calibration) -> Table:
     """Reflectors, anchors and further stations as found."""
-    found = calibration.fit.identification
-    u = np.zeros(len(found.parameters.names))
-    u[found.parameters.free_index] = np.sqrt(np.diag(calibration.covariance))
-    fixtures = found.model.fixtures
+    result = calibration.fit.identification
+    u = np.zeros(len(result.parameters.names))
+    u[result.parameters.free_index] = np.sqrt(np.diag(calibration.covariance))
+    fixtures = result.model.fixtures
     stations = [np.concatenate([T[:3, 3], log_so3(T[None, :3, :3])[0]]) for T in fixtures.stations]
     values = np.concatenate([fixtures.reflectors.ravel(), fixtures.anchors.ravel(), *stations])
-    first = found.model.first_fixture
+    first = result.model.first_fixture
     return Table(
         caption="What stood beside the robot",
         head=("number", "unit", "value", "U (k = 2)"),
@@ -215,11 +215,11 @@ def identifiable_section(calibration: Calibration) -> Section:
     """What the measurements can tell apart, in words."""
     blocks: list[Block] = [Points(sentences(calibration.frames))]
     for fit in calibration.fits:
-        found = fit.identification
+        result = fit.identification
         blocks.append(Text(rank_words(fit)))
-        dependent = found.reduction.sentences
+        dependent = result.reduction.sentences
         shown = dependent if fit is calibration.fits[0] else ()
-        lists = (shown, found.notes[len(dependent) :])
+        lists = (shown, result.notes[len(dependent) :])
         blocks += [Points(sentences(texts)) for texts in lists if texts]
     blocks.append(coverage_table(calibration))
     return Section("identifiable", "What can be identified", tuple(blocks))

@@ -127,8 +127,8 @@ def statements(calibration: Calibration) -> list[Quantity]:
 
 def dh_table(calibration: Calibration) -> tuple[DhRow, ...]:
     """Base, links, tool and joint terms: nominal links with fitted frames against the result."""
-    found = calibration.fit.identification
-    return dh_rows(calibration.before, found.model, found.parameters, calibration.covariance)
+    result = calibration.fit.identification
+    return dh_rows(calibration.before, result.model, result.parameters, calibration.covariance)
 
 
 def arrays(calibration: Calibration) -> dict[str, np.ndarray[Any, Any]]:
@@ -144,14 +144,14 @@ def arrays(calibration: Calibration) -> dict[str, np.ndarray[Any, Any]]:
     }
     out = [*_as_named(own), *_error_arrays("before", calibration.before_misses)]
     for fit in calibration.fits:
-        found, chain = fit.identification, fit.identification.model.chain
+        result, chain = fit.identification, fit.identification.model.chain
         values: dict[str, object] = {
             "links": chain.links,
             "T_world_base": chain.T_world_base,
             "T_flange_tool": chain.T_flange_tool,
-            "joint_terms": found.model.joint_errors.coefficients,
-            "step": found.step,
-            "covariance": found.covariance,
+            "joint_terms": result.model.joint_errors.coefficients,
+            "step": result.step,
+            "covariance": result.covariance,
             "scatter_covariance": fit.scatter,
         }
         out += [*_error_arrays(fit.model, fit.misses), *below(fit.model, _as_named(values))]
@@ -201,18 +201,18 @@ def _error_arrays(name: str, errors: RowErrors) -> list[Quantity]:
 
 def _model(fit: FittedModel) -> list[Quantity]:
     """Headline of one model."""
-    found = fit.identification
+    result = fit.identification
     words: dict[str, object] = {
-        "rank": found.reduction.rank,
-        "free_numbers": len(found.reduction.kept) + len(found.reduction.dropped),
-        "estimated": found.rank,
-        "condition": found.reduction.condition,
-        "dependencies": sentences(found.reduction.sentences),
-        "chi_square_per_dof": found.chi_square / found.dof if found.dof > 0 else None,
-        "p_value": found.p_value,
+        "rank": result.reduction.rank,
+        "free_numbers": len(result.reduction.kept) + len(result.reduction.dropped),
+        "estimated": result.rank,
+        "condition": result.reduction.condition,
+        "dependencies": sentences(result.reduction.sentences),
+        "chi_square_per_dof": result.chi_square / result.dof if result.dof > 0 else None,
+        "p_value": result.p_value,
         "noise_factor": fit.noise_factor,
-        "certificate": found.certificate,
-        "status": found.status.value,
+        "certificate": result.certificate,
+        "status": result.status.value,
     }
     return [*plain(words), *_figures("train", fit.train), *_figures("held_out", fit.test)]
 

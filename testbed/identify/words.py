@@ -132,15 +132,15 @@ def headline_rows(calibration: Calibration) -> tuple[tuple[str, ...], ...]:
     before = _figures(calibration.before_test, calibration.before_train)
     rows = [("nominal links, frames fitted", *before, *"–––")]
     for fit in calibration.fits:
-        found = fit.identification
+        result = fit.identification
         chosen = fit is calibration.fit and len(calibration.fits) > 1
         rows.append(
             (
                 f"{fit.model} (chosen)" if chosen else fit.model,
                 *_figures(fit.test, fit.train),
-                significant(found.chi_square / found.dof, 3) if found.dof > 0 else "–",
-                significant(found.reduction.condition, 3),
-                str(found.reduction.rank),
+                significant(result.chi_square / result.dof, 3) if result.dof > 0 else "–",
+                significant(result.reduction.condition, 3),
+                str(result.reduction.rank),
             )
         )
     return tuple(rows)
@@ -159,18 +159,18 @@ def _figures(test: Figures | None, train: Figures) -> tuple[str, ...]:
 
 def rank_words(fit: FittedModel) -> str:
     """How many numbers the data tell apart, and how that was counted."""
-    found = fit.identification
-    reduction = found.reduction
+    result = fit.identification
+    reduction = result.reduction
     free = len(reduction.kept) + len(reduction.dropped)
     text = (
         f"{fit.model.capitalize()}: {counted(free, 'number')} free, "
-        f"{len(found.parameters.names) - free} held; rank {reduction.rank} (singular values above "
+        f"{len(result.parameters.names) - free} held; rank {reduction.rank} (singular values above "
         f"{reduction.tolerance:.0e} of the largest count), condition "
         f"{significant(reduction.condition, 3)} of the kept columns. "
     )
-    if found.prior is not None:
+    if result.prior is not None:
         text += (
-            f"{counted(len(found.prior.names), 'joint term')} have a weak prior and are all "
+            f"{counted(len(result.prior.names), 'joint term')} have a weak prior and are all "
             "estimated, told apart or not. "
         )
     if not reduction.dropped:
@@ -178,7 +178,7 @@ def rank_words(fit: FittedModel) -> str:
     return text + (
         f"{counted(len(reduction.dropped), 'number')} cannot be told from others and "
         f"{'is' if len(reduction.dropped) == 1 else 'are'} left nominal"
-        f"{':' if found.prior is None else ' unless they are joint terms, which the prior holds.'}"
+        f"{':' if result.prior is None else ' unless they are joint terms, which the prior holds.'}"
     )
 
 

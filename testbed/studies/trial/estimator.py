@@ -44,11 +44,11 @@ class Estimator:
         """Whether it fits joint errors beside the geometry."""
         return self.why.startswith("extended")
 
-    def fit(self, seen: Measurements, parameters: Parameters | None = None) -> Identification:
+    def fit(self, measured: Measurements, parameters: Parameters | None = None) -> Identification:
         """Identify from one table; `parameters` replaces what is free."""
         return identify(
             self.nominal,
-            seen,
+            measured,
             self.parameters if parameters is None else parameters,
             mode=self.mode,
             prior=self.prior,
@@ -56,8 +56,8 @@ class Estimator:
         )
 
 
-def estimator_for(bench: Laboratory, mode: Mode, seen: Measurements) -> Estimator:
-    """The estimator `mode` of a scenario; where the evidence decides, it looks at `seen` only.
+def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Estimator:
+    """The estimator `mode` of a scenario; where the evidence decides, it looks at `measured` only.
 
     Chosen geometry is fitted without a prior unless the scenario gives one: everything that the
     measurements can tell apart, as if the question had not been asked.
@@ -74,7 +74,7 @@ def estimator_for(bench: Laboratory, mode: Mode, seen: Measurements) -> Estimato
     elif settings.model == "choose":
         choice = choose(
             nominal,
-            seen,
+            measured,
             free,
             prior=given or scenario_prior(WEAK, free),
             term_prior=scenario_prior(settings.prior or WEAK, with_joint_terms(nominal, free)[2]),
@@ -125,11 +125,11 @@ def _spread(settings: PriorSettings, name: str, is_length: bool) -> float:
     return float(np.radians(settings.angles_deg))
 
 
-def prior_precision(found: Identification) -> Array | None:
+def prior_precision(result: Identification) -> Array | None:
     """Lambda0 (f, f) in the order of the numbers estimated; None without a prior."""
-    if found.prior is None:
+    if result.prior is None:
         return None
-    place = [found.names.index(name) for name in found.prior.names]
-    precision = np.zeros((len(found.names),) * 2)
-    precision[np.ix_(place, place)] = found.prior.precision
+    place = [result.names.index(name) for name in result.prior.names]
+    precision = np.zeros((len(result.names),) * 2)
+    precision[np.ix_(place, place)] = result.prior.precision
     return precision

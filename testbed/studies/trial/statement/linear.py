@@ -22,7 +22,7 @@ times the draws."""
 
 
 def linear_check(
-    found: Identification, covariance: Array, q: Array, target: Array, rng: np.random.Generator
+    result: Identification, covariance: Array, q: Array, target: Array, rng: np.random.Generator
 ) -> tuple[LinearCheck, int]:
     """First-order propagation against Monte Carlo, at the posture with the largest stated u.
 
@@ -30,14 +30,14 @@ def linear_check(
     ----------
     JCGM 102:2011, clause 8.
     """
-    linear = tool_statement(found.model, q, covariance, target=target)
+    linear = tool_statement(result.model, q, covariance, target=target)
     worst = int(np.argmax(linear.point))
     there = q[worst : worst + 1]
 
     def sample(count: int, rng: np.random.Generator) -> Array:
         """Points of the target under moved models."""
         steps = correlated_draws(covariance, count, rng)
-        return moved_targets(found.model, there, steps, target)[:, 0] @ axes
+        return moved_targets(result.model, there, steps, target)[:, 0] @ axes
 
     axes = moving_axes(linear.covariance[worst])
     played = adaptive(sample, rng, digits=DIGITS, probability=LEVEL, finer=5.0)

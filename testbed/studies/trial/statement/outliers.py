@@ -27,7 +27,7 @@ def outlier_sentences(search: OutlierSearch, measured: Measurements) -> tuple[st
 
 
 def without_gross_errors(
-    found: Identification, validation: Measurements, used: Measurements
+    result: Identification, validation: Measurements, used: Measurements
 ) -> tuple[Measurements, Index]:
     """Held-out observations without the grossly wrong ones, and the poses of these.
 
@@ -36,9 +36,9 @@ def without_gross_errors(
     one.
     """
     nothing = np.zeros(0, dtype=np.int64)
-    if found.loss == "squared" or len(validation) < FEWEST:
+    if result.loss == "squared" or len(validation) < FEWEST:
         return validation, nothing
-    errors = held_out(found.model, found.full_covariance, validation, used.q)
+    errors = held_out(result.model, result.full_covariance, validation, used.q)
     size = mahalanobis_squared(errors.error, errors.predicted + errors.measured)
     usual = max(float(np.median(size)) / float(chdtri(3, 0.5)), 1.0)
     gross = size > usual * chdtri(3, SET_ASIDE / len(validation))

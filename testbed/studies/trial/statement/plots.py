@@ -20,25 +20,25 @@ CELL = 0.1
 """Edge of the cells of the map [m]."""
 
 
-def budget_bars(told: list[tuple[str, Statement]]) -> str:
+def budget_bars(statements: list[tuple[str, Statement]]) -> str:
     """One bar per source and trial, the combined u and the discrepancy below them."""
-    names = list(dict.fromkeys(name for _, one in told for name in one.sources))
+    names = list(dict.fromkeys(name for _, statement in statements for name in statement.sources))
     labels = [*names, "combined", "discrepancy"]
-    with drawing(1, len(told), height=0.75 + 0.2 * len(labels), sharey=True, sharex=True) as (
+    with drawing(1, len(statements), height=0.75 + 0.2 * len(labels), sharey=True, sharex=True) as (
         figure,
         axes,
     ):
-        for ax, (title, one) in zip(axes, told, strict=True):
-            known = dict(zip(one.sources, one.source_u * UM, strict=True))
+        for ax, (title, statement) in zip(axes, statements, strict=True):
+            known = dict(zip(statement.sources, statement.source_u * UM, strict=True))
             values = [known.get(name, 0.0) for name in names]
             ax.barh(range(len(names)), values, color=DARK, height=0.62)
-            ax.barh([len(names)], [one.combined_u * UM], color=INK, height=0.62)
-            discrepancy = 0.0 if np.isnan(one.discrepancy_u) else one.discrepancy_u * UM
+            ax.barh([len(names)], [statement.combined_u * UM], color=INK, height=0.62)
+            discrepancy = 0.0 if np.isnan(statement.discrepancy_u) else statement.discrepancy_u * UM
             ax.barh(
                 [len(names) + 1], [discrepancy], facecolor="none", edgecolor=MIDDLE, hatch="////",
                 height=0.62,
             )  # fmt: skip
-            for k, value in enumerate([*values, one.combined_u * UM, discrepancy]):
+            for k, value in enumerate([*values, statement.combined_u * UM, discrepancy]):
                 label(ax, f"{value:.3g}", (value, k), (3, 0), size=7, va="center", color=SOFT)
             ax.set_yticks(range(len(labels)), labels)
             ax.set_title(title)
@@ -55,15 +55,15 @@ def tool_maps(campaign: Campaign, trial: Trial) -> str:
     from matplotlib import colormaps
 
     estimate = next(e for e in trial.estimates if e.statement is not None)
-    found, told = estimate.identification, estimate.statement
-    assert told is not None, "chosen because it has one"
+    result, statement = estimate.identification, estimate.statement
+    assert statement is not None, "chosen because it has one"
     target = campaign.setting.target
     made = tool_map(
-        found.model,
+        result.model,
         campaign.setting.pool_q,
-        full_covariance(found, found.covariance + told.systematic),
+        full_covariance(result, result.covariance + statement.systematic),
         cell=CELL,
-        discrepancy=None if told.trust.model_valid else told.discrepancy,
+        discrepancy=None if statement.trust.model_valid else statement.discrepancy,
         target=target if target.any() else None,
     )
     x, y, z = (edges(made.corner[k], made.count.shape[k]) for k in range(3))

@@ -59,21 +59,22 @@ MEANINGS = {
 
 def statement_section(campaign: Campaign) -> Section | None:
     """Every statement made, how much of the truth it holds, which to believe, and why."""
-    told = [(trial, one) for trial in campaign.trials if (one := statement_of(trial)) is not None]
-    if not told:
+    made = [(trial, statement_of(trial)) for trial in campaign.trials]
+    statements = [(trial, statement) for trial, statement in made if statement is not None]
+    if not statements:
         return None
-    shown = told[: plots.MOST_PANELS]
-    blocks: list[Block] = [statement_table(campaign, told)]
-    for k, (trial, one) in enumerate(shown):
-        why = one.why.partition(": ")[2]
-        blocks.append(Text(f"{trial.name}, {one.model} model: {why}."))
-        blocks.append(Points(reasons(one, brief=k > 0)))
+    shown = statements[: plots.MOST_PANELS]
+    blocks: list[Block] = [statement_table(campaign, statements)]
+    for k, (trial, statement) in enumerate(shown):
+        why = statement.why.partition(": ")[2]
+        blocks.append(Text(f"{trial.name}, {statement.model} model: {why}."))
+        blocks.append(Points(reasons(statement, brief=k > 0)))
     blocks.append(budget_table(shown))
     blocks.append(
         Figure(
             "What each source leaves at the tool point, standard uncertainty over the held-out "
-            f"poses{plots.only(told)}; open: the discrepancy, which no source explains.",
-            plots_statement.budget_bars([(trial.name, one) for trial, one in shown]),
+            f"poses{plots.only(statements)}; open: the discrepancy, which no source explains.",
+            plots_statement.budget_bars([(trial.name, statement) for trial, statement in shown]),
         )
     )
     first = shown[0][0]
@@ -94,22 +95,22 @@ def statement_of(trial: Trial) -> Statement | None:
     return next((e.statement for e in trial.estimates if e.statement is not None), None)
 
 
-def statement_table(campaign: Campaign, told: list[tuple[Trial, Statement]]) -> Table:
+def statement_table(campaign: Campaign, statements: list[tuple[Trial, Statement]]) -> Table:
     """One row per statement: radius, what of the truth it holds, and whether to believe it."""
     rows: list[tuple[str, ...]] = []
     strong = []
-    for trial, one in told:
-        for k, name in enumerate(one.names):
-            believed = name == one.trust.believe
+    for trial, statement in statements:
+        for k, name in enumerate(statement.names):
+            believed = name == statement.trust.believe
             if believed:
                 strong.append(len(rows))
             rows.append(
                 (
                     trial.name if k == 0 else "",
                     WORDS[name],
-                    micrometres(float(one.radius[k])),
-                    percent(float(one.attained[k])),
-                    "yes" if believed else refused(one, name),
+                    micrometres(float(statement.radius[k])),
+                    percent(float(statement.attained[k])),
+                    "yes" if believed else refused(statement, name),
                 )
             )
     judges = counted(len(campaign.validation.judge_q), "further pose")
@@ -126,97 +127,100 @@ def statement_table(campaign: Campaign, told: list[tuple[Trial, Statement]]) -> 
     )
 
 
-def refused(one: Statement, name: str) -> str:
+def refused(statement: Statement, name: str) -> str:
     """Why a statement is not the one to believe, in a word."""
-    if name == "model" and not one.trust.model_valid:
+    if name == "model" and not statement.trust.model_valid:
         return "NO"
-    if name == "bootstrap" and not one.trust.model_valid:
+    if name == "bootstrap" and not statement.trust.model_valid:
         return "NO"
-    return "not needed" if one.trust.model_valid else "approximate"
+    return "not needed" if statement.trust.model_valid else "approximate"
 
 
-def reasons(one: Statement, *, brief: bool = False) -> tuple[str, ...]:
+def reasons(statement: Statement, *, brief: bool = False) -> tuple[str, ...]:
     """Sentences that weigh one calibration: verdict first, then shots, repeats, warnings.
 
     A brief account leaves out what says the same of every trial.
     """
-    said = [*one.trust.sentences]
+    texts = [*statement.trust.sentences]
     if brief:
-        return tuple(written(text) for text in (said[0], *one.outliers, *one.warnings))
-    if one.lack_of_fit is not None and one.trust.model_valid:
-        said.append(
+        return tuple(written(text) for text in (texts[0], *statement.outliers, *statement.warnings))
+    lack = statement.lack_of_fit
+    if lack is not None and statement.trust.model_valid:
+        texts.append(
             "all visits fitted together, the misfit is what repeats scatter (F = "
-            f"{one.lack_of_fit.ratio:.2f}, p = {significant(one.lack_of_fit.p_value, 2)})"
+            f"{lack.ratio:.2f}, p = {significant(lack.p_value, 2)})"
         )
-    if one.discrepancy is not None and one.trust.believe != "discrepancy":
-        said.append(discrepancy_words(one, one.discrepancy))
-    said += [*one.outliers, *one.warnings]
-    return tuple(map(written, said))
+    if statement.discrepancy is not None and statement.trust.believe != "discrepancy":
+        texts.append(discrepancy_words(statement, statement.discrepancy))
+    texts += [*statement.outliers, *statement.warnings]
+    return tuple(map(written, texts))
 
 
-def discrepancy_words(one: Statement, found: Discrepancy) -> str:
+def discrepancy_words(statement: Statement, discrepancy: Discrepancy) -> str:
     """What held-out poses show beyond the statement; or that it is no more than chance."""
-    if one.held_out.p_value < AGREE or not found.covariance.any():
-        return found.sentence
+    if statement.held_out.p_value < AGREE or not discrepancy.covariance.any():
+        return discrepancy.sentence
     return (
-        f"the discrepancy of {1e6 * one.discrepancy_u:.0f} um (3-D, one standard deviation) is no "
-        f"more than chance makes of {found.n_poses} held-out poses"
+        f"the discrepancy of {1e6 * statement.discrepancy_u:.0f} um (3-D, one standard deviation) "
+        f"is no more than chance makes of {discrepancy.n_poses} held-out poses"
     )
 
 
-def budget_table(told: list[tuple[Trial, Statement]]) -> Table:
+def budget_table(statements: list[tuple[Trial, Statement]]) -> Table:
     """Sources in rows, trials in columns."""
-    names = list(dict.fromkeys(name for _, one in told for name in one.sources))
+    names = list(dict.fromkeys(name for _, statement in statements for name in statement.sources))
     rows = []
     for name in names:
         cells = []
-        for _, one in told:
-            if name not in one.sources:
+        for _, statement in statements:
+            if name not in statement.sources:
                 cells += ["–", "–"]
                 continue
-            u = float(one.source_u[one.sources.index(name)])
-            cells += [micrometres(u), percent((u / one.combined_u) ** 2)]
+            u = float(statement.source_u[statement.sources.index(name)])
+            cells += [micrometres(u), percent((u / statement.combined_u) ** 2)]
         rows.append((name, *cells))
-    rows.append(("combined", *[c for _, one in told for c in (micrometres(one.combined_u), "")]))
-    discrepancies = [
-        "–" if np.isnan(one.discrepancy_u) else micrometres(one.discrepancy_u) for _, one in told
-    ]
-    rows.append(("discrepancy", *[cell for text in discrepancies for cell in (text, "")]))
+    combined, left = ["combined"], ["discrepancy"]
+    for _, statement in statements:
+        u = statement.discrepancy_u
+        combined += [micrometres(statement.combined_u), ""]
+        left += ["–" if np.isnan(u) else micrometres(u), ""]
+    rows += [tuple(combined), tuple(left)]
     return Table(
         caption="Uncertainty budget by source, at the tool point",
-        head=("source", *[h for trial, _ in told for h in (f"{trial.name} u µm", "share")]),
+        head=("source", *[h for trial, _ in statements for h in (f"{trial.name} u µm", "share")]),
         rows=tuple(rows),
-        align="l" + "rr" * len(told),
-        size="small" if len(told) > 2 else "normal",
+        align="l" + "rr" * len(statements),
+        size="small" if len(statements) > 2 else "normal",
         strong=(len(names),),
         note=BUDGET_NOTE,
     )
 
 
-def map_words(one: Statement) -> str:
+def map_words(statement: Statement) -> str:
     """Which uncertainty the map shows."""
-    if one.trust.model_valid:
+    if statement.trust.model_valid:
         return "(3-D, k = 1)"
-    if one.discrepancy is None:
+    if statement.discrepancy is None:
         return "(3-D, k = 1; model-based, which is not valid here)"
     return "(3-D, k = 1, discrepancy included)"
 
 
-def flat_words(one: Statement) -> str:
+def flat_words(statement: Statement) -> str:
     """Why the map looks flat where the discrepancy is most of it."""
-    if one.trust.model_valid or not one.discrepancy_u >= one.combined_u:
+    if statement.trust.model_valid or not statement.discrepancy_u >= statement.combined_u:
         return ""  # nan where no discrepancy could be estimated
     return " The discrepancy is one figure for the whole room, so the map is flat."
 
 
 def secret_section(campaign: Campaign) -> Section:
     """How far each term of the truth alone moves the tool."""
-    found = campaign.validation
+    validation = campaign.validation
+    sizes = zip(validation.terms, validation.term_rms, strict=True)
     rows = [
-        (found.terms[k], MEANINGS.get(found.terms[k], ""), millimetres(float(found.term_rms[k])))
-        for k in np.argsort(-found.term_rms, kind="stable")
+        (term, MEANINGS.get(term, ""), millimetres(float(rms)))
+        for term, rms in sorted(sizes, key=lambda pair: -pair[1])
     ]
-    rows.append(("all together", "", millimetres(found.together_rms)))
+    rows.append(("all together", "", millimetres(validation.together_rms)))
     table = Table(
         caption="Tool displacement by each term of the truth alone",
         head=("term", "what it is", "rms mm"),
@@ -225,7 +229,7 @@ def secret_section(campaign: Campaign) -> Section:
         strong=(len(rows) - 1,),
         note=f"True minus nominal tool position, root mean square over "
         f"{counted(len(campaign.setting.test_q), 'held-out pose')}. Terms add as vectors: beyond "
-        f"their sum they do {millimetres(found.interaction_rms, 2)} mm together.",
+        f"their sum they do {millimetres(validation.interaction_rms, 2)} mm together.",
     )
     return Section(
         "secret", "The secret: what makes this robot wrong", (Text(_secret(rows)), table)
@@ -241,8 +245,8 @@ def _secret(rows: list[tuple[str, str, str]]) -> str:
     unmodelled = [row for row in rows[:-1] if row[0] not in ("geometry", "frames", "repeatability")]
     if not unmodelled:
         return f"{text} Nothing that a geometric model cannot follow is switched on."
-    said = ", ".join(f"{row[0].replace('_', ' ')} {row[2]} mm" for row in unmodelled)
-    return f"{text} Beyond any geometric model: {said}."
+    texts = ", ".join(f"{row[0].replace('_', ' ')} {row[2]} mm" for row in unmodelled)
+    return f"{text} Beyond any geometric model: {texts}."
 
 
 def written(text: str) -> str:

@@ -48,7 +48,7 @@ class UncertaintySources:
 
 
 def uncertainty_sources(
-    bench: Laboratory, found: Identification, seen: Measurements, outliers: Index, q: Array
+    bench: Laboratory, result: Identification, measured: Measurements, outliers: Index, q: Array
 ) -> UncertaintySources:
     """Take the uncertainty of one estimate apart, at the tool point of postures q (N, n).
 
@@ -56,79 +56,83 @@ def uncertainty_sources(
     ----------
     bench : Laboratory
         What the tracker states of itself, and how well joints repeat.
-    found : Identification
+    result : Identification
         In the mode *whitened*.
-    seen : Measurements
+    measured : Measurements
         What it was identified from.
     outliers : (k,) array of int
         Rows that a robust loss found to be grossly wrong: what they still do has its own line.
     q : (N, n) array
         Postures [rad, m].
     """
-    start = plan_of(found, seen)
-    common = systematic_inputs(bench, seen)
-    whole = budget(start, row_noise(bench, found, seen, outliers), common=common)
+    start = plan_of(result, measured)
+    common = systematic_inputs(bench, measured)
+    whole = budget(start, row_noise(bench, result, measured, outliers), common=common)
     target = bench.setting.target
-    parts = np.array([_rms_u(found, source.covariance, q, target) for source in whole.sources])
+    parts = np.array([_rms_u(result, source.covariance, q, target) for source in whole.sources])
     shared = {one.name for one in common}
     systematic = np.zeros((start.parameters.n_free,) * 2)
     for source in whole.sources:
         if source.name in shared:
             systematic = systematic + source.covariance
     return UncertaintySources(
-        whole.names, parts, _rms_u(found, whole.covariance, q, target), systematic
+        whole.names, parts, _rms_u(result, whole.covariance, q, target), systematic
     )
 
 
-def plan_of(found: Identification, seen: Measurements) -> Frozen:
+def plan_of(result: Identification, measured: Measurements) -> Frozen:
     """The curvature of a fit; a robust loss has weighed its rows."""
-    if found.loss != "squared":
-        weighed = seen.covariance / np.maximum(found.weights, 1e-12)[:, None, None]
-        seen = replace(seen, covariance=weighed)
-    return freeze(found.model, seen, found.parameters, prior_precision=prior_precision(found))
+    if result.loss != "squared":
+        weighed = measured.covariance / np.maximum(result.weights, 1e-12)[:, None, None]
+        measured = replace(measured, covariance=weighed)
+    return freeze(
+        result.model, measured, result.parameters, prior_precision=prior_precision(result)
+    )
 
 
 def row_noise(
-    bench: Laboratory, found: Identification, seen: Measurements, outliers: Index
+    bench: Laboratory, result: Identification, measured: Measurements, outliers: Index
 ) -> list[RowNoise]:
     """What scatters anew in every row: the tracker, the joints, and gross errors where named."""
-    setting, m = bench.setting, len(seen)
-    T = setting.nominal.poses(seen.q)
+    setting, m = bench.setting, len(measured)
+    T = setting.nominal.poses(measured.q)
     own = bench.tracker.own_covariance(bench.tracker.targets(T), T[:, :3, :3])
     noise = [RowNoise("tracker noise", own)]
     if setting.joint_repeatability.any():
         joints = with_joint_noise(
             setting.nominal,
-            seen.q,
+            measured.q,
             np.zeros((m, 6, 6)),
             setting.joint_repeatability,
             offset=np.broadcast_to(setting.target, (m, 3)),
         )
         noise.append(RowNoise("joint repeatability", joints))
     if len(outliers):
-        size = sizes(found.residual, np.repeat(np.arange(m), seen.equations))
+        size = sizes(result.residual, np.repeat(np.arange(m), measured.equations))
         excess = np.zeros(m)
         excess[outliers] = np.maximum(size[outliers], 1.0) ** 2 - 1.0
-        noise.append(RowNoise("gross errors", excess[:, None, None] * seen.covariance))
+        noise.append(RowNoise("gross errors", excess[:, None, None] * measured.covariance))
     return noise
 
 
-def systematic_inputs(bench: Laboratory, seen: Measurements) -> tuple[CommonInput, ...]:
+def systematic_inputs(bench: Laboratory, measured: Measurements) -> tuple[CommonInput, ...]:
     """What the tracker states to get wrong the same way all campaign long; none if it does not."""
     settings = bench.scenario.tracker
     if not isinstance(settings, At960Tracker) or not settings.systematic:
         return ()
-    size, T = bias_size(settings), bench.setting.nominal.poses(seen.q)
+    size, T = bias_size(settings), bench.setting.nominal.poses(measured.q)
     B = size.sensitivity(bench.tracker.targets(T), T[:, :3, :3], bench.tracker.T_world_tracker)
     return common_inputs(SYSTEMATIC, B, size.variance)
 
 
-def systematic_covariance(bench: Laboratory, found: Identification, seen: Measurements) -> Array:
+def systematic_covariance(
+    bench: Laboratory, result: Identification, measured: Measurements
+) -> Array:
     """Covariance (f, f) that the tracker's systematic errors leave in an estimate; often zero."""
-    common = systematic_inputs(bench, seen)
-    if not common or found.mode == "paper":
-        return np.zeros_like(found.covariance)
-    return type_b_covariance(plan_of(found, seen), common)
+    common = systematic_inputs(bench, measured)
+    if not common or result.mode == "paper":
+        return np.zeros_like(result.covariance)
+    return type_b_covariance(plan_of(result, measured), common)
 
 
 def drift_left(bench: Laboratory) -> float:
@@ -147,7 +151,7 @@ def drift_left(bench: Laboratory) -> float:
 
 
 def systematic_reach(
-    found: Identification,
+    result: Identification,
     systematic: Array,
     q: Array,
     target: Array | None = None,
@@ -160,8 +164,8 @@ def systematic_reach(
     """
     if not systematic.any():
         return 0.0
-    common = full_covariance(found, systematic)
-    stated = tool_statement(found.model, q, common, target=target, probability=level)
+    common = full_covariance(result, systematic)
+    stated = tool_statement(result.model, q, common, target=target, probability=level)
     return float(stated.region[0][:, 0].mean())
 
 
@@ -176,15 +180,15 @@ def unmodelled_effects(bench: Laboratory, u: float) -> tuple[str, ...]:
     )
 
 
-def full_covariance(found: Identification, covariance: Array) -> Array:
+def full_covariance(result: Identification, covariance: Array) -> Array:
     """A covariance (f, f) of the estimate, with zeros for the numbers that were not estimated."""
-    index, P = found.parameters.free_index, len(found.parameters.names)
+    index, P = result.parameters.free_index, len(result.parameters.names)
     full = np.zeros((P, P))
     full[np.ix_(index, index)] = covariance
     return full
 
 
-def _rms_u(found: Identification, covariance: Array, q: Array, target: Array) -> float:
+def _rms_u(result: Identification, covariance: Array, q: Array, target: Array) -> float:
     """3-D standard uncertainty at the tool, RMS over postures [m]."""
-    stated = tool_statement(found.model, q, full_covariance(found, covariance), target=target)
+    stated = tool_statement(result.model, q, full_covariance(result, covariance), target=target)
     return float(np.sqrt(np.mean(stated.point**2)))

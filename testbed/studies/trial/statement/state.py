@@ -37,7 +37,7 @@ from testbed.studies.trial.statement.sources import (
 def state(
     bench: Laboratory,
     estimator: Estimator,
-    found: Identification,
+    result: Identification,
     visits: list[Measurements],
     validation: Validation,
     name: str,
@@ -50,7 +50,7 @@ def state(
         The laboratory.
     estimator : Estimator
         What was fitted.
-    found : Identification
+    result : Identification
         From the first visit.
     visits : list of Measurements
         All visits of the trial's poses.
@@ -60,20 +60,20 @@ def state(
         Of the trial: the bootstrap and the Monte Carlo draw from streams named after it.
     """
     first, setting, seed = visits[0], bench.setting, bench.scenario.seed
-    search = search_outliers(estimator.nominal, found, first)
+    search = search_outliers(estimator.nominal, result, first)
     outliers = np.sort(search.rows)
-    robust = found.loss != "squared"
+    robust = result.loss != "squared"
     sources = uncertainty_sources(
-        bench, found, first, outliers if robust else outliers[:0], setting.test_q
+        bench, result, first, outliers if robust else outliers[:0], setting.test_q
     )
-    total = full_covariance(found, found.covariance + sources.systematic)
+    total = full_covariance(result, result.covariance + sources.systematic)
     linear, worst = linear_check(
-        found, total, setting.test_q, setting.target, stream(seed, "statement", "linear", name)
+        result, total, setting.test_q, setting.target, stream(seed, "statement", "linear", name)
     )
-    lack = lack_of_fit(estimator, found, visits)
-    observations, set_aside = without_gross_errors(found, validation.seen, first)
+    lack = lack_of_fit(estimator, result, visits)
+    observations, set_aside = without_gross_errors(result, validation.seen, first)
     judgement = judge(
-        replace(found, lack_of_fit=lack),
+        replace(result, lack_of_fit=lack),
         observations,
         train=first,
         probability=LEVEL,
@@ -85,9 +85,9 @@ def state(
     held_out, discrepancy, played = judgement.held_out, judgement.discrepancy, judgement.bootstrap
     assert held_out is not None  # the tracker measures poses or points, never distances
     target = setting.target if setting.target.any() else None
-    regions = tool_regions(found, judgement, sources.systematic, validation.judge_q, target)
+    regions = tool_regions(result, judgement, sources.systematic, validation.judge_q, target)
     radius = {kind: region.mean_radius for kind, region in regions.items()}
-    shared = systematic_reach(found, sources.systematic, validation.judge_q, target)
+    shared = systematic_reach(result, sources.systematic, validation.judge_q, target)
     if judgement.conformal is not None:
         radius["conformal"] = judgement.conformal.radius + shared
     return Statement(
@@ -119,14 +119,14 @@ def state(
         attained=attained(validation, tuple(regions.values()), radius.get("conformal")),
         warnings=(
             *too_few(len(held_out)),
-            *gross_error_warnings(found, len(outliers), set_aside),
-            *limits(found, shared if judgement.conformal is not None else 0.0),
+            *gross_error_warnings(result, len(outliers), set_aside),
+            *limits(result, shared if judgement.conformal is not None else 0.0),
         ),
     )
 
 
 def tool_regions(
-    found: Identification,
+    result: Identification,
     judgement: Judgement,
     systematic: Array,
     q: Array,
@@ -136,7 +136,7 @@ def tool_regions(
 
     Parameters
     ----------
-    found : Identification
+    result : Identification
         What was identified.
     judgement : Judgement
         With or without a bootstrap and a discrepancy.
@@ -147,25 +147,25 @@ def tool_regions(
     target : (3,) array or None
         The point on the tool [m]; None for the origin of its frame.
     """
-    total = full_covariance(found, found.covariance + systematic)
-    regions = {"model": tool_statement(found.model, q, total, target=target)}
+    total = full_covariance(result, result.covariance + systematic)
+    regions = {"model": tool_statement(result.model, q, total, target=target)}
     if judgement.bootstrap is not None:
-        played = full_covariance(found, judgement.bootstrap.empirical + systematic)
-        regions["bootstrap"] = tool_statement(found.model, q, played, target=target)
+        played = full_covariance(result, judgement.bootstrap.empirical + systematic)
+        regions["bootstrap"] = tool_statement(result.model, q, played, target=target)
     if judgement.discrepancy is not None:
         regions["discrepancy"] = tool_statement(
-            found.model, q, total, target=target, discrepancy=judgement.discrepancy
+            result.model, q, total, target=target, discrepancy=judgement.discrepancy
         )
     return regions
 
 
 def lack_of_fit(
-    estimator: Estimator, found: Identification, visits: list[Measurements]
+    estimator: Estimator, result: Identification, visits: list[Measurements]
 ) -> LackOfFit | None:
     """All visits fitted together, to see whether the model misses more than repeats scatter."""
-    if found.loss != "squared" or len(visits) < 2:
+    if result.loss != "squared" or len(visits) < 2:
         return None
-    return estimator.fit(joined(visits), found.parameters).lack_of_fit
+    return estimator.fit(joined(visits), result.parameters).lack_of_fit
 
 
 def summary(played: Bootstrap) -> Replayed:
@@ -195,10 +195,12 @@ def too_few(n: int) -> tuple[str, ...]:
     return tuple(warnings)
 
 
-def gross_error_warnings(found: Identification, outliers: int, set_aside: Index) -> tuple[str, ...]:
+def gross_error_warnings(
+    result: Identification, outliers: int, set_aside: Index
+) -> tuple[str, ...]:
     """What to do about gross errors, where some are in the fit or were set aside."""
     warnings = []
-    if outliers and found.loss == "squared":
+    if outliers and result.loss == "squared":
         some = "a shot" if outliers == 1 else f"{outliers} shots"
         warnings.append(
             f"{some} of the calibration may pull at the result; measure again what does not fit, "
@@ -213,7 +215,7 @@ def gross_error_warnings(found: Identification, outliers: int, set_aside: Index)
     return tuple(warnings)
 
 
-def limits(found: Identification, shared: float) -> tuple[str, ...]:
+def limits(result: Identification, shared: float) -> tuple[str, ...]:
     """What a reader must know of the statements; `shared` [m] was added to the conformal radius."""
     warnings = []
     if shared > 0:
@@ -221,9 +223,9 @@ def limits(found: Identification, shared: float) -> tuple[str, ...]:
             "what the tracker gets wrong the same way in both visits shows at no held-out pose: "
             f"{1e6 * shared:.0f} um for it are added to the conformal radius in the table"
         )
-    if found.prior is not None:
+    if result.prior is not None:
         warnings.append(
             "the estimate rests on a prior as well: its intervals hold over robots like those that "
             "the prior describes, not over repeats of one"
         )
-    return (*warnings, *shared_waves(found))
+    return (*warnings, *shared_waves(result))
