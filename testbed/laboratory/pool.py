@@ -42,7 +42,7 @@ PATIENCE = ((200_000, 1e-4), (4_000, 1e-2))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Pool:
+class PosePool:
     """Feasible joint vectors, and what was thrown away on the way to them."""
 
     q: Array
@@ -87,7 +87,7 @@ class Candidates:
 
     def draw(
         self, rng: np.random.Generator, *, size: int | None = None, exclude: Array | None = None
-    ) -> Pool:
+    ) -> PosePool:
         """Draw feasible poses; the held-out ones come from here too, with their own `rng`.
 
         Candidates come in blocks of four per pose wanted.
@@ -132,7 +132,7 @@ class Candidates:
         apply = self._applying()
         sample = np.concatenate([np.flatnonzero(reason == k)[:SAMPLE] for k in range(len(REASONS))])
         kept = frozen(q[reason < 0])
-        return Pool(
+        return PosePool(
             q=kept,
             T=frozen(robot.model.poses(kept)),
             rejected_q=frozen(q[sample]),

@@ -8,7 +8,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from testbed.laboratory.cell import Obstacle
 from testbed.laboratory.goal import Goal
-from testbed.laboratory.pool import Pool
+from testbed.laboratory.pool import PosePool
 from testbed.laboratory.tracker.stations import StationComparison
 from testbed.scenario.read import Scenario
 
@@ -133,7 +133,7 @@ class Plan:
     """Numbers that will be identified; those free that can be told apart."""
     notes: tuple[str, ...]
     """Which free numbers cannot be told apart, in words."""
-    pool: Pool
+    pool: PosePool
     leverage: Array
     """(N,) trace of K_jj: how much each candidate adds to the chosen set's information."""
     places: Index

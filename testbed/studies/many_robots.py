@@ -184,13 +184,13 @@ def family_confidence(comparisons: int) -> float:
 CONFIDENCE = 0.95
 
 
-class Record(Protocol):
-    """A dataclass."""
+class Dataclass(Protocol):
+    """Any dataclass."""
 
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
 
-R = TypeVar("R", bound=Record)
+R = TypeVar("R", bound=Dataclass)
 Axes = Mapping[str, int]
 """The arrays of a study's record that hold one figure per robot, and which axis counts robots."""
 

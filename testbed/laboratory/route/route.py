@@ -39,8 +39,6 @@ class Route:
     """Time of the moves in the order given, with its own detours; inf if one is blocked [s]."""
     blocked: tuple[tuple[int, int], ...]
     """Pairs of poses, by position in the given list (-1: start), with no way between them."""
-    tested: int
-    """Postures tested for collision."""
     resolution: float
     """Largest way of any point of the robot between two tested postures of a move [m]."""
 
@@ -60,28 +58,12 @@ class Route:
         return sum(len(stops) > 0 for stops in self.via)
 
     @property
-    def postures(self) -> Array:
-        """(k, n) every posture in turn: the start, stops and poses [rad, m]."""
-        legs = (np.vstack([via, pose]) for via, pose in zip(self.via, self.q, strict=True))
-        return frozen(np.vstack([self.start, *legs]))
-
-    @property
     def sentence(self) -> str:
-        """What came out, in words."""
-        if self.blocked:
-            pairs = ", ".join(
-                f"{'the start' if a < 0 else f'pose {a}'} and pose {b}" for a, b in self.blocked
-            )
-            return (
-                f"no free way was found between {pairs}; move between them by hand, "
-                "drop a pose, or move the obstacle"
-            )
-        around = (
-            f"{self.detours} {'move needs' if self.detours == 1 else 'moves need'} a stop on the "
-            "way around"
-            if self.detours
-            else "every straight joint move is free"
-        )
+        """How long a route without blocked moves takes, in words."""
+        around = "every straight joint move is free"
+        if self.detours:
+            need = "move needs" if self.detours == 1 else "moves need"
+            around = f"{self.detours} {need} a stop on the way around"
         return (
             f"{counted(len(self.order), 'pose')} in {self.total_time:.0f} s, "
             f"{self.move_time:.0f} s of them moving; {around} (tested every "
@@ -182,7 +164,6 @@ def measuring_route(
         settle=float(settle),
         given_time=float(sum(ways[pair].time for pair in _pairs(given))),
         blocked=tuple(lost),
-        tested=mover.tested,
         resolution=resolution,
     )
 

@@ -15,7 +15,7 @@ NESTS = ((0.9, 0.9, -0.3), (0.9, -0.9, -0.3), (-0.9, -0.9, -0.3), (-0.9, 0.9, 0.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Drift:
+class StationDrift:
     """A station's random walk and how often it is looked at."""
 
     rate: float
@@ -24,10 +24,6 @@ class Drift:
     """Time between two rounds over the nests; the first is at the start of a visit [s]."""
     nests: Array
     """(k, 3) nests in the world [m]."""
-
-    def since_nests(self, elapsed: Array) -> Array:
-        """Time (m,) since the last round over the nests at times (m,) after the first [s]."""
-        return np.asarray(elapsed - self.rounds(elapsed) * self.every)
 
     def rounds(self, elapsed: Array) -> Array:
         """Rounds over the nests (m,) after the first one, up to times (m,)."""

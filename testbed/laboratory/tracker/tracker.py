@@ -14,7 +14,7 @@ from calib.geometry.model import RobotModel
 from calib.measurement.noise import spherical_covariance, with_joint_noise
 from calib.measurement.observations import POINT, POSE, Measurements
 from testbed.laboratory.tracker.bias import BiasSize, StationBias
-from testbed.laboratory.tracker.drift import NESTS, Drift
+from testbed.laboratory.tracker.drift import NESTS, StationDrift
 from testbed.scenario.read import At960Tracker, PaperTracker
 from testbed.streams import stream
 
@@ -90,7 +90,7 @@ class Tracker:
     """From one shot to the next [s]."""
     bias: StationBias | None = None
     """What it gets wrong the same way all campaign long; None: nothing."""
-    drift: Drift | None = None
+    drift: StationDrift | None = None
     """How its station wanders; None: it stands still."""
     gross_errors: GrossErrors = field(default_factory=GrossErrors)
     """Wrong and failed observations."""
@@ -299,13 +299,13 @@ def _bias(settings: At960Tracker, seed: int | None) -> StationBias | None:
     return StationBias(size, size.draw(stream(seed, "station", "bias")))
 
 
-def _drift(settings: At960Tracker, chain: Chain) -> Drift | None:
+def _drift(settings: At960Tracker, chain: Chain) -> StationDrift | None:
     """How the station wanders; the nests stand around the robot's base."""
     if not settings.drift_um_per_sqrt_h:
         return None
     T = chain.T_world_base
     nests = np.array(NESTS) @ T[:3, :3].T + T[:3, 3]
-    return Drift(settings.drift_um_per_sqrt_h * 1e-6 / 60.0, settings.nests_s, nests)
+    return StationDrift(settings.drift_um_per_sqrt_h * 1e-6 / 60.0, settings.nests_s, nests)
 
 
 def _in_meters(pair: tuple[float, float]) -> tuple[float, float]:

@@ -7,7 +7,7 @@ says comes from what the tracker saw.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -61,29 +61,12 @@ class MeasuredRobot:
     """With this robot."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class JudgedModel:
-    """One model of one robot: what it states, against the truth; fields as in `CoverageStudy`."""
-
-    inside: tuple[float, ...]
-    """(3,) share of held-out points inside, per statement."""
-    radius: tuple[float, ...]
-    """(3,) mean volume-equivalent radius [m]."""
-    p_value: float
-    held_out_p: float
-    flagged: bool
-    believed: int
-    converged: bool
-    mean_error: float
-
-
-AXES = dict.fromkeys(
-    (
-        *(field.name for field in fields(JudgedModel)),
-        *("extended", "log_evidence", "before", "normal_error", "nees"),
-    ),
-    -1,
+OF_A_MODEL = (
+    *("inside", "radius", "p_value", "held_out_p", "flagged", "believed", "converged"),
+    "mean_error",
 )
+OF_A_ROBOT = ("extended", "log_evidence", "before", "normal_error", "nees")
+AXES = dict.fromkeys((*OF_A_MODEL, *OF_A_ROBOT), -1)
 
 
 def coverage_study(
@@ -134,10 +117,7 @@ def play_robot(
             before=point_distances(measured.true, nominal.poses(measured.judge_q)[:, :3, 3]).mean(),
             normal_error=normal_error,
             nees=nees,
-            **{
-                field.name: [getattr(one, field.name) for one in judged]
-                for field in fields(JudgedModel)
-            },
+            **{name: [one[name] for one in judged] for name in OF_A_MODEL},
         ),
     )
 
@@ -195,8 +175,11 @@ def models(measured: MeasuredRobot) -> tuple[tuple[Identification, ...], float, 
     return fits, choice.log_evidence, choice.chosen == "extended"
 
 
-def judge_model(found: Identification, measured: MeasuredRobot, level: float) -> JudgedModel:
-    """What one model states at the judging poses, three ways, and which points it holds."""
+def judge_model(found: Identification, measured: MeasuredRobot, level: float) -> dict[str, Any]:
+    """What one model states at the judging poses, three ways, and which points it holds.
+
+    Names as in `CoverageStudy`.
+    """
     shared = systematic_covariance(measured.laboratory, found, measured.seen)
     covariance = full_covariance(found, found.covariance + shared)
     bare = tool_statement(found.model, measured.judge_q, covariance, probability=level)
@@ -220,20 +203,20 @@ def judge_model(found: Identification, measured: MeasuredRobot, level: float) ->
     radius = ball.radius + systematic_reach(found, shared, measured.judge_q, level=level)
     error = point_distances(measured.true, bare.position)
     verdict = judgement.trust
-    return JudgedModel(
-        inside=(
+    return {
+        "inside": (
             float(bare.holds(measured.true).mean()),
             float(wide.holds(measured.true).mean()),
             float((error <= radius).mean()),
         ),
-        radius=(bare.mean_radius, wide.mean_radius, radius),
-        p_value=found.p_value,
-        held_out_p=seen.p_value,
-        flagged=not verdict.model_valid,
-        believed=STATEMENTS.index(verdict.believe) if verdict.believe in STATEMENTS else -1,
-        converged=found.status is Status.CONVERGED,
-        mean_error=float(error.mean()),
-    )
+        "radius": (bare.mean_radius, wide.mean_radius, radius),
+        "p_value": found.p_value,
+        "held_out_p": seen.p_value,
+        "flagged": not verdict.model_valid,
+        "believed": STATEMENTS.index(verdict.believe) if verdict.believe in STATEMENTS else -1,
+        "converged": found.status is Status.CONVERGED,
+        "mean_error": float(error.mean()),
+    }
 
 
 def parameter_errors(found: Identification, measured: MeasuredRobot) -> tuple[Array, float] | None:

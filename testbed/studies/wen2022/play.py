@@ -70,27 +70,12 @@ class Visit:
         return point_distances(self.true, found.model.poses(q)[:, :3, 3])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TrialOnRobot:
-    """One trial on one robot."""
-
-    own_before: float
-    own_after: float
-    error: tuple[float, ...]
-    """(2,) per estimator."""
-    u_best: Array
-    """(f,) from repeats; (0,) for other sets than the paper's."""
-    inside: tuple[float, ...]
-    """(4,) per statement; nothing for other sets."""
-    numbers_inside: float
-    distance_u: float
-
-
-EVERY = ("own_before", "own_after", "error")
-"""What a record has of every trial."""
-BY_PAPER = ("u_best", "inside", "numbers_inside", "distance_u")
-"""What it has of those alone that were chosen as in the paper."""
-AXES = dict.fromkeys(("pool", "before", *EVERY, *BY_PAPER), -1) | {
+OF_A_TRIAL = (
+    *("own_before", "own_after", "error"),
+    *("u_best", "inside", "numbers_inside", "distance_u"),
+)
+"""Figures of a trial on a robot; the last four of sets alone that were chosen as in the paper."""
+AXES = dict.fromkeys(("pool", "before", *OF_A_TRIAL), -1) | {
     "u_best": 1,
     "u_r": 0,
     "u_p": 0,
@@ -132,7 +117,6 @@ def play_robot(laboratory: Laboratory, truth: TruthName, pools: PoolSets, robot:
     trials = [one for one in pools.sets if one.trial in named]
     pool = robot % len(pools.pool_q)
     played = [play(visit, one, pool) for one in trials]
-    best = [one for one, trial in zip(played, trials, strict=True) if trial.by_paper]
     nominal = laboratory.setting.nominal.poses(visit.laboratory.setting.test_q)[:, :3, 3]
     u_r, u_p, u_w = random_parts(visit, scenario.uncertainty.repeats)
     return Reexamined(
@@ -146,8 +130,7 @@ def play_robot(laboratory: Laboratory, truth: TruthName, pools: PoolSets, robot:
             u_r=u_r,
             u_p=u_p,
             u_w=u_w,
-            **{name: [getattr(one, name) for one in played] for name in EVERY},
-            **{name: [getattr(one, name) for one in best] for name in BY_PAPER},
+            **{name: [one[name] for one in played if name in one] for name in OF_A_TRIAL},
         ),
     )
 
@@ -160,8 +143,11 @@ def visit_robot(laboratory: Laboratory, truth: TruthName, pools: PoolSets, robot
     return Visit(robot, own, own.held_out(pools.test_q[p])[:, :3, 3])
 
 
-def play(visit: Visit, trial: TrialSets, pool: int) -> TrialOnRobot:
-    """Calibrate once with each estimator; on the paper's sets repeat, and judge what is stated."""
+def play(visit: Visit, trial: TrialSets, pool: int) -> dict[str, Any]:
+    """Calibrate once with each estimator; on the paper's sets repeat, and judge what is stated.
+
+    Names as in `Reexamined`.
+    """
     chosen = trial.indices[pool] if trial.designed else visit.random(trial.poses, trial.trial)
     seen = visit.measure(chosen, trial.trial)
     fits = tuple(visit.fitted(seen, mode) for mode in MODES)
@@ -170,18 +156,22 @@ def play(visit: Visit, trial: TrialSets, pool: int) -> TrialOnRobot:
         float(point_distances(seen.position, predicted_positions(model, seen)).mean())
         for model in (nominal, fits[0].model)
     ]
-    error = tuple(float(visit.error(found).mean()) for found in fits)
+    error = [float(visit.error(found).mean()) for found in fits]
+    figures = {"own_before": own[0], "own_after": own[1], "error": error}
     if not trial.by_paper:
-        return TrialOnRobot(own[0], own[1], error, np.zeros(0), (), 0.0, 0.0)
+        return figures
     repeats = visit.laboratory.scenario.uncertainty.repeats
     others = [visit.measure(chosen, trial.trial, repeat=k) for k in range(1, repeats)]
     steps = np.array([fits[0].step, *(visit.fitted(table).step for table in others)])
     u = type_a(steps).standard
     shares, distance_u = held(visit, fits, u)
     off = np.abs(fits[0].step - true_step(visit.laboratory.setting, fits[1], seen))
-    return TrialOnRobot(
-        own[0], own[1], error, u, shares, float((off <= INTERVAL * u).mean()), distance_u
-    )
+    return figures | {
+        "u_best": u,
+        "inside": shares,
+        "numbers_inside": float((off <= INTERVAL * u).mean()),
+        "distance_u": distance_u,
+    }
 
 
 FEWEST_LOCAL = 10

@@ -10,7 +10,7 @@ from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.frames import inverse, rot_z, slide, step_transform
 from testbed.laboratory.cell import Obstacle, cell_from
-from testbed.laboratory.pool import OBSTACLE, REASONS, Candidates, Pool
+from testbed.laboratory.pool import OBSTACLE, REASONS, Candidates, PosePool
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot, load_robot
 from testbed.scenario.read import BoxObstacle, CellSettings, MeshObstacle, PoolSettings
@@ -171,7 +171,7 @@ def test_a_table_the_robot_stands_on_is_no_collision_of_its_base(robot):
     assert not simulator(robot, table).collides(np.zeros((1, 6))).any()
 
 
-def drawn(robot: Robot, sim: Simulator, **settings) -> Pool:
+def drawn(robot: Robot, sim: Simulator, **settings) -> PosePool:
     candidates = Candidates(robot, sim, PoolSettings(**settings), STATION, aim=AIM)
     return candidates.draw(np.random.default_rng(5))
 

@@ -10,7 +10,7 @@ from calib.errors import InputError
 from calib.geometry.chain import forward
 from calib.geometry.frames import rot_z, slide
 from calib.geometry.model import RobotModel
-from testbed.laboratory.pool import CONE, OBSTACLE, PATIENCE, SAMPLE, Candidates, Pool
+from testbed.laboratory.pool import CONE, OBSTACLE, PATIENCE, SAMPLE, Candidates, PosePool
 from testbed.laboratory.pool import REASONS as ALL
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot, load_robot
@@ -33,13 +33,13 @@ def simulator(robot: Robot) -> Simulator:
 
 
 @pytest.fixture(scope="module")
-def pool(robot: Robot, simulator: Simulator) -> Pool:
+def pool(robot: Robot, simulator: Simulator) -> PosePool:
     return drawn(robot, simulator)
 
 
 def drawn(
     robot: Robot, simulator: Simulator, *, seed: int = 5, station: Any = STATION, **changes: Any
-) -> Pool:
+) -> PosePool:
     """Pool of 1000 from a numbered stream, with changed settings; size and exclude go through."""
     extra = {key: changes.pop(key) for key in ("size", "exclude") if key in changes}
     cone = {key: changes.pop(key) for key in ("acceptance",) if key in changes}

@@ -9,7 +9,7 @@ import pytest
 from calib.arrays import Array
 from calib.errors import InputError
 from testbed.laboratory.cell import cell_from
-from testbed.laboratory.pool import Candidates, Pool
+from testbed.laboratory.pool import Candidates, PosePool
 from testbed.laboratory.route import moves
 from testbed.laboratory.route.moves import Mover, spread, travel_times
 from testbed.laboratory.route.route import Route, best_tour, length, measuring_route
@@ -43,14 +43,20 @@ def simulator(robot: Robot) -> Simulator:
 
 
 @pytest.fixture(scope="module")
-def pool(robot: Robot, simulator: Simulator) -> Pool:
+def pool(robot: Robot, simulator: Simulator) -> PosePool:
     candidates = Candidates(robot, simulator, PoolSettings(size=120), STATION, aim=AIM)
     return candidates.draw(np.random.default_rng(1))
 
 
 @pytest.fixture(scope="module")
-def route(robot: Robot, simulator: Simulator, pool: Pool) -> Route:
+def route(robot: Robot, simulator: Simulator, pool: PosePool) -> Route:
     return routed(robot, simulator, pool.q[:29], vias=pool.q)
+
+
+def postures(route: Route) -> Array:
+    """Every posture in turn: the start, stops and poses."""
+    legs = (np.vstack([via, pose]) for via, pose in zip(route.via, route.q, strict=True))
+    return np.vstack([route.start, *legs])
 
 
 def routed(robot: Robot, simulator: Simulator, q: Array, **options) -> Route:
@@ -79,14 +85,14 @@ def test_every_pose_is_visited_once_and_the_times_add_up(robot, pool, route):
         total += own
     assert route.move_time == pytest.approx(total, rel=1e-12)
     assert route.total_time == pytest.approx(total + 29 * SETTLE, rel=1e-12)
-    assert len(route.postures) == 30 + sum(len(via) for via in route.via)
+    assert len(postures(route)) == 30 + sum(len(via) for via in route.via)
 
 
 def test_every_move_is_free_when_tested_ten_times_more_finely(simulator, route):
     assert not route.blocked
     assert route.detours > 0  # the clutter does matter here
     bounds = simulator.travel_bounds()
-    for a, b in pairwise(route.postures):
+    for a, b in pairwise(postures(route)):
         n = int(np.ceil(np.abs(b - a) @ bounds / (route.resolution / 10))) + 1
         line = a + np.linspace(0, 1, n + 1)[:, None] * (b - a)
         # between two tests of the route a corner may graze by less than half the resolution;
@@ -231,7 +237,7 @@ def test_ways_of_several_stops_lead_to_the_right_pose_in_both_directions(
     )
     mover = Mover(simulator, robot.limits, robot.speeds)
     for route in found:
-        assert all(mover.is_free(a, b) for a, b in pairwise(route.postures))
+        assert all(mover.is_free(a, b) for a, b in pairwise(postures(route)))
 
 
 def test_a_pose_that_cannot_be_reached_is_named(robot, monkeypatch):
@@ -245,7 +251,6 @@ def test_a_pose_that_cannot_be_reached_is_named(robot, monkeypatch):
     simulator = cluttered(robot, wall)
     found = routed(caged, simulator, np.stack([right]), start=left)
     assert found.blocked == ((-1, 0),)
-    assert "no free way was found between the start and pose 0" in found.sentence
     assert np.isinf(found.given_time)
     assert found.times[0] == pytest.approx(2.4 / (SHARE * robot.speeds[0]))
     free = routed(caged, cluttered(robot), np.stack([right]), start=left)

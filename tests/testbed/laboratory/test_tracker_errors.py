@@ -10,7 +10,7 @@ from calib.errors import InputError
 from calib.geometry.frames import exp_so3, log_so3, rot_x, rot_z, slide, transform
 from calib.measurement.observations import Measurements
 from testbed.laboratory.tracker.bias import NAMES, StationBias
-from testbed.laboratory.tracker.drift import NESTS, Drift
+from testbed.laboratory.tracker.drift import NESTS, StationDrift
 from testbed.laboratory.tracker.tracker import Tracker, bias_size, streams_below, tracker_from
 from testbed.scenario.read import At960Tracker
 from tests.reference import DEG, UM, pool_r, tx60
@@ -207,18 +207,17 @@ def test_a_reflector_has_the_systematic_part_at_the_reflector():
 
 def test_the_station_walks_at_random_between_two_rounds_over_the_nests():
     rate = 20 * UM / 60
-    drift = Drift(rate, 600.0, np.array(NESTS))
+    drift = StationDrift(rate, 600.0, np.array(NESTS))
     time = np.array([0.0, 100.0, 599.0, 600.0, 700.0, 1900.0])
     walks = np.array([drift.walk(time, np.random.default_rng(k)) for k in range(4000)])
     since = np.array([0.0, 100.0, 599.0, 0.0, 100.0, 100.0])
-    np.testing.assert_allclose(drift.since_nests(time), since)
     # sd of an sd from 12 000 numbers: .65 %, four of them
     np.testing.assert_allclose(
         walks.std(axis=(0, 2)), rate * np.sqrt(since), rtol=0.026, atol=1e-20
     )
     # 20 um after an hour without nests
     hour = np.array([0.0, 3600.0])
-    never = Drift(rate, 1e9, np.array(NESTS))
+    never = StationDrift(rate, 1e9, np.array(NESTS))
     free = [never.walk(hour, np.random.default_rng(k))[1] for k in range(4000)]
     assert np.std(free) == pytest.approx(20 * UM, rel=0.026)
     x = walks[:, :, 0]
@@ -242,7 +241,7 @@ def test_the_scenario_gives_the_walk_per_root_of_an_hour():
 
 
 def test_no_later_shot_changes_an_earlier_walk_within_a_round():
-    drift = Drift(1e-6, 1e9, np.array(NESTS))
+    drift = StationDrift(1e-6, 1e9, np.array(NESTS))
     time = np.arange(30) * 10.0
     whole, part = (drift.walk(time[:m], np.random.default_rng(1)) for m in (30, 12))
     np.testing.assert_allclose(whole[:12], part, atol=1e-18)
@@ -254,7 +253,7 @@ def test_readings_hold_the_walk_and_the_noise_of_the_nests():
         [read(tracker, Q[:61], s).position - read(plain, Q[:61], s).position for s in range(200)]
     )
     nests = tracker.own_covariance(tracker.drift.nests)[:, :3, :3].mean(0) / len(NESTS)
-    since = tracker.drift.since_nests(np.arange(61) * 10.0)
+    since = np.arange(61) * 10.0 % 200.0
     for k in (0, 19, 20, 60):
         expected = nests + np.eye(3) * tracker.drift.rate**2 * since[k]
         assert deviation(added[:, k], expected) < 4.5

@@ -208,8 +208,8 @@ def test_a_robot_is_the_same_whoever_else_is_played():
     one, trial = study("wen2022"), campaign().pool_sets.sets[3]
     alone = play(visit(1), trial, 1)
     i = one.trials.index(trial.trial)
-    np.testing.assert_array_equal(alone.error, one.error[i, :, 1])
-    assert alone.own_after == one.own_after[i, 1]
+    np.testing.assert_array_equal(alone["error"], one.error[i, :, 1])
+    assert alone["own_after"] == one.own_after[i, 1]
 
 
 def test_robots_of_all_kinds_share_geometry_noise_and_poses():
