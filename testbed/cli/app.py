@@ -1,4 +1,4 @@
-"""The command's own surface: the application that verbs join, and options that they share."""
+"""The application that the verbs join, and the options that they share."""
 
 from pathlib import Path
 from typing import Annotated

@@ -16,7 +16,7 @@ LIMIT = 1e-10
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """How well other kinematics agree with our own on one robot."""
+    """How well other kinematics agree with MDH on one robot."""
 
     robot: str
     other: str
@@ -41,18 +41,18 @@ def check_kinematics(poses: int = POSES) -> list[Agreement]:
         robot = load_robot(name)
         lower, upper = robot.limits.T
         q = stream(0, "doctor", name).uniform(lower, upper, (poses, len(lower)))
-        own = forward(robot.model.chain, q)
+        mdh = forward(robot.model.chain, q)
         others = {
             "MuJoCo": Simulator(None, robot.model.chain).poses(q),
             "URDF": forward(describe_urdf(robot.folder / f"{name}.urdf").chain, q),
         }
         for other, T in others.items():
-            turn = log_so3(own[:, :3, :3] @ np.swapaxes(T[:, :3, :3], 1, 2))
+            turn = log_so3(mdh[:, :3, :3] @ np.swapaxes(T[:, :3, :3], 1, 2))
             found.append(
                 Agreement(
                     name,
                     other,
-                    float(np.linalg.norm(own[:, :3, 3] - T[:, :3, 3], axis=1).max()),
+                    float(np.linalg.norm(mdh[:, :3, 3] - T[:, :3, 3], axis=1).max()),
                     float(np.linalg.norm(turn, axis=1).max()),
                 )
             )

@@ -1,6 +1,6 @@
 """The Rerun viewer: open a recording, take its picture without a screen, make a page of it.
 
-Every process is the viewer's own binary, bound to 127.0.0.1, with usage statistics off and its
+Every process is the binary of the viewer, bound to 127.0.0.1, with usage statistics off and its
 settings in a folder that is thrown away.
 """
 
@@ -46,7 +46,7 @@ def picture(rrd: str | Path, png: str | Path, *, step: int | None = None) -> Non
     png : path
         Picture to write.
     step : int, optional
-        Place on the story's timeline; the viewer's own start if None.
+        Place on the story's timeline; where the viewer starts if None.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def open_viewer(rrd: str | Path, tell: Callable[[str], None] = lambda _: None) -
     """Show a recording and return when the viewer is closed.
 
     With a display this is the native viewer. Without one it is the viewer for browsers, served on
-    this machine only; `tell` receives the sentence that says where.
+    this machine only; `tell` receives the sentence with its address.
     """
     file = existing(rrd)
     if has_display():
@@ -124,7 +124,7 @@ def html_page(rrd: str | Path, out: str | Path) -> None:
     InputError
         No such recording.
     MachineError
-        The viewer's own server, from which the page is made, did not come up.
+        The viewer's server, from which the page is made, did not come up.
     """
     import rerun as rr
 
@@ -175,7 +175,7 @@ def existing(rrd: str | Path) -> Path:
 
 
 def native() -> Path:
-    """The viewer's own binary; the command beside Python's is a wrapper that leaves orphans."""
+    """The binary of the viewer; the command beside Python's is a wrapper that leaves orphans."""
     import rerun_cli
 
     folder = Path(str(rerun_cli.__file__)).parent

@@ -23,7 +23,7 @@ def assemble(parts: Sequence[Part], robot: Robot, settings: SessionFile, *, name
     Raises
     ------
     InputError
-        M27: no row is left; M31: a pose is not what its name says; M35: a split of one pose.
+        M27: no row is left; M31: one name for two poses, or a visit twice; M35: a pose is split.
     """
     if not sum(len(part) for part in parts):
         where, fix = parts[0].readings.where, "see what was left out, and measure again"
@@ -103,9 +103,9 @@ def assemble(parts: Sequence[Part], robot: Robot, settings: SessionFile, *, name
 
 def _extra(part: Part, name: str) -> Array | tuple[str, ...] | None:
     """A column of the readings, else of the joints."""
-    own: Array | tuple[str, ...] | None = getattr(part.readings.extras, name)
-    there: Array | tuple[str, ...] | None = getattr(part.joints.extras, name)
-    return own if own is not None else there
+    columns: list[Array | tuple[str, ...] | None]
+    columns = [getattr(extras, name) for extras in (part.readings.extras, part.joints.extras)]
+    return next((column for column in columns if column is not None), None)
 
 
 def _stacked(columns: Sequence[Array | tuple[str, ...] | None]) -> Array | None:

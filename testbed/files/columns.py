@@ -1,4 +1,4 @@
-"""The column names of the project's own layout: a unit in each, and its factor to SI."""
+"""The column names of the project's layout: a unit in each, and its factor to SI."""
 
 import re
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""Nests that stay on the floor: how the station moved between rounds, and taking that off."""
+"""Nests that stay on the floor: how the station moved between rounds, and how that is corrected."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -22,8 +22,8 @@ FLAT = 0.02
 
 def split_nests(readings: Readings, nests: Sequence[str]) -> tuple[Readings, Readings]:
     """Readings of the robot, and those of the nests."""
-    own = np.array([target in nests for target in readings.target], dtype=bool)
-    return readings.rows(~own), readings.rows(own)
+    at_nest = np.array([target in nests for target in readings.target], dtype=bool)
+    return readings.rows(~at_nest), readings.rows(at_nest)
 
 
 def judge_drift(
@@ -75,7 +75,7 @@ def judge_drift(
         if k:
             squares += float(np.square(now[both] - first[both] @ R.T - t).sum())
             freedom += 3 * count - 6
-    # the residual holds the scatter of two rounds: the first and its own
+    # the residual holds the scatter of two rounds: the first and this one
     stated = np.diagonal(readings.covariance[:, :3, :3], axis1=1, axis2=2)
     scatter = np.sqrt(squares / freedom) if freedom > 0 else np.sqrt(stated.mean()) * 2**0.5
     u = scatter * _lever(first[np.isfinite(first[:, 0])], middle)
@@ -192,23 +192,23 @@ def without_drift(
     readings : Readings
         Of one file, nests among them or not.
     apart : Readings or None
-        Of the nests, where they have a file of their own.
+        Of the nests, where they have a separate file.
     settings : DriftTable
         [drift] of session.toml.
     """
-    own, nests = split_nests(readings, settings.nests)
-    if not len(own) or (apart is not None and len(nests)):
-        message = "has shots at nests of [drift] file" if len(own) else "holds shots at nests only"
+    robot, nests = split_nests(readings, settings.nests)
+    if not len(robot) or (apart is not None and len(nests)):
+        what = "has shots at nests of [drift] file" if len(robot) else "holds shots at nests only"
         fix = "name the file of the nests under [drift] only"
-        raise refusal(readings.where, "drift.file", message, fix=fix)
+        raise refusal(readings.where, "drift.file", what, fix=fix)
     if apart is not None:
         _, nests = split_nests(apart, settings.nests)
-    middle = own.position.mean(axis=0)
+    middle = robot.position.mean(axis=0)
     drift, begins = judge_drift(nests, settings.nests, middle, limit=settings.limit_mm / 1e3)
     if apart is None or not drift.corrected:
-        return correct_drift(own, drift, begins), drift, []
+        return correct_drift(robot, drift, begins), drift, []
     warning = (
         f"{nests.where}: does not say between which poses the nests were shot; the drift is "
         "reported, not taken off"
     )
-    return own, replace(drift, corrected=False), [warning]
+    return robot, replace(drift, corrected=False), [warning]

@@ -152,8 +152,7 @@ def _trimmed_frames(F: Array, position: Array, rotation: Array | None) -> tuple[
     some = np.unique(np.linspace(0, len(F) - 1, min(len(F), MOST_FITTED)).round().astype(np.int64))
     keep, half = some, max(6, len(some) // 2)
     for _ in range(10):
-        own = None if rotation is None else rotation[keep]
-        frames = fit_frames(F[keep], position[keep], own)
+        frames = fit_frames(F[keep], position[keep], None if rotation is None else rotation[keep])
         errors = frames.position_errors(F[some], position[some])
         limit = max(TIMES * float(np.median(errors)), LEAST)
         good = some[errors <= limit]

@@ -117,14 +117,13 @@ def _missing(table: Table, robot: Robot, tail: str) -> InputError:
         if not table.find(kind, f"{stem}{tail}")
     ]
     return refusal(
-        table.where,
-        "joints",
+        table.where, "joints",
         f"has no column for {len(missing)} of the {robot.model.chain.n_joints} joints of "
         f"{robot.name}",
         value=", ".join(table.names)[:200],
         allowed=f"needed: {', '.join(missing)}; {table.found(120)}",
         fix="name the columns so, with the unit, or map them with --config session.toml",
-    )
+    )  # fmt: skip
 
 
 def _check_limits(table: Table, robot: Robot, names: tuple[str, ...], q: Array, good: Bool) -> None:
@@ -139,12 +138,11 @@ def _check_limits(table: Table, robot: Robot, names: tuple[str, ...], q: Array, 
     other = OTHER_UNIT.get(unit, "another unit")
     share = 100 * outside.sum() / (good.sum() * q.shape[1])
     raise refusal(
-        table.place(row),
-        names[j],
+        table.place(row), names[j],
         f"{share:.0f} % of the joint values lie outside the limits of {robot.name}, the first is "
         f'{table.names[names[j]]} = "{table.texts(names[j])[row][:20]}"',
         code="M20",
         value=float(q[row, j]),
         allowed=f"its limits are {lower[j] / factor:.4g} to {upper[j] / factor:.4g} {unit}",
         fix=f"if these are {other}, name the columns q1_{other} ...; else check the robot",
-    )
+    )  # fmt: skip

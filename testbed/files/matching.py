@@ -47,13 +47,11 @@ def by_order(joints: Joints, readings: Readings) -> Match:
     """
     if len(joints) != len(readings):
         raise refusal(
-            readings.where,
-            "match",
+            readings.where, "match",
             f"has {len(readings)} readings for {len(joints)} joint vectors in {joints.where}",
-            code="M31",
-            allowed='match = "order" needs as many of both',
+            code="M31", allowed='match = "order" needs as many of both',
             fix="remove the extra rows, or number both files in a column pose_id",
-        )
+        )  # fmt: skip
     return Match(np.arange(len(joints)), np.arange(len(readings)))
 
 
@@ -71,13 +69,11 @@ def by_cycle(joints: Joints, readings: Readings) -> Match:
     if set(counts.values()) != {len(joints)} or number.max() >= len(joints):
         shown = ", ".join(f"{name or 'it'} {count}" for name, count in sorted(counts.items())[:8])
         raise refusal(
-            readings.where,
-            "target",
-            f"targets were shot {shown} times for {len(joints)} joint vectors",
-            code="M31",
+            readings.where, "target",
+            f"targets were shot {shown} times for {len(joints)} joint vectors", code="M31",
             allowed="cycling names count poses only if all counts agree",
             fix="mend the export, or give each pose a group of its own",
-        )
+        )  # fmt: skip
     return Match(number, np.arange(len(readings)))
 
 

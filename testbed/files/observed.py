@@ -39,16 +39,13 @@ def section_of(table: Table) -> ObservedTable:
         return FramesTable()
     if any(table.find("length", stem) for stem in ("x", "range")):
         return PointsTable()
+    hint = misspelling(table.names)
     raise refusal(
-        table.where,
-        "columns",
-        "has no readings",
-        value=", ".join(table.names)[:200],
+        table.where, "columns", "has no readings", value=", ".join(table.names)[:200],
         allowed="needed: x_mm y_mm z_mm (also _m), with qw qx qy qz, rx_deg ry_deg rz_deg or r11 "
         f"... r33 for poses, or distance_mm; {table.found(120)}",
-        fix=misspelling(table.names)
-        or "name the columns so, or map them with --config session.toml",
-    )
+        fix=hint or "name the columns so, or map them with --config session.toml",
+    )  # fmt: skip
 
 
 def read_observed(
@@ -142,12 +139,10 @@ def _stated(table: Table, section: FramesTable) -> tuple[Stated, Columns]:
     found = stated_in(table, section.euler)
     if found is None:
         raise refusal(
-            table.where,
-            "frames",
-            "has no rotations",
+            table.where, "frames", "has no rotations",
             allowed=f"qw qx qy qz, rx_deg ry_deg rz_deg, or r11 ... r33; {table.found()}",
             fix="map them under [frames] columns, or write [points] if there are none",
-        )
+        )  # fmt: skip
     stated, columns = found
     return replace(stated, inverted=section.gives == "T_tool_tracker"), columns
 
@@ -163,13 +158,11 @@ def _positions(table: Table) -> tuple[Array, Columns]:
     height = up or down
     if not (reach and azimuth and height):
         raise refusal(
-            table.where,
-            "columns",
-            "has no positions",
+            table.where, "columns", "has no positions",
             allowed="x_mm y_mm z_mm, or range_mm azimuth_deg elevation_deg (or zenith_deg); "
-            f"{table.found()}",
+            + table.found(),
             fix=misspelling(table.names),
-        )
+        )  # fmt: skip
     used = together((reach, azimuth, height))
     r, a, e = table.values(used).T
     return polar(r, a, e if up else np.pi / 2 - e), used

@@ -38,7 +38,7 @@ UNITS = (0.6, 1.6)
 LEAST_SPAN, TOOL = 0.02, 1.0
 """Distances vary by at least this part of what the flange moves, and by that and a tool [m]."""
 MODEL = 1e-6
-"""A misfit below this is no measurement but a controller's own model [m]."""
+"""A misfit below this is no measurement but the model of a controller [m]."""
 BETTER = 0.98
 """The other source of joints fits better if it leaves less than this part."""
 
@@ -81,7 +81,7 @@ class Probe:
 
     @property
     def sentence(self) -> str:
-        """What the report says."""
+        """The fit of the stated reading and of the best other one in words."""
         if self.stated is None:
             return f"too few poses to try other readings of the file; at least {FEWEST}"
         sentence = f"base and tool alone leave {_shown(self.stated)}"
@@ -102,35 +102,28 @@ class Probe:
         if stated is None:
             if np.isfinite(self.spread) and not UNITS[0] / 5 < self.spread < UNITS[1] * 5:
                 raise refusal(
-                    self.where,
-                    "length",
+                    self.where, "length",
                     f"the measured points spread {self.spread:.3g} times as far as the robot moves",
-                    code="M21",
-                    value=self.spread,
+                    code="M21", value=self.spread,
                     allowed=f"{UNITS[0]} to {UNITS[1]} times is usual",
                     fix="check the unit of the positions",
-                )
+                )  # fmt: skip
         elif wrong is not None:
             other = wrong.alternative
             raise refusal(
-                self.where,
-                other.field,
+                self.where, other.field,
                 f"base+tool fit leaves {_shown(stated)}; {_shown(wrong.misfit)} {other.condition}",
-                code=other.code,
-                value=stated.position,
-                fix=other.fix,
-            )
+                code=other.code, value=stated.position, fix=other.fix,
+            )  # fmt: skip
         elif min([stated.score, *(tried.misfit.score for tried in self.tried)]) > FAR:
             raise refusal(
-                self.where,
-                "ROBOT",
+                self.where, "ROBOT",
                 f"base+tool fit leaves {_shown(stated)}, and no other reading of the file less "
-                f"than {FAR * 1e3:g} mm",
-                code="M32",
+                f"than {FAR * 1e3:g} mm", code="M32",
                 value=stated.position,
                 allowed=f"a nominal {self.robot} leaves a few mm",
                 fix="is this the robot that was measured?",
-            )
+            )  # fmt: skip
 
 
 def probe(robot: Robot, session: Session) -> Probe:
@@ -177,12 +170,12 @@ def _other_rows(session: Session, rows: Index) -> Iterator[tuple[Alternative, In
         if len(rows) < FEWEST + abs(shift):
             continue
         low, high = max(0, -shift), len(rows) - max(0, shift)
-        own = _spread_out(high - low) + low
-        moved = _as_read(session, rows[own + shift])
+        some = _spread_out(high - low) + low
+        moved = _as_read(session, rows[some + shift])
         which = f"{'first' if shift > 0 else 'last'} row{'s' if abs(shift) > 1 else ''}"
         condition, fix = f"if row k{shift:+d} belongs to pose k", f"drop the extra {which}"
         other = Alternative("rows", condition, fix, "M31", "match")
-        yield other, replace(moved, q=session.measurements.q[rows[own]])
+        yield other, replace(moved, q=session.measurements.q[rows[some]])
 
 
 def _as_read(session: Session, rows: Index) -> Interpretation:

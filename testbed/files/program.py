@@ -1,8 +1,8 @@
 """A robot program's targets from CSV, corrected for the identified robot, row by row, into CSV.
 
 Rows, columns, comments, separator and decimal mark stay as they are; the numbers of the targets
-change, and columns that say what came of each row are added. A target that cannot be corrected
-without reserve stays as it was: the robot then does what it did before, and the row says why.
+change, and columns with the result of each row are added. A target that cannot be corrected without
+reserve stays as it was: the robot then does what it did before, and the row states why.
 """
 
 from collections.abc import Mapping, Sequence
@@ -76,7 +76,7 @@ def correct_program(path: Path, robot: Robot, identified: RobotModel, out: Path)
     z_mm`` (``_m``) with a rotation as ``qw qx qy qz``, ``r11`` ... ``r33``, ``rvx_deg`` ..., or
     ``rx_deg ry_deg rz_deg`` whose sequence is stated in a column ``euler``: poses of the tool in
     the base frame, for a controller that keeps its nominal model. Joint columns beside Cartesian
-    ones say in which configuration the controller reaches them.
+    ones state in which configuration the controller reaches them.
 
     Parameters
     ----------
@@ -156,13 +156,10 @@ def _correct_poses(
     found = stated_in(table, None)
     if place is None or found is None:
         raise refusal(
-            table.where,
-            "frames",
-            "has positions without rotations",
-            code="M24",
+            table.where, "frames", "has positions without rotations", code="M24",
             allowed="qw qx qy qz, r11 ... r33, rvx_deg ..., or rx_deg ry_deg rz_deg with euler",
             fix="a target needs its orientation: add the columns",
-        )
+        )  # fmt: skip
     stated, turned = found
     columns = together((place, turned))
     good, _ = valid_rows(table, columns.names, drop=False)

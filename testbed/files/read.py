@@ -1,4 +1,4 @@
-"""A measuring session from its files: read, cleaned, matched, and every assumption said."""
+"""A measuring session from its files: read, cleaned, matched, with every assumption stated."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
@@ -74,7 +74,7 @@ def read_session(
     data : path
         A CSV, or a session.toml (or its folder) that names the files.
     robot : Robot
-        Whose joints these are; its limits tell degrees from radians.
+        Whose joints these are; its limits distinguish degrees from radians.
     config : path, optional
         A session.toml on how to read a CSV: column names, units, conventions.
     options : ReadOptions, optional
@@ -128,7 +128,7 @@ def _session_file(path: Path) -> Path:
     try:
         return path / SESSION_FILE if path.is_dir() else path
     except (OSError, ValueError):
-        return path  # reading it will say why
+        return path  # reading it will raise the error
 
 
 def _observed(sources: Sources, settings: SessionFile, *, drop: bool) -> Iterator[_Cleaned]:
@@ -223,12 +223,12 @@ def _with_joints(
     drop: bool,
 ) -> tuple[Part, Match]:
     """The joints of one file's readings; other files show the poses of `elsewhere`."""
-    own, readings, section = settings.joints, cleaned.readings, cleaned.section
-    apart = own.file is not None or sources.data is not None
-    text = sources.text(own.file, "joints") if apart else cleaned.text
+    how, readings, section = settings.joints, cleaned.readings, cleaned.section
+    apart = how.file is not None or sources.data is not None
+    text = sources.text(how.file, "joints") if apart else cleaned.text
     same = text is cleaned.text
-    table = _table(text, settings, own, section if same else None)
-    joints = read_joints(table, robot, own.source, drop=drop)
+    table = _table(text, settings, how, section if same else None)
+    joints = read_joints(table, robot, how.source, drop=drop)
     if same:
         match = by_row(joints, readings)
     elif readings.cycling:

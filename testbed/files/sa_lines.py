@@ -1,4 +1,4 @@
-"""Lines of a Spatial Analyzer export: fields, what the comments say, where the coordinates are."""
+"""Lines of a Spatial Analyzer export: fields, axes and units, place of the coordinates."""
 
 import re
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ SYSTEMS = ("CARTESIAN", "CYLINDRICAL", "SPHERICAL")
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What the comments of an export say."""
+    """Axes and units in the comments of an export."""
 
     system: str = "CARTESIAN"
     length: str = ""
@@ -39,7 +39,7 @@ class Lines:
 
 
 def sa_lines(text: Text) -> Lines:
-    """Fields of the data lines and what the comments say."""
+    """Fields of the data lines, with axes and units from the comments."""
     comments = [line for line in text.lines if line.lstrip().startswith("//")]
     content = [(number, line.strip().rstrip(",")) for number, line in text.content("//", "#")]
     if not content:
@@ -57,7 +57,7 @@ def sa_lines(text: Text) -> Lines:
 
 
 def _header(comments: Sequence[str], where: str) -> Header:
-    """What the comments say of axes and units."""
+    """Axes and units from the comments."""
     found = AXES.search("\n".join(comments))
     if not found:
         return Header()
@@ -77,7 +77,7 @@ def _header(comments: Sequence[str], where: str) -> Header:
 def unit_of(
     lines: Lines, written: str, stated: str | None, key: str, known: dict[str, float]
 ) -> str:
-    """The unit of an export: what the file says, else what session.toml states."""
+    """The unit of an export: as the file has it, else as session.toml states."""
     if written and stated and written != stated:
         message = f'the file says {written}, session.toml says {key} = "{stated}"'
         raise refusal(lines.where, key, message, code="M21", fix="remove that key")

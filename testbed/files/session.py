@@ -43,7 +43,7 @@ class Drift:
 
     @property
     def sentence(self) -> str:
-        """What the report says."""
+        """The drift in words, for the report."""
         done = "taken off" if self.corrected else "not taken off, being below twice that"
         lost = f"; {len(self.wrong)} wrong shots left out" if self.wrong else ""
         return (
@@ -140,12 +140,6 @@ class Session:
             measurements=self.measurements.rows(index),
             stated=self.stated.rows(index),
         )
-
-    @property
-    def is_identified(self) -> Bool:
-        """(m,) rows to identify from: not for testing, and of the wanted visits."""
-        first = self.measurements.repeat == 0
-        return ~self.is_test & (first if self.visits == "first" else True)
 
     def pose_name(self, row: int) -> str:
         """Name of the pose of a row."""

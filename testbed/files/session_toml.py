@@ -54,7 +54,7 @@ class ObservedTable(FileTable):
 
 
 class JointsTable(FileTable):
-    """[joints]: where the robot was told to be, or says it was."""
+    """[joints]: where the robot was commanded to be, or read back that it was."""
 
     source: Literal["commanded", "read-back"] | None = None
 
@@ -64,7 +64,7 @@ class OpticalTable(ObservedTable):
 
     format: Literal["csv", "sa"] = "csv"
     length: Literal["mm", "m", "in"] | None = None
-    """For format = "sa", where the file does not say it."""
+    """For format = "sa", where the file does not state it."""
     angle: Literal["deg", "rad"] | None = None
     """For format = "sa": of Euler angles, or of polar readings."""
 
@@ -141,7 +141,7 @@ class UncertaintyTable(Strict):
 
 
 class IdentificationTable(Strict):
-    """[identification]: what is to be found."""
+    """[identification]: what is to be identified."""
 
     model: Literal["geometric", "extended", "choose"] = "choose"
     free: str | tuple[str, ...] = "identifiable"

@@ -84,25 +84,21 @@ def _read_frames(
     form = section.rotation or ("euler" if section.euler is not None else None)
     if form is None:
         raise refusal(
-            lines.where,
-            "frames.rotation",
-            "a Spatial Analyzer file does not say how its frames are turned",
-            code="M24",
+            lines.where, "frames.rotation",
+            "a Spatial Analyzer file does not say how its frames are turned", code="M24",
             allowed="euler, matrix, quaternion_scalar_first or quaternion_scalar_last",
             fix='write euler = "xyz", or rotation = "matrix", under [frames] in session.toml',
-        )
+        )  # fmt: skip
     length = unit_of(lines, lines.header.length, section.length, "frames.length", LENGTHS)
     count = {"euler": 6, "matrix": 16}.get(form, 7)
     width = min(len(fields) for fields in lines.fields)
     full = form == "matrix" and width >= 20  # the position comes first, then the whole matrix
     if width < count + 1:
         raise refusal(
-            lines.where,
-            "frames.rotation",
-            f"lines have {width} fields",
+            lines.where, "frames.rotation", f"lines have {width} fields",
             allowed=f"a name and {count} numbers for {form}; found: {lines.separator} between them",
             fix="check [frames] in session.toml",
-        )
+        )  # fmt: skip
     names = [f"n{j}" for j in range(count + 3 * full)]
     table = _table(lines, ["pose_id", *names])
     good, warnings = valid_rows(table, names, drop=drop)

@@ -1,4 +1,4 @@
-"""A table under its own column names: texts and numbers, with units and decimal mark known."""
+"""A table under the project's column names: texts and numbers, units and decimal mark known."""
 
 import re
 from collections.abc import Mapping, Sequence

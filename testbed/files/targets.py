@@ -62,10 +62,10 @@ def targets_of(parts: Sequence[Part]) -> Targets:
     at = {name: k for k, name in enumerate(free)}
     reflector, offset = [], []
     for part in parts:
-        own = part.readings
-        is_pose = own.kind == "pose"
-        given = [None] * len(part) if own.offset is None else own.offset
-        for name, xyz in zip(own.target, given, strict=True):
+        readings = part.readings
+        is_pose = readings.kind == "pose"
+        given = [None] * len(part) if readings.offset is None else readings.offset
+        for name, xyz in zip(readings.target, given, strict=True):
             is_free = not is_pose and xyz is None and name in at
             place = places.get(name) if xyz is None else xyz
             reflector.append(at[name] if is_free else GIVEN)
@@ -124,14 +124,11 @@ def _reflector_places(part: Part) -> dict[str, Array | None]:
     for name in dict.fromkeys(part.readings.target if part.readings.kind != "pose" else ()):
         if stated and name not in stated:
             raise refusal(
-                part.readings.where,
-                "reflectors_mm",
-                f'reflectors_mm says nothing of the target "{name}"',
-                code="S37",
-                value=name,
+                part.readings.where, "reflectors_mm",
+                f'reflectors_mm says nothing of the target "{name}"', code="S37", value=name,
                 allowed='give its place in the tool frame [mm], or "free"',
                 fix=choice_of(name, stated),
-            )
+            )  # fmt: skip
         out[name] = _meters(stated.get(name, "free"))
     return out
 
@@ -142,7 +139,7 @@ def _anchor_places(parts: Sequence[Part], names: Sequence[str]) -> list[Array | 
     Raises
     ------
     InputError
-        S37: nothing is said of one.
+        S37: nothing is stated of one.
     """
     stated: dict[str, Place] = {}
     for part in parts:
@@ -153,14 +150,11 @@ def _anchor_places(parts: Sequence[Part], names: Sequence[str]) -> list[Array | 
     for name in names:
         if name not in stated:
             raise refusal(
-                where,
-                "ranges.anchors_mm",
-                f'nothing says where the anchor "{name}" is',
-                code="S37",
-                value=name,
+                where, "ranges.anchors_mm", f'nothing says where the anchor "{name}" is',
+                code="S37", value=name,
                 allowed='give its place in the world [mm], or "free" where it is to be found',
                 fix=f'write anchors_mm = {{ "{name}" = "free" }} under [ranges]',
-            )
+            )  # fmt: skip
     return [_meters(stated[name]) for name in names]
 
 

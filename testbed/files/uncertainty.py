@@ -35,7 +35,7 @@ def spread_of(
 ) -> Spread:
     """Covariances of readings.
 
-    What session.toml states counts before what the columns say.
+    What session.toml states takes precedence over the columns.
 
     Parameters
     ----------
@@ -103,14 +103,12 @@ def _part(
         columns = {"position": "ux_mm uy_mm uz_mm", "rotation": "urx_deg ury_deg urz_deg"}
         key = f"{part}_{unit}"
         raise refusal(
-            where,
-            f"uncertainty.{key}",
-            f"nothing says how well the {part} was measured",
+            where, f"uncertainty.{key}", f"nothing says how well the {part} was measured",
             code="M33",
             allowed=f"columns {columns.get(part, 'u_distance_mm')}, or {key} under [uncertainty] "
             "in session.toml (k = 1)",
             fix=f"state it, for example {key} = {10 if turns else 20}",
-        )
+        )  # fmt: skip
     u, warnings = _without_zeros(table, found, good)
     expanded = found.names[0].startswith("U95")
     u = np.maximum(u * (0.5 if expanded else 1.0), least)
@@ -208,15 +206,12 @@ def _from_entries(table: Table, names: tuple[str, ...], good: Bool, size: int) -
     if wrong.any():
         row = int(np.argmax(wrong))
         raise refusal(
-            table.place(row),
-            "covariance",
+            table.place(row), "covariance",
             "the covariance is not positive definite: smallest eigenvalue "
-            f"{np.linalg.eigvalsh(part[row])[0]:.3g}",
-            code="M34",
+            f"{np.linalg.eigvalsh(part[row])[0]:.3g}", code="M34",
             value=float(least[row]),
-            allowed="every direction must scatter a little",
-            fix="check the 21 entries",
-        )
+            allowed="every direction must scatter a little", fix="check the 21 entries",
+        )  # fmt: skip
     return covariance
 
 

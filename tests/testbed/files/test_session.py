@@ -132,13 +132,13 @@ def test_visits_split_and_what_stands_beside_are_kept(tmp_path):
     session = read_session(saved(tmp_path / "a.csv", csv(table)), ROBOT)
     assert session.split_stated
     assert session.is_test.tolist() == [False] * 4 + [True] * 2
-    assert session.is_identified.tolist() == [True] * 4 + [False] * 2
     assert session.approach == ("+", "-") * 3
     np.testing.assert_allclose(session.time, np.arange(0, 60, 10))
     np.testing.assert_allclose(session.temperature, np.linspace(20, 21, 6))
     toml = saved(tmp_path / "s.toml", '[frames]\n[identification]\nvisits = "first"\n')
     first = read_session(tmp_path / "a.csv", ROBOT, config=toml)
-    assert first.is_identified.tolist() == [True, False, True, False, False, False]
+    assert first.visits == "first"
+    assert first.measurements.repeat.tolist() == [0, 1] * 3
 
 
 def test_read_back_joints_are_kept_beside_the_commanded_ones(tmp_path):
