@@ -121,7 +121,7 @@ def relaxation(
             S = criterion.dual(M, order)
             d = np.maximum(products.seen(S), 0.0)  # S has no negative eigenvalue: rounding
             top = float(np.einsum("ij,ij->", S, problem.base)) + _top(d, m, problem.repeats)
-            proven = criterion.widened(criterion.ceiling(M, S, top), M)
+            proven = criterion.with_rounding(criterion.ceiling(M, S, top), M)
             if proven < bound:
                 bound, best = proven, w
             trace.append(bound)

@@ -57,12 +57,8 @@ class Criterion(ABC):
     name: str
     """As asked for, such as ``"V"`` or ``"O1"``."""
 
-    convex: ClassVar[bool]
-    """Whether a proven bound on the best possible set exists."""
     unit: ClassVar[str]
     """Unit of the figure."""
-    meaning: ClassVar[str]
-    """What the figure says."""
     index: ClassVar[IndexName | None]
     """The observability index that the figure is, if it is one."""
     larger_is_better: ClassVar[bool]
@@ -123,14 +119,14 @@ class Certifiable(Criterion):
 
     @abstractmethod
     def dual(self, M: Array, sharpness: float) -> Array:
-        """Matrix S (p, p), positive semidefinite: what a unit of information is worth, at M."""
+        """Matrix S (p, p), positive semidefinite: the weight of a unit of information, at M."""
 
     @abstractmethod
     def ceiling(self, M: Array, S: Array, top: float) -> float:
         """Largest value of any set for which tr(S M*) <= top."""
 
     @abstractmethod
-    def widened(self, bound: float, M: Array) -> float:
+    def with_rounding(self, bound: float, M: Array) -> float:
         """A bound from M (p, p) with room for the rounding that M carries."""
 
     @abstractmethod

@@ -7,11 +7,11 @@ import numpy as np
 
 from calib.arrays import Array, Bool, Index
 from calib.information.criteria.base import Certifiable, Move, Pool
-from calib.information.criteria.lazy import SLACK, best_first, first_best
+from calib.information.criteria.lazy import SLACK, best_first, best_of_all
 from calib.information.criteria.whitened import (
     identity_plus,
     log_det,
-    log_det_left,
+    log_det_of_rest,
     relative_rounding,
     squares_along,
     transpose,
@@ -42,9 +42,7 @@ class D(Certifiable):
 
     name: str = "D"
 
-    convex: ClassVar[bool] = True
     unit: ClassVar[str] = "1"
-    meaning: ClassVar[str] = "size of the information ellipsoid, per pose (O1)"
     index: ClassVar[IndexName | None] = "O1"
     larger_is_better: ClassVar[bool] = True
     sharpness: ClassVar[tuple[float, ...]] = (1.0,)
@@ -73,7 +71,7 @@ class D(Certifiable):
     def drop(self, M: Array, blocks: Array) -> Array:
         """Gains log det(I - K_ii) (k,); -inf where nothing is left."""
         Z = blocks @ whitener(M)
-        return log_det_left(identity_plus(-(Z @ transpose(Z))))
+        return log_det_of_rest(identity_plus(-(Z @ transpose(Z))))
 
     def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
         """Gains (k, N) by the determinant lemma for both changes at once."""
@@ -83,11 +81,12 @@ class D(Certifiable):
         # rows of the pool whitened by what they bring themselves: K_ij T^-1 K_ji = X X'
         Zj = np.linalg.solve(np.linalg.cholesky(T), Zj)
         gained = log_det(T)
+        # log det(I - K_ii + K_ij T^-1 K_ji), pair by pair
         left = identity_plus(-(Zi @ transpose(Zi)))
         out = np.empty((len(leaving), len(entering)))
         for i, Z in enumerate(Zi):
             X = Z @ transpose(Zj)
-            out[i] = gained + log_det_left(left[i] + X @ transpose(X))
+            out[i] = gained + log_det_of_rest(left[i] + X @ transpose(X))
         return out
 
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
@@ -106,9 +105,7 @@ class D(Certifiable):
 
     def best_drop(self, M: Array, blocks: Array) -> Move:
         """Best deletion; all are evaluated."""
-        gains = self.drop(M, blocks)
-        place = first_best(gains)
-        return Move(place, float(gains[place]), len(gains))
+        return best_of_all(self.drop(M, blocks))
 
     def dual(self, M: Array, sharpness: float) -> Array:
         """S = M^-1."""
@@ -119,7 +116,7 @@ class D(Certifiable):
         """Log det M + p log(top / p)."""
         return float(log_det(M) + len(M) * np.log(top / len(M)))
 
-    def widened(self, bound: float, M: Array) -> float:
+    def with_rounding(self, bound: float, M: Array) -> float:
         """The bound plus the rounding of a logarithm of M's smallest eigenvalue."""
         return bound + relative_rounding(M)
 

@@ -6,27 +6,25 @@ from typing import ClassVar
 import numpy as np
 
 from calib.arrays import Array, Bool, Index, frozen
-from calib.information.criteria.base import Certifiable, Move, Pool
-from calib.information.criteria.lazy import SLACK, best_first, first_best
-from calib.information.criteria.linear import RISE, V, forms, v_of
+from calib.information.criteria.base import Move, Pool
+from calib.information.criteria.lazy import SLACK, best_first
+from calib.information.criteria.linear import V, Variance, forms, v_of
 from calib.information.criteria.spectral import fresh_swaps
 from calib.information.criteria.whitened import (
     CHUNK,
     identity_plus,
-    relative_rounding,
     sound,
     transpose,
     whitener,
 )
 from calib.information.goals import Goals
-from calib.information.observability import IndexName
 
 WORST = 12
 """Goal poses with the largest variance, from which the bound of an addition is taken."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class G(Certifiable):
+class G(Variance):
     """Value minus the largest tr(J_t M^-1 J_t') over goal poses t; figure its root [m].
 
     Adding pose j takes tr[(I + K_jj)^-1 Y Y'] off each variance, Y = B_j M^-1 J_t'. The maximum
@@ -43,11 +41,6 @@ class G(Certifiable):
     rows: Array = field(default_factory=lambda: frozen(np.zeros((0, 3, 0))), repr=False)
     """(g, 3, p) tool point per scaled parameter at each goal pose [m]."""
 
-    convex: ClassVar[bool] = True
-    unit: ClassVar[str] = "m"
-    meaning: ClassVar[str] = "standard uncertainty of the tool point, worst of the goal poses"
-    index: ClassVar[IndexName | None] = None
-    larger_is_better: ClassVar[bool] = False
     sharpness: ClassVar[tuple[float, ...]] = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 
     @property
@@ -68,25 +61,13 @@ class G(Certifiable):
         """Minus the largest variance (...,)."""
         return np.asarray(-self.variances(M).max(-1))
 
-    def figure(self, M: Array, n_poses: int) -> float:
-        """Root of the largest variance."""
-        return self.figure_of_value(float(self.value(M)), len(M), n_poses)
-
-    def figure_of_value(self, value: float, p: int, n_poses: int) -> float:
-        """Root of minus the value."""
-        return float(np.sqrt(-value))
-
-    def rises(self, value: float, before: float) -> bool:
-        """Whether the largest variance falls by more than rounding."""
-        return value > before + RISE * abs(before) or before == -np.inf < value
-
     def add(self, M: Array, blocks: Array) -> Array:
         """Gains (N,)."""
-        return self._changed(M, blocks, 1.0, self.variances(M), self.rows) - self.value(M)
+        return self._values_after(M, blocks, 1.0, self.variances(M), self.rows) - self.value(M)
 
     def drop(self, M: Array, blocks: Array) -> Array:
         """Gains (k,); -inf where nothing is left."""
-        return self._changed(M, blocks, -1.0, self.variances(M), self.rows) - self.value(M)
+        return self._values_after(M, blocks, -1.0, self.variances(M), self.rows) - self.value(M)
 
     def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
         """Gains (k, N), each from its own information matrix."""
@@ -94,26 +75,21 @@ class G(Certifiable):
 
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
         """Best addition, met in the order of what it does to the worst goal poses."""
+        # bound: the variances after it at the worst goal poses only
         now = self.variances(M)
         worst = np.argsort(-now, kind="stable")[:WORST]
-        bound = self._changed(M, pool.blocks, 1.0, now[worst], self.rows[worst])
+        bound = self._values_after(M, pool.blocks, 1.0, now[worst], self.rows[worst])
         upper = np.where(allowed, bound * (1 - SLACK), -np.inf)
 
         def exact(pick: Index) -> Array:
-            return self._changed(M, pool.blocks[pick], 1.0, now, self.rows)
+            return self._values_after(M, pool.blocks[pick], 1.0, now, self.rows)
 
         place, value, evaluated = best_first(upper, exact, floor=floor)
         return Move(place, value + float(now.max()), evaluated)
 
-    def best_drop(self, M: Array, blocks: Array) -> Move:
-        """Best deletion; all are evaluated."""
-        gains = self.drop(M, blocks)
-        place = first_best(gains)
-        return Move(place, float(gains[place]), len(gains))
-
     def dual(self, M: Array, sharpness: float) -> Array:
         """S = M^-1 C M^-1 for the weights of this order."""
-        H = self._weighted(M, sharpness)
+        H = self._mean_root(M, sharpness)
         W = whitener(M)
         S = W @ (W.T @ H)
         return np.asarray(S @ S.T)
@@ -122,35 +98,31 @@ class G(Certifiable):
         """-phi^2 / top, with phi = tr(C M^-1) = tr(S M)."""
         return -(float(np.einsum("ij,ij->", S, M)) ** 2) / top
 
-    def widened(self, bound: float, M: Array) -> float:
-        """The bound less the part that rounding may be."""
-        return bound * (1 - min(relative_rounding(M), 1.0))
-
     def exponent(self, sharpness: float) -> float:
         """1 / (k + 1)."""
         return 1 / (sharpness + 1)
 
-    def efficiency(self, value: float, bound: float, p: int) -> float:
-        """Smallest possible figure over this one."""
-        return float(np.sqrt(bound / value)) if np.isfinite([bound, value]).all() else 0.0
-
-    def _weighted(self, M: Array, order: float) -> Array:
+    def _mean_root(self, M: Array, order: float) -> Array:
         """F (p, 3g) with F F' = sum of nu_t J_t'J_t, weights summing to one."""
+        # weights of order k
         now = self.variances(M)
         share = (now / now.max()) ** (order - 1)
         nu = share / share.sum()
         return np.asarray((self.rows * np.sqrt(nu)[:, None, None]).reshape(-1, M.shape[-1]).T)
 
-    def _changed(self, M: Array, blocks: Array, sign: float, now: Array, rows: Array) -> Array:
+    def _values_after(self, M: Array, blocks: Array, sign: float, now: Array, rows: Array) -> Array:
         """Values (N,) over some goal poses, rows (g, 3, p), after adding or dropping each block."""
+        # F = M^-1 J', for all goal poses at once
         W = whitener(M)
         F = W @ (W.T @ rows.reshape(-1, M.shape[-1]).T)
         out = np.empty(len(blocks))
         step = max(CHUNK // max(len(rows) // WORST, 1), 1)
         for start in range(0, len(blocks), step):
             some = blocks[start : start + step]
+            # S = I +- K_jj
             Z = some @ W
             S = identity_plus(sign * (Z @ transpose(Z)))
+            # Y with Y'Y = F' B' S^-1 B F
             if sign > 0:
                 good = np.ones(len(some), dtype=bool)
                 Y = np.linalg.solve(np.linalg.cholesky(S), some) @ F
@@ -159,6 +131,7 @@ class G(Certifiable):
                 good = sound(w)
                 root = transpose(U) / np.sqrt(np.where(good[:, None], w, 1.0))[:, :, None]
                 Y = (root @ some) @ F
+            # what each goal pose gains or loses; the worst decides
             change = np.einsum("jrk,jrk->jk", Y, Y).reshape(len(some), -1, 3).sum(-1)
             value = -(now - sign * change).max(-1)
             out[start : start + step] = np.where(good, value, -np.inf)

@@ -9,12 +9,12 @@ from collections.abc import Callable
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
-from calib.information.criteria.base import Criterion, Pool, Swap
+from calib.information.criteria.base import Criterion, Move, Pool, Swap
 
 TIE = 1e-12
 """Scores closer than this part are equal; the lowest place in the pool then wins."""
 SLACK = 1e-9
-"""Part by which bounds are widened against rounding; it costs no evaluation worth the name."""
+"""Part by which bounds are widened against rounding; it costs hardly an evaluation."""
 FIRST = 8
 """Candidates evaluated exactly in the first round; later rounds double."""
 MOST = 64
@@ -26,6 +26,12 @@ def first_best(values: Array) -> int:
     """Place of the largest value; of equal ones (within `TIE`) the first."""
     top = values.max()
     return int(np.argmax(values >= top - TIE * abs(top)))
+
+
+def best_of_all(gains: Array) -> Move:
+    """The best of gains (N,) that are all known."""
+    place = first_best(gains)
+    return Move(place, float(gains[place]), len(gains))
 
 
 def best_first(

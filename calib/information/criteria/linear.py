@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool, Index
 from calib.information.criteria.base import Certifiable, Move, Pool
-from calib.information.criteria.lazy import SLACK, best_first, first_best
+from calib.information.criteria.lazy import SLACK, best_first, best_of_all
 from calib.information.criteria.whitened import (
     identity_plus,
     relative_rounding,
@@ -24,7 +24,40 @@ RISE = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Linear(Certifiable):
+class Variance(Certifiable):
+    """Value minus a variance; figure its root."""
+
+    unit: ClassVar[str] = "m"
+    index: ClassVar[IndexName | None] = None
+    larger_is_better: ClassVar[bool] = False
+
+    def figure(self, M: Array, n_poses: int) -> float:
+        """Root of the variance."""
+        return self.figure_of_value(float(self.value(M)), len(M), n_poses)
+
+    def figure_of_value(self, value: float, p: int, n_poses: int) -> float:
+        """Root of minus the value."""
+        return float(np.sqrt(-value))
+
+    def rises(self, value: float, before: float) -> bool:
+        """Whether the variance falls by more than rounding."""
+        return value > before + RISE * abs(before) or before == -np.inf < value
+
+    def best_drop(self, M: Array, blocks: Array) -> Move:
+        """Best deletion; all are evaluated."""
+        return best_of_all(self.drop(M, blocks))
+
+    def with_rounding(self, bound: float, M: Array) -> float:
+        """The bound less the part that rounding may be."""
+        return bound * (1 - min(relative_rounding(M), 1.0))
+
+    def efficiency(self, value: float, bound: float, p: int) -> float:
+        """Smallest possible figure over this one."""
+        return float(np.sqrt(bound / value)) if np.isfinite([bound, value]).all() else 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linear(Variance):
     """Value -tr(C M^-1) for C = F F'; figure its root.
 
     With K_ij = B_i M^-1 B_j' and Q_ij = B_i M^-1 C M^-1 B_j': adding gains tr[(I + K_jj)^-1 Q_jj],
@@ -39,9 +72,6 @@ class Linear(Certifiable):
     root: Array | None = field(default=None, repr=False)
     """(p, k) F; None for the identity."""
 
-    convex: ClassVar[bool] = True
-    index: ClassVar[IndexName | None] = None
-    larger_is_better: ClassVar[bool] = False
     sharpness: ClassVar[tuple[float, ...]] = (1.0,)
 
     @property
@@ -53,29 +83,17 @@ class Linear(Certifiable):
         """-tr(C M^-1) (...,); -inf where M is singular."""
         return -variance(M, np.eye(M.shape[-1]) if self.root is None else self.root)
 
-    def figure(self, M: Array, n_poses: int) -> float:
-        """Root of the variance."""
-        return self.figure_of_value(float(self.value(M)), len(M), n_poses)
-
-    def figure_of_value(self, value: float, p: int, n_poses: int) -> float:
-        """Root of minus the value."""
-        return float(np.sqrt(-value))
-
-    def rises(self, value: float, before: float) -> bool:
-        """Whether the variance falls by more than rounding."""
-        return value > before + RISE * abs(before) or before == -np.inf < value
-
     def add(self, M: Array, blocks: Array) -> Array:
         """Gains tr[(I + K)^-1 Q] (N,)."""
         W = whitener(M)
         Z = blocks @ W
-        return sandwich(identity_plus(Z @ transpose(Z)), blocks @ _worth(W, self.root))
+        return sandwich(identity_plus(Z @ transpose(Z)), blocks @ self._half(W))
 
     def drop(self, M: Array, blocks: Array) -> Array:
         """Gains -tr[(I - K)^-1 Q] (k,); -inf where nothing is left."""
         W = whitener(M)
         Z = blocks @ W
-        return -sandwich(identity_plus(-(Z @ transpose(Z))), blocks @ _worth(W, self.root))
+        return -sandwich(identity_plus(-(Z @ transpose(Z))), blocks @ self._half(W))
 
     def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
         """Gains (k, N): the addition, then the deletion from what is known with it.
@@ -84,12 +102,14 @@ class Linear(Certifiable):
         I - K_ii + X T X' instead of I - K_ii, and rows B_i - X B_j instead of B_i.
         """
         W = whitener(M)
-        H = _worth(W, self.root)
+        H = self._half(W)
         Zi, Zj = leaving @ W, entering @ W
         Yi, Yj = leaving @ H, entering @ H
+        # the addition
         T = identity_plus(Zj @ transpose(Zj))
         gained = sandwich(T, Yj)
         solved, rows = np.asarray(np.linalg.solve(T, Zj)), np.linalg.solve(T, Yj)
+        # the deletion from what is known with it, pair by pair
         left = identity_plus(-(Zi @ transpose(Zi)))
         out = np.empty((len(leaving), len(entering)))
         for i, (Z, Y) in enumerate(zip(Zi, Yi, strict=True)):
@@ -101,7 +121,7 @@ class Linear(Certifiable):
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
         """Best addition, met in the order of tr Q."""
         W = whitener(M)
-        H = _worth(W, self.root)
+        H = self._half(W)
         phi, t = float(-self.value(M)), squares_along(pool.pages, H)
         upper = np.where(allowed, phi * t / (phi + t) * (1 + SLACK), -np.inf)
 
@@ -111,32 +131,22 @@ class Linear(Certifiable):
 
         return Move(*best_first(upper, exact, floor=floor + phi))
 
-    def best_drop(self, M: Array, blocks: Array) -> Move:
-        """Best deletion; all are evaluated."""
-        gains = self.drop(M, blocks)
-        place = first_best(gains)
-        return Move(place, float(gains[place]), len(gains))
+    def _half(self, W: Array) -> Array:
+        """H (p, k) with H H' = M^-1 C M^-1, from W W' = M^-1."""
+        return np.asarray(W @ (W.T if self.root is None else W.T @ self.root))
 
     def dual(self, M: Array, sharpness: float) -> Array:
         """S = M^-1 C M^-1."""
-        H = _worth(whitener(M), self.root)
+        H = self._half(whitener(M))
         return H @ H.T
 
     def ceiling(self, M: Array, S: Array, top: float) -> float:
         """-phi^2 / top."""
         return -(float(self.value(M)) ** 2) / top
 
-    def widened(self, bound: float, M: Array) -> float:
-        """The bound less the part that rounding may be."""
-        return bound * (1 - min(relative_rounding(M), 1.0))
-
     def exponent(self, sharpness: float) -> float:
-        """One half: weights follow the root of what a pose is worth."""
+        """One half: weights follow the root of a pose's part of the variance."""
         return 0.5
-
-    def efficiency(self, value: float, bound: float, p: int) -> float:
-        """Smallest possible figure over this one."""
-        return float(np.sqrt(bound / value)) if np.isfinite([bound, value]).all() else 0.0
 
 
 def variance(M: Array, F: Array) -> Array:
@@ -158,19 +168,11 @@ def forms(M: Array, F: Array) -> Array:
     return np.asarray(np.einsum("...ik,...ik->...k", Y, Y))
 
 
-def _worth(W: Array, root: Array | None) -> Array:
-    """H (p, k) with H H' = M^-1 C M^-1, from W W' = M^-1."""
-    return np.asarray(W @ (W.T if root is None else W.T @ root))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class A(Linear):
     """Value -tr M^-1; figure sqrt(tr M^-1), the standard uncertainty of all parameters together."""
 
     name: str = "A"
-
-    unit: ClassVar[str] = "m"
-    meaning: ClassVar[str] = "root summed variance of the scaled parameters"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -178,9 +180,6 @@ class V(Linear):
     """Value -tr(C M^-1), C the mean of J_t'J_t over goal poses; figure the RMS tool-point u [m]."""
 
     name: str = "V"
-
-    unit: ClassVar[str] = "m"
-    meaning: ClassVar[str] = "standard uncertainty of the tool point, RMS over the goal poses"
 
 
 def v_of(goals: Goals, name: str = "V") -> V:

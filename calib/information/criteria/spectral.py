@@ -1,6 +1,7 @@
 """Criteria of the eigenvalues alone: E (O3), O2, O4 and O5, with their proven bounds."""
 
 from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -12,6 +13,8 @@ from calib.information.criteria.lazy import best_first
 from calib.information.criteria.whitened import CHUNK, eigenvalues, grams, relative_rounding
 from calib.information.observability import IndexName
 
+Screen = Callable[[Index, float], Bool]
+"""Which of some candidates may reach a score."""
 RISE = 1e-12
 """A set counts as better when its value rises by more than this part; ties would cycle."""
 
@@ -21,21 +24,58 @@ class Spectral(Criterion):
 
     __slots__ = ()
 
+    larger_is_better: ClassVar[bool] = True
+
+    @abstractmethod
+    def of_eigenvalues(self, w: Array) -> Array:
+        """Value (...,) of eigenvalues (..., p), ascending."""
+
+    @abstractmethod
+    def bounds(self, w: Array, V: Array, pool: Pool, sign: float) -> tuple[Array, Screen | None]:
+        """Bounds (N,) on the value of M + sign B'B for each block of a pool, and a second screen.
+
+        M is V diag(w) V'.
+        """
+
+    def value(self, M: Array) -> Array:
+        """Value (...,) from the eigenvalues."""
+        return self.of_eigenvalues(eigenvalues(M))
+
     def rises(self, value: float, before: float) -> bool:
         """Whether the value is higher by more than rounding."""
         return value > before + RISE * abs(before)
 
     def add(self, M: Array, blocks: Array) -> Array:
         """Gains (N,), each from its own eigenvalues."""
-        return self.value(changed(M, blocks, 1.0)) - self.value(M)
+        return self.value(M + grams(blocks)) - self.value(M)
 
     def drop(self, M: Array, blocks: Array) -> Array:
         """Gains (k,), each from its own eigenvalues."""
-        return self.value(changed(M, blocks, -1.0)) - self.value(M)
+        return self.value(M - grams(blocks)) - self.value(M)
 
     def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
         """Gains (k, N), each from its own eigenvalues."""
         return fresh_swaps(self, M, leaving, entering)
+
+    def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
+        """Best addition, met in the order of the bounds."""
+        return self._best(M, pool, 1.0, allowed, floor)
+
+    def best_drop(self, M: Array, blocks: Array) -> Move:
+        """Best deletion, met in the order of the bounds."""
+        return self._best(M, Pool(blocks), -1.0, np.ones(len(blocks), dtype=bool), -np.inf)
+
+    def _best(self, M: Array, pool: Pool, sign: float, allowed: Bool, floor: float) -> Move:
+        """Best of M + sign B'B over the allowed blocks of a pool."""
+        w, V = np.linalg.eigh(M)
+        upper, may_win = self.bounds(w, V, pool, sign)
+
+        def exact(pick: Index) -> Array:
+            return self.value(M + sign * grams(pool.blocks[pick]))
+
+        upper = np.where(allowed, upper, -np.inf)
+        place, value, evaluated = best_first(upper, exact, may_win, floor)
+        return Move(place, value - float(self.of_eigenvalues(w)), evaluated)
 
 
 class Extremes(Spectral):
@@ -57,42 +97,38 @@ class Extremes(Spectral):
         """Value of the smallest and the largest eigenvalue, none negative."""
 
     @abstractmethod
-    def needed(self, value: float, high: Array) -> Array:
+    def least_for(self, value: float, high: Array) -> Array:
         """Smallest eigenvalue that a value asks for, beside a largest one."""
 
-    def value(self, M: Array) -> Array:
-        """Value (...,) from the eigenvalues."""
-        w = eigenvalues(M)
+    def of_eigenvalues(self, w: Array) -> Array:
+        """Value (...,) of the first and the last."""
         return self.of_extremes(np.maximum(w[..., 0], 0.0), w[..., -1])
 
-    def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
-        """Best addition, met in the order of the Rayleigh-Ritz bounds."""
-        return self._best(M, pool, 1.0, allowed, floor)
-
-    def best_drop(self, M: Array, blocks: Array) -> Move:
-        """Best deletion, met in the order of the Rayleigh-Ritz bounds."""
-        return self._best(M, Pool(blocks), -1.0, np.ones(len(blocks), dtype=bool), -np.inf)
-
-    def _best(self, M: Array, pool: Pool, sign: float, allowed: Bool, floor: float) -> Move:
-        """Best of M + sign B'B over the allowed blocks of a pool."""
-        w, V = np.linalg.eigh(M)
+    def bounds(self, w: Array, V: Array, pool: Pool, sign: float) -> tuple[Array, Screen | None]:
+        """Rayleigh-Ritz bounds; the screen asks for the smallest eigenvalue that a win needs."""
         slack = rounding(w, pool.squares)
-        two = min(2, len(M))
-        C = seen_along(pool.pages, np.concatenate([V[:, :two], V[:, -two:]], axis=1))
+        # restrict to the two lowest, and to the two highest, eigenvectors
+        two = min(2, len(w))
+        C = pool.pages @ np.ascontiguousarray(np.concatenate([V[:, :two], V[:, -two:]], axis=1))
+        # eigenvalues of the 2 x 2 restrictions, widened by rounding
         low = np.maximum(_of_pair(w[:two], C[..., :two], sign)[0] + slack, 0.0)
         high = _of_pair(w[-two:], C[..., two:], sign)[1] - slack
-        upper = np.where(allowed, self.of_extremes(low, high), -np.inf)
 
         def may_win(pick: Index, least: float) -> Bool:
-            enough = self.needed(max(least, 0.0), high[pick]) - slack[pick]
-            return _smallest_exceeds(w, pool.blocks[pick] @ V, sign, enough)
+            level = self.least_for(max(least, 0.0), high[pick]) - slack[pick]
+            return _smallest_exceeds(w, pool.blocks[pick] @ V, sign, level)
 
-        def exact(pick: Index) -> Array:
-            return self.value(changed(M, pool.blocks[pick], sign))
+        return self.of_extremes(low, high), may_win
 
-        place, value, evaluated = best_first(upper, exact, may_win, floor)
-        here = float(self.of_extremes(np.maximum(w[:1], 0.0), w[-1:])[0])
-        return Move(place, value - here, evaluated)
+
+class PlainIndex(Spectral):
+    """A value that is the figure itself."""
+
+    __slots__ = ()
+
+    def figure(self, M: Array, n_poses: int) -> float:
+        """The index."""
+        return float(self.value(M))
 
 
 def fresh_swaps(criterion: Criterion, M: Array, leaving: Array, entering: Array) -> Array:
@@ -114,27 +150,20 @@ def rounding(w: Array, squares: Array) -> Array:
     return np.asarray(4 * len(w) * np.finfo(np.float64).eps * (w[-1] + squares))
 
 
-def changed(M: Array, blocks: Array, sign: float) -> Array:
-    """Information (k, p, p) after adding or dropping each of some blocks (k, r, p)."""
-    return np.asarray(M + sign * grams(blocks))
-
-
-def seen_along(pages: Array, V: Array) -> Array:
-    """B_j V, pages (r, N, k), for pages (r, N, p) and V (p, k)."""
-    return np.asarray(pages @ np.ascontiguousarray(V))
-
-
 def _smallest_exceeds(w: Array, C: Array, sign: float, level: Array) -> Bool:
     """Whether each diag(w) + sign C_j'C_j, for C (k, r, p), has all eigenvalues above a level (k,).
 
     It has as many below as diag(w) has, less (or, for a drop, plus) the negative eigenvalues of
     I + sign C_j (diag(w) - level)^-1 C_j'.
     """
+    # diag(w) - level, kept away from zero
     gap = w - level[:, None]
     tiny = np.finfo(np.float64).eps * w[-1]
     gap = np.where(np.abs(gap) < tiny, tiny, gap)
+    # Schur complement I + sign C gap^-1 C'
     S = sign * ((C / gap[:, None, :]) @ np.swapaxes(C, 1, 2))
     S[:, range(S.shape[1]), range(S.shape[1])] += 1.0
+    # inertia: none may remain below the level
     turned = (np.linalg.eigvalsh(S) < 0).sum(-1)
     return np.asarray((gap < 0).sum(-1) - sign * turned <= 0)
 
@@ -165,18 +194,15 @@ class E(Extremes, Certifiable):
 
     name: str = "E"
 
-    convex: ClassVar[bool] = True
     unit: ClassVar[str] = "1"
-    meaning: ClassVar[str] = "smallest singular value, strength of the weakest direction (O3)"
     index: ClassVar[IndexName | None] = "O3"
-    larger_is_better: ClassVar[bool] = True
     sharpness: ClassVar[tuple[float, ...]] = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 
     def of_extremes(self, low: Array, high: Array) -> Array:
         """The smallest eigenvalue."""
         return low
 
-    def needed(self, value: float, high: Array) -> Array:
+    def least_for(self, value: float, high: Array) -> Array:
         """The value itself."""
         return np.full_like(high, value)
 
@@ -191,7 +217,7 @@ class E(Extremes, Certifiable):
     def dual(self, M: Array, sharpness: float) -> Array:
         """Z, near the weakest directions, with trace one."""
         w, U = np.linalg.eigh(M)
-        # any such Z will do: rounding must not make one negative
+        # any such Z will do: rounding must not make one eigenvalue negative
         w = np.maximum(w, len(w) * np.finfo(np.float64).eps * w[-1])
         share = (w[0] / w) ** (sharpness + 1)
         return np.asarray((U * (share / share.sum())) @ U.T)
@@ -200,7 +226,7 @@ class E(Extremes, Certifiable):
         """Tr(Z M*) itself."""
         return top
 
-    def widened(self, bound: float, M: Array) -> float:
+    def with_rounding(self, bound: float, M: Array) -> float:
         """The bound plus the rounding of M's smallest eigenvalue."""
         return bound * (1 + relative_rounding(M, any_units=False))
 
@@ -214,7 +240,7 @@ class E(Extremes, Certifiable):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class O2(Extremes):
+class O2(Extremes, PlainIndex):
     """Value and figure sqrt(lambda_min / lambda_max); it may fall when a pose is added.
 
     References
@@ -224,28 +250,21 @@ class O2(Extremes):
 
     name: str = "O2"
 
-    convex: ClassVar[bool] = False
     unit: ClassVar[str] = "1"
-    meaning: ClassVar[str] = "smallest over largest singular value"
     index: ClassVar[IndexName | None] = "O2"
-    larger_is_better: ClassVar[bool] = True
 
     def of_extremes(self, low: Array, high: Array) -> Array:
         """sqrt(lambda_min / lambda_max); 0 of nothing."""
         high = np.where(high > 0, high, 1.0)
         return np.sqrt(low / high)
 
-    def needed(self, value: float, high: Array) -> Array:
+    def least_for(self, value: float, high: Array) -> Array:
         """Smallest eigenvalue behind a value."""
         return np.asarray(value**2 * high)
 
-    def figure(self, M: Array, n_poses: int) -> float:
-        """The index."""
-        return float(self.value(M))
-
 
 @dataclass(frozen=True, slots=True, eq=False)
-class O4(Extremes):
+class O4(Extremes, PlainIndex):
     """Value and figure lambda_min / sqrt(lambda_max); it may fall when a pose is added.
 
     References
@@ -255,27 +274,20 @@ class O4(Extremes):
 
     name: str = "O4"
 
-    convex: ClassVar[bool] = False
     unit: ClassVar[str] = "1"
-    meaning: ClassVar[str] = "smallest singular value squared over the largest"
     index: ClassVar[IndexName | None] = "O4"
-    larger_is_better: ClassVar[bool] = True
 
     def of_extremes(self, low: Array, high: Array) -> Array:
         """lambda_min / sqrt(lambda_max); 0 of nothing."""
         return np.asarray(low / np.sqrt(np.where(high > 0, high, 1.0)))
 
-    def needed(self, value: float, high: Array) -> Array:
+    def least_for(self, value: float, high: Array) -> Array:
         """Smallest eigenvalue behind a value."""
         return np.asarray(value * np.sqrt(high))
 
-    def figure(self, M: Array, n_poses: int) -> float:
-        """The index."""
-        return float(self.value(M))
-
 
 @dataclass(frozen=True, slots=True, eq=False)
-class O5(Spectral):
+class O5(PlainIndex):
     """Value and figure 1 / sum of lambda^-1/2.
 
     In the eigenbasis of M the diagonal of the changed matrix is majorized by its eigenvalues and
@@ -288,44 +300,17 @@ class O5(Spectral):
 
     name: str = "O5"
 
-    convex: ClassVar[bool] = False
     unit: ClassVar[str] = "1"
-    meaning: ClassVar[str] = "one over the sum of inverse singular values"
     index: ClassVar[IndexName | None] = "O5"
-    larger_is_better: ClassVar[bool] = True
 
-    def value(self, M: Array) -> Array:
-        """The index (...,); 0 where M is singular."""
-        return inverse_sum(eigenvalues(M))
+    def of_eigenvalues(self, w: Array) -> Array:
+        """The index (...,); 0 where one is not positive."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(1.0 / (1.0 / np.sqrt(np.maximum(w, 0.0))).sum(-1))
 
-    def figure(self, M: Array, n_poses: int) -> float:
-        """The index."""
-        return float(self.value(M))
-
-    def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
-        """Best addition, met in the order of the diagonal's sum."""
-        return self._best(M, pool, 1.0, allowed, floor)
-
-    def best_drop(self, M: Array, blocks: Array) -> Move:
-        """Best deletion, met in the order of the diagonal's sum."""
-        return self._best(M, Pool(blocks), -1.0, np.ones(len(blocks), dtype=bool), -np.inf)
-
-    def _best(self, M: Array, pool: Pool, sign: float, allowed: Bool, floor: float) -> Move:
-        """Best of M + sign B'B over the allowed blocks of a pool."""
-        w, V = np.linalg.eigh(M)
-        C = seen_along(pool.pages, V)
+    def bounds(self, w: Array, V: Array, pool: Pool, sign: float) -> tuple[Array, Screen | None]:
+        """The index of the diagonal in the eigenbasis."""
+        C = pool.pages @ np.ascontiguousarray(V)
         diagonal = w + sign * np.einsum("rjk,rjk->jk", C, C)
         diagonal += rounding(w, pool.squares)[:, None]
-        upper = np.where(allowed, inverse_sum(diagonal), -np.inf)
-
-        def exact(pick: Index) -> Array:
-            return self.value(changed(M, pool.blocks[pick], sign))
-
-        place, value, evaluated = best_first(upper, exact, floor=floor)
-        return Move(place, value - float(inverse_sum(w)), evaluated)
-
-
-def inverse_sum(eigenvalues: Array) -> Array:
-    """1 / sum of lambda^-1/2 over the last axis; 0 where an eigenvalue is not positive."""
-    with np.errstate(divide="ignore"):
-        return np.asarray(1.0 / (1.0 / np.sqrt(np.maximum(eigenvalues, 0.0))).sum(-1))
+        return self.of_eigenvalues(diagonal), None

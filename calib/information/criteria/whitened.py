@@ -40,7 +40,7 @@ def log_det(S: Array) -> Array:
     return np.where(sign > 0, value, -np.inf)
 
 
-def log_det_left(S: Array) -> Array:
+def log_det_of_rest(S: Array) -> Array:
     """Log det (N,) of what a deletion leaves (N, r, r); -inf if that is nothing, to rounding.
 
     Two eigenvalues that rounding has made negative would give a positive determinant. No eigenvalue
