@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Bool, check, frozen
-from calib.errors import InputError
-from calib.geometry.inverse import SINGULAR_CONDITION, Inverse, Outcome, inverse_kinematics
+from calib.errors import refuse
+from calib.geometry.inverse import SINGULAR_CONDITION, Inverse, InverseStatus, inverse_kinematics
 from calib.geometry.inverse_search import joint_condition
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
@@ -35,8 +35,25 @@ UNLIMITED = 1e3
 """Farther than any joint goes [rad, m]."""
 
 
+class _Corrected:
+    """Targets with a status each."""
+
+    __slots__ = ()
+    status: tuple[InverseStatus, ...]
+
+    @property
+    def corrected(self) -> Bool:
+        """(m,) whether the target is corrected without reserve."""
+        return np.array([one == "reached" for one in self.status], dtype=np.bool_)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What is to be looked at, in words; one sentence per kind of trouble."""
+        return status_sentences(self.status, "target")
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Correction:
+class Correction(_Corrected):
     """Joint targets that make the identified robot go where the nominal one was meant to."""
 
     q: Array
@@ -52,7 +69,7 @@ class Correction:
     """(m,) how far the identified model is off at the given targets [m]."""
     rotation_before: Array
     """(m,) the same of the angle [rad]."""
-    status: tuple[Outcome, ...]
+    status: tuple[InverseStatus, ...]
     """(m,) "reached", or why the target needs a look: "singular" (corrected, but a joint moves far
     for it or the posture is nearly singular), "limits", "out of reach"."""
     condition: Array
@@ -62,19 +79,9 @@ class Correction:
         left = f"{1e6 * self.position_error.max(initial=0.0):.3g} um"
         return f"Correction({self.corrected.sum()} of {len(self.q)} targets, largest rest: {left})"
 
-    @property
-    def corrected(self) -> Bool:
-        """(m,) whether the target is corrected without reserve."""
-        return np.array([one == "reached" for one in self.status], dtype=np.bool_)
-
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """What is to be looked at, in words; one sentence per kind of trouble."""
-        return told(self.status, "target")
-
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PoseCorrection:
+class PoseCorrection(_Corrected):
     """Cartesian targets for a controller that keeps its nominal model."""
 
     T: Array
@@ -87,20 +94,10 @@ class PoseCorrection:
     """(m,) how far the identified robot then is from the wanted pose [m]."""
     rotation_error: Array
     """(m,) the same of the angle [rad]."""
-    status: tuple[Outcome, ...]
+    status: tuple[InverseStatus, ...]
     """(m,) as in `Correction`."""
     condition: Array
     """(m,) as in `Correction`."""
-
-    @property
-    def corrected(self) -> Bool:
-        """(m,) whether the target is corrected without reserve."""
-        return np.array([one == "reached" for one in self.status], dtype=np.bool_)
-
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """What is to be looked at, in words; one sentence per kind of trouble."""
-        return told(self.status, "target")
 
 
 def compensate(
@@ -142,7 +139,7 @@ def compensate(
         rotation_error=found.rotation_error,
         position_before=frozen(position_errors(T, here)),
         rotation_before=frozen(rotation_errors(T, here)),
-        status=_judged(identified, found, found.q - q, condition),
+        status=_statuses(identified, found, found.q - q, condition),
         condition=frozen(condition),
     )
 
@@ -179,11 +176,11 @@ def corrected_poses(
     meant = inverse_kinematics(nominal, T, seeds, limits)
     found = inverse_kinematics(identified, T, meant.q, limits, whole_turns=False)
     condition = np.maximum(found.condition, meant.condition)
-    judged = _judged(identified, found, found.q - meant.q, condition)
+    reached = _statuses(identified, found, found.q - meant.q, condition)
     # a pose the nominal arm cannot take is no target of its program
     status = tuple(
-        own if own in ("limits", "out of reach") else one
-        for own, one in zip(meant.status, judged, strict=True)
+        first if first in ("limits", "out of reach") else then
+        for first, then in zip(meant.status, reached, strict=True)
     )
     return PoseCorrection(
         T=frozen(nominal.poses(found.q)),
@@ -196,7 +193,7 @@ def corrected_poses(
     )
 
 
-WORDS: dict[Outcome, str] = {
+WORDS: dict[InverseStatus, str] = {
     "singular": "corrected in a nearly singular posture, where a small turn of the tool takes a "
     "large move of the joints; look at the corrected joints, or move the target",
     "limits": "reached only outside the joint limits; the nearest posture inside is given",
@@ -205,8 +202,8 @@ WORDS: dict[Outcome, str] = {
 }
 
 
-def told(
-    status: tuple[Outcome, ...], noun: str, words: Mapping[Outcome, str] = WORDS
+def status_sentences(
+    status: tuple[InverseStatus, ...], noun: str, words: Mapping[InverseStatus, str] = WORDS
 ) -> tuple[str, ...]:
     """One sentence for each kind of trouble, with the rows (from 1) it concerns."""
     said = []
@@ -222,10 +219,10 @@ def told(
     return tuple(said)
 
 
-def _judged(
+def _statuses(
     model: RobotModel, found: Inverse, step: Array, condition: Array
-) -> tuple[Outcome, ...]:
-    """Outcomes of a correction: near singular postures even a reached target is named."""
+) -> tuple[InverseStatus, ...]:
+    """Status of each correction: near singular postures even a reached target is named."""
     unit = np.where(model.chain.prismatic, CHARACTERISTIC_LENGTH, 1.0)
     far = (np.abs(step) > LARGEST * unit).any(axis=1) | (condition > SINGULAR_CONDITION)
     return tuple(
@@ -236,10 +233,6 @@ def _judged(
 def _same_joints(nominal: RobotModel, identified: RobotModel) -> None:
     """Refuse models of two different arms."""
     if nominal.chain.kinds != identified.chain.kinds:
-        raise InputError(
-            f"nominal and identified differ in their joints: {nominal.chain.kinds} and "
-            f"{identified.chain.kinds}",
-            code="A3",
-            field="identified",
-            allowed="two models of one arm",
-        )
+        kinds = f"{nominal.chain.kinds} and {identified.chain.kinds}"
+        message = f"nominal and identified differ in their joints: {kinds}"
+        raise refuse("identified", allowed="two models of one arm", code="A3", message=message)

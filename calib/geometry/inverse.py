@@ -30,7 +30,7 @@ from calib.geometry.inverse_search import joint_jacobian as joint_jacobian
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH as L
 
-Outcome = Literal["reached", "singular", "limits", "out of reach"]
+InverseStatus = Literal["reached", "singular", "limits", "out of reach"]
 SINGULAR_CONDITION = 1e3
 """From this condition on, turning the tool by 0.01 deg can take joint moves of 10 deg."""
 
@@ -45,7 +45,7 @@ class Inverse:
     """(m,) distance of the tool from its target [m]."""
     rotation_error: Array
     """(m,) angle between the tool and its target [rad]."""
-    status: tuple[Outcome, ...]
+    status: tuple[InverseStatus, ...]
     """(m,) "reached"; "singular": reached, but the joints there are hardly determined by the pose;
     "limits": only reached outside the joint limits; "out of reach": not reached from any seed."""
     condition: Array
@@ -156,7 +156,7 @@ def _best(task: Task, q: Array, near: Bool, beyond: Bool, targets: int) -> Inver
     cost = cost + np.where(near & (condition > SINGULAR_CONDITION), 1e3, 0.0)
     pick = np.arange(targets) * starts + cost.reshape(targets, starts).argmin(axis=1)
     outside: Bool = np.any(beyond.reshape(targets, starts), axis=1)
-    status: list[Outcome] = []
+    status: list[InverseStatus] = []
     for k, row in enumerate(pick):
         if near[row]:
             status.append("singular" if condition[row] > SINGULAR_CONDITION else "reached")

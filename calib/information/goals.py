@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.geometry.jacobian import reflector_rows
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+
+NAME_GOALS = "name the poses or the box where the tool must be right"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,24 +26,17 @@ class Goals:
     def __post_init__(self) -> None:
         rows, weights = check("g 3 p, g", rows=self.rows, weights=self.weights)
         if not len(rows):
-            raise InputError(
-                "the goal has no poses",
-                code="M29",
-                field="goals",
-                allowed="at least one",
-                fix="name the poses or the box where the tool must be right",
+            message = "the goal has no poses"
+            raise refuse(
+                "goals", allowed="at least one", code="M29", message=message, fix=NAME_GOALS
             )
         if not rows.any():
-            raise InputError(
-                "no free number moves the tool point at the goal",
-                code="M29",
-                field="goals",
-                fix="free the numbers that matter there",
-            )
+            message = "no free number moves the tool point at the goal"
+            fix = "free the numbers that matter there"
+            raise refuse("goals", code="M29", message=message, fix=fix)
         if (weights < 0).any() or not weights.sum() > 0:
-            raise InputError(
-                "weights must not be negative, nor all zero", code="A3", field="weights"
-            )
+            message = "weights must not be negative, nor all zero"
+            raise refuse("weights", code="A3", message=message)
         object.__setattr__(self, "rows", rows)
         object.__setattr__(self, "weights", frozen(weights / weights.sum()))
 

@@ -43,11 +43,6 @@ def point_uncertainty(sigma: Array) -> Array:
     return np.asarray(np.sqrt(np.square(axis_uncertainty(sigma)).sum(axis=-1)))
 
 
-def rotation_uncertainty(sigma: Array) -> Array:
-    """Root of the summed rotation variances (m,) [rad] of tool covariances (m, 6, 6)."""
-    return np.asarray(np.sqrt(np.diagonal(sigma, axis1=-2, axis2=-1)[..., 3:].sum(axis=-1)))
-
-
 def distance_uncertainty(sigma: Array, position: Array) -> Array:
     """Standard uncertainty of |P| (m,) [m]: what the paper states for the tool.
 

@@ -7,13 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Bool, Index, check, frozen
-from calib.errors import InputError
+from calib.arrays import Array, Bool, Index, check, frozen, wrong_shape
+from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.information.rank import RANK_TOLERANCE, count, practical_rank, singular_values, triangle
-from calib.information.rank import rank as rank
-from calib.information.rank import weak_prior_sd as weak_prior_sd
 
 KEEP_TOLERANCE = 1e-6
 """A column is kept when more than this part of it lies outside the columns already kept."""
@@ -104,43 +102,33 @@ def reduce(
     """
     (A,) = check("N f", A=A)
     if parameters.names != model.names:
-        raise InputError("parameters and model list different numbers", code="A1", field="names")
+        message = "parameters and model list different numbers"
+        raise refuse("names", code="A1", message=message)
     if A.shape[1] != parameters.n_free:
-        raise InputError(
-            f"A has shape {A.shape}",
-            code="A1",
-            field="A",
-            value=A.shape,
-            allowed=f"one column per free number, {parameters.n_free}",
-        )
+        raise wrong_shape("A", A.shape, f"one column per free number, {parameters.n_free}")
     if not A.size:
-        raise InputError(
-            "nothing to reduce",
-            code="M27",
-            field="A",
-            value=A.shape,
-            allowed="at least one row and one free number",
-        )
+        allowed = "at least one row and one free number"
+        raise refuse("A", A.shape, allowed, code="M27", message="nothing to reduce")
     small = triangle(A)
     singular = singular_values(small)
-    found = _kept_columns(small, _order(parameters, model))
+    found = _choose_columns(small, _order(parameters, model))
     keep = sorted(found.places)
     rows = np.argsort(found.places)
     scale, names = parameters.free_scale, parameters.free_names
     # a scaled column is J_k s_k, so a step x_k of number k is x_k / s_k of its column
     mixing = found.coordinates[rows] * scale[keep][:, None] / scale
     mixing[:, keep] = np.eye(len(keep))
-    rank_found, left = count(singular, tolerance), sorted(set(range(len(names))) - set(keep))
+    n_directions, left = count(singular, tolerance), sorted(set(range(len(names))) - set(keep))
     lengths = parameters.is_length[parameters.free]
     sentences = [
-        *_causes(model, parameters, q, rank_found < len(names)),
-        *_count_sentences(len(A), len(keep), rank_found, len(names)),
+        *_causes(model, parameters, q, n_directions < len(names)),
+        *_count_sentences(len(A), len(keep), n_directions, len(names)),
         *(_dependency(names, lengths, keep, mixing, k) for k in left),
     ]
     spread = singular_values(small[:, keep]) if keep else np.ones(1)
     return Reduction(
         singular_values=frozen(singular),
-        rank=rank_found,
+        rank=n_directions,
         tolerance=tolerance,
         condition=float(spread[0] / spread[-1]),
         kept=tuple(names[k] for k in keep),
@@ -168,8 +156,8 @@ def _order(parameters: Parameters, model: RobotModel) -> list[int]:
     return [place[k] for k in order if k in place]
 
 
-def _kept_columns(A: Array, order: Sequence[int]) -> _Kept:
-    """Gram-Schmidt, twice per column, in the given order; all columns in terms of the kept ones."""
+def _choose_columns(A: Array, order: Sequence[int]) -> _Kept:
+    """Keep columns by Gram-Schmidt in the given order; express all columns in the kept ones."""
     size = np.linalg.norm(A, axis=0)
     silent = np.flatnonzero(size <= RANK_TOLERANCE * size.max())
     basis = np.zeros((A.shape[0], min(A.shape)))
@@ -179,6 +167,7 @@ def _kept_columns(A: Array, order: Sequence[int]) -> _Kept:
             continue
         rest = A[:, k] / size[k]
         Q = basis[:, : len(kept)]
+        # twice: once leaves rounding of the size of the column
         for _ in range(2):
             rest = rest - Q @ (Q.T @ rest)
         length = float(np.linalg.norm(rest))
@@ -219,7 +208,7 @@ def _causes(
     return said
 
 
-def _count_sentences(n_rows: int, n_kept: int, rank_found: int, n_free: int) -> list[str]:
+def _count_sentences(n_rows: int, n_kept: int, rank: int, n_free: int) -> list[str]:
     """Sentences on too few equations, and on directions between the two tolerances."""
     said = []
     if n_rows < n_free and n_kept == n_rows:
@@ -227,9 +216,9 @@ def _count_sentences(n_rows: int, n_kept: int, rank_found: int, n_free: int) -> 
             f"{n_rows} equations tell at most {n_rows} of {n_free} numbers apart: "
             "more poses may tell more"
         )
-    if rank_found != n_kept:
+    if rank != n_kept:
         said.append(
-            f"{n_kept} numbers are kept but the singular values count {rank_found} directions: "
+            f"{n_kept} numbers are kept but the singular values count {rank} directions: "
             "some are seen so weakly that rounding decides"
         )
     return said

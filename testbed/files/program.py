@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from calib.arrays import Array, Bool
-from calib.compensation import compensate, corrected_poses, told
+from calib.compensation import compensate, corrected_poses, status_sentences
 from calib.geometry.frames import inverse as inverse_transform
 from calib.geometry.frames import transform
-from calib.geometry.inverse import Outcome, inverse_kinematics, spread
+from calib.geometry.inverse import InverseStatus, inverse_kinematics, spread
 from calib.geometry.model import RobotModel
 from calib.measurement.accuracy import position_errors, rotation_errors
 from testbed.disk import atomic_write
@@ -28,7 +28,7 @@ from testbed.robots.catalog import Robot
 
 ADDED = ("status", "before_mm", "left_mm", "left_deg")
 """Columns that are added: outcome, and errors before and after by the identified model."""
-WORDS: dict[Outcome, str] = {
+WORDS: dict[InverseStatus, str] = {
     "singular": "left as written: the posture is nearly singular, and its correction would move a "
     "joint far; move the target",
     "limits": "left as written: the corrected posture is outside the joint limits",
@@ -42,7 +42,7 @@ DEGREES = 180 / np.pi
 class ProgramResult:
     """The outcome of each target of a program."""
 
-    status: tuple[Outcome, ...]
+    status: tuple[InverseStatus, ...]
     """(m,) "reached", or why the target stayed as it was."""
     before: Array
     """(m,) position error of the robot with the program as it was [m]."""
@@ -124,7 +124,7 @@ def correct_program(path: Path, robot: Robot, identified: RobotModel, out: Path)
         f"{1e3 * result.before.mean():.3f} mm before and {1e3 * result.left.mean():.3g} mm after "
         "on average"
     )
-    sentences = (done, *told(result.status, "target", WORDS), *result.sentences)
+    sentences = (done, *status_sentences(result.status, "target", WORDS), *result.sentences)
     return replace(result, sentences=sentences)
 
 

@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from difflib import get_close_matches
 
-from calib.errors import InputError
+from calib.errors import refuse
 from calib.information.criteria.base import Criterion
 from calib.information.criteria.d import D
 from calib.information.criteria.g import g_of
 from calib.information.criteria.linear import A, v_of
 from calib.information.criteria.spectral import O2, O4, O5, E
-from calib.information.goals import Goals
+from calib.information.goals import NAME_GOALS, Goals
 
 _FREE_OF_GOALS: dict[str, Callable[[str], Criterion]] = {
     "D": D,
@@ -43,19 +43,15 @@ def criterion_named(criterion: "str | Criterion", *, goals: Goals | None = None)
         return _FREE_OF_GOALS[criterion](criterion)
     if criterion in _OF_GOALS:
         if goals is None:
-            raise InputError(
-                f'criterion "{criterion}" needs goal poses',
-                code="M29",
-                field="goals",
-                fix="name the poses or the box where the tool must be right",
-            )
+            message = f'criterion "{criterion}" needs goal poses'
+            raise refuse("goals", code="M29", message=message, fix=NAME_GOALS)
         return _OF_GOALS[criterion](goals, criterion)
     close = get_close_matches(str(criterion).upper(), NAMES, 1)
-    raise InputError(
-        f'criterion is "{criterion}"',
+    raise refuse(
+        "criterion",
+        criterion,
+        f"one of {', '.join(NAMES)}",
         code="A4",
-        field="criterion",
-        value=criterion,
-        allowed=f"one of {', '.join(NAMES)}",
+        message=f'criterion is "{criterion}"',
         fix=f'did you mean "{close[0]}"?' if close else "",
     )

@@ -12,7 +12,8 @@ from calib.design import METHODS, Problem, Selection, best_of_random
 from calib.identification.identify import Identification, Mode
 from calib.information.criteria.base import Criterion
 from calib.information.criteria.named import NEEDS_GOALS, criterion_named
-from calib.information.observability import Observability, indices, singular_values
+from calib.information.observability import Observability, indices
+from calib.information.rank import singular_values
 from calib.measurement.accuracy import point_distances, target_points
 from calib.measurement.observations import Measurements
 from calib.uncertainty.regions import inside, mahalanobis_squared

@@ -5,7 +5,7 @@ from scipy.special import ndtri
 
 from calib.arrays import Array, Index
 from calib.geometry.parameters import parameters_of
-from calib.information.reduction import rank
+from calib.information.rank import rank
 from testbed.studies.trial.records import Campaign, ToolPointStudy
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.finding import Finding, within

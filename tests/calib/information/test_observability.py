@@ -18,8 +18,8 @@ from calib.information.observability import (
     IndexName,
     index_of,
     indices,
-    singular_values,
 )
+from calib.information.rank import singular_values
 from tests.reference import SIGMA_POSITION, SIGMA_ROTATION, WEN24, pool_r, tx60
 
 MODEL = tx60()

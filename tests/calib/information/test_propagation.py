@@ -12,7 +12,6 @@ from calib.information.propagation import (
     axis_uncertainty,
     distance_uncertainty,
     point_uncertainty,
-    rotation_uncertainty,
     tool_covariance,
 )
 from tests.reference import DEG, pool_r, tx60
@@ -62,7 +61,6 @@ def test_turning_the_world_turns_the_covariance_and_keeps_its_size():
     # variances are about 1e-9 m^2; 1e-12 relative of them
     np.testing.assert_allclose(there, both @ here @ both.T, atol=1e-21)
     np.testing.assert_allclose(point_uncertainty(there), point_uncertainty(here), rtol=1e-12)
-    np.testing.assert_allclose(rotation_uncertainty(there), rotation_uncertainty(here), rtol=1e-12)
 
 
 def test_knowing_less_about_the_robot_never_sharpens_the_tool_point():
