@@ -1,10 +1,11 @@
 """The figures of a calibration's report, one function each: the record in, one SVG element out."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.arrays import Array, Bool
+from calib.arrays import Array
 from calib.geometry.frames import inverse
 from testbed.identify.records import Calibration
 from testbed.report.plots import SHADES, VIEWS, Look, dots, legend_above, plain_log, view_of
@@ -35,8 +36,8 @@ def histogram(calibration: Calibration) -> str:
     with drawing(1, len(panels), height=2.3) as (figure, axes):
         for ax, (name, which, scale, unit) in zip(axes, panels, strict=True):
             before, after = (
-                getattr(misses, name)[which] * scale
-                for misses in (calibration.before_misses, calibration.fit.misses)
+                getattr(errors, name)[which] * scale
+                for errors in (calibration.before_misses, calibration.fit.misses)
             )
             top = float(np.quantile(np.concatenate([before, after]), 0.995)) or 1.0
             edges = np.linspace(0.0, top, 41)
@@ -58,26 +59,15 @@ def histogram(calibration: Calibration) -> str:
 
 def by_joint(calibration: Calibration) -> str:
     """Errors against each joint's value: a wave that is left says which joint is not as modeled."""
-    rows = calibration.is_judged
-    q = calibration.measurements.q[rows]
-    kinds = calibration.nominal.chain.kinds
-    columns = min(4, q.shape[1]) if q.shape[1] != 6 else 3
-    lines = -(-q.shape[1] // columns)
-    with drawing(lines, columns, height=0.4 + 1.6 * lines, sharey=True) as (figure, axes):
-        for k, ax in enumerate(axes):
-            ax.set_visible(k < q.shape[1])
-            if k >= q.shape[1]:
-                continue
-            turning = kinds[k] == "revolute"
-            x = q[:, k] * (DEG if turning else MM)
-            _both(ax, x, calibration, rows)
-            ax.set_title(f"joint {k + 1}")
-            ax.set_xlabel("deg" if turning else "mm")
-            if k % columns == 0:
-                ax.set_ylabel("error [mm]")
-        _from_zero(axes[0], calibration, rows)
-        legend_above(figure, axes[0])
-        return svg_of(figure)
+    q, kinds = calibration.measurements.q, calibration.nominal.chain.kinds
+    panels = [
+        (q[:, k] * (DEG if kind == "revolute" else MM), "deg" if kind == "revolute" else "mm")
+        for k, kind in enumerate(kinds)
+    ]
+    titles = [f"joint {k + 1}" for k in range(len(kinds))]
+    columns = min(4, len(kinds)) if len(kinds) != 6 else 3
+    height = 0.4 + 1.6 * -(-len(kinds) // columns)
+    return _against(calibration, panels, height=height, columns=columns, titles=titles)
 
 
 def by_order(calibration: Calibration) -> str:
@@ -109,16 +99,17 @@ def by_order(calibration: Calibration) -> str:
 
 def by_place(calibration: Calibration) -> str:
     """Errors against x, y and z of the tool in the base frame."""
-    rows = calibration.is_judged
-    place = tool_places(calibration)[rows] * MM
-    with drawing(1, 3, height=2.1, sharey=True) as (figure, axes):
-        for k, ax in enumerate(axes):
-            _both(ax, place[:, k], calibration, rows)
-            ax.set_xlabel(f"{'xyz'[k]} [mm]")
-        axes[0].set_ylabel("error [mm]")
-        _from_zero(axes[0], calibration, rows)
-        legend_above(figure, axes[0])
-        return svg_of(figure)
+    place = tool_places(calibration) * MM
+    panels = [(place[:, k], f"{axis} [mm]") for k, axis in enumerate("xyz")]
+    return _against(calibration, panels, height=2.1, columns=3)
+
+
+def by_temperature(calibration: Calibration) -> str:
+    """Errors against the temperature that was noted."""
+    if calibration.temperature is None:
+        return ""
+    panels = [(calibration.temperature, "temperature [°C]")]
+    return _against(calibration, panels, height=1.9, columns=1)
 
 
 def over_workspace(calibration: Calibration) -> str:
@@ -154,20 +145,6 @@ def shade_steps(calibration: Calibration) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def by_temperature(calibration: Calibration) -> str:
-    """Errors against the temperature that was noted."""
-    rows = calibration.is_judged
-    if calibration.temperature is None:
-        return ""
-    with drawing(1, 1, height=1.9) as (figure, (ax,)):
-        _both(ax, calibration.temperature[rows], calibration, rows)
-        _from_zero(ax, calibration, rows)
-        ax.set_xlabel("temperature [°C]")
-        ax.set_ylabel("error [mm]")
-        legend_above(figure, ax)
-        return svg_of(figure)
-
-
 def tool_places(calibration: Calibration) -> Array:
     """(m, 3) tool positions of the chosen model in its base frame [m]."""
     model = calibration.fit.identification.model
@@ -175,21 +152,37 @@ def tool_places(calibration: Calibration) -> Array:
     return np.asarray(T[:, :3, 3])
 
 
-def _both(ax: "Axes", x: Array, calibration: Calibration, rows: Bool) -> None:
-    """Errors before and after against something, with their running medians."""
+def _against(
+    calibration: Calibration,
+    panels: list[tuple[Array, str]],
+    *,
+    height: float,
+    columns: int,
+    titles: Sequence[str] = (),
+) -> str:
+    """Errors before and after against several columns (m,), with their running medians."""
+    rows = calibration.is_judged
     before = calibration.before_misses.position[rows] * MM
     after = calibration.fit.misses.position[rows] * MM
-    _cloud(ax, x, before, PALE, "s", "before")
-    _cloud(ax, x, after, DARK, "o", "after")
-    _median(ax, x, before, SOFT)
-    _median(ax, x, after, MIDDLE)
-
-
-def _from_zero(ax: "Axes", calibration: Calibration, rows: Bool) -> None:
-    """The vertical axis from zero to where all but a few rows lie."""
-    before = calibration.before_misses.position[rows]
-    after = calibration.fit.misses.position[rows]
-    ax.set_ylim(0, 1.05 * MM * float(max(np.quantile(before, 0.99), np.quantile(after, 0.99))))
+    lines = -(-len(panels) // columns)
+    with drawing(lines, columns, height=height, sharey=True) as (figure, axes):
+        for ax in axes[len(panels) :]:
+            ax.set_visible(False)
+        for k, (x, label) in enumerate(panels):
+            ax = axes[k]
+            _cloud(ax, x[rows], before, PALE, "s", "before")
+            _cloud(ax, x[rows], after, DARK, "o", "after")
+            _median(ax, x[rows], before, SOFT)
+            _median(ax, x[rows], after, MIDDLE)
+            ax.set_xlabel(label)
+            if titles:
+                ax.set_title(titles[k])
+            if k % columns == 0:
+                ax.set_ylabel("error [mm]")
+        highest = max(np.quantile(before, 0.99), np.quantile(after, 0.99))
+        axes[0].set_ylim(0, 1.05 * float(highest))  # all but a few rows
+        legend_above(figure, axes[0])
+        return svg_of(figure)
 
 
 def _cloud(ax: "Axes", x: Array, y: Array, color: str, marker: str, label: str) -> None:

@@ -35,14 +35,14 @@ def warnings_of(
 ) -> tuple[str, ...]:
     """Sentences on the poses, by the geometric fit, and on the fit that was chosen."""
     result = chosen.identification
-    said = [*_still(geometric, train), *_condition(geometric)]
+    texts = [*_still(geometric, train), *_condition(geometric)]
     if result.status is not Status.CONVERGED:
-        said.append(f"the fit {result.status.value}")
+        texts.append(f"the fit {result.status.value}")
     if result.p_value > 1 - RED:
-        said.append(
+        texts.append(
             "the residuals are smaller than the stated noise: the stated uncertainty is too large"
         )
-    return tuple(said)
+    return tuple(texts)
 
 
 def _still(fit: FittedModel, train: Measurements) -> tuple[str, ...]:

@@ -68,27 +68,27 @@ def kind(calibration: Calibration) -> str:
 
 def reasons(calibration: Calibration) -> tuple[str, ...]:
     """Why the verdict is what it is; what is not valid comes first."""
-    said = []
+    texts = []
     factor = calibration.fit.noise_factor
     if calibration.contradicted and factor > LARGER:
-        said.append(
+        texts.append(
             f"The residuals are {significant(factor, 2)} times what the "
             "stated noise explains. How the rows are weighted then matters little, but every "
             "interval made from that noise is far too narrow"
         )
-    said += calibration.proof.trust.sentences
-    said.append(f"Model: {calibration.choice.sentence}")
+    texts += calibration.proof.trust.sentences
+    texts.append(f"Model: {calibration.choice.sentence}")
     out = int(calibration.gross.left_out.sum())
     if out:
-        said.append(f"{counted(out, 'row')} did not fit and took no part: see Outliers")
+        texts.append(f"{counted(out, 'row')} did not fit and took no part: see Outliers")
     if calibration.source.masked:
         masked = counted(len(calibration.source.masked), "note")
-        said.append(
+        texts.append(
             f"Rows were left out while reading, before poses were held out: {masked} under The data"
         )
-    said += calibration.warnings
-    said += calibration.source.warnings
-    return sentences(said)
+    texts += calibration.warnings
+    texts += calibration.source.warnings
+    return sentences(texts)
 
 
 def next_step(calibration: Calibration) -> str:
