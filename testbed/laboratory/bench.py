@@ -107,7 +107,7 @@ class Bench:
         Raises
         ------
         InputError
-            Says in words which numbers move the tool point at the goal and nothing measured.
+            Names the numbers that move the tool point at the goal and nothing measured.
         """
         free = self.free("whitened")
         A = self._scaled_rows(q, free)
@@ -181,9 +181,9 @@ def open_bench(scenario: Scenario, *, clearance: float = 0.0) -> Bench:
 
 
 def joint_repeatability(robot: Robot, truth: TruthSettings) -> Array:
-    """Standard deviation of each joint (n,) [rad or m]; the robot's own where truth says None.
+    """Standard deviation of each joint (n,) [rad or m]; the robot's where truth has None.
 
-    A number in the scenario is an angle: sliding joints keep their own, or none if it is zero.
+    A number in the scenario is an angle: sliding joints keep theirs, or none if it is zero.
     """
     if truth.joint_repeatability_mdeg is None:
         return robot.repeatability

@@ -43,7 +43,7 @@ def goal_of(bench: Bench) -> Goal:
     Raises
     ------
     InputError
-        The goal lies outside the robot's reach; says which entry.
+        The goal lies outside the robot's reach; names the entry.
     """
     plan = bench.scenario.plan
     settings = plan.goal
@@ -78,7 +78,7 @@ def goal_of(bench: Bench) -> Goal:
 def point_of(bench: Bench) -> Array:
     """The point (3,) of the tool that counts [m]: [plan] point_mm, else what the tracker tracks.
 
-    One reflector tells nothing of how the tool is turned about it: where nothing else is asked for
+    One reflector does not show how the tool is turned about it: where nothing else is asked for,
     the reflector itself is what can be known.
     """
     wanted = np.array(bench.scenario.plan.point_mm) / 1e3
@@ -245,7 +245,7 @@ def reached_by(robot: Robot, T: Array, starts: Array) -> tuple[Array, float]:
 
 
 def goals_of(bench: Bench) -> Goals:
-    """Goals of [plan.goal], a box like the pool's unless told otherwise, in the kept numbers.
+    """Goals of [plan.goal], the pool's box by default, in the kept numbers.
 
     Its poses come from the stream ``"plan", "goal"``: none is a held-out pose, none a candidate.
 

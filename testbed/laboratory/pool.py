@@ -105,8 +105,8 @@ class Candidates:
         Raises
         ------
         InputError
-            If feasible poses are so rare that something is set wrong; says which test lets least
-            pass.
+            If feasible poses are so rare that something is set wrong; names the test that lets
+            least pass.
 
         References
         ----------

@@ -1,4 +1,4 @@
-"""A station that wanders, and the nests that tell: what is left of the drift in the readings.
+"""A station that drifts, and the nests that show it: what is left of the drift in the readings.
 
 Between two rounds over the nests the station walks at random; each round shows where it is, up to
 the noise of the nests, and what it shows is taken off all readings until the next round.
@@ -32,13 +32,13 @@ class StationDrift:
     def walk(self, elapsed: Array, rng: np.random.Generator) -> Array:
         """What of the walk the readings still hold (m, 3) [m].
 
-        The whole walk is drawn, from shot to shot and from round to round, and its value at the
+        The whole walk is drawn, from one observation or round to the next, and its value at the
         last round is taken off.
 
         Parameters
         ----------
         elapsed : (m,) array
-            Times of the shots since the visit began, rising [s].
+            Times of the observations since the visit began, rising [s].
         rng : Generator
             The walk.
         """
@@ -57,9 +57,9 @@ class StationDrift:
         Parameters
         ----------
         elapsed : (m,) array
-            Times of the shots since the visit began [s].
+            Times of the observations since the visit began [s].
         covariance : (k, 3, 3) array
-            Scatter of one shot at each nest; a round takes the mean of all [m^2].
+            Scatter of one observation of each nest; a round takes the mean of all [m^2].
         rng : Generator
             The noise.
         """

@@ -63,7 +63,7 @@ def view_from(
 
 
 def _why(error: CalibError) -> str:
-    """What an error says, as a part of another sentence: without place, code and advice."""
+    """An error as a part of another sentence: without place, code and advice."""
     return f"{error.message}, {error.allowed}" if error.allowed else error.message
 
 

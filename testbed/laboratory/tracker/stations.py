@@ -12,8 +12,8 @@ from testbed.laboratory.bench import Bench
 from testbed.laboratory.tracker.station import Designer, View, view_from
 from testbed.scenario.read import StationSettings
 
-TOLD = 5
-"""Stations whose fault is told when none can be used."""
+NAMED = 5
+"""Stations whose fault is named when none can be used."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +66,7 @@ def compare_stations(
     goals: Goals,
     designer: Designer,
 ) -> StationComparison:
-    """Design from every station with the same pool and say which station is best.
+    """Design from every station with the same pool and find the best station.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def compare_stations(
     q : (N, n) array
         Common pool: free poses, drawn without asking what any station sees [rad, m].
     parameters : Parameters
-        Numbers to identify, already reduced to what poses of the pool can tell.
+        Numbers to identify, already reduced to what poses of the pool can tell apart.
     goals : Goals
         The goal poses in these numbers.
     designer : callable
@@ -109,7 +109,7 @@ def compare_stations(
             stations.tolist(),
             "the tracker must see poses that tell the parameters apart",
             code="M28",
-            message=f"[plan.stations] {nobody} be used: " + "; ".join(statements[:TOLD]),
+            message=f"[plan.stations] {nobody} be used: " + "; ".join(statements[:NAMED]),
             fix="move the stations to where the probe faces them and nothing stands between",
         )
     return StationComparison(

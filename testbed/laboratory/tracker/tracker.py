@@ -1,4 +1,4 @@
-"""The virtual laser tracker: what it shows of a pose, and the shots that go wrong or fail."""
+"""The virtual laser tracker: its readings of a pose, with gross errors and failures."""
 
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -24,7 +24,7 @@ class GrossErrors:
     """Wrong and failed observations of each visit."""
 
     outliers: int = 0
-    """Grossly wrong ones; nothing in the data says which."""
+    """Grossly wrong ones; nothing in the data marks them."""
     position_sd: float = 0.0
     """Of an outlier, per axis [m]."""
     rotation_sd: float = 0.0
@@ -34,7 +34,7 @@ class GrossErrors:
 
 
 def streams_below(rng: np.random.Generator) -> list[np.random.Generator]:
-    """Four streams of a stream's own, whatever it has given away already."""
+    """Four streams below another one, however much was drawn from it already."""
     seeds = rng.bit_generator.seed_seq
     if not isinstance(seeds, np.random.SeedSequence):
         raise RuntimeError("the noise needs a generator made from a seed")
@@ -87,7 +87,7 @@ class Tracker:
     acceptance: float = np.pi
     """Half angle of the cone about the tool's z axis from which the target is seen [rad]."""
     pose_time: float = 10.0
-    """From one shot to the next [s]."""
+    """From one observation to the next [s]."""
     bias: StationBias | None = None
     """What it gets wrong the same way all campaign long; None: nothing."""
     drift: StationDrift | None = None
@@ -136,7 +136,7 @@ class Tracker:
         )
 
     def own_covariance(self, target: Array, R: Array | None = None) -> Array:
-        """Scatter (m, 6, 6) of shots at targets (m, 3) on tools R (m, 3, 3), world axes."""
+        """Scatter (m, 6, 6) of observations of targets (m, 3) on tools R (m, 3, 3), world axes."""
         return spherical_covariance(
             target,
             self.T_world_tracker,
@@ -160,8 +160,8 @@ class Tracker:
     ) -> Measurements:
         """One reading of each true tool pose, but for those that are missed.
 
-        The noise follows the shot as it is, not the stated covariance, which only travels along.
-        Drift, outliers and missed shots have streams of their own below `rng`: switching one of
+        The noise follows the true pose, not the stated covariance, which is only passed along.
+        Drift, outliers and misses have streams of their own below `rng`: switching one of
         them never moves the noise or the others.
 
         Parameters
@@ -179,7 +179,7 @@ class Tracker:
         rng : Generator
             Noise of this visit: nine normal numbers a row.
         time : (m,) array_like, optional
-            Of each shot; one every `pose_time` by default. The visit begins with the first [s].
+            Of each observation; one every `pose_time` by default. The first begins the visit [s].
         """
         m = len(T_true)
         beam_noise, center_noise, turn_noise = rng.standard_normal((m, 3, 3)).swapaxes(0, 1)

@@ -11,14 +11,14 @@ from calib.geometry.model import RobotModel
 from calib.measurement.observations import Measurements
 from testbed.laboratory.bench import Bench, open_bench
 from testbed.laboratory.tracker.tracker import tracker_from
-from testbed.laboratory.truth.robot import TrueRobot, beyond, draw_truth
+from testbed.laboratory.truth.robot import TrueRobot, draw_truth, unmodelled_terms
 from testbed.scenario.read import At960Tracker, Scenario, TruthSettings
 from testbed.streams import stream
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Setting:
-    """What all trials of a campaign share: the robot nominal and true, the pool, the test poses."""
+    """The setup of a campaign, which all trials share: robot nominal and true, pool, test poses."""
 
     nominal: RobotModel
     true: RobotModel
@@ -67,7 +67,7 @@ class Laboratory(Bench):
         """Approach and measure poses q (m, n) once; random numbers from streams under `names`.
 
         The poses are visited in the order given, from joint zero on, the first one at `start`
-        after the campaign began [s]. Missed shots leave no row.
+        after the campaign began [s]. Missed observations leave no row.
         """
         seed = self.scenario.seed
         time, previous = journey(q, start, self.tracker.pose_time)
@@ -131,7 +131,9 @@ def open_laboratory(scenario: Scenario, setting: Setting) -> Laboratory:
         setting.joint_repeatability,
         setting.pool_q,
         setting,
-        TrueRobot(setting.true, setting.joint_repeatability, beyond(robot, scenario.truth)),
+        TrueRobot(
+            setting.true, setting.joint_repeatability, unmodelled_terms(robot, scenario.truth)
+        ),
     )
 
 
@@ -189,7 +191,7 @@ def require_poses(bench: Bench) -> None:
     tracker = bench.scenario.tracker
     missed = tracker.missed if isinstance(tracker, At960Tracker) else 0
     if bench.scenario.uncertainty.replications:
-        missed *= 2  # they visit what was seen, and miss shots again
+        missed *= 2  # they visit what was measured, and miss some again
     for trial in bench.scenario.trial:
         if rows * (trial.poses - missed) <= most:
             raise refuse(

@@ -1,6 +1,7 @@
 """The true robot: drawn in secret around the nominal one, and played by MuJoCo."""
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,9 +16,9 @@ from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.truth.backlash import backlash
 from testbed.laboratory.truth.springs import ElasticArm
 from testbed.laboratory.truth.terms import (
-    Beyond,
     Springs,
     Thermal,
+    UnmodelledTerms,
     encoder,
     gravity,
     harmonics,
@@ -44,13 +45,13 @@ class TrueRobot:
     """Geometry and joint errors [m, rad]."""
     joint_repeatability: Array
     """(n,) standard deviation of each joint at each approach [rad or m]."""
-    beyond: Beyond = field(default_factory=Beyond)
-    """Play, warmth and springs, which `model` does not know."""
+    unmodelled: UnmodelledTerms = field(default_factory=UnmodelledTerms)
+    """Backlash, thermal growth and springs, which `model` cannot hold."""
     simulator: Simulator | ElasticArm = field(init=False, repr=False)
     """The same geometry as a MuJoCo body tree, sprung where the arm gives way."""
 
     def __post_init__(self) -> None:
-        chain, springs = self.model.chain, self.beyond.springs
+        chain, springs = self.model.chain, self.unmodelled.springs
         arm = ElasticArm(chain, springs) if springs else Simulator(None, chain)
         object.__setattr__(self, "simulator", arm)
 
@@ -80,14 +81,14 @@ class TrueRobot:
         """
         q = joint_vectors(self.model.chain, q)
         reached = q + self.model.joint_errors.offsets(q)
-        if self.beyond.backlash is not None:
+        if self.unmodelled.backlash is not None:
             before = np.zeros_like(q) if previous is None else previous
-            reached = reached + self.beyond.backlash.offsets(q, before)
+            reached = reached + self.unmodelled.backlash.offsets(q, before)
         if rng is not None:
             reached = reached + rng.standard_normal(q.shape) * self.joint_repeatability
         growth = None
-        if self.beyond.thermal is not None:
-            growth = self.beyond.thermal.growth(np.zeros(len(q)) if time is None else time)
+        if self.unmodelled.thermal is not None:
+            growth = self.unmodelled.thermal.growth(np.zeros(len(q)) if time is None else time)
         return self.simulator.poses(reached, growth=growth)
 
 
@@ -117,26 +118,23 @@ def draw_truth(robot: Robot, truth: TruthSettings, seed: int) -> TrueRobot:
         geometry_step(robot, truth, stream(seed, "truth", "geometry"))
         + frame_step(nominal.n_joints, truth, stream(seed, "truth", "frames"))
     )
-    errors = robot.model.joint_errors
+    errors = [robot.model.joint_errors]
     if any(truth.gravity_mdeg):
-        errors = joined(errors, gravity(nominal, mdeg(truth.gravity_mdeg)))
-    if np.any(truth.harmonic_mdeg):
-        rng = stream(seed, "truth", "harmonics")
-        errors = joined(errors, harmonics(nominal, per_joint(nominal, truth.harmonic_mdeg), rng))
-    if np.any(truth.high_harmonic_mdeg):
-        rng = stream(seed, "truth", "high harmonics")
-        size = per_joint(nominal, truth.high_harmonic_mdeg)
-        errors = joined(errors, high_harmonics(nominal, size, rng))
-    if np.any(truth.encoder_mdeg):
-        rng = stream(seed, "truth", "encoder")
-        size = per_joint(nominal, truth.encoder_mdeg)
-        errors = joined(errors, encoder(nominal, size, truth.encoder_periods, rng))
-    model = RobotModel(chain, errors)
-    return TrueRobot(model, joint_repeatability(robot, truth), beyond(robot, truth))
+        errors.append(gravity(nominal, mdeg(truth.gravity_mdeg)))
+    for name, amplitude, drawn in (
+        ("harmonics", truth.harmonic_mdeg, harmonics),
+        ("high harmonics", truth.high_harmonic_mdeg, high_harmonics),
+        ("encoder", truth.encoder_mdeg, partial(encoder, periods=truth.encoder_periods)),
+    ):
+        if np.any(amplitude):
+            size = per_joint(nominal, amplitude)
+            errors.append(drawn(nominal, size, stream(seed, "truth", name)))
+    model = RobotModel(chain, joined(errors))
+    return TrueRobot(model, joint_repeatability(robot, truth), unmodelled_terms(robot, truth))
 
 
-def beyond(robot: Robot, truth: TruthSettings) -> Beyond:
-    """Play, warmth and springs of a scenario; nothing of them is drawn.
+def unmodelled_terms(robot: Robot, truth: TruthSettings) -> UnmodelledTerms:
+    """Backlash, thermal growth and springs of a scenario; no random numbers are drawn.
 
     Raises
     ------
@@ -169,7 +167,7 @@ def beyond(robot: Robot, truth: TruthSettings) -> Beyond:
             truth.payload_kg,
             np.array(truth.payload_center_mm) / 1e3,
         )
-    return Beyond(play, warmth, springs)
+    return UnmodelledTerms(play, warmth, springs)
 
 
 def geometry_step(robot: Robot, truth: TruthSettings, rng: np.random.Generator) -> Array:

@@ -1,6 +1,6 @@
 """What the true robot does beyond its geometry: sag, waves, warmth, springs; how to switch it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal
@@ -95,8 +95,8 @@ class Springs:
 
 
 @dataclass(frozen=True, slots=True)
-class Beyond:
-    """What no `RobotModel` can say of a true robot; each None where it is switched off."""
+class UnmodelledTerms:
+    """What no `RobotModel` can hold of a true robot; each None where it is switched off."""
 
     backlash: Backlash | None = None
     thermal: Thermal | None = None
@@ -116,9 +116,8 @@ def mdeg(value: ArrayLike) -> Array:
 def gravity(chain: Chain, amplitudes: Array) -> JointErrors:
     """Sag of joints 2 and 3 with amplitudes g1, g2, g3 [rad]: dq2 = g1 sin q2 + g2 sin(q2+q3), ...
 
-    On an arm that lies level at joint zero these are cosines; see `gravity_terms`.
-
-    The closed form must hold for the arm; see `gravity_quarters`.
+    On an arm that lies level at joint zero these are cosines; see `gravity_terms`. The closed form
+    must hold for the arm; see `gravity_quarters`.
     """
     quarters = gravity_quarters(chain)
     if quarters is None:
@@ -147,7 +146,9 @@ def high_harmonics(chain: Chain, amplitudes: Array, rng: np.random.Generator) ->
     return turning(chain, harmonic_terms(n, (3, 7)), waves(size, phase))
 
 
-def encoder(chain: Chain, amplitudes: Array, periods: int, rng: np.random.Generator) -> JointErrors:
+def encoder(
+    chain: Chain, amplitudes: Array, rng: np.random.Generator, *, periods: int
+) -> JointErrors:
     """Interpolation errors dq = e sin(N q + phi) of every turning joint, e (n,) [rad].
 
     They look like noise from pose to pose and come back exactly at every return to one.
@@ -178,9 +179,9 @@ def turning(chain: Chain, terms: tuple[JointTerm, ...], coefficients: Array) -> 
     return JointErrors(kept, coefficients[turns])
 
 
-def joined(first: JointErrors, second: JointErrors) -> JointErrors:
-    """Both sums of joint terms as one."""
+def joined(sums: Sequence[JointErrors]) -> JointErrors:
+    """Several sums of joint terms as one."""
     return JointErrors(
-        (*first.terms, *second.terms),
-        np.concatenate([first.coefficients, second.coefficients]),
+        tuple(term for one in sums for term in one.terms),
+        np.concatenate([one.coefficients for one in sums]),
     )

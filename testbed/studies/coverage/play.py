@@ -28,6 +28,7 @@ from testbed.laboratory.truth.laboratory import (
     open_laboratory,
     validation_start,
 )
+from testbed.laboratory.truth.terms import UnmodelledTerms
 from testbed.scenario.read import Scenario
 from testbed.streams import stream
 from testbed.studies.coverage.records import STATEMENTS, CoverageStudy
@@ -226,8 +227,7 @@ def parameter_errors(found: Identification, measured: MeasuredRobot) -> tuple[Ar
     held fixed.
     """
     setting, truth = measured.laboratory.setting, measured.laboratory.truth
-    other = (truth.beyond.backlash, truth.beyond.thermal, truth.beyond.springs)
-    if truth.model.joint_errors.coefficients.any() or any(one is not None for one in other):
+    if truth.model.joint_errors.coefficients.any() or truth.unmodelled != UnmodelledTerms():
         return None
     step = true_step(setting, found, measured.seen)
     exact = setting.nominal.moved(found.parameters.expand(step))

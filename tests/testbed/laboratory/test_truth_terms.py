@@ -43,7 +43,7 @@ def offsets(robot: Robot, seed: int = 7, **changes):
     """Joint offsets (m, 6) of a truth that has no geometric error [rad]."""
     true = draw_truth(robot, settings("rigid", angle_sd_deg=0, length_sd_mm=0, **changes), seed)
     dq = true.model.joint_errors.offsets(Q)
-    play = true.beyond.backlash
+    play = true.unmodelled.backlash
     return dq if play is None else dq + play.offsets(Q, HOME)
 
 
@@ -71,7 +71,7 @@ def test_play_goes_by_the_direction_of_the_last_move(robot):
     true = draw_truth(robot, settings("rigid", backlash_mdeg=width), 0)
     step = np.array([0.1, -0.2, 0.3, 0.4, 0.0, -1e-9])
     half = np.array(width) / 2 * MDEG
-    play = true.beyond.backlash.offsets(Q, Q - step)
+    play = true.unmodelled.backlash.offsets(Q, Q - step)
     np.testing.assert_array_equal(play, np.tile(half * [1, -1, 1, 1, 0, -1], (200, 1)))
     # reached from both sides, a posture differs by the whole play
     there, back = (true.poses(Q[:1], previous=Q[:1] + side) for side in (0.5, -0.5))
@@ -109,12 +109,12 @@ def test_the_load_of_a_joint_is_how_fast_its_weight_falls(robot):
 
 def test_play_goes_by_the_load_where_gravity_decides(robot):
     true = draw_truth(robot, settings("rigid", backlash_mdeg=8.0, backlash_side="load"), 0)
-    side = true.beyond.backlash.sides(Q, HOME)
+    side = true.unmodelled.backlash.sides(Q, HOME)
     load = gravity_loads(robot.model.chain, robot.masses, robot.centers, Q)
     assert not side[:, 0].any()  # nothing pulls a vertical axis
     assert not side[:, 5].any()  # nor one with its mass on it
     for i in (1, 2, 4):
-        heavy = np.abs(load[:, i]) > 0.15 * true.beyond.backlash.largest[i]
+        heavy = np.abs(load[:, i]) > 0.15 * true.unmodelled.backlash.largest[i]
         np.testing.assert_allclose(side[heavy, i], np.sign(load[heavy, i]), atol=0.006)  # tanh 3
     # where it hangs over, joint 3 rests on the side towards which the closed form droops
     assert np.corrcoef(side[:, 2], np.sin(Q[:, 1] + Q[:, 2]))[0, 1] > 0.8
@@ -178,7 +178,7 @@ def draws(robot: Robot, truth):
     terms = dict(
         zip(true.model.joint_errors.names, true.model.joint_errors.coefficients, strict=True)
     )
-    return true.model.chain.links, true.model.chain.T_world_base, terms, true.beyond
+    return true.model.chain.links, true.model.chain.T_world_base, terms, true.unmodelled
 
 
 @pytest.mark.parametrize("term", TERM_KEYS)
@@ -206,7 +206,9 @@ def test_switching_a_term_off_moves_no_other(robot, term):
 def test_a_rigid_or_wen2022_robot_has_nothing_beyond_its_model(robot):
     for preset in ("rigid", "wen2022"):
         true = draw_truth(robot, settings(preset), 1)
-        assert (true.beyond.backlash, true.beyond.thermal, true.beyond.springs) == (None,) * 3
+        assert (true.unmodelled.backlash, true.unmodelled.thermal, true.unmodelled.springs) == (
+            None,
+        ) * 3
         np.testing.assert_array_equal(true.poses(Q), true.poses(Q, time=np.arange(200) * 1e3))
 
 
@@ -269,7 +271,7 @@ def test_springs_and_given_play_belong_to_turning_joints(robot):
     with pytest.raises(InputError, match="gives play to joint 1 of staubli_tx60, a slide"):
         draw_truth(sliding, settings("rigid", backlash_mdeg=[1.0, 0, 0, 0, 0, 0]), 0)
     # one width for all joints leaves slides out
-    play = draw_truth(sliding, settings("rigid", backlash_mdeg=4.0), 0).beyond.backlash
+    play = draw_truth(sliding, settings("rigid", backlash_mdeg=4.0), 0).unmodelled.backlash
     np.testing.assert_allclose(play.half_width, 2 * MDEG * np.array([0, 1, 1, 1, 1, 1]))
 
 
