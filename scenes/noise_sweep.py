@@ -3,8 +3,9 @@
 Run it: python scenes/noise_sweep.py
 """
 
-import truebed
-from testbed.scenario.read import changed, load_scenario
+from testbed.run.play import play
+from testbed.scenario.read import changed
+from testbed.studies import load_scenario
 
 NOISE_UM = (5.0, 10.0, 17.5, 35.0)
 
@@ -23,13 +24,13 @@ def sweep(replications: int = 60) -> list[tuple[float, float, float, float]]:
                 "uncertainty.replications": replications,
             },
         )
-        best = truebed.run(scenario).trials[0].estimates[0]
-        compared, repeated = best.comparison, best.replications
-        variance = compared.covariance[:, range(3), range(3)].sum(axis=1).mean()
+        best = play(scenario).trials[0].estimates[0]
+        found, repeated = best.comparison, best.replications
+        variance = found.covariance[:, range(3), range(3)].sum(axis=1).mean()
         rows.append(
             (
                 noise_um,
-                compared.accuracy_after.mean * 1e3,
+                found.accuracy_after.mean * 1e3,
                 variance**0.5 * 1e3,
                 float(repeated.tool_coverage.mean()) if repeated else float("nan"),
             )

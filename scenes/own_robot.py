@@ -6,8 +6,8 @@ Run it: python scenes/own_robot.py
 import tempfile
 from pathlib import Path
 
-import truebed
-from testbed.scenario.read import scenario_of
+from testbed.run.play import play
+from testbed.studies import scenario_of
 from testbed.studies.trial.records import Campaign
 
 JOINT = """
@@ -53,13 +53,13 @@ def calibrate(folder: Path) -> Campaign:
             "trial": [{"name": "designed", "poses": 20, "method": "detmax"}],
         }
     )
-    return truebed.run(scenario)
+    return play(scenario)
 
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as temporary:
         estimate = calibrate(Path(temporary)).trials[0].estimates[0]
-    print(estimate.identification.summary())
+    print("\n".join(estimate.identification.reduction.sentences))
     print(f"{estimate.identification.rank} of {28 + 4} numbers can be told apart")
     before, after = estimate.comparison.accuracy_before, estimate.comparison.accuracy_after
     print(f"held-out error {before.mean * 1e3:.3f} -> {after.mean * 1e3:.4f} mm")

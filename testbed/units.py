@@ -324,6 +324,15 @@ def _shown(value: Any, factor: float) -> Any:
     return value * factor
 
 
+def in_si(values: Mapping[str, object]) -> list[Quantity]:
+    """Arrays as memory has them: in metres or radians where the name ends in ``_m`` or ``_rad``."""
+    units = {"m": METRE, "rad": RADIAN}
+    return [
+        Quantity(name, value, units.get(name.rpartition("_")[2], ONE))
+        for name, value in values.items()
+    ]
+
+
 def as_json(quantities: Iterable[Quantity]) -> dict[str, Any]:
     """Quantities as a document for result.json: a table for each part of their names.
 

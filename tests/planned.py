@@ -11,7 +11,8 @@ import numpy as np
 from testbed.plan.plan import plan
 from testbed.plan.table import plan_csv
 from testbed.robots.catalog import load_robot
-from testbed.scenario.read import changed, load_scenario
+from testbed.scenario.read import changed
+from testbed.studies import load_scenario
 
 ROBOT = load_robot("staubli_tx60")
 SMALL: dict[str, Any] = {

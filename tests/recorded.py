@@ -7,10 +7,11 @@ import numpy as np
 
 from testbed.recording.story import timeline_of
 from testbed.robots.catalog import load_robot
-from testbed.run import campaign
 from testbed.run.recording import chapters_of, write_recording
-from testbed.scenario.read import changed, load_scenario
+from testbed.scenario.read import changed
+from testbed.studies import load_scenario
 from testbed.studies.trial.recording_cell import show
+from tests import campaign
 
 SMALL = {
     "pool.size": 60,
@@ -51,7 +52,7 @@ def shown(campaign):
 
 def timeline(campaign):
     """Where the phases of a campaign's recording lie."""
-    return timeline_of(chapters_of(campaign, shown(campaign)))
+    return timeline_of(chapters_of(campaign))
 
 
 def store(path):

@@ -7,9 +7,10 @@ from html.parser import HTMLParser
 import numpy as np
 
 from testbed.report.page import render
-from testbed.run import campaign
 from testbed.run.report import page_of
-from testbed.scenario.read import changed, load_scenario
+from testbed.scenario.read import changed
+from testbed.studies import load_scenario
+from tests import campaign
 
 VERSIONS = {"truebed": "0.0.0", "numpy": "0"}
 SMALL = {

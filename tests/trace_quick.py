@@ -64,8 +64,8 @@ class Enough(BaseException):
 def traced(scene="quick", *, records_only=False):
     """(called, imported): sets of files by stage, in the order of the stages."""
     from testbed.run.play import play_run
-    from testbed.scenario.read import load_scenario
     from testbed.store.layout import DERIVED
+    from testbed.studies import load_scenario
 
     tracer = Tracer()
 

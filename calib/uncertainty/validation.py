@@ -14,7 +14,7 @@ from calib.uncertainty.covariance import correlation, covariance_factor
 from calib.uncertainty.monte_carlo import numerical_tolerance
 from calib.uncertainty.regions import coverage_factor
 
-CheckOutcome = Literal["validated", "not validated", "undecided"]
+Outcome = Literal["validated", "not validated", "undecided"]
 DIFFERENCE_STEP = 1e-2
 """Step of the derivatives, in standard uncertainties of each input."""
 
@@ -48,7 +48,7 @@ class FirstOrder:
 class LinearCheck:
     """The verdict on first-order propagation, and what it rests on."""
 
-    outcome: CheckOutcome
+    outcome: Outcome
     differences: Array
     """(d,) absolute differences from Monte Carlo: means, u, largest eigenvalue, factor."""
     tolerance: Array
@@ -155,7 +155,7 @@ def validate(
     )
 
 
-def _verdict(differences: Array, tolerance: Array, error: Array) -> CheckOutcome:
+def _verdict(differences: Array, tolerance: Array, error: Array) -> Outcome:
     """Beyond the tolerance by more than Monte Carlo's own error: no. Within, and certain: yes."""
     if (differences - error > tolerance).any():
         return "not validated"
@@ -164,7 +164,7 @@ def _verdict(differences: Array, tolerance: Array, error: Array) -> CheckOutcome
     return "validated" if (differences <= tolerance).all() else "not validated"
 
 
-def _words(outcome: CheckOutcome, finding: str) -> str:
+def _words(outcome: Outcome, finding: str) -> str:
     """The verdict as a sentence."""
     if outcome == "validated":
         return f"first-order propagation is validated: {finding}"

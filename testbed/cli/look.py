@@ -18,7 +18,8 @@ def scenes(
     """List the scenes that ship, or show one with every default written out."""
     with exit_codes(debug=debug):
         from testbed.assets import scene_names
-        from testbed.scenario.read import dump_scenario, load_scenario
+        from testbed.scenario.read import dump_scenario
+        from testbed.studies import load_scenario
 
         if name is not None:
             say(dump_scenario(load_scenario(name)).rstrip())

@@ -107,7 +107,8 @@ def plan(
 
 def scenario_of(scene: str, seed: int | None) -> "tuple[Scenario, str]":
     """A scene with another seed, if there is one, and what to call it in messages."""
-    from testbed.scenario.read import changed, load_scenario, scenario_path
+    from testbed.scenario.read import changed, scenario_path
+    from testbed.studies import load_scenario
 
     where = scenario_path(scene)[1]
     scenario = load_scenario(scene)

@@ -8,7 +8,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.design.blocks import paper_blocks, scaled_blocks
 from calib.errors import refuse
-from calib.geometry.parameters import Parameters, parameters_of
+from calib.geometry.parameters import Parameters
 from calib.identification.identify import Mode
 from calib.information.goals import goal_matrix
 from calib.information.rank import RANK_TOLERANCE
@@ -19,6 +19,7 @@ from testbed.laboratory.pool import Candidates
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.tracker.tracker import Tracker, tracker_from
 from testbed.robots.catalog import Robot, load_robot
+from testbed.scenario.free_numbers import free_parameters
 from testbed.scenario.read import PAPER_SET, PoolSettings, Scenario, TruthSettings
 
 PROBED_POSES = 200
@@ -190,27 +191,3 @@ def joint_repeatability(robot: Robot, truth: TruthSettings) -> Array:
     value = float(np.radians(truth.joint_repeatability_mdeg * 1e-3))
     slides = robot.model.chain.prismatic.astype(bool)
     return np.where(slides, robot.repeatability * bool(value), value)
-
-
-def free_parameters(scenario: Scenario, robot: Robot, mode: Mode) -> Parameters:
-    """Parameters that the estimator `mode` may move.
-
-    The paper's estimator always identifies the robot's set ``wen2022`` with base and tool fixed.
-    """
-    table = parameters_of(robot.model)
-    if mode == "paper":
-        return table.freeing(robot.free_sets[PAPER_SET])
-    wanted = scenario.identification.free
-    if isinstance(wanted, str):
-        names = table.names if wanted == "identifiable" else robot.free_sets[wanted]
-    else:
-        names = wanted
-    fixed = tuple(
-        f"{frame}."
-        for frame, state in (
-            ("base", scenario.identification.base),
-            ("tool", scenario.identification.tool),
-        )
-        if state == "fixed"
-    )
-    return table.freeing(name for name in names if not name.startswith(fixed or ("\0",)))

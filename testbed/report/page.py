@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Literal, get_args
 
 from calib.arrays import Index
 from testbed.units import NARROW
@@ -69,6 +69,9 @@ class Code:
 
 
 Block = Text | Points | Table | Figure | Code
+Part = Literal["answer", "campaign", "detail", "record"]
+"""Where a section stands: what answers the question of a scene, what was played, the rest."""
+PARTS: tuple[Part, ...] = get_args(Part)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +81,7 @@ class Section:
     anchor: str
     title: str
     blocks: tuple[Block, ...]
+    part: Part = "campaign"
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,3 +157,19 @@ def rejection_table(n_drawn: int, names: Sequence[str], rejected: Index, size: i
         note="Each candidate is counted under the first reason that applies. "
         + (f"The first {size} feasible ones are the pool." if kept > size else ""),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """One estimate judged."""
+
+    believable: bool
+    """Whether the stated uncertainty passed every test, replications against the truth included."""
+    contradicted: bool
+    """Whether a test failed; a statement that was never tested is neither."""
+    sentence: str
+    """How good, and whether that can be believed."""
+    reasons: tuple[str, ...]
+    """One sentence per test, the failed ones first."""
+    mark: str
+    """The verdict in a few words, behind a tick or a cross."""

@@ -6,20 +6,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from calib.errors import InputError
+from testbed.run.derive import Derive, derived_file
 from testbed.run.play import robot_of
 from testbed.run.work import Work
-from testbed.scenario.read import Scenario, load_scenario, scenario_hash
+from testbed.scenario.read import Scenario, scenario_hash
 from testbed.store import layout
 from testbed.store.manifest import read_manifest, require_campaign
 from testbed.store.npz import strict_json
 from testbed.store.run_folder import RunFolder
-from testbed.studies.protocol import Real, Stages
+from testbed.studies import all_studies, load_scenario
+from testbed.studies.protocol import Study
 
 if TYPE_CHECKING:
     from testbed.studies.trial.records import Campaign
 
 
-def load_run(path: str | Path, *, stages: Stages | None = None) -> "Campaign":
+def load_run(path: str | Path, *, studies: Sequence[Study] | None = None) -> "Campaign":
     """The campaign in a run folder; nothing is computed.
 
     Raises
@@ -27,16 +29,22 @@ def load_run(path: str | Path, *, stages: Stages | None = None) -> "Campaign":
     InputError
         It is not a run folder, its scenario was changed, or a record is missing or damaged.
     """
-    campaign: Campaign = _open(Path(path), stages).campaign()
-    return campaign
+    from testbed.studies.trial.records import campaign_of
+
+    work = _open(Path(path), studies)
+    return campaign_of(work.scenario, work.make())
 
 
 def rederive(
-    path: str | Path, names: Iterable[str] = layout.DERIVED, *, stages: Stages | None = None
+    path: str | Path,
+    names: Iterable[str] = layout.DERIVED,
+    *,
+    studies: Sequence[Study] | None = None,
+    derive: Derive | None = None,
 ) -> Path:
     """Write derived files of a run again from its records; the run folder's path."""
     folder = Path(path)
-    work = _open(folder, stages)
+    work = _open(folder, studies, derive)
     with RunFolder.reopen(folder) as work.folder:
         work.derive(names)
     return folder
@@ -103,7 +111,7 @@ def recording_of(path: str | Path) -> Path:
     return file
 
 
-def _open(path: Path, stages: Stages | None) -> Work:
+def _open(path: Path, studies: Sequence[Study] | None, derive: Derive | None = None) -> Work:
     """The records of a run folder, none of which will be computed."""
     manifest = read_manifest(path)
     require_campaign(path, manifest)
@@ -116,9 +124,9 @@ def _open(path: Path, stages: Stages | None) -> Work:
             where=where,
             fix="undo the change, or run it again with another --out",
         )
-    work = Work(scenario, robot, stages or Real(), only_stored=True)
-    work.folder = RunFolder(path)
-    return work
+    played = all_studies(scenario) if studies is None else studies
+    folder = RunFolder(path)
+    return Work(scenario, robot, played, derive or derived_file, folder=folder, only_stored=True)
 
 
 def _scenario(path: Path) -> tuple[Scenario, str]:

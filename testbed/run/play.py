@@ -1,20 +1,25 @@
 """Plays a scenario into a run folder: checks first, then records, then what derives from them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from calib.errors import InputError
 from testbed.progress import Progress as Progress
+from testbed.run.derive import Derive, derived_file
 from testbed.run.work import Work
-from testbed.scenario.read import Scenario, check_robot, dump_scenario, scenario_hash
+from testbed.scenario.checks import check_robot
+from testbed.scenario.hashes import scenario_hash
+from testbed.scenario.read import dump_scenario
+from testbed.scenario.scenario import Scenario
 from testbed.store import layout
 from testbed.store.run_folder import RunFolder
-from testbed.studies.protocol import Real, Stages
+from testbed.studies import all_studies
+from testbed.studies.protocol import Records, Study
 
 if TYPE_CHECKING:
-    from testbed.robots.catalog import Robot
+    from testbed.robots.robot import Robot
     from testbed.studies.trial.records import Campaign
 
 
@@ -22,13 +27,24 @@ if TYPE_CHECKING:
 class Outcome:
     """What playing a scenario gave."""
 
-    campaign: "Campaign"
+    scenario: Scenario
+    records: Records
     folder: Path | None
     """The run folder; None if the campaign was played in memory."""
-    failed: Mapping[str, str]
-    """Records that failed, and why."""
     kept: tuple[str, ...]
     """Records taken over from an earlier run."""
+
+    @property
+    def failed(self) -> Mapping[str, str]:
+        """Records that failed, and why."""
+        return self.records.failed
+
+    @property
+    def campaign(self) -> "Campaign":
+        """The records as a campaign."""
+        from testbed.studies.trial.records import campaign_of
+
+        return campaign_of(self.scenario, self.records)
 
 
 def play(
@@ -45,7 +61,7 @@ def play(
     Parameters
     ----------
     scenario : Scenario
-        As `testbed.scenario.read.load_scenario` gives it.
+        As `testbed.studies.load_scenario` gives it.
     out : path, optional
         Run folder to write; without it nothing is written.
     resume : bool
@@ -53,7 +69,7 @@ def play(
     overwrite : bool
         Rename an old run in `out` first.
     progress : callable, optional
-        Told what begins, steps done, steps in all.
+        Called with what begins, steps done, steps in all.
     order : iterable of str, optional
         Keys in the order in which records are made; the numbers do not depend on it.
 
@@ -78,17 +94,22 @@ def play_run(
     progress: Progress | None = None,
     order: Iterable[str] | None = None,
     where: str = "scenario",
-    stages: Stages | None = None,
+    studies: Sequence[Study] | None = None,
+    derive: Derive | None = None,
 ) -> Outcome:
-    """`play` with failures and kept records; `where` names the scenario in messages."""
+    """`play` with failures and kept records; `where` names the scenario in messages.
+
+    `studies` and `derive` stand in for the registered studies and for the usual derived files.
+    """
     robot = robot_of(scenario, where)
-    work = Work(scenario, robot, stages or Real(), progress)
+    played = all_studies(scenario) if studies is None else studies
+    work = Work(scenario, robot, played, derive or derived_file, progress=progress)
     if out is None:
         try:
-            work.make(order)
+            records: Records = work.make(order)
         except InputError as error:
             raise error.located(where) from error
-        return Outcome(work.campaign(), None, work.failed, ())
+        return Outcome(scenario, records, None, ())
     path = Path(out)
     opened = (
         RunFolder.resume(path, scenario_hash(scenario, robot))
@@ -103,10 +124,10 @@ def play_run(
         except InputError as error:
             opened.discard()
             raise error.located(where) from error
-        campaign = work.derive(layout.DERIVED)
+        records = work.derive(layout.DERIVED)
         opened.end()
         work.event("end", failed=sorted(work.failed))
-    return Outcome(campaign, path, work.failed, tuple(work.kept))
+    return Outcome(scenario, records, path, tuple(work.kept))
 
 
 def about(scenario: Scenario, robot: "Robot") -> dict[str, Any]:

@@ -1,29 +1,55 @@
 """A scenario's records, each made once and kept as soon as it is whole; then derived files."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from calib.errors import CalibError, InputError, MachineError
+from calib.errors import CalibError, MachineError, refuse
 from testbed.disk import atomic_path
 from testbed.progress import Clock, Progress
-from testbed.scenario.read import STUDY_KEYS, Scenario, record_hash
+from testbed.run.derive import Derive, Played
+from testbed.scenario.hashes import record_hash
+from testbed.scenario.scenario import Scenario
 from testbed.store import layout, npz
 from testbed.store.record import DONE, FAILED, Failure, record_bytes, record_from
 from testbed.store.run_folder import RunFolder
-from testbed.studies.protocol import Stages
-from testbed.studies.wen2022.settings import SETS_KEY
+from testbed.studies.protocol import Record, Study, Task
 from testbed.versions import all_versions, own_version
 
 if TYPE_CHECKING:
-    from testbed.robots.catalog import Robot
+    from testbed.robots.robot import Robot
 
-SETTING = "setting"
+R = TypeVar("R")
 
 
 class FailedRecordError(CalibError):
-    """A record asks for another one that failed."""
+    """A record needs another one that failed."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Finished:
+    """Finished records by key, and why others failed."""
+
+    values: Mapping[str, object]
+    failed: Mapping[str, str]
+
+    def __contains__(self, key: object) -> bool:
+        return key in self.values
+
+    def get(self, key: str, kind: type[R]) -> R:
+        """The record `key`; FailedRecordError if it failed."""
+        if key in self.failed:
+            raise FailedRecordError(f"{key} failed ({self.failed[key]})", code="T1", field=key)
+        record = self.values[key]
+        if not isinstance(record, kind):
+            raise TypeError(f"{key} is {type(record).__name__}, not {kind.__name__}")
+        return record
+
+    def find(self, key: str, kind: type[R]) -> R | None:
+        """The record `key`, or None if it failed or is switched off."""
+        return self.get(key, kind) if key in self.values else None
 
 
 class Work:
@@ -33,92 +59,94 @@ class Work:
         self,
         scenario: Scenario,
         robot: "Robot",
-        stages: Stages,
+        studies: Iterable[Study],
+        derive: Derive,
+        *,
         progress: Progress | None = None,
         folder: RunFolder | None = None,
-        *,
         only_stored: bool = False,
     ) -> None:
-        self.scenario, self.robot, self.stages = scenario, robot, stages
+        self.scenario, self.robot, self.studies = scenario, robot, tuple(studies)
         self.folder = folder
         self.only_stored = only_stored
         """Compute nothing: a record that is not there is an error."""
-        self.keys = stages.record_keys(scenario)
+        self.planned: dict[str, tuple[Study, Record]] = {
+            record.key: (study, record)
+            for study in self.studies
+            for record in study.records(scenario)
+        }
         self.failed: dict[str, str] = {}
         self.kept: list[str] = []
+        self._derive = derive
         self._progress = progress or (lambda *_: None)
-        self._records: dict[str, Any] = {}
+        self._values: dict[str, object] = {}
         self._making: list[str] = []
         self._clock = Clock()
         self._derived = 0
 
-    def make(self, order: Iterable[str] | None = None) -> None:
-        """Make every record, in any order; a trial that fails is counted with its reason."""
-        keys = self.keys if order is None else tuple(order)
-        if sorted(keys) != sorted(self.keys):
-            raise InputError(
-                f"order is {', '.join(keys)}",
-                code="C41",
-                field="order",
-                value=keys,
-                allowed=f"each of {', '.join(self.keys)} once",
-            )
+    def make(self, order: Iterable[str] | None = None) -> Finished:
+        """Make every record, in any order; one that fails is counted with its reason."""
+        keys = tuple(self.planned) if order is None else tuple(order)
+        if sorted(keys) != sorted(self.planned):
+            raise refuse(
+                "order", keys, f"each of {', '.join(self.planned)} once", code="C41",
+                message=f"order is {', '.join(keys)}",
+            )  # fmt: skip
         for key in keys:
-            self._record(key)
+            self._ensure(key)
+        return Finished(self._values, self.failed)
 
-    def get(self, key: str) -> Any:
-        """The record `key`, made first if need be; FailedRecordError if it failed."""
-        record = self._record(key)
-        if isinstance(record, Failure):
-            raise FailedRecordError(f"{key} failed ({record.reason})", code="T1", field=key)
-        return record
+    def _ensure(self, key: str) -> None:
+        """Have the record `key`: in memory, from disk, or made now after those it needs."""
+        if key in self._values or key in self.failed:
+            return
+        study, record = self.planned[key]
+        spec = record_hash(record.reads, self.robot, key)
+        stored: object = self.folder.read_record(key, record.kind, spec) if self.folder else None
+        if stored is None:
+            stored = self._make(study, record, spec)
+        else:
+            self.kept.append(key)
+        if isinstance(stored, Failure):
+            self.failed[key] = stored.reason
+        else:
+            self._values[key] = stored
 
-    def _record(self, key: str) -> Any:
-        """The record or failure `key`: in memory, on disk, or made now."""
-        if key not in self._records:
-            spec = record_hash(self.scenario, self.robot, key)
-            kind = self.stages.record_type(key)
-            record = self.folder.read_record(key, kind, spec) if self.folder else None
-            if record is None:
-                record = self._make(key, kind, spec)
-            else:
-                self.kept.append(key)
-            if isinstance(record, Failure):
-                self.failed[key] = record.reason
-            self._records[key] = record
-        return self._records[key]
-
-    def _make(self, key: str, kind: type, spec: str) -> Any:
+    def _make(self, study: Study, record: Record, spec: str) -> object:
         """Compute one record, keep it, and hand over what a later reader would read."""
+        key = record.key
         if self.only_stored:
-            raise InputError(
-                f"the record {key} is missing or damaged",
-                code="D42",
+            raise refuse(
+                key, code="D42", message=f"the record {key} is missing or damaged",
                 where=str(self.folder.path) if self.folder else "",
-                field=key,
                 fix="give the `truebed run` command again with --resume",
-            )
+            )  # fmt: skip
         if key in self._making:
             raise RuntimeError(f"{key} asks for itself: {' -> '.join([*self._making, key])}")
-        self._tell(key)
+        self._report(key)
         self._making.append(key)
         self._clock.begin(key)
         try:
-            data, status = self._computed(key, spec)
+            for other in record.needs:
+                self._ensure(other)
+            data, status = self._computed(study, record, spec)
         finally:
             seconds = self._clock.end()
             self._making.pop()
         if self.folder:
             self.folder.write_record(key, data)
+            self.folder.remove_parts(key, record.pieces)
         self.event("record", key=key, status=status, seconds=round(seconds, 3))
         # read back: what follows sees the same bits, whether this was made now or kept
-        return record_from(data, key, kind, spec)
+        return record_from(data, key, record.kind, spec)
 
-    def _computed(self, key: str, spec: str) -> tuple[bytes, str]:
+    def _computed(self, study: Study, record: Record, spec: str) -> tuple[bytes, str]:
         """The file of one record; a failure that is a result of the study is a record too."""
+        key = record.key
         try:
-            record = self.stages.compute(self.scenario, key, self.get)
-            return record_bytes(key, record, spec), DONE
+            parts = [self._part(study, record, spec, k) for k in range(record.pieces)]
+            whole = parts[0] if len(parts) == 1 else study.gather(self.scenario, key, parts)
+            return record_bytes(key, whole, spec), DONE
         except MachineError:
             raise
         except MemoryError as error:
@@ -129,51 +157,40 @@ class Work:
                 fix="close other programs, then go on with --resume",
             ) from error
         except CalibError as error:
-            if key == SETTING:
+            if record.vital:
                 raise
             return record_bytes(key, Failure(str(error)), spec), FAILED
 
-    def campaign(self) -> Any:
-        """The campaign of all records that did not fail."""
-        for key in self.keys:
-            self._record(key)
-        trials = tuple(trial for trial in self.scenario.trial if trial.name not in self.failed)
-        if not trials:
-            reasons = "; ".join(f"{key}: {reason}" for key, reason in self.failed.items())
-            raise CalibError(f"every trial failed: {reasons}", code="T1", field="trial")
-        if not self.failed:
-            return self.stages.gather(self.scenario, self.get)
-        studies = self.scenario.studies.model_copy(
-            update={
-                key: 0 if key == "random_sets" else False
-                for key in set(STUDY_KEYS) & set(self.failed)
-            }
+    def _part(self, study: Study, record: Record, spec: str, piece: int) -> object:
+        """One piece of a record: from disk, or played now and kept until the record is whole."""
+        needed = Finished(
+            {key: self._values[key] for key in record.needs if key in self._values},
+            {key: self.failed[key] for key in record.needs if key in self.failed},
         )
-        coverage = self.scenario.coverage
-        kinds = tuple(t for t in coverage.truths if f"coverage.{t}" not in self.failed)
-        coverage = coverage.model_copy(update={"truths": kinds})
-        again = self.scenario.reexamined
-        kinds = tuple(t for t in again.truths if f"reexamined.{t}" not in self.failed)
-        off = SETS_KEY in self.failed or not kinds
-        again = again.model_copy(update={"truths": kinds, **({"robots": 0} if off else {})})
-        loop = self.scenario.compensation
-        kinds = tuple(t for t in loop.truths if f"compensation.{t}" not in self.failed)
-        loop = loop.model_copy(update={"truths": kinds})
-        update = {"trial": trials, "studies": studies, "coverage": coverage, "reexamined": again}
-        update["compensation"] = loop
-        sound = self.scenario.model_copy(update=update)
-        return self.stages.gather(sound, self.get)
+        task = Task(study.name, record.key, piece)
+        if record.pieces == 1:
+            return study.play(self.scenario, task, needed)
+        name, stored = f"{record.key}.{piece}", None
+        if self.folder:
+            stored = self.folder.read_part(name, record.kind, spec)
+        if stored is not None:
+            return stored
+        data = record_bytes(name, study.play(self.scenario, task, needed), spec)
+        if self.folder:
+            self.folder.write_part(name, data)
+        return record_from(data, name, record.kind, spec)
 
-    def derive(self, names: Iterable[str]) -> Any:
-        """Write derived files from the records, each whole or not at all; the campaign."""
+    def derive(self, names: Iterable[str]) -> Finished:
+        """Write derived files from the records, each whole or not at all."""
         if self.folder is None:
             raise RuntimeError("nothing to write to")
-        campaign = self.campaign()
+        records = self.make()
+        played = Played(self.scenario, self.robot, self.studies, records)
         for name in names:
-            self._tell(name)
+            self._report(name)
             self._clock.begin(name)
             try:
-                self._derive(name, campaign, self.folder)
+                self._write(name, played, self.folder)
             finally:
                 seconds = self._clock.end()
             self._derived += 1
@@ -181,15 +198,15 @@ class Work:
         self._progress("", self.steps, self.steps)
         if not self.only_stored:
             self._write_timing(self.folder)
-        return campaign
+        return records
 
-    def _derive(self, name: str, campaign: Any, folder: RunFolder) -> None:
+    def _write(self, name: str, played: Played, folder: RunFolder) -> None:
         """Write one derived file."""
         if name == layout.RECORDING:
             with atomic_path(folder.path / name) as temporary:
-                self.stages.derive(name, campaign, self.robot, temporary)
+                self._derive(name, played, temporary)
             return
-        data = self.stages.derive(name, campaign, self.robot, folder.path / name) or b""
+        data = self._derive(name, played, folder.path / name) or b""
         if name == layout.RESULT:
             document = npz.strict_json(data)
             failed = dict(sorted(self.failed.items()))
@@ -199,11 +216,12 @@ class Work:
     @property
     def steps(self) -> int:
         """Records and derived files in all."""
-        return len(self.keys) + (len(layout.DERIVED) if self.folder else 0)
+        return len(self.planned) + (len(layout.DERIVED) if self.folder else 0)
 
-    def _tell(self, name: str) -> None:
+    def _report(self, name: str) -> None:
         """Report what begins now."""
-        self._progress(name, len(self._records) + self._derived, self.steps)
+        done = len(self._values) + len(self.failed) + self._derived
+        self._progress(name, done, self.steps)
 
     def _write_timing(self, folder: RunFolder) -> None:
         """How long each step took; no number of the result depends on it."""

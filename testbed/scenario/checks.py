@@ -9,7 +9,6 @@ from testbed.scenario.tables import PAPER_SET as PAPER_SET
 from testbed.scenario.tables import SINGLE
 from testbed.scenario.truth import truth_faults
 from testbed.strict import Fault, did_you_mean, one_error
-from testbed.studies.many_robots import coverage_faults
 
 if TYPE_CHECKING:
     from testbed.robots.catalog import Robot
@@ -46,7 +45,8 @@ def check_robot(scenario: Scenario, robot: "Robot", *, where: str) -> None:
         faults.append(fault)
     faults += pool_faults(scenario.pool, robot)
     faults += truth_faults(scenario.truth, robot)
-    faults += coverage_faults(scenario, robot)
+    for own in scenario.tables.values():
+        faults += own.faults(scenario, robot)
     faults = faults or free_faults(scenario, robot) or prior_faults(scenario, robot)
     if faults:
         raise one_error(faults, where)
@@ -112,7 +112,7 @@ def pool_faults(pool: "PoolSettings", robot: "Robot") -> list[Fault]:
 
 def prior_faults(scenario: Scenario, robot: "Robot") -> list[Fault]:
     """Faults of single numbers of the prior: unknown, of the other unit, or not free."""
-    from testbed.studies.trial.estimator import default_parameters
+    from testbed.scenario.free_numbers import default_parameters
 
     prior = scenario.identification.prior
     if prior is None:

@@ -8,15 +8,13 @@ from testbed.scenario.plan import plan_contradictions
 from testbed.scenario.scenario import RESERVED, Scenario
 from testbed.scenario.tracker import tracker_contradictions
 from testbed.scenario.truth import truth_contradictions
-from testbed.studies.compensation.settings import compensation_contradictions
-from testbed.studies.coverage.settings import coverage_contradictions
-from testbed.studies.wen2022.settings import reexamined_contradictions
 
 
 def contradictions(scenario: Scenario) -> list[str]:
     """Sentences, one per contradiction between the tables of a scenario; empty if it is sound."""
     # records of one study per kind of robot stand under its name
-    reserved = dict.fromkeys(re.sub(r"\..*", ".*", name) for name in RESERVED)
+    taken = (*RESERVED, *(key for table in scenario.tables.values() for key in table.keys))
+    reserved = dict.fromkeys(re.sub(r"\..*", ".*", name) for name in taken)
     point = scenario.tracker.measures == "point"
     names = [trial.name for trial in scenario.trial]
     found = [
@@ -26,7 +24,7 @@ def contradictions(scenario: Scenario) -> list[str]:
     ]
     for trial in scenario.trial:
         place = f'[[trial]] "{trial.name}"'
-        if trial.name in RESERVED:
+        if trial.name in taken:
             found.append(
                 f"{place} has a reserved name; not one of {', '.join(reserved)}; rename it"
             )
@@ -93,9 +91,6 @@ def contradictions(scenario: Scenario) -> list[str]:
     poses["[test]"] = scenario.test.poses
     found += truth_contradictions(scenario.truth)
     found += tracker_contradictions(scenario.tracker, poses)
-    found += coverage_contradictions(scenario.coverage, scenario.tracker, scenario.identification)
-    found += reexamined_contradictions(scenario.reexamined, scenario.tracker, scenario)
-    found += compensation_contradictions(
-        scenario.compensation, scenario.tracker, scenario.identification
-    )
+    for table in scenario.tables.values():
+        found += table.contradictions(scenario)
     return found + plan_contradictions(scenario.plan)

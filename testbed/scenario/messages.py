@@ -2,7 +2,8 @@
 
 import json
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -12,11 +13,8 @@ from testbed.scenario import scenario as settings
 from testbed.scenario import tables as settings_cell
 from testbed.scenario import tables as settings_identification
 from testbed.scenario import truth as settings_truth
-from testbed.scenario.scenario import Scenario
+from testbed.scenario.scenario import Scenario, StudyTable
 from testbed.strict import Fault, KeyPath, did_you_mean, place
-from testbed.studies.compensation import settings as settings_compensation
-from testbed.studies.coverage import settings as settings_coverage
-from testbed.studies.wen2022 import settings as settings_reexamined
 
 UNIONS = {
     "tracker": ("paper", "at960"),
@@ -24,9 +22,8 @@ UNIONS = {
     "cell.obstacle": ("box", "mesh"),
 }
 """Tables of several presets or kinds; pydantic puts the chosen one into the path of a fault."""
-TABLES = tuple(
-    key for key in Scenario.model_fields if key not in ("format", "name", "title", "seed", "robot")
-)
+PLAIN = ("format", "name", "title", "seed", "robot")
+"""Keys at the top of the file that are no tables."""
 TEXTS = (("truth", "perturb"), ("identification", "free"))
 """Keys that hold one text or a list of texts."""
 REPEATABILITY = ("truth", "joint_repeatability_mdeg")
@@ -67,23 +64,58 @@ EXAMPLES = {
 """Lines that mend a missing key."""
 
 
+@dataclass(frozen=True, slots=True)
+class ScenarioFile:
+    """A scenario document as its messages speak of it: its values, and the tables it may have."""
+
+    document: Mapping[str, Any]
+    kinds: Mapping[str, type[StudyTable]]
+    """Tables of studies, by name."""
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Every key of the top of the file, in the order of a written scenario."""
+        own = list(Scenario.model_fields)
+        place = own.index("studies") + 1
+        return (*own[:place], *self.kinds, *own[place:])
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """The names of all tables."""
+        return tuple(key for key in self.keys if key not in PLAIN)
+
+    def place(self, path: KeyPath) -> str:
+        """Where a value stands, in the words of the file."""
+        return place(path, self.document, self.tables)
+
+    def in_order(self, faults: Sequence[Fault]) -> list[Fault]:
+        """The faults in the order of the file's tables, unknown keys last."""
+        rank = {key: k for k, key in enumerate(self.keys)}
+        first = [fault for fault in faults if fault.code == "S38"]
+        rest = [fault for fault in faults if fault.code != "S38"]
+        return first + sorted(
+            rest, key=lambda fault: rank.get(str(fault.path[0]), len(rank)) if fault.path else -1
+        )
+
+
 def sentences(
-    error: ValidationError, document: Mapping[str, Any], *, skip: Collection[KeyPath]
+    error: ValidationError,
+    file: ScenarioFile,
+    *,
+    skip: Collection[KeyPath],
+    table: tuple[str, ...] = (),
 ) -> list[Fault]:
-    """One fault per place; none at a place in `skip`."""
+    """One fault per place, below `table` if one is given; none at a place in `skip`."""
     faults: dict[object, Fault] = {}
     for item in error.errors(include_url=False):
-        path = _path(item["loc"])
+        path = _path((*table, *item["loc"]))
         context = item.get("ctx", {})
-        if item["type"] == "value_error":
-            lines = str(context["error"]).split("\n")
-            faults |= {(i, "contradiction"): Fault(path, line) for i, line in enumerate(lines)}
-        elif item["type"] == "too_short" and len(item["input"]) >= context["min_length"]:
+        if item["type"] == "too_short" and len(item["input"]) >= context["min_length"]:
             continue  # counts only sound entries; the others have their own fault
-        elif path in settings_truth.NUMBERS and _other_branch(item):
+        if path in settings_truth.NUMBERS and _other_branch(item):
             continue
-        elif path not in skip and path not in faults:
-            faults[path] = _sentence(path, item["type"], context, item["input"], document)
+        if path not in skip and path not in faults:
+            faults[path] = _sentence(path, item["type"], context, item["input"], file)
     return list(faults.values())
 
 
@@ -106,22 +138,22 @@ def _path(location: KeyPath) -> KeyPath:
 
 
 def _sentence(
-    path: KeyPath, kind: str, context: Mapping[str, Any], value: object, document: Mapping[str, Any]
+    path: KeyPath, kind: str, context: Mapping[str, Any], value: object, file: ScenarioFile
 ) -> Fault:
     """One fault in our words."""
-    at = place(path, document, TABLES)
+    at = file.place(path)
     said = f"{at} is {_shown(value)}"
     key = str(path[-1])
     if kind == "extra_forbidden":
-        return _unknown_key(path, value, document)
+        return _unknown_key(path, value, file)
     if kind == "missing":
-        return _missing(path, value, document)
+        return _missing(path, value, file)
     if kind == "union_tag_not_found":
-        return _missing((*path, "kind"), value, document)
+        return _missing((*path, "kind"), value, file)
     if kind == "union_tag_invalid":
         name = context["discriminator"].strip("'")
         tag = value.get(name) if isinstance(value, Mapping) else value
-        message = f"{place((*path, name), document, TABLES)} is {_shown(tag)}"
+        message = f"{file.place((*path, name))} is {_shown(tag)}"
         tags = [word.strip("'") for word in context["expected_tags"].split(", ")]
         fix = did_you_mean(str(tag), tags) or "choose one of these"
         return Fault((*path, name), message, "S37", _allowed(tags), fix, tag)
@@ -169,22 +201,19 @@ def _sentence(
     return Fault(path, said, "S37", f"it must be {wanted}", fix.format(header=header), value)
 
 
-def _missing(path: KeyPath, value: object, document: Mapping[str, Any]) -> Fault:
+def _missing(path: KeyPath, value: object, file: ScenarioFile) -> Fault:
     """A key, or the end of a list, that is not there."""
     if isinstance(path[-1], int) and isinstance(value, list):
-        at = place(path[:-1], document, TABLES)
+        at = file.place(path[:-1])
         count = f"{len(value)} {'entry' if len(value) == 1 else 'entries'}"
         return Fault(path[:-1], f"{at} has {count}", fix="add what is missing", value=value)
     key = str(path[-1])
-    return Fault(
-        path, f"{place(path, document, TABLES)} is missing", fix=f"add {EXAMPLES.get(key, key)}"
-    )
+    return Fault(path, f"{file.place(path)} is missing", fix=f"add {EXAMPLES.get(key, key)}")
 
 
-def keys_by_table() -> dict[str, tuple[str, ...]]:
+def keys_by_table(file: ScenarioFile) -> dict[str, tuple[str, ...]]:
     """The keys each table of a scenario file knows; the empty name is the top of the file."""
     tables: dict[str, type[BaseModel]] = {
-        "": Scenario,
         "truth": settings.TruthSettings,
         "pool": settings.PoolSettings,
         "test": settings.HeldOutSettings,
@@ -192,9 +221,7 @@ def keys_by_table() -> dict[str, tuple[str, ...]]:
         "identification.prior": settings_identification.PriorSettings,
         "uncertainty": settings.UncertaintySettings,
         "studies": settings.StudySettings,
-        "coverage": settings_coverage.CoverageSettings,
-        "compensation": settings_compensation.CompensationSettings,
-        "reexamined": settings_reexamined.ReexaminedSettings,
+        **file.kinds,
         "trial": settings.TrialSettings,
         "paper": settings.PaperTracker,
         "at960": settings.At960Tracker,
@@ -208,15 +235,15 @@ def keys_by_table() -> dict[str, tuple[str, ...]]:
         "plan.goal.list": settings_plan.ListGoal,
         "plan.goal.path": settings_plan.PathGoal,
     }
-    return {name: tuple(model.model_fields) for name, model in tables.items()}
+    return {"": file.keys} | {name: tuple(model.model_fields) for name, model in tables.items()}
 
 
-def _unknown_key(path: KeyPath, value: object, document: Mapping[str, Any]) -> Fault:
+def _unknown_key(path: KeyPath, value: object, file: ScenarioFile) -> Fault:
     """A key nobody reads: a slip, a wrong unit, or a key of another table or preset."""
-    key, tables = str(path[-1]), keys_by_table()
-    owner = place(path[:-1], document, TABLES) if len(path) > 1 else "the file"
+    key, tables = str(path[-1]), keys_by_table(file)
+    owner = file.place(path[:-1]) if len(path) > 1 else "the file"
     message = f'{owner} has no key "{key}"'
-    table, tag = _table_of(path, document)
+    table, tag = _table_of(path, file.document)
     others = [name for name in UNIONS.get(table, ()) if name != tag]
     for other in others:
         if key in tables[_branch(table, other)]:

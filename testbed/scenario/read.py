@@ -2,7 +2,7 @@
 
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,11 @@ from calib.errors import InputError
 from testbed.assets import scene_names, scenes
 from testbed.scenario.checks import PAPER_SET as PAPER_SET
 from testbed.scenario.checks import check_robot as check_robot
+from testbed.scenario.contradictions import contradictions
 from testbed.scenario.hashes import record_hash as record_hash
 from testbed.scenario.hashes import robot_hash as robot_hash
 from testbed.scenario.hashes import scenario_hash as scenario_hash
-from testbed.scenario.messages import TABLES, sentences
+from testbed.scenario.messages import ScenarioFile, sentences
 from testbed.scenario.plan import BoxGoal as BoxGoal
 from testbed.scenario.plan import ListGoal as ListGoal
 from testbed.scenario.plan import PathGoal as PathGoal
@@ -28,6 +29,7 @@ from testbed.scenario.scenario import At960Tracker as At960Tracker
 from testbed.scenario.scenario import PaperTracker as PaperTracker
 from testbed.scenario.scenario import PoolSettings as PoolSettings
 from testbed.scenario.scenario import Scenario as Scenario
+from testbed.scenario.scenario import StudyTable as StudyTable
 from testbed.scenario.scenario import TrialSettings as TrialSettings
 from testbed.scenario.scenario import TruthSettings as TruthSettings
 from testbed.scenario.scenario import resolved
@@ -35,7 +37,7 @@ from testbed.scenario.tables import BoxObstacle as BoxObstacle
 from testbed.scenario.tables import CellSettings as CellSettings
 from testbed.scenario.tables import MeshObstacle as MeshObstacle
 from testbed.store.npz import canonical as canonical
-from testbed.strict import did_you_mean, foreign_values, one_error
+from testbed.strict import Fault, did_you_mean, foreign_values, one_error
 
 MAX_BYTES = 1_000_000
 
@@ -65,7 +67,11 @@ def scenario_path(name_or_path: str | Path) -> tuple[Path, str]:
     return path, text
 
 
-def load_scenario(name_or_path: str | Path) -> Scenario:
+Declared = Callable[[Collection[str]], Mapping[str, type[StudyTable]]]
+"""Takes the keys of a document and returns the tables of studies it may have, by name."""
+
+
+def load_scenario(name_or_path: str | Path, declared: Declared) -> Scenario:
     """A scenario from a shipped scene's name, a file, or a run folder.
 
     Raises
@@ -88,10 +94,12 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
             allowed="a scenario has at most 1 MB",
             fix="give a scenario file",
         )
-    return parse_scenario(data, where=where, folder=path.parent)
+    return parse_scenario(data, declared, where=where, folder=path.parent)
 
 
-def parse_scenario(data: bytes | str, *, where: str, folder: Path | None = None) -> Scenario:
+def parse_scenario(
+    data: bytes | str, declared: Declared, *, where: str, folder: Path | None = None
+) -> Scenario:
     """A scenario from the content of a file; `folder` is what a relative robot path starts from."""
     try:
         text = data if isinstance(data, str) else data.decode("utf-8-sig")
@@ -124,7 +132,7 @@ def parse_scenario(data: bytes | str, *, where: str, folder: Path | None = None)
         document["robot"] = str((folder / robot).resolve())
     if folder is not None:
         _place_files(document, folder.resolve(), where)
-    return scenario_of(document, where=where)
+    return scenario_of(document, declared, where=where)
 
 
 def _place_files(document: dict[str, Any], folder: Path, where: str) -> None:
@@ -164,22 +172,10 @@ def _is_path(robot: str) -> bool:
     return "/" in robot or "\\" in robot or robot.endswith(".toml")
 
 
-def scenario_of(document: Mapping[str, Any], *, where: str = "scenario") -> Scenario:
-    """A scenario from nested mappings, as a TOML reader gives them; presets are applied.
-
-    Examples
-    --------
-    >>> scenario = scenario_of(
-    ...     {
-    ...         "format": 1,
-    ...         "name": "small",
-    ...         "robot": "staubli_tx60",
-    ...         "trial": [{"name": "random-20", "poses": 20, "method": "random"}],
-    ...     }
-    ... )
-    >>> scenario.truth.gravity_mdeg
-    (10.0, 6.0, 8.0)
-    """
+def scenario_of(
+    document: Mapping[str, Any], declared: Declared, *, where: str = "scenario"
+) -> Scenario:
+    """A scenario from nested mappings, as a TOML reader gives them; presets are applied."""
     version = document.get("format")
     if isinstance(version, int) and not isinstance(version, bool) and version > FORMAT:
         raise InputError(
@@ -191,32 +187,45 @@ def scenario_of(document: Mapping[str, Any], *, where: str = "scenario") -> Scen
             allowed=f"this version reads format {FORMAT}",
             fix="install a newer truebed",
         )
-    faults, clean = foreign_values(document, TABLES)
+    file = ScenarioFile(document, declared(document.keys()))
+    faults, clean = foreign_values(document, file.tables)
+    told = {fault.path for fault in faults}
+    own = {name: clean.pop(name, {}) for name in file.kinds}
+    tables: dict[str, StudyTable] = {}
+    for name, kind in file.kinds.items():
+        try:
+            tables[name] = kind.model_validate_json(json.dumps(own[name]))
+        except ValidationError as error:
+            faults += sentences(error, file, skip=told, table=(name,))
     try:
-        scenario = Scenario.model_validate_json(json.dumps(resolved(clean)))
+        core = Scenario.model_validate_json(json.dumps(resolved(clean)))
     except ValidationError as error:
-        faults += sentences(error, document, skip={fault.path for fault in faults})
-        raise one_error(faults, where) from None
+        faults += sentences(error, file, skip=told)
+        raise one_error(file.in_order(faults), where) from None
+    if len(tables) == len(file.kinds):
+        scenario = core.with_tables(tables)
+        faults += [Fault((), line) for line in contradictions(scenario)]
     if faults:
-        raise one_error(faults, where)
+        raise one_error(file.in_order(faults), where)
     return scenario
 
 
 def changed(scenario: Scenario, changes: Mapping[str, Any], *, where: str = "") -> Scenario:
     """The scenario with some keys changed, checked again: ``{"tracker.position_um": 5.0}``."""
-    document = scenario.model_dump(mode="json")
+    document = scenario.document()
     for dotted, value in changes.items():
         *tables, key = dotted.split(".")
         table = document
         for name in tables:
             table = table.setdefault(name, {})
         table[key] = value
-    return scenario_of(document, where=where or scenario.name)
+    kinds = {name: type(table) for name, table in scenario.tables.items()}
+    return scenario_of(document, lambda _: kinds, where=where or scenario.name)
 
 
 def dump_scenario(scenario: Scenario) -> str:
     """The scenario as TOML text, every default written out; reading it back gives an equal one."""
-    document = scenario.model_dump(mode="json")
+    document = scenario.document()
     if document["truth"]["joint_repeatability_mdeg"] is None:
         document["truth"]["joint_repeatability_mdeg"] = "robot"
     return "\n".join(_table_lines(document, "")) + "\n"

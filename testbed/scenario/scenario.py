@@ -1,9 +1,10 @@
 """The settings of a campaign: typed, checked, and resolved from their presets."""
 
+from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr
 
 from testbed.scenario.plan import DEFAULT_POSES, PlanCriterion, PlanMethod, PlanSettings
 from testbed.scenario.tables import (
@@ -24,23 +25,17 @@ from testbed.scenario.tracker import PaperTracker as PaperTracker
 from testbed.scenario.tracker import TrackerSettings
 from testbed.scenario.truth import MAX_JOINTS, resolved_truth
 from testbed.scenario.truth import TruthSettings as TruthSettings
-from testbed.studies.compensation.settings import COMPENSATION_KEYS, CompensationSettings
-from testbed.studies.coverage.settings import COVERAGE_KEYS, CoverageSettings
-from testbed.studies.wen2022.settings import REEXAMINED_KEYS, SETS_KEY, ReexaminedSettings
+from testbed.strict import Fault
+
+if TYPE_CHECKING:
+    from testbed.robots.robot import Robot
 
 FORMAT = 1
 """Version of the scenario file format this program writes; it reads this one."""
 STUDY_KEYS = ("pose_count", "random_sets", "paper_budget", "tool_point", "population")
-RESERVED = (
-    "setting",
-    "validation",
-    *STUDY_KEYS,
-    *COVERAGE_KEYS,
-    SETS_KEY,
-    *REEXAMINED_KEYS,
-    *COMPENSATION_KEYS,
-)
-"""Record names that no trial may take."""
+"""Records that [studies] asks for, each switched by the key of its name."""
+RESERVED = ("setting", "validation", *STUDY_KEYS)
+"""Record names that no trial may take, beside those of the studies' own tables."""
 MAX_TRIALS = 200
 
 
@@ -107,6 +102,26 @@ class TrialSettings(Settings):
     """Random sets of which best_of_random keeps the best; the other methods ignore it."""
 
 
+class StudyTable(Settings):
+    """The table of one study, and what it asks of the other tables and of the robot."""
+
+    table: ClassVar[str]
+    """Its name in the file."""
+    keys: ClassVar[tuple[str, ...]]
+    """Record keys that go with it; no trial may be called so."""
+
+    @abstractmethod
+    def contradictions(self, scenario: "Scenario") -> list[str]:
+        """Sentences, one per contradiction with itself or another table."""
+
+    @abstractmethod
+    def faults(self, scenario: "Scenario", robot: "Robot") -> list[Fault]:
+        """Faults of what this robot cannot have; none where the study is off."""
+
+
+T = TypeVar("T", bound=StudyTable)
+
+
 class Scenario(Settings):
     """A campaign, fully resolved: presets applied, every default written out."""
 
@@ -124,11 +139,9 @@ class Scenario(Settings):
     identification: IdentificationSettings = IdentificationSettings()
     uncertainty: UncertaintySettings = UncertaintySettings()
     studies: StudySettings = StudySettings()
-    coverage: CoverageSettings = CoverageSettings()
-    reexamined: ReexaminedSettings = ReexaminedSettings()
-    compensation: CompensationSettings = CompensationSettings()
     plan: PlanSettings
     trial: Annotated[tuple[TrialSettings, ...], Field(min_length=1, max_length=MAX_TRIALS)]
+    _tables: dict[str, StudyTable] = PrivateAttr(default_factory=dict)
 
     @property
     def trials(self) -> tuple[TrialSettings, ...]:
@@ -139,15 +152,32 @@ class Scenario(Settings):
         """The trial with this name."""
         return next(trial for trial in self.trial if trial.name == name)
 
-    @model_validator(mode="after")
-    def _fits_together(self) -> "Scenario":
-        """Collect every contradiction between tables."""
-        from testbed.scenario.contradictions import contradictions
+    @property
+    def tables(self) -> Mapping[str, StudyTable]:
+        """The tables of the studies, by name, in the order of the register."""
+        return self._tables
 
-        found = contradictions(self)
-        if found:
-            raise ValueError("\n".join(found))
-        return self
+    def table(self, kind: type[T]) -> T:
+        """The table of one study, with the type of its settings."""
+        table = self._tables[kind.table]
+        if not isinstance(table, kind):
+            raise TypeError(f"[{kind.table}] is {type(table).__name__}, not {kind.__name__}")
+        return table
+
+    def with_tables(self, tables: Mapping[str, StudyTable]) -> "Scenario":
+        """The same scenario with these tables of studies."""
+        copy = self.model_copy()
+        copy._tables = dict(tables)
+        return copy
+
+    def document(self) -> dict[str, Any]:
+        """Plain JSON values of everything, in the order in which a file has it."""
+        out: dict[str, Any] = {}
+        for key, value in self.model_dump(mode="json").items():
+            out[key] = value
+            if key == "studies":
+                out |= {name: table.model_dump(mode="json") for name, table in self.tables.items()}
+        return out
 
 
 def resolved(document: Mapping[str, Any]) -> dict[str, Any]:

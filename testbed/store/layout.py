@@ -9,6 +9,8 @@ SCENARIO, MANIFEST, TRIALS = "scenario.toml", "manifest.json", "trials"
 RESULT, ARRAYS, REPORT, RECORDING = "result.json", "arrays.npz", "report.html", "campaign.rrd"
 DERIVED = (RESULT, ARRAYS, REPORT, RECORDING)
 """Derived files, in the order in which they are written."""
+PARTS = "parts"
+"""Pieces of records that are not whole yet."""
 TIMING, LOG, UNFINISHED = "timing.json", "log.jsonl", "UNFINISHED.txt"
 CRASH = "crash.txt"
 """Traceback of a defect of ours."""

@@ -96,6 +96,7 @@ class RunFolder:
             lock = acquire(path)
         remove_leftovers(path)
         remove_leftovers(path / layout.TRIALS)
+        remove_leftovers(path / layout.PARTS)
         return cls(path, lock, fresh=fresh)
 
     def begin(self, scenario: str, about: Mapping[str, Any]) -> None:
@@ -131,6 +132,30 @@ class RunFolder:
             return record_from(self._record_path(key).read_bytes(), key, cls, spec)
         except (OSError, DamagedError):
             return None
+
+    def write_part(self, name: str, data: bytes) -> None:
+        """Write one piece of a record that is not whole yet."""
+        (self.path / layout.PARTS).mkdir(exist_ok=True)
+        atomic_write(self._part_path(name), data)
+
+    def read_part(self, name: str, cls: type[T], spec: str) -> T | None:
+        """One piece, or None if it is missing, damaged or belongs to another scenario."""
+        try:
+            part = record_from(self._part_path(name).read_bytes(), name, cls, spec)
+        except (OSError, DamagedError):
+            return None
+        return None if isinstance(part, Failure) else part
+
+    def remove_parts(self, key: str, pieces: int) -> None:
+        """Remove the pieces of a record that is whole; the folder too when it is empty."""
+        with suppress(OSError):
+            for piece in range(pieces):
+                self._part_path(f"{key}.{piece}").unlink(missing_ok=True)
+            (self.path / layout.PARTS).rmdir()
+
+    def _part_path(self, name: str) -> Path:
+        """File of one piece."""
+        return self.path / layout.PARTS / f"{name}.npz"
 
     def write(self, name: str, data: bytes) -> None:
         """Write another file; whole or not at all; its time stamp stays if nothing changed."""

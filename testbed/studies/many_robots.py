@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from calib.arrays import Array
-from testbed.scenario.tables import PAPER_SET, IdentificationSettings, facts_of, robot_of
-from testbed.scenario.tracker import TrackerSettings
+from testbed.scenario.hashes import goal_part, part, shared_part
+from testbed.scenario.tables import facts_of, robot_of
 from testbed.scenario.truth import TruthSettings, resolved_truth, truth_faults
 from testbed.strict import Fault
+from testbed.studies.protocol import Records
 from testbed.units import Mean
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from testbed.scenario.scenario import Scenario
 
 
+T = TypeVar("T")
 TruthName = Literal["rigid", "wen2022", "soft", "elastic", "unmodelled"]
 
 
@@ -28,43 +30,94 @@ TRUTHS: tuple[TruthName, ...] = ("rigid", "wen2022", "soft", "elastic", "unmodel
 """Presets of the truth, from the one a geometric model knows to the one no model knows."""
 
 
-class StudySettings(Protocol):
-    """What every such table has."""
+BLOCK = 25
+"""Robots in a piece of work: a run that was interrupted goes on between pieces."""
+
+
+class ManyRobots(Protocol):
+    """The table of a study of many robots."""
+
+    table: ClassVar[str]
 
     @property
     def robots(self) -> int:
         """Robots of each kind; 0 skips the study."""
 
     @property
-    def truths(self) -> tuple[str, ...]:
+    def truths(self) -> tuple[TruthName, ...]:
         """Kinds of robots."""
 
 
-def study_contradictions(
-    table: str,
-    study: StudySettings,
-    tracker: TrackerSettings,
-    identification: IdentificationSettings,
-) -> list[str]:
-    """Sentences, one per contradiction of a study's table with itself, tracker or estimator."""
+def keys_of(table: str) -> tuple[str, ...]:
+    """Record keys of a study of many robots, one per kind: it can be resumed between them."""
+    return tuple(f"{table}.{truth}" for truth in TRUTHS)
+
+
+def pieces_of(robots: int) -> int:
+    """Independent pieces of work in which so many robots are played."""
+    return max(1, -(-robots // BLOCK))
+
+
+def block_of(robots: int, piece: int) -> range:
+    """The robots of one piece."""
+    return range(piece * BLOCK, min(robots, (piece + 1) * BLOCK))
+
+
+def kind_of(key: str) -> TruthName:
+    """The kind of robots of a record: ``coverage.rigid`` is about rigid ones."""
+    return next(truth for truth in TRUTHS if truth == key.partition(".")[2])
+
+
+def played_keys(table: ManyRobots) -> tuple[str, ...]:
+    """Keys of the records of one scenario, in the order of its kinds; none if the study is off."""
+    return tuple(f"{table.table}.{truth}" for truth in table.truths if table.robots)
+
+
+def of_each_kind(records: Records, table: ManyRobots, kind: type[T]) -> tuple[T, ...]:
+    """The finished records of a study, one per kind of robot, in the order of the scenario."""
+    found = (records.find(f"{table.table}.{truth}", kind) for truth in table.truths)
+    return tuple(study for study in found if study is not None)
+
+
+def kind_part(scenario: "Scenario", table: ManyRobots, key: str) -> dict[str, Any]:
+    """What a record on robots of one kind reads: the first trial, its own table and that kind.
+
+    It depends on no other kind and on no other trial, but for when the robot is measured again:
+    after the poses of the largest trial.
+    """
+    truth = truth_of_kind(scenario, kind_of(key)).model_dump(mode="json")
+    own = part(scenario, table.table)[table.table] | {"truths": truth}
+    return {
+        **shared_part(scenario),
+        **part(scenario, "identification"),
+        "trial": scenario.trial[0].model_dump(mode="json"),
+        table.table: own,
+        "poses": [trial.poses for trial in scenario.trial],
+        **goal_part(scenario),
+    }
+
+
+def table_contradictions(table: ManyRobots, scenario: "Scenario") -> list[str]:
+    """Sentences, one per contradiction of such a table with itself, tracker or estimator."""
+    name, identification = table.table, scenario.identification
     found = []
-    if len(set(study.truths)) < len(study.truths):
-        found.append(f"[{table}] truths names one twice; remove the copy")
-    if not study.robots:
+    if len(set(table.truths)) < len(table.truths):
+        found.append(f"[{name}] truths names one twice; remove the copy")
+    if not table.robots:
         return found
-    if study.robots == 1:
+    if table.robots == 1:
         found.append(
-            f"[{table}] robots is 1; 0 skips it, and a spread needs at least 2; write robots = 0 "
+            f"[{name}] robots is 1; 0 skips it, and a spread needs at least 2; write robots = 0 "
             "or more than 1"
         )
-    if tracker.measures == "point":
+    if scenario.tracker.measures == "point":
         found.append(
-            f'[{table}] robots needs full poses; [tracker] measures is "point"; write robots = 0'
+            f'[{name}] robots needs full poses; [tracker] measures is "point"; write robots = 0'
         )
     if identification.loss != "squared" or identification.prior is not None:
         key = "loss" if identification.prior is None else "prior"
         found.append(
-            f"[{table}] robots plays least squares and the weak prior; [identification] {key} "
+            f"[{name}] robots plays least squares and the weak prior; [identification] {key} "
             f"says otherwise; remove {key}, or write robots = 0"
         )
     return found
@@ -74,36 +127,12 @@ SAGGING = ("wen2022", "soft", "unmodelled")
 """Kinds of robots whose joints sag by the closed form of an upright arm."""
 
 
-def coverage_faults(scenario: "Scenario", robot: "Robot") -> list[Fault]:
-    """Faults of the lists of truths that this robot cannot have; none if the studies are off."""
-    coverage, again, loop = scenario.coverage, scenario.reexamined, scenario.compensation
-    faults = []
-    if coverage.robots:
-        faults += truths_faults(scenario, robot, "coverage", coverage.truths)
-    if loop.robots:
-        faults += truths_faults(scenario, robot, "compensation", loop.truths)
-    if again.robots:
-        faults += truths_faults(scenario, robot, "reexamined", again.truths)
-        if PAPER_SET not in robot.free_sets:
-            faults.append(
-                Fault(
-                    ("reexamined", "robots"),
-                    f"[reexamined] robots is {again.robots}, but {robot.name} has no free set "
-                    f'"{PAPER_SET}", the numbers that the paper identifies',
-                    fix="write robots = 0",
-                    value=again.robots,
-                )
-            )
-    return faults
-
-
-def truths_faults(
-    scenario: "Scenario", robot: "Robot", table: str, truths: tuple[TruthName, ...]
-) -> list[Fault]:
-    """Faults of one table's list of truths that this robot cannot have."""
+def truths_faults(scenario: "Scenario", robot: "Robot", settings: ManyRobots) -> list[Fault]:
+    """Faults of a table's list of truths that this robot cannot have; none if the study is off."""
     from calib.identification.joint_models import gravity_quarters
 
-    faults = []
+    faults: list[Fault] = []
+    table, truths = settings.table, settings.truths if settings.robots else ()
     quarters = gravity_quarters(robot.model.chain)
     for truth in truths:
         upright = truth == "unmodelled"  # its play goes by the closed form of an upright arm

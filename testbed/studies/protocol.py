@@ -1,78 +1,116 @@
-"""How records and derived files are made: this program's own way, and what another must offer."""
+"""What a study is: the records it leaves, how each is played, and what is said of them.
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any, Protocol
+A study is one question asked of a campaign. It declares its records and what they depend on, plays
+them piece by piece, joins the pieces in a fixed order, and says what came out. The runner, the run
+folder, the report and the recording know studies by this interface only.
+"""
 
-from testbed.scenario.read import Scenario
-from testbed.store import npz
-from testbed.store.layout import ARRAYS, FORMAT, REPORT, RESULT
-from testbed.versions import all_versions
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
-Get = Callable[[str], Any]
-"""Hands over another record by key, making it first if need be."""
+from testbed.report.page import Section, Table, Verdict
+from testbed.scenario.scenario import Scenario, StudyTable
+from testbed.units import Quantity
 
+if TYPE_CHECKING:
+    from testbed.recording.story import Chapter
 
-class Stages(Protocol):
-    """What the runner needs of a campaign; `Real` is the shipped one, a test may bring its own."""
-
-    def record_keys(self, scenario: Scenario) -> tuple[str, ...]:
-        """Keys of all records, in the usual order."""
-
-    def record_type(self, key: str) -> type:
-        """Class of one record."""
-
-    def compute(self, scenario: Scenario, key: str, get: Get) -> Any:
-        """Make one record from others."""
-
-    def gather(self, scenario: Scenario, get: Get) -> Any:
-        """The campaign of all records."""
-
-    def derive(self, name: str, campaign: Any, robot: Any, path: Path) -> bytes | None:
-        """Content of a derived file; None if it was written to `path` instead."""
+R = TypeVar("R")
+Json = Any
+"""Plain JSON values: text, number, true or false, null, list, mapping."""
 
 
-class Real:
-    """`testbed.run.campaign` and `testbed.store`; the heavy parts are imported when needed."""
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One file under trials/: its class, and all that its numbers depend on."""
 
-    def record_keys(self, scenario: Scenario) -> tuple[str, ...]:
-        """Keys of all records, in the usual order."""
-        from testbed.run import campaign
+    key: str
+    """Fixed for ever, whatever files are called: random streams and old run folders know it."""
+    kind: type
+    """Class of the finished record."""
+    reads: Mapping[str, Json]
+    """What of the scenario decides it; its hash follows from this."""
+    needs: tuple[str, ...] = ()
+    """Keys of the records that `play` is handed; they are made first."""
+    pieces: int = 1
+    """Independent pieces of work, of the record's class; they are not hashed."""
+    vital: bool = False
+    """Without it there is no campaign: bad input ends the run and leaves nothing behind."""
 
-        return campaign.record_keys(scenario)
 
-    def record_type(self, key: str) -> type:
-        """Class of one record."""
-        from testbed.run import campaign
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One piece of one record, named so that any process can play it."""
 
-        return campaign.record_type(key)
+    study: str
+    key: str
+    piece: int = 0
 
-    def compute(self, scenario: Scenario, key: str, get: Get) -> Any:
-        """Make one record from others."""
-        from testbed.run import campaign
 
-        return campaign.compute(scenario, key, get)
+class Records(Protocol):
+    """Finished records; one that failed or is switched off is not among them."""
 
-    def gather(self, scenario: Scenario, get: Get) -> Any:
-        """The campaign of all records."""
-        from testbed.run import campaign
+    @property
+    def failed(self) -> Mapping[str, str]:
+        """Why others failed, by key."""
 
-        return campaign.gather(scenario, get)
+    def __contains__(self, key: object) -> bool: ...
 
-    def derive(self, name: str, campaign: Any, robot: Any, path: Path) -> bytes | None:
-        """Content of a derived file; the recording is written to `path`."""
-        from testbed.run import results
+    def get(self, key: str, kind: type[R]) -> R:
+        """The record `key`; CalibError if it failed."""
 
-        if name == RESULT:
-            return npz.pretty_json(results.headline(campaign))
-        if name == ARRAYS:
-            return npz.to_bytes({"format": FORMAT}, results.arrays(campaign))
-        if name == REPORT:
-            from testbed.run.report import report_html
+    def find(self, key: str, kind: type[R]) -> R | None:
+        """The record `key`, or None if it failed or is switched off."""
 
-            html: str = report_html(campaign, versions=all_versions())
-            return html.encode()
-        from testbed.run.recording import write_recording
 
-        write_recording(campaign, robot, path)
-        return None
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A study's answer to the question a scene asks, for the first screen."""
+
+    verdict: Verdict
+    table: Table
+    """Its figures."""
+    next_step: str
+    """What a person should do after reading it."""
+
+
+@runtime_checkable
+class Study(Protocol):
+    """One question asked of a campaign."""
+
+    @property
+    def name(self) -> str:
+        """Its folder, and its name in the register."""
+
+    @property
+    def settings(self) -> type[StudyTable] | None:
+        """Its table of the scenario; None if it reads core tables only."""
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """All record keys it may ever use; no trial may be called so."""
+
+    def records(self, scenario: Scenario) -> tuple[Record, ...]:
+        """The records of this scenario; none where the study is off."""
+
+    def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
+        """One piece, from what is handed in alone: the same bytes in any process and order."""
+
+    def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> object:
+        """The record from two or more pieces, in the order of their numbers; they are joined."""
+
+    def answer(self, scenario: Scenario, records: Records) -> Answer | None:
+        """Its answer to the question of the scene; None where it has nothing to say."""
+
+    def results(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
+        """Its part of result.json."""
+
+    def arrays(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
+        """Its part of arrays.npz."""
+
+    def sections(self, scenario: Scenario, records: Records, *, first: bool) -> Sequence[Section]:
+        """Its sections of the report; `first` says whether the first screen is its answer."""
+
+    def recording(self, scenario: Scenario, records: Records) -> Sequence["Chapter"]:
+        """Its chapters of the recording."""

@@ -43,7 +43,8 @@ def headline_of(scene: str) -> dict[str, Any]:
     """Play a shipped scene in memory, a long one smaller, and return its headline."""
     from testbed.run.play import play
     from testbed.run.results import headline
-    from testbed.scenario.read import changed, load_scenario
+    from testbed.scenario.read import changed
+    from testbed.studies import load_scenario
 
     scenario = load_scenario(scene)
     if scene in LONG:

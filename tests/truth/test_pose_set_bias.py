@@ -16,8 +16,9 @@ from calib.geometry.frames import log_so3
 from calib.identification.identify import identify
 from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
 from testbed.laboratory.truth.robot import draw_truth
-from testbed.scenario.read import changed, load_scenario
+from testbed.scenario.read import changed
 from testbed.streams import stream
+from testbed.studies import load_scenario
 
 pytestmark = [pytest.mark.truth, pytest.mark.slow]
 POSES, ROBOTS, DRAWS = 61, 8, 12

@@ -8,7 +8,8 @@ paper's own O1 set has 61, and gives 0.22 and 0.48.
 import numpy as np
 import pytest
 
-from testbed.scenario.read import load_scenario
+from testbed.studies import load_scenario
+from testbed.studies.wen2022.records import pool_sets_of, reexamined_of
 from testbed.studies.wen2022.summary import errors, over_pools, predictions, splits, statements
 from tests.reported import played
 
@@ -25,7 +26,7 @@ def campaign():
 
 
 def split(campaign, truth, trial):
-    found = splits(campaign.reexamined, campaign.pool_sets)
+    found = splits(reexamined_of(campaign), pool_sets_of(campaign))
     return next(one for one in found if (one.who, one.trial) == (truth, trial))
 
 
@@ -59,7 +60,9 @@ def test_number_and_place_of_the_poses_scatter_more_than_repeats_where_joints_sa
 
 
 def test_like_for_like_designed_sets_gain_a_tenth_from_noise(campaign):
-    found = {(p.trial, p.against, p.estimator): p.numbers for p in predictions(campaign.pool_sets)}
+    found = {
+        (p.trial, p.against, p.estimator): p.numbers for p in predictions(pool_sets_of(campaign))
+    }
     # specification, section 11: .876, .902 +- .02, and 1.18 against 50 random poses
     assert found["d-29", 29, "whitened"].value == pytest.approx(0.876, abs=0.02)
     assert found["d-61", 61, "whitened"].value == pytest.approx(0.902, abs=0.02)
@@ -71,7 +74,7 @@ def test_like_for_like_designed_sets_gain_a_tenth_from_noise(campaign):
 
 def test_sets_of_one_pool_scatter_in_what_noise_makes_of_them(campaign):
     one, other = (
-        next(s for s in campaign.pool_sets.sets if s.trial == name)
+        next(s for s in pool_sets_of(campaign).sets if s.trial == name)
         for name in ("best-29", "random-29")
     )
     each = (one.u[:, 0] / other.u[:, 0]).mean(axis=1)
@@ -82,7 +85,8 @@ def test_sets_of_one_pool_scatter_in_what_noise_makes_of_them(campaign):
 
 def test_on_robots_that_sag_optimal_sets_leave_more_error_than_random_ones(campaign):
     found = {
-        (e.truth, e.trial, e.estimator): e for e in errors(campaign.reexamined, campaign.pool_sets)
+        (e.truth, e.trial, e.estimator): e
+        for e in errors(reexamined_of(campaign), pool_sets_of(campaign))
     }
     for trial in ("best-61", "best-29", "d-61"):
         assert found["wen2022", trial, "whitened"].ratio.low > 0
@@ -92,7 +96,7 @@ def test_on_robots_that_sag_optimal_sets_leave_more_error_than_random_ones(campa
 
 
 def test_u_best_holds_on_rigid_robots_and_not_where_joints_sag(campaign):
-    found = {(one.truth, one.trial): one for one in statements(campaign.reexamined)}
+    found = {(one.truth, one.trial): one for one in statements(reexamined_of(campaign))}
     rigid, soft = found["rigid", "best-61"], found["wen2022", "best-61"]
     assert all(part.value > 0.93 for part in rigid.shares)
     assert rigid.numbers.value == pytest.approx(0.95, abs=0.03)

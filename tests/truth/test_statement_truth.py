@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from testbed.run import campaign
-from testbed.scenario.read import changed, load_scenario
+from testbed.scenario.read import changed
+from testbed.studies import load_scenario
+from tests import campaign
 
 pytestmark = [pytest.mark.truth, pytest.mark.study]
 CAMPAIGNS = 40

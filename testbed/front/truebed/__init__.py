@@ -105,6 +105,7 @@ def load(folder: str | Path) -> "Campaign | Calibration | dict[str, Any]":
 
 def _scenario(scenario: "str | Path | Scenario") -> "Scenario":
     """The scenario, read where a name or a file is given."""
-    from testbed.scenario.read import Scenario, load_scenario
+    from testbed.scenario.scenario import Scenario
+    from testbed.studies import load_scenario
 
     return scenario if isinstance(scenario, Scenario) else load_scenario(scenario)

@@ -5,9 +5,8 @@ every kind is drawn from the same ones. The program of the true robot is execute
 only the last figures, `true` and `held_out`, know the secret.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -34,6 +33,7 @@ from testbed.laboratory.truth.laboratory import (
 from testbed.scenario.read import Scenario
 from testbed.studies.compensation.cube import cube_joints, cube_poses
 from testbed.studies.compensation.records import CompensationStudy
+from testbed.studies.compensation.settings import CompensationSettings
 from testbed.studies.many_robots import TruthName, alone, together, truth_of_kind
 from testbed.studies.trial.records import Trial
 
@@ -63,20 +63,12 @@ AXES = dict.fromkeys(("distances", "held_out", "extended", "step"), -1) | {
 }
 
 
-def compensation_study(
-    scenario: Scenario, setting: Setting, truth: TruthName, get: Callable[[str], Any]
-) -> CompensationStudy:
-    """Play `compensation.robots` robots of one kind, calibrated by the first trial's pose set."""
-    robots = range(scenario.compensation.robots)
-    return play_robots(scenario, setting, truth, get(scenario.trial[0].name), robots)
-
-
 def play_robots(
     scenario: Scenario, setting: Setting, truth: TruthName, trial: Trial, robots: range
 ) -> CompensationStudy:
     """Play some robots of one kind; the readings are those of the first of them."""
     laboratory = open_laboratory(scenario, setting)
-    T = cube_poses(scenario.compensation, laboratory.robot.model.chain.T_world_base)
+    T = cube_poses(scenario.table(CompensationSettings), laboratory.robot.model.chain.T_world_base)
     q = cube_joints(laboratory.robot, laboratory.simulator, T)
     return gather([play_robot(laboratory, truth, trial, T, q, k) for k in robots])
 
@@ -129,7 +121,7 @@ def play_robot(
         truth=truth,
         trial=trial.name,
         poses=len(trial.selection),
-        cycles=own.scenario.compensation.cycles,
+        cycles=own.scenario.table(CompensationSettings).cycles,
         T=frozen(T),
         q=frozen(q),
         readings=np.stack([runs[k].offsets for k in variants]),
@@ -160,7 +152,7 @@ def execute(laboratory: Laboratory, T: Array, q: Array, word: str, robot: int) -
     Both corrected programs meet the same noise and approach scatter, those of `word`.
     """
     scenario = laboratory.scenario
-    cycles = scenario.compensation.cycles
+    cycles = scenario.table(CompensationSettings).cycles
     p, start = len(q), validation_start(scenario)
     if word != "before":
         start += cycles * p * scenario.tracker.pose_s

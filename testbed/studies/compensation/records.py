@@ -3,6 +3,9 @@
 from dataclasses import dataclass
 
 from calib.arrays import Array, Bool, Index
+from testbed.studies.compensation.settings import CompensationSettings
+from testbed.studies.many_robots import of_each_kind
+from testbed.studies.trial.records import Campaign
 
 VARIANTS = ("before", "geometric", "chosen")
 """Order of the first axis of the arrays below: the program as it was, corrected by the geometric
@@ -52,3 +55,10 @@ class CompensationStudy:
     """(3, 5, c, 3) of the first robot: read positions minus commanded ones [m]."""
     pose_id: Index
     """(5,) numbers of the poses in the standard, from 1."""
+
+
+def compensation_of(campaign: Campaign) -> tuple[CompensationStudy, ...]:
+    """One record per kind of robot, in the order of the scenario; none if the study is off."""
+    return of_each_kind(
+        campaign.records, campaign.scenario.table(CompensationSettings), CompensationStudy
+    )

@@ -1,10 +1,12 @@
 """The report's section on compensation: what the calibration is worth to a program."""
 
-from testbed.report.page import Block, Figure, Points, Section, Table, Text
+from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict, plain
 from testbed.studies.compensation.plots import accuracy_by_pose, readings_of_one
-from testbed.studies.compensation.records import CompensationStudy
+from testbed.studies.compensation.records import CompensationStudy, compensation_of
 from testbed.studies.compensation.summary import Outcome, Typical, outcomes
+from testbed.studies.protocol import Answer
 from testbed.studies.trial.records import Campaign
+from testbed.studies.trial.verdict import trial_verdict
 from testbed.units import DEG, NARROW, counted, fixed, micrometres, percent, with_uncertainty
 
 WORDS = {"before": "as it was", "geometric": "geometric model", "chosen": "chosen model"}
@@ -12,7 +14,7 @@ WORDS = {"before": "as it was", "geometric": "geometric model", "chosen": "chose
 
 def compensation_section(campaign: Campaign) -> Section | None:
     """What came of the corrected program, table and figures, and how it was found."""
-    studies = campaign.compensation
+    studies = compensation_of(campaign)
     if not studies:
         return None
     found = [outcomes(study) for study in studies]
@@ -33,7 +35,9 @@ def compensation_section(campaign: Campaign) -> Section | None:
         ),
         Text(procedure(studies[0])),
     ]
-    return Section("compensation", "What is the calibration worth to a program?", tuple(blocks))
+    return Section(
+        "compensation", "What is the calibration worth to a program?", tuple(blocks), part="answer"
+    )
 
 
 def summary_table(studies: tuple[CompensationStudy, ...]) -> Table:
@@ -165,3 +169,22 @@ def um(length: float) -> str:
     if length < 1e-4:
         return f"{micrometres(length, 2)}{NARROW}µm"
     return f"{micrometres(length / 1e3, 2)}{NARROW}mm"
+
+
+def answer(campaign: Campaign) -> Answer:
+    """The first screen: on which kinds of robots the corrected program is better, by how much."""
+    studies = compensation_of(campaign)
+    found = [outcomes(study) for study in studies]
+    better = sum(chosen.ap.value < before.ap.value for before, _, chosen in found)
+    kinds = f"{better} of {counted(len(found), 'kind')} of robots"
+    mark = f"{'✓' if better == len(found) else '✗'} The corrected program is better on {kinds}"
+    first, *rest = [text for rows in found for text in sentences(rows)]
+    own = trial_verdict(campaign)
+    reasons = tuple(plain(text) for text in (*rest, own.sentence))
+    return Answer(
+        Verdict(own.believable, own.contradicted, plain(first), reasons, mark),
+        summary_table(studies),
+        "Correct a program of your own with what measurements identify: truebed identify ROBOT "
+        "DATA --program CSV. Where a figure is near its noise floor, only more cycles or a "
+        "better tracker can show it smaller.",
+    )

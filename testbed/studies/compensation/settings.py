@@ -1,19 +1,28 @@
 """[compensation]: calibrated robots run a program as it was and corrected; both are measured."""
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from testbed.scenario.tables import IdentificationSettings, Point, RotationVector, Settings, Side
-from testbed.scenario.tracker import At960Tracker, TrackerSettings
-from testbed.studies.many_robots import TRUTHS, TruthName, study_contradictions
+from testbed.robots.robot import Robot
+from testbed.scenario.scenario import Scenario, StudyTable
+from testbed.scenario.tables import Point, RotationVector, Side
+from testbed.scenario.tracker import At960Tracker
+from testbed.strict import Fault
+from testbed.studies.many_robots import (
+    TRUTHS,
+    TruthName,
+    keys_of,
+    table_contradictions,
+    truths_faults,
+)
 
-COMPENSATION_KEYS = {f"compensation.{truth}": truth for truth in TRUTHS}
-"""Record names, one per kind of robot: a run can be resumed between them."""
 
-
-class CompensationSettings(Settings):
+class CompensationSettings(StudyTable):
     """[compensation]: the first trial's pose set corrects the five poses of an ISO 9283 test."""
+
+    table: ClassVar[str] = "compensation"
+    keys: ClassVar[tuple[str, ...]] = keys_of("compensation")
 
     robots: Annotated[int, Field(ge=0, le=10_000)] = 0
     """Virtual robots of each kind; 0 skips the study."""
@@ -32,24 +41,20 @@ class CompensationSettings(Settings):
     turn_deg: RotationVector = (0.0, 90.0, 0.0)
     """How the tool stands at all five poses: rotation vector in the base frame."""
 
-
-def compensation_keys(settings: CompensationSettings) -> tuple[str, ...]:
-    """Keys of the study's records, one per kind of robot; none if it is off."""
-    return tuple(f"compensation.{truth}" for truth in settings.truths if settings.robots)
-
-
-def compensation_contradictions(
-    settings: CompensationSettings,
-    tracker: TrackerSettings,
-    identification: IdentificationSettings,
-) -> list[str]:
-    """Sentences, one per contradiction of [compensation] with itself, tracker or estimator."""
-    found = study_contradictions("compensation", settings, tracker, identification)
-    if not settings.robots:
+    def contradictions(self, scenario: Scenario) -> list[str]:
+        """Sentences, one per contradiction with itself, the tracker or the estimator."""
+        found = table_contradictions(self, scenario)
+        tracker = scenario.tracker
+        if self.robots and isinstance(tracker, At960Tracker) and tracker.missed:
+            found.append(
+                f"[compensation] cycles needs every visit; [tracker] missed is {tracker.missed}; "
+                "write missed = 0, or robots = 0"
+            )
         return found
-    if isinstance(tracker, At960Tracker) and tracker.missed:
-        found.append(
-            f"[compensation] cycles needs every visit; [tracker] missed is {tracker.missed}; "
-            "write missed = 0, or robots = 0"
-        )
-    return found
+
+    def faults(self, scenario: Scenario, robot: Robot) -> list[Fault]:
+        """Faults of kinds of robots that this one cannot be."""
+        return truths_faults(scenario, robot, self)
+
+
+TABLE = CompensationSettings

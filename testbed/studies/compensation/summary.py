@@ -13,6 +13,7 @@ from testbed.studies.compensation.records import (
     WORTH,
     CompensationStudy,
 )
+from testbed.units import Quantity, in_si
 
 VALUE, UNCERTAINTY, FLOOR = range(len(WORTH))
 
@@ -169,3 +170,13 @@ def _figure_numbers(found: Typical, factor: float, unit: str) -> dict[str, float
         f"u_{unit}": found.uncertainty * factor,
         f"floor_{unit}": found.floor * factor,
     }
+
+
+def published(studies: tuple[CompensationStudy, ...]) -> list[Quantity]:
+    """The study in result.json; nothing where it is off."""
+    return [Quantity("compensation", compensation_headline(studies))] if studies else []
+
+
+def published_arrays(studies: tuple[CompensationStudy, ...]) -> list[Quantity]:
+    """The study in arrays.npz."""
+    return in_si(compensation_arrays(studies))

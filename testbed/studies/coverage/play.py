@@ -6,7 +6,7 @@ poses; all of it comes from streams of its own. Only the judge here sees the tru
 says comes from what the tracker saw.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,6 +32,7 @@ from testbed.laboratory.truth.terms import UnmodelledTerms
 from testbed.scenario.read import Scenario
 from testbed.streams import stream
 from testbed.studies.coverage.records import STATEMENTS, CoverageStudy
+from testbed.studies.coverage.settings import CoverageSettings
 from testbed.studies.many_robots import TruthName, alone, together, truth_of_kind
 from testbed.studies.trial.compare import true_step
 from testbed.studies.trial.records import Trial
@@ -70,14 +71,6 @@ OF_A_ROBOT = ("extended", "log_evidence", "before", "normal_error", "nees")
 AXES = dict.fromkeys((*OF_A_MODEL, *OF_A_ROBOT), -1)
 
 
-def coverage_study(
-    scenario: Scenario, setting: Setting, truth: TruthName, get: Callable[[str], Any]
-) -> CoverageStudy:
-    """Play the first trial's pose set on `coverage.robots` robots of one kind."""
-    robots = range(scenario.coverage.robots)
-    return play_robots(scenario, setting, truth, get(scenario.trial[0].name), robots)
-
-
 def play_robots(
     scenario: Scenario, setting: Setting, truth: TruthName, trial: Trial, robots: range
 ) -> CoverageStudy:
@@ -104,11 +97,11 @@ def play_robot(
     scenario, nominal = laboratory.scenario, laboratory.setting.nominal
     measured = measure_robot(laboratory, truth, chosen, robot)
     fits, evidence, extended = models(measured)
-    judged = [judge_model(fit, measured, scenario.coverage.level) for fit in fits]
+    judged = [judge_model(fit, measured, scenario.table(CoverageSettings).level) for fit in fits]
     normal_error, nees = parameter_errors(fits[0], measured) or (np.zeros(0), np.nan)
     return CoverageStudy(
         truth=truth,
-        level=scenario.coverage.level,
+        level=scenario.table(CoverageSettings).level,
         judged=scenario.test.poses,
         names=fits[0].names if len(normal_error) else (),
         **alone(
@@ -141,7 +134,7 @@ def measure_robot(
     """
     scenario = laboratory.scenario
     own = laboratory.with_robot(truth_of_kind(scenario, truth), "coverage", "robot", robot)
-    count = scenario.coverage.validation_poses
+    count = scenario.table(CoverageSettings).validation_poses
     pool = own.candidates().draw(
         stream(scenario.seed, "coverage", "poses", robot),
         size=count + scenario.test.poses,

@@ -3,6 +3,9 @@
 from dataclasses import dataclass
 
 from calib.arrays import Array, Bool, Index
+from testbed.studies.coverage.settings import CoverageSettings
+from testbed.studies.many_robots import of_each_kind
+from testbed.studies.trial.records import Campaign
 
 MODELS = ("geometric", "extended")
 """Order of the first axis of the arrays below."""
@@ -48,3 +51,8 @@ class CoverageStudy:
     """(f, R) estimate minus truth of these numbers, over its stated standard uncertainty."""
     nees: Array
     """(R,) normalized estimation error squared of these numbers, expected f; else (0,)."""
+
+
+def coverage_of(campaign: Campaign) -> tuple[CoverageStudy, ...]:
+    """One record per kind of robot, in the order of the scenario; none if the study is off."""
+    return of_each_kind(campaign.records, campaign.scenario.table(CoverageSettings), CoverageStudy)

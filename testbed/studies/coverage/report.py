@@ -1,8 +1,9 @@
 """The report's section on coverage: which stated uncertainty can be believed on which robot."""
 
-from testbed.report.page import Block, Figure, Points, Section, Text
+from testbed.report.page import Block, Figure, Points, Section, Text, Verdict, plain
 from testbed.studies.coverage.plots import attained, sharpness
-from testbed.studies.coverage.records import MODELS, CoverageStudy
+from testbed.studies.coverage.records import MODELS, CoverageStudy, coverage_of
+from testbed.studies.coverage.settings import CoverageSettings
 from testbed.studies.coverage.summary import Cell, NumbersCheck, cells, followed, numbers_check
 from testbed.studies.coverage.tables import (
     advice_table,
@@ -10,8 +11,10 @@ from testbed.studies.coverage.tables import (
     coverage_table,
     numbers_table,
     share_of,
+    summary_table,
 )
 from testbed.studies.many_robots import mean_over_robots
+from testbed.studies.protocol import Answer
 from testbed.studies.trial.records import Campaign
 from testbed.units import NARROW, counted, micrometres, percent
 
@@ -24,7 +27,7 @@ NAMES = {
 
 def coverage_section(campaign: Campaign) -> Section | None:
     """The verdict, how it was found, table and figures, and the parameters."""
-    studies = campaign.coverage
+    studies = coverage_of(campaign)
     if not studies:
         return None
     found = cells(studies)
@@ -52,7 +55,9 @@ def coverage_section(campaign: Campaign) -> Section | None:
         blocks += [Text(" ".join(numbers_sentence(check) for check in checks))]
         blocks += [numbers_table(checks, studies[0])]
     blocks.append(advice_table(studies))
-    return Section("coverage", "Which stated uncertainty can be believed?", tuple(blocks))
+    return Section(
+        "coverage", "Which stated uncertainty can be believed?", tuple(blocks), part="answer"
+    )
 
 
 def believable_sentence(found: tuple[Cell, ...]) -> str:
@@ -178,8 +183,8 @@ def unnoticed(study: CoverageStudy, found: tuple[Cell, ...]) -> tuple[str, ...]:
 
 def procedure(campaign: Campaign) -> str:
     """How the study was made."""
-    study, trial = campaign.coverage[0], campaign.trials[0]
-    validation = campaign.scenario.coverage.validation_poses
+    study, trial = coverage_of(campaign)[0], campaign.trials[0]
+    validation = campaign.scenario.table(CoverageSettings).validation_poses
     return (
         f"{counted(study.before.size, 'robot')} of each kind were drawn and calibrated with the "
         f"{counted(len(trial.selection), 'pose')} of {trial.name}, one visit each. On each robot "
@@ -214,3 +219,25 @@ def span_of(radii: list[float]) -> str:
     """Smallest and largest of some lengths [m], in um, the unit left to the sentence."""
     low, high = (micrometres(value, 2) for value in (min(radii), max(radii)))
     return low if low == high else f"{low} to {high}"
+
+
+def answer(campaign: Campaign) -> Answer:
+    """The first screen: where the model-based region keeps its promise, and what does instead."""
+    studies = coverage_of(campaign)
+    found = cells(studies)
+    short = {cell.truth for cell in found if cell.statement == "model" and not cell.believable}
+    kinds = f"{len(studies)} kind{'s' if len(studies) > 1 else ''} of robots"
+    mark = (
+        f"✗ The model-based interval falls short on {len(short)} of {kinds}"
+        if short
+        else f"✓ The model-based interval holds on {kinds}"
+    )
+    reasons = tuple(map(plain, consequences(studies, found)))
+    sentence = plain(believable_sentence(found))
+    return Answer(
+        Verdict(not short, bool(short), sentence, reasons, mark),
+        summary_table(studies),
+        "In a run of your own let the evidence choose the model ([identification] model = "
+        '"choose"), measure 19 held-out poses or more, and believe what the report says to '
+        f"believe. {obeyed(studies)}",
+    )

@@ -1,21 +1,29 @@
 """[coverage]: many robots of several kinds, to see which stated uncertainty holds."""
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
 from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.discrepancy import FEWEST
-from testbed.scenario.tables import IdentificationSettings, Settings
-from testbed.scenario.tracker import At960Tracker, TrackerSettings
-from testbed.studies.many_robots import TRUTHS, TruthName, study_contradictions
+from testbed.robots.robot import Robot
+from testbed.scenario.scenario import Scenario, StudyTable
+from testbed.scenario.tracker import At960Tracker
+from testbed.strict import Fault
+from testbed.studies.many_robots import (
+    TRUTHS,
+    TruthName,
+    keys_of,
+    table_contradictions,
+    truths_faults,
+)
 
-COVERAGE_KEYS = {f"coverage.{truth}": truth for truth in TRUTHS}
-"""Record names, one per kind of robot: a run can be resumed between them."""
 
-
-class CoverageSettings(Settings):
+class CoverageSettings(StudyTable):
     """[coverage]: the first trial's pose set on many robots of each kind."""
+
+    table: ClassVar[str] = "coverage"
+    keys: ClassVar[tuple[str, ...]] = keys_of("coverage")
 
     robots: Annotated[int, Field(ge=0, le=10_000)] = 0
     """Virtual robots of each kind; 0 skips the study."""
@@ -26,20 +34,25 @@ class CoverageSettings(Settings):
     level: Annotated[float, Field(ge=0.5, le=0.999)] = 0.95
     """Content that every statement promises."""
 
-
-def coverage_contradictions(
-    coverage: CoverageSettings, tracker: TrackerSettings, identification: IdentificationSettings
-) -> list[str]:
-    """Sentences, one per contradiction of [coverage] with itself, the tracker or the estimator."""
-    found = study_contradictions("coverage", coverage, tracker, identification)
-    if not coverage.robots:
+    def contradictions(self, scenario: Scenario) -> list[str]:
+        """Sentences, one per contradiction with itself, the tracker or the estimator."""
+        found = table_contradictions(self, scenario)
+        if not self.robots:
+            return found
+        tracker = scenario.tracker
+        missed = tracker.missed if isinstance(tracker, At960Tracker) else 0
+        needed = max(FEWEST, fewest_poses(self.level)) + missed
+        if self.validation_poses < needed:
+            found.append(
+                f"[coverage] validation_poses is {self.validation_poses}; a radius that needs no "
+                f"model of the error asks for at least {needed} at level = {self.level:g}; write "
+                f"validation_poses = {needed} or more"
+            )
         return found
-    missed = tracker.missed if isinstance(tracker, At960Tracker) else 0
-    needed = max(FEWEST, fewest_poses(coverage.level)) + missed
-    if coverage.validation_poses < needed:
-        found.append(
-            f"[coverage] validation_poses is {coverage.validation_poses}; a radius that needs no "
-            f"model of the error asks for at least {needed} at level = {coverage.level:g}; write "
-            f"validation_poses = {needed} or more"
-        )
-    return found
+
+    def faults(self, scenario: Scenario, robot: Robot) -> list[Fault]:
+        """Faults of kinds of robots that this one cannot be."""
+        return truths_faults(scenario, robot, self)
+
+
+TABLE = CoverageSettings

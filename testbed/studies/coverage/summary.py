@@ -15,7 +15,7 @@ from calib.uncertainty.regions import coverage_factor
 from testbed.studies.coverage.records import MODELS, STATEMENTS, CoverageStudy
 from testbed.studies.many_robots import family_confidence, mean_over_robots
 from testbed.studies.trial.play import BAND, binomial_band, chi_square_mean_band
-from testbed.units import Mean
+from testbed.units import Mean, Quantity, in_si
 
 Outcome = Literal["holds", "wide", "short"]
 
@@ -238,3 +238,13 @@ def _numbers(study: CoverageStudy) -> dict[str, Any]:
             "passed": check.passed,
         }
     }
+
+
+def published(studies: tuple[CoverageStudy, ...]) -> list[Quantity]:
+    """The study in result.json; nothing where it is off."""
+    return [Quantity("coverage", coverage_headline(studies))] if studies else []
+
+
+def published_arrays(studies: tuple[CoverageStudy, ...]) -> list[Quantity]:
+    """The study in arrays.npz."""
+    return in_si(coverage_arrays(studies))

@@ -17,7 +17,8 @@ from testbed.studies.many_robots import (
     mean_over_robots,
     outcome_of,
 )
-from testbed.studies.trial.records import Campaign, PopulationStudy, Trial
+from testbed.studies.pose_sets.records import PopulationStudy, population_of
+from testbed.studies.trial.records import Campaign, Trial
 from testbed.units import Mean
 
 MANY_TRIALS = 6
@@ -86,9 +87,10 @@ def random_partner(campaign: Campaign, trial: Trial) -> Trial | None:
 
 def has_contest(campaign: Campaign) -> bool:
     """Whether a campaign is about comparing many pose sets."""
+    study = population_of(campaign)
     return (
-        campaign.population is not None
-        and campaign.population.before.size > 1
+        study is not None
+        and study.before.size > 1
         and len(campaign.trials) > MANY_TRIALS
         and any(random_partner(campaign, t) not in (None, t) for t in campaign.trials)
     )
@@ -96,7 +98,7 @@ def has_contest(campaign: Campaign) -> bool:
 
 def contest_of(campaign: Campaign) -> Contest:
     """All pose sets that have a random partner of their size."""
-    study = campaign.population
+    study = population_of(campaign)
     assert study is not None, "asked only where many robots were played"
     pairs = [(t, p) for t in campaign.trials if (p := random_partner(campaign, t)) is not None]
     comparisons = sum(trial is not partner for trial, partner in pairs)

@@ -5,8 +5,7 @@ trials meet the same robots; comparisons between them are made in pairs. A desig
 for every robot, as in life: it was chosen on the nominal one. A random set is drawn anew for each.
 """
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -23,20 +22,13 @@ from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_labora
 from testbed.scenario.read import Scenario
 from testbed.streams import stream
 from testbed.studies.many_robots import alone, together
+from testbed.studies.pose_sets.records import PopulationStudy
 from testbed.studies.trial.compare import target_prediction
 from testbed.studies.trial.estimator import estimator_for
-from testbed.studies.trial.records import PopulationStudy, Trial
+from testbed.studies.trial.records import Trial
 from testbed.studies.trial.statement.sources import full_covariance, systematic_covariance
 
 AXES = dict.fromkeys(("mean_error", "rms_error", "stated_u", "inside", "before", "goal_u"), -1)
-
-
-def population_study(
-    scenario: Scenario, setting: Setting, get: Callable[[str], Any]
-) -> PopulationStudy:
-    """Play every trial's pose set on `studies.population` further robots, one visit each."""
-    trials = [get(trial.name) for trial in scenario.trial]
-    return play_robots(scenario, setting, trials, range(scenario.studies.population))
 
 
 def play_robots(

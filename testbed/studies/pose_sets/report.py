@@ -1,12 +1,14 @@
 """The report's section on many pose sets: which is best, by how much, and can that be told."""
 
-from testbed.report.page import Block, Figure, Points, Section, Table, Text
+from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict, plain
 from testbed.report.plots import percent_of
 from testbed.studies.many_robots import CONFIDENCE, Outcome
 from testbed.studies.pose_sets.compare import Contest, Entry, contest_of
 from testbed.studies.pose_sets.plots import forest, kinds
+from testbed.studies.pose_sets.records import population_of
 from testbed.studies.trial.plots import MOST_VIEWS, only
 from testbed.studies.trial.records import Campaign, Trial
+from testbed.studies.trial.verdict import trial_verdict
 from testbed.units import counted, fixed, micrometres, millimetres, percent
 
 NONE = "–"
@@ -30,7 +32,7 @@ def pose_sets_section(campaign: Campaign) -> Section:
     ]
     for poses in contest.sizes:
         blocks += [size_table(contest, poses), Text(outcomes(contest, poses))]
-    return Section("pose-sets", "Which pose set is best?", tuple(blocks))
+    return Section("pose-sets", "Which pose set is best?", tuple(blocks), part="answer")
 
 
 def procedure(campaign: Campaign, contest: Contest) -> str:
@@ -261,5 +263,18 @@ def cell(entry: Entry | None) -> str:
 
 def before(campaign: Campaign) -> str:
     """Mean error of the nominal model over robots, in mm."""
-    assert campaign.population is not None, "a contest has a population"
-    return millimetres(float(campaign.population.before.mean()))
+    study = population_of(campaign)
+    assert study is not None, "a contest has a population"
+    return millimetres(float(study.before.mean()))
+
+
+def contest_verdict(campaign: Campaign) -> Verdict:
+    """How many chosen pose sets beat random ones; the stated uncertainty comes last."""
+    first, *rest = in_short(contest_of(campaign))
+    own = trial_verdict(campaign)
+    rivals = [e.outcome for e in contest_of(campaign).entries if e.ratio is not None]
+    better, worse = rivals.count("better"), rivals.count("worse")
+    mark = f"{'✓' if better > worse else '✗'} {better} of {len(rivals)} chosen pose sets beat "
+    mark += f"random ones of their size, {worse} are worse"
+    said = tuple(plain(text) for text in (*rest, own.sentence))
+    return Verdict(own.believable, own.contradicted, plain(first), said, mark)

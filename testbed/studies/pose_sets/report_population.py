@@ -11,14 +11,15 @@ from testbed.studies.many_robots import (
     outcome_of,
 )
 from testbed.studies.pose_sets.compare import random_partner
-from testbed.studies.trial.records import Campaign, PopulationStudy, Trial
+from testbed.studies.pose_sets.records import PopulationStudy, population_of
+from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.report import set_in_words
 from testbed.units import Mean, counted, millimetres
 
 
 def population_section(campaign: Campaign) -> Section | None:
     """Every trial on many robots, compared in pairs with the random set of the same size."""
-    study = campaign.population
+    study = population_of(campaign)
     if study is None or study.before.size < 2:
         return None
     count = study.before.size
@@ -32,6 +33,7 @@ def population_section(campaign: Campaign) -> Section | None:
         "robots",
         "Many robots",
         (Text(text), error_table(campaign, study), Points(sentences(campaign, study))),
+        part="detail",
     )
 
 

@@ -13,10 +13,7 @@ from calib.identification.model_choice import choose
 from calib.identification.prior import Prior
 from calib.identification.robust import Loss
 from calib.measurement.observations import Measurements
-from testbed.laboratory.bench import free_parameters
 from testbed.laboratory.truth.laboratory import Laboratory
-from testbed.robots.catalog import Robot
-from testbed.scenario.read import Scenario
 from testbed.scenario.tables import PriorSettings
 
 WEAK = PriorSettings()
@@ -86,14 +83,6 @@ def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Esti
     wide, table, _ = with_joint_terms(nominal, free)
     prior = scenario_prior(settings.prior or WEAK, table)
     return Estimator(mode, wide, table, prior, settings.loss, why, evidence)
-
-
-def default_parameters(scenario: Scenario, robot: Robot) -> Parameters:
-    """Every number that the default estimator may move, joint terms included where it may climb."""
-    free = free_parameters(scenario, robot, "whitened")
-    if scenario.identification.model == "geometric":
-        return free
-    return with_joint_terms(robot.model, free)[1]
 
 
 def scenario_prior(settings: PriorSettings, parameters: Parameters) -> Prior:

@@ -18,8 +18,8 @@ from calib.measurement.accuracy import point_distances, target_points
 from calib.measurement.observations import Measurements
 from calib.uncertainty.regions import inside, mahalanobis_squared
 from calib.uncertainty.type_a import type_a
-from testbed.laboratory.goal import goals_of
-from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
+from testbed.laboratory.goal import goals_of, wants_goals
+from testbed.laboratory.truth.laboratory import Laboratory, Setting, make_setting, open_laboratory
 from testbed.scenario.read import Scenario, TrialSettings
 from testbed.streams import stream
 from testbed.studies.trial.compare import INTERVAL, compare, target_prediction, true_step
@@ -27,6 +27,14 @@ from testbed.studies.trial.estimator import Estimator, estimator_for
 from testbed.studies.trial.records import Estimate, Replications, Trial
 from testbed.studies.trial.statement.records import Validation
 from testbed.studies.trial.statement.state import state
+
+
+def campaign_setting(scenario: Scenario) -> Setting:
+    """The laboratory set up; a goal out of reach is refused here, before any trial."""
+    setting = make_setting(scenario)
+    if wants_goals(scenario):
+        goals_of(open_laboratory(scenario, setting))
+    return setting
 
 
 def play_trial(scenario: Scenario, setting: Setting, validation: Validation, name: str) -> Trial:

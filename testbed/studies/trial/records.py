@@ -8,16 +8,15 @@ from dataclasses import dataclass
 
 from calib.arrays import Array, Bool, Index
 from calib.design import Selection
+from calib.errors import CalibError
 from calib.identification.identify import Identification, Mode
 from calib.information.observability import Observability
 from calib.measurement.accuracy import Accuracy
 from calib.measurement.observations import Measurements
 from testbed.laboratory.truth.laboratory import Setting
-from testbed.scenario.read import Scenario
-from testbed.studies.compensation.records import CompensationStudy
-from testbed.studies.coverage.records import CoverageStudy
+from testbed.scenario.scenario import Scenario
+from testbed.studies.protocol import Records
 from testbed.studies.trial.statement.records import Statement, Validation
-from testbed.studies.wen2022.records import PoolSets, Reexamined
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,88 +164,40 @@ class RandomSetsStudy:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PaperBudget:
-    """The paper's uncertainties per parameter: contributors and their combination [m, rad]."""
-
-    names: tuple[str, ...]
-    """(f,) parameter names."""
-    best_repeatability: Array
-    """(f,) u_r of the optimal set."""
-    repeatability: Array
-    """(f,) u_r of 50 random poses, v repeats."""
-    pose_number: Array
-    """(f,) u_p over sets of 30, 50, ..., 150 poses."""
-    location: Array
-    """(f,) u_w over four regions."""
-    best: Array
-    """(f,) u_best = RSS(u_r, u_c), eq. (8)."""
-    random: Array
-    """(f,) u_rand = RSS(u_r, u_c, u_p, u_w), eq. (9)."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ToolPointStudy:
-    """Monte Carlo of the tool point: zero pose first, then the held-out poses.
-
-    The paper's form draws independent parameters and looks at |P|; the correct form draws from the
-    full covariance and looks at all three directions.
-    """
-
-    source: tuple[str, ...]
-    """(s,) whose uncertainties: "table 3 best", "table 3 random", "ours best", "ours random"."""
-    distance_sd: Array
-    """(s, 1 + t) sd of |P|, paper form [m]."""
-    distance_range: Array
-    """(s, 2) smallest and largest of |P| minus its mean at the zero pose [m]."""
-    spread: Array
-    """(s, 1 + t, 3) sd of x, y, z with the same independent draws [m]."""
-    trial: str
-    """Trial whose full covariance the correct form uses."""
-    covariance: Array
-    """(1 + t, 3, 3) Monte Carlo covariance of the tool point, correct form [m^2]."""
-    linear: Array
-    """(1 + t, 3, 3) closed form J C J' [m^2]."""
-    draws: int
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PopulationStudy:
-    """Every trial's pose set on many virtual robots, each measured once: the robot is the unit."""
-
-    trials: tuple[str, ...]
-    """(s,) names."""
-    mean_error: Array
-    """(s, e, R) mean held-out position error against the truth, per trial, estimator, robot [m]."""
-    rms_error: Array
-    """(s, e, R) root mean square of the same [m]."""
-    stated_u: Array
-    """(s, e, R) root mean square over held-out poses of the stated 3-D u [m]."""
-    inside: Array
-    """(s, e, R) share of held-out points inside their stated 95 % region."""
-    before: Array
-    """(R,) mean held-out error of the nominal model [m]."""
-    goal_u: Array
-    """(s, R) RMS tool-point u over the goal that the set promised, from the nominal model [m]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Campaign:
-    """A scenario played once."""
+    """A scenario played once: what all studies stand on, and the records of the others."""
 
     scenario: Scenario
     setting: Setting
     validation: Validation
     trials: tuple[Trial, ...]
-    pose_count: PoseCountStudy | None
-    random_sets: tuple[RandomSets, ...]
-    paper_budget: PaperBudget | None
-    tool_point: ToolPointStudy | None
-    population: PopulationStudy | None
-    coverage: tuple[CoverageStudy, ...] = ()
-    """One per kind of robot, in the order of the scenario."""
-    pool_sets: PoolSets | None = None
-    """Pools and sets of the re-examination of the paper."""
-    reexamined: tuple[Reexamined, ...] = ()
-    """One per kind of robot, in the order of the scenario."""
-    compensation: tuple[CompensationStudy, ...] = ()
-    """One per kind of robot, in the order of the scenario."""
+    """Those that did not fail, in the order of the scenario; at least one."""
+    records: Records
+
+    @property
+    def pose_count(self) -> PoseCountStudy | None:
+        """Indices against the number of poses; None if nobody asked."""
+        return self.records.find("pose_count", PoseCountStudy)
+
+    @property
+    def random_sets(self) -> tuple[RandomSets, ...]:
+        """Every designed trial's set beside random ones; none if nobody asked."""
+        study = self.records.find("random_sets", RandomSetsStudy)
+        return study.sets if study else ()
+
+
+def campaign_of(scenario: Scenario, records: Records) -> Campaign:
+    """The campaign in finished records.
+
+    Raises
+    ------
+    CalibError
+        Every trial failed; says why.
+    """
+    found = (records.find(settings.name, Trial) for settings in scenario.trial)
+    trials = tuple(trial for trial in found if trial is not None)
+    if not trials:
+        reasons = "; ".join(f"{key}: {reason}" for key, reason in records.failed.items())
+        raise CalibError(f"every trial failed: {reasons}", code="T1", field="trial")
+    setting, visit = records.get("setting", Setting), records.get("validation", Validation)
+    return Campaign(scenario, setting, visit, trials, records)

@@ -7,11 +7,11 @@ from calib.information.propagation import point_uncertainty
 from calib.measurement.accuracy import Accuracy
 from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.regions import coverage_factor
-from testbed.report.page import Block, Figure, Points, Section, Table, Text
+from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict
 from testbed.studies.trial import plots, plots_uncertainty
 from testbed.studies.trial.records import Campaign, Comparison, Estimate, Trial
 from testbed.studies.trial.statement.records import LEVEL, Statement
-from testbed.studies.trial.verdict import ALARM, Verdict, judge
+from testbed.studies.trial.verdict import ALARM, judge
 from testbed.units import (
     DEG,
     MM,

@@ -27,7 +27,7 @@ def parameter_section(campaign: Campaign) -> Section:
         for trial in plots.shown(campaign)
         for estimate in trial.estimates
     ]
-    return Section("parameters", "Parameters", tuple(blocks))
+    return Section("parameters", "Parameters", tuple(blocks), part="detail")
 
 
 def others(campaign: Campaign) -> str:

@@ -2,13 +2,13 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Status
 from calib.information.propagation import point_uncertainty
+from testbed.report.page import Verdict
 from testbed.studies.trial.records import Campaign, Estimate, Trial
 from testbed.studies.trial.statement.records import LEVEL, Statement
 from testbed.units import NARROW, percent, probability
@@ -20,22 +20,6 @@ GOOD = "✓ The stated uncertainty can be believed"
 INVALID = "✗ The model-based interval is not valid here"
 BAD = "✗ The stated uncertainty must not be believed"
 OPEN = "? The stated uncertainty was not tested against the truth"
-
-
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """One estimate judged."""
-
-    believable: bool
-    """Whether the stated uncertainty passed every test, replications against the truth included."""
-    contradicted: bool
-    """Whether a test failed; a statement that was never tested is neither."""
-    sentence: str
-    """How good, and whether that can be believed."""
-    reasons: tuple[str, ...]
-    """One sentence per test, the failed ones first."""
-    mark: str
-    """The verdict in a few words, behind a tick or a cross."""
 
 
 def judge(trial: Trial, estimate: Estimate) -> Verdict:

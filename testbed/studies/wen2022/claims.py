@@ -17,6 +17,7 @@ from testbed.studies.wen2022 import claims_model, paper
 from testbed.studies.wen2022 import claims_one_robot as claims_accuracy
 from testbed.studies.wen2022.finding import Finding, Verdict
 from testbed.studies.wen2022.paper import CLAIMS
+from testbed.studies.wen2022.records import reexamined_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +80,7 @@ def examine(campaign: Campaign) -> Examined | None:
     if not is_paper_robot(campaign.setting.nominal):
         return None
     findings, silent = [], []
-    again = campaign.reexamined
+    again = reexamined_of(campaign)
     over = claims_robots.EXAMINERS if again else {}
     for claim in CLAIMS:
         examiner = over.get(claim.number, EXAMINERS[claim.number])

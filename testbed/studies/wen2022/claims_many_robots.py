@@ -12,7 +12,13 @@ import numpy as np
 from testbed.studies.trial.records import Campaign
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.finding import Finding, Verdict
-from testbed.studies.wen2022.records import STATEMENTS, PoolSets, Reexamined
+from testbed.studies.wen2022.records import (
+    STATEMENTS,
+    PoolSets,
+    Reexamined,
+    pool_sets_of,
+    reexamined_of,
+)
 from testbed.studies.wen2022.summary import (
     Errors,
     Split,
@@ -65,14 +71,15 @@ def like_the_paper(studies: tuple[Reexamined, ...]) -> Reexamined:
 
 def beside(campaign: Campaign) -> tuple[Reexamined, ...]:
     """The other kinds."""
-    judged = like_the_paper(campaign.reexamined)
-    return tuple(study for study in campaign.reexamined if study is not judged)
+    judged = like_the_paper(reexamined_of(campaign))
+    return tuple(study for study in reexamined_of(campaign) if study is not judged)
 
 
 def pools_of(campaign: Campaign) -> PoolSets:
     """The sets that all kinds share."""
-    assert campaign.pool_sets is not None, "asked only where the study was played"
-    return campaign.pool_sets
+    sets = pool_sets_of(campaign)
+    assert sets is not None, "asked only where the study was played"
+    return sets
 
 
 def paper_rows(study: Reexamined, sets: PoolSets) -> tuple[PaperRow, ...] | None:
@@ -102,7 +109,7 @@ def paper_rows(study: Reexamined, sets: PoolSets) -> tuple[PaperRow, ...] | None
 
 def own_errors(campaign: Campaign) -> Finding | None:
     """Claim 12: Table 1."""
-    sets, study = pools_of(campaign), like_the_paper(campaign.reexamined)
+    sets, study = pools_of(campaign), like_the_paper(reexamined_of(campaign))
     rows = paper_rows(study, sets)
     if rows is None:
         return None
@@ -128,7 +135,7 @@ def own_errors(campaign: Campaign) -> Finding | None:
 
 def held_out_errors(campaign: Campaign) -> Finding | None:
     """Claim 13: Table 2."""
-    sets, study = pools_of(campaign), like_the_paper(campaign.reexamined)
+    sets, study = pools_of(campaign), like_the_paper(reexamined_of(campaign))
     rows = paper_rows(study, sets)
     if rows is None:
         return None
@@ -162,8 +169,8 @@ def table2_ratios(study: Reexamined, rows: tuple[PaperRow, ...]) -> list[Mean]:
 
 def parameter_ratio(campaign: Campaign) -> Finding:
     """Claim 14: mean ratio of parameter uncertainties, and what it is made of."""
-    study = like_the_paper(campaign.reexamined)
-    found = splits(campaign.reexamined, pools_of(campaign))
+    study = like_the_paper(reexamined_of(campaign))
+    found = splits(reexamined_of(campaign), pools_of(campaign))
     judged = [split for split in found if split.who == study.truth]
     printed = printed_split()
     shown = [split.ratio.high <= NEAR * printed.ratio.value for split in judged]
@@ -189,13 +196,13 @@ def parameter_ratio(campaign: Campaign) -> Finding:
 
 def like_for_like(campaign: Campaign) -> Finding | None:
     """Claim 15: designed against random sets of the same size, predicted and true."""
-    sets, study = pools_of(campaign), like_the_paper(campaign.reexamined)
+    sets, study = pools_of(campaign), like_the_paper(reexamined_of(campaign))
     said = {
         (one.trial, one.estimator): one
         for one in predictions(sets)
         if same_size(sets, one.trial, one.against)
     }
-    true = errors(campaign.reexamined, sets)
+    true = errors(reexamined_of(campaign), sets)
     judged = [(one, said[one.trial, one.estimator]) for one in true if counts(one, study.truth)]
     if not judged:
         return None
@@ -234,8 +241,8 @@ def same_size(sets: PoolSets, trial: str, against: int) -> bool:
 
 def stated(campaign: Campaign) -> Finding:
     """Claim 16: whether 95 % statements made from u_best hold the truth."""
-    study = like_the_paper(campaign.reexamined)
-    found = statements(campaign.reexamined)
+    study = like_the_paper(reexamined_of(campaign))
+    found = statements(reexamined_of(campaign))
     judged = [one for one in found if one.truth == study.truth]
     distance, point = (STATEMENTS.index(name) for name in ("distance", "point"))
     said = [(one.shares[distance], one.shares[point]) for one in judged]

@@ -6,9 +6,10 @@ from scipy.special import ndtri
 from calib.arrays import Array, Index
 from calib.geometry.parameters import parameters_of
 from calib.information.rank import rank
-from testbed.studies.trial.records import Campaign, ToolPointStudy
+from testbed.studies.trial.records import Campaign
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.finding import Finding, within
+from testbed.studies.wen2022.records import ToolPointStudy, pool_sets_of, tool_point_of
 from testbed.units import MM, fixed, significant
 
 BEST, RANDOM = "table 3 best", "table 3 random"
@@ -30,7 +31,7 @@ def zero_pose(campaign: Campaign) -> Finding:
 
 def _table3(campaign: Campaign) -> tuple[ToolPointStudy, int, int] | None:
     """The tool-point study and its rows of the printed uncertainties, optimal and random."""
-    study = campaign.tool_point
+    study = tool_point_of(campaign)
     if study is None or BEST not in study.source or RANDOM not in study.source:
         return None
     return study, study.source.index(BEST), study.source.index(RANDOM)
@@ -202,7 +203,7 @@ def number_of_poses(campaign: Campaign) -> Finding:
     A = J[:, :, table.free] * table.free_scale * np.array([1, 1, 1, 0.3, 0.3, 0.3])[:, None]
     ranks = [rank(A[:m].reshape(-1, table.n_free)) for m in range(1, 9)]
     least = 1 + int(np.argmax(np.array(ranks) == table.n_free))
-    study, pools = campaign.pose_count, campaign.pool_sets
+    study, pools = campaign.pose_count, pool_sets_of(campaign)
     ours = f"mu >= {least}"
     tail = "The pose-count study was not played."
     if pools is not None and (pools.pose_number > 0).all():

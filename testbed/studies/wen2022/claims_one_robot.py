@@ -7,6 +7,7 @@ from testbed.studies.trial.records import Campaign, Estimate, Trial
 from testbed.studies.trial.verdict import ALARM
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.finding import Finding, Verdict
+from testbed.studies.wen2022.records import paper_budget_of, tool_point_of
 from testbed.units import MM, fixed, percent, significant
 
 LOW_SHARE = 0.7
@@ -109,7 +110,7 @@ def _gain(gain: float) -> str:
 
 def parameter_ratio(campaign: Campaign) -> Finding | None:
     """Claim 14: mean ratio of parameter uncertainties, and what it is made of."""
-    budget = campaign.paper_budget
+    budget = paper_budget_of(campaign)
     if budget is None:
         return None
     ratio = float((budget.best / budget.random).mean())
@@ -170,7 +171,7 @@ def coverage(campaign: Campaign) -> Finding | None:
     seen, played = estimate.comparison, estimate.replications
     # one calibration's poses share its error; replications say what its region holds on average
     full = float(seen.inside.mean() if played is None else played.tool_coverage.mean())
-    study, own = campaign.tool_point, ""
+    study, own = tool_point_of(campaign), ""
     share = full
     if study is not None and "ours best" in study.source:
         u = study.distance_sd[study.source.index("ours best"), 1:]
@@ -199,7 +200,7 @@ def claim_16(share: float, full: float) -> Verdict:
 
 def nonlinear(campaign: Campaign) -> Finding | None:
     """Claim 17: Monte Carlo against linear propagation of the same covariance."""
-    study = campaign.tool_point
+    study = tool_point_of(campaign)
     if study is None:
         return None
     drawn, linear = (

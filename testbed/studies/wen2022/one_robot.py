@@ -1,14 +1,9 @@
-"""Studies beside the trials: number of poses, random sets, the paper's budget, the tool point."""
-
-from collections.abc import Callable
-from typing import Any
+"""The paper's uncertainty budget, and the Monte Carlo of its tool point, on one robot."""
 
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.design import PoseCount, Problem, pose_count, random_sets
 from calib.identification.identify import identify
-from calib.information.observability import CRITERIA, Form
 from calib.uncertainty.monte_carlo import distance_spread, point_spread
 from calib.uncertainty.wen2022_budget import (
     LOCATION_POSES,
@@ -20,74 +15,13 @@ from calib.uncertainty.wen2022_budget import (
 from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
 from testbed.scenario.read import Scenario
 from testbed.streams import stream
-from testbed.studies.trial.play import criterion_of
-from testbed.studies.trial.records import (
-    PaperBudget,
-    PoseCountStudy,
-    RandomSets,
-    RandomSetsStudy,
-    ToolPointStudy,
-    Trial,
-)
+from testbed.studies.protocol import Records
+from testbed.studies.trial.records import Trial
 from testbed.studies.wen2022.paper import PARAMETERS, table3
+from testbed.studies.wen2022.records import PAPER_BUDGET, PaperBudget, ToolPointStudy
 
-Get = Callable[[str], Any]
-SPARE_POSES = 2
-"""Poses beyond the fewest where the curves begin."""
 RANDOM_BUDGET_POSES = 50
 """Poses of the random set whose repeats give u_r (Wen et al. 2022)."""
-
-
-def pose_count_study(scenario: Scenario, setting: Setting) -> PoseCountStudy:
-    """Mean index of random sets against their size, in the paper's rows where poses are full."""
-    bench = open_laboratory(scenario, setting)
-    rows = "paper" if scenario.tracker.measures == "pose" else "whitened"
-    blocks = bench.design_blocks(rows)
-    largest = min(scenario.studies.pose_count_max, len(blocks))
-    # with fewer poses some random sets are singular to rounding, and the printed O5 is infinite
-    problem = Problem.of_blocks(blocks, len(blocks), "D")
-    sizes = range(problem.fewest + SPARE_POSES, largest + 1)
-
-    def curves(form: Form) -> tuple[PoseCount, ...]:
-        rng = stream(scenario.seed, "pose_count")  # the same random sets in every form
-        return pose_count(problem, rng, counts=sizes, form=form)
-
-    printed, per_pose = curves("printed"), curves("per_pose")
-    return PoseCountStudy(
-        counts=printed[0].counts,
-        names=CRITERIA,
-        mean=np.array([curve.mean for curve in printed]),
-        mean_per_pose=np.array([curve.mean for curve in per_pose]),
-        spread=np.array([curve.sd for curve in printed]),
-        chosen=tuple(curve.chosen for curve in per_pose[:2]),
-    )
-
-
-def random_sets_study(scenario: Scenario, setting: Setting, get: Get) -> RandomSetsStudy:
-    """Each designed trial's figure beside that of random sets of the same size."""
-    bench, sets = open_laboratory(scenario, setting), []
-    for settings in scenario.trial:
-        if settings.method == "random":
-            continue
-        blocks, criterion = bench.design_blocks(settings.rows), criterion_of(bench, settings)
-        drawn = random_sets(
-            Problem.of_blocks(blocks, settings.poses, criterion),
-            stream(scenario.seed, "random_sets", settings.name),
-            sets=scenario.studies.random_sets,
-        )
-        trial: Trial = get(settings.name)
-        sets.append(
-            RandomSets(
-                trial=settings.name,
-                criterion=settings.criterion,
-                unit=criterion.unit if settings.rows == "whitened" else "1",
-                larger_is_better=criterion.larger_is_better,
-                n_poses=settings.poses,
-                chosen_value=trial.selection.value,
-                values=drawn.values,
-            )
-        )
-    return RandomSetsStudy(tuple(sets))
 
 
 def paper_estimates(bench: Laboratory, sets: list[Index], *names: str) -> Array:
@@ -106,7 +40,7 @@ def paper_estimates(bench: Laboratory, sets: list[Index], *names: str) -> Array:
     )
 
 
-def paper_budget_study(scenario: Scenario, setting: Setting, get: Get) -> PaperBudget:
+def paper_budget_study(scenario: Scenario, setting: Setting, needed: Records) -> PaperBudget:
     """The paper's contributors: repeats, number of poses, location; best set against random.
 
     References
@@ -115,7 +49,7 @@ def paper_budget_study(scenario: Scenario, setting: Setting, get: Get) -> PaperB
     """
     bench, n = open_laboratory(scenario, setting), len(setting.pool_q)
     names = bench.free("paper").free_names
-    trial: Trial = get(next(t.name for t in scenario.trial if t.method != "random"))
+    trial = needed.get(next(t.name for t in scenario.trial if t.method != "random"), Trial)
     best_repeats = next(e.repeated for e in trial.estimates if e.mode == "paper")
     rng = stream(scenario.seed, "paper_budget", "sets")
     one = rng.choice(n, min(RANDOM_BUDGET_POSES, n), replace=False)
@@ -143,18 +77,16 @@ def paper_budget_study(scenario: Scenario, setting: Setting, get: Get) -> PaperB
     )
 
 
-def tool_point_study(scenario: Scenario, setting: Setting, get: Get) -> ToolPointStudy:
+def tool_point_study(scenario: Scenario, setting: Setting, needed: Records) -> ToolPointStudy:
     """Monte Carlo of the tool point at the zero pose and the held-out poses, in both forms."""
-    from testbed.run.campaign import PAPER_BUDGET, record_keys
-
     nominal, draws = setting.nominal, scenario.uncertainty.draws
     q = np.vstack([np.zeros((1, setting.test_q.shape[1])), setting.test_q])
     sources: dict[str, tuple[tuple[str, ...], Array]] = {}
     if scenario.robot == "staubli_tx60":
         sources["table 3 best"] = (PARAMETERS, table3("u_best"))
         sources["table 3 random"] = (PARAMETERS, table3("u_random"))
-    if PAPER_BUDGET in record_keys(scenario):
-        budget: PaperBudget = get(PAPER_BUDGET)
+    if scenario.studies.paper_budget:
+        budget = needed.get(PAPER_BUDGET, PaperBudget)
         sources["ours best"] = (budget.names, budget.best)
         sources["ours random"] = (budget.names, budget.random)
     spreads = []
@@ -163,7 +95,7 @@ def tool_point_study(scenario: Scenario, setting: Setting, get: Get) -> ToolPoin
         standard[[nominal.names.index(name) for name in names]] = u
         rng = stream(scenario.seed, "tool_point", source)
         spreads.append(distance_spread(nominal, q, standard, rng, draws=draws))
-    trial: Trial = get(scenario.trial[0].name)
+    trial = needed.get(scenario.trial[0].name, Trial)
     identification = trial.estimates[0].identification
     full = point_spread(
         identification.model,

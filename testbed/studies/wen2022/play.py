@@ -4,7 +4,7 @@ Robot k of every kind is drawn from the same random numbers, meets the same pool
 Both estimators move the paper's 24 numbers. Like `comparison`, this module judges by the truth.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,7 +28,6 @@ from testbed.studies.many_robots import TruthName, alone, together, truth_of_kin
 from testbed.studies.trial.compare import INTERVAL, true_step
 from testbed.studies.wen2022.one_robot import RANDOM_BUDGET_POSES
 from testbed.studies.wen2022.records import ESTIMATORS, PoolSets, Reexamined, TrialSets
-from testbed.studies.wen2022.settings import SETS_KEY
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,23 +82,15 @@ AXES = dict.fromkeys(("pool", "before", *OF_A_TRIAL), -1) | {
 }
 
 
-def reexamined_study(
-    scenario: Scenario, setting: Setting, truth: TruthName, get: Callable[[str], Any]
+def play_robots(
+    scenario: Scenario, setting: Setting, truth: TruthName, pools: PoolSets, robots: range
 ) -> Reexamined:
-    """Play the paper's protocol on `reexamined.robots` robots of one kind.
+    """Play the paper's protocol on some robots of one kind.
 
     References
     ----------
     Wen et al. 2022, eqs. (7) to (9), Tables 1 to 3.
     """
-    robots = range(scenario.reexamined.robots)
-    return play_robots(scenario, setting, truth, get(SETS_KEY), robots)
-
-
-def play_robots(
-    scenario: Scenario, setting: Setting, truth: TruthName, pools: PoolSets, robots: range
-) -> Reexamined:
-    """Play the paper's protocol on some robots of one kind."""
     laboratory = open_laboratory(scenario, setting)
     return gather([play_robot(laboratory, truth, pools, k) for k in robots])
 

@@ -20,7 +20,8 @@ from testbed.scenario.read import Scenario, TrialSettings
 from testbed.streams import stream
 from testbed.studies.many_robots import alone, together
 from testbed.studies.trial.play import criterion_of, select
-from testbed.studies.wen2022.one_robot import RANDOM_BUDGET_POSES, SPARE_POSES
+from testbed.studies.trial.pose_counts import SPARE_POSES
+from testbed.studies.wen2022.one_robot import RANDOM_BUDGET_POSES
 from testbed.studies.wen2022.records import PoolSets, TrialSets
 
 RANDOM_SETS = 200
@@ -83,11 +84,6 @@ def noise_of(laboratory: Laboratory, parameters: Parameters) -> Noise:
 
 AXES = dict.fromkeys(("pool_q", "test_q", "pose_number"), 0)
 SET_AXES = dict.fromkeys(("indices", "u", "tool_u"), 0)
-
-
-def pool_sets_study(scenario: Scenario, setting: Setting) -> PoolSets:
-    """Draw the pools, choose every designed trial's set from each, and predict what noise does."""
-    return play_pools(scenario, setting, range(scenario.reexamined.pools))
 
 
 def play_pools(scenario: Scenario, setting: Setting, pools: range) -> PoolSets:

@@ -3,7 +3,12 @@
 from dataclasses import dataclass
 
 from calib.arrays import Array, Index
+from testbed.studies.many_robots import of_each_kind
+from testbed.studies.trial.records import Campaign
+from testbed.studies.wen2022.settings import SETS_KEY, ReexaminedSettings
 
+PAPER_BUDGET, TOOL_POINT = "paper_budget", "tool_point"
+"""Records on the one robot of the campaign."""
 ESTIMATORS = ("paper", "whitened")
 """Order of the estimators: the paper's unweighted rows, and rows whitened by their covariance.
 Both move the paper's 24 numbers."""
@@ -84,3 +89,68 @@ class Reexamined:
     """(d, R) share of the 24 numbers within 1.96 u_best of the truth."""
     distance_u: Array
     """(d, R) mean over held-out poses of the stated u of |P| [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PaperBudget:
+    """The paper's uncertainties per parameter: contributors and their combination [m, rad]."""
+
+    names: tuple[str, ...]
+    """(f,) parameter names."""
+    best_repeatability: Array
+    """(f,) u_r of the optimal set."""
+    repeatability: Array
+    """(f,) u_r of 50 random poses, v repeats."""
+    pose_number: Array
+    """(f,) u_p over sets of 30, 50, ..., 150 poses."""
+    location: Array
+    """(f,) u_w over four regions."""
+    best: Array
+    """(f,) u_best = RSS(u_r, u_c), eq. (8)."""
+    random: Array
+    """(f,) u_rand = RSS(u_r, u_c, u_p, u_w), eq. (9)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ToolPointStudy:
+    """Monte Carlo of the tool point: zero pose first, then the held-out poses.
+
+    The paper's form draws independent parameters and looks at |P|; the correct form draws from the
+    full covariance and looks at all three directions.
+    """
+
+    source: tuple[str, ...]
+    """(s,) whose uncertainties: "table 3 best", "table 3 random", "ours best", "ours random"."""
+    distance_sd: Array
+    """(s, 1 + t) sd of |P|, paper form [m]."""
+    distance_range: Array
+    """(s, 2) smallest and largest of |P| minus its mean at the zero pose [m]."""
+    spread: Array
+    """(s, 1 + t, 3) sd of x, y, z with the same independent draws [m]."""
+    trial: str
+    """Trial whose full covariance the correct form uses."""
+    covariance: Array
+    """(1 + t, 3, 3) Monte Carlo covariance of the tool point, correct form [m^2]."""
+    linear: Array
+    """(1 + t, 3, 3) closed form J C J' [m^2]."""
+    draws: int
+
+
+def paper_budget_of(campaign: Campaign) -> PaperBudget | None:
+    """The paper's uncertainties per parameter; None if nobody asked."""
+    return campaign.records.find(PAPER_BUDGET, PaperBudget)
+
+
+def tool_point_of(campaign: Campaign) -> ToolPointStudy | None:
+    """Monte Carlo of the tool point; None if nobody asked."""
+    return campaign.records.find(TOOL_POINT, ToolPointStudy)
+
+
+def pool_sets_of(campaign: Campaign) -> PoolSets | None:
+    """Pools and sets of the re-examination of the paper; None if nobody asked."""
+    return campaign.records.find(SETS_KEY, PoolSets)
+
+
+def reexamined_of(campaign: Campaign) -> tuple[Reexamined, ...]:
+    """One record per kind of robot, in the order of the scenario; none if the study is off."""
+    return of_each_kind(campaign.records, campaign.scenario.table(ReexaminedSettings), Reexamined)

@@ -6,12 +6,15 @@ from math import inf
 import numpy as np
 from scipy.special import gammaln
 
-from testbed.report.page import Block, Figure, Points, Section, Table, Text
+from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict, plain
+from testbed.studies.protocol import Answer
 from testbed.studies.trial.records import Campaign
+from testbed.studies.trial.verdict import trial_verdict
 from testbed.studies.wen2022 import plots as plots_reexamined
 from testbed.studies.wen2022 import tables as report_reexamined_tables
-from testbed.studies.wen2022.claims import Examined
+from testbed.studies.wen2022.claims import Examined, examine
 from testbed.studies.wen2022.claims_many_robots import like_the_paper, pools_of
+from testbed.studies.wen2022.records import reexamined_of
 from testbed.studies.wen2022.report_paper import claim_table
 from testbed.studies.wen2022.summary import (
     Split,
@@ -73,12 +76,12 @@ def tally(examined: Examined) -> str:
 
 def chosen_kind(campaign: Campaign) -> str:
     """On which kind of robots the claims are judged, and why."""
-    study = like_the_paper(campaign.reexamined)
-    if len(campaign.reexamined) < 2:
+    study = like_the_paper(reexamined_of(campaign))
+    if len(reexamined_of(campaign)) < 2:
         return f"Judged on {study.truth} robots."
     left = ", ".join(
         f"{fixed(float(one.error[:, 0].mean()) * MM, 3)} mm on {one.truth} robots"
-        for one in campaign.reexamined
+        for one in reexamined_of(campaign)
     )
     return (
         f"Judged on {study.truth} robots, which keep an error like the paper's after calibration "
@@ -88,8 +91,8 @@ def chosen_kind(campaign: Campaign) -> str:
 
 def next_step(campaign: Campaign) -> str:
     """What to do instead."""
-    found = statements(campaign.reexamined)
-    study = like_the_paper(campaign.reexamined)
+    found = statements(reexamined_of(campaign))
+    study = like_the_paper(reexamined_of(campaign))
     worst = min(one.shares[1].value for one in found if one.truth == study.truth)
     if worst >= 0.9:
         return "Compare pose sets of the same size, and count the same contributions on both sides."
@@ -102,13 +105,13 @@ def next_step(campaign: Campaign) -> str:
 
 def summary_table(campaign: Campaign) -> Table:
     """The page's first table: the ratio of the paper taken apart."""
-    found = (printed_split(), *splits(campaign.reexamined, pools_of(campaign)))
-    return report_reexamined_tables.split_table(found, campaign.reexamined[0].before.size)
+    found = (printed_split(), *splits(reexamined_of(campaign), pools_of(campaign)))
+    return report_reexamined_tables.split_table(found, reexamined_of(campaign)[0].before.size)
 
 
 def reexamined_section(campaign: Campaign, examined: Examined) -> Section:
     """Claims, figures and tables."""
-    studies, sets = campaign.reexamined, pools_of(campaign)
+    studies, sets = reexamined_of(campaign), pools_of(campaign)
     apart = (printed_split(), *splits(studies, sets))
     predicted, true, held = predictions(sets), errors(studies, sets), statements(studies)
     tables = report_reexamined_tables
@@ -141,14 +144,16 @@ def reexamined_section(campaign: Campaign, examined: Examined) -> Section:
     ]
     if len(studies) > 1:
         blocks.insert(2, Points(lessons(campaign)))
-    return Section("reexamined", "Wen et al. 2022, re-examined claim by claim", tuple(blocks))
+    return Section(
+        "reexamined", "Wen et al. 2022, re-examined claim by claim", tuple(blocks), part="answer"
+    )
 
 
 def lessons(campaign: Campaign) -> tuple[str, ...]:
     """What the kinds of robots tell about the protocol itself."""
-    found = splits(campaign.reexamined, pools_of(campaign))
+    found = splits(reexamined_of(campaign), pools_of(campaign))
     by_kind = {split.who: split for split in reversed(found)}
-    kinds = (by_kind[study.truth] for study in campaign.reexamined)
+    kinds = (by_kind[study.truth] for study in reexamined_of(campaign))
     return (*repeats_alone(campaign), *(number_and_place(split) for split in kinds))
 
 
@@ -172,7 +177,7 @@ def number_and_place(split: Split) -> str:
 def repeats_alone(campaign: Campaign) -> tuple[str, ...]:
     """Whether the scatter of repeats is what noise predicts, and what is printed."""
     repeats, sets = campaign.scenario.uncertainty.repeats, pools_of(campaign)
-    by_set = {one.trial: one for one in splits(campaign.reexamined, sets)}
+    by_set = {one.trial: one for one in splits(reexamined_of(campaign), sets)}
     said = []
     for one in predictions(sets):
         if one.trial in by_set and one.against == sets.sets[-1].poses and one.estimator == "paper":
@@ -209,7 +214,7 @@ NOISE_ONLY = 1.5
 
 def procedure(campaign: Campaign) -> str:
     """How the study was made."""
-    study, sets = campaign.reexamined[0], pools_of(campaign)
+    study, sets = reexamined_of(campaign)[0], pools_of(campaign)
     repeats, pools = campaign.scenario.uncertainty.repeats, len(sets.pool_q)
     robots = counted(study.before.size, "robot")
     unit = (
@@ -228,3 +233,14 @@ def procedure(campaign: Campaign) -> str:
         f"{sets.test_q.shape[1]} held-out poses of the pool. Robots of all kinds come from the "
         f"same random numbers and meet the same noise. {unit}"
     )
+
+
+def answer(campaign: Campaign) -> Answer | None:
+    """The first screen: how many claims hold; None where many robots were not played."""
+    examined = examine(campaign)
+    if examined is None or not reexamined_of(campaign):
+        return None
+    said, own = opening(campaign, examined), trial_verdict(campaign)
+    reasons = tuple(map(plain, (*said.reasons, own.sentence)))
+    verdict = Verdict(own.believable, own.contradicted, plain(said.sentence), reasons, said.mark)
+    return Answer(verdict, summary_table(campaign), next_step(campaign))

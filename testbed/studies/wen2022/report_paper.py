@@ -5,13 +5,18 @@ import numpy as np
 from calib.arrays import Array
 from calib.information.propagation import point_uncertainty
 from testbed.report.page import Block, Figure, Section, Table, Text
-from testbed.studies.trial import plots_uncertainty
-from testbed.studies.trial.records import Campaign, PaperBudget, ToolPointStudy
+from testbed.studies.trial.records import Campaign
 from testbed.studies.trial.report import NONE
-from testbed.studies.wen2022 import paper
+from testbed.studies.wen2022 import paper, plots_paper
 from testbed.studies.wen2022.claims import Examined
 from testbed.studies.wen2022.claims_one_robot import estimate_of, trial_like
 from testbed.studies.wen2022.paper import CLAIMS
+from testbed.studies.wen2022.records import (
+    PaperBudget,
+    ToolPointStudy,
+    paper_budget_of,
+    tool_point_of,
+)
 from testbed.units import DEG, MM, fixed
 
 THIS = "this campaign"
@@ -173,7 +178,7 @@ def inflation(study: ToolPointStudy, campaign: Campaign) -> str:
 
 def tool_section(campaign: Campaign) -> Section | None:
     """The tool-point study."""
-    study = campaign.tool_point
+    study = tool_point_of(campaign)
     if study is None:
         return None
     blocks: list[Block] = [
@@ -181,7 +186,7 @@ def tool_section(campaign: Campaign) -> Section | None:
         tool_table(study),
         Figure(
             "95 % regions of the tool point at the zero pose, projected on three planes.",
-            plots_uncertainty.zero_pose_regions(study),
+            plots_paper.zero_pose_regions(study),
         ),
     ]
     if study.source:
@@ -189,10 +194,10 @@ def tool_section(campaign: Campaign) -> Section | None:
             Figure(
                 "Standard uncertainty at the held-out poses: optimal against random, |P| against "
                 "three dimensions.",
-                plots_uncertainty.held_out_uncertainty(study),
+                plots_paper.held_out_uncertainty(study),
             )
         )
-    return Section("tool", "Uncertainty of the tool point", tuple(blocks))
+    return Section("tool", "Uncertainty of the tool point", tuple(blocks), part="detail")
 
 
 def paper_section(campaign: Campaign, examined: Examined | None) -> Section | None:
@@ -200,12 +205,13 @@ def paper_section(campaign: Campaign, examined: Examined | None) -> Section | No
     if examined is None:
         return None
     blocks: list[Block] = list(error_tables(campaign))
-    if campaign.paper_budget is not None:
-        blocks.append(budget_table(campaign.paper_budget))
+    budget = paper_budget_of(campaign)
+    if budget is not None:
+        blocks.append(budget_table(budget))
         blocks.append(
             Figure(
                 "Combined parameter uncertainties of the optimal set and of the random protocol.",
-                plots_uncertainty.parameter_budget(campaign.paper_budget),
+                plots_paper.parameter_budget(budget),
             )
         )
     if not examined.robots:  # else they stand first in the report
@@ -219,7 +225,7 @@ def paper_section(campaign: Campaign, examined: Examined | None) -> Section | No
             )
         )
     title = "its tables on this campaign's robot" if examined.robots else "claim by claim"
-    return Section("paper", f"Wen et al. 2022, {title}", tuple(blocks))
+    return Section("paper", f"Wen et al. 2022, {title}", tuple(blocks), part="detail")
 
 
 def claim_table(examined: Examined) -> Table:

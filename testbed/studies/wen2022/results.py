@@ -5,9 +5,14 @@ from typing import Any
 import numpy as np
 
 from testbed.studies.trial.records import Campaign
-from testbed.studies.wen2022.claims import Examined
+from testbed.studies.wen2022.claims import Examined, examine
 from testbed.studies.wen2022.claims_many_robots import like_the_paper, paper_rows, pools_of
-from testbed.studies.wen2022.records import STATEMENTS
+from testbed.studies.wen2022.records import (
+    STATEMENTS,
+    paper_budget_of,
+    reexamined_of,
+    tool_point_of,
+)
 from testbed.studies.wen2022.summary import (
     Split,
     errors,
@@ -17,14 +22,54 @@ from testbed.studies.wen2022.summary import (
     splits,
     statements,
 )
-from testbed.units import Mean
+from testbed.units import METRE, Mean, Quantity, in_si
 
 MM = 1e3
 
 
+def published(campaign: Campaign) -> list[Quantity]:
+    """The paper's ratios and tool point on this robot, and its protocol on many."""
+    found = []
+    budget, tool = paper_budget_of(campaign), tool_point_of(campaign)
+    if budget is not None:
+        key = "paper_budget/mean_u"
+        repeats = budget.best_repeatability / budget.repeatability
+        found += [
+            Quantity(f"{key}_ratio_best_to_random", float((budget.best / budget.random).mean())),
+            Quantity(f"{key}_r_ratio_best_to_random", float(repeats.mean())),
+        ]
+    if tool is not None:
+        u3 = np.sqrt((tool.spread**2).sum(axis=-1))
+        for source, distance, u in zip(tool.source, tool.distance_sd, u3, strict=True):
+            found += [
+                Quantity(f"tool_point/{source}/{name}", float(value), METRE)
+                for name, value in (
+                    ("zero_pose_u_distance_mm", distance[0]),
+                    ("held_out_mean_u_distance_mm", distance[1:].mean()),
+                    ("zero_pose_u_3d_mm", u[0]),
+                    ("held_out_mean_u_3d_mm", u[1:].mean()),
+                )
+            ]
+        full = np.sqrt(np.trace(tool.covariance, axis1=1, axis2=2))
+        key = "tool_point/full covariance"
+        found += [
+            Quantity(f"{key}/trial", tool.trial),
+            Quantity(f"{key}/zero_pose_u_3d_mm", float(full[0]), METRE),
+            Quantity(f"{key}/held_out_mean_u_3d_mm", float(full[1:].mean()), METRE),
+        ]
+    if reexamined_of(campaign):
+        found.append(Quantity("reexamined", reexamined_headline(campaign, examine(campaign))))
+    return found
+
+
+def published_arrays(campaign: Campaign) -> list[Quantity]:
+    """What each robot gave."""
+    return in_si(reexamined_arrays(campaign))
+
+
 def reexamined_headline(campaign: Campaign, examined: Examined | None) -> dict[str, Any]:
     """Every figure of the re-examination with its interval, and the verdict on each claim."""
-    studies, sets = campaign.reexamined, pools_of(campaign)
+    studies, sets = reexamined_of(campaign), pools_of(campaign)
     findings = () if examined is None else examined.findings
     return {
         "robots": studies[0].before.size,
@@ -101,7 +146,7 @@ def reexamined_arrays(campaign: Campaign) -> dict[str, np.ndarray[Any, Any]]:
     """What each robot gave."""
     return {
         f"reexamined/{study.truth}/{name}": getattr(study, field)
-        for study in campaign.reexamined
+        for study in reexamined_of(campaign)
         for name, field in (
             ("pool", "pool"),
             ("u_best", "u_best"),

@@ -1,26 +1,33 @@
 """[reexamined]: the protocol of Wen et al. 2022 on many robots of several kinds and pools."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from testbed.scenario.tables import Settings
-from testbed.scenario.tracker import At960Tracker, TrackerSettings
-from testbed.studies.many_robots import TRUTHS, TruthName, study_contradictions
-
-if TYPE_CHECKING:
-    from testbed.scenario.scenario import Scenario
+from testbed.robots.robot import Robot
+from testbed.scenario.scenario import Scenario, StudyTable
+from testbed.scenario.tables import PAPER_SET
+from testbed.scenario.tracker import At960Tracker
+from testbed.strict import Fault
+from testbed.studies.many_robots import (
+    TRUTHS,
+    TruthName,
+    keys_of,
+    table_contradictions,
+    truths_faults,
+)
 
 SETS_KEY = "reexamined.sets"
 """Record of the pools and the pose sets chosen from them, which all kinds of robots share."""
-REEXAMINED_KEYS = {f"reexamined.{truth}": truth for truth in TRUTHS}
-"""Record names, one per kind of robot: a run can be resumed between them."""
 FEWEST_POSES = 100
 """Poses of a pool below which its four regions are too poor to calibrate in each."""
 
 
-class ReexaminedSettings(Settings):
+class ReexaminedSettings(StudyTable):
     """[reexamined]: every trial's kind of set, chosen anew from each of several pools."""
+
+    table: ClassVar[str] = "reexamined"
+    keys: ClassVar[tuple[str, ...]] = (SETS_KEY, *keys_of("reexamined"))
 
     robots: Annotated[int, Field(ge=0, le=10_000)] = 0
     """Virtual robots of each kind; 0 skips the study."""
@@ -32,40 +39,48 @@ class ReexaminedSettings(Settings):
     )
     """Kinds of robots: presets of [truth] as they ship, whatever this scenario's [truth] says."""
 
-
-def reexamined_keys(settings: ReexaminedSettings) -> tuple[str, ...]:
-    """Keys of the study's records: the sets, then one per kind of robot; none if it is off."""
-    if not settings.robots:
-        return ()
-    return (SETS_KEY, *(f"reexamined.{truth}" for truth in settings.truths))
-
-
-def reexamined_contradictions(
-    settings: ReexaminedSettings, tracker: TrackerSettings, scenario: "Scenario"
-) -> list[str]:
-    """Sentences, one per contradiction of [reexamined] with itself or other tables."""
-    found = study_contradictions("reexamined", settings, tracker, scenario.identification)
-    if not settings.robots:
+    def contradictions(self, scenario: Scenario) -> list[str]:
+        """Sentences, one per contradiction with itself or other tables."""
+        found = table_contradictions(self, scenario)
+        if not self.robots:
+            return found
+        if self.robots > 1 and self.robots % self.pools:
+            nearest = max(1, round(self.robots / self.pools)) * self.pools
+            found.append(
+                f"[reexamined] robots is {self.robots} and pools is {self.pools}; every pool "
+                f"meets as many robots; write robots = {nearest}"
+            )
+        if isinstance(scenario.tracker, At960Tracker) and scenario.tracker.systematic:
+            found.append(
+                "[reexamined] asks what the paper's statements hold, which know no systematic "
+                "part; [tracker] systematic is true; write systematic = false, or robots = 0"
+            )
+        if not any(trial.method == "detmax" and trial.rows == "paper" for trial in scenario.trial):
+            found.append(
+                "[reexamined] plays the protocol of the paper, and no [[trial]] chooses its set as "
+                'there; write method = "detmax" and rows = "paper" in one, or robots = 0'
+            )
+        if scenario.pool.size < FEWEST_POSES:
+            found.append(
+                f"[pool] size is {scenario.pool.size}; [reexamined] calibrates in each quarter of "
+                f"the pool; write size = {FEWEST_POSES} or more"
+            )
         return found
-    if settings.robots > 1 and settings.robots % settings.pools:
-        nearest = max(1, round(settings.robots / settings.pools)) * settings.pools
-        found.append(
-            f"[reexamined] robots is {settings.robots} and pools is {settings.pools}; every pool "
-            f"meets as many robots; write robots = {nearest}"
-        )
-    if isinstance(tracker, At960Tracker) and tracker.systematic:
-        found.append(
-            "[reexamined] asks what the paper's statements hold, which know no systematic part; "
-            "[tracker] systematic is true; write systematic = false, or robots = 0"
-        )
-    if not any(trial.method == "detmax" and trial.rows == "paper" for trial in scenario.trial):
-        found.append(
-            "[reexamined] plays the protocol of the paper, and no [[trial]] chooses its set as "
-            'there; write method = "detmax" and rows = "paper" in one, or robots = 0'
-        )
-    if scenario.pool.size < FEWEST_POSES:
-        found.append(
-            f"[pool] size is {scenario.pool.size}; [reexamined] calibrates in each quarter of the "
-            f"pool; write size = {FEWEST_POSES} or more"
-        )
-    return found
+
+    def faults(self, scenario: Scenario, robot: Robot) -> list[Fault]:
+        """Faults of kinds of robots that this one cannot be; it needs the paper's free set."""
+        found = truths_faults(scenario, robot, self)
+        if self.robots and PAPER_SET not in robot.free_sets:
+            found.append(
+                Fault(
+                    ("reexamined", "robots"),
+                    f"[reexamined] robots is {self.robots}, but {robot.name} has no free set "
+                    f'"{PAPER_SET}", the numbers that the paper identifies',
+                    fix="write robots = 0",
+                    value=self.robots,
+                )
+            )
+        return found
+
+
+TABLE = ReexaminedSettings

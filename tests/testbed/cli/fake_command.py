@@ -9,5 +9,7 @@ from tests.testbed.studies.trial.fake_campaign import Fake
 if __name__ == "__main__":
     pause = float(os.environ.get("FAKE_PAUSE", "0"))
     failing = tuple(filter(None, os.environ.get("FAKE_FAILING", "").split(",")))
-    runner.Real = lambda: Fake(pause, failing)
+    fake = Fake(pause, failing)
+    runner.all_studies = lambda _: (fake,)
+    runner.derived_file = fake.derive
     main()

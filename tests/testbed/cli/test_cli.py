@@ -17,14 +17,19 @@ from tests.testbed.studies.trial.fake_campaign import SCENARIO, Fake, content
 ROOT = Path(__file__).parents[3]
 
 
+def install(monkeypatch, fake, place=runner):
+    """Let the command play a fake campaign."""
+    monkeypatch.setattr(place, "all_studies", lambda _: (fake,))
+    monkeypatch.setattr(place, "derived_file", fake.derive)
+
+
 @pytest.fixture
 def truebed(monkeypatch, tmp_path):
     """Call the command in an empty folder with the fake campaign."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(runner, "Real", Fake)
 
-    def call(*words, stages=Fake):
-        monkeypatch.setattr(runner, "Real", stages)
+    def call(*words, fake=Fake):
+        install(monkeypatch, fake())
         return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
 
     return call
@@ -33,7 +38,8 @@ def truebed(monkeypatch, tmp_path):
 @pytest.fixture
 def scene(tmp_path):
     """A scenario file for the fake campaign."""
-    from testbed.scenario.read import dump_scenario, scenario_of
+    from testbed.scenario.read import dump_scenario
+    from testbed.studies import scenario_of
 
     file = tmp_path / "tiny.toml"
     file.write_text(dump_scenario(scenario_of(SCENARIO)), encoding="utf-8")
@@ -107,7 +113,7 @@ def test_a_run_of_a_run_s_own_scenario_gives_the_same_bytes(truebed, scene):
 
 
 def test_a_failed_trial_gives_exit_code_1_and_is_named(truebed, scene):
-    result = truebed("run", scene, stages=lambda: Fake(failing=("trial-b",)))
+    result = truebed("run", scene, fake=lambda: Fake(failing=("trial-b",)))
     assert result.exit_code == 1
     assert "FAILED trial-b: trial-b did not work. [T0]" in result.stdout
 
@@ -117,7 +123,7 @@ def test_report_and_record_write_their_files_again(truebed, scene, verb, monkeyp
     from testbed.run import archive
 
     truebed("run", scene, "--out", "a")
-    monkeypatch.setattr(archive, "Real", Fake)
+    install(monkeypatch, Fake(), archive)
     expected = content(Path("a"))
     for name in ("report.html", "result.json", "arrays.npz", "campaign.rrd"):
         if (name == "campaign.rrd") == (verb == "record"):
@@ -138,12 +144,12 @@ def test_a_defect_of_ours_keeps_its_traceback_in_the_run_folder(truebed, scene):
         def compute(self, *_):
             return {}["missing"]
 
-    result = truebed("run", scene, stages=Broken)
+    result = truebed("run", scene, fake=Broken)
     assert result.exit_code == 70
     assert "this is a defect of truebed: KeyError: 'missing'" in result.stderr
     assert "Traceback" not in result.stderr
     assert "KeyError" in Path("runs/tiny-seed5/crash.txt").read_text()
-    result = truebed("run", scene, "--debug", "--overwrite", stages=Broken)
+    result = truebed("run", scene, "--debug", "--overwrite", fake=Broken)
     assert "Traceback" in result.stderr
 
 

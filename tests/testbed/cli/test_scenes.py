@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from testbed.assets import scenes
-from testbed.scenario.read import load_scenario
+from testbed.studies import load_scenario
 from tests.golden.write import LONG, SCENES, golden_file, headline_of
 
 TOLERANCE = 1e-6

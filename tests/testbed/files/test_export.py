@@ -9,12 +9,13 @@ from calib.errors import InputError
 from calib.identification.identify import identify
 from testbed.files.probe import probe
 from testbed.files.read import read_session
-from testbed.laboratory.bench import free_parameters
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.robots.catalog import load_robot
-from testbed.run import campaign
 from testbed.run.export import export_campaign, exported_rows
-from testbed.scenario.read import changed, load_scenario
+from testbed.scenario.free_numbers import free_parameters
+from testbed.scenario.read import changed
+from testbed.studies import load_scenario
+from tests import campaign
 
 SMALL = {
     "identification.estimators": ["whitened"],

@@ -5,7 +5,8 @@ import pytest
 
 import truebed
 from testbed.run.export import export_campaign
-from testbed.scenario.read import changed, load_scenario
+from testbed.scenario.read import changed
+from testbed.studies import load_scenario
 
 SMALL = {
     "identification.estimators": ["whitened"],

@@ -14,7 +14,8 @@ from testbed.robots.catalog import load_robot
 from testbed.run import play as runner
 from testbed.run.export import export_campaign
 from testbed.run.play import play
-from testbed.scenario.read import changed, dump_scenario, load_scenario, scenario_of
+from testbed.scenario.read import changed, dump_scenario
+from testbed.studies import load_scenario, scenario_of
 from tests.testbed.studies.trial.fake_campaign import SCENARIO, Fake
 
 SMALL = {
@@ -115,7 +116,9 @@ def test_bad_words_end_with_code_2_and_leave_nothing(exported, done, tmp_path):
 def test_run_hands_its_campaign_to_the_export(monkeypatch, tmp_path):
     handed = []
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(runner, "Real", Fake)
+    fake = Fake()
+    monkeypatch.setattr(runner, "all_studies", lambda _: (fake,))
+    monkeypatch.setattr(runner, "derived_file", fake.derive)
 
     def export(_campaign, robot, folder, **_):
         handed.append((robot.name, folder))

@@ -16,8 +16,9 @@ from calib.measurement.residual import paper_stack, stacked, whitened_blocks
 from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.laboratory.truth.robot import TrueRobot, draw_truth
 from testbed.robots.catalog import load_robot
-from testbed.scenario.read import PaperTracker, scenario_of
+from testbed.scenario.read import PaperTracker
 from testbed.scenario.truth import TruthSettings
+from testbed.studies import scenario_of
 from tests.reference import DEG, READABLE30, SIGMA_POSITION, SIGMA_ROTATION, WEN24, pool_r, tx60
 
 POOL, HELD_OUT = pool_r(), pool_r(300, seed=99)

@@ -22,8 +22,8 @@ from testbed.scenario.read import (
     CellSettings,
     PaperTracker,
     StationSettings,
-    scenario_of,
 )
+from testbed.studies import scenario_of
 
 ROBOT = load_robot("staubli_tx60")
 CHAIN = ROBOT.model.chain

@@ -11,10 +11,11 @@ from testbed.laboratory.truth.laboratory import (
     validation_start,
 )
 from testbed.robots.catalog import load_robot
-from testbed.run import campaign
 from testbed.run.play import play
-from testbed.scenario.read import Scenario, dump_scenario, parse_scenario, record_hash, scenario_of
+from testbed.scenario.read import Scenario, dump_scenario, record_hash
 from testbed.scenario.truth import TRUTH_PRESETS
+from testbed.studies import parse_scenario, scenario_of
+from tests import campaign
 
 EVERYTHING = {
     "high_harmonic_mdeg": 2.5,

@@ -16,8 +16,9 @@ from testbed.plan.programs import programs
 from testbed.plan.results import plan_numbers
 from testbed.plan.table import stops_of
 from testbed.plan.words import next_step, promise, reasons, terminal_text
-from testbed.scenario.read import dump_scenario, load_scenario
+from testbed.scenario.read import dump_scenario
 from testbed.store import layout
+from testbed.studies import load_scenario
 from tests.planned import (
     QUICK,
     ROBOT,

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from testbed.plan.plan import plan
-from testbed.scenario.read import load_scenario
+from testbed.studies import load_scenario
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "plan_tx60.json"
 

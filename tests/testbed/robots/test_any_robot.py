@@ -23,9 +23,10 @@ from testbed.robots.workspace import STAND, workspace, workspace_of_reach
 from testbed.run.play import play
 from testbed.run.recording import write_recording
 from testbed.run.report import report_html
-from testbed.scenario.read import check_robot, dump_scenario, parse_scenario, scenario_of
+from testbed.scenario.read import check_robot, dump_scenario
 from testbed.scenario.truth import TRUTH_PRESETS
 from testbed.strict import read_toml
+from testbed.studies import parse_scenario, scenario_of
 
 TX60, UR10, IIWA = (load_robot(n) for n in ("staubli_tx60", "universal_ur10", "kuka_iiwa7"))
 SCALE = 0.3

@@ -39,7 +39,8 @@ def forked(work):
 
 
 def play(out, pause=0.0, **options):
-    return play_run(scenario(), out, stages=Fake(pause), **options)
+    fake = Fake(pause)
+    return play_run(scenario(), out, studies=(fake,), derive=fake.derive, **options)
 
 
 def uninterrupted(tmp_path):
@@ -180,7 +181,7 @@ def test_f6_a_run_killed_while_recording_has_no_recording_and_loses_nothing(tmp_
                 return super().derive(name, campaign, robot, path)
 
         slow = Slow()
-        play_run(scenario(), out, stages=slow)
+        play_run(scenario(), out, studies=(slow,), derive=slow.derive)
 
     pid = forked(slow_recording)
     while not (out / layout.REPORT).exists() or not list(out.glob(f".*{layout.TEMPORARY}")):

@@ -2,21 +2,24 @@
 
 import json
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from calib.errors import CalibError, InputError, MachineError
 from testbed.run.archive import equal_runs, load_run, read_result, recording_of, rederive
+from testbed.run.derive import derived_file
 from testbed.run.play import play_run
-from testbed.scenario.read import scenario_of
 from testbed.store import layout
-from testbed.studies.protocol import Real
-from tests.testbed.studies.trial.fake_campaign import SCENARIO, Fake, content, scenario
+from testbed.studies import scenario_of
+from tests import campaign
+from tests.testbed.studies.trial.fake_campaign import SCENARIO, Fake, campaign_of, content, scenario
 
 
-def play(out, stages=None, *, what=None, **options):
-    return play_run(what or scenario(), out, stages=stages or Fake(), **options)
+def play(out, fake=None, *, what=None, **options):
+    fake = fake or Fake()
+    return play_run(what or scenario(), out, studies=(fake,), derive=fake.derive, **options)
 
 
 def test_the_same_scenario_gives_the_same_bytes_in_any_order(tmp_path):
@@ -88,7 +91,10 @@ def test_a_trial_that_fails_is_counted_with_its_reason_and_stops_nothing_else(tm
         "trial-b": "trial-b did not work. [T0]",
         "random_sets": "trial-b failed (trial-b did not work. [T0]). [T1]",
     }
-    assert [trial.name for trial in outcome.campaign.trials] == ["trial-a", "trial-c"]
+    assert [t.name for t in campaign_of(outcome.scenario, outcome.records).trials] == [
+        "trial-a",
+        "trial-c",
+    ]
     assert read_result(tmp_path)["failed"] == dict(outcome.failed)
     again = play(tmp_path, Fake(), resume=True)  # a failure is a finished record too
     assert again.failed == outcome.failed
@@ -121,10 +127,10 @@ def test_a_setting_that_cannot_be_made_leaves_nothing_behind(tmp_path):
 
 def test_too_little_memory_is_the_machine_s_fault(tmp_path):
     class Greedy(Fake):
-        def compute(self, scenario, key, get):
+        def compute(self, scenario, key, needed):
             if key == "trial-b":
                 raise MemoryError
-            return super().compute(scenario, key, get)
+            return super().compute(scenario, key, needed)
 
     with pytest.raises(MachineError, match="trial-b needs more memory"):
         play(tmp_path / "a", Greedy())
@@ -144,8 +150,11 @@ def test_a_defect_is_not_mistaken_for_a_result(tmp_path):
 
 def test_records_that_ask_for_each_other_are_a_defect(tmp_path):
     class Circle(Fake):
-        def compute(self, _, key, get):
-            return get("trial-b" if key == "trial-a" else "trial-a")
+        def records(self, scenario):
+            return tuple(
+                replace(one, needs=("trial-b" if one.key == "trial-a" else "trial-a",))
+                for one in super().records(scenario)
+            )
 
     with pytest.raises(RuntimeError, match=r"asks for itself: .*trial-a -> trial-b -> trial-a"):
         play(None, Circle(), order=["trial-a", "setting", "trial-b", "trial-c", "pose_count",
@@ -158,7 +167,7 @@ def test_an_order_must_name_each_record_once():
 
 
 def test_a_campaign_played_in_memory_equals_the_one_on_disk(tmp_path):
-    memory, disk = play(None).campaign, play(tmp_path).campaign
+    memory, disk = (campaign_of(one.scenario, one.records) for one in (play(None), play(tmp_path)))
     assert memory.setting.pool.tobytes() == disk.setting.pool.tobytes()
     assert [t.mean for t in memory.trials] == [t.mean for t in disk.trials]
 
@@ -174,10 +183,10 @@ def test_progress_counts_every_step_once(tmp_path):
 
 def test_an_unfinished_run_says_so_and_how_to_go_on(tmp_path):
     class Stopped(Fake):
-        def compute(self, scenario, key, get):
+        def compute(self, scenario, key, needed):
             if key == "trial-b":
                 raise KeyboardInterrupt
-            return super().compute(scenario, key, get)
+            return super().compute(scenario, key, needed)
 
     with pytest.raises(KeyboardInterrupt):
         play(tmp_path, Stopped())
@@ -188,7 +197,7 @@ def test_an_unfinished_run_says_so_and_how_to_go_on(tmp_path):
     with pytest.raises(InputError, match=r"has no result\.json: the run is not finished"):
         read_result(tmp_path)
     with pytest.raises(InputError, match="the record trial-b is missing or damaged"):
-        load_run(tmp_path, stages=Fake())
+        load_run(tmp_path, studies=(Fake(),))
     play(tmp_path, resume=True)
     assert not (tmp_path / layout.UNFINISHED).exists()
 
@@ -198,7 +207,7 @@ def test_derived_files_are_made_again_from_the_records(tmp_path):
     expected = content(tmp_path)
     for name in layout.DERIVED:
         (tmp_path / name).unlink()
-    rederive(tmp_path, stages=Fake())
+    rederive(tmp_path, studies=(Fake(),), derive=Fake().derive)
     assert content(tmp_path) == expected
     (tmp_path / "campaign.rrd").unlink()
     with pytest.raises(InputError, match=r"has no campaign\.rrd; write it by `truebed record"):
@@ -210,7 +219,7 @@ def test_a_scenario_changed_behind_the_records_is_refused(tmp_path):
     file = tmp_path / layout.SCENARIO
     file.write_text(file.read_text().replace("seed = 5", "seed = 6"))
     with pytest.raises(InputError, match="was changed since the run"):
-        load_run(tmp_path, stages=Fake())
+        load_run(tmp_path, studies=(Fake(),))
 
 
 def test_timing_and_log_tell_what_took_how_long_and_how_much_memory(tmp_path):
@@ -264,14 +273,17 @@ def test_a_robot_the_scenario_does_not_fit_is_refused_before_anything_is_written
 
 
 def test_the_real_campaign_names_each_record_once_and_none_twice():
-    from testbed.run import campaign
-    from testbed.scenario.read import RESERVED, load_scenario
+    from testbed.scenario.read import RESERVED
+    from testbed.studies import all_studies, load_scenario
+    from tests import campaign
 
     for name in ("quick", "wen2022", "position_only"):
         keys = campaign.record_keys(load_scenario(name))
         assert len(set(keys)) == len(keys)
         trials = {trial.name for trial in load_scenario(name).trial}
-        assert set(keys) - trials <= set(RESERVED)
+        studies = all_studies(load_scenario(name))
+        assert set(keys) - trials <= {key for study in studies for key in study.keys}
+        assert set(RESERVED) <= {key for study in studies for key in study.keys}
 
 
 REAL = {
@@ -291,34 +303,34 @@ REAL = {
 }
 
 
-class RealRecords(Real):
-    """The real campaign; report and recording are left out for time."""
+def light(name, played, path):
+    """The real derived files but report and recording, which take long."""
+    if name in (layout.RESULT, layout.ARRAYS):
+        return derived_file(name, played, path)
+    path.write_bytes(b"")
+    return b""
 
-    def derive(self, name, campaign, robot, path):
-        if name in (layout.RESULT, layout.ARRAYS):
-            return super().derive(name, campaign, robot, path)
-        path.write_bytes(b"")
-        return b""
+
+def play_light(out, what, **options):
+    return play_run(what, out, derive=light, **options)
 
 
 def test_the_real_campaign_has_the_same_bytes_in_any_order_and_after_a_stop(tmp_path):
     what = scenario_of(REAL)
-    keys = Real().record_keys(what)
-    play(tmp_path / "usual", RealRecords(), what=what)
+    keys = campaign.record_keys(what)
+    play_light(tmp_path / "usual", what)
     expected = content(tmp_path / "usual")
-    play(tmp_path / "backwards", RealRecords(), what=what, order=keys[::-1])
+    play_light(tmp_path / "backwards", what, order=keys[::-1])
     assert content(tmp_path / "backwards") == expected
     for name in ("best", "pose_count", "tool_point"):
         (tmp_path / "usual" / "trials" / f"{name}.npz").unlink()
     (tmp_path / "usual" / layout.ARRAYS).unlink()
-    outcome = play(tmp_path / "usual", RealRecords(), what=what, resume=True)
+    outcome = play_light(tmp_path / "usual", what, resume=True)
     assert set(keys) - set(outcome.kept) == {"best", "pose_count", "tool_point"}
     assert content(tmp_path / "usual") == expected
     more = [{"name": "more", "poses": 20, "method": "random"}, *REAL["trial"][:2]]
     fewer = {"random_sets": 0}
-    play(
-        tmp_path / "more", RealRecords(), what=scenario_of(REAL | {"trial": more, "studies": fewer})
-    )
+    play_light(tmp_path / "more", scenario_of(REAL | {"trial": more, "studies": fewer}))
     for name in ("setting", "best", "greedy"):
         key = f"trials/{name}.npz"
         assert content(tmp_path / "more")[key] == expected[key]

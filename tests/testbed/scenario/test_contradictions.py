@@ -4,9 +4,10 @@ import pytest
 
 from calib.errors import InputError
 from testbed.robots.catalog import load_robot
-from testbed.run import campaign
 from testbed.scenario.checks import check_robot
-from testbed.scenario.read import changed, load_scenario
+from testbed.scenario.read import changed
+from testbed.studies import load_scenario
+from tests import campaign
 
 RANDOM = [{"name": "a", "poses": 20, "method": "random"}]
 DESIGNED = {"name": "a", "poses": 20, "method": "exchange"}

@@ -10,9 +10,10 @@ from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.robots.write.folder import write_robot_folder
 from testbed.robots.write.identified import identified_robot
-from testbed.run import campaign
-from testbed.scenario.read import changed, load_scenario
+from testbed.scenario.read import changed
+from testbed.studies import load_scenario
 from testbed.studies.trial.compare import true_step
+from tests import campaign
 from tests.testbed.laboratory.outcomes import settings
 from tests.testbed.robots.robot_cases import TX60, joint_vectors
 

@@ -33,10 +33,10 @@ from testbed.robots.catalog import load_robot
 from testbed.run.archive import read_result, recording_of
 from testbed.run.play import play_run
 from testbed.scenario.checks import check_robot
-from testbed.scenario.read import load_scenario, parse_scenario, scenario_of
 from testbed.store import layout
 from testbed.store.run_folder import RunFolder, check_free
 from testbed.streams import stream
+from testbed.studies import load_scenario, parse_scenario, scenario_of
 from testbed.studies.compensation.cube import cube_joints, cube_poses
 from testbed.studies.compensation.settings import CompensationSettings
 from tests.planned import QUICK, ROBOT, scenario
@@ -93,7 +93,7 @@ def used(act):
 
 def played(**tables):
     scenario = scenario_of(deepcopy(SCENARIO) | tables)
-    return lambda _: play_run(scenario, stages=Fake(), where="scenes/mine.toml")
+    return lambda _: play_run(scenario, studies=(Fake(),), where="scenes/mine.toml")
 
 
 def without_memory(path):
@@ -101,7 +101,7 @@ def without_memory(path):
         def compute(self, *_):
             raise MemoryError
 
-    play_run(scenario_of(SCENARIO), stages=Greedy())
+    play_run(scenario_of(SCENARIO), studies=(Greedy(),))
 
 
 def on_a_wall():
@@ -312,7 +312,7 @@ CASES = {
     "no such robot": played(robot="staubli_tx06"),
     "no such parameters": played(truth={"perturb": ["theta9"]}, identification={"free": "wen2002"}),
     "negative seed": lambda _: stream(-1),
-    "wrong order": lambda _: play_run(scenario_of(SCENARIO), stages=Fake(), order=["setting"]),
+    "wrong order": lambda _: play_run(scenario_of(SCENARIO), studies=(Fake(),), order=["setting"]),
     "output exists": folder(RunFolder.create),
     "output is a file": file_in_the_way,
     "output below a file": lambda path: (path.write_text(""), RunFolder.create(path / "run")),
@@ -325,8 +325,8 @@ CASES = {
     "unfinished": folder(read_result),
     "no recording": folder(recording_of),
     "every trial failed": lambda _: play_run(
-        scenario_of(SCENARIO | {"trial": [TRIAL]}), stages=Fake(failing=("best",))
-    ),
+        scenario_of(SCENARIO | {"trial": [TRIAL]}), studies=(Fake(failing=("best",)),)
+    ).campaign,
     "not enough memory": without_memory,
     "plan with too few poses": planned(**{"plan.poses": 3}),
     "plan with too many poses": planned(**{"plan.poses": 61}),

@@ -17,14 +17,12 @@ from testbed.scenario.read import (
     RESERVED,
     changed,
     dump_scenario,
-    load_scenario,
-    parse_scenario,
-    record_hash,
     robot_hash,
     scenario_hash,
-    scenario_of,
 )
 from testbed.scenario.scenario import Scenario
+from testbed.studies import declared_tables, load_scenario, parse_scenario, scenario_of
+from tests.campaign import record_hash
 
 SMALL = {
     "format": 1,
@@ -57,9 +55,10 @@ def test_each_scene_survives_being_written_with_every_default(name):
     written = tomllib.loads(text)
     for table, model in (("", Scenario), *((k, None) for k in written)):
         if model is not None:
-            assert set(written) == set(model.model_fields)
+            assert set(written) == set(model.model_fields) | set(scenario.tables)
         elif isinstance(written[table], dict):
-            fields = set(type(getattr(scenario, table)).model_fields)
+            settings = scenario.tables.get(table) or getattr(scenario, table)
+            fields = set(type(settings).model_fields)
             # a table that is not there says that there is no prior
             assert set(written[table]) == fields - {"prior"}
 
@@ -74,7 +73,7 @@ def test_each_scene_survives_being_written_with_every_default(name):
                    max_size=4, unique=True),
 )  # fmt: skip
 def test_any_scenario_survives_the_file(seed, title, station, noise, margin, names):
-    names = [name for name in names if name not in RESERVED] or ["x"]
+    names = [name for name in names if name not in TAKEN] or ["x"]
     scenario = small(
         seed=seed,
         title=title,
@@ -183,13 +182,14 @@ def test_each_mistake_names_the_table_the_key_the_value_and_the_fix(tables, mess
 
 
 TRIAL = {"name": "a", "poses": 20, "method": "random"}
+TAKEN = (*RESERVED, *(key for table in declared_tables(()).values() for key in table.keys))
 
 
 @pytest.mark.parametrize(
     ("trials", "message"),
     [
         ([TRIAL, TRIAL], '[[trial]] name "a" is used 2 times; rename all but one'),
-        *(([TRIAL | {"name": name}], "has a reserved name") for name in RESERVED),
+        *(([TRIAL | {"name": name}], "has a reserved name") for name in TAKEN),
         ([TRIAL | {"poses": 2000}], "poses is 2000; [pool] size is 1000"),
         ([TRIAL | {"method": "detmx"}], 'did you mean "detmax"?'),
         ([TRIAL | {"criterion": "T"}], 'criterion is "T"; allowed are "D", "A", "V", "G"'),
@@ -318,12 +318,20 @@ ROBOT = load_robot("staubli_tx60")
 KEYS = ("setting", "a", "b", "pose_count", "random_sets", "paper_budget", "tool_point")
 
 
+ON = {"pose_count": True, "paper_budget": True, "tool_point": True}
+
+
+def played(**tables):
+    """The small scenario with every study of [studies] on."""
+    return small(**tables | {"studies": ON | tables.get("studies", {})})
+
+
 def moved_by(change):
     """Keys whose record hash a change moves."""
     return {
         key
         for key in KEYS
-        if record_hash(small(), ROBOT, key) != record_hash(small(**change), ROBOT, key)
+        if record_hash(played(), ROBOT, key) != record_hash(played(**change), ROBOT, key)
     }
 
 
@@ -332,7 +340,7 @@ def test_a_record_hash_moves_with_what_the_record_depends_on_and_with_nothing_el
     other = {"name": "b", "poses": 21, "method": "greedy"}
     assert moved_by({"title": "other"}) == set()
     assert moved_by({"name": "other"}) == set()
-    assert moved_by({"studies": {"tool_point": True}}) == studies
+    assert moved_by({"studies": {"random_sets": 99}}) == studies
     assert moved_by({"trial": [SMALL["trial"][0], other]}) == {"b"} | studies
     assert moved_by({"trial": SMALL["trial"][::-1]}) == studies
     assert moved_by({"uncertainty": {"repeats": 3}}) == set(KEYS) - {"setting"}
@@ -340,7 +348,7 @@ def test_a_record_hash_moves_with_what_the_record_depends_on_and_with_nothing_el
     for change in ({"seed": 4}, {"pool": {"size": 99}}, {"test": {"poses": 9}},
                    {"truth": {"preset": "rigid"}}, {"tracker": {"preset": "at960"}}):  # fmt: skip
         assert moved_by(change) == set(KEYS)
-    assert len({record_hash(small(), ROBOT, key) for key in KEYS}) == len(KEYS)
+    assert len({record_hash(played(), ROBOT, key) for key in KEYS}) == len(KEYS)
 
 
 def test_the_scenario_hash_moves_with_every_key():

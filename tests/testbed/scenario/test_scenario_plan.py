@@ -7,15 +7,9 @@ import pytest
 
 from calib.errors import InputError
 from testbed.robots.catalog import load_robot
-from testbed.scenario.read import (
-    changed,
-    dump_scenario,
-    load_scenario,
-    parse_scenario,
-    record_hash,
-    scenario_hash,
-    scenario_of,
-)
+from testbed.scenario.read import changed, dump_scenario, scenario_hash
+from testbed.studies import load_scenario, parse_scenario, scenario_of
+from tests.campaign import record_hash
 
 TRIAL = {"name": "a", "poses": 20, "method": "random"}
 SMALL = {"format": 1, "name": "small", "robot": "staubli_tx60", "trial": [TRIAL]}

@@ -232,7 +232,10 @@ def secret_section(campaign: Campaign) -> Section:
         f"their sum they do {millimetres(validation.interaction_rms, 2)} mm together.",
     )
     return Section(
-        "secret", "The secret: what makes this robot wrong", (Text(_secret(rows)), table)
+        "secret",
+        "The secret: what makes this robot wrong",
+        (Text(_secret(rows)), table),
+        part="campaign",
     )
 
 

@@ -14,14 +14,16 @@ from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.robots.catalog import load_robot
 from testbed.run.results import arrays, headline
 from testbed.scenario.checks import check_robot
-from testbed.scenario.hashes import record_hash
-from testbed.scenario.read import changed, load_scenario
+from testbed.scenario.read import changed
 from testbed.store.codec import pack, unpack
+from testbed.studies import load_scenario
 from testbed.studies.compensation.cube import cube_joints, cube_poses
 from testbed.studies.compensation.play import execute, gather, play_robots, robot_of
-from testbed.studies.compensation.records import CompensationStudy
+from testbed.studies.compensation.records import CompensationStudy, compensation_of
 from testbed.studies.compensation.report import compensation_section, sentences, summary_table
+from testbed.studies.compensation.settings import CompensationSettings
 from testbed.studies.compensation.summary import mean_accuracy, outcomes
+from tests.campaign import record_hash
 from tests.reported import assert_same, played
 from tests.testbed.scenario.test_messages import on_a_wall
 
@@ -42,7 +44,7 @@ def campaign():
 
 @pytest.fixture(scope="module")
 def studies(campaign):
-    return {study.truth: study for study in campaign.compensation}
+    return {study.truth: study for study in compensation_of(campaign)}
 
 
 def test_the_figures_of_a_robot_come_out_by_hand_too(campaign, studies):
@@ -111,7 +113,7 @@ def test_robots_of_all_kinds_meet_the_same_noise_and_a_robot_more_changes_none(c
     smaller = played("compensate", SMALL | {"compensation.robots": 2,
                                             "compensation.truths": ["rigid"]})  # fmt: skip
     np.testing.assert_array_equal(
-        smaller.compensation[0].figures, studies["rigid"].figures[..., :2, :]
+        compensation_of(smaller)[0].figures, studies["rigid"].figures[..., :2, :]
     )
     np.testing.assert_array_equal(studies["rigid"].T, studies["elastic"].T)
 
@@ -134,7 +136,7 @@ def test_the_report_says_how_good_and_how_good_that_can_be_known(campaign, studi
     table = section.blocks[1]
     assert len(table.rows) == 3 * len(studies)
     assert all(len(row) == len(table.head) for row in table.rows)
-    assert [row[0] for row in summary_table(campaign.compensation).rows] == list(studies)
+    assert [row[0] for row in summary_table(compensation_of(campaign)).rows] == list(studies)
     found = headline(campaign)["compensation"]
     chosen = found["truths"]["rigid"]["chosen"]
     assert chosen["AP"]["median_mm"] == pytest.approx(outcomes(studies["rigid"])[2].ap.value * 1e3)
@@ -150,7 +152,7 @@ def test_a_robot_that_comes_out_worse_is_said(studies):
 
 
 def test_the_five_poses_lie_in_one_plane_of_the_cube_and_one_configuration(campaign, studies):
-    study, settings = studies["rigid"], campaign.scenario.compensation
+    study, settings = studies["rigid"], campaign.scenario.table(CompensationSettings)
     p = study.T[:, :3, 3]
     center = np.array(settings.center_mm) / 1e3
     np.testing.assert_allclose(p[0], center, atol=1e-15)
@@ -169,15 +171,17 @@ def test_a_cube_out_of_reach_or_in_the_floor_names_the_pose(campaign):
     chain = robot.model.chain
     simulator = Simulator(robot, chain, cell_from(scenario.cell, chain))
     for change, pose in (({"compensation.center_mm": [900.0, 0.0, 100.0]}, "pose 1"),):
-        settings = changed(scenario, change).compensation
+        settings = changed(scenario, change).table(CompensationSettings)
         T = cube_poses(settings, chain.T_world_base)
         with pytest.raises(InputError, match=pose):
             cube_joints(robot, simulator, T)
     lifted = inverse_transform(np.eye(4))
     lifted[:3, 3] = 1, 2, 3
-    there = cube_poses(scenario.compensation, lifted)[:, :3, 3]
+    there = cube_poses(scenario.table(CompensationSettings), lifted)[:, :3, 3]
     np.testing.assert_allclose(
-        there - [1, 2, 3], cube_poses(scenario.compensation, np.eye(4))[:, :3, 3], atol=1e-12
+        there - [1, 2, 3],
+        cube_poses(scenario.table(CompensationSettings), np.eye(4))[:, :3, 3],
+        atol=1e-12,
     )
 
 
@@ -220,7 +224,7 @@ def test_a_record_depends_on_its_own_kind_and_on_no_other_trial():
 def test_full_size_rigid_below_twenty_micrometres_and_all_kinds_at_their_models_level(preset):
     change = {"compensation.robots": 40, "tracker": {"preset": preset}}
     campaign = played("compensate", change)
-    for study in campaign.compensation:
+    for study in compensation_of(campaign):
         _, _, chosen = outcomes(study)
         if study.truth == "rigid":
             assert chosen.ap.value < 20e-6 + chosen.ap.floor

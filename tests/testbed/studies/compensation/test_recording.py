@@ -1,13 +1,12 @@
 """The corrected program in a recording: its curves and clouds are the record's numbers."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from testbed.studies.compensation.recording import chapters, factor, shown
-from testbed.studies.compensation.records import CompensationStudy
+from testbed.studies.compensation.records import CompensationStudy, compensation_of
 from tests import viewed
+from tests.campaign import with_records
 from tests.recorded import column, record, scalars, small_campaign, store, timeline
 
 ROBOTS, POSES, CYCLES = 2, 5, 4
@@ -42,7 +41,9 @@ def study(truth):
 
 @pytest.fixture(scope="module")
 def campaign():
-    return replace(small_campaign(), compensation=(study("rigid"), study("wen2022")))
+    return with_records(
+        small_campaign(), compensation__rigid=study("rigid"), compensation__wen2022=study("wen2022")
+    )
 
 
 @pytest.fixture(scope="module")
@@ -56,14 +57,14 @@ def opened(path):
 
 
 def test_the_kind_of_the_scenario_is_shown_and_without_it_the_first(campaign):
-    one = shown(campaign.compensation, campaign.scenario)
-    assert one is campaign.compensation[1]
-    assert shown(campaign.compensation[:1], campaign.scenario).truth == "rigid"
+    one = shown(compensation_of(campaign), campaign.scenario)
+    assert one is compensation_of(campaign)[1]
+    assert shown(compensation_of(campaign)[:1], campaign.scenario).truth == "rigid"
     assert shown((), campaign.scenario) is None
 
 
 def test_the_curves_are_ap_in_micrometres_bit_for_bit(opened, campaign):
-    figures = campaign.compensation[1].figures
+    figures = compensation_of(campaign)[1].figures
     for name, variant, start in (("before", 0, 0), ("after", 2, POSES)):
         at, values = scalars(opened, f"/compensate/{name}", "visit")
         assert at.tolist() == list(range(start, start + POSES))
@@ -71,7 +72,7 @@ def test_the_curves_are_ap_in_micrometres_bit_for_bit(opened, campaign):
 
 
 def test_readings_end_where_they_were_read_so_many_times_larger(opened, campaign):
-    one = campaign.compensation[1]
+    one = compensation_of(campaign)[1]
     times = factor(one)
     command = one.T[:, :3, 3]
     for name, variant in (("before", 0), ("chosen", 2)):
@@ -86,7 +87,7 @@ def test_readings_end_where_they_were_read_so_many_times_larger(opened, campaign
 
 
 def test_the_robot_stops_at_the_targets_as_written_and_then_as_corrected(campaign):
-    one, story = campaign.compensation[1], timeline(campaign)
+    one, story = compensation_of(campaign)[1], timeline(campaign)
     phase = story.phase("compensate")
     assert phase.stop == story.n_steps
     stops = np.vstack([one.targets[0, 0], one.targets[2, 0]])
@@ -95,8 +96,8 @@ def test_the_robot_stops_at_the_targets_as_written_and_then_as_corrected(campaig
 
 
 def test_the_words_say_what_the_figures_say(campaign):
-    one = campaign.compensation[1]
-    (chapter,) = chapters(campaign.compensation, campaign.scenario)
+    one = compensation_of(campaign)[1]
+    (chapter,) = chapters(compensation_of(campaign), campaign.scenario)
     text = "\n".join(chapter.text)
     assert f"mean AP {1e6 * one.figures[0, 0, 0, 0].mean():.0f} to" in text
     assert f"drawn {factor(one)} times" in text

@@ -16,14 +16,15 @@ from testbed.run.play import play
 from testbed.run.report import page_of
 from testbed.run.results import arrays, headline
 from testbed.scenario.checks import check_robot
-from testbed.scenario.hashes import record_hash
-from testbed.scenario.read import changed, load_scenario
+from testbed.scenario.read import changed
 from testbed.store.codec import pack, unpack
+from testbed.studies import load_scenario
 from testbed.studies.coverage.play import gather, judge_model, measure_robot, models, play_robots
-from testbed.studies.coverage.records import CoverageStudy
+from testbed.studies.coverage.records import CoverageStudy, coverage_of
 from testbed.studies.coverage.report import believable_sentence, coverage_section, unnoticed
 from testbed.studies.coverage.summary import cells, followed, numbers_check, uniform_p
 from testbed.studies.many_robots import mean_over_robots
+from tests.campaign import record_hash
 from tests.reported import VERSIONS, assert_same, played
 from tests.sbc import evenness, prior_ranks
 from tests.testbed.scenario.test_messages import on_a_wall
@@ -52,7 +53,7 @@ def visit(campaign):
 
 
 def study_of(campaign, truth):
-    return next(study for study in campaign.coverage if study.truth == truth)
+    return next(study for study in coverage_of(campaign) if study.truth == truth)
 
 
 def fitted(visit, model):
@@ -142,7 +143,7 @@ def test_a_robots_numbers_hang_on_no_other_robot_and_no_other_kind(campaign):
 
 
 def test_robots_differ_and_all_kinds_meet_the_same_poses(campaign):
-    earlier = np.array([study.before for study in campaign.coverage])
+    earlier = np.array([study.before for study in coverage_of(campaign)])
     assert len(np.unique(earlier)) == earlier.size
     # wen2022 is rigid plus sag and harmonics: the same geometry, so much the same error
     rigid, sagging = study_of(campaign, "rigid").before, study_of(campaign, "wen2022").before
@@ -167,14 +168,14 @@ def test_the_judge_never_lets_the_truth_into_a_statement(visit):
 
 
 def test_only_a_model_that_holds_the_truth_is_judged_number_by_number(campaign):
-    assert [study.truth for study in campaign.coverage if study.names] == ["rigid"]
+    assert [study.truth for study in coverage_of(campaign) if study.names] == ["rigid"]
     study = study_of(campaign, "rigid")
     assert study.normal_error.shape == (30, 3)
     # chi-square with 30 degrees of freedom; 1e-6 tails
     low, high = stats.chi2.ppf([1e-6, 1 - 1e-6], 30)
     assert ((low < study.nees) & (study.nees < high)).all()
     fixed = {"identification.free": ["theta2", "theta3"], "coverage.truths": ["rigid"]}
-    assert played("coverage", SMALL | fixed).coverage[0].names == ()
+    assert coverage_of(played("coverage", SMALL | fixed))[0].names == ()
 
 
 def synthetic(inside, **changes):
@@ -281,7 +282,7 @@ def test_the_model_based_region_holds_what_a_station_gets_wrong_all_along():
         "coverage.truths": ["rigid"],
         "coverage.robots": 6,
     }
-    (study,) = played("coverage", SMALL | changes).coverage
+    (study,) = coverage_of(played("coverage", SMALL | changes))
     assert (study.inside.mean(axis=2) > 0.9).all()
     # mean of six chi-square values with 30 degrees of freedom; 1e-6 tails
     low, high = stats.chi2.ppf([1e-6, 1 - 1e-6], 180) / 6
@@ -331,11 +332,11 @@ def test_a_run_goes_on_between_two_kinds_of_robots(tmp_path, campaign):
     (tmp_path / "run" / "result.json").unlink()
     again = play(scenario, tmp_path / "run", resume=True)
     assert (tmp_path / "run" / "trials" / "coverage.rigid.npz").read_bytes() == first
-    assert np.array_equal(again.coverage[1].inside, study_of(campaign, "soft").inside)
+    assert np.array_equal(coverage_of(again)[1].inside, study_of(campaign, "soft").inside)
 
 
 def test_a_record_survives_the_disk(campaign):
-    for study in campaign.coverage:
+    for study in coverage_of(campaign):
         again = unpack(CoverageStudy, pack(study))
         assert np.array_equal(again.inside, study.inside)
         assert again.names == study.names
@@ -357,7 +358,7 @@ def test_the_report_opens_with_the_answer_and_has_every_cell(campaign):
 
 def test_scenes_without_the_study_say_nothing_of_it():
     bare = played("coverage", SMALL | {"coverage.robots": 0})
-    assert bare.coverage == ()
+    assert coverage_of(bare) == ()
     assert coverage_section(bare) is None
     assert "coverage" not in headline(bare)
 

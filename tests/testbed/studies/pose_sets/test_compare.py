@@ -14,15 +14,18 @@ from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
 from testbed.report.page import render
 from testbed.run.report import page_of
 from testbed.run.results import headline
-from testbed.scenario.read import changed, load_scenario, record_hash
+from testbed.scenario.read import changed
 from testbed.scenario.scenario import TrialSettings
 from testbed.streams import stream
+from testbed.studies import load_scenario
 from testbed.studies.many_robots import family_confidence, log_ratio_over_robots, outcome_of
 from testbed.studies.pose_sets import report as report_pose_sets
 from testbed.studies.pose_sets.compare import contest_of
 from testbed.studies.pose_sets.play import set_for
 from testbed.studies.pose_sets.plots import forest, kinds
+from testbed.studies.pose_sets.records import population_of
 from testbed.studies.trial.play import criterion_of, select
+from tests.campaign import record_hash, with_records
 from tests.reported import VERSIONS, played, read
 
 ROBOTS, SIZES = 6, (15, 29)
@@ -57,14 +60,14 @@ def with_errors(errors):
     campaign = crowd()
     values = np.array(errors)[:, None, :]
     study = replace(
-        campaign.population,
+        population_of(campaign),
         mean_error=values,
         rms_error=values,
         stated_u=np.full(values.shape, 1e-5),
         goal_u=np.full(np.shape(errors), 1e-5),
         before=np.full(np.shape(errors)[1], 5e-4),
     )
-    return replace(campaign, population=study)
+    return with_records(campaign, population=study)
 
 
 def lucky(rng, factors, robots, noise=0.1):
@@ -117,8 +120,8 @@ def test_a_set_compared_with_itself_has_ratio_one_exactly():
 
 def test_a_copy_of_the_random_set_is_undecided_with_ratio_one():
     campaign = crowd()
-    errors = campaign.population.mean_error[:, 0].copy()
-    names = campaign.population.trials
+    errors = population_of(campaign).mean_error[:, 0].copy()
+    names = population_of(campaign).trials
     errors[names.index("d-29")] = errors[names.index("random-29")]
     (entry,) = (e for e in contest_of(with_errors(errors)).entries if e.trial.name == "d-29")
     assert (entry.ratio.value, entry.joint.low, entry.joint.high) == (0.0, 0.0, 0.0)
@@ -129,10 +132,9 @@ def test_a_copy_of_the_random_set_is_undecided_with_ratio_one():
 def test_the_order_of_the_trials_changes_nothing():
     campaign = crowd()
     order = np.random.default_rng(3).permutation(len(campaign.trials))
-    study = campaign.population
-    shuffled = replace(
-        campaign,
-        trials=tuple(campaign.trials[i] for i in order),
+    study = population_of(campaign)
+    shuffled = with_records(
+        replace(campaign, trials=tuple(campaign.trials[i] for i in order)),
         population=replace(
             study,
             trials=tuple(study.trials[i] for i in order),
@@ -153,8 +155,8 @@ def test_the_order_of_the_trials_changes_nothing():
 
 def test_trials_played_in_another_order_meet_the_same_robots_with_the_same_sets():
     campaign, reverse = crowd(), {**SMALLER, "trial": trials()[::-1], "studies.population": 2}
-    again = played("pose_sets", reverse).population
-    first = campaign.population
+    again = population_of(played("pose_sets", reverse))
+    first = population_of(campaign)
     for name in ("v-29", "random-15", "paper-o2-29"):
         i, k = first.trials.index(name), again.trials.index(name)
         assert np.array_equal(first.mean_error[i, :, :2], again.mean_error[k])
@@ -164,7 +166,7 @@ def test_trials_played_in_another_order_meet_the_same_robots_with_the_same_sets(
 @pytest.mark.parametrize("factor", [0.8, 0.97, 1.0, 1.03, 1.25])
 @pytest.mark.parametrize("noise", [1e-3, 0.05, 0.4])
 def test_the_sentence_says_worse_exactly_when_the_interval_lies_above_one(factor, noise):
-    names = crowd().population.trials
+    names = population_of(crowd()).trials
     factors = [1.0 if name.startswith("random") else factor for name in names]
     rng = np.random.default_rng(int(1000 * factor * (1 + noise)))
     errors = lucky(rng, factors, 12, noise)
@@ -187,7 +189,7 @@ def test_the_sentence_says_worse_exactly_when_the_interval_lies_above_one(factor
 
 
 def test_a_sentence_reads_as_it_should():
-    names = crowd().population.trials
+    names = population_of(crowd()).trials
     rng = np.random.default_rng(4)
     factors = [1.0 if name.startswith("random") else 1.12 for name in names]
     factors[names.index("v-29")] = 0.9
@@ -204,7 +206,7 @@ def test_a_sentence_reads_as_it_should():
 
 
 def test_a_set_that_is_better_leads_even_if_an_undecided_one_has_the_smaller_mean():
-    names = crowd().population.trials
+    names = population_of(crowd()).trials
     rng = np.random.default_rng(6)
     errors = lucky(rng, [0.95 if name == "v-29" else 1.0 for name in names], 40, 1e-5)
     luck = rng.normal(size=40)
@@ -274,14 +276,17 @@ def test_the_figure_of_a_v_trial_is_the_tool_point_u_worked_out_by_hand():
     trial = next(t for t in crowd().trials if t.name == "v-29")
     # central differences of 1e-6 leave 1e-9 relative; the inverse loses cond^2 * eps = 1e-12
     assert trial.selection.value == pytest.approx(brute_force_u(trial.selection.indices), rel=1e-7)
-    study = crowd().population
+    study = population_of(crowd())
     i = study.trials.index("v-29")
     assert study.goal_u[i] == pytest.approx(trial.selection.value, rel=1e-9)
 
 
 def test_a_random_set_promises_another_u_to_each_robot():
     campaign = crowd()
-    study, trial = campaign.population, next(t for t in campaign.trials if t.name == "random-15")
+    study, trial = (
+        population_of(campaign),
+        next(t for t in campaign.trials if t.name == "random-15"),
+    )
     i = study.trials.index("random-15")
     assert len(np.unique(study.goal_u[i])) == ROBOTS
     places = set_for(bench(), trial, 3)
@@ -314,7 +319,7 @@ def test_a_trial_depends_on_the_goal_only_if_its_criterion_does():
 
 def test_a_goal_out_of_reach_is_refused_before_any_trial():
     from calib.errors import InputError
-    from testbed.run import campaign
+    from tests import campaign
 
     far = {"kind": "list", "tool_mm_deg": [[9000.0, 0.0, 0.0, 0.0, 0.0, 0.0]]}
     scenario = changed(crowd().scenario, {"plan.goal": far})
@@ -372,4 +377,4 @@ def test_few_trials_make_no_contest():
     campaign = crowd()
     assert has_contest(campaign)
     assert not has_contest(replace(campaign, trials=campaign.trials[:4]))
-    assert not has_contest(replace(campaign, population=None))
+    assert not has_contest(with_records(campaign, population=None))

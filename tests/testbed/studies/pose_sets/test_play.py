@@ -7,6 +7,7 @@ from scipy import stats
 from testbed.run.results import headline
 from testbed.studies.many_robots import log_ratio_over_robots, mean_over_robots
 from testbed.studies.pose_sets.play import gather, play_robots
+from testbed.studies.pose_sets.records import population_of
 from testbed.studies.pose_sets.report_population import outcome, population_section
 from tests.reported import SMALL, assert_same, played
 
@@ -20,7 +21,7 @@ def crowd():
 
 
 def test_each_trial_and_estimator_has_one_figure_per_robot(crowd):
-    study = crowd.population
+    study = population_of(crowd)
     assert study.mean_error.shape == (2, 2, ROBOTS)
     assert len(np.unique(study.before)) == ROBOTS
     assert (study.rms_error >= study.mean_error).all()
@@ -29,7 +30,7 @@ def test_each_trial_and_estimator_has_one_figure_per_robot(crowd):
 
 def test_on_rigid_robots_stated_u_is_the_empirical_error(crowd):
     """Each rms over 20 robots and 20 poses; poses share a robot's 30 numbers."""
-    study = crowd.population
+    study = population_of(crowd)
     for i in range(2):
         rms = np.sqrt(np.mean(study.rms_error[i, 0] ** 2))
         u = np.sqrt(np.mean(study.stated_u[i, 0] ** 2))
@@ -81,4 +82,4 @@ def test_the_report_has_the_section_only_where_many_robots_were_played(crowd):
 def test_robots_played_in_pieces_are_those_played_at_once(crowd):
     given = crowd.scenario, crowd.setting, crowd.trials
     parts = [play_robots(*given, range(3)), play_robots(*given, range(3, ROBOTS))]
-    assert_same(gather(parts), crowd.population)
+    assert_same(gather(parts), population_of(crowd))

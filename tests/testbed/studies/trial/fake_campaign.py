@@ -9,9 +9,13 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.errors import CalibError
-from testbed.scenario.read import Scenario, scenario_of
+from testbed.scenario.hashes import part, shared_part
+from testbed.scenario.read import Scenario
 from testbed.store import layout, npz
 from testbed.streams import stream
+from testbed.studies import scenario_of
+from testbed.studies.protocol import Record
+from testbed.studies.trial.records import campaign_of as real_campaign_of
 
 SCENARIO = {
     "format": 1,
@@ -60,26 +64,38 @@ class FakeCampaign:
     scenario: Scenario
     setting: FakeSetting
     trials: tuple[FakeTrial, ...]
-    studies: tuple[FakeStudy, ...]
 
 
 class Fake:
-    """Stages that take `pause` seconds each; trials named in `failing` fail."""
+    """A study whose records take `pause` seconds each; trials named in `failing` fail."""
+
+    name, settings, keys = "fake", None, ("setting", "pose_count", "random_sets")
 
     def __init__(self, pause: float = 0.0, failing: tuple[str, ...] = (), size: int = 100) -> None:
         self.pause, self.failing, self.size = pause, failing, size
         self.computed: list[str] = []
 
     def record_keys(self, scenario):
-        on = ("pose_count" if scenario.studies.pose_count else "",)
-        on += ("random_sets" if scenario.studies.random_sets else "",)
-        return ("setting", *(t.name for t in scenario.trial), *filter(None, on))
+        return tuple(record.key for record in self.records(scenario))
 
-    def record_type(self, key):
-        studies = {"setting": FakeSetting, "pose_count": FakeStudy, "random_sets": FakeStudy}
-        return studies.get(key, FakeTrial)
+    def records(self, scenario):
+        shared = shared_part(scenario)
+        everything = shared | part(scenario, "studies", "trial")
+        trials = tuple(trial.name for trial in scenario.trial)
+        kept = [Record("setting", FakeSetting, shared, vital=True)]
+        for trial in scenario.trial:
+            reads = shared | {"trial": trial.model_dump(mode="json")}
+            kept.append(Record(trial.name, FakeTrial, reads, needs=("setting",)))
+        if scenario.studies.pose_count:
+            kept.append(Record("pose_count", FakeStudy, everything, needs=("setting",)))
+        if scenario.studies.random_sets:
+            kept.append(Record("random_sets", FakeStudy, everything, needs=trials))
+        return tuple(kept)
 
-    def compute(self, scenario, key, get):
+    def play(self, scenario, task, needed):
+        return self.compute(scenario, task.key, needed)
+
+    def compute(self, scenario, key, needed):
         time.sleep(self.pause)
         self.computed.append(key)
         rng = stream(scenario.seed, "fake", key)
@@ -88,25 +104,36 @@ class Fake:
             return FakeSetting(rng.normal(size=(self.size, 3)), inner)
         if key in self.failing:
             raise CalibError(f"{key} did not work", code="T0")
-        pool = get("setting").pool
+        if key == "random_sets":
+            return FakeStudy(sum(needed.get(t.name, FakeTrial).mean for t in scenario.trial))
+        pool = needed.get("setting", FakeSetting).pool
         if key == "pose_count":
             return FakeStudy(float(pool.sum()))
-        if key == "random_sets":
-            return FakeStudy(sum(get(trial.name).mean for trial in scenario.trial))
         values = pool.T @ rng.normal(size=(self.size, 4))
         return FakeTrial(key, values, float(values.mean()))
 
-    def gather(self, scenario, get):
-        studies = [k for k in self.record_keys(scenario) if k in ("pose_count", "random_sets")]
-        return FakeCampaign(
-            scenario,
-            get("setting"),
-            tuple(get(trial.name) for trial in scenario.trial),
-            tuple(get(key) for key in studies),
-        )
+    def gather(self, scenario, key, parts):
+        return parts[0]
 
-    def derive(self, name, campaign, _robot, path: Path):
+    def answer(self, scenario, records):
+        return None
+
+    def results(self, scenario, records):
+        return ()
+
+    def arrays(self, scenario, records):
+        return ()
+
+    def sections(self, scenario, records, *, first):
+        return ()
+
+    def recording(self, scenario, records):
+        return ()
+
+    def derive(self, name, played, path: Path):
+        """Derived files of a fake: small, and the recording takes its time."""
         time.sleep(self.pause)
+        campaign = campaign_of(played.scenario, played.records)
         values = {trial.name: trial.values for trial in campaign.trials}
         if name == layout.RESULT:
             return npz.pretty_json(result(campaign))
@@ -120,6 +147,15 @@ class Fake:
             time.sleep(self.pause)
             file.write(np.concatenate([*values.values()]).tobytes())
         return None
+
+
+def campaign_of(scenario, records):
+    """The fake campaign in finished records."""
+    found = [records.find(trial.name, FakeTrial) for trial in scenario.trial]
+    trials = tuple(trial for trial in found if trial is not None)
+    if not trials:
+        return real_campaign_of(scenario, records)  # says why
+    return FakeCampaign(scenario, records.get("setting", FakeSetting), trials)
 
 
 def result(campaign: FakeCampaign) -> dict[str, object]:

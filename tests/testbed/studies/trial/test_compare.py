@@ -7,10 +7,11 @@ from scipy import stats
 from calib.identification.identify import identify
 from calib.measurement import tables
 from testbed.laboratory.truth.laboratory import open_laboratory
-from testbed.run import campaign
-from testbed.scenario.read import changed, load_scenario
+from testbed.scenario.read import changed
+from testbed.studies import load_scenario
 from testbed.studies.trial.compare import compare, noise_free, target_prediction, true_step
 from testbed.studies.trial.play import binomial_band, chi_square_mean_band
+from tests import campaign
 
 
 def bench_of(name="quick", **changes):

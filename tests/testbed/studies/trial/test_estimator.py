@@ -11,10 +11,12 @@ from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model, extended_parameters
 from calib.identification.prior import weak_prior
 from testbed.laboratory.truth.laboratory import Laboratory, make_setting, open_laboratory
-from testbed.scenario.read import changed, load_scenario
+from testbed.scenario.free_numbers import default_parameters
+from testbed.scenario.read import changed
 from testbed.scenario.tables import PriorSettings
+from testbed.studies import load_scenario
 from testbed.studies.trial.compare import drawn_step
-from testbed.studies.trial.estimator import WEAK, default_parameters, estimator_for, scenario_prior
+from testbed.studies.trial.estimator import WEAK, estimator_for, scenario_prior
 
 SMALL = {"pool.size": 40, "test.poses": 20, "uncertainty.replications": 0}
 MDEG = np.pi / 180e3

@@ -13,6 +13,8 @@ import pytest
 
 from testbed.report.svg import DARK, FAINT, LIGHT, MIDDLE
 from testbed.studies.trial import plots, plots_uncertainty
+from testbed.studies.wen2022 import plots_paper
+from testbed.studies.wen2022.records import paper_budget_of, tool_point_of
 from tests.reported import bare_campaign, paper_campaign, point_campaign, rigid_campaign
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -42,11 +44,11 @@ def all_figures(campaign):
         out["random"] = plots.random_sets(campaign.random_sets)
     if campaign.pose_count:
         out["count"] = plots.pose_count(campaign.pose_count)
-    if campaign.paper_budget:
-        out["budget"] = plots_uncertainty.parameter_budget(campaign.paper_budget)
-    if campaign.tool_point:
-        out["zero"] = plots_uncertainty.zero_pose_regions(campaign.tool_point)
-        out["tool"] = plots_uncertainty.held_out_uncertainty(campaign.tool_point)
+    if paper_budget_of(campaign):
+        out["budget"] = plots_paper.parameter_budget(paper_budget_of(campaign))
+    if tool_point_of(campaign):
+        out["zero"] = plots_paper.zero_pose_regions(tool_point_of(campaign))
+        out["tool"] = plots_paper.held_out_uncertainty(tool_point_of(campaign))
     return out
 
 

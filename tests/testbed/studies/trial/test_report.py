@@ -13,6 +13,8 @@ from testbed.studies.trial import report as report_headline
 from testbed.studies.trial import report_design, report_parameters
 from testbed.studies.trial.report import intervals_in_words
 from testbed.studies.wen2022 import report_paper
+from testbed.studies.wen2022.records import paper_budget_of
+from tests.campaign import with_records
 from tests.reported import (
     VERSIONS,
     bare_campaign,
@@ -155,7 +157,7 @@ def test_sections_without_data_are_left_out_and_all_others_are_there():
     step = np.zeros(moved.setting.nominal.n_numbers)
     step[8] = 0.01
     own = replace(moved.setting, nominal=moved.setting.nominal.moved(step))
-    assert "paper" not in anchors(page_of(replace(moved, setting=own), VERSIONS))
+    assert "paper" not in anchors(page_of(with_records(moved, setting=own), VERSIONS))
 
 
 def test_what_a_user_writes_is_text_never_markup():
@@ -261,8 +263,8 @@ def test_printed_tables_stand_beside_ours_in_their_places():
     assert campaign.trials[3].name == "random-29"
     assert one.rows[3][4] == f"{ours.identification_after.mean * 1e3:.3f}"
     assert two.rows[3][4] == f"{ours.accuracy_after.mean * 1e3:.3f}"
-    budget = report_paper.budget_table(campaign.paper_budget)
+    budget = report_paper.budget_table(paper_budget_of(campaign))
     theta3 = next(row for row in budget.rows if row[0] == "theta3")
     assert theta3[2].startswith("0.0015 / ")
-    k = campaign.paper_budget.names.index("theta3")
-    assert theta3[6].endswith(f"{np.degrees(campaign.paper_budget.best[k]):.4f}")
+    k = paper_budget_of(campaign).names.index("theta3")
+    assert theta3[6].endswith(f"{np.degrees(paper_budget_of(campaign).best[k]):.4f}")

@@ -14,10 +14,9 @@ from calib.uncertainty.tool_point import tool_statement
 from testbed.laboratory.tracker.tracker import bias_size
 from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
 from testbed.robots.catalog import load_robot
-from testbed.run import campaign
-from testbed.scenario.hashes import record_hash
-from testbed.scenario.read import changed, load_scenario
+from testbed.scenario.read import changed
 from testbed.store.codec import pack, unpack
+from testbed.studies import load_scenario
 from testbed.studies.trial.compare import attained, target_prediction
 from testbed.studies.trial.estimator import estimator_for
 from testbed.studies.trial.records import Campaign, Trial
@@ -35,6 +34,8 @@ from testbed.studies.trial.statement.sources import drift_left
 from testbed.studies.trial.statement.state import state
 from testbed.studies.trial.validation import validation_visit
 from testbed.studies.trial.verdict import BAD, INVALID, OPEN, judge, trial_verdict
+from tests import campaign
+from tests.campaign import record_hash
 from tests.testbed.run.test_campaign import same
 
 SMALL: dict[str, Any] = {

@@ -10,6 +10,8 @@ from testbed.studies.wen2022 import claims_model
 from testbed.studies.wen2022 import claims_one_robot as claims_accuracy
 from testbed.studies.wen2022.claims import EXAMINERS, examine, is_paper_robot
 from testbed.studies.wen2022.paper import CLAIMS
+from testbed.studies.wen2022.records import paper_budget_of, tool_point_of
+from tests.campaign import with_records
 from tests.reference import tx60
 from tests.reported import bare_campaign, paper_campaign, point_campaign, rigid_campaign
 
@@ -100,7 +102,7 @@ def test_indices_settle_per_pose_and_only_there():
     assert found.verdict == "does not hold"
     study = campaign.pose_count
     drift = replace(study, mean_per_pose=study.mean)
-    moving = claims_model.settling(replace(campaign, pose_count=drift))
+    moving = claims_model.settling(with_records(campaign, pose_count=drift))
     assert moving.verdict == "in part"
     assert numbers(claims_model.sum_of_reciprocals(campaign).ours)[1] < 1.0
 
@@ -130,7 +132,7 @@ def test_the_gain_on_held_out_poses_is_computed_from_our_own_pairs():
 
 def test_the_parameter_ratio_is_split_into_repeats_and_what_only_the_random_side_counts():
     campaign = paper_campaign()
-    budget = campaign.paper_budget
+    budget = paper_budget_of(campaign)
     ones = np.ones(len(budget.names))
     plain = replace(
         budget,
@@ -141,7 +143,7 @@ def test_the_parameter_ratio_is_split_into_repeats_and_what_only_the_random_side
         location=2 * ones,
         random=3 * ones,
     )
-    found = claims_accuracy.parameter_ratio(replace(campaign, paper_budget=plain))
+    found = claims_accuracy.parameter_ratio(with_records(campaign, paper_budget=plain))
     assert found.ours == "mean ratio 0.17"
     assert "Repeats against repeats give 0.50" in found.sentence
     # shares of variance 4/9, 4/9 and 1/9
@@ -159,9 +161,9 @@ def test_two_u_of_the_optimal_set_does_not_hold_the_error_of_a_robot_that_sags()
     campaign = paper_campaign()
     found = claims_accuracy.coverage(campaign)
     assert found.verdict == "does not hold"
-    study = campaign.tool_point
+    study = tool_point_of(campaign)
     # with u a hundred times larger every error lies inside, but the region of the fit stays small
-    wide = replace(campaign, tool_point=replace(study, distance_sd=100 * study.distance_sd))
+    wide = with_records(campaign, tool_point=replace(study, distance_sd=100 * study.distance_sd))
     assert claims_accuracy.coverage(wide).verdict == "in part"
     # one lucky calibration is no evidence where replications say what its region holds
     first, *rest = rigid_campaign().trials
@@ -183,9 +185,9 @@ def test_two_u_of_the_optimal_set_does_not_hold_the_error_of_a_robot_that_sags()
 def test_linear_propagation_is_enough_unless_monte_carlo_differs():
     campaign = paper_campaign()
     assert claims_accuracy.nonlinear(campaign).verdict == "does not hold"
-    study = campaign.tool_point
+    study = tool_point_of(campaign)
     bent = replace(study, covariance=1.5 * study.covariance)
-    assert claims_accuracy.nonlinear(replace(campaign, tool_point=bent)).verdict == "holds"
+    assert claims_accuracy.nonlinear(with_records(campaign, tool_point=bent)).verdict == "holds"
 
 
 def test_sentences_that_rest_on_one_robot_say_so():

@@ -14,13 +14,12 @@ from calib.uncertainty.covariance import matrix_row_weights, sandwich
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.report.page import render
 from testbed.robots.catalog import load_robot
-from testbed.run import campaign as campaigns
-from testbed.run.report import headline_verdict, page_of
+from testbed.run.report import headline_answer, page_of
 from testbed.run.results import arrays, headline
 from testbed.scenario.checks import check_robot
-from testbed.scenario.hashes import record_hash
-from testbed.scenario.read import changed, load_scenario
+from testbed.scenario.read import changed
 from testbed.store.codec import pack, unpack
+from testbed.studies import load_scenario
 from testbed.studies.trial import report as report_results
 from testbed.studies.trial import report_design, report_parameters
 from testbed.studies.trial.statement import report as report_statement
@@ -29,7 +28,7 @@ from testbed.studies.wen2022 import paper, report_paper
 from testbed.studies.wen2022.claims import examine
 from testbed.studies.wen2022.play import gather, play, play_robots, random_parts, visit_robot
 from testbed.studies.wen2022.pools import noise_of
-from testbed.studies.wen2022.records import PoolSets, Reexamined
+from testbed.studies.wen2022.records import PoolSets, Reexamined, pool_sets_of, reexamined_of
 from testbed.studies.wen2022.report import few_repeats, opening, procedure
 from testbed.studies.wen2022.summary import (
     by_unit,
@@ -42,6 +41,8 @@ from testbed.studies.wen2022.summary import (
     statements,
 )
 from testbed.studies.wen2022.tables import predicted_table
+from tests import campaign as campaigns
+from tests.campaign import record_hash, with_records, without
 from tests.reported import VERSIONS, assert_same, read
 from tests.testbed.scenario.test_messages import on_a_wall
 
@@ -80,12 +81,12 @@ def bench():
 
 
 def study(truth):
-    return next(one for one in campaign().reexamined if one.truth == truth)
+    return next(one for one in reexamined_of(campaign()) if one.truth == truth)
 
 
 def visit(robot=1, truth="wen2022"):
     """One robot measured again."""
-    return visit_robot(bench(), truth, campaign().pool_sets, robot)
+    return visit_robot(bench(), truth, pool_sets_of(campaign()), robot)
 
 
 def changed_study(**changes):
@@ -95,17 +96,19 @@ def changed_study(**changes):
     """
     one = np.zeros(2, dtype=int)
     other = replace(study("wen2022"), pool=one, **changes)
-    return replace(campaign(), reexamined=(replace(study("rigid"), pool=one), other))
+    return with_records(
+        campaign(), reexamined__rigid=replace(study("rigid"), pool=one), reexamined__wen2022=other
+    )
 
 
 def test_the_kind_of_robots_that_is_judged_keeps_an_error_like_the_printed_one():
-    assert claims_robots.like_the_paper(campaign().reexamined).truth == "wen2022"
+    assert claims_robots.like_the_paper(reexamined_of(campaign())).truth == "wen2022"
     small = changed_study(error=0.1 * study("rigid").error)
-    assert claims_robots.like_the_paper(small.reexamined).truth == "rigid"
+    assert claims_robots.like_the_paper(reexamined_of(small)).truth == "rigid"
 
 
 def test_predicted_uncertainties_are_those_of_the_sandwich_and_of_the_fit_itself():
-    sets = campaign().pool_sets
+    sets = pool_sets_of(campaign())
     own = bench().with_poses(sets.pool_q[1], sets.test_q[1])
     chosen, free = sets.sets[0].indices[1], own.free("paper")
     q = own.setting.pool_q[chosen]
@@ -124,7 +127,7 @@ def test_predicted_uncertainties_are_those_of_the_sandwich_and_of_the_fit_itself
 
 
 def test_the_mean_over_random_sets_is_that_of_sets_one_by_one():
-    own = bench().with_poses(campaign().pool_sets.pool_q[0], campaign().pool_sets.test_q[0])
+    own = bench().with_poses(pool_sets_of(campaign()).pool_q[0], pool_sets_of(campaign()).test_q[0])
     noise, rng = noise_of(own, own.free("paper")), np.random.default_rng(1)
     many = np.array([rng.choice(180, 29, replace=False) for _ in range(3)])
     u, tool = noise.predicted(many)
@@ -150,7 +153,7 @@ def paper_fit(seen, nominal, free):
 
 
 def test_u_best_is_the_scatter_of_fits_by_scipy_on_the_same_tables():
-    at, chosen = visit(truth="rigid"), campaign().pool_sets.sets[0].indices[1]
+    at, chosen = visit(truth="rigid"), pool_sets_of(campaign()).sets[0].indices[1]
     nominal, free = at.laboratory.setting.nominal, at.laboratory.free("paper")
     steps = np.array([paper_fit(at.measure(chosen, "best-61", k), nominal, free) for k in range(3)])
     u = steps.std(axis=0, ddof=1)
@@ -159,7 +162,7 @@ def test_u_best_is_the_scatter_of_fits_by_scipy_on_the_same_tables():
 
 def test_what_u_best_holds_is_counted_at_the_held_out_poses():
     at, record = visit(), study("wen2022")
-    sets, own = campaign().pool_sets.sets[0], at.laboratory.setting
+    sets, own = pool_sets_of(campaign()).sets[0], at.laboratory.setting
     chosen, free, u = sets.indices[1], at.laboratory.free("paper"), record.u_best[0, 1]
     step = paper_fit(at.measure(chosen, "best-61"), own.nominal, free)
     # the stated u of |P| and who is inside, by differences of |P| itself
@@ -199,13 +202,13 @@ def test_number_and_place_scatter_more_than_repeats_only_where_the_model_lacks_s
         assert against_repeats(soft, part) > 1.3 * against_repeats(rigid, part)
     # repeats see noise alone, and that is the same on both kinds; but rows of 1 and mm hardly see
     # rotations, so that the misfit times the curvature counts for numbers they tell of the wrist
-    names = campaign().pool_sets.names
+    names = pool_sets_of(campaign()).names
     others = [i for i, name in enumerate(names) if not name.endswith(("5", "6"))]
     np.testing.assert_allclose(rigid.u_best[..., others], soft.u_best[..., others], rtol=0.05)
 
 
 def test_a_robot_is_the_same_whoever_else_is_played():
-    one, trial = study("wen2022"), campaign().pool_sets.sets[3]
+    one, trial = study("wen2022"), pool_sets_of(campaign()).sets[3]
     alone = play(visit(1), trial, 1)
     i = one.trials.index(trial.trial)
     np.testing.assert_array_equal(alone["error"], one.error[i, :, 1])
@@ -243,7 +246,7 @@ def test_the_ratio_of_table_3_is_taken_apart_as_its_own_columns_say():
 
 
 def test_geometric_means_multiply_and_shares_add_to_one():
-    for split in (*splits(campaign().reexamined, campaign().pool_sets), printed_split()):
+    for split in (*splits(reexamined_of(campaign()), pool_sets_of(campaign())), printed_split()):
         whole, repeats, counted = split.geometric
         assert whole == pytest.approx(repeats * counted, rel=1e-12)
         assert sum(part.value for part in split.shares) == pytest.approx(1.0, rel=1e-12)
@@ -261,7 +264,7 @@ def test_the_unit_is_the_pool_with_its_robots_and_the_robot_where_there_is_one_p
 
 
 def test_predictions_are_ratios_to_random_sets_of_the_same_size_and_of_fifty_poses():
-    sets = campaign().pool_sets
+    sets = pool_sets_of(campaign())
     found = {(p.trial, p.against, p.estimator): p for p in predictions(sets)}
     best, random, fifty = sets.sets[2], sets.sets[3], sets.sets[-1]
     assert (best.trial, random.trial, fifty.poses) == ("best-29", "random-29", 50)
@@ -274,7 +277,7 @@ def test_predictions_are_ratios_to_random_sets_of_the_same_size_and_of_fifty_pos
 
 
 def test_true_errors_are_compared_in_pairs_on_the_same_robot():
-    found = errors(campaign().reexamined, campaign().pool_sets)
+    found = errors(reexamined_of(campaign()), pool_sets_of(campaign()))
     assert len(found) == 2 * 3 * 2
     one = next(e for e in found if (e.truth, e.trial, e.estimator) == ("rigid", "d-29", "paper"))
     record = study("rigid")
@@ -395,19 +398,19 @@ def test_the_page_opens_with_the_verdict_on_the_paper_and_shows_each_claim_once(
         monkeypatch.setattr(room, name, lambda *_: None)
     page = page_of(campaign(), VERSIONS)
     said = opening(campaign(), examine(campaign()))
-    assert page.mark == headline_verdict(campaign()).mark == said.mark
+    assert page.mark == headline_answer(campaign())[1].verdict.mark == said.mark
     assert page.sections[0].anchor == "reexamined"
     text = read(render(page)).text
     assert sum("examined claims hold" in part for part in text) == 1
     figures = [block for block in page.sections[0].blocks if block.kind == "figure"]
     assert len(figures) == 3
-    plain = replace(campaign(), pool_sets=None, reexamined=())
+    plain = without(campaign(), "reexamined.")
     assert "reexamined" not in [s.anchor for s in page_of(plain, VERSIONS).sections]
 
 
 def test_one_pool_of_robots_can_be_reported_too():
     """Where no scatter over pools is known, nothing is said of it."""
-    sets = campaign().pool_sets
+    sets = pool_sets_of(campaign())
     single = replace(
         sets,
         pool_q=sets.pool_q[:1],
@@ -418,8 +421,9 @@ def test_one_pool_of_robots_can_be_reported_too():
             for one in sets.sets
         ),
     )
-    kinds = tuple(replace(one, pool=np.zeros(2, dtype=int)) for one in campaign().reexamined)
-    alone = replace(campaign(), pool_sets=single, reexamined=kinds)
+    kinds = tuple(replace(one, pool=np.zeros(2, dtype=int)) for one in reexamined_of(campaign()))
+    changes = {f"reexamined__{kind.truth}": kind for kind in kinds}
+    alone = with_records(campaign(), reexamined__sets=single, **changes)
     assert "the unit of intervals is the robot" in procedure(alone)
     table = predicted_table(predictions(single))
     assert all("(one pool)" in cell for row in table.rows for cell in row[3:])
@@ -427,15 +431,15 @@ def test_one_pool_of_robots_can_be_reported_too():
 
 
 def test_records_come_back_bit_for_bit_and_results_are_plain_numbers():
-    sets = unpack(PoolSets, pack(campaign().pool_sets))
-    np.testing.assert_array_equal(sets.sets[0].u, campaign().pool_sets.sets[0].u)
+    sets = unpack(PoolSets, pack(pool_sets_of(campaign())))
+    np.testing.assert_array_equal(sets.sets[0].u, pool_sets_of(campaign()).sets[0].u)
     again = unpack(Reexamined, pack(study("rigid")))
     np.testing.assert_array_equal(again.inside, study("rigid").inside)
     found = json.loads(json.dumps(headline(campaign()), allow_nan=False))["reexamined"]
     assert found["robots"] == 2
     assert found["judged_on"] == "wen2022"
     assert found["truths"]["rigid"]["inside_95"]["best-61"]["covariance"]["value"] > 0.5
-    shown = statements(campaign().reexamined)[0]
+    shown = statements(reexamined_of(campaign()))[0]
     assert found["truths"]["rigid"]["inside_95"]["best-61"]["numbers"]["value"] == pytest.approx(
         shown.numbers.value
     )
@@ -503,6 +507,6 @@ def test_few_repeats_raise_a_mean_ratio_of_equal_scatters():
 
 def test_robots_played_in_pieces_are_those_played_at_once():
     whole = study("rigid")
-    given = campaign().scenario, campaign().setting, "rigid", campaign().pool_sets
+    given = campaign().scenario, campaign().setting, "rigid", pool_sets_of(campaign())
     ends = range(1), range(1, len(whole.pool))
     assert_same(gather([play_robots(*given, robots) for robots in ends]), whole)

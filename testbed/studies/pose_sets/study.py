@@ -1,0 +1,92 @@
+"""Which pose set is best: every trial's set on many further robots, against random ones."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from testbed.laboratory.truth.laboratory import Setting
+from testbed.report.page import Section
+from testbed.scenario.scenario import Scenario
+from testbed.studies.many_robots import block_of, pieces_of
+from testbed.studies.pose_sets.records import POPULATION, PopulationStudy, population_of
+from testbed.studies.protocol import Answer, Record, Records, Task
+from testbed.studies.trial.records import Trial, campaign_of
+from testbed.studies.trial.study import SETTING, campaign_part
+from testbed.units import Quantity
+
+if TYPE_CHECKING:
+    from testbed.recording.story import Chapter
+
+
+class PoseSetsStudy:
+    """Whether chosen pose sets beat random ones of their size, robot by robot."""
+
+    name = "pose_sets"
+    settings = None
+    keys = (POPULATION,)
+
+    def records(self, scenario: Scenario) -> tuple[Record, ...]:
+        """One record on all robots; none where [studies] population is 0."""
+        if not scenario.studies.population:
+            return ()
+        needs = (SETTING, *(trial.name for trial in scenario.trial))
+        reads, pieces = campaign_part(scenario), pieces_of(scenario.studies.population)
+        return (Record(POPULATION, PopulationStudy, reads, needs=needs, pieces=pieces),)
+
+    def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
+        """Every trial's set on some robots, one visit each."""
+        from testbed.studies.pose_sets.play import play_robots
+
+        trials = [needed.get(trial.name, Trial) for trial in scenario.trial]
+        robots = block_of(scenario.studies.population, task.piece)
+        return play_robots(scenario, needed.get(SETTING, Setting), trials, robots)
+
+    def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> object:
+        """The robots of all pieces."""
+        from testbed.studies.pose_sets.play import gather
+
+        return gather(parts)
+
+    def answer(self, scenario: Scenario, records: Records) -> Answer | None:
+        """How many sets beat random ones, where many sets are compared."""
+        from testbed.studies.pose_sets import report
+        from testbed.studies.pose_sets.compare import contest_of, has_contest
+
+        campaign = campaign_of(scenario, records)
+        if not has_contest(campaign):
+            return None
+        return Answer(
+            report.contest_verdict(campaign),
+            report.summary_table(campaign),
+            report.advice(contest_of(campaign)),
+        )
+
+    def results(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
+        """Errors over many robots."""
+        from testbed.studies.pose_sets.results import published
+
+        return published(campaign_of(scenario, records))
+
+    def arrays(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
+        """None."""
+        return ()
+
+    def sections(self, scenario: Scenario, records: Records, *, first: bool) -> Sequence[Section]:
+        """The comparison, or where few sets were played what each is worth on many robots."""
+        from testbed.studies.pose_sets.report import pose_sets_section
+        from testbed.studies.pose_sets.report_population import population_section
+
+        campaign = campaign_of(scenario, records)
+        study = population_of(campaign)
+        if study is None:
+            return ()
+        if self.answer(scenario, records) is not None:
+            return (pose_sets_section(campaign),)
+        section = population_section(campaign)
+        return () if section is None else (section,)
+
+    def recording(self, scenario: Scenario, records: Records) -> Sequence["Chapter"]:
+        """None."""
+        return ()
+
+
+STUDY = PoseSetsStudy()

@@ -1,0 +1,129 @@
+"""The ground study: the laboratory set up, every pose set measured, identified and judged."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from calib.information.criteria.named import NEEDS_GOALS
+from testbed.laboratory.truth.laboratory import Setting
+from testbed.report.page import Section
+from testbed.scenario.hashes import goal_part, part, shared_part
+from testbed.scenario.scenario import Scenario
+from testbed.studies.protocol import Answer, Record, Records, Task
+from testbed.studies.trial.records import (
+    PoseCountStudy,
+    RandomSetsStudy,
+    Trial,
+    campaign_of,
+)
+from testbed.studies.trial.statement.records import Validation
+from testbed.units import Quantity
+
+if TYPE_CHECKING:
+    from testbed.recording.story import Chapter
+
+SETTING, VALIDATION, POSE_COUNT, RANDOM_SETS = "setting", "validation", "pose_count", "random_sets"
+
+
+class TrialStudy:
+    """How good each pose set is on this robot, and what may be stated of it."""
+
+    name = "trial"
+    settings = None
+    keys = (SETTING, VALIDATION, POSE_COUNT, RANDOM_SETS)
+
+    def records(self, scenario: Scenario) -> tuple[Record, ...]:
+        """The laboratory, the held-out visit, one record per trial, and indices of random sets."""
+        shared = shared_part(scenario)
+        fitted = shared | part(scenario, "identification", "uncertainty")
+        everything = campaign_part(scenario)
+        found = [
+            Record(SETTING, Setting, shared, vital=True),
+            Record(VALIDATION, Validation, shared, needs=(SETTING,)),
+        ]
+        for trial in scenario.trial:
+            reads = fitted | {"trial": trial.model_dump(mode="json")}
+            if trial.criterion in NEEDS_GOALS:
+                reads |= goal_part(scenario)
+            found.append(Record(trial.name, Trial, reads, needs=(SETTING, VALIDATION)))
+        if scenario.studies.pose_count:
+            found.append(Record(POSE_COUNT, PoseCountStudy, everything, needs=(SETTING,)))
+        if scenario.studies.random_sets:
+            designed = tuple(t.name for t in scenario.trial if t.method != "random")
+            needs = (SETTING, *designed)
+            found.append(Record(RANDOM_SETS, RandomSetsStudy, everything, needs=needs))
+        return tuple(found)
+
+    def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
+        """One record; random numbers come from streams named after it."""
+        from testbed.studies.trial import play, pose_counts, validation
+
+        if task.key == SETTING:
+            return play.campaign_setting(scenario)
+        setting = needed.get(SETTING, Setting)
+        if task.key == VALIDATION:
+            return validation.validation_visit(scenario, setting)
+        if task.key == POSE_COUNT:
+            return pose_counts.pose_count_study(scenario, setting)
+        if task.key == RANDOM_SETS:
+            return pose_counts.random_sets_study(scenario, setting, needed)
+        return play.play_trial(scenario, setting, needed.get(VALIDATION, Validation), task.key)
+
+    def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> object:
+        """Every record is one piece."""
+        return parts[0]
+
+    def answer(self, scenario: Scenario, records: Records) -> Answer | None:
+        """The verdict on the first trial: the answer where no other study asks."""
+        from testbed.studies.trial import report
+        from testbed.studies.trial.verdict import trial_verdict
+
+        campaign = campaign_of(scenario, records)
+        return Answer(
+            trial_verdict(campaign), report.headline_table(campaign), report.next_step(campaign)
+        )
+
+    def results(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
+        """Pool, truth, and the headline of every trial."""
+        from testbed.studies.trial.results import published
+
+        return published(campaign_of(scenario, records))
+
+    def arrays(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
+        """Poses, truth, and what every estimate gave."""
+        from testbed.studies.trial.results import published_arrays
+
+        return published_arrays(campaign_of(scenario, records))
+
+    def sections(self, scenario: Scenario, records: Records, *, first: bool) -> Sequence[Section]:
+        """What is believed, errors, intervals, designs, numbers and the secret."""
+        from testbed.studies.trial import report, report_design, report_parameters
+        from testbed.studies.trial.statement import report as statement
+
+        campaign = campaign_of(scenario, records)
+        stated = statement.statement_section(campaign)
+        return (
+            *((stated,) if stated is not None else ()),
+            report.accuracy_section(campaign, None if first else report.headline_table(campaign)),
+            report.belief_section(campaign),
+            report_parameters.identifiable_section(campaign),
+            report_design.design_section(campaign),
+            statement.secret_section(campaign),
+            report_parameters.parameter_section(campaign),
+        )
+
+    def recording(self, scenario: Scenario, records: Records) -> Sequence["Chapter"]:
+        """Select, measure, identify, evaluate: the first trial with its first estimator."""
+        from testbed.studies.trial.recording import chapters
+        from testbed.studies.trial.recording_cell import show
+
+        campaign = campaign_of(scenario, records)
+        return chapters(show(campaign.setting, campaign.trials[0]), campaign.random_sets)
+
+
+def campaign_part(scenario: Scenario) -> dict[str, Any]:
+    """What a record reads that depends on everything but names and titles."""
+    tables = part(scenario, "identification", "uncertainty", "studies", "trial")
+    return shared_part(scenario) | tables | goal_part(scenario)
+
+
+STUDY = TrialStudy()

@@ -1,0 +1,124 @@
+"""The paper of Wen et al. 2022: its budget and tool point on one robot, its protocol on many."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from testbed.laboratory.truth.laboratory import Setting
+from testbed.report.page import Section
+from testbed.scenario.hashes import goal_part, part, shared_part
+from testbed.scenario.scenario import Scenario
+from testbed.studies.many_robots import block_of, kind_of, pieces_of, played_keys, truth_of_kind
+from testbed.studies.protocol import Answer, Record, Records, Task
+from testbed.studies.trial.records import campaign_of
+from testbed.studies.trial.study import SETTING, campaign_part
+from testbed.studies.wen2022.records import (
+    PAPER_BUDGET,
+    TOOL_POINT,
+    PaperBudget,
+    PoolSets,
+    Reexamined,
+    ToolPointStudy,
+)
+from testbed.studies.wen2022.settings import SETS_KEY, ReexaminedSettings
+from testbed.units import Quantity
+
+if TYPE_CHECKING:
+    from testbed.recording.story import Chapter
+
+
+class Wen2022Study:
+    """Which claims of the paper hold, here and on many robots."""
+
+    name = "wen2022"
+    settings = ReexaminedSettings
+    keys = (PAPER_BUDGET, TOOL_POINT, *ReexaminedSettings.keys)
+
+    def records(self, scenario: Scenario) -> tuple[Record, ...]:
+        """The paper's budget and tool point; its pools and sets, and one record per kind."""
+        found = []
+        trials = tuple(trial.name for trial in scenario.trial)
+        budgeted = scenario.studies.paper_budget
+        if budgeted:
+            best = next(t.name for t in scenario.trial if t.method != "random")
+            everything = campaign_part(scenario)
+            found.append(Record(PAPER_BUDGET, PaperBudget, everything, needs=(SETTING, best)))
+        if scenario.studies.tool_point:
+            needs = (SETTING, trials[0], *((PAPER_BUDGET,) if budgeted else ()))
+            found.append(Record(TOOL_POINT, ToolPointStudy, campaign_part(scenario), needs=needs))
+        table = scenario.table(ReexaminedSettings)
+        if not table.robots:
+            return tuple(found)
+        reads = shared_part(scenario) | part(scenario, "studies", "trial", "uncertainty")
+        reads |= {"pools": table.pools} | goal_part(scenario)
+        pieces = pieces_of(table.pools)
+        found.append(Record(SETS_KEY, PoolSets, reads, needs=(SETTING,), pieces=pieces))
+        for key in played_keys(table):
+            truth = truth_of_kind(scenario, kind_of(key)).model_dump(mode="json")
+            kind = reads | {"robots": table.robots, "kind": truth}
+            pieces = pieces_of(table.robots)
+            found.append(Record(key, Reexamined, kind, needs=(SETTING, SETS_KEY), pieces=pieces))
+        return tuple(found)
+
+    def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
+        """One record, or some robots of one; random numbers come from streams named after it."""
+        from testbed.studies.wen2022 import one_robot
+        from testbed.studies.wen2022.play import play_robots
+        from testbed.studies.wen2022.pools import play_pools
+
+        setting, table = needed.get(SETTING, Setting), scenario.table(ReexaminedSettings)
+        if task.key == PAPER_BUDGET:
+            return one_robot.paper_budget_study(scenario, setting, needed)
+        if task.key == TOOL_POINT:
+            return one_robot.tool_point_study(scenario, setting, needed)
+        if task.key == SETS_KEY:
+            return play_pools(scenario, setting, block_of(table.pools, task.piece))
+        robots = block_of(table.robots, task.piece)
+        pools = needed.get(SETS_KEY, PoolSets)
+        return play_robots(scenario, setting, kind_of(task.key), pools, robots)
+
+    def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> object:
+        """The pools, or the robots, of all pieces."""
+        from testbed.studies.wen2022 import play, pools
+
+        return pools.gather(parts) if key == SETS_KEY else play.gather(parts)
+
+    def answer(self, scenario: Scenario, records: Records) -> Answer | None:
+        """How many claims hold, where the protocol was played on many robots."""
+        from testbed.studies.wen2022 import report
+
+        return report.answer(campaign_of(scenario, records))
+
+    def results(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
+        """The paper's ratios and uncertainties, here and on many robots."""
+        from testbed.studies.wen2022.results import published
+
+        return published(campaign_of(scenario, records))
+
+    def arrays(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
+        """What each robot gave."""
+        from testbed.studies.wen2022.results import published_arrays
+
+        return published_arrays(campaign_of(scenario, records))
+
+    def sections(self, scenario: Scenario, records: Records, *, first: bool) -> Sequence[Section]:
+        """The claims on many robots; the tool point and the paper's tables on this one."""
+        from testbed.studies.wen2022 import report, report_paper
+        from testbed.studies.wen2022.claims import examine
+        from testbed.studies.wen2022.records import reexamined_of
+
+        campaign = campaign_of(scenario, records)
+        examined = examine(campaign)
+        again = examined is not None and bool(reexamined_of(campaign))
+        found = (
+            report.reexamined_section(campaign, examined) if examined and again else None,
+            report_paper.tool_section(campaign),
+            report_paper.paper_section(campaign, examined),
+        )
+        return tuple(section for section in found if section is not None)
+
+    def recording(self, scenario: Scenario, records: Records) -> Sequence["Chapter"]:
+        """None."""
+        return ()
+
+
+STUDY = Wen2022Study()

@@ -1,0 +1,67 @@
+"""Records of a campaign made one by one, for tests that look at single records or change them."""
+
+from dataclasses import replace
+
+from testbed.run.work import Finished
+from testbed.scenario.hashes import record_hash as hash_of
+from testbed.studies import all_studies
+from testbed.studies.protocol import Task
+from testbed.studies.trial.records import campaign_of
+
+
+def planned(scenario):
+    """Every record of a scenario with its study, by key."""
+    return {
+        record.key: (study, record)
+        for study in all_studies(scenario)
+        for record in study.records(scenario)
+    }
+
+
+def record_keys(scenario):
+    """Keys of all records, in the usual order."""
+    return tuple(planned(scenario))
+
+
+def record_type(scenario, key):
+    """Class of one record."""
+    return planned(scenario)[key][1].kind
+
+
+def compute(scenario, key, get):
+    """Make one record in all its pieces; `get` hands over another one by key."""
+    study, record = planned(scenario)[key]
+    needed = Finished({other: get(other) for other in record.needs}, {})
+    parts = [study.play(scenario, Task(study.name, key, k), needed) for k in range(record.pieces)]
+    return parts[0] if len(parts) == 1 else study.gather(scenario, key, parts)
+
+
+def record_hash(scenario, robot, key):
+    """Hash of what one record depends on."""
+    return hash_of(planned(scenario)[key][1].reads, robot, key)
+
+
+def gather(scenario, get):
+    """The campaign of all records."""
+    return campaign_of(scenario, Finished({key: get(key) for key in record_keys(scenario)}, {}))
+
+
+def with_records(campaign, **changes):
+    """The campaign with other records, `a__b` for the key ``a.b``; None takes one away."""
+    values = dict(campaign.records.values)
+    for name, record in changes.items():
+        key = name.replace("__", ".")
+        values.pop(key, None)
+        if record is not None:
+            values[key] = record
+    return replace(campaign, records=Finished(values, campaign.records.failed))
+
+
+def without(campaign, *keys):
+    """The campaign without some records; a key that ends in a dot takes all that begin so."""
+    kept = {
+        name: record
+        for name, record in campaign.records.values.items()
+        if not any(name == key or (key.endswith(".") and name.startswith(key)) for key in keys)
+    }
+    return replace(campaign, records=Finished(kept, campaign.records.failed))
