@@ -25,6 +25,7 @@ from testbed.files.rotations import VECTOR, axes_of, checked_rotations, in_form,
 from testbed.files.table import Columns, Table, table_of, together, valid_rows
 from testbed.files.text import SEPARATORS, Text, read_sheet, read_text
 from testbed.robots.catalog import Robot
+from testbed.units import DEG
 
 ADDED = ("status", "before_mm", "left_mm", "left_deg")
 """Columns that are added: outcome, and errors before and after by the identified model."""
@@ -35,7 +36,6 @@ WORDS: dict[InverseStatus, str] = {
     "out of reach": "left as written: the robot does not reach it from a posture near this one",
 }
 STARTS = 64
-DEGREES = 180 / np.pi
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,7 +113,7 @@ def correct_program(path: Path, robot: Robot, identified: RobotModel, out: Path)
     correct = _correct_poses if table.find("length", "x") else _correct_joints
     result, targets = correct(table, robot, identified)
     added = (
-        result.status, 1e3 * result.before, 1e3 * result.left, DEGREES * result.left_rotation
+        result.status, 1e3 * result.before, 1e3 * result.left, DEG * result.left_rotation
     )  # fmt: skip
     new = _rewritten(text, table, targets, result.corrected, dict(zip(ADDED, added, strict=True)))
     atomic_write(out, new.encode("utf-8"))

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, frozen
 from calib.errors import refuse
 from testbed.robots.catalog import Robot
-from testbed.units import counted
+from testbed.units import DEG, MM, counted, unit_of
 
 MAX_BYTES = 10_000_000
 UNITS = {"deg": np.pi / 180, "rad": 1.0, "mm": 1e-3, "m": 1.0}
@@ -53,7 +53,8 @@ def check_joints(robot: Robot, q: ArrayLike, names: Sequence[str], field: str) -
         beyond = np.flatnonzero((row < lower - 1e-6) | (row > upper + 1e-6))
         if beyond.size:
             j = int(beyond[0])
-            unit, size = ("mm", 1e3) if robot.model.chain.prismatic[j] else ("deg", 180 / np.pi)
+            slides = bool(robot.model.chain.prismatic[j])
+            unit, size = unit_of(slides), MM if slides else DEG
             raise refuse(
                 field,
                 float(row[j]),

@@ -9,6 +9,7 @@ from calib.arrays import Array
 from testbed.laboratory.route.moves import travel_times
 from testbed.plan.records import Move, Plan
 from testbed.report.text import csv_text
+from testbed.units import DEG, MM
 
 DECIMALS = 9
 """Of joint targets: 1e-9 deg moves no arm; the pool's joints come back to within rounding."""
@@ -103,4 +104,4 @@ def joint_columns(plan: Plan) -> list[str]:
 
 def joint_units(plan: Plan) -> Array:
     """(n,) factors from rad to deg, and from m to mm where a joint slides."""
-    return np.where(plan.nominal.chain.prismatic, 1e3, 180 / np.pi)
+    return np.where(plan.nominal.chain.prismatic, MM, DEG)

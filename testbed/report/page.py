@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import ClassVar, Literal, get_args
 
 from calib.arrays import Index
-from testbed.units import NARROW
 
 SIMULATED = "SIMULATED - not a calibration certificate"
 """On everything that was made from a virtual robot."""
@@ -113,11 +112,6 @@ def render(page: Page) -> str:
         lstrip_blocks=True,
     )
     return environment.get_template("report.html.j2").render(page=page)
-
-
-def plain(text: str) -> str:
-    """A sentence of the report as plain text, for the terminal as well."""
-    return text.replace(NARROW, " ").replace("µ", "u").replace("−", "-")
 
 
 def record_section(text: str, versions: Mapping[str, str], scenario: str = "") -> Section:

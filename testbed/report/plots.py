@@ -139,12 +139,6 @@ def short_ticks(ax: "Axes", axis: str = "y") -> None:
     ax.ticklabel_format(axis=axis, style="sci", scilimits=(-3, 4), useMathText=True)  # type: ignore[arg-type]  # "x" or "y"
 
 
-def percent_of(ratio: Mean) -> tuple[float, float, float]:
-    """A logarithm of a ratio with its interval, as changes in percent."""
-    middle, low, high = (100 * float(np.expm1(x)) for x in (ratio.value, ratio.low, ratio.high))
-    return middle, low, high
-
-
 def share_ends(share: Mean) -> tuple[float, float]:
     """The interval of a share, cut to 0 to 100 %."""
     return 100 * max(share.low, 0.0), 100 * min(share.high, 1.0)

@@ -5,6 +5,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.geometry.frames import inverse
 from testbed.robots.robot import Robot, Workspace
+from testbed.units import in_units
 
 SAMPLE = 2000
 """Postures in the joint limits from which the reach is derived."""
@@ -58,8 +59,8 @@ def workspace_of_reach(robot: Robot) -> Workspace:
     )
     kept: tuple[tuple[float, float], ...] = ()
     if not np.array_equal(ranges, robot.limits):
-        scale = np.where(robot.model.chain.prismatic, 1e3, 180 / np.pi)
-        kept = tuple((float(a), float(b)) for a, b in (ranges * scale[:, None]).round(6))
+        slides = robot.model.chain.prismatic.astype(bool)[:, None]
+        kept = tuple((float(a), float(b)) for a, b in in_units(ranges, slides).round(6))
     return Workspace(in_mm(center), in_mm(size), in_mm(station), kept)
 
 

@@ -2,13 +2,12 @@
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import PAPER_SET as PAPER_SET
 from testbed.scenario.tables import SINGLE
 from testbed.scenario.truth import truth_faults
 from testbed.strict import Fault, did_you_mean, one_error
+from testbed.units import DEG, MM, unit_of
 
 if TYPE_CHECKING:
     from testbed.robots.catalog import Robot
@@ -95,7 +94,7 @@ def pool_faults(pool: "PoolSettings", robot: "Robot") -> list[Fault]:
     faults = []
     for i, (low, high) in enumerate(ranges):
         slides = bool(robot.model.chain.prismatic[i])
-        unit, scale = ("mm", 1e3) if slides else ("deg", 180 / np.pi)
+        unit, scale = unit_of(slides), MM if slides else DEG
         lower, upper = robot.limits[i] * scale
         if low >= high or low < lower - 1e-6 or high > upper + 1e-6:
             faults.append(

@@ -1,13 +1,13 @@
 """The report's section on compensation: what the calibration is worth to a program."""
 
-from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict, plain
+from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict
 from testbed.studies.compensation.plots import accuracy_by_pose, readings_of_one
 from testbed.studies.compensation.records import CompensationStudy, compensation_of
 from testbed.studies.compensation.summary import Outcome, Typical, outcomes
 from testbed.studies.protocol import Answer
 from testbed.studies.trial.records import Campaign
 from testbed.studies.trial.verdict import trial_verdict
-from testbed.units import DEG, NARROW, counted, fixed, micrometres, percent, with_uncertainty
+from testbed.units import DEG, NARROW, counted, fixed, micrometres, percent, plain, with_uncertainty
 
 WORDS = {"before": "as it was", "geometric": "geometric model", "chosen": "chosen model"}
 

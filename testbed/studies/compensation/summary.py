@@ -13,7 +13,7 @@ from testbed.studies.compensation.records import (
     WORTH,
     CompensationStudy,
 )
-from testbed.units import Quantity, in_si
+from testbed.units import MDEG, MM, Quantity, in_si
 
 VALUE, UNCERTAINTY, FLOOR = range(len(WORTH))
 
@@ -104,10 +104,6 @@ def _typical(figure: Array) -> Typical:
         float(median), float(low), float(high), float(np.sqrt((u**2).mean())),
         float(figure[FLOOR].mean()),
     )  # fmt: skip
-
-
-MM = 1e3
-MDEG = 180e3 / np.pi
 
 
 def compensation_headline(studies: tuple[CompensationStudy, ...]) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """The report's section on coverage: which stated uncertainty can be believed on which robot."""
 
-from testbed.report.page import Block, Figure, Points, Section, Text, Verdict, plain
+from testbed.report.page import Block, Figure, Points, Section, Text, Verdict
 from testbed.studies.coverage.plots import attained, sharpness
 from testbed.studies.coverage.records import MODELS, CoverageStudy, coverage_of
 from testbed.studies.coverage.settings import CoverageSettings
@@ -16,7 +16,7 @@ from testbed.studies.coverage.tables import (
 from testbed.studies.many_robots import mean_over_robots
 from testbed.studies.protocol import Answer
 from testbed.studies.trial.records import Campaign
-from testbed.units import NARROW, counted, micrometres, percent
+from testbed.units import NARROW, counted, micrometres, percent, plain
 
 NAMES = {
     "model": "the model-based region",

@@ -15,7 +15,7 @@ from calib.uncertainty.regions import coverage_factor
 from testbed.studies.coverage.records import MODELS, STATEMENTS, CoverageStudy
 from testbed.studies.many_robots import family_confidence, mean_over_robots
 from testbed.studies.trial.play import BAND, binomial_band, chi_square_mean_band
-from testbed.units import Mean, Quantity, in_si
+from testbed.units import MM, Mean, Quantity, in_si
 
 Outcome = Literal["holds", "wide", "short"]
 
@@ -140,9 +140,6 @@ def uniform_p(values: Array) -> float:
     steps, sorted_values = np.arange(n + 1) / n, np.sort(values)
     gap = max((steps[1:] - sorted_values).max(), (sorted_values - steps[:-1]).max())
     return float(kolmogorov((n**0.5 + 0.12 + 0.11 / n**0.5) * gap))
-
-
-MM = 1e3
 
 
 def coverage_headline(studies: tuple[CoverageStudy, ...]) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """The report's section on many pose sets: which is best, by how much, and can that be told."""
 
-from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict, plain
-from testbed.report.plots import percent_of
+from testbed.report.intervals import percent_of
+from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict
 from testbed.studies.many_robots import CONFIDENCE, Outcome
 from testbed.studies.pose_sets.compare import Contest, Entry, contest_of
 from testbed.studies.pose_sets.plots import forest, kinds
@@ -9,7 +9,7 @@ from testbed.studies.pose_sets.records import population_of
 from testbed.studies.trial.plots import MOST_VIEWS, only
 from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.verdict import trial_verdict
-from testbed.units import counted, fixed, micrometres, millimetres, percent
+from testbed.units import counted, fixed, micrometres, millimetres, percent, plain
 
 NONE = "–"
 WORDS: dict[Outcome, str] = {"better": "better", "worse": "worse", "undecided": "undecided"}

@@ -7,7 +7,7 @@ from calib.geometry.model import RobotModel
 from testbed.report.page import Block, Points, Section, Table, Text
 from testbed.studies.trial import plots
 from testbed.studies.trial.records import Campaign, Estimate, Trial
-from testbed.units import counted, in_units, significant, unit_of, with_uncertainty
+from testbed.units import counted, in_units, sentence, significant, unit_of, with_uncertainty
 
 
 def parameter_section(campaign: Campaign) -> Section:
@@ -114,11 +114,5 @@ def identifiable_section(campaign: Campaign) -> Section:
             blocks.append(Points(found.sentences))
         extra = estimate.identification.notes[len(found.sentences) :]
         if extra:
-            blocks.append(Points(tuple(_sentence(note) for note in extra)))
+            blocks.append(Points(tuple(sentence(note) for note in extra)))
     return Section("identifiable", "What can be identified", tuple(blocks))
-
-
-def _sentence(text: str) -> str:
-    """The text with a capital and a full stop."""
-    text = text[:1].upper() + text[1:]
-    return text if text.endswith((".", "!")) else f"{text}."

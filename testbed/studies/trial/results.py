@@ -10,9 +10,7 @@ from testbed.laboratory.truth.laboratory import Setting
 from testbed.studies.trial.records import Campaign, Estimate, Trial
 from testbed.studies.trial.statement.report import statement_headline, truth_headline
 from testbed.studies.trial.verdict import judge
-from testbed.units import Quantity, in_si
-
-MM, DEG = 1e3, 180 / np.pi
+from testbed.units import DEG, MM, Quantity, in_si
 
 
 def published(campaign: Campaign) -> list[Quantity]:

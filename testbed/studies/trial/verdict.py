@@ -11,11 +11,10 @@ from calib.information.propagation import point_uncertainty
 from testbed.report.page import Verdict
 from testbed.studies.trial.records import Campaign, Estimate, Trial
 from testbed.studies.trial.statement.records import LEVEL, Statement
-from testbed.units import NARROW, percent, probability
+from testbed.units import MM, NARROW, UM, percent, probability
 
 ALARM = RED
 """Chi-square p-value below which the residuals contradict the model."""
-MM, UM = 1e3, 1e6
 GOOD = "✓ The stated uncertainty can be believed"
 INVALID = "✗ The model-based interval is not valid here"
 BAD = "✗ The stated uncertainty must not be believed"

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbed.report.intervals import change, plus_minus, printed_change, share, signed, within
 from testbed.studies.trial.records import Campaign
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.finding import Finding, Verdict
@@ -30,18 +31,7 @@ from testbed.studies.wen2022.summary import (
     splits,
     statements,
 )
-from testbed.units import (
-    MM,
-    NARROW,
-    Mean,
-    change,
-    fixed,
-    plus_minus,
-    printed_change,
-    share,
-    signed,
-    within,
-)
+from testbed.units import MM, NARROW, Mean, fixed
 
 LEVEL = 0.95
 SLACK = 0.05

@@ -4,15 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from testbed.report.plots import (
-    label,
-    legend_above,
-    legend_entries,
-    log_ticks,
-    percent_of,
-    rows_of,
-    share_ends,
-)
+from testbed.report.intervals import percent_of
+from testbed.report.plots import label, legend_above, legend_entries, log_ticks, rows_of, share_ends
 from testbed.report.svg import DARK, FAINT, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
 from testbed.studies.trial.plots import LOOKS
 from testbed.studies.wen2022.records import ESTIMATORS, STATEMENTS

@@ -6,7 +6,8 @@ from math import inf
 import numpy as np
 from scipy.special import gammaln
 
-from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict, plain
+from testbed.report.intervals import plus_minus
+from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict
 from testbed.studies.protocol import Answer
 from testbed.studies.trial.records import Campaign
 from testbed.studies.trial.verdict import trial_verdict
@@ -24,7 +25,7 @@ from testbed.studies.wen2022.summary import (
     splits,
     statements,
 )
-from testbed.units import MM, NARROW, counted, fixed, plus_minus
+from testbed.units import MM, NARROW, counted, fixed, plain
 
 CENTRAL = (14, 15, 16, 13)
 """Claims that decide what the paper is worth, the first one above all."""

@@ -22,9 +22,7 @@ from testbed.studies.wen2022.summary import (
     splits,
     statements,
 )
-from testbed.units import METRE, Mean, Quantity, in_si
-
-MM = 1e3
+from testbed.units import METRE, MM, Mean, Quantity, in_si
 
 
 def published(campaign: Campaign) -> list[Quantity]:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from calib.arrays import Array
+from testbed.report.intervals import change, plus_minus, printed_change, share, within
 from testbed.report.page import Table
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.claims_many_robots import paper_rows
@@ -16,7 +17,7 @@ from testbed.studies.wen2022.summary import (
     over,
     rms_over_robots,
 )
-from testbed.units import DEG, MM, change, counted, fixed, plus_minus, printed_change, share, within
+from testbed.units import DEG, MM, counted, fixed
 
 ESTIMATOR_NAMES = {"paper": "paper", "whitened": "noise weighed"}
 
