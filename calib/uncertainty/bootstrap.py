@@ -10,9 +10,10 @@ from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.measurement.observations import Measurements
-from calib.uncertainty.batches import in_chunks
+from calib.uncertainty.batch import WIDTH
 from calib.uncertainty.covariance import covariance_factor, standard_uncertainty
-from calib.uncertainty.refit import BLOCKS, LANES, STEPS, Frozen, Refits, descend, freeze, joined
+from calib.uncertainty.parallel import in_batches
+from calib.uncertainty.refit import BLOCKS, STEPS, Frozen, Refits, descend, freeze, joined
 
 REPLICATES = 1000
 """Virtual campaigns; they leave 2 % in each standard deviation."""
@@ -122,7 +123,7 @@ def bootstrap(
     parameters : Parameters
         Numbers that were identified, `Identification.parameters`.
     rng : numpy.random.Generator
-        Source of the draws; each chunk of replicates has its own child stream.
+        Source of the draws; each batch of replicates has its own child stream.
     replicates : int
         N, at least 100.
     steps : int
@@ -145,11 +146,11 @@ def bootstrap(
     import calib.kernels.noisy_poses
     import calib.kernels.replicates  # noqa: F401  # compiled before threads start
 
-    parts = in_chunks(
+    parts = in_batches(
         lambda stream, count: _replicate(start, spread, stream, count, steps),
         rng,
         replicates,
-        size=BLOCKS * LANES,
+        size=BLOCKS * WIDTH,
         threads=threads,
     )
     whole = joined(parts)
@@ -166,14 +167,14 @@ def bootstrap(
 def _replicate(
     start: Frozen, spread: Array, rng: np.random.Generator, count: int, steps: int
 ) -> Refits:
-    """One chunk of virtual campaigns."""
+    """One batch of virtual campaigns."""
     from calib.kernels.noisy_poses import noisy_poses
 
-    plan, blocks = start.measurements, -(-count // LANES)
-    normal = rng.standard_normal((blocks, len(plan), 6, LANES))
-    seen = np.empty((blocks, len(plan), 12, LANES))
+    plan, blocks = start.measurements, -(-count // WIDTH)
+    normal = rng.standard_normal((blocks, len(plan), 6, WIDTH))
+    seen = np.empty((blocks, len(plan), 12, WIDTH))
     noisy_poses(normal, plan.position, plan.rotation, start.factor, seen)
-    center = np.zeros((blocks, len(spread), LANES))
+    center = np.zeros((blocks, len(spread), WIDTH))
     if spread.any():
         center = spread @ rng.standard_normal(center.shape)
     return descend(start, seen, center, steps).first(count)

@@ -32,7 +32,7 @@ class RowNoise:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Source:
+class Contribution:
     """One line of a budget."""
 
     name: str
@@ -70,7 +70,7 @@ class Budget:
     """Contributions to the covariance of the estimate, source by source."""
 
     parameters: Parameters
-    sources: tuple[Source, ...]
+    sources: tuple[Contribution, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -128,7 +128,7 @@ def budget(
     noise: Sequence[RowNoise],
     *,
     common: Sequence[CommonInput] = (),
-    added: Sequence[Source] = (),
+    added: Sequence[Contribution] = (),
 ) -> Budget:
     """Take the covariance of an estimate apart by source.
 
@@ -143,7 +143,7 @@ def budget(
         prior sum to inv(A'A + Lambda0).
     common : sequence of CommonInput
         What is wrong the same way all campaign long.
-    added : sequence of Source
+    added : sequence of Contribution
         Anything else, as a covariance of the free numbers.
 
     References
@@ -157,17 +157,17 @@ def budget(
         roots = np.stack([covariance_factor(block) for block in covariance])
         # (F L)(F L)' stays positive
         columns = np.moveaxis(F @ roots, 1, 0).reshape(f, m * 6)
-        sources.append(Source(own.name, frozen(columns @ columns.T), own.degrees_of_freedom))
+        sources.append(Contribution(own.name, frozen(columns @ columns.T), own.degrees_of_freedom))
     for shared in common:
         C = common_input_covariance(F, _same_rows(shared, m), shared.covariance)
-        sources.append(Source(shared.name, C, shared.degrees_of_freedom))
+        sources.append(Contribution(shared.name, C, shared.degrees_of_freedom))
     if start.prior.any():
         G = start.covariance @ covariance_factor(start.prior)
-        sources.append(Source("prior", frozen(G @ G.T), np.inf))
+        sources.append(Contribution("prior", frozen(G @ G.T), np.inf))
     for extra in added:
         (covariance,) = check(f"{f} {f}", covariance=extra.covariance)
         covariance_factor(covariance)
-        sources.append(Source(extra.name, covariance, extra.degrees_of_freedom))
+        sources.append(Contribution(extra.name, covariance, extra.degrees_of_freedom))
     if not sources:
         raise refuse("noise", code="A3", message="the budget has no source", fix="name one")
     return Budget(start.parameters, tuple(sources))

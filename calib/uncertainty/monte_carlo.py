@@ -11,7 +11,7 @@ from calib.geometry.model import RobotModel
 from calib.information.propagation import point_uncertainty, tool_covariance
 from calib.uncertainty.covariance import correlated_draws as correlated_draws
 from calib.uncertainty.covariance import independent_draws as independent_draws
-from calib.uncertainty.tool_point import Postures, postures, tool_points
+from calib.uncertainty.tool_point import Configurations, configurations, tool_points
 from calib.uncertainty.tool_point import propagate as propagate
 
 DRAWS = 10_000
@@ -157,7 +157,7 @@ def distance_spread(
     rows: list[tuple[Array, ...]] = []
     for start in range(0, len(nominal), POSE_BLOCK):
         part = slice(start, start + POSE_BLOCK)
-        at = postures(model, np.asarray(q, dtype=np.float64)[part])
+        at = configurations(model, np.asarray(q, dtype=np.float64)[part])
         deviation = _deviations(at, steps, nominal[part])
         g = np.linalg.norm(deviation + nominal[part].T[:, None, :], axis=0)
         straight = steps[:, moving] @ slope[part].T
@@ -199,7 +199,7 @@ def point_spread(
 ) -> PointSpread:
     """Mean and covariance of the tool point at joints q (N, n) for correlated parameters.
 
-    Moments are gathered chunk by chunk; memory does not grow with draws times poses.
+    Moments are gathered batch by batch; memory does not grow with draws times poses.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ def point_spread(
     moving = np.flatnonzero(steps.any(axis=0))
     T, J = model.poses_and_jacobian(q)
     nominal, slope = T[:, :3, 3], np.moveaxis(J[:, :3, moving], 1, 0)  # (3, N, f)
-    at = postures(model, q)
+    at = configurations(model, q)
     sums = np.zeros((2, 3, len(nominal)))
     squares = np.zeros((2, len(nominal), 3, 3))
     worst = np.zeros(len(nominal))
@@ -265,7 +265,7 @@ def numerical_tolerance(standard: float, digits: int = 2) -> float:
     return float(0.5 * 10.0 ** (np.floor(np.log10(standard)) - (digits - 1)))
 
 
-def _deviations(at: Postures, steps: Array, nominal: Array) -> Array:
+def _deviations(at: Configurations, steps: Array, nominal: Array) -> Array:
     """All draws' tool points minus nominal (3, M, N) [m], gathered in cache-sized passes."""
     out = np.empty((3, len(steps), len(nominal)))
     for start in range(0, len(steps), at.rows):

@@ -1,4 +1,4 @@
-"""Many identifications at once: exact gradient, frozen Hessian, replicates in compiled lanes."""
+"""Many identifications at once: exact gradient, frozen Hessian, in compiled batches."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,12 +14,12 @@ from calib.geometry.parameters import Parameters
 from calib.measurement.observations import GIVEN, Measurements
 from calib.measurement.prediction import targets
 from calib.measurement.residual import padded_covariance, stacked, table_whiteners
-from calib.uncertainty.batches import LANES as LANES
-from calib.uncertainty.batches import Lanes, mapped
+from calib.uncertainty.batch import WIDTH, Batch
 from calib.uncertainty.covariance import RANK_TOLERANCE, covariance_factor
+from calib.uncertainty.parallel import mapped
 
 BLOCKS = 16
-"""Blocks of `LANES` replicates in a chunk; part of what fixes the bits of a result."""
+"""Blocks of `WIDTH` replicates in a batch; part of what fixes the bits of a result."""
 SETTLED = 0.01
 """Longest last step, in standard deviations, of a replicate that counts as converged."""
 LARGEST_TERM = 0.05
@@ -195,16 +195,16 @@ def refit(
         raise refuse(field, allowed="at least one of each", code="A3", message=message)
     center = np.zeros((K, f)) if prior_mean is None else np.asarray(prior_mean, dtype=np.float64)
     (center,) = check(f"{K} {f}", prior_mean=np.broadcast_to(center, (K, f)))
-    size = BLOCKS * LANES
+    size = BLOCKS * WIDTH
     import calib.kernels.replicates  # noqa: F401  # compiled before threads start
 
     def work(first: int) -> Refits:
         part = np.arange(first, first + min(size, K - first))
-        lanes = np.resize(part, -(-len(part) // LANES) * LANES).reshape(-1, LANES)
-        seen = np.empty((len(lanes), m, 12, LANES))
-        seen[:, :, :3] = np.moveaxis(position[lanes], 1, -1)
-        seen[:, :, 3:] = np.moveaxis(rotation.reshape(K, m, 9)[lanes], 1, -1)
-        whole = descend(start, seen, np.moveaxis(center[lanes], 1, -1), steps)
+        padded = np.resize(part, -(-len(part) // WIDTH) * WIDTH).reshape(-1, WIDTH)
+        seen = np.empty((len(padded), m, 12, WIDTH))
+        seen[:, :, :3] = np.moveaxis(position[padded], 1, -1)
+        seen[:, :, 3:] = np.moveaxis(rotation.reshape(K, m, 9)[padded], 1, -1)
+        whole = descend(start, seen, np.moveaxis(center[padded], 1, -1), steps)
         return whole.first(len(part))
 
     return joined(mapped(work, range(0, K, size), threads))
@@ -221,7 +221,7 @@ def joined(parts: Sequence[Refits]) -> Refits:
 
 
 def descend(start: Frozen, seen: Array, center: Array, steps: int) -> Refits:
-    """Fit the tables of one chunk, in lanes: x += C (J'W r + Lambda0 (center - x)).
+    """Fit the tables of one batch: x += C (J'W r + Lambda0 (center - x)).
 
     Parameters
     ----------
@@ -236,26 +236,26 @@ def descend(start: Frozen, seen: Array, center: Array, steps: int) -> Refits:
     """
     from calib.kernels.replicates import gradient
 
-    at = Lanes(start.model, start.parameters, start.measurements, len(seen))
+    batch = Batch(start.model, start.parameters, start.measurements, len(seen))
     B, f = len(seen), start.parameters.n_free
     free = start.parameters.free_index
-    slope = np.empty((B, start.model.n_numbers, LANES))
-    square = np.empty((B, LANES))
+    slope = np.empty((B, start.model.n_numbers, WIDTH))
+    square = np.empty((B, WIDTH))
     for _ in range(steps):
         gradient(
-            at.links, at.base, at.tool, at.terms, seen, start.weight, start.measurements.offset,
-            *at.plan, slope, square,
+            batch.links, batch.base, batch.tool, batch.terms, seen, start.weight,
+            start.measurements.offset, *batch.configurations, slope, square,
         )  # fmt: skip
         own = slope[:, free]
-        pull = own + start.prior @ (center - at.x)
+        pull = own + start.prior @ (center - batch.x)
         step = start.covariance @ pull
-        at.move(step)
+        batch.move(step)
     data = start.precision - start.prior
     chi_square = square - np.einsum("bfl,bfl->bl", step, 2 * own - data @ step)
     length = np.sqrt(np.einsum("bfl,bfl->bl", step, start.precision @ step))
-    length[at.turned > LARGEST_TERM] = np.inf
+    length[batch.turned > LARGEST_TERM] = np.inf
     return Refits(
-        np.moveaxis(at.x, 1, -1).reshape(-1, f),
+        np.moveaxis(batch.x, 1, -1).reshape(-1, f),
         chi_square.ravel(),
         length.ravel(),
     )

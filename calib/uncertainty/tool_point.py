@@ -121,12 +121,12 @@ def _of_target(
     return position, (sigma + np.swapaxes(sigma, -1, -2)) / 2
 
 
-CHUNK_POINTS = 16_384
+BATCH_POINTS = 16_384
 """Draws times poses per pass: the dozen arrays in flight then stay in the second-level cache."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Postures:
+class Configurations:
     """Commanded postures with everything that does not change from draw to draw."""
 
     model: RobotModel
@@ -142,18 +142,18 @@ class Postures:
 
     @property
     def rows(self) -> int:
-        """Draws that make one pass of about `CHUNK_POINTS` points."""
-        return max(1, CHUNK_POINTS // max(1, len(self.cosine[0])))
+        """Draws that make one pass of about `BATCH_POINTS` points."""
+        return max(1, BATCH_POINTS // max(1, len(self.cosine[0])))
 
 
-def postures(model: RobotModel, q: ArrayLike) -> Postures:
+def configurations(model: RobotModel, q: ArrayLike) -> Configurations:
     """Prepare joint vectors q (N, n) [rad, m] for `tool_points`."""
     q = joint_vectors(model.chain, q)
     slides, links = model.chain.prismatic, model.chain.links
     value = q + model.joint_errors.offsets(q)
     turn = (value * (1 - slides) + links[:, 0]).T
     slide = (value * slides + links[:, 1]).T
-    return Postures(model, np.cos(turn), np.sin(turn), slide, model.joint_errors.basis(q).T)
+    return Configurations(model, np.cos(turn), np.sin(turn), slide, model.joint_errors.basis(q).T)
 
 
 def propagate(model: RobotModel, q: ArrayLike, steps: ArrayLike) -> Array:
@@ -171,7 +171,7 @@ def propagate(model: RobotModel, q: ArrayLike, steps: ArrayLike) -> Array:
         Steps of the full parameter vector [m, rad], as in `RobotModel.moved`.
     """
     (steps,) = check(f"k {model.n_numbers}", steps=steps)
-    at = postures(model, q)
+    at = configurations(model, q)
     out = np.empty((len(steps), at.cosine.shape[1], 3))
     for start in range(0, len(steps), at.rows):
         part = slice(start, start + at.rows)
@@ -179,8 +179,8 @@ def propagate(model: RobotModel, q: ArrayLike, steps: ArrayLike) -> Array:
     return out
 
 
-def tool_points(at: Postures, steps: Array) -> Array:
-    """Tool points (3, M, N) [m] for one chunk of steps (M, P); inputs are trusted.
+def tool_points(at: Configurations, steps: Array) -> Array:
+    """Tool points (3, M, N) [m] for one batch of steps (M, P); inputs are trusted.
 
     References
     ----------

@@ -12,14 +12,14 @@ from calib.uncertainty.discrepancy import Discrepancy
 from calib.uncertainty.held_out import HeldOut
 from calib.uncertainty.validation import LinearCheck
 
-Statement = Literal["model", "bootstrap", "conformal", "discrepancy", "none"]
+StatementName = Literal["model", "bootstrap", "conformal", "discrepancy", "none"]
 
 
 @dataclass(frozen=True, slots=True)
 class Trust:
     """The statement to believe, and the reasons; what is not valid comes first."""
 
-    believe: Statement
+    believe: StatementName
     model_valid: bool
     """Whether the interval from the covariance of the parameters may be used at all."""
     sentences: tuple[str, ...]
@@ -63,7 +63,7 @@ def trust(
     against = _against(identification, held_out, unmodelled)
     other = _without_model(discrepancy, conformal)
     if identification.status is not Status.CONVERGED:
-        believe: Statement = "conformal" if conformal is not None else "none"
+        believe: StatementName = "conformal" if conformal is not None else "none"
         return Trust(believe, False, (*against, *_advice(believe, discrepancy, conformal)))
     if against:
         return Trust(other, False, (*against, *_advice(other, discrepancy, conformal)))
@@ -73,7 +73,7 @@ def trust(
         doubtful.append(linear.sentence)
     if doubtful:
         settled = bootstrap is not None and not bootstrap.unconverged
-        use: Statement = "bootstrap" if settled else other
+        use: StatementName = "bootstrap" if settled else other
         first = "The linear interval is not valid here: " + "; ".join(doubtful)
         return Trust(use, False, (first, *_advice(use, discrepancy, conformal)))
     extra = tuple(_capital(part.sentence) for part in (bootstrap, linear) if part is not None)
@@ -125,7 +125,7 @@ def _for(fit: Identification, held_out: HeldOut | None) -> str:
     return text + "; no held-out pose has tested it"
 
 
-def _without_model(discrepancy: Discrepancy | None, conformal: Conformal | None) -> Statement:
+def _without_model(discrepancy: Discrepancy | None, conformal: Conformal | None) -> StatementName:
     """What to believe once the model is out."""
     if conformal is not None:
         return "conformal"
@@ -133,7 +133,7 @@ def _without_model(discrepancy: Discrepancy | None, conformal: Conformal | None)
 
 
 def _advice(
-    believe: Statement, discrepancy: Discrepancy | None, conformal: Conformal | None
+    believe: StatementName, discrepancy: Discrepancy | None, conformal: Conformal | None
 ) -> tuple[str, ...]:
     """What to use instead."""
     if believe == "conformal" and conformal is not None:

@@ -14,7 +14,7 @@ from calib.uncertainty.covariance import correlation, covariance_factor
 from calib.uncertainty.monte_carlo import numerical_tolerance
 from calib.uncertainty.regions import coverage_factor
 
-Outcome = Literal["validated", "not validated", "undecided"]
+CheckOutcome = Literal["validated", "not validated", "undecided"]
 DIFFERENCE_STEP = 1e-2
 """Step of the derivatives, in standard uncertainties of each input."""
 
@@ -48,7 +48,7 @@ class FirstOrder:
 class LinearCheck:
     """The verdict on first-order propagation, and what it rests on."""
 
-    outcome: Outcome
+    outcome: CheckOutcome
     differences: Array
     """(d,) absolute differences from Monte Carlo: means, u, largest eigenvalue, factor."""
     tolerance: Array
@@ -155,7 +155,7 @@ def validate(
     )
 
 
-def _verdict(differences: Array, tolerance: Array, error: Array) -> Outcome:
+def _verdict(differences: Array, tolerance: Array, error: Array) -> CheckOutcome:
     """Beyond the tolerance by more than Monte Carlo's own error: no. Within, and certain: yes."""
     if (differences - error > tolerance).any():
         return "not validated"
@@ -164,7 +164,7 @@ def _verdict(differences: Array, tolerance: Array, error: Array) -> Outcome:
     return "validated" if (differences <= tolerance).all() else "not validated"
 
 
-def _words(outcome: Outcome, finding: str) -> str:
+def _words(outcome: CheckOutcome, finding: str) -> str:
     """The verdict as a sentence."""
     if outcome == "validated":
         return f"first-order propagation is validated: {finding}"

@@ -16,7 +16,8 @@ from calib.kernels.noisy_poses import noisy_poses
 from calib.measurement.noise import isotropic_covariance, with_joint_noise
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import stacked
-from calib.uncertainty.refit import Lanes, freeze
+from calib.uncertainty.batch import Batch
+from calib.uncertainty.refit import freeze
 from tests.calib.uncertainty.test_monte_carlo import MODELS
 from tests.reference import pool_r, tx60
 
@@ -54,10 +55,10 @@ def test_the_gradient_is_the_one_of_the_whitened_jacobian(name):
     start = freeze(
         model, table, parameters_of(model), prior_precision=np.eye(model.n_numbers) * 1e6
     )
-    lanes = Lanes(model, start.parameters, start.measurements, 1)
+    batch = Batch(model, start.parameters, start.measurements, 1)
     steps = rng.normal(size=(32, model.n_numbers)) * 1e-3
-    lanes.move(np.ascontiguousarray(steps.T)[None])
-    assert pytest.approx(steps, abs=1e-12) == lanes.x[0].T  # one move is the step itself
+    batch.move(np.ascontiguousarray(steps.T)[None])
+    assert pytest.approx(steps, abs=1e-12) == batch.x[0].T  # one move is the step itself
     seen = np.zeros((1, len(q), 12, 32))
     tables = []
     for k in range(32):
@@ -70,8 +71,8 @@ def test_the_gradient_is_the_one_of_the_whitened_jacobian(name):
         seen[0, :, :3, k], seen[0, :, 3:, k] = own.position, own.rotation.reshape(-1, 9)
     slope, square = np.empty((1, model.n_numbers, 32)), np.empty((1, 32))
     replicates.gradient(
-        lanes.links, lanes.base, lanes.tool, lanes.terms, seen, start.weight,
-        start.measurements.offset, *lanes.plan, slope, square,
+        batch.links, batch.base, batch.tool, batch.terms, seen, start.weight,
+        start.measurements.offset, *batch.configurations, slope, square,
     )  # fmt: skip
     for k, own in enumerate(tables):
         stack = stacked(model.moved(steps[k]), own)

@@ -11,8 +11,8 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.measurement import tables
 from calib.measurement.noise import isotropic_covariance
-from calib.uncertainty.batches import in_chunks
 from calib.uncertainty.bootstrap import Bootstrap, bootstrap
+from calib.uncertainty.parallel import in_batches
 from calib.uncertainty.refit import freeze, refit
 from tests.reference import DEG, READABLE30, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
@@ -100,7 +100,7 @@ def test_what_one_chunk_draws_never_moves_another(threads):
         stream.standard_normal(7 * count)
         return count, stream.standard_normal()
 
-    got = in_chunks(work, np.random.default_rng(2), 25, size=10, threads=threads)
+    got = in_batches(work, np.random.default_rng(2), 25, size=10, threads=threads)
     assert [count for count, _ in got] == [10, 10, 5]
     for (count, value), stream in zip(got, np.random.default_rng(2).spawn(3), strict=True):
         assert value == stream.standard_normal(7 * count + 1)[-1]

@@ -8,8 +8,8 @@ from calib.geometry.parameters import parameters_of
 from calib.measurement import tables
 from calib.measurement.noise import isotropic_covariance, with_joint_noise
 from calib.uncertainty.budget import (
+    Contribution,
     RowNoise,
-    Source,
     budget,
     combined_standard,
     effective_dof,
@@ -149,7 +149,7 @@ def test_bad_sources_are_refused():
     with pytest.raises(InputError, match="eigenvalue"):
         budget(start, [RowNoise("bad", np.broadcast_to(-np.eye(6), (8, 6, 6)))])
     with pytest.raises(InputError, match="eigenvalue"):
-        budget(start, noise, added=[Source("bad", -np.eye(24), np.inf)])
+        budget(start, noise, added=[Contribution("bad", -np.eye(24), np.inf)])
     with pytest.raises(InputError, match="above zero"):
         effective_dof([1, 2], [3, 0])
     assert combined_standard([3, 4]) == 5

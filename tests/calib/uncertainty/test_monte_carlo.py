@@ -98,7 +98,7 @@ def test_the_size_of_a_pass_does_not_change_a_single_bit(monkeypatch):
     model, q = tx60(), pool_r(40)
     steps = correlated_draws(calibration_covariance(), 500, rng)
     whole = propagate(model, q, steps)
-    monkeypatch.setattr(tool_points, "CHUNK_POINTS", 333)
+    monkeypatch.setattr(tool_points, "BATCH_POINTS", 333)
     np.testing.assert_array_equal(propagate(model, q, steps), whole)
 
 
