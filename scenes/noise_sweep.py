@@ -3,7 +3,7 @@
 Run it: python scenes/noise_sweep.py
 """
 
-from testbed.run.play import play
+import truebed
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 
@@ -24,13 +24,13 @@ def sweep(replications: int = 60) -> list[tuple[float, float, float, float]]:
                 "uncertainty.replications": replications,
             },
         )
-        best = play(scenario).trials[0].estimates[0]
-        found, repeated = best.comparison, best.replications
-        variance = found.covariance[:, range(3), range(3)].sum(axis=1).mean()
+        best = truebed.run(scenario).trials[0].estimates[0]
+        compared, repeated = best.comparison, best.replications
+        variance = compared.covariance[:, range(3), range(3)].sum(axis=1).mean()
         rows.append(
             (
                 noise_um,
-                found.accuracy_after.mean * 1e3,
+                compared.accuracy_after.mean * 1e3,
                 variance**0.5 * 1e3,
                 float(repeated.tool_coverage.mean()) if repeated else float("nan"),
             )

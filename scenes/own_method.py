@@ -8,9 +8,8 @@ Run it: python scenes/own_method.py
 
 import numpy as np
 
+import calib
 from calib.arrays import Array, Index
-from calib.design import Problem, detmax, random_selection
-from calib.identification.identify import identify
 from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
 from testbed.scenario.read import changed
 from testbed.streams import stream
@@ -37,17 +36,17 @@ def contest(robots: int = 8) -> dict[str, Array]:
         scenario = changed(load_scenario("quick"), {"seed": seed})
         bench = open_laboratory(scenario, make_setting(scenario))
         blocks, q = bench.design_blocks("whitened"), bench.setting.pool_q
-        problem = Problem.of_blocks(blocks, POSES, "O1")
+        problem = calib.design.Problem.of_blocks(blocks, POSES, "O1")
         sets = {
-            "DETMAX": detmax(problem, stream(seed, "DETMAX")).indices,
-            "random": random_selection(len(q), POSES, stream(seed, "random")),
+            "DETMAX": calib.design.detmax(problem, stream(seed, "DETMAX")).indices,
+            "random": calib.design.random_selection(len(q), POSES, stream(seed, "random")),
             "farthest": farthest(q, POSES, stream(seed, "farthest")),
         }
         for name, chosen in sets.items():
             seen = bench.measure_pool(chosen, name)
-            found = identify(bench.setting.nominal, seen, bench.free("whitened"))
-            truth = true_step(bench.setting, found, seen)
-            judged = compare(bench.setting, found, seen, truth)
+            result = calib.identify(bench.setting.nominal, seen, bench.free("whitened"))
+            truth = true_step(bench.setting, result, seen)
+            judged = compare(bench.setting, result, seen, truth)
             errors[name].append(judged.accuracy_after.mean * 1e3)
     return {name: np.array(values) for name, values in errors.items()}
 

@@ -6,7 +6,7 @@ Run it: python scenes/own_robot.py
 import tempfile
 from pathlib import Path
 
-from testbed.run.play import play
+import truebed
 from testbed.studies import scenario_of
 from testbed.studies.trial.records import Campaign
 
@@ -53,13 +53,13 @@ def calibrate(folder: Path) -> Campaign:
             "trial": [{"name": "designed", "poses": 20, "method": "detmax"}],
         }
     )
-    return play(scenario)
+    return truebed.run(scenario)
 
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as temporary:
         estimate = calibrate(Path(temporary)).trials[0].estimates[0]
-    print("\n".join(estimate.identification.reduction.sentences))
+    print(estimate.identification.summary())
     print(f"{estimate.identification.rank} of {28 + 4} numbers can be told apart")
     before, after = estimate.comparison.accuracy_before, estimate.comparison.accuracy_after
     print(f"held-out error {before.mean * 1e3:.3f} -> {after.mean * 1e3:.4f} mm")

@@ -143,7 +143,7 @@ def _table(result: Identification) -> list[str]:
         value, U = scale * values[place], 2 * scale * u[place]
         places = max(0, 1 - int(np.floor(np.log10(U)))) if U > 0 else 6
         unit = "mm" if is_length else "deg"
-        lines.append(f"{name:{width}}  {value:14.{places}f}  {U:12.{places}f}  {unit}")
+        lines.append(f"{name:{width}}  {value:z14.{places}f}  {U:12.{places}f}  {unit}")
     return lines
 
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
+from calib.identification.result import ILL_CONDITIONED
 from calib.measurement.observations import Measurements
 from calib.uncertainty.judgement import Judgement, judge
 from testbed.identify.records import FittedModel
@@ -27,8 +28,6 @@ def proof_of(
 
 LEAST_TURN, LEAST_SLIDE = np.radians(10.0), 0.010
 """Range of a joint at the training poses below which it counts as not moved [rad, m]."""
-ILL_CONDITIONED = 1e3
-"""Condition of the kept columns above which poses are too much alike."""
 
 
 def warnings_of(
@@ -68,7 +67,7 @@ def _condition(fit: FittedModel) -> tuple[str, ...]:
         return ()
     lengths = result.parameters.is_length[result.parameters.free_index]
     u = result.standard_uncertainty
-    worst = int(np.argmax(u / result.parameters.free_scale))
+    worst = result.least_known
     value = float(in_units(u, lengths)[worst])
     return (
         f"the poses are much alike: condition {significant(result.reduction.condition, 2)}; least "
