@@ -37,8 +37,8 @@ class CalibratedRobot:
     def summary(self) -> str:
         """Frames, numbers with their U, tests of the fit, what cannot be told apart, as text."""
         misfit = f"nominal links miss by {1e3 * self.start.position_rms:.3f} mm rms"
-        said = [note for note in self.start.notes if note not in self.identification.notes]
-        return "\n".join([*said, misfit, self.identification.summary()])
+        frames = [note for note in self.start.notes if note not in self.identification.notes]
+        return "\n".join([*frames, misfit, self.identification.summary()])
 
     def judge(self, test: Measurements, *, rng: np.random.Generator | None = None) -> Judgement:
         """Judge the calibration by poses that it never used; see `calib.judge`.
@@ -67,7 +67,7 @@ def calibrate(
     """Calibrate a robot from measurements; nothing but its links need be known.
 
     Base, tool and fixtures are found first, then all free numbers together; of those that the
-    measurements cannot tell apart some stay nominal, and the summary says which.
+    measurements cannot tell apart some stay nominal, and the summary lists which.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def calibrate(
     Raises
     ------
     InputError
-        Too few measurements; how many are needed is said.
+        Too few measurements; how many are needed is stated.
 
     Examples
     --------

@@ -21,7 +21,7 @@ from calib.measurement.observations import Measurements
 from calib.measurement.residual import Stack
 
 RED = 1e-3
-"""A p-value below this says that the model or the stated noise is wrong."""
+"""A p-value below this shows that the model or the stated noise is wrong."""
 MOST_OUTLIERS = 0.2
 """Part of the observations above which misfits are the model's fault, not theirs."""
 

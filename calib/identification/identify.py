@@ -51,7 +51,7 @@ def identify(
     nominal : RobotModel
         Start, and the value of every number that is not free; its fixtures are numbers like others.
     measurements : Measurements
-        What was seen.
+        What was measured.
     parameters : Parameters
         Which numbers are free; `calib.geometry.parameters.parameters_of(nominal, ...)`.
     mode : {"whitened", "paper"}
@@ -68,7 +68,7 @@ def identify(
     Raises
     ------
     InputError
-        Nothing is free, too few poses (how many are needed is said), a prior on numbers that are
+        Nothing is free, too few poses (how many are needed is stated), a prior on numbers that are
         not free, or in paper mode free numbers that the table cannot tell apart.
 
     References
@@ -123,7 +123,7 @@ def _estimable(
     require_equations(nominal, measurements, bare)
     if not believed:
         return parameters.freeing(reduction.kept)
-    # whatever the prior says, it can only make up for directions of its own numbers
+    # whatever the prior is, it can only make up for directions of its own numbers
     by_data = reduce(first.A[:, bare.free_index] * bare.free_scale, bare, model=nominal).kept
     return parameters.freeing((*believed, *by_data))
 

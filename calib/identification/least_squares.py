@@ -1,6 +1,6 @@
 """Nonlinear least squares with exact derivatives: trust-region steps, and a certificate of the end.
 
-Knows nothing of robots. The unknown may live on a manifold: the caller says how to move it.
+Knows nothing of robots. The unknown may live on a manifold: the caller moves it.
 """
 
 from collections.abc import Callable
@@ -44,7 +44,7 @@ class Solution(Generic[X]):
     x: X
     """The answer."""
     residual: Array
-    """(n,) seen minus predicted there."""
+    """(n,) measured minus predicted there."""
     jacobian: Array
     """(n, p) derivative of the prediction there."""
     certificate: float
@@ -78,8 +78,9 @@ def solve(
     Parameters
     ----------
     evaluate : callable
-        x -> residual r (n,), seen minus predicted, and A (n, p), exact derivative of the prediction
-        by a small step at x. May return values that are not finite: the step is then refused.
+        x -> residual r (n,), measured minus predicted, and A (n, p), exact derivative of the
+        prediction by a small step at x. May return values that are not finite: the step is then
+        refused.
     start : X
         First point, of any type.
     move : callable

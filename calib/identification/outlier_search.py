@@ -27,12 +27,12 @@ CALMER = 0.8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OutlierSearch:
-    """What does not fit the others, and the fit that says so."""
+    """What does not fit the others, and the fit that shows it."""
 
     noise_factor: float
     """Typical residual in units of the stated noise; 1 where that was taken at its word."""
     identification: Identification
-    """The fit that judged: a robust one, unless the first saw nothing."""
+    """The fit that judged: a robust one, unless the first had none."""
     outliers: Outliers
     """Score of each observation after it."""
     suspects: Index
@@ -61,7 +61,7 @@ def search_outliers(
 ) -> OutlierSearch:
     """Name the observations that do not fit the others.
 
-    One gross error spoils the scores of its neighbors in a plain fit: where some are found, they
+    One gross error spoils the scores of its neighbors in a plain fit: where there are some, they
     are named after a Cauchy fit.
 
     Parameters
@@ -127,6 +127,6 @@ def _robust(
     first: Identification,
     factor: float,
 ) -> tuple[Identification, Measurements]:
-    """A fit that few observations cannot pull, and the table as it saw it."""
+    """A fit that few observations cannot pull, and the table with its noise."""
     table = with_noise(measurements, factor)
     return identify(nominal, table, parameters, prior=first.prior, loss="cauchy"), table

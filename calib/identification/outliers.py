@@ -116,18 +116,18 @@ def outliers(
     score, checked = np.zeros(len(counts)), np.zeros(len(counts))
     for size in np.unique(counts[counts > 0]):
         which = np.flatnonzero(counts == size)
-        own = np.isin(row_of, which)
-        near, far = (X[own].reshape(len(which), size, -1) for X in (B, D))
+        of_size = np.isin(row_of, which)
+        near, far = (X[of_size].reshape(len(which), size, -1) for X in (B, D))
         spread = (
             np.eye(size)
             - 2 * pull[which, None, None] * (near @ np.swapaxes(near, -1, -2))
             + far @ np.swapaxes(far, -1, -2)
         )
         freedom, axes = np.linalg.eigh(spread)
-        along = (r[own].reshape(len(which), 1, size) @ axes)[:, 0]
-        seen = freedom > UNCHECKED
-        score[which] = np.sum(np.where(seen, along**2, 0) / np.where(seen, freedom, 1), axis=1)
-        checked[which] = seen.sum(1)
+        along = (r[of_size].reshape(len(which), 1, size) @ axes)[:, 0]
+        known = freedom > UNCHECKED
+        score[which] = np.sum(np.where(known, along**2, 0) / np.where(known, freedom, 1), axis=1)
+        checked[which] = known.sum(1)
     limit = chdtri(np.maximum(checked, 1), chance / len(counts))
     return Outliers(score, np.where(checked > 0, limit, np.inf))
 
@@ -164,7 +164,7 @@ def inspect(
 ) -> Inspection:
     """Judge every observation of the table that a model was identified from.
 
-    After a plain fit one gross error spoils the scores of its neighbors: where some are found,
+    After a plain fit one gross error spoils the scores of its neighbors: where there are some,
     identify with a robust loss and inspect that fit.
 
     Parameters

@@ -15,7 +15,7 @@ from calib.geometry.parameters import Parameters
 from calib.information.rank import weak_prior_sd
 
 AGREE = 1e-6
-"""Part by which `sd` may differ from what `precision` says, where both are given."""
+"""Part by which `sd` may differ from that of `precision`, where both are given."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,7 +114,7 @@ def weak_prior(parameters: Parameters) -> Prior:
     """What is believed of the free numbers of any carefully built arm: they are near nominal.
 
     Angles 0.1 deg, lengths 0.6 mm, frames 1 mm and 0.1 deg, gravity terms 50 mdeg, first harmonics
-    20 mdeg, higher ones 12 mdeg. Some five times what is usually found: measurements overrule it.
+    20 mdeg, higher ones 12 mdeg. Some five times the usual: measurements overrule it.
     """
     sd = weak_prior_sd(parameters)
     return Prior(np.zeros(len(sd)), sd, parameters.free_names)

@@ -58,7 +58,7 @@ class Identification:
     """(iterations + 1,) sum of squares from the nominal model on, that of the prior included; with
     a robust loss the loss, from the answer on that it started with."""
     residual: Array
-    """(N,) seen minus predicted at the end: whitened, or the paper's rows in 1 and mm."""
+    """(N,) measured minus predicted at the end: whitened, or the paper's rows in 1 and mm."""
     mode: Mode
     notes: tuple[str, ...]
     """What a reader must know before believing the numbers."""

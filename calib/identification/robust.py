@@ -1,4 +1,4 @@
-"""Losses that gross errors cannot pull: one weight per observation, and what the estimate is worth.
+"""Losses that gross errors cannot pull: one weight per observation, and the estimate's covariance.
 
 An observation of rows r_j, whitened, has the size s = |r_j| / sqrt(rows), about 1 if it is sound.
 """
@@ -69,13 +69,13 @@ def flattened(r: Array, A: Array, row_of: Index, loss: Loss) -> tuple[Array, Arr
     if loss == "squared":
         return r, A
     size = sizes(r, row_of)
-    seen = np.where(size > 0, size, 1.0)
-    shorter = np.where(size > 0, np.sqrt(mean_loss(size, loss)) / seen, 1.0)
+    safe = np.where(size > 0, size, 1.0)
+    shorter = np.where(size > 0, np.sqrt(mean_loss(size, loss)) / safe, 1.0)
     # along the residual itself the loss rises more slowly than across it
     along = loss_weights(size, loss) / shorter**2 - 1
     starts = np.flatnonzero(np.diff(row_of, prepend=-1))
     rows = np.bincount(row_of)
-    unit = r / (seen * np.sqrt(np.maximum(rows, 1)))[row_of]
+    unit = r / (safe * np.sqrt(np.maximum(rows, 1)))[row_of]
     drift = np.add.reduceat(unit[:, None] * A, starts)[row_of]
     factor = shorter[row_of]
     return factor * r, factor[:, None] * (A + (along[row_of] * unit)[:, None] * drift)

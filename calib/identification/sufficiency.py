@@ -18,7 +18,7 @@ def require_equations(
     measurements: Measurements,
     parameters: Parameters,
 ) -> None:
-    """Refuse a table without more independent equations than numbers to be found.
+    """Refuse a table without more independent equations than numbers to identify.
 
     Numbers are counted as the directions that many poses of this kind would tell apart; one
     equation more than that leaves a residual to judge the fit by.
@@ -36,29 +36,29 @@ def require_equations(
 
 
 def _independent(measurements: Measurements, parameters: Parameters) -> tuple[int, int]:
-    """Different joint vectors, and the equations they can give: a repeat adds none of its own.
+    """Different joint vectors, and the equations they can give: a repeat adds none.
 
     Distances to one reflector at one joint vector give no more than the three of its place, and all
-    rows there no more than the six of its pose; what is beyond can only tell what is set up.
+    rows there no more than the six of its pose; the rest can only determine fixtures.
     """
     first = np.unique(
         np.column_stack([measurements.q, measurements.target_key]), axis=0, return_index=True
     )[1]
     few = measurements.rows(first)
     poses, pose = np.unique(few.q, axis=0, return_inverse=True)
-    seen = np.column_stack([pose.ravel(), few.offset, few.reflector, few.is_pose])
-    _, place, of_place = np.unique(seen, axis=0, return_index=True, return_inverse=True)
+    places = np.column_stack([pose.ravel(), few.offset, few.reflector, few.is_pose])
+    _, place, of_place = np.unique(places, axis=0, return_index=True, return_inverse=True)
     each = np.bincount(of_place.ravel(), few.equations)
-    told = np.minimum(each, np.where(few.is_pose[place], 6, 3))
-    rows = np.bincount(pose.ravel()[place], told, minlength=len(poses))
+    of_places = np.minimum(each, np.where(few.is_pose[place], 6, 3))
+    rows = np.bincount(pose.ravel()[place], of_places, minlength=len(poses))
     have = np.minimum(rows, 6)
     free = [name.split(".")[0].rstrip("0123456789") for name in parameters.free_names]
     anchors, reflectors, stations = (free.count(x) for x in ("anchor", "reflector", "station"))
-    # several anchors or stations see one place, several reflectors make one pose: what they tell
-    # beyond it is where these are; of reflectors alone how they stand to each other
+    # several anchors or stations see one place, several reflectors make one pose: beyond it
+    # they determine where these are; of reflectors alone how they stand to each other
     if (few.reflector != GIVEN).all():
         reflectors = max(reflectors - 6, 0)
-    more = min(int((each - told).sum()), anchors + stations)
+    more = min(int((each - of_places).sum()), anchors + stations)
     more += min(int((rows - have).sum()), reflectors + stations)
     return len(poses), int(have.sum()) + more
 

@@ -1,4 +1,4 @@
-"""What the identified numbers and the tool point are worth: statements, and their proof.
+"""Uncertainty of the identified numbers and of the tool point: statements, and their proof.
 
 The names below are the room's door; functions stand here before the modules of the same name.
 """

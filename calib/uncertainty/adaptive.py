@@ -97,7 +97,7 @@ def adaptive(
     batch : int, optional
         Draws per batch: max(10 000, 100 / (1 - p)).
     most : int
-        Draws after which to stop all the same; the sentence then says so.
+        Draws after which to stop all the same; the sentence then states it.
 
     Notes
     -----

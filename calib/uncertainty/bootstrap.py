@@ -67,7 +67,7 @@ class Bootstrap:
 
     @property
     def agrees(self) -> bool:
-        """Whether scatter and bias are what the covariance says, within sampling error."""
+        """Whether scatter and bias are those of the covariance, within sampling error."""
         N = self.replicates
         return bool(
             (np.abs(self.ratio - 1) <= BAND / np.sqrt(2 * N)).all()
@@ -172,12 +172,12 @@ def _replicate(
 
     plan, blocks = start.measurements, -(-count // WIDTH)
     normal = rng.standard_normal((blocks, len(plan), 6, WIDTH))
-    seen = np.empty((blocks, len(plan), 12, WIDTH))
-    noisy_poses(normal, plan.position, plan.rotation, start.factor, seen)
+    measured = np.empty((blocks, len(plan), 12, WIDTH))
+    noisy_poses(normal, plan.position, plan.rotation, start.factor, measured)
     center = np.zeros((blocks, len(spread), WIDTH))
     if spread.any():
         center = spread @ rng.standard_normal(center.shape)
-    return descend(start, seen, center, steps).first(count)
+    return descend(start, measured, center, steps).first(count)
 
 
 def _prior_spread(start: Frozen) -> Array:

@@ -54,6 +54,10 @@ class ToolBudget:
     degrees_of_freedom: Array
     """(N,) effective, of the combined u_3D."""
 
+    def __repr__(self) -> str:
+        u = 1e6 * self.combined.mean()
+        return f"ToolBudget({len(self.names)} sources, mean u {u:.3g} um)"
+
     @property
     def combined(self) -> Array:
         """(N,) combined u_3D [m]."""
@@ -71,6 +75,9 @@ class Budget:
 
     parameters: Parameters
     sources: tuple[Contribution, ...]
+
+    def __repr__(self) -> str:
+        return f"Budget({', '.join(self.names)})"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -103,8 +110,14 @@ class Budget:
         return np.array([source.degrees_of_freedom for source in self.sources])
 
     def expanded(self, probability: float = 0.95) -> Array:
-        """Expanded uncertainty (f,) with the Student factor of the effective degrees [m, rad]."""
-        return _student(self.degrees_of_freedom, probability) * self.combined
+        """Expanded uncertainty (f,) with the Student factor of the effective degrees [m, rad].
+
+        References
+        ----------
+        JCGM 100:2008, G.4.1, G.6.4: degrees of freedom rounded down.
+        """
+        whole = np.maximum(np.floor(self.degrees_of_freedom), 1.0)
+        return student_factor(whole, probability) * self.combined
 
     def at_tool(self, model: RobotModel, q: ArrayLike) -> ToolBudget:
         """The same at the tool point of joints q (N, n)."""
@@ -136,7 +149,7 @@ def budget(
     ----------
     start : Frozen
         From `freeze`: the identified robot, the plan with the covariances that weighted the fit,
-        the prior. Its sources need not be those the fit believed in: the budget tells what the
+        the prior. Its sources need not be those the fit believed in: the budget is of what the
         estimate really does with them.
     noise : sequence of RowNoise
         What scatters anew in every row. If these sum to the covariance of the plan, they and the
@@ -197,38 +210,6 @@ def check_dof(degrees_of_freedom: ArrayLike, count: int) -> tuple[Array]:
     if nu.shape != (count,) or not (nu > 0).all():
         raise refuse("degrees_of_freedom", nu.tolist(), f"{count} values above zero", code="A3")
     return (nu,)
-
-
-def combined_standard(standard: ArrayLike, correlation: ArrayLike | None = None) -> float:
-    """Combined standard uncertainty of contributions (s,), each already times its sensitivity.
-
-    References
-    ----------
-    JCGM 100:2008, eqs. (11a) and (16).
-    """
-    (u,) = check("s", standard=standard)
-    if correlation is None:
-        return float(np.sqrt(np.square(u).sum()))
-    (rho,) = check(f"{len(u)} {len(u)}", correlation=correlation)
-    return float(np.linalg.norm(u @ covariance_factor(rho)))
-
-
-def expanded_uncertainty(
-    standard: ArrayLike, degrees_of_freedom: ArrayLike, probability: float = 0.95
-) -> float:
-    """U = t u of uncorrelated contributions (s,), effective degrees of freedom rounded down.
-
-    References
-    ----------
-    JCGM 100:2008, G.4.1, G.6.4.
-    """
-    nu = effective_dof(standard, degrees_of_freedom)
-    return float(_student(nu, probability)) * combined_standard(standard)
-
-
-def _student(nu: Array, probability: float) -> Array:
-    """Student factor, degrees of freedom rounded down to a whole number of at least one."""
-    return student_factor(np.maximum(np.floor(nu), 1.0), probability)
 
 
 def _same_rows(shared: CommonInput, m: int) -> Array:

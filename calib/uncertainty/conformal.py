@@ -25,7 +25,7 @@ class Conformal:
     """Content asked for, on average over validation sets: k / (n + 1) or more."""
 
     def content_range(self, probability: float = 0.95) -> tuple[float, float]:
-        """Range that holds the content of this one radius: it hangs on the n poses drawn.
+        """Range that holds the content of this one radius: it depends on the n poses drawn.
 
         References
         ----------
@@ -37,7 +37,7 @@ class Conformal:
 
     @property
     def sentence(self) -> str:
-        """What it says, in words."""
+        """The result in words."""
         low, high = self.content_range()
         return (
             f"a new pose from where the {self.n_poses} validation poses were drawn lies within "

@@ -1,4 +1,4 @@
-"""What the model leaves out, as a covariance: seen at independent poses, added to the statement."""
+"""What the model leaves out, as a covariance from independent poses, added to the statement."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from calib.uncertainty.held_out import HeldOut
 from calib.uncertainty.regions import require_probability
 
 FEWEST = 10
-"""Held-out poses below which a 3 x 3 covariance is not worth stating."""
+"""Held-out poses below which a 3 x 3 covariance is not stated."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +44,7 @@ class Discrepancy:
 
     @property
     def sentence(self) -> str:
-        """What it says, in words."""
+        """The result in words."""
         size = 1e6 * float(np.sqrt(np.trace(self.covariance)))
         if size == 0:
             return (

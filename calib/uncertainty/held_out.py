@@ -1,4 +1,4 @@
-"""Errors at poses that the identification never saw, and whether the covariance explains them."""
+"""Errors at poses that the identification never used, and whether the covariance explains them."""
 
 from dataclasses import dataclass
 
@@ -79,8 +79,8 @@ def held_out(
         row = int(np.argmax(validation.is_distance))
         message = f"validation row {row} is a distance; it shows no position"
         raise refuse("validation", row, "poses and points", code="A3", message=message)
-    seen = predict(model, validation)
-    rows, error = seen.rows[:, :3], seen.residual[:, :3]
+    prediction = predict(model, validation)
+    rows, error = prediction.rows[:, :3], prediction.residual[:, :3]
     sigma = validation.covariance[:, :3, :3]
     G = rows @ covariance_factor(covariance)  # (n, 3, P)
     try:

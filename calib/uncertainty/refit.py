@@ -31,7 +31,7 @@ STEPS = 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Refits:
-    """K fits of one set of numbers to K tables that differ only in what was seen."""
+    """K fits of one set of numbers to K tables that differ only in what was measured."""
 
     steps: Array
     """(K, f) estimate minus model, as `RobotModel.step_to` would say [m, rad]."""
@@ -59,7 +59,7 @@ class Frozen:
     parameters: Parameters
     """Free numbers, all of which the rows or the prior can tell."""
     measurements: Measurements
-    """The plan: joints, covariances and kinds of rows; what was seen is as the model says."""
+    """The plan: joints, covariances and kinds of rows; measured are the model's own predictions."""
     weight: Array
     """(m, 6, 6) inverse covariances; zero for the rotation of point rows."""
     factor: Array
@@ -91,7 +91,7 @@ def freeze(
     model : RobotModel
         The identified robot, or any start close to the answers.
     measurements : Measurements
-        The plan; what it saw is not used.
+        The plan; its measured values are not used.
     parameters : Parameters
         Free numbers: those that were identified, `Identification.parameters`.
     prior_precision : (f, f) array_like, optional
@@ -177,9 +177,9 @@ def refit(
         From `freeze`; two steps suffice where it is the answer to within the noise, about five
         where it is the nominal robot.
     position : (K, m, 3) array_like
-        Positions seen, in the world: tool origin, or reflector for point rows [m].
+        Positions measured, in the world: tool origin, or reflector for point rows [m].
     rotation : (K, m, 3, 3) array_like
-        Rotations seen; anything for point rows.
+        Rotations measured; anything for point rows.
     prior_mean : (K, f) or (f,) array_like, optional
         Where the prior of each replicate has its center, as a step from the model [m, rad].
     steps : int
@@ -201,10 +201,10 @@ def refit(
     def work(first: int) -> Refits:
         part = np.arange(first, first + min(size, K - first))
         padded = np.resize(part, -(-len(part) // WIDTH) * WIDTH).reshape(-1, WIDTH)
-        seen = np.empty((len(padded), m, 12, WIDTH))
-        seen[:, :, :3] = np.moveaxis(position[padded], 1, -1)
-        seen[:, :, 3:] = np.moveaxis(rotation.reshape(K, m, 9)[padded], 1, -1)
-        whole = descend(start, seen, np.moveaxis(center[padded], 1, -1), steps)
+        measured = np.empty((len(padded), m, 12, WIDTH))
+        measured[:, :, :3] = np.moveaxis(position[padded], 1, -1)
+        measured[:, :, 3:] = np.moveaxis(rotation.reshape(K, m, 9)[padded], 1, -1)
+        whole = descend(start, measured, np.moveaxis(center[padded], 1, -1), steps)
         return whole.first(len(part))
 
     return joined(mapped(work, range(0, K, size), threads))
@@ -220,15 +220,15 @@ def joined(parts: Sequence[Refits]) -> Refits:
     )
 
 
-def descend(start: Frozen, seen: Array, center: Array, steps: int) -> Refits:
+def descend(start: Frozen, measured: Array, center: Array, steps: int) -> Refits:
     """Fit the tables of one batch: x += C (J'W r + Lambda0 (center - x)).
 
     Parameters
     ----------
     start : Frozen
         Model, plan, curvature.
-    seen : (B, m, 12, 32) array
-        Position and rotation rows seen [m].
+    measured : (B, m, 12, 32) array
+        Position and rotation rows measured [m].
     center : (B, f, 32) array
         Center of the prior, as a step from the model.
     steps : int
@@ -236,14 +236,14 @@ def descend(start: Frozen, seen: Array, center: Array, steps: int) -> Refits:
     """
     from calib.kernels.replicates import gradient
 
-    batch = Batch(start.model, start.parameters, start.measurements, len(seen))
-    B, f = len(seen), start.parameters.n_free
+    batch = Batch(start.model, start.parameters, start.measurements, len(measured))
+    B, f = len(measured), start.parameters.n_free
     free = start.parameters.free_index
     slope = np.empty((B, start.model.n_numbers, WIDTH))
     square = np.empty((B, WIDTH))
     for _ in range(steps):
         gradient(
-            batch.links, batch.base, batch.tool, batch.terms, seen, start.weight,
+            batch.links, batch.base, batch.tool, batch.terms, measured, start.weight,
             start.measurements.offset, *batch.configurations, slope, square,
         )  # fmt: skip
         own = slope[:, free]

@@ -83,7 +83,7 @@ def trust(
 def _against(
     fit: Identification, held_out: HeldOut | None, unmodelled: Sequence[str]
 ) -> tuple[str, ...]:
-    """Sentences against the model-based interval; the first says that it is not valid."""
+    """Sentences against the model-based interval; the first states that it is not valid."""
     if fit.status is not Status.CONVERGED:
         return (f"The model-based interval is not valid: the fit {fit.status.value}",)
     reasons = []

@@ -69,10 +69,10 @@ def common_inputs(
             "one name for each, none negative",
         )
         raise refuse("variance", allowed=allowed, code="A3", message=message)
-    groups = {name: [k for k, own in enumerate(names) if own == name] for name in names}
+    groups = {name: [k for k, other in enumerate(names) if other == name] for name in names}
     return tuple(
-        CommonInput(name, sensitivity[:, :, own], np.diag(variance[own]), degrees_of_freedom)
-        for name, own in groups.items()
+        CommonInput(name, sensitivity[:, :, k], np.diag(variance[k]), degrees_of_freedom)
+        for name, k in groups.items()
     )
 
 
@@ -81,7 +81,7 @@ def estimator_maps(start: Frozen) -> Array:
 
     References
     ----------
-    F = inv(A'A + Lambda0) A'N; zero for the rotation of point rows, which nobody saw.
+    F = inv(A'A + Lambda0) A'N; zero for the rotation of point rows, which nobody measured.
     """
     plan = start.measurements
     T, J = start.model.poses_and_jacobian(plan.q)
@@ -101,6 +101,6 @@ def type_b_covariance(start: Frozen, common: Sequence[CommonInput]) -> Array:
     """
     F, f = estimator_maps(start), start.parameters.n_free
     total = np.zeros((f, f))
-    for own in common:
-        total += common_input_covariance(F, own.sensitivity, own.covariance)
+    for shared in common:
+        total += common_input_covariance(F, shared.sensitivity, shared.covariance)
     return frozen(total)

@@ -21,7 +21,7 @@ DIFFERENCE_STEP = 1e-2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FirstOrder:
-    """What the law of propagation says about k outputs."""
+    """Result of the law of propagation for k outputs."""
 
     value: Array
     """(k,) the model at the means of the inputs."""
@@ -128,7 +128,7 @@ def validate(
     u = np.sqrt(np.diagonal(covariance))
     largest = float(np.linalg.eigvalsh(correlation(covariance))[-1])
     factor = coverage_factor(len(u), monte_carlo.probability)
-    own = np.array([*value, *u, largest, factor])
+    linear = np.array([*value, *u, largest, factor])
     other = np.array(
         [
             *(*monte_carlo.mean, *monte_carlo.standard),
@@ -139,7 +139,7 @@ def validate(
     tolerance = np.array(
         [*delta, *delta, numerical_tolerance(largest, digits), numerical_tolerance(factor, digits)]
     )
-    differences = np.abs(own - other)
+    differences = np.abs(linear - other)
     outcome = _verdict(differences, tolerance, monte_carlo.error)
     names = [f"{what} {i + 1}" for what in ("value", "uncertainty") for i in range(len(u))]
     names += ["largest eigenvalue of the correlation", "coverage factor"]

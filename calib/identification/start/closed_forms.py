@@ -1,7 +1,8 @@
 """Frames without a guess: rotations, shifts and points from linear algebra alone, no iterations.
 
 F (m, 4, 4) are the poses of the flange in the base, from the nominal links; what is looked for
-links them to what was seen. Directions that the data do not tell stay where `about` has them.
+links them to what was measured. Directions that the data do not determine stay where `about` has
+them.
 """
 
 import numpy as np
@@ -10,8 +11,8 @@ from calib.arrays import Array, Bool, Index
 from calib.geometry.frames import transform
 
 FAINT = 1e-3
-"""Part of an ordinary column below which a direction counts as not seen: a nominal robot is wrong
-by a millimeter, and that divided by this part is a meter."""
+"""Part of an ordinary column below which a direction counts as not measured: a nominal robot is
+wrong by a millimeter, and that divided by this part is a meter."""
 APART = 1e-5
 """Gap below the largest singular value that makes it the only one: turns of some milliradians."""
 NUDGE = 1e-9
@@ -34,8 +35,8 @@ def nearest_rotation(M: Array) -> Array:
     return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U) * np.linalg.det(Vt)]) @ Vt)
 
 
-def fitted_frame(seen: Array, known: Array, about: Array) -> Array:
-    """Transform T (4, 4) with seen (k, 3) = R known (k, 3) + t, in the least-squares sense.
+def fitted_frame(measured: Array, known: Array, about: Array) -> Array:
+    """Transform T (4, 4) with measured (k, 3) = R known (k, 3) + t, in the least-squares sense.
 
     Works for one point (rotation of `about` (3, 3)), two (nearest to it about the line), or more.
 
@@ -43,14 +44,14 @@ def fitted_frame(seen: Array, known: Array, about: Array) -> Array:
     ----------
     Umeyama 1991 (Procrustes).
     """
-    there, here = seen - seen.mean(0), known - known.mean(0)
+    there, here = measured - measured.mean(0), known - known.mean(0)
     H = there.T @ here
     R = nearest_rotation(H + NUDGE * max(float(np.abs(H).max()), 1e-12) * about)
-    return transform(R, seen.mean(0) - R @ known.mean(0))
+    return transform(R, measured.mean(0) - R @ known.mean(0))
 
 
-def hand_eye_rotations(F: Array, seen: Array) -> tuple[Array, Array] | None:
-    """Rotations X, Y (3, 3) with seen (m, 3, 3) = X R_F Y, from at least three poses.
+def hand_eye_rotations(F: Array, measured: Array) -> tuple[Array, Array] | None:
+    """Rotations X, Y (3, 3) with measured (m, 3, 3) = X R_F Y, from at least three poses.
 
     None where the rotations leave them open: all alike, or all about one axis.
 
@@ -60,7 +61,7 @@ def hand_eye_rotations(F: Array, seen: Array) -> tuple[Array, Array] | None:
     (13): the largest singular pair of sum R_seen (x) R_F.
     """
     # maximize the sum of tr(X' R_seen Y' R_F'), bilinear in X and Z = Y'
-    K = np.einsum("jbc,jad->bacd", seen, F[:, :3, :3]).reshape(9, 9)
+    K = np.einsum("jbc,jad->bacd", measured, F[:, :3, :3]).reshape(9, 9)
     U, s, Vt = np.linalg.svd(K)
     if s[1] > (1 - APART) * s[0]:
         return None
@@ -69,25 +70,25 @@ def hand_eye_rotations(F: Array, seen: Array) -> tuple[Array, Array] | None:
     return nearest_rotation(sign * X), nearest_rotation(sign * Z).T
 
 
-def tool_rotation(X: Array, F: Array, seen: Array) -> Array:
-    """Rotation Y (3, 3) with seen (m, 3, 3) = X R_F Y, X known: the chordal mean."""
+def tool_rotation(X: Array, F: Array, measured: Array) -> Array:
+    """Rotation Y (3, 3) with measured (m, 3, 3) = X R_F Y, X known: the chordal mean."""
     return nearest_rotation(
-        np.einsum("jba,jbc->ac", F[:, :3, :3], np.einsum("ba,jbc->jac", X, seen))
+        np.einsum("jba,jbc->ac", F[:, :3, :3], np.einsum("ba,jbc->jac", X, measured))
     )
 
 
 def shift_and_arms(
-    X: Array, F: Array, seen: Array, target: Index, about: Array, fixed: Bool
+    X: Array, F: Array, measured: Array, target: Index, about: Array, fixed: Bool
 ) -> tuple[Array, Array]:
-    """Shift t (3,) and points c (k, 3) of the flange with seen (m, 3) = X (R_F c + p_F) + t.
+    """Shift t (3,) and points c (k, 3) of the flange with measured (m, 3) = X (R_F c + p_F) + t.
 
-    Linear, X (3, 3) known. `target` (m,) says which point a row saw; those of `fixed` (k,) stay
-    where `about` (k, 3) has them, and so does what constant orientation leaves open.
+    Linear, X (3, 3) known. `target` (m,) is the point that a row measures; those of `fixed` (k,)
+    stay where `about` (k, 3) has them, and so does what constant orientation leaves open.
     """
     m, free = len(F), np.flatnonzero(~fixed)
     R = F[:, :3, :3]
-    # p_F + R_F c = X' (seen - t): c from the differences, then t from the mean
-    rest = seen @ X - F[:, :3, 3] - (R @ about[target][:, :, None])[:, :, 0]
+    # p_F + R_F c = X' (measured - t): c from the differences, then t from the mean
+    rest = measured @ X - F[:, :3, 3] - (R @ about[target][:, :, None])[:, :, 0]
     c = about.copy()
     if free.size:
         A = np.zeros((m, 3, len(free), 3))
@@ -97,24 +98,24 @@ def shift_and_arms(
         A = (A - A.mean(0)).reshape(3 * m, -1)
         right = (rest - rest.mean(0)).ravel()
         c[free] += _least(A, right, FAINT * np.sqrt(m)).reshape(-1, 3)
-        rest = seen @ X - F[:, :3, 3] - (R @ c[target][:, :, None])[:, :, 0]
+        rest = measured @ X - F[:, :3, 3] - (R @ c[target][:, :, None])[:, :, 0]
     return X @ rest.mean(0), c
 
 
-def lifted_rotation(F: Array, seen: Array, target: Index, about: Array, fixed: Bool) -> Array:
-    """Rotation X (3, 3) with seen (m, 3) = X (R_F c + p_F) + t, none of them known.
+def lifted_rotation(F: Array, measured: Array, target: Index, about: Array, fixed: Bool) -> Array:
+    """Rotation X (3, 3) with measured (m, 3) = X (R_F c + p_F) + t, none of them known.
 
-    Linear lift: X' seen - R_F c + t' = p_F, with the nine entries of X' as if they were free; the
-    nearest rotation to them is the answer. Five poses or more; seen points in one plane leave one
-    column of X' open, which the other two determine.
+    Linear lift: X' measured - R_F c + t' = p_F, with the nine entries of X' as if they were free;
+    the nearest rotation to them is the answer. Five poses or more; measured points in one plane
+    leave one column of X' open, which the other two determine.
     """
     m, free = len(F), np.flatnonzero(~fixed)
     R = F[:, :3, :3]
     right = flange_points(F, about[target])
-    spread = max(float(np.sqrt(np.square(seen - seen.mean(0)).sum(1).mean())), 1e-12)
+    spread = max(float(np.sqrt(np.square(measured - measured.mean(0)).sum(1).mean())), 1e-12)
     A = np.zeros((m, 3, 9 + 3 * len(free)))
     for row in range(3):
-        A[:, row, 3 * row : 3 * row + 3] = (seen - seen.mean(0)) / spread
+        A[:, row, 3 * row : 3 * row + 3] = (measured - measured.mean(0)) / spread
     for column, k in enumerate(free):
         rows = target == k
         A[rows, :, 9 + 3 * column : 12 + 3 * column] = -R[rows]
@@ -139,7 +140,7 @@ def multilaterated(centers: Array, distance: Array) -> Array:
 
 
 def lifted_arm(F: Array, distance: Array, anchor: Index, n_anchors: int) -> Array:
-    """Point c (3,) of the flange whose distances (m,) from unknown anchors were seen [m].
+    """Point c (3,) of the flange whose distances (m,) from unknown anchors were measured [m].
 
     Linear lift of |R_F c + p_F - a|^2 = d^2: unknown are |c|^2 + |a|^2, a and the nine products
     a c' per anchor, and c, as if they were free. Needs 3 + 13 distances for one anchor, 13 for each
@@ -166,6 +167,6 @@ def _least(A: Array, right: Array, faint: float) -> Array:
     """Least-squares solution of least norm, singular values below `faint` counted as zero."""
     Q, R = np.linalg.qr(A)
     U, s, Vt = np.linalg.svd(R, full_matrices=False)
-    seen = s > faint
-    along = (U.T @ (Q.T @ right)) / np.where(seen, s, 1.0)
-    return np.asarray(Vt.T @ np.where(seen, along, 0.0))
+    counted = s > faint
+    along = (U.T @ (Q.T @ right)) / np.where(counted, s, 1.0)
+    return np.asarray(Vt.T @ np.where(counted, along, 0.0))

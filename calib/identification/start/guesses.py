@@ -29,7 +29,7 @@ FEWEST_LIFT = 5
 MANY = 20
 """Positions that leave the lift no doubt."""
 FEWEST_RANGES = 4
-"""Distances below which a point in space is not found linearly."""
+"""Distances below which a point in space is not determined linearly."""
 ARM_GUESSES = np.concatenate([np.zeros((1, 3)), *(r * np.eye(3)[[0, 0, 1, 1, 2, 2]]
     * np.array([1, -1, 1, -1, 1, -1])[:, None] for r in (0.08, 0.25))])  # fmt: skip
 """(13, 3) where a reflector may be, from the nominal place [m], if no closed form applies."""
@@ -147,7 +147,7 @@ def _fitted_station(problem: StartProblem, rows: Index, tool: Array, arms: Array
 
 
 def _with_stations(problem: StartProblem, partial: PartialAlignment, main: int) -> PartialAlignment:
-    """All stations that measured anything, and the arms of reflectors that only they saw."""
+    """All stations that measured anything, and the arms of reflectors that only they measured."""
     table = problem.measurements
     for s in [main, *np.unique(table.station[~table.is_distance]).tolist()]:
         rows = np.flatnonzero((table.station == s) & ~table.is_distance)
@@ -167,7 +167,7 @@ def _with_stations(problem: StartProblem, partial: PartialAlignment, main: int) 
 
 
 def _lifted_arms(problem: StartProblem, rows: Index, arms: Array) -> Array:
-    """Arms (k, 3), with those of targets that only a new station saw: by the lift, or nominal."""
+    """Arms (k, 3), those of targets that only a new station measured by the lift, or nominal."""
     new = np.unique(problem.target[rows])
     arms = arms.copy()
     arms[new] = problem.nominal_arms[new]

@@ -44,7 +44,7 @@ class Start:
     rotation_rms: float
     """Root mean square angle missed by the pose rows [rad]; nan without any."""
     notes: tuple[str, ...]
-    """Where the frames come from, and what stayed nominal because nothing tells it."""
+    """Where the frames come from, and what stayed nominal because nothing determines it."""
 
     def __repr__(self) -> str:
         return f"Start(misses by {1e3 * self.position_rms:.3g} mm rms: {self.notes[0]})"
@@ -59,10 +59,10 @@ def start_frames(
 ) -> Start:
     """Put a nominal robot where it was measured; nothing but its links need be right.
 
-    Base and tool, all reflectors and further stations of the fixtures are found; anchors are known
-    places unless `free_anchors` names them. What the table does not tell stays as `model` has it:
-    the tool where only reflectors of the fixtures were seen, the base where no anchor is known and
-    nothing else was seen, and so on; `notes` say it.
+    Base and tool, all reflectors and further stations of the fixtures are determined; anchors are
+    known places unless `free_anchors` names them. What the table does not determine stays as
+    `model` has it: the tool where only reflectors of the fixtures were measured, the base where no
+    anchor is known and nothing else was measured, and so on; `notes` list it.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def start_frames(
         Nominal links and joint errors. Its base, tool, reflectors and stations are not used, but
         for what stays.
     measurements : Measurements
-        What was seen; covariances are not used, because the misfit is the nominal robot's.
+        Covariances are not used, because the misfit is the nominal robot's.
     free_tool : bool
         Whether the tool is looked for; False holds it where the model has it.
     free_anchors : collection of int
@@ -110,7 +110,7 @@ def _unknowns(
     free_tool: bool,
     free_anchors: Collection[int],
 ) -> tuple[str, ...]:
-    """Names of the numbers to be found: those that some row of the table may tell."""
+    """Names of the unknown numbers: those that some row of the table may determine."""
     wrong = [k for k in free_anchors if not 0 <= k < len(model.fixtures.anchors)]
     if wrong:
         count = len(model.fixtures.anchors)
@@ -136,8 +136,8 @@ def _unknowns(
 def _indices(model: RobotModel, names: tuple[str, ...]) -> Index:
     """Positions of numbers among those of an alignment: base, tool, fixtures."""
     n = model.chain.n_numbers
-    own = (*model.names[:6], *model.names[n - 6 : n], *model.fixtures.names)
-    return np.array([own.index(name) for name in names], dtype=np.int64)
+    names_here = (*model.names[:6], *model.names[n - 6 : n], *model.fixtures.names)
+    return np.array([names_here.index(name) for name in names], dtype=np.int64)
 
 
 def _with_frames(alignment: Alignment, problem: StartProblem, names: tuple[str, ...]) -> RobotModel:
@@ -155,7 +155,7 @@ def _with_frames(alignment: Alignment, problem: StartProblem, names: tuple[str, 
 def _reduction(
     alignment: Alignment, problem: StartProblem, parameters: Parameters, q: Array | None = None
 ) -> Reduction:
-    """Which of the numbers looked for the table tells apart, and the others in words."""
+    """Which of the unknown numbers the table determines, and the others in words."""
     names = parameters.free_names
     prediction = alignment.predict(problem.measurements)
     rows = (prediction.rows * SCALE[:, None])[prediction.filled]
@@ -191,8 +191,8 @@ def _sample(table: Measurements) -> Index:
     each = -(-SUBSET // (int(group.max()) + 1))
     chosen = []
     for k in range(int(group.max()) + 1):
-        own = np.flatnonzero(group == k)
-        chosen.append(own[np.unique(np.linspace(0, len(own) - 1, each).round().astype(int))])
+        rows = np.flatnonzero(group == k)
+        chosen.append(rows[np.unique(np.linspace(0, len(rows) - 1, each).round().astype(int))])
     return np.sort(np.concatenate(chosen))
 
 
@@ -209,9 +209,9 @@ def _origins(
         )
         if n
     ]
-    found = list(dict.fromkeys(name.split(".")[0] for name in names))
-    notes = [f"{_listed(found)} found from {_listed(counts)}, starting from nothing"]
-    held = [frame for frame in ("base", "tool") if frame not in found]
+    frames = list(dict.fromkeys(name.split(".")[0] for name in names))
+    notes = [f"{_listed(frames)} found from {_listed(counts)}, starting from nothing"]
+    held = [frame for frame in ("base", "tool") if frame not in frames]
     if "base" in held:
         notes.append(
             "the base stays where the model has it: no known place was measured, so the base is "

@@ -11,9 +11,11 @@ import pytest
 from scipy import stats
 
 from calib.errors import InputError
+from calib.geometry.parameters import parameters_of
 from calib.uncertainty.adaptive import adaptive, fewest_draws
-from calib.uncertainty.budget import combined_standard, effective_dof, expanded_uncertainty
+from calib.uncertainty.budget import Budget, Contribution, effective_dof
 from calib.uncertainty.validation import first_order, validate
+from tests.reference import tx60
 
 R3 = np.sqrt(3)
 
@@ -246,9 +248,14 @@ def test_gum_h1_and_the_effective_degrees_of_freedom():
     # standard; comparator; 0.58e-6/K at -0.1 K; 11.5e-6/K times 0.029 K: 25, 9.7, 2.9, 16.7 nm
     u = [25, np.sqrt(5.8**2 + 3.9**2 + 6.7**2), 50000623 * 0.58e-7, 50000623 * 11.5e-6 * 0.029]
     nu = [18, 25.6, 50, 2]
-    assert combined_standard(u) == pytest.approx(31.71, abs=0.005)
     assert int(effective_dof(u, nu)) == 16
-    assert round(expanded_uncertainty(u, nu, 0.99)) == 93
+    parts = [
+        Contribution(str(k), np.array([[x**2]]), n)
+        for k, (x, n) in enumerate(zip(u, nu, strict=True))
+    ]
+    whole = Budget(parameters_of(tx60(), ["a2"]), tuple(parts))
+    assert whole.combined == pytest.approx(31.71, abs=0.005)
+    assert whole.expanded(0.99).round() == 93
 
 
 def test_gum_h2_with_correlated_inputs():
@@ -268,23 +275,6 @@ def test_gum_h2_with_correlated_inputs():
     assert [rho[0, 1], rho[0, 2], rho[1, 2]] == pytest.approx(
         [-0.58842978, -0.48525922, 0.99251165], abs=1e-5
     )
-    # the same through sensitivities times u and the correlation of the inputs
-    u = np.sqrt(np.diag(np.cov(data) / 5))
-    assert (
-        abs(
-            combined_standard(np.abs(line.sensitivity[2] * u)[:1])
-            - abs(line.sensitivity[2, 0]) * u[0]
-        )
-        < 1e-12
-    )
-
-
-def test_contributions_with_correlation_combine_by_the_full_law():
-    u, rho = [3.0, 4.0], np.array([[1, 1], [1, 1.0]])
-    assert combined_standard(u, rho) == pytest.approx(7.0)
-    assert combined_standard(u, np.array([[1, -0.5], [-0.5, 1]])) == pytest.approx(np.sqrt(13))
-    with pytest.raises(InputError, match="eigenvalue"):
-        combined_standard(u, np.array([[1, 2], [2, 1.0]]))
 
 
 def within(seeds, first=0):

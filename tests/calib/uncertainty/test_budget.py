@@ -1,5 +1,7 @@
 """Type B inputs and the budget by source: against the full formula, simulation and arithmetic."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,9 +13,7 @@ from calib.uncertainty.budget import (
     Contribution,
     RowNoise,
     budget,
-    combined_standard,
     effective_dof,
-    expanded_uncertainty,
 )
 from calib.uncertainty.refit import freeze, refit
 from calib.uncertainty.type_b import CommonInput, common_inputs, estimator_maps, type_b_covariance
@@ -130,7 +130,9 @@ def test_effective_degrees_of_freedom_by_hand():
         whole.combined**4 / (own[1] ** 4 / 9), rel=1e-9
     )
     assert (whole.expanded() > 1.95 * whole.combined).all()
-    assert expanded_uncertainty([1.0], [9]) == pytest.approx(2.262157, abs=1e-6)  # Student table
+    repeated = replace(whole, sources=(Contribution("repeats", whole.covariance, 9.0),))
+    # Student table
+    assert repeated.expanded() == pytest.approx(2.262157 * whole.combined, rel=1e-6)
 
 
 def test_bad_sources_are_refused():
@@ -152,4 +154,3 @@ def test_bad_sources_are_refused():
         budget(start, noise, added=[Contribution("bad", -np.eye(24), np.inf)])
     with pytest.raises(InputError, match="above zero"):
         effective_dof([1, 2], [3, 0])
-    assert combined_standard([3, 4]) == 5
