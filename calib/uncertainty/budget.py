@@ -116,7 +116,8 @@ class Budget:
         ----------
         JCGM 100:2008, G.4.1, G.6.4: degrees of freedom rounded down.
         """
-        whole = np.maximum(np.floor(self.degrees_of_freedom), 1.0)
+        # nine degrees of freedom must not become eight by rounding
+        whole = np.maximum(np.floor(self.degrees_of_freedom * (1 + 1e-9)), 1.0)
         return student_factor(whole, probability) * self.combined
 
     def at_tool(self, model: RobotModel, q: ArrayLike) -> ToolBudget:
