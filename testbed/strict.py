@@ -17,15 +17,6 @@ MOST = 20
 """Faults of one file that are told at once."""
 KeyPath = tuple[str | int, ...]
 """Keys and list positions that lead to a value of the document."""
-NESTED = (
-    ("identification", "prior", "sd_deg"),
-    ("identification", "prior", "sd_mm"),
-    ("identification", "prior"),
-    ("plan", "stations", "grid"),
-    ("plan", "stations"),
-    ("plan", "goal"),
-)
-"""Tables inside tables, inner ones first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,30 +71,29 @@ def choice_of(word: str, known: Collection[str]) -> str:
 
 
 def place(path: KeyPath, document: Mapping[str, Any], tables: Collection[str]) -> str:
-    """Where a value stands, in the words of the file: ``[tracker] position_um``."""
-    parts, words = list(path), ""
-    if parts[0] == "trial" and len(parts) > 1:
-        try:
-            name = document["trial"][parts[1]]["name"]
-        except (KeyError, TypeError, IndexError):
-            name = None
-        words = f'[[trial]] "{name}"' if isinstance(name, str) else f"[[trial]] {_count(parts[1])}"
-        parts = parts[2:]
-    elif tuple(parts[:2]) == ("cell", "obstacle") and len(parts) > 2:
-        words, parts = f"[[cell.obstacle]] {_count(parts[2])}", parts[3:]
-    elif nested := next((name for name in NESTED if tuple(parts[: len(name)]) == name), ()):
-        words, parts = f"[{'.'.join(nested)}]", parts[len(nested) :]
-    elif parts[0] in tables:
-        words, parts = f"[{parts[0]}]", parts[1:]
+    """Where a value stands, in the words of the file: ``[tracker] position_um``.
+
+    `tables` are the names of all tables: ``plan.goal`` is inside another, ``trial[]`` a list whose
+    entries are called by their name, or else by their number.
+    """
+    table: KeyPath = ()
+    for name in tables:
+        above = path[: name.count(".") + 1 + name.endswith("[]")]
+        text = "".join("[]" if isinstance(part, int) else f".{part}" for part in above)
+        if text == f".{name}" and len(above) > len(table):
+            table = above
+    words = f"[{'.'.join(map(str, table))}]" if table else ""
+    if table and isinstance(table[-1], int):
+        entry: Any = document
+        for part in table:
+            entry = entry[part]
+        title = entry.get("name") if isinstance(entry, Mapping) else None
+        shown = f'"{title}"' if isinstance(title, str) else table[-1] + 1  # people count from one
+        words = f"[[{'.'.join(map(str, table[:-1]))}]] {shown}"
     key = ""
-    for part in parts:
+    for part in path[len(table) :]:
         key += f"[{part}]" if isinstance(part, int) else f".{part}" if key else part
     return f"{words} {key}".strip()
-
-
-def _count(position: str | int) -> str | int:
-    """A list position as people count."""
-    return position + 1 if isinstance(position, int) else position
 
 
 def foreign_values(

@@ -24,6 +24,17 @@ UNIONS = {
 """Tables of several presets or kinds; pydantic puts the chosen one into the path of a fault."""
 PLAIN = ("format", "name", "title", "seed", "robot")
 """Keys at the top of the file that are no tables."""
+NESTED = (
+    "trial[]",
+    "cell.obstacle[]",
+    "identification.prior",
+    "identification.prior.sd_deg",
+    "identification.prior.sd_mm",
+    "plan.stations",
+    "plan.stations.grid",
+    "plan.goal",
+)
+"""Lists of tables, and tables inside tables."""
 TEXTS = (("truth", "perturb"), ("identification", "free"))
 """Keys that hold one text or a list of texts."""
 REPEATABILITY = ("truth", "joint_repeatability_mdeg")
@@ -82,7 +93,7 @@ class ScenarioFile:
     @property
     def tables(self) -> tuple[str, ...]:
         """The names of all tables."""
-        return tuple(key for key in self.keys if key not in PLAIN)
+        return (*(key for key in self.keys if key not in PLAIN), *NESTED)
 
     def place(self, path: KeyPath) -> str:
         """Where a value stands, in the words of the file."""

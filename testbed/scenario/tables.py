@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from calib.errors import CalibError
+from testbed.strict import Strict
 
 if TYPE_CHECKING:
     from testbed.robots.catalog import Robot
@@ -22,10 +23,8 @@ Turn = Annotated[float, Field(ge=-720.0, le=720.0)]
 RotationVector = tuple[Turn, Turn, Turn]
 
 
-class Settings(BaseModel):
-    """One table of the file: frozen, no unknown keys, no silent conversion, no nan."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+class Settings(Strict):
+    """One table of a scenario."""
 
 
 MAX_OBSTACLES = 100
