@@ -432,3 +432,12 @@ def test_no_folder_is_a_street_sorted_by_first_name():
         folders = {path.parent for path in (ROOT / package).rglob("*.py")}
         for folder in folders:
             assert len(list(folder.glob("*.py"))) <= MOST_FILES, folder
+
+
+def test_one_class_name_has_one_meaning():
+    homes: dict[str, list[str]] = {}
+    for path in files(ROOT):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef):
+                homes.setdefault(node.name, []).append(path.relative_to(ROOT).as_posix())
+    assert {name: places for name, places in homes.items() if len(places) > 1} == {}

@@ -16,7 +16,7 @@ DRAWS = 1000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RandomSets:
+class RandomFigures:
     """Many random pose sets of one size, and the best of them."""
 
     indices: Index
@@ -53,7 +53,7 @@ def best_of_random(problem: Problem, rng: np.random.Generator, *, sets: int = 10
     return random_sets(problem, rng, sets=sets).best
 
 
-def random_sets(problem: Problem, rng: np.random.Generator, *, sets: int = 100) -> RandomSets:
+def random_sets(problem: Problem, rng: np.random.Generator, *, sets: int = 100) -> RandomFigures:
     """Random sets with their figures, and the best of them."""
     if sets < 1:
         raise refuse("sets", sets, "at least 1", code="A3")
@@ -64,7 +64,7 @@ def random_sets(problem: Problem, rng: np.random.Generator, *, sets: int = 100) 
     trace = (sign * np.maximum.accumulate(sign * values)).tolist()
     chosen = tried[first_best(sign * values)]
     best = selection_of(problem, chosen, "best_of_random", trace, sets)
-    return RandomSets(frozen(tried, np.int64), criterion.name, frozen(values), best)
+    return RandomFigures(frozen(tried, np.int64), criterion.name, frozen(values), best)
 
 
 def draw_set(problem: Problem, rng: np.random.Generator) -> Index:

@@ -16,7 +16,7 @@ from calib.errors import refuse
 from calib.geometry.inverse_search import (
     ARRIVED,
     NUDGES,
-    Task,
+    PoseSearch,
     conditions,
     distance,
     inside,
@@ -111,7 +111,7 @@ def inverse_kinematics(
     every = every[:, None] if every.ndim == 2 else every
     (every,) = check(f"{len(T)} s {n}", seeds=every)
     targets, starts = len(T), every.shape[1]
-    task = Task(model, np.repeat(T, starts, axis=0), every.reshape(-1, n), limits)
+    task = PoseSearch(model, np.repeat(T, starts, axis=0), every.reshape(-1, n), limits)
     q, near = search(task, into_limits(task, task.seeds), bounded=True)
     for nudge in NUDGES if starts == 1 else ():
         q, near = retry(task, q, near, nudge)
@@ -143,7 +143,7 @@ def spread(limits: ArrayLike, count: int) -> Array:
     return np.asarray(limits[:, 0] + share * (limits[:, 1] - limits[:, 0]))
 
 
-def _best(task: Task, q: Array, near: Bool, beyond: Bool, targets: int) -> Inverse:
+def _best(task: PoseSearch, q: Array, near: Bool, beyond: Bool, targets: int) -> Inverse:
     """The best of the searches of each target, with its outcome."""
     starts = len(q) // targets if targets else 1
     e, J = task.error(q)

@@ -56,7 +56,7 @@ def _error_slopes(errors: JointErrors, q: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Task:
+class PoseSearch:
     """Targets, one per search, and what all share."""
 
     model: RobotModel
@@ -64,9 +64,9 @@ class Task:
     seeds: Array
     limits: Array
 
-    def rows(self, which: Index) -> "Task":
+    def rows(self, which: Index) -> "PoseSearch":
         """Some of the searches."""
-        return Task(self.model, self.T[which], self.seeds[which], self.limits)
+        return PoseSearch(self.model, self.T[which], self.seeds[which], self.limits)
 
     @property
     def unit(self) -> Array:
@@ -81,7 +81,7 @@ class Task:
         return np.hstack([self.T[:, :3, 3] - here[:, :3, 3], L * turn]), J * self.unit
 
 
-def search(task: Task, q: Array, *, bounded: bool) -> tuple[Array, Bool]:
+def search(task: PoseSearch, q: Array, *, bounded: bool) -> tuple[Array, Bool]:
     """Damped Newton from postures q (s, n); where each ends, and whether at its target."""
     q = q.copy()
     lower, upper = task.limits.T if bounded else (np.full(q.shape[1], s * np.inf) for s in (-1, 1))
@@ -144,7 +144,7 @@ def _damped_step(J: Array, e: Array, damping: Array) -> Array:
     return np.asarray((np.swapaxes(Vt, 1, 2) @ along[:, :, None])[..., 0])
 
 
-def retry(task: Task, q: Array, near: Bool, nudge: float) -> tuple[Array, Bool]:
+def retry(task: PoseSearch, q: Array, near: Bool, nudge: float) -> tuple[Array, Bool]:
     """Where searches that failed end from seeds that are moved aside: out of a singular posture."""
     lost = np.flatnonzero(~near)
     if not len(lost):
@@ -157,7 +157,7 @@ def retry(task: Task, q: Array, near: Bool, nudge: float) -> tuple[Array, Bool]:
     return q, near
 
 
-def pull_to_seeds(task: Task, q: Array, near: Bool) -> tuple[Array, Bool]:
+def pull_to_seeds(task: PoseSearch, q: Array, near: Bool) -> tuple[Array, Bool]:
     """Postures that reach their targets, moved along their free directions toward the seeds."""
     rows = np.flatnonzero(near)
     if not len(rows):
@@ -192,12 +192,12 @@ def inside(q: Array, limits: Array) -> Bool:
     return np.asarray(((q >= limits[:, 0]) & (q <= limits[:, 1])).all(axis=1), dtype=np.bool_)
 
 
-def distance(task: Task, q: Array, seeds: Array) -> Array:
+def distance(task: PoseSearch, q: Array, seeds: Array) -> Array:
     """How far postures (s, n) lie from their seeds, in scaled joints."""
     return np.asarray(np.linalg.norm((q - seeds) / task.unit, axis=1))
 
 
-def whole_turns_into_limits(task: Task, q: Array) -> Array:
+def whole_turns_into_limits(task: PoseSearch, q: Array) -> Array:
     """The same postures with each turning joint moved by whole turns into its range, if it can."""
     lower, upper = task.limits.T
     turns = 2 * np.pi * (1 - task.model.chain.prismatic)
@@ -206,14 +206,14 @@ def whole_turns_into_limits(task: Task, q: Array) -> Array:
     return np.asarray(q + turns * (np.maximum(up, 0) - np.maximum(down, 0)))
 
 
-def into_limits(task: Task, q: Array) -> Array:
+def into_limits(task: PoseSearch, q: Array) -> Array:
     """Seeds inside the limits: whole turns first, then to the nearest limit."""
     return np.asarray(np.clip(whole_turns_into_limits(task, q), *task.limits.T))
 
 
 def joint_condition(model: RobotModel, q: Array) -> Array:
     """Condition (m,) of the joint Jacobian in metres per metre; angles count with 0.3 m."""
-    task = Task(model, model.poses(q), q, np.zeros((q.shape[1], 2)))
+    task = PoseSearch(model, model.poses(q), q, np.zeros((q.shape[1], 2)))
     return conditions(task.error(q)[1])
 
 

@@ -34,7 +34,7 @@ from calib.measurement.cycles import (
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Figure:
+class IsoFigure:
     """One figure at each pose, with what it is worth [m or rad]."""
 
     value: Array
@@ -45,7 +45,9 @@ class Figure:
     """(...,) what it reads on average where there is nothing to see; nan where that is unknown."""
 
 
-def accuracy(position: ArrayLike, command: ArrayLike, *, common: ArrayLike | None = None) -> Figure:
+def accuracy(
+    position: ArrayLike, command: ArrayLike, *, common: ArrayLike | None = None
+) -> IsoFigure:
     """AP: distance from the commanded position to the barycenter of the attained ones.
 
     Parameters
@@ -75,14 +77,14 @@ def accuracy(position: ArrayLike, command: ArrayLike, *, common: ArrayLike | Non
     scatter = _covariance(x) / x.shape[-2]
     along = off / np.maximum(value, 1e-300)[..., None]
     spread = scatter + (0.0 if common is None else covariances_of(common, "common"))
-    return Figure(
+    return IsoFigure(
         frozen(value),
         frozen(np.sqrt(np.einsum("...i,...ij,...j->...", along, spread, along))),
         frozen(mean_norm(scatter)),
     )
 
 
-def repeatability(position: ArrayLike, *, noise: ArrayLike | None = None) -> Figure:
+def repeatability(position: ArrayLike, *, noise: ArrayLike | None = None) -> IsoFigure:
     """RP: mean distance to the barycenter plus three standard deviations of it.
 
     Parameters
@@ -104,10 +106,10 @@ def repeatability(position: ArrayLike, *, noise: ArrayLike | None = None) -> Fig
         floor = np.broadcast_to(
             repeatability_floor(covariances_of(noise, "noise"), x.shape[-2]), floor.shape
         )
-    return Figure(frozen(_radius(x)), frozen(_jackknife(_radius, x)), frozen(floor))
+    return IsoFigure(frozen(_radius(x)), frozen(_jackknife(_radius, x)), frozen(floor))
 
 
-def approaches(position: ArrayLike) -> Figure:
+def approaches(position: ArrayLike) -> IsoFigure:
     """vAP: largest distance between the barycenters of visits from several directions.
 
     Parameters
@@ -125,7 +127,7 @@ def approaches(position: ArrayLike) -> Figure:
     gap = _take(center, one) - _take(center, other)
     along = gap / np.maximum(value, 1e-300)[..., None]
     both = _take(scatter, one) + _take(scatter, other)
-    return Figure(
+    return IsoFigure(
         frozen(value),
         frozen(np.sqrt(np.einsum("...i,...ij,...j->...", along, both, along))),
         frozen(mean_widest(scatter.mean(axis=-3), x.shape[-3])),
@@ -134,7 +136,7 @@ def approaches(position: ArrayLike) -> Figure:
 
 def distance_accuracy(
     first: ArrayLike, second: ArrayLike, distance: ArrayLike, *, common: ArrayLike = 0.0
-) -> Figure:
+) -> IsoFigure:
     """AD: how far the mean distance between two poses is from the commanded one.
 
     Parameters
@@ -155,12 +157,12 @@ def distance_accuracy(
     scatter = D.var(axis=-1, ddof=1) / D.shape[-1]
     total = np.sqrt(scatter + np.square(np.asarray(common, dtype=np.float64)))
     floor = np.sqrt(2 / np.pi * scatter)
-    return Figure(frozen(np.abs(off)), frozen(total), frozen(floor))
+    return IsoFigure(frozen(np.abs(off)), frozen(total), frozen(floor))
 
 
 def distance_repeatability(
     first: ArrayLike, second: ArrayLike, *, noise: ArrayLike | None = None
-) -> Figure:
+) -> IsoFigure:
     """RD: three standard deviations of the distance between two poses.
 
     Parameters
@@ -185,12 +187,12 @@ def distance_repeatability(
             np.einsum("...i,...ij,...j->...", along, covariances_of(noise, "noise"), along)
         )
         floor = 3 * sd_bias(n) * sd
-    return Figure(frozen(spread(D)), frozen(_jackknife(spread, D)), frozen(floor))
+    return IsoFigure(frozen(spread(D)), frozen(_jackknife(spread, D)), frozen(floor))
 
 
 def rotation_accuracy(
     R: ArrayLike, command: ArrayLike, *, common: ArrayLike | None = None
-) -> Figure:
+) -> IsoFigure:
     """AP of orientation: angle from the commanded to the mean attained rotation.
 
     Parameters
@@ -212,7 +214,7 @@ def rotation_accuracy(
     return accuracy(turn, np.zeros(3), common=common)
 
 
-def rotation_repeatability(R: ArrayLike, *, noise: ArrayLike | None = None) -> Figure:
+def rotation_repeatability(R: ArrayLike, *, noise: ArrayLike | None = None) -> IsoFigure:
     """RP of orientation: three standard deviations of the rotation about each world axis (..., 3).
 
     Parameters
@@ -235,7 +237,7 @@ def rotation_repeatability(R: ArrayLike, *, noise: ArrayLike | None = None) -> F
     if noise is not None:
         variance = np.diagonal(covariances_of(noise, "noise"), axis1=-2, axis2=-1)
         floor = np.broadcast_to(3 * sd_bias(n) * np.sqrt(variance), value.shape)
-    return Figure(frozen(value), frozen(_jackknife(spread, turn)), frozen(floor))
+    return IsoFigure(frozen(value), frozen(_jackknife(spread, turn)), frozen(floor))
 
 
 def mean_rotation(R: Array) -> Array:

@@ -10,14 +10,16 @@ from testbed.files.matching import pose_numbers, poses_of_joints, visits_of
 from testbed.files.refusal import refusal
 from testbed.files.session import Session, Stated
 from testbed.files.session_toml import SessionFile
-from testbed.files.targets import Part, Targets, targets_of, texts_of
+from testbed.files.targets import TargetPart, Targets, targets_of, texts_of
 from testbed.robots.robot import Robot
 
 SAME_JOINTS = 1e-6
 """Commanded joints of one pose differ by rounding only [rad, m]."""
 
 
-def assemble(parts: Sequence[Part], robot: Robot, settings: SessionFile, *, name: str) -> Session:
+def assemble(
+    parts: Sequence[TargetPart], robot: Robot, settings: SessionFile, *, name: str
+) -> Session:
     """One session of all parts; what the reader knows besides is left empty.
 
     Raises
@@ -101,7 +103,7 @@ def assemble(parts: Sequence[Part], robot: Robot, settings: SessionFile, *, name
     )
 
 
-def _extra(part: Part, name: str) -> Array | tuple[str, ...] | None:
+def _extra(part: TargetPart, name: str) -> Array | tuple[str, ...] | None:
     """A column of the readings, else of the joints."""
     columns: list[Array | tuple[str, ...] | None]
     columns = [getattr(extras, name) for extras in (part.readings.extras, part.joints.extras)]
@@ -121,7 +123,11 @@ def _joined(columns: Sequence[Array | tuple[str, ...] | None]) -> tuple[str, ...
 
 
 def _repeats(
-    parts: Sequence[Part], pose: Index, target: Targets, names: Sequence[str], place: Sequence[str]
+    parts: Sequence[TargetPart],
+    pose: Index,
+    target: Targets,
+    names: Sequence[str],
+    place: Sequence[str],
 ) -> Index:
     """Which visit of its pose each row is; stated, or counted for each target.
 

@@ -8,7 +8,7 @@ import numpy as np
 from calib.arrays import Array, Index
 from testbed.files.refusal import refusal
 from testbed.files.session import rows_of
-from testbed.files.table import Table
+from testbed.files.table import DataTable
 from testbed.strict import choice_of
 
 SPLITS = ("identify", "test")
@@ -32,7 +32,7 @@ class Extras:
         return rows_of(self, index, columns)
 
 
-def extras_of(table: Table) -> Extras:
+def extras_of(table: DataTable) -> Extras:
     """The columns of a table that say when, how and what for.
 
     Raises
@@ -61,7 +61,7 @@ def extras_of(table: Table) -> Extras:
     )
 
 
-def _repeats(table: Table) -> Index:
+def _repeats(table: DataTable) -> Index:
     """Which visit each row is."""
     values = table.numbers(["repeat"])[:, 0]
     wrong = ~(np.isfinite(values) & (values >= 0) & (values == np.floor(values)) & (values < 1e9))
@@ -73,7 +73,7 @@ def _repeats(table: Table) -> Index:
     return values.astype(np.int64)
 
 
-def _times(table: Table) -> tuple[Array | None, tuple[str, ...]]:
+def _times(table: DataTable) -> tuple[Array | None, tuple[str, ...]]:
     """Times [s], or why there are none: a clock that stands still orders nothing."""
     if "time_s" in table:
         times = table.numbers(["time_s"])[:, 0]
@@ -89,7 +89,7 @@ def _times(table: Table) -> tuple[Array | None, tuple[str, ...]]:
     return times - times[:1], ()
 
 
-def _clock(table: Table) -> Array:
+def _clock(table: DataTable) -> Array:
     """Times of a column of numbers [s] or of ISO dates; nan where it is neither."""
     numbers = table.numbers(["time"])[:, 0]
     if np.isfinite(numbers).all():

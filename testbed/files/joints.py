@@ -11,7 +11,7 @@ from testbed.files.columns import UNITS
 from testbed.files.extras import Extras, extras_of
 from testbed.files.refusal import refusal
 from testbed.files.session import rows_of
-from testbed.files.table import Columns, Table, together, valid_rows
+from testbed.files.table import Columns, DataTable, together, valid_rows
 from testbed.robots.robot import Robot
 
 BEYOND = 0.05
@@ -47,7 +47,7 @@ class Joints:
         return replace(some, extras=self.extras.rows(index))
 
 
-def read_joints(table: Table, robot: Robot, source: Source | None, *, drop: bool) -> Joints:
+def read_joints(table: DataTable, robot: Robot, source: Source | None, *, drop: bool) -> Joints:
     """Joint vectors of a table.
 
     Raises
@@ -90,7 +90,7 @@ def read_joints(table: Table, robot: Robot, source: Source | None, *, drop: bool
     return whole.rows(np.flatnonzero(good))
 
 
-def joint_columns(table: Table, robot: Robot, tail: str = "") -> Columns | None:
+def joint_columns(table: DataTable, robot: Robot, tail: str = "") -> Columns | None:
     """Columns of all joints of one source; None if there is none of them."""
     found = [table.find(kind, f"{stem}{tail}") for stem, kind in _stems(robot)]
     there = [columns for columns in found if columns]
@@ -109,7 +109,7 @@ def _stems(robot: Robot) -> list[tuple[str, str]]:
     ]
 
 
-def _missing(table: Table, robot: Robot, tail: str) -> InputError:
+def _missing(table: DataTable, robot: Robot, tail: str) -> InputError:
     """The error where joints have no column."""
     missing = [
         f"{stem}{tail}_{'mm' if kind == 'length' else 'deg'}"
@@ -126,7 +126,9 @@ def _missing(table: Table, robot: Robot, tail: str) -> InputError:
     )  # fmt: skip
 
 
-def _check_limits(table: Table, robot: Robot, names: tuple[str, ...], q: Array, good: Bool) -> None:
+def _check_limits(
+    table: DataTable, robot: Robot, names: tuple[str, ...], q: Array, good: Bool
+) -> None:
     """Refuse radians that are degrees: too many values outside the limits."""
     lower, upper = robot.limits.T
     outside = ((q < lower - 1e-6) | (q > upper + 1e-6)) & good[:, None]

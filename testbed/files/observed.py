@@ -19,11 +19,11 @@ from testbed.files.session_toml import (
     RangesTable,
     UncertaintyTable,
 )
-from testbed.files.table import Columns, Table, together, valid_rows
+from testbed.files.table import Columns, DataTable, together, valid_rows
 from testbed.files.uncertainty import spread_of
 
 
-def section_of(table: Table) -> ObservedTable:
+def section_of(table: DataTable) -> ObservedTable:
     """The table of session.toml that a CSV in the project's own layout belongs to.
 
     Raises
@@ -49,13 +49,13 @@ def section_of(table: Table) -> ObservedTable:
 
 
 def read_observed(
-    table: Table, section: ObservedTable, uncertainty: UncertaintyTable, *, drop: bool
+    table: DataTable, section: ObservedTable, uncertainty: UncertaintyTable, *, drop: bool
 ) -> Readings:
     """Readings of one CSV.
 
     Parameters
     ----------
-    table : Table
+    table : DataTable
         Of the file.
     section : ObservedTable
         Its table in session.toml: what it holds.
@@ -112,7 +112,7 @@ def read_observed(
     return whole.rows(good)
 
 
-def unused_columns(table: Table) -> list[str]:
+def unused_columns(table: DataTable) -> list[str]:
     """Warnings of columns that look like a name of this program but are none."""
     hints = {name: close_to(name) for name in table.names if not is_known(name)}
     return [
@@ -134,7 +134,7 @@ def polar(r: Array, azimuth: Array, elevation: Array) -> Array:
     return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), r * np.sin(elevation)], 1)
 
 
-def _stated(table: Table, section: FramesTable) -> tuple[Stated, Columns]:
+def _stated(table: DataTable, section: FramesTable) -> tuple[Stated, Columns]:
     """How the rotations stand in the table."""
     found = stated_in(table, section.euler)
     if found is None:
@@ -147,7 +147,7 @@ def _stated(table: Table, section: FramesTable) -> tuple[Stated, Columns]:
     return replace(stated, inverted=section.gives == "T_tool_tracker"), columns
 
 
-def _positions(table: Table) -> tuple[Array, Columns]:
+def _positions(table: DataTable) -> tuple[Array, Columns]:
     """Positions (m, 3) [m], Cartesian or polar, and their columns."""
     found = table.find("length", "x", "y", "z")
     if found:
@@ -168,7 +168,7 @@ def _positions(table: Table) -> tuple[Array, Columns]:
     return polar(r, a, e if up else np.pi / 2 - e), used
 
 
-def _distances(table: Table) -> tuple[Array, Columns]:
+def _distances(table: DataTable) -> tuple[Array, Columns]:
     """Distances (m,) [m] and their column."""
     found = table.find("length", "distance")
     if found is None or "anchor" not in table:
@@ -179,7 +179,7 @@ def _distances(table: Table) -> tuple[Array, Columns]:
     return table.values(found)[:, 0], found
 
 
-def _offsets(table: Table, good: Bool) -> Array | None:
+def _offsets(table: DataTable, good: Bool) -> Array | None:
     """Places (m, 3) of the reflectors in the tool frame, where the file gives them [m]."""
     found = table.find("length", "reflector_x", "reflector_y", "reflector_z")
     if found is None:
@@ -188,7 +188,7 @@ def _offsets(table: Table, good: Bool) -> Array | None:
     return np.where(good[:, None], table.values(found), 0.0)
 
 
-def _dialect(table: Table) -> str:
+def _dialect(table: DataTable) -> str:
     """How the file is written."""
     mark = "comma" if table.decimal == "," else "point"
     return (

@@ -22,8 +22,8 @@ from testbed.disk import atomic_write
 from testbed.files.joints import joint_columns, read_joints
 from testbed.files.refusal import refusal
 from testbed.files.rotations import VECTOR, axes_of, checked_rotations, in_form, stated_in
-from testbed.files.table import Columns, Table, table_of, together, valid_rows
-from testbed.files.text import SEPARATORS, Text, read_sheet, read_text
+from testbed.files.table import Columns, DataTable, table_of, together, valid_rows
+from testbed.files.text import SEPARATORS, FileText, read_sheet, read_text
 from testbed.robots.catalog import Robot
 from testbed.units import DEG
 
@@ -129,7 +129,7 @@ def correct_program(path: Path, robot: Robot, identified: RobotModel, out: Path)
 
 
 def _correct_joints(
-    table: Table, robot: Robot, identified: RobotModel
+    table: DataTable, robot: Robot, identified: RobotModel
 ) -> tuple[ProgramResult, _Targets]:
     """Joint targets corrected."""
     joints, nominal = read_joints(table, robot, "commanded", drop=False), robot.model
@@ -148,7 +148,7 @@ def _correct_joints(
 
 
 def _correct_poses(
-    table: Table, robot: Robot, identified: RobotModel
+    table: DataTable, robot: Robot, identified: RobotModel
 ) -> tuple[ProgramResult, _Targets]:
     """Cartesian targets corrected, for a controller that keeps its nominal model."""
     nominal = robot.model
@@ -186,7 +186,7 @@ def _correct_poses(
     return result, _Targets(columns, np.hstack([poses[:, :3, 3], new]))
 
 
-def _configurations(table: Table, robot: Robot, T: Array) -> tuple[Array, tuple[str, ...]]:
+def _configurations(table: DataTable, robot: Robot, T: Array) -> tuple[Array, tuple[str, ...]]:
     """Joints (m, n) near which the controller reaches its targets, and where they come from."""
     nominal = robot.model
     if joint_columns(table, robot):
@@ -210,8 +210,8 @@ def _configurations(table: Table, robot: Robot, T: Array) -> tuple[Array, tuple[
 
 
 def _rewritten(
-    text: Text,
-    table: Table,
+    text: FileText,
+    table: DataTable,
     targets: _Targets,
     changed: Bool,
     added: Mapping[str, Sequence[str] | Array],

@@ -23,9 +23,9 @@ from testbed.files.session_toml import (
     Sources,
 )
 from testbed.files.spatial_analyzer import read_sa
-from testbed.files.table import Table, table_of
-from testbed.files.targets import Part
-from testbed.files.text import MAX_MB, SourceFile, Text, read_sheet, read_text
+from testbed.files.table import DataTable, table_of
+from testbed.files.targets import TargetPart
+from testbed.files.text import MAX_MB, FileText, SourceFile, read_sheet, read_text
 from testbed.robots.robot import Robot
 from testbed.strict import read_toml
 
@@ -49,7 +49,7 @@ class _Cleaned:
 
     readings: Readings
     section: ObservedTable
-    text: Text
+    text: FileText
     masked: tuple[str, ...]
     warnings: tuple[str, ...]
     drift: Drift | None
@@ -142,7 +142,7 @@ def _observed(sources: Sources, settings: SessionFile, *, drop: bool) -> Iterato
 
 
 def _cleaned(
-    text: Text,
+    text: FileText,
     section: ObservedTable | None,
     station: str,
     sources: Sources,
@@ -173,7 +173,7 @@ def _cleaned(
     return _Cleaned(readings.rows(good), section, text, tuple(masked), tuple(warnings), drift)
 
 
-def _try_beginning(text: Text, section: ObservedTable | None, settings: SessionFile) -> None:
+def _try_beginning(text: FileText, section: ObservedTable | None, settings: SessionFile) -> None:
     """Refuse a long file by its first lines, if its columns are wrong: all of it takes long."""
     if len(text.lines) <= 2 * BEGINNING:
         return
@@ -199,7 +199,7 @@ def _nests(sources: Sources, settings: SessionFile) -> Readings | None:
     return read_observed(table, section, settings.uncertainty, drop=False)
 
 
-def _table(text: Text, settings: SessionFile, *sections: FileTable | None) -> Table:
+def _table(text: FileText, settings: SessionFile, *sections: FileTable | None) -> DataTable:
     """The table of a CSV under our column names."""
     dialect = settings.dialect
     sheet = read_sheet(text, separator=dialect.separator or "")
@@ -221,7 +221,7 @@ def _with_joints(
     elsewhere: Collection[str],
     *,
     drop: bool,
-) -> tuple[Part, Match]:
+) -> tuple[TargetPart, Match]:
     """The joints of one file's readings; other files show the poses of `elsewhere`."""
     how, readings, section = settings.joints, cleaned.readings, cleaned.section
     apart = how.file is not None or sources.data is not None
@@ -237,4 +237,4 @@ def _with_joints(
         match = by_order(joints, readings)
     else:
         match = by_pose(joints, readings, drop=drop, elsewhere=elsewhere)
-    return Part(joints.rows(match.joints), readings.rows(match.readings), section), match
+    return TargetPart(joints.rows(match.joints), readings.rows(match.readings), section), match

@@ -8,7 +8,7 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 from testbed.files.extras import Extras
 from testbed.files.session import Stated, rows_of
-from testbed.files.table import Table
+from testbed.files.table import DataTable
 from testbed.files.uncertainty import Spread
 
 SHOWN = 10
@@ -63,7 +63,7 @@ class Readings:
         return replace(some, stated=self.stated.rows(index), extras=self.extras.rows(index))
 
 
-def plain_readings(table: Table, kind: str, position: Array, spread: Spread) -> Readings:
+def plain_readings(table: DataTable, kind: str, position: Array, spread: Spread) -> Readings:
     """Readings (m, 3) [m] of all rows of a table, without rotations, distances and names."""
     m = len(table)
     nameless = ("",) * m

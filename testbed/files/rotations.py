@@ -11,7 +11,7 @@ from calib.geometry.frames import exp_so3, log_so3
 from testbed.files.columns import MATRIX_COLUMNS, QUATERNION_COLUMNS
 from testbed.files.refusal import refusal
 from testbed.files.session import Stated
-from testbed.files.table import Columns, Table
+from testbed.files.table import Columns, DataTable
 from testbed.strict import choice_of
 
 EULER = tuple(
@@ -97,7 +97,7 @@ def in_form(form: str, old: Array, R: Array) -> Array:
     return np.where(far[:, None], ways[1], ways[0])
 
 
-def stated_in(table: Table, euler: str | None) -> tuple[Stated, Columns] | None:
+def stated_in(table: DataTable, euler: str | None) -> tuple[Stated, Columns] | None:
     """How the rotations of a table stand in it, and the columns used; None if it has none.
 
     Raises
@@ -161,14 +161,14 @@ def sequence_of(euler: str | None, where: str) -> str:
     raise refusal(where, "euler", message, code="M24", value=euler, allowed=allowed, fix=fix)
 
 
-def checked_rotations(stated: Stated, table: Table, rows: Bool) -> tuple[Array, list[str]]:
+def checked_rotations(stated: Stated, table: DataTable, rows: Bool) -> tuple[Array, list[str]]:
     """Proper rotations (m, 3, 3) of a table's good rows, and what was odd about them.
 
     Parameters
     ----------
     stated : Stated
         Numbers of all rows.
-    table : Table
+    table : DataTable
         For the place of a row in messages.
     rows : (m,) array of bool
         Rows whose numbers are numbers.
@@ -188,7 +188,7 @@ def checked_rotations(stated: Stated, table: Table, rows: Bool) -> tuple[Array, 
     return rotations(stated.form, numbers), []
 
 
-def _check_lengths(numbers: Array, table: Table) -> list[str]:
+def _check_lengths(numbers: Array, table: DataTable) -> list[str]:
     """Refuse quaternions that are none; warn of rounded ones."""
     length = np.nan_to_num(np.linalg.norm(numbers, axis=1), nan=1.0)
     off = np.abs(length - 1)
@@ -203,7 +203,7 @@ def _check_lengths(numbers: Array, table: Table) -> list[str]:
     return []
 
 
-def _checked_matrices(R: Array, table: Table) -> tuple[Array, list[str]]:
+def _checked_matrices(R: Array, table: DataTable) -> tuple[Array, list[str]]:
     """Refuse what is no rotation; project what is nearly one."""
     off = np.abs(np.swapaxes(R, 1, 2) @ R - np.eye(3)).max(axis=(1, 2))
     bad = np.flatnonzero(off > MENDED)
@@ -228,7 +228,7 @@ def _checked_matrices(R: Array, table: Table) -> tuple[Array, list[str]]:
     return frozen(out), [warning] if worst > QUIET else []
 
 
-def _plain_columns(table: Table, names: tuple[str, ...]) -> Columns | None:
+def _plain_columns(table: DataTable, names: tuple[str, ...]) -> Columns | None:
     """Columns without units that belong together; None if none of them is there."""
     there = [name for name in names if name in table]
     if not there:

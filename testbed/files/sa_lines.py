@@ -9,7 +9,7 @@ import numpy as np
 from testbed.files.columns import ANGLES, LENGTHS
 from testbed.files.refusal import refusal
 from testbed.files.table import number_of
-from testbed.files.text import Text
+from testbed.files.text import FileText
 
 AXES = re.compile(r"AXES\s*=\s*(\w+)\s*:(.*)", re.IGNORECASE)
 UNIT = re.compile(r"\((mm|m|meters|millimeters|inches|in|degrees|deg|radians|rad)\)", re.IGNORECASE)
@@ -38,7 +38,7 @@ class Lines:
     encoding: str
 
 
-def sa_lines(text: Text) -> Lines:
+def sa_lines(text: FileText) -> Lines:
     """Fields of the data lines, with axes and units from the comments."""
     comments = [line for line in text.lines if line.lstrip().startswith("//")]
     content = [(number, line.strip().rstrip(",")) for number, line in text.content("//", "#")]

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from testbed.files.refusal import refusal
-from testbed.files.text import SourceFile, Text, read_text
+from testbed.files.text import FileText, SourceFile, read_text
 from testbed.strict import Strict
 
 SESSION_FILE = "session.toml"
@@ -181,9 +181,9 @@ class Sources:
     root: Path
     data: Path | None
     max_mb: float
-    texts: dict[Path, Text]
+    texts: dict[Path, FileText]
 
-    def text(self, name: str | None, key: str) -> Text:
+    def text(self, name: str | None, key: str) -> FileText:
         """Content of a file named in session.toml, or of DATA; each file is read once."""
         toml = str(self.root / SESSION_FILE)
         if name is None and self.data is None:

@@ -21,8 +21,8 @@ from testbed.files.rotations import MATRIX, QUATERNION, checked_rotations, seque
 from testbed.files.sa_lines import Lines, name_fields, sa_lines, unit_of
 from testbed.files.session import Stated
 from testbed.files.session_toml import FramesTable, OpticalTable, PointsTable, UncertaintyTable
-from testbed.files.table import Table, table_of, unknown_column, valid_rows
-from testbed.files.text import Sheet, Text
+from testbed.files.table import DataTable, table_of, unknown_column, valid_rows
+from testbed.files.text import FileText, Sheet
 from testbed.files.uncertainty import spread_of
 
 NAMES = ("target", "group", "collection")
@@ -32,7 +32,7 @@ CYCLING = "the k-th shot at a target belongs to the k-th pose"
 
 
 def read_sa(
-    text: Text, section: OpticalTable, uncertainty: UncertaintyTable, *, drop: bool
+    text: FileText, section: OpticalTable, uncertainty: UncertaintyTable, *, drop: bool
 ) -> Readings:
     """Points or frames of an export, as `section` says.
 
@@ -147,7 +147,7 @@ def _check_after(after: Sequence[str], room: int, where: str) -> None:
         raise refusal(where, "points.after", message, fix="check [points] in session.toml")
 
 
-def _table(lines: Lines, head: Sequence[str]) -> Table:
+def _table(lines: Lines, head: Sequence[str]) -> DataTable:
     """The first fields of each line under names of our own."""
     rows = tuple(fields[: len(head)] for fields in lines.fields)
     sheet = Sheet(lines.where, tuple(head), rows, lines.lines, lines.separator, lines.encoding)
@@ -169,7 +169,7 @@ def _cartesian(lines: Lines, numbers: Array, length: str, angle: str | None) -> 
 
 
 def _poses(
-    table: Table, k: int, section: PointsTable
+    table: DataTable, k: int, section: PointsTable
 ) -> tuple[tuple[str, ...], tuple[str, ...], str]:
     """Pose and reflector of each row, and how they were told apart."""
     n = len(table)

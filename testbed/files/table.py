@@ -34,7 +34,7 @@ def together(parts: Sequence[Columns]) -> Columns:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Table:
+class DataTable:
     """Cells of one file by column name."""
 
     sheet: Sheet
@@ -147,7 +147,7 @@ def table_of(
     *,
     numeric: Sequence[str] | None = None,
     decimal: str | None = None,
-) -> Table:
+) -> DataTable:
     """A sheet with its columns renamed and its decimal mark known.
 
     Parameters
@@ -179,7 +179,7 @@ def table_of(
             )  # fmt: skip
     used = set(mapping.values())
     names = {name: name for name in sheet.head if name not in used and name not in mapping}
-    table = Table(sheet, names | dict(mapping), decimal or "")
+    table = DataTable(sheet, names | dict(mapping), decimal or "")
     if decimal:
         return table
     if numeric is None:
@@ -193,7 +193,7 @@ def unknown_column(where: str, key: str, own: str, fix: str) -> InputError:
     return refusal(where, key, message, code="S37", value=own, fix=close_to(own) or fix)
 
 
-def valid_rows(table: Table, names: Sequence[str], *, drop: bool) -> tuple[Bool, list[str]]:
+def valid_rows(table: DataTable, names: Sequence[str], *, drop: bool) -> tuple[Bool, list[str]]:
     """Rows (m,) whose cells are all numbers, and the warning that names the others.
 
     Raises
@@ -221,7 +221,7 @@ def valid_rows(table: Table, names: Sequence[str], *, drop: bool) -> tuple[Bool,
     return good, [f"{table.where}: {message}; left out"]
 
 
-def _decimal_mark(table: Table, numeric: Sequence[str]) -> str:
+def _decimal_mark(table: DataTable, numeric: Sequence[str]) -> str:
     """The decimal mark that all numbers agree on."""
     comma = point = None
     sure = False

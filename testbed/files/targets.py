@@ -17,7 +17,7 @@ from testbed.strict import choice_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Part:
+class TargetPart:
     """Rows of one file with their joints."""
 
     joints: Joints
@@ -43,12 +43,12 @@ class Targets:
     station_names: tuple[str, ...]
 
 
-def texts_of(parts: Sequence[Part], name: str) -> tuple[str, ...]:
+def texts_of(parts: Sequence[TargetPart], name: str) -> tuple[str, ...]:
     """A column of texts of all readings."""
     return tuple(text for part in parts for text in getattr(part.readings, name))
 
 
-def targets_of(parts: Sequence[Part]) -> Targets:
+def targets_of(parts: Sequence[TargetPart]) -> Targets:
     """Numbers and places of everything that was measured, and from where."""
     station, station_names = numbered(texts_of(parts, "station"))
     anchors = texts_of(parts, "anchor")
@@ -93,7 +93,9 @@ def targets_of(parts: Sequence[Part]) -> Targets:
     )
 
 
-def _free_reflectors(parts: Sequence[Part], places: Mapping[str, Array | None]) -> tuple[str, ...]:
+def _free_reflectors(
+    parts: Sequence[TargetPart], places: Mapping[str, Array | None]
+) -> tuple[str, ...]:
     """Reflectors whose place in the tool frame is to be identified.
 
     A single one that nothing is stated of is the tool itself.
@@ -105,13 +107,13 @@ def _free_reflectors(parts: Sequence[Part], places: Mapping[str, Array | None]) 
     return tuple(n for n in names if places.get(n) is None and not (lone and n not in stated))
 
 
-def _stated_places(part: Part) -> dict[str, Place]:
+def _stated_places(part: TargetPart) -> dict[str, Place]:
     """[points] or [ranges] reflectors_mm."""
     section = part.section
     return section.reflectors_mm if isinstance(section, PointsTable | RangesTable) else {}
 
 
-def _reflector_places(part: Part) -> dict[str, Array | None]:
+def _reflector_places(part: TargetPart) -> dict[str, Array | None]:
     """Place of each reflector in the tool frame [m], None where it is to be found.
 
     Raises
@@ -133,7 +135,7 @@ def _reflector_places(part: Part) -> dict[str, Array | None]:
     return out
 
 
-def _anchor_places(parts: Sequence[Part], names: Sequence[str]) -> list[Array | None]:
+def _anchor_places(parts: Sequence[TargetPart], names: Sequence[str]) -> list[Array | None]:
     """Place of each anchor in the world [m], None where it is to be found.
 
     Raises

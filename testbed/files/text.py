@@ -40,7 +40,7 @@ class SourceFile:
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class FileText:
     """The lines of a text file."""
 
     where: str
@@ -74,7 +74,7 @@ class Sheet:
     encoding: str
 
 
-def read_text(path: Path, where: str, *, max_mb: float = MAX_MB) -> Text:
+def read_text(path: Path, where: str, *, max_mb: float = MAX_MB) -> FileText:
     """Lines of a text file, refused unread if it is too large or no text.
 
     Raises
@@ -115,7 +115,7 @@ def read_text(path: Path, where: str, *, max_mb: float = MAX_MB) -> Text:
         text, encoding = data.decode("latin-1"), "Latin-1"
     if not text.strip():
         raise refusal(where, "file", "is empty", fix="measure something")
-    return Text(where, tuple(text.split("\n")), encoding, SourceFile(path, digest))
+    return FileText(where, tuple(text.split("\n")), encoding, SourceFile(path, digest))
 
 
 def _bytes(path: Path, where: str, max_mb: float) -> bytes:
@@ -138,12 +138,12 @@ def _bytes(path: Path, where: str, max_mb: float) -> bytes:
     return data
 
 
-def read_sheet(text: Text, *, separator: str = "") -> Sheet:
+def read_sheet(text: FileText, *, separator: str = "") -> Sheet:
     """Cells of a table whose first line names the columns; lines that begin with # do not count.
 
     Parameters
     ----------
-    text : Text
+    text : FileText
         From `read_text`.
     separator : str
         One of `SEPARATORS`; found in the first line if empty.

@@ -9,7 +9,7 @@ from calib.measurement.noise import spherical_covariance
 from testbed.files.columns import AXES, covariance_names
 from testbed.files.refusal import refusal
 from testbed.files.session_toml import UncertaintyTable
-from testbed.files.table import Columns, Table
+from testbed.files.table import Columns, DataTable
 
 MPE_RULES = {"rectangular": 3**-0.5, "two_sigma": 0.5, "typical": 0.25}
 """Standard uncertainty as a part of the maximum permissible error."""
@@ -31,7 +31,7 @@ class Spread:
 
 
 def spread_of(
-    kind: str, table: Table | None, position: Array, good: Bool, settings: UncertaintyTable
+    kind: str, table: DataTable | None, position: Array, good: Bool, settings: UncertaintyTable
 ) -> Spread:
     """Covariances of readings.
 
@@ -41,7 +41,7 @@ def spread_of(
     ----------
     kind : str
         pose, point or distance.
-    table : Table or None
+    table : DataTable or None
         For its columns; None: there are none.
     position : (m, 3) array
         Readings in the frame of the station, whose origin an MPE counts from [m].
@@ -81,7 +81,7 @@ def _states(settings: UncertaintyTable) -> bool:
 
 
 def _part(
-    part: str, table: Table | None, position: Array, good: Bool, settings: UncertaintyTable
+    part: str, table: DataTable | None, position: Array, good: Bool, settings: UncertaintyTable
 ) -> Spread:
     """Covariances (m, 3, 3) or (m, 1, 1) of one part."""
     turns = part == "rotation"
@@ -117,7 +117,7 @@ def _part(
     return Spread(_diagonal(u), source + at_least * bool(least), found.names, tuple(warnings))
 
 
-def _without_zeros(table: Table, columns: Columns, good: Bool) -> tuple[Array, list[str]]:
+def _without_zeros(table: DataTable, columns: Columns, good: Bool) -> tuple[Array, list[str]]:
     """Stated uncertainties (m, k), zeros replaced by what their printing hides, and warnings."""
     u = np.where(good[:, None], table.numbers(columns.names), 1.0) * columns.factors
     if (u < 0).any():
@@ -150,7 +150,7 @@ def _without_zeros(table: Table, columns: Columns, good: Bool) -> tuple[Array, l
     return u, warnings
 
 
-def _columns(part: str, table: Table) -> Columns | None:
+def _columns(part: str, table: DataTable) -> Columns | None:
     """Columns of a part: k = 1 or else k = 2."""
     axes = {"position": AXES[:3], "rotation": AXES[3:], "distance": ("_distance",)}[part]
     kind = "angle" if part == "rotation" else "length"
@@ -176,7 +176,7 @@ def _from_mpe(position: Array, good: Bool, settings: UncertaintyTable) -> Spread
     return Spread(_diagonal(u), source)
 
 
-def _full_columns(table: Table) -> tuple[str, ...]:
+def _full_columns(table: DataTable) -> tuple[str, ...]:
     """The 21 entries of the covariance, if they are there."""
     names = covariance_names()
     missing = [name for name in names if name not in table]
@@ -189,7 +189,7 @@ def _full_columns(table: Table) -> tuple[str, ...]:
     return names
 
 
-def _from_entries(table: Table, names: tuple[str, ...], good: Bool, size: int) -> Array:
+def _from_entries(table: DataTable, names: tuple[str, ...], good: Bool, size: int) -> Array:
     """Covariances (m, 6, 6) of the 21 entries of their upper triangle."""
     values = table.numbers(names)
     covariance = np.zeros((len(table), 6, 6))

@@ -45,7 +45,7 @@ class Origin:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Split:
+class HeldOutSplit:
     """Which rows are held out."""
 
     is_test: Bool
@@ -150,7 +150,7 @@ class Calibration:
     """(m,) [s]"""
     temperature: Array | None
     """(m,) [degC]"""
-    split: Split
+    split: HeldOutSplit
     gross: OutlierRows
     before_misses: RowErrors
     before_train: Figures

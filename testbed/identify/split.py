@@ -9,7 +9,7 @@ from calib.errors import refuse
 from calib.measurement.observations import Measurements
 from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.held_out import SAME_POSE
-from testbed.identify.records import Split
+from testbed.identify.records import HeldOutSplit
 from testbed.streams import stream
 from testbed.units import counted
 
@@ -28,7 +28,7 @@ def split_of(
     train: int | None = None,
     held_out: int | None = None,
     seed: int = 0,
-) -> Split:
+) -> HeldOutSplit:
     """The split stated by the data, or one drawn by poses.
 
     Parameters
@@ -97,13 +97,15 @@ def _split(
     seed: int,
     sentence: str,
     first_visits: bool,
-) -> Split:
+) -> HeldOutSplit:
     """The split, later visits left out of it if only first ones identify."""
     is_train = ~is_test
     if first_visits and (measurements.repeat > 0).any():
         is_train &= measurements.repeat == 0
         sentence += "; only first visits identify"
-    return Split(frozen(is_test, np.bool_), frozen(is_train, np.bool_), stated, seed, sentence)
+    return HeldOutSplit(
+        frozen(is_test, np.bool_), frozen(is_train, np.bool_), stated, seed, sentence
+    )
 
 
 def groups(measurements: Measurements) -> Index:

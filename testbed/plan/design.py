@@ -47,7 +47,7 @@ OVER = {"V": "RMS over the goal", "G": "worst of the goal"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Task:
+class DesignTask:
     """What a pose set is chosen for."""
 
     blocks: Array
@@ -104,7 +104,7 @@ class Task:
         return METHODS[self.settings.method](self.problem(m, self.criterion), rng)
 
 
-def designed(task: Task, rng: np.random.Generator) -> tuple[Index, str, Curve]:
+def designed(task: DesignTask, rng: np.random.Generator) -> tuple[Index, str, Curve]:
     """The chosen places (m,) in the pool, who found them, and uncertainty against their number.
 
     With a target the number is the smallest that reaches it, and the method is that of the set
@@ -147,7 +147,7 @@ def designed(task: Task, rng: np.random.Generator) -> tuple[Index, str, Curve]:
     return np.sort(places), method, _curve(task, budget, places, rng)
 
 
-def _counts(task: Task, m: int) -> list[int]:
+def _counts(task: DesignTask, m: int) -> list[int]:
     """Numbers of poses to show around m."""
     r, p = task.blocks.shape[1:]
     missing = p - (rank(task.before) if len(task.before) else 0)
@@ -156,7 +156,7 @@ def _counts(task: Task, m: int) -> list[int]:
     return sorted({m, *(int(value) for value in np.geomspace(fewest, most, CURVE_POINTS).round())})
 
 
-def _curve(task: Task, budget: PoseBudget, places: Index, rng: np.random.Generator) -> Curve:
+def _curve(task: DesignTask, budget: PoseBudget, places: Index, rng: np.random.Generator) -> Curve:
     """The budget with the plan's own set in it and random sets beside it."""
     counts, u, bound = budget.counts, budget.reached, budget.possible
     m, at = len(places), int(np.searchsorted(counts, len(places)))
@@ -183,7 +183,7 @@ def _curve(task: Task, budget: PoseBudget, places: Index, rng: np.random.Generat
     )
 
 
-def _sentence(task: Task, m: int, proven: int | None) -> str:
+def _sentence(task: DesignTask, m: int, proven: int | None) -> str:
     """What is proven about the number of poses."""
     settings = task.settings
     over = OVER["G" if settings.target_is == "worst" else "V"]
@@ -199,7 +199,7 @@ def _poses(m: int, verb: str, singular: str, noun: str = "pose") -> str:
     return f"{counted(m, noun)} {singular if m == 1 else verb}"
 
 
-def proof_of(task: Task, places: Index) -> Proof:
+def proof_of(task: DesignTask, places: Index) -> Proof:
     """How far a set can be from the best one of its size."""
     found = certify(task.problem(len(places), task.criterion), places)
     if found is None:
@@ -217,7 +217,7 @@ def proof_of(task: Task, places: Index) -> Proof:
     return Proof(found.efficiency, found.figure_bound, sentence)
 
 
-def random_u(task: Task, counts: Index, rng: np.random.Generator) -> Array:
+def random_u(task: DesignTask, counts: Index, rng: np.random.Generator) -> Array:
     """Median (k,) of the goal uncertainty over random sets; nan if half of them tell nothing."""
     values = np.empty(len(counts))
     for i, m in enumerate(counts):
@@ -228,7 +228,7 @@ def random_u(task: Task, counts: Index, rng: np.random.Generator) -> Array:
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def next_poses(task: Task, places: Index) -> tuple[NextPose, ...]:
+def next_poses(task: DesignTask, places: Index) -> tuple[NextPose, ...]:
     """The best poses to measure in addition to a set, judged by the goal's uncertainty."""
     if len(places) == len(task.blocks):
         return ()
@@ -240,7 +240,7 @@ def next_poses(task: Task, places: Index) -> tuple[NextPose, ...]:
     )
 
 
-def quick_design(task: Task, rng: np.random.Generator) -> Index:
+def quick_design(task: DesignTask, rng: np.random.Generator) -> Index:
     """A pose set to compare stations by: the same number and procedure for each."""
     m = task.settings.poses or DEFAULT_POSES
     problem = Problem.of_blocks(task.blocks, m, task.judge, names=task.names)
@@ -266,7 +266,7 @@ def leverages(blocks: Array, M: Array) -> Array:
     return np.asarray((half**2).sum(axis=0).reshape(n, r).sum(axis=1))
 
 
-def u_while_measuring(task: Task, places: Index) -> Array:
+def u_while_measuring(task: DesignTask, places: Index) -> Array:
     """Goal uncertainty (m,) after each pose of a set in order; nan while it is endless."""
     out = np.full(len(places), np.nan)
     for k in range(len(places)):

@@ -12,7 +12,7 @@ from testbed.laboratory.joint_lists import read_joints
 from testbed.laboratory.tracker.station import point_u
 from testbed.laboratory.tracker.stations import StationComparison, compare_stations, station_grid
 from testbed.plan.design import (
-    Task,
+    DesignTask,
     covariance_of,
     designed,
     leverages,
@@ -81,7 +81,7 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     goals = _goals(bench, goal, parameters)
     before = bench.blocks(measured, parameters).reshape(-1, parameters.n_free)
     blocks = bench.blocks(pool.q, parameters)
-    task = Task(blocks, goals, before, scenario.plan, parameters.free_names)
+    task = DesignTask(blocks, goals, before, scenario.plan, parameters.free_names)
     places, method, curve = designed(task, stream(scenario.seed, "plan", "select"))
     check_ranges(bench, np.vstack([pool.q[places], apart]))
     tell(STEPS[3], 3, len(STEPS))
@@ -131,7 +131,7 @@ def compared(bench: Bench, goal: Goal) -> StationComparison | None:
         parameters,
         goals,
         lambda blocks: quick_design(
-            Task(blocks, goals, none, scenario.plan, parameters.free_names),
+            DesignTask(blocks, goals, none, scenario.plan, parameters.free_names),
             stream(scenario.seed, "plan", "stations", "select"),
         ),
     )

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Outcome:
+class RunOutcome:
     """What playing a scenario gave."""
 
     scenario: Scenario
@@ -96,7 +96,7 @@ def play_run(
     where: str = "scenario",
     studies: Sequence[Study] | None = None,
     derive: Derive | None = None,
-) -> Outcome:
+) -> RunOutcome:
     """`play` with failures and kept records; `where` names the scenario in messages.
 
     `studies` and `derive` stand in for the registered studies and for the usual derived files.
@@ -109,7 +109,7 @@ def play_run(
             records: Records = work.make(order)
         except InputError as error:
             raise error.located(where) from error
-        return Outcome(scenario, records, None, ())
+        return RunOutcome(scenario, records, None, ())
     path = Path(out)
     opened = (
         RunFolder.resume(path, scenario_hash(scenario, robot))
@@ -127,7 +127,7 @@ def play_run(
         records = work.derive(layout.DERIVED)
         opened.end()
         work.event("end", failed=sorted(work.failed))
-    return Outcome(scenario, records, path, tuple(work.kept))
+    return RunOutcome(scenario, records, path, tuple(work.kept))
 
 
 def about(scenario: Scenario, robot: "Robot") -> dict[str, Any]:

@@ -9,7 +9,9 @@ import pytest
 
 from calib.geometry.chain import Chain, forward
 from calib.geometry.frames import log_so3, rot_x, rot_y, rot_z, slide
+from calib.geometry.inverse import inverse_kinematics
 from calib.geometry.jacobian import pose_and_jacobian
+from calib.geometry.model import RobotModel
 from tests.reference import TX60_LINKS, pool_r
 
 CHAIN = Chain(TX60_LINKS).moved(np.full(42, 1e-4))
@@ -51,3 +53,11 @@ def test_jacobian(benchmark, form):
     else:
         J = benchmark(lambda: difference_jacobian(Q))
     assert np.abs(J[:5] - difference_jacobian(Q[:5])).max() < 1e-8
+
+
+@pytest.mark.benchmark(group="inverse kinematics, 1000 poses")
+def bench_inverse_kinematics(benchmark):
+    """Corrections of a program: seeds a few hundredths of a degree from the answer."""
+    limits, model = np.tile([-3.0, 3.0], (6, 1)), RobotModel(CHAIN)
+    found = benchmark(inverse_kinematics, model, forward(CHAIN, Q), Q + 5e-4, limits)
+    assert len(found.status) == len(Q)

@@ -16,7 +16,7 @@ from calib.geometry.model import RobotModel
 from calib.identification.model_choice import choose
 from calib.measurement.accuracy import error_statistics, position_errors
 from calib.measurement.iso9283 import (
-    Figure,
+    IsoFigure,
     accuracy,
     distance_accuracy,
     distance_repeatability,
@@ -216,6 +216,6 @@ def _held_out(model: RobotModel, laboratory: Laboratory, true: Array) -> tuple[f
     return found.mean, found.p95
 
 
-def _columns(figure: Figure) -> Array:
+def _columns(figure: IsoFigure) -> Array:
     """Value, uncertainty and floor (3, ...) of a figure."""
     return np.stack([figure.value, figure.uncertainty, figure.floor])
