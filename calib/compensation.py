@@ -3,11 +3,11 @@
 A program means the poses that the nominal model gives: T = f0(q). The robot, as identified, goes to
 f(q) instead. Two ways out:
 
-* **Joint targets.** The controller passes joints on, so it is told other ones: q' with
+* **Joint targets.** The controller passes joints on, so it is given other joints: q' with
   f(q') = f0(q), found by inverting the identified model from q. To first order
   q' = q - J^-1 (f(q) - f0(q)); the inversion goes on until nothing is left.
 * **Cartesian targets.** The controller turns poses into joints with its nominal model, which stays
-  as it is: told T', it goes to q' with f0(q') = T'. So with f(q') = T the pose to tell it is
+  as it is: given T', it goes to q' with f0(q') = T'. So with f(q') = T the pose to give it is
   T' = f0(q').
 
 Both models must speak of the same world and the same tool: give `nominal` the base and the tool in
@@ -85,7 +85,7 @@ class PoseCorrection(_Corrected):
     """Cartesian targets for a controller that keeps its nominal model."""
 
     T: Array
-    """(m, 4, 4) what the controller is to be told [m]."""
+    """(m, 4, 4) what the controller is to be given [m]."""
     q: Array
     """(m, n) the joints it then takes [rad, m]."""
     q_before: Array

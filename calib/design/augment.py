@@ -9,7 +9,7 @@ from calib.design.problem import Problem
 from calib.errors import refuse
 
 SHOWN = 10
-"""Poses in a ranking unless told otherwise."""
+"""Poses in a ranking by default."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

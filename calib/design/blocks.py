@@ -1,4 +1,4 @@
-"""What one more pose would tell: blocks (N, r, p) of rows of candidate poses, and what they see."""
+"""Blocks (N, r, p) of candidate poses, their rank, and what they leave unobservable, in words."""
 
 from collections.abc import Iterable, Sequence
 
@@ -28,7 +28,7 @@ def scaled_blocks(blocks: ArrayLike, parameters: Parameters) -> Array:
 def identifiable_blocks(
     model: RobotModel, q: ArrayLike, noise: ArrayLike, free: Iterable[str] | None = None
 ) -> tuple[Array, Parameters]:
-    """Scaled blocks (N, r, p) of poses at joint values q (N, n), and the numbers they tell apart.
+    """Scaled blocks (N, r, p) of poses at joint values q (N, n), and the numbers they can identify.
 
     Parameters
     ----------
@@ -58,9 +58,9 @@ def identifiable_blocks(
 
 
 def paper_blocks(model: RobotModel, parameters: Parameters, q: ArrayLike) -> Array:
-    """Blocks (N, 6, p) worth the paper's twelve rows, in mm and rad, at joint values q (N, n).
+    """Blocks (N, 6, p) equivalent to the paper's twelve rows, in mm and rad, at joints q (N, n).
 
-    dr weighted by sqrt(2) tells exactly what the nine direction cosines tell: H'H is the same.
+    dr weighted by sqrt(2) carries exactly the information of the nine direction cosines.
 
     References
     ----------
@@ -83,19 +83,19 @@ def most_of_one(blocks: Array) -> int:
     return most
 
 
-def directions_seen(A: Array) -> int:
-    """Directions that rows (N, p) tell apart, whatever the column units."""
+def unitless_rank(A: Array) -> int:
+    """Rank of rows (N, p), whatever the units of their columns."""
     size = np.linalg.norm(A, axis=0)
     return count(singular_values(A / np.where(size > 0, size, 1.0)), NEARLY_SINGULAR)
 
 
-def sees_all(A: Array) -> bool:
-    """Whether rows (N, p) tell all p numbers apart, whatever the column units."""
-    return directions_seen(A) == int(A.shape[1])
+def has_full_rank(A: Array) -> bool:
+    """Whether rows (N, p) determine all p numbers, whatever the units of the columns."""
+    return unitless_rank(A) == int(A.shape[1])
 
 
-def unseen_in_words(A: Array, names: Sequence[str] = ()) -> str:
-    """What rows (N, p) cannot tell apart, one clause per group of numbers."""
+def unobservable_in_words(A: Array, names: Sequence[str] = ()) -> str:
+    """What rows (N, p) leave undetermined, one clause per group of numbers."""
     p = A.shape[1]
     names = names or [f"number {k}" for k in range(p)]
     size = np.linalg.norm(A, axis=0)
@@ -116,15 +116,16 @@ def unseen_in_words(A: Array, names: Sequence[str] = ()) -> str:
 
 
 def _clause(group: Sequence[int], projector: Array, names: Sequence[str]) -> str:
-    """Words for one group of numbers that share unseen directions."""
-    said = [names[k] for k in group]
-    if len(said) == 1:
-        return f"{said[0]} has no effect on anything measured"
+    """Words for one group of numbers that share undetermined directions."""
+    words = [names[k] for k in group]
+    if len(words) == 1:
+        return f"{words[0]} has no effect on anything measured"
     lost = round(float(projector[group, group].sum()))
-    listed = ", ".join(said[:-1][:9]) + (", ..." if len(said) > 10 else "") + f" and {said[-1]}"
-    if len(said) == 2:
+    more = ", ..." if len(words) > 10 else ""
+    listed = ", ".join(words[:-1][:9]) + f"{more} and {words[-1]}"
+    if len(words) == 2:
         return f"{listed} cannot be told apart"
-    return f"{len(said)} numbers tell only {len(said) - lost} apart: {listed}"
+    return f"{len(words)} numbers tell only {len(words) - lost} apart: {listed}"
 
 
 def information(blocks: Array) -> Array:

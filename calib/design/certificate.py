@@ -1,4 +1,4 @@
-"""A certificate: how close a pose set is to the best possible of its pool, whatever found it."""
+"""A certificate: how close a pose set is to the best possible of its pool, by any method."""
 
 from dataclasses import dataclass
 from math import ceil, floor
@@ -125,7 +125,7 @@ def _sentence(
 
 
 def _more(factor: float) -> str:
-    """What a factor just above one says, in percent."""
+    """A factor just above one in words, in percent."""
     # rounded up, as the efficiency is rounded down
     percent = ceil(1e4 * (factor - 1)) / 100
     return f"more than {percent:g} %" if factor - 1 > CERTAIN else "any"

@@ -24,7 +24,7 @@ def detmax(
 
     Each local search adds the pose, of all those outside, that lifts the value most, and drops the
     one that lowers it least. After it, b poses of the current set are swapped for random ones (c,
-    once a searches in a row brought nothing); after d such searches the best set seen is returned.
+    once a searches in a row brought nothing); after d such searches the best set is returned.
 
     Parameters
     ----------

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calib.arrays import Array
-from calib.design.blocks import sees_all
+from calib.design.blocks import has_full_rank
 from calib.design.problem import Problem
 from calib.design.selection import Selection, selection_of
 from calib.information.rank import singular_values
@@ -13,7 +13,7 @@ from calib.information.rank import singular_values
 RIDGE = 1e-6
 """Part of the pool's mean information put on the diagonal: before rank p every index is zero."""
 LOST = 1e-5
-"""What is known is lost beside a pose that tells more than its inverse times as much (rows)."""
+"""Prior rows smaller than this part of a pose's rows are lost in rounding."""
 
 
 class Grown(NamedTuple):
@@ -27,7 +27,7 @@ class Grown(NamedTuple):
 def greedy(problem: Problem) -> Selection:
     """Pose set grown by the best next pose.
 
-    Where prior and given poses tell (almost) nothing of a direction, a ridge stands in for it. It
+    Where prior and given poses determine a direction (almost) not at all, a ridge stands in. It
     is relative per column, so that D chooses the same poses in any units; the value reported is
     without it.
     `trace` holds the figure after each pose, with the ridge.
@@ -37,7 +37,7 @@ def greedy(problem: Problem) -> Selection:
 
 
 def grow(problem: Problem) -> Grown:
-    """Poses in the order in which they are worth most."""
+    """Poses in the order in which each adds most."""
     M, chosen, trace, evaluated = _start(problem), list[int](), list[float](), 0
     for _ in range(problem.m):
         best = problem.criterion.best_add(M, problem.pool, problem.addable(chosen))
@@ -53,7 +53,7 @@ def _start(problem: Problem) -> Array:
     """Information (p, p) before the first pose, with a ridge unless every direction is known."""
     blocks = problem.blocks
     mean = np.einsum("jrk,jrk->k", blocks, blocks) / len(blocks)
-    if sees_all(problem.before):
+    if has_full_rank(problem.before):
         unit = np.sqrt(np.where(mean > 0, mean, np.diagonal(problem.base)))
         if singular_values(problem.before / unit)[-1] >= LOST:
             return problem.base

@@ -10,7 +10,7 @@ from calib.design.random import nonsingular_set
 from calib.information.criteria.lazy import best_swap
 
 SHAKES = 100
-"""Shakes tried before a set that tells all numbers apart is drawn anew."""
+"""Shakes tried before a nonsingular set is drawn anew."""
 
 
 class LocalOptimum(NamedTuple):

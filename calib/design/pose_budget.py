@@ -1,7 +1,8 @@
 """How many poses a target needs: what designed sets reach, and what no set can."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,6 +47,14 @@ class PoseBudget:
         return f"PoseBudget({self.criterion}: {self.sentence})"
 
 
+class _Point(NamedTuple):
+    """One number of poses."""
+
+    chosen: Index  # the designed set
+    reached: float  # its figure
+    possible: float  # the figure that no set of so many poses can better
+
+
 class _Curve:
     """Designed sets and bounds of one problem at any number of poses, each computed once."""
 
@@ -54,25 +63,27 @@ class _Curve:
     ) -> None:
         self.problem, self.criterion, self.rng, self.restarts = problem, criterion, rng, restarts
         self.packed = Grams(problem.blocks[problem.open])
-        self.sets: dict[int, tuple[Index, float, float]] = {}
+        self.points: dict[int, _Point] = {}
 
-    def at(self, m: int) -> tuple[Index, float, float]:
-        """The designed set of m poses, its figure, and the figure no set of m can better."""
-        if m not in self.sets:
+    def at(self, m: int) -> _Point:
+        """What m poses reach."""
+        if m not in self.points:
             problem = self.problem.resize(m)
             best = best_exchange(problem, self.rng, restarts=self.restarts)
             bound = relaxation(problem, packed=self.packed).bound
             limit = certificate_of_bound(problem, self.criterion, best.value, bound)
-            self.sets[m] = best.chosen, limit.figure, limit.figure_bound
-        return self.sets[m]
+            self.points[m] = _Point(best.chosen, limit.figure, limit.figure_bound)
+        return self.points[m]
 
-    def first(self, column: int, target: float, low: int, high: int) -> int | None:
-        """Fewest poses in low..high whose figure (1) or bound (2) reaches the target."""
-        if float(self.at(high)[column]) > target:
+    def fewest(
+        self, figure: Callable[[_Point], float], target: float, low: int, high: int
+    ) -> int | None:
+        """Fewest poses in low..high whose figure reaches the target, by bisection."""
+        if figure(self.at(high)) > target:
             return None
         while low < high:
             middle = (low + high) // 2
-            if float(self.at(middle)[column]) <= target:
+            if figure(self.at(middle)) <= target:
                 high = middle
             else:
                 low = middle + 1
@@ -121,31 +132,34 @@ def pose_budget(
     if not grid or grid[0] < least or grid[-1] > free:
         message, wanted = "counts holds numbers of poses that cannot be", f"{least} to {free}"
         raise refuse("counts", allowed=wanted, code="M27", message=message)
+    # climb the grid until a designed set reaches the target
     low, high = grid[0], grid[-1]
     if counts is None:
         for high in grid:
-            if curve.at(high)[1] <= target:
+            if curve.at(high).reached <= target:
                 break
             low = high + 1
         shown = [m for m in grid if m <= high or grid.index(m) == grid.index(high) + 1]
     else:
         shown = grid
-    smallest = curve.first(1, target, min(low, high), high)
+    # bisect between the last two numbers, and below for the bound
+    smallest = curve.fewest(lambda point: point.reached, target, min(low, high), high)
     if smallest is not None:
         # designed sets are not always better the larger they are: any set made on the way will do
-        smallest = min(m for m, found in curve.sets.items() if found[1] <= target)
-    proven = curve.first(2, target, least, high if smallest is None else smallest)
+        smallest = min(m for m, point in curve.points.items() if point.reached <= target)
+    last = high if smallest is None else smallest
+    proven = curve.fewest(lambda point: point.possible, target, least, last)
     sizes = sorted({*shown, *filter(None, (smallest, proven))})
     points = [curve.at(m) for m in sizes]
     return PoseBudget(
         criterion=criterion.name,
         target=float(target),
         counts=frozen(sizes, np.int64),
-        reached=frozen([point[1] for point in points]),
-        possible=frozen([point[2] for point in points]),
+        reached=frozen([point.reached for point in points]),
+        possible=frozen([point.possible for point in points]),
         smallest=smallest,
         proven=proven,
-        chosen=frozen(curve.at(high if smallest is None else smallest)[0], np.int64),
+        chosen=frozen(curve.at(last).chosen, np.int64),
         sentence=_sentence(target, smallest, proven, high, curve),
     )
 
@@ -164,7 +178,7 @@ def _sentence(
     """The budget in words."""
     asked = f"u = {target * 1e6:.4g} um"
     if smallest is None:
-        figure, bound = curve.at(high)[1:]
+        _, figure, bound = curve.at(high)
         words = f"{asked} is not reached with {high} poses: the designed set gives "
         words += f"{figure * 1e6:.4g} um"
         if proven is None:

@@ -57,7 +57,7 @@ def pose_count(
 ) -> tuple[PoseCount, ...]:
     """For each index O1 to O5 the number of poses from which it no longer improves.
 
-    Each random set grows by one random pose at a time, so every size sees `sets` random sets.
+    Each random set grows by one random pose at a time, so every size has `sets` random sets.
 
     Parameters
     ----------

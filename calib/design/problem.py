@@ -8,12 +8,12 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Bool, Index, check, frozen
 from calib.design.blocks import (
-    directions_seen,
+    has_full_rank,
     identifiable_blocks,
     information,
     most_of_one,
-    sees_all,
-    unseen_in_words,
+    unitless_rank,
+    unobservable_in_words,
 )
 from calib.errors import InputError, refuse
 from calib.geometry.model import RobotModel
@@ -37,7 +37,7 @@ class Problem:
     m: int
     criterion: Criterion
     before: Array
-    """(b, p) rows worth the prior precision and the poses already measured."""
+    """(b, p) rows that carry the prior precision and the poses already measured."""
     base: Array
     """(p, p) their information."""
     open: Bool
@@ -49,7 +49,7 @@ class Problem:
     prior: bool
     """Whether there is a prior precision."""
     fewest: int
-    """Fewest poses that can tell all numbers apart."""
+    """Fewest poses that can determine all numbers."""
     names: tuple[str, ...] = ()
     """(p,) of the numbers, for messages; or none."""
 
@@ -125,14 +125,14 @@ class Problem:
             repeats=repeats,
             given=measured,
             prior=prior is not None,
-            fewest=max(-(-(p - directions_seen(before)) // most_of_one(blocks[may])), 1),
+            fewest=max(-(-(p - unitless_rank(before)) // most_of_one(blocks[may])), 1),
             names=tuple(names),
         ).resize(poses)
         rows = np.concatenate([before, blocks[may].reshape(-1, p)])
-        if not sees_all(rows):
+        if not has_full_rank(rows):
             raise refuse(
                 "blocks",
-                allowed=unseen_in_words(rows, names),
+                allowed=unobservable_in_words(rows, names),
                 code="M28",
                 message=f"even all {may.sum()} poses cannot tell the {p} numbers apart",
                 fix="reduce the free numbers first (calib.information.reduction)",
@@ -154,7 +154,7 @@ class Problem:
         allowed: ArrayLike | None = None,
         repeats: bool = False,
     ) -> "Problem":
-        """A problem from joint values; what no pose of the pool can tell apart is held fixed.
+        """A problem from joint values; what the pool cannot determine is held fixed.
 
         Parameters
         ----------
@@ -192,7 +192,7 @@ class Problem:
 
     @property
     def p(self) -> int:
-        """Numbers to tell apart."""
+        """Numbers to determine."""
         return int(self.blocks.shape[2])
 
     @property
@@ -210,8 +210,8 @@ class Problem:
         return np.concatenate([self.before, A])
 
     def is_singular(self, chosen: ArrayLike) -> bool:
-        """Whether a set, with all that is known before, leaves a direction unseen."""
-        return not sees_all(self.rows(chosen))
+        """Whether a set, with all that is known before, leaves a direction undetermined."""
+        return not has_full_rank(self.rows(chosen))
 
     def addable(self, chosen: ArrayLike) -> Bool:
         """Poses (N,) that may join a set."""
@@ -252,10 +252,10 @@ class Problem:
             candidates = self.blocks[self.open]
             allowed = f"{p} numbers need at least {self.fewest} poses of {candidates.shape[1]} rows"
             if self.names:
-                seen = directions_seen(self.before) + poses * most_of_one(candidates)
+                most = unitless_rank(self.before) + poses * most_of_one(candidates)
                 rows = np.concatenate([self.before, *candidates[:poses]])
-                allowed += f"; {poses} leave at least {p - seen} directions unseen, such as: "
-                allowed += unseen_in_words(rows, self.names)
+                allowed += f"; {poses} leave at least {p - most} directions unseen, such as: "
+                allowed += unobservable_in_words(rows, self.names)
             raise _wanted(poses, allowed, "choose more poses or free fewer numbers")
         return replace(self, m=int(poses))
 

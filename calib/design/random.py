@@ -12,7 +12,7 @@ from calib.errors import refuse
 from calib.information.criteria.lazy import first_best
 
 DRAWS = 1000
-"""Random sets drawn before giving up on one that tells all numbers apart."""
+"""Random sets drawn before giving up on a nonsingular one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +44,7 @@ def random_selection(n_pool: int, m: int, rng: np.random.Generator) -> Index:
 
 
 def random_set(problem: Problem, rng: np.random.Generator) -> Selection:
-    """One random set, whatever it is worth."""
+    """One random set, however poor."""
     return selection_of(problem, draw_set(problem, rng), "random", (), 0)
 
 
@@ -74,7 +74,7 @@ def draw_set(problem: Problem, rng: np.random.Generator) -> Index:
 
 
 def nonsingular_set(problem: Problem, rng: np.random.Generator) -> Index:
-    """Random set (m,) that tells all numbers apart."""
+    """Random set (m,) that determines all numbers."""
     for _ in range(DRAWS):
         chosen = draw_set(problem, rng)
         if not problem.is_singular(chosen):

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array, Index, frozen
+from calib.arrays import Array, frozen
 from calib.design.problem import Problem
 from calib.errors import refuse
 from calib.information.criteria.base import Certifiable
@@ -53,14 +53,14 @@ class Grams:
             some = slice(start, start + PACKED_AT_ONCE)
             self.packed[some] = grams(blocks[some])[:, self.upper[0], self.upper[1]]
 
-    def weighted(self, w: Array) -> Array:
+    def weighted_sum(self, w: Array) -> Array:
         """Sum (p, p) of w_j B_j'B_j."""
         p = int(self.upper[0][-1]) + 1
         M = np.zeros((p, p))
         M[self.upper] = w @ self.packed
         return np.asarray(M + M.T - np.diag(np.diagonal(M)))
 
-    def seen(self, S: Array) -> Array:
+    def traces(self, S: Array) -> Array:
         """tr(S B_j'B_j) (N,) for a symmetric S (p, p)."""
         return np.asarray(self.packed @ (S[self.upper] * self.twice))
 
@@ -112,46 +112,41 @@ def relaxation(
     places, m, p = np.flatnonzero(problem.open), problem.m, problem.p
     products = Grams(problem.blocks[places]) if packed is None else packed
     cap = np.inf if problem.repeats else 1.0
-    w = np.full(len(places), m / len(places))
-    bound, best, trace = np.inf, w, list[float]()
+    bound, trace = np.inf, list[float]()
+
+    def weights(w: Array, M: Array) -> Weights:
+        """The result, on the whole pool."""
+        full = np.zeros(len(problem.pool))
+        full[places] = w
+        figure = criterion.figure_of_value(bound, p, problem.n_poses)
+        return Weights(frozen(full), frozen(M), bound, figure, frozen(trace))
+
+    w = best = np.full(len(places), m / len(places))
     for order in criterion.sharpness:
         recent = bound
         for step in range(1, iterations + 1):
-            M = problem.base + products.weighted(w)
+            # sensitivity of the criterion to each pose
+            M = problem.base + products.weighted_sum(w)
             S = criterion.dual(M, order)
-            d = np.maximum(products.seen(S), 0.0)  # S has no negative eigenvalue: rounding
+            d = np.maximum(products.traces(S), 0.0)  # S has no negative eigenvalue: rounding
+            # bound on every set
             top = float(np.einsum("ij,ij->", S, problem.base)) + _top(d, m, problem.repeats)
             proven = criterion.with_rounding(criterion.ceiling(M, S, top), M)
             if proven < bound:
                 bound, best = proven, w
             trace.append(bound)
+            # reached, stalled, or nothing to gain
             if criterion.efficiency(float(criterion.value(M)), bound, p) > 1 - tolerance:
-                return _weights(problem, criterion, places, w, M, bound, trace)
+                return weights(w, M)
             if step % PATIENCE == 0:
                 if criterion.efficiency(bound, recent, p) > 1 - tolerance / 5:
                     break
                 recent = bound
             if not d.any():
                 break  # no pose adds anything at this M: every choice of weights is as good
-            w = _capped(w * d ** criterion.exponent(order), m, cap)
-    M = problem.base + products.weighted(best)
-    return _weights(problem, criterion, places, best, M, bound, trace)
-
-
-def _weights(
-    problem: Problem,
-    criterion: Certifiable,
-    places: Index,
-    w: Array,
-    M: Array,
-    bound: float,
-    trace: list[float],
-) -> Weights:
-    """The outcome, on the whole pool."""
-    full = np.zeros(len(problem.pool))
-    full[places] = w
-    figure = criterion.figure_of_value(bound, problem.p, problem.n_poses)
-    return Weights(frozen(full), frozen(M), bound, figure, frozen(trace))
+            # multiplicative step
+            w = _cap(w * d ** criterion.exponent(order), m, cap)
+    return weights(best, problem.base + products.weighted_sum(best))
 
 
 def _top(d: Array, m: int, repeats: bool) -> float:
@@ -161,10 +156,11 @@ def _top(d: Array, m: int, repeats: bool) -> float:
     return float(np.partition(d, len(d) - m)[len(d) - m :].sum())
 
 
-def _capped(w: Array, m: int, cap: float) -> Array:
+def _cap(w: Array, m: int, cap: float) -> Array:
     """Weights proportional to w (N,), none above `cap`, summing to m."""
     w = np.maximum(w, LEAST * w.mean())
     w = w * (m / w.sum())
+    # clip at the cap, share out what that leaves among the others, and again
     for _ in range(20):
         over = w >= cap
         free = w[~over].sum()

@@ -1,4 +1,4 @@
-"""The outcome of a pose selection: which poses, how good, how it was found, what is proven."""
+"""The result of a pose selection: which poses, how good, by which method, what is proven."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -10,7 +10,6 @@ from calib.arrays import Array, Index, frozen
 from calib.design.certificate import Certificate, certificate_of, no_proof
 from calib.design.problem import NO_POSES, Problem
 from calib.information.criteria.base import Criterion
-from calib.information.criteria.named import criterion_named
 from calib.information.observability import index_of_singular
 from calib.information.rank import singular_values
 
@@ -54,19 +53,12 @@ class Selection:
         return no_proof(self.criterion) if self.certificate is None else self.certificate.sentence
 
 
-def set_value(blocks: Array, indices: ArrayLike, criterion: str | Criterion) -> float:
-    """Figure of a pose set, recomputed from the rows: no update, no squaring."""
-    chosen = np.asarray(indices)
-    rows = blocks[chosen].reshape(-1, blocks.shape[-1])
-    return figure_of_rows(rows, len(chosen), criterion_named(criterion))
-
-
 def figure_of_rows(rows: Array, n_poses: int, criterion: Criterion) -> float:
     """Figure of stacked rows (n, p); an index from their singular values."""
     if criterion.index is not None:
         singular = np.zeros(rows.shape[1])
-        found = singular_values(rows)
-        singular[: len(found)] = found
+        values = singular_values(rows)
+        singular[: len(values)] = values
         return float(index_of_singular(singular, n_poses, criterion.index))
     return criterion.figure(rows.T @ rows, n_poses)
 

@@ -1,7 +1,7 @@
 """Poses and the whole identification Jacobian in one batched pass along the chain.
 
 Every geometric number is a unit screw: a slide along an axis, or a turn about an axis through a
-point. The pass meets all axes in turn; a turn moves the tool origin by axis x (p_tool - point).
+point. The pass visits all axes in turn; a turn moves the tool origin by axis x (p_tool - point).
 """
 
 import numpy as np

@@ -75,7 +75,7 @@ def gravity_terms(n_joints: int, quarters: tuple[int, int] = (0, 0)) -> tuple[Jo
 
     Closed form for an arm whose joints 2 and 3 have parallel horizontal axes and whose zero pose is
     the candle; positive coefficients droop away from it. Where the zero pose is another one,
-    `quarters` says how many quarter turns from upright the upper arm and the forearm lie there, and
+    `quarters` is how many quarter turns from upright the upper arm and the forearm lie there, and
     cosines stand for the sines of odd ones: the UR10, level at zero, has (1, 1).
     """
     if n_joints < 3:

@@ -19,7 +19,7 @@ class RobotModel:
     chain: Chain
     joint_errors: JointErrors = field(default_factory=JointErrors)
     fixtures: Fixtures = field(default_factory=Fixtures)
-    """Reflectors, anchors and stations: they move no pose, but what is seen of it."""
+    """Reflectors, anchors and stations: they move no pose, but what is measured of it."""
 
     @property
     def names(self) -> tuple[str, ...]:

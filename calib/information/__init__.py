@@ -1,1 +1,1 @@
-"""What measurements can tell: rank, redundancies, observability indices, propagation."""
+"""What measurements can determine: rank, redundancies, observability indices, propagation."""

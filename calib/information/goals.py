@@ -16,7 +16,7 @@ NAME_GOALS = "name the poses or the box where the tool must be right"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Goals:
-    """Goal poses as a design sees them: how each scaled parameter moves the tool point there."""
+    """Goal poses for a design: how each scaled parameter moves the tool point there."""
 
     rows: Array
     """(g, 3, p) tool point per scaled parameter [m]."""
@@ -43,8 +43,8 @@ class Goals:
     @property
     def mean(self) -> Array:
         """C (p, p): tr(C covariance) is the weighted mean squared tool-point uncertainty [m^2]."""
-        seen = (self.rows * np.sqrt(self.weights)[:, None, None]).reshape(-1, self.rows.shape[2])
-        return np.asarray(seen.T @ seen)
+        F = (self.rows * np.sqrt(self.weights)[:, None, None]).reshape(-1, self.rows.shape[2])
+        return np.asarray(F.T @ F)
 
 
 def goal_matrix(

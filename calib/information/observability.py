@@ -70,7 +70,7 @@ def index_of_singular(
     (O3, O4); Sun and Hollerbach 2008 (O5, assumed).
     """
     check_index(criterion, form)
-    # a set whose every singular value is zero tells nothing: condition 0, not 0 / 0
+    # a set whose every singular value is zero: condition 0, not 0 / 0
     singular = np.where(singular[..., :1] > 0, singular, [1.0] + [0.0] * (singular.shape[-1] - 1))
     first, last = singular[..., 0], singular[..., -1]
     with np.errstate(divide="ignore"):

@@ -46,8 +46,8 @@ def point_uncertainty(sigma: Array) -> Array:
 def distance_uncertainty(sigma: Array, position: Array) -> Array:
     """Standard uncertainty of |P| (m,) [m]: what the paper states for the tool.
 
-    The distance from the origin sees only the radial part of the scatter: at the zero pose of the
-    TX60 about a fifth of the whole.
+    Only the radial part of the scatter changes the distance from the origin: at the zero pose of
+    the TX60 about a fifth of the whole.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Rank: how many directions a measurement tells apart, and how many of them teach something."""
+"""Rank: how many directions a measurement determines, and how many of them beyond the prior."""
 
 import numpy as np
 from numpy.typing import ArrayLike

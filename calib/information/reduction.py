@@ -23,7 +23,7 @@ STILL = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reduction:
-    """What the free numbers are worth: rank, those kept, and what each dropped one looks like."""
+    """Which free numbers are kept, the rank, and what each dropped number looks like."""
 
     singular_values: Array
     """(min(N, f),) singular values of the scaled columns, largest first."""
@@ -52,7 +52,7 @@ class Reduction:
 
 
 class _Kept(NamedTuple):
-    """Columns kept, in the order they were met, and all columns in terms of them."""
+    """Columns kept, in the order they were offered, and all columns in terms of them."""
 
     places: list[int]
     coordinates: Array  # (p, f) scaled
@@ -70,13 +70,13 @@ def reduce(
 ) -> Reduction:
     """Find the free numbers that can be told apart, and say in words what the others look like.
 
-    Columns are met in a fixed order (anchors and stations, base, reflectors, tool, links, joint
+    Columns are offered in a fixed order (anchors and stations, base, reflectors, tool, links, joint
     terms) and kept when they add something; within a link, d comes last if the next axis is
     parallel and beta otherwise, because that is the one that is then least telling. On a TX60 this
     keeps the thirty readable numbers.
 
     Where nothing ties anchors to a known place, the base is held and is the world; where only
-    reflectors of unknown place were seen, the tool is held and they are placed in it; where the
+    reflectors of unknown place were measured, the tool is held and they are placed in it; where the
     tool never turns, reflectors and tool are held and the base is found.
 
     Parameters

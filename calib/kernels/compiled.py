@@ -15,7 +15,7 @@ from numba import njit, types
 
 
 def _cacheable() -> bool:
-    """Whether compiled code may be kept: beside this file, or where NUMBA_CACHE_DIR says."""
+    """Whether compiled code may be kept: beside this file, or in NUMBA_CACHE_DIR."""
     if os.environ.get("NUMBA_CACHE_DIR"):
         return True
     folder = Path(__file__).parent / "__pycache__"

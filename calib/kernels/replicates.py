@@ -21,7 +21,7 @@ def _small(w: float) -> tuple[float, float]:
 
 @part
 def _turn(S: Any, i: int, j: int, P: Any, c: int) -> None:
-    """Axes or vectors in rows i, j of S as seen after a turn; cos, sin in rows c, c + 1 of P."""
+    """Axes or vectors in rows i, j of S after a turn; cos, sin in rows c, c + 1 of P."""
     for k in range(32):
         u = P[c, k] * S[i, k] + P[c + 1, k] * S[j, k]
         S[j, k] = P[c, k] * S[j, k] - P[c + 1, k] * S[i, k]
@@ -64,7 +64,7 @@ def _frames(
     S: Any, turned: Any, links: Any, terms: Any, cosine: Any, sine: Any, slide: Any, basis: Any,
     joint: Any, turns: Any,
 ) -> None:  # fmt: skip
-    """Flange axes (rows 0-8 of S) and origin (9-11) seen from the base, for one posture."""
+    """Flange axes (rows 0-8 of S) and origin (9-11) in the base frame, for one posture."""
     S[:12] = 0.0
     S[0] = 1.0
     S[4] = 1.0
@@ -130,7 +130,7 @@ def _links(g: Any, S: Any, turned: Any, links: Any, basis: Any, joint: Any, turn
 
 @part
 def _tool(S: Any, H: Any) -> None:
-    """Tool axes (rows 18-26 of S) and tool point (27-29), seen from the base; tool H (12, 32)."""
+    """Tool axes (rows 18-26 of S) and tool point (27-29), in the base frame; tool H (12, 32)."""
     for r in range(3):
         for c in range(3):
             _dot(S, 18 + 3 * r + c, H, c, 3 + c, 6 + c, S, r, 3 + r, 6 + r)
@@ -139,7 +139,7 @@ def _tool(S: Any, H: Any) -> None:
 
 
 @part
-def _residual(S: Any, B: Any, seen: Any, offset: Any) -> Any:
+def _residual(S: Any, B: Any, observed: Any, offset: Any) -> Any:
     """Residual (rows 30-35 of S) of one observation (12, 32); whether a reflector was aimed at."""
     # tool into the world: axes to rows 0-8 (row by row), point into the residual
     for r in range(3):
@@ -147,7 +147,7 @@ def _residual(S: Any, B: Any, seen: Any, offset: Any) -> Any:
             _dot(S, 3 * r + c, B, 3 * r, 3 * r + 1, 3 * r + 2, S, 18 + c, 21 + c, 24 + c)
         _dot(S, 39, B, 3 * r, 3 * r + 1, 3 * r + 2, S, 27, 28, 29)
         for k in range(32):
-            S[30 + r, k] = seen[r, k] - B[9 + r, k] - S[39, k]
+            S[30 + r, k] = observed[r, k] - B[9 + r, k] - S[39, k]
     # reflector beside the tool origin
     o0, o1, o2 = offset[0], offset[1], offset[2]
     lever = o0 != 0.0 or o1 != 0.0 or o2 != 0.0
@@ -158,11 +158,11 @@ def _residual(S: Any, B: Any, seen: Any, offset: Any) -> Any:
                 S[36 + r, k] = o0 * S[x, k] + o1 * S[x + 1, k] + o2 * S[x + 2, k]
             for k in range(32):
                 S[30 + r, k] -= S[36 + r, k]
-    # sine of the rotation vector: half the sum of axis x axis seen
+    # sine of the rotation vector: half the sum of axis x axis observed
     for r in range(3):
         r1, r2 = 3 * ((r + 1) % 3), 3 * ((r + 2) % 3)
-        _dot(S, 33 + r, seen, r2 + 3, r2 + 4, r2 + 5, S, r1, r1 + 1, r1 + 2)
-        _dot(S, 39, seen, r1 + 3, r1 + 4, r1 + 5, S, r2, r2 + 1, r2 + 2)
+        _dot(S, 33 + r, observed, r2 + 3, r2 + 4, r2 + 5, S, r1, r1 + 1, r1 + 2)
+        _dot(S, 39, observed, r1 + 3, r1 + 4, r1 + 5, S, r2, r2 + 1, r2 + 2)
         for k in range(32):
             S[33 + r, k] -= S[39, k]
     # arc sine
@@ -241,7 +241,7 @@ def gradient(
     weight : (m, 6, 6) array
         Inverse covariance of [position; rotation vector] in world axes.
     offset : (m, 3) array
-        Reflector in the tool frame; zero where a pose is seen [m].
+        Reflector in the tool frame; zero where a pose is measured [m].
     cosine, sine, slide : (m, n) array
         Of each joint at each posture, nominal [m].
     basis : (m, k) array
@@ -259,7 +259,7 @@ def gradient(
     """
     n, m = links.shape[1], observed.shape[1]
     # rows of 32: axes x y z 0-8, point 9-11, force 12-14, torque 15-17, tool axes 18-26,
-    # point seen from the base 27-29, residual 30-35, reflector arm 36-38, spare 39-44
+    # point in the base frame 27-29, residual 30-35, reflector arm 36-38, spare 39-44
     S = np.empty((45, 32))
     turned = np.empty((n, 3, 32))  # cos, sin and slide of each link
     for b in range(links.shape[0]):

@@ -1,1 +1,1 @@
-"""What was seen, how uncertain it is, and how far a model is from it."""
+"""What was measured, how uncertain it is, and how far a model is from it."""

@@ -10,7 +10,7 @@ from calib.arrays import Array, Index, require_finite, wrong_shape
 from calib.errors import refuse
 
 FEWEST = 3
-"""Cycles below which no scatter is worth stating."""
+"""Fewest cycles for which a scatter is stated."""
 
 
 def cycles_of(position: ArrayLike) -> Array:

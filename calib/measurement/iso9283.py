@@ -7,7 +7,7 @@ give arrays (...,). Beside each figure stand
   the cycles, and what all readings share (`common`: the instrument, where it stands);
 * its **noise floor**: what it reads, on average, where there is nothing to see. Scatter alone makes
   |mean - command| larger than zero, and readings of a robot that repeats perfectly still have an
-  RP. A figure near its floor says only that the truth is smaller.
+  RP. A figure near its floor means only that the truth is smaller.
 
 Formulas follow the textbook use of the standard; its own text has not been compared.
 """
@@ -35,7 +35,7 @@ from calib.measurement.cycles import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IsoFigure:
-    """One figure at each pose, with what it is worth [m or rad]."""
+    """One figure at each pose, with its uncertainty and noise floor [m or rad]."""
 
     value: Array
     """(...,) the figure."""

@@ -12,7 +12,7 @@ from calib.geometry.jacobian import joint_columns, pose_and_jacobian, reflector_
 from calib.geometry.model import RobotModel
 
 SMALLEST_PIVOT = 1e-13
-"""Pivot of the correlation matrix below which float64 cannot tell it from a singular one."""
+"""Pivot of the correlation matrix below which it is singular to rounding."""
 
 
 def isotropic_covariance(m: int, sigma_position: float, sigma_rotation: float) -> Array:
@@ -128,7 +128,7 @@ def with_joint_noise(
     if offset is not None:
         _, offset = check("m 6 6, m 3", covariance=covariance, offset=offset)
         J_q[:, :3] = reflector_rows(T, J_q, offset)[1]
-    # joint scatter seen at the tool
+    # joint scatter at the tool
     J_q = J_q * sigma_q
     return np.asarray(covariance + J_q @ np.swapaxes(J_q, -1, -2))
 

@@ -1,4 +1,4 @@
-"""What was seen of the robot: one row per observation, with its covariance."""
+"""What was measured of the robot: one row per observation, with its covariance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -12,7 +12,7 @@ from calib.errors import refuse
 POSE, POINT, DISTANCE = "pose", "point", "distance"
 KINDS = (POSE, POINT, DISTANCE)
 GIVEN = -1
-"""`reflector` of a row whose reflector lies where `offset` says; `anchor` of a row without one."""
+"""`reflector` of a row whose reflector lies at `offset`; `anchor` of a row without one."""
 
 
 def _whole() -> Index:
@@ -24,18 +24,18 @@ def _whole() -> Index:
 class Measurements:
     """A table of observations; row i was taken at commanded joints q[i].
 
-    A *pose* row sees the position and rotation of the tool; a *point* row sees one reflector on the
-    tool; a *distance* row sees how far a reflector is from a fixed point, an anchor. Columns left
-    out mean: reflectors at `offset`, all seen from the first station, no distances.
+    A *pose* row has the position and rotation of the tool; a *point* row the place of one reflector
+    on the tool; a *distance* row the distance of a reflector from a fixed point, an anchor. Columns
+    left out mean: reflectors at `offset`, all measured from the first station, no distances.
     """
 
     q: Array
     """(m, n) commanded joint values [rad, m]."""
     position: Array
-    """(m, 3) seen position in the frame of the station: tool origin, or reflector for point rows
-    [m]; zero for distance rows."""
+    """(m, 3) measured position in the frame of the station: tool origin, or reflector for point
+    rows [m]; zero for distance rows."""
     rotation: Array
-    """(m, 3, 3) seen rotation R_station_tool; identity for other than pose rows, not used there."""
+    """(m, 3, 3) measured rotation R_station_tool; identity for other than pose rows, unused."""
     covariance: Array
     """(m, 6, 6) of [position (m); rotation vector (rad)], axes of the station; points use the first
     3 x 3, distances only the variance at [0, 0]."""
@@ -54,7 +54,7 @@ class Measurements:
     anchor: Index = field(default_factory=_whole)
     """(m,) which anchor of the fixtures a distance was measured from, from 0; -1 for other rows."""
     distance: Array = field(default_factory=lambda: frozen(()))
-    """(m,) seen distance from anchor to reflector [m]; zero for other rows."""
+    """(m,) measured distance from anchor to reflector [m]; zero for other rows."""
 
     def __post_init__(self) -> None:
         m = len(self.q)
@@ -191,6 +191,6 @@ def _united(one: Index, other: Index) -> Index:
 
 
 def first_met(rows: Array | Index) -> Index:
-    """Number (m,) of each distinct row, counted as they are met."""
+    """Number (m,) of each distinct row, counted in order of appearance."""
     _, first, group = np.unique(rows, axis=0, return_index=True, return_inverse=True)
     return np.asarray(np.argsort(np.argsort(first))[group.ravel()], dtype=np.int64)

@@ -1,4 +1,4 @@
-"""What a model says each row of a table should have seen, and how that follows its numbers."""
+"""What a model predicts for each row of a table, and how that follows its numbers."""
 
 from dataclasses import dataclass
 
@@ -56,7 +56,7 @@ def predicted(
     first : int
         Column of the first number of the fixtures.
     measurements : Measurements
-        What was seen.
+        What was measured.
 
     References
     ----------
@@ -96,11 +96,12 @@ def predicted(
 
 def targets(fixtures: Fixtures, measurements: Measurements) -> Array:
     """Where each row's reflector is in the tool frame (m, 3) [m]."""
-    own = measurements.reflector
-    if not (own != GIVEN).any():
+    named = measurements.reflector != GIVEN
+    if not named.any():
         return measurements.offset
     require_fixtures(fixtures, measurements)
-    return np.where((own != GIVEN)[:, None], fixtures.reflectors[own], measurements.offset)
+    places = fixtures.reflectors[measurements.reflector]
+    return np.where(named[:, None], places, measurements.offset)
 
 
 def predicted_positions(model: RobotModel, measurements: Measurements) -> Array:
@@ -138,7 +139,7 @@ def require_fixtures(fixtures: Fixtures, measurements: Measurements) -> None:
 
 
 def _reflector_columns(J: Array, R: Array, first: int, measurements: Measurements) -> None:
-    """Fill in how rows follow the numbers of their own reflector: the tool's axes."""
+    """Fill in how rows follow the numbers of their reflector: the tool's axes."""
     for k in np.unique(measurements.reflector[measurements.reflector != GIVEN]):
         rows = np.flatnonzero(measurements.reflector == k)
         J[rows, :3, first + 3 * k : first + 3 * k + 3] = R[rows]
@@ -155,13 +156,13 @@ def _distance_rows(
     """Turn point rows into distance rows, in the first row; distances predicted [m]."""
     from_anchor = p[far] - fixtures.anchors[measurements.anchor[far]]
     length = np.linalg.norm(from_anchor, axis=1)
-    # at the anchor itself no direction is the right one: it then tells nothing
+    # at the anchor itself no direction is right: the row then determines nothing
     u = from_anchor / np.where(length > 0, length, 1.0)[:, None]
     J[far, 0] = (u[:, None, :] @ J[far, :3])[:, 0]
     start = first + 3 * len(fixtures.reflectors)
     for k in np.unique(measurements.anchor[far]):
-        own = measurements.anchor[far] == k
-        J[far[own], 0, start + 3 * k : start + 3 * k + 3] = -u[own]
+        rows = measurements.anchor[far] == k
+        J[far[rows], 0, start + 3 * k : start + 3 * k + 3] = -u[rows]
     return np.asarray(length)
 
 
@@ -183,7 +184,7 @@ def _station_rows(
         p[rows] = (p[rows] - T[:3, 3]) @ T[:3, :3]
         R[rows] = back @ R[rows]
         J[rows, :3], J[rows, 3:] = back @ J[rows, :3], back @ J[rows, 3:]
-        own = start + 6 * (s - 1)
-        J[rows, :3, own : own + 3] = -np.eye(3)
-        J[rows, :3, own + 3 : own + 6] = skew(p[rows])
-        J[rows, 3:, own + 3 : own + 6] = -np.eye(3)
+        k = start + 6 * (s - 1)
+        J[rows, :3, k : k + 3] = -np.eye(3)
+        J[rows, :3, k + 3 : k + 6] = skew(p[rows])
+        J[rows, 3:, k + 3 : k + 6] = -np.eye(3)

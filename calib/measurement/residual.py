@@ -1,4 +1,4 @@
-"""Whitened residuals, seen minus predicted, with Jacobians; and the paper's twelve rows."""
+"""Whitened residuals, measured minus predicted, with Jacobians; and the paper's twelve rows."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ class Stack:
     """Linear system of one model and one table: r is about A dx for a small step dx."""
 
     r: Array
-    """(N,) seen minus predicted: whitened rows, or [1] and [mm] for the paper's rows."""
+    """(N,) measured minus predicted: whitened rows, or [1] and [mm] for the paper's rows."""
     A: Array
     """(N, P) derivative of the prediction by every number of the model, per m and rad."""
     row_of: Index
@@ -61,16 +61,16 @@ def stacked(
     model : RobotModel
         Predicts.
     measurements : Measurements
-        What was seen.
+        What was measured.
     whitening : (m, 6, 6) array, optional
         `table_whiteners(measurements)` if already at hand; it does not depend on the model.
     """
     N = table_whiteners(measurements) if whitening is None else whitening
-    seen = predict(model, measurements)
+    prediction = predict(model, measurements)
     return Stack(
-        (N @ seen.residual[:, :, None])[:, :, 0][seen.filled],
-        (N @ seen.rows)[seen.filled],
-        np.nonzero(seen.filled)[0],
+        (N @ prediction.residual[:, :, None])[:, :, 0][prediction.filled],
+        (N @ prediction.rows)[prediction.filled],
+        np.nonzero(prediction.filled)[0],
     )
 
 

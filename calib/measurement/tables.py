@@ -33,7 +33,7 @@ def poses(
     q : (m, n) array_like
         Commanded joint values [rad, m].
     T : (m, 4, 4) array_like
-        Poses seen, in the frame of the station [m].
+        Poses measured, in the frame of the station [m].
     sd : array_like
         Standard deviations of position and rotation (2,), or of the six axes (6,) [m, rad]; or
         covariances, one (6, 6) or (m, 6, 6) [m^2, m rad, rad^2].
@@ -70,7 +70,7 @@ def points(
     q : (m, n) array_like
         Commanded joint values [rad, m].
     xyz : (m, 3) array_like
-        Positions seen, in the frame of the station [m].
+        Positions measured, in the frame of the station [m].
     sd : array_like
         Standard deviation of each axis: one number, or three [m]; or covariances, one (3, 3) or
         (m, 3, 3) [m^2].
@@ -106,7 +106,7 @@ def distances(
     q : (m, n) array_like
         Commanded joint values [rad, m].
     d : (m,) array_like
-        Distances seen [m].
+        Distances measured [m].
     sd : float or (m,) array_like
         Standard deviation of all, or of each [m].
     anchor : int or (m,) array_like

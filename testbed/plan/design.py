@@ -18,7 +18,7 @@ from calib.design import (
     pose_budget,
     random_selection,
 )
-from calib.design.blocks import information, sees_all
+from calib.design.blocks import has_full_rank, information
 from calib.design.certificate import no_proof
 from calib.errors import refuse
 from calib.geometry.parameters import Parameters
@@ -223,7 +223,7 @@ def random_u(task: DesignTask, counts: Index, rng: np.random.Generator) -> Array
     for i, m in enumerate(counts):
         sets = [random_selection(len(task.blocks), int(m), rng) for _ in range(RANDOM_SETS)]
         values[i] = np.median(
-            [task.u(places) if sees_all(task.rows(places)) else np.inf for places in sets]
+            [task.u(places) if has_full_rank(task.rows(places)) else np.inf for places in sets]
         )
     return np.where(np.isfinite(values), values, np.nan)
 
@@ -271,6 +271,6 @@ def u_while_measuring(task: DesignTask, places: Index) -> Array:
     out = np.full(len(places), np.nan)
     for k in range(len(places)):
         A = task.rows(places[: k + 1])
-        if sees_all(A):
+        if has_full_rank(A):
             out[k] = rms(point_u(A.T @ A, task.goals.rows), task.goals.weights)
     return out

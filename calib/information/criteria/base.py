@@ -97,7 +97,7 @@ class Criterion(ABC):
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
         """Best pose of those `allowed` (N,) to add; ties to the lowest place, as by brute force.
 
-        Sets whose value stays below `floor` may go unseen.
+        Sets whose value stays below `floor` may be passed over.
         """
 
     @abstractmethod

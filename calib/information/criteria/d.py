@@ -90,7 +90,7 @@ class D(Certifiable):
         return out
 
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
-        """Best addition, met in the order of r log(1 + tr K / r)."""
+        """Best addition, tried in the order of r log(1 + tr K / r)."""
         W, r = whitener(M), len(pool.pages)
         trace = squares_along(pool.pages, W)
         upper = np.where(allowed, r * np.log1p(trace / r) * (1 + SLACK) + ROUNDING, -np.inf)

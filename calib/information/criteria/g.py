@@ -54,8 +54,8 @@ class G(Variance):
 
     def variances(self, M: Array) -> Array:
         """Tool-point variances (..., g) [m^2]; inf where M is singular."""
-        seen = forms(M, self.rows.reshape(-1, M.shape[-1]).T)
-        return np.asarray(seen.reshape(*seen.shape[:-1], -1, 3).sum(-1))
+        along = forms(M, self.rows.reshape(-1, M.shape[-1]).T)
+        return np.asarray(along.reshape(*along.shape[:-1], -1, 3).sum(-1))
 
     def value(self, M: Array) -> Array:
         """Minus the largest variance (...,)."""
@@ -74,7 +74,7 @@ class G(Variance):
         return fresh_swaps(self, M, leaving, entering)
 
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
-        """Best addition, met in the order of what it does to the worst goal poses."""
+        """Best addition, tried in the order of what it does to the worst goal poses."""
         # bound: the variances after it at the worst goal poses only
         now = self.variances(M)
         worst = np.argsort(-now, kind="stable")[:WORST]

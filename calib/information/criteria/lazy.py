@@ -1,6 +1,6 @@
 """Best moves without trying all: cheap bounds first, then only the few candidates that can win.
 
-Candidates are met best bound first; once the next bound falls below the best score, no other can
+Candidates are tried best bound first; once the next bound falls below the best score, no other can
 win. The result is that of brute force.
 """
 
@@ -50,7 +50,7 @@ def best_first(
     best, start, batch, evaluated = floor, 0, FIRST, 0
     while start < len(order):
         pick = order[start : start + batch]
-        # ties must be met, whatever the order of their bounds
+        # ties must be tried, whatever the order of their bounds
         least = best - TIE * abs(best) if np.isfinite(best) else np.finfo(np.float64).min
         pick = pick[upper[pick] >= least]
         if not pick.size:
@@ -76,7 +76,7 @@ def best_swap(criterion: Criterion, M: Array, leaving: Array, pool: Pool, allowe
     """Best exchange of one block of `leaving` (k, r, p) for one of the pool; ties to the first.
 
     For each pose that leaves, the best addition to what remains; where almost nothing of what that
-    pose told remains, the exact gain of every exchange instead.
+    pose added remains, the exact gain of every exchange instead.
     """
     value = float(criterion.value(M))
     dropped = criterion.drop(M, leaving)

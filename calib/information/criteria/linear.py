@@ -98,7 +98,7 @@ class Linear(Variance):
     def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
         """Gains (k, N): the addition, then the deletion from what is known with it.
 
-        With T = I + K_jj and X = K_ij T^-1 the pose i, seen from M + B_j'B_j, has
+        With T = I + K_jj and X = K_ij T^-1 the pose i, relative to M + B_j'B_j, has
         I - K_ii + X T X' instead of I - K_ii, and rows B_i - X B_j instead of B_i.
         """
         W = whitener(M)
@@ -119,7 +119,7 @@ class Linear(Variance):
         return out
 
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
-        """Best addition, met in the order of tr Q."""
+        """Best addition, tried in the order of tr Q."""
         W = whitener(M)
         H = self._half(W)
         phi, t = float(-self.value(M)), squares_along(pool.pages, H)

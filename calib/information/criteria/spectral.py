@@ -58,11 +58,11 @@ class Spectral(Criterion):
         return fresh_swaps(self, M, leaving, entering)
 
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
-        """Best addition, met in the order of the bounds."""
+        """Best addition, tried in the order of the bounds."""
         return self._best(M, pool, 1.0, allowed, floor)
 
     def best_drop(self, M: Array, blocks: Array) -> Move:
-        """Best deletion, met in the order of the bounds."""
+        """Best deletion, tried in the order of the bounds."""
         return self._best(M, Pool(blocks), -1.0, np.ones(len(blocks), dtype=bool), -np.inf)
 
     def _best(self, M: Array, pool: Pool, sign: float, allowed: Bool, floor: float) -> Move:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array, Bool, Index, frozen
-from calib.design.blocks import information, sees_all
+from calib.design.blocks import has_full_rank, information
 from calib.errors import CalibError
 from calib.geometry.parameters import Parameters
 from calib.information.goals import Goals
@@ -82,7 +82,7 @@ def goal_uncertainty(blocks: Array, goal: Array) -> Array:
 
     `goal` (g, 3, p) [m]. Infinite if the rows leave a number undetermined.
     """
-    if not sees_all(blocks.reshape(-1, blocks.shape[-1])):
+    if not has_full_rank(blocks.reshape(-1, blocks.shape[-1])):
         return np.full(len(goal), np.inf)
     return point_u(information(blocks), goal)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool
 from calib.design.blocks import paper_blocks, scaled_blocks
-from calib.design.selection import set_value
+from calib.design.selection import figure_of_rows
 from calib.geometry.parameters import parameters_of
 from calib.information.criteria.base import Criterion, Move, Pool
 from calib.information.criteria.named import criterion_named
@@ -46,6 +46,12 @@ def small_goals(seed: int, p: int = 5, g: int = 6) -> Goals:
 def small_criterion(name: str, p: int = 5) -> Criterion:
     """A criterion for a small pool."""
     return criterion_named(name, goals=small_goals(99, p))
+
+
+def set_value(blocks: Array, indices, criterion: str) -> float:
+    """Figure of a pose set by its rows alone."""
+    rows = blocks[np.asarray(indices)].reshape(-1, blocks.shape[-1])
+    return figure_of_rows(rows, len(indices), criterion_named(criterion))
 
 
 def best_of_all(blocks: Array, m: int, criterion: str) -> tuple[tuple[int, ...], float]:

@@ -7,7 +7,7 @@ import pytest
 
 from calib.arrays import Array
 from calib.design import Problem, certify, detmax, exchange, random_selection, relaxation
-from calib.design.blocks import information, sees_all
+from calib.design.blocks import has_full_rank, information
 from calib.design.certificate import no_proof
 from calib.errors import InputError
 from calib.information.criteria.named import criterion_named
@@ -71,7 +71,7 @@ def from_rows(name: str, A: Array, before: Array) -> float:
     A = np.concatenate([A, before])
     size = np.linalg.norm(A, axis=0)
     R = np.linalg.qr(A / np.where(size > 0, size, 1.0), mode="r") * size
-    if len(R) < A.shape[1] or not sees_all(A):
+    if len(R) < A.shape[1] or not has_full_rank(A):
         return -np.inf
     if name == "D":
         return 2 * float(np.log(np.abs(np.diag(R))).sum())

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from calib.design import Problem, detmax, random_selection, random_sets
-from calib.design.blocks import information, sees_all
-from calib.design.selection import set_value
+from calib.design.blocks import has_full_rank, information
 from calib.errors import InputError
 from calib.information.criteria.base import Pool
 from calib.information.observability import CRITERIA, IndexName, index_of
@@ -18,6 +17,7 @@ from tests.calib.design.design_cases import (
     BruteForce,
     best_of_all,
     paper_pool,
+    set_value,
     small_pool,
     whitened_pool,
 )
@@ -175,7 +175,7 @@ def test_a_pool_of_twins_ends_and_repeats_none():
     for criterion in CRITERIA:
         found = detmax(Problem.of_blocks(blocks, 6, criterion), np.random.default_rng(0), d=10)
         assert len(set(found.indices.tolist())) == 6
-        assert sees_all(blocks[found.indices].reshape(-1, 5))
+        assert has_full_rank(blocks[found.indices].reshape(-1, 5))
 
 
 @pytest.mark.parametrize(

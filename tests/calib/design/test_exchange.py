@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calib.design import Problem, exchange, fedorov, greedy
-from calib.design.blocks import information, sees_all, unseen_in_words
+from calib.design.blocks import has_full_rank, information, unobservable_in_words
 from calib.errors import InputError
 from tests.calib.design.design_cases import small_criterion, small_pool, whitened_pool
 
@@ -93,11 +93,11 @@ def test_a_start_is_never_made_worse():
 def test_whether_a_set_is_singular_does_not_depend_on_column_units():
     blocks = small_pool(0, 6)
     units = 10.0 ** np.array([-6, -3, 0, 3, 6])
-    assert sees_all((blocks * units).reshape(-1, 5))
+    assert has_full_rank((blocks * units).reshape(-1, 5))
     blocks[:, :, 2] = 2 * blocks[:, :, 0] - blocks[:, :, 4]
-    assert not sees_all((blocks * units).reshape(-1, 5))
-    assert not sees_all(blocks[:2].reshape(-1, 5))  # four rows for five numbers
-    words = unseen_in_words((blocks * units).reshape(-1, 5), ("a", "b", "c", "d", "e"))
+    assert not has_full_rank((blocks * units).reshape(-1, 5))
+    assert not has_full_rank(blocks[:2].reshape(-1, 5))  # four rows for five numbers
+    words = unobservable_in_words((blocks * units).reshape(-1, 5), ("a", "b", "c", "d", "e"))
     assert words == "3 numbers tell only 2 apart: a, c and e"
 
 

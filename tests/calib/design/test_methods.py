@@ -163,7 +163,7 @@ def test_where_only_points_are_measured_the_turn_of_the_tool_is_no_number():
     assert problem.blocks.shape == (60, 3, 25)
     assert not {"tool.rx", "tool.ry", "tool.rz"} & set(problem.names)
     alike = Problem.of_poses(tx60(), pool_r()[:60], poses=15, noise=1e-5)
-    np.testing.assert_array_equal(alike.blocks, problem.blocks)
+    np.testing.assert_allclose(alike.blocks, problem.blocks, rtol=1e-12)
     with pytest.raises(InputError, match=r"noise has shape \(2, 2\)"):
         Problem.of_poses(tx60(), pool_r()[:60], poses=15, noise=np.eye(2))
 

@@ -5,11 +5,10 @@ import pytest
 
 from calib.design import Problem, pose_count
 from calib.design.pose_count import stable_count
-from calib.design.selection import set_value
 from calib.errors import InputError
 from calib.information.observability import CRITERIA, IndexName, index_of_singular
 from calib.information.rank import singular_values
-from tests.calib.design.design_cases import paper_pool, small_pool, whitened_pool
+from tests.calib.design.design_cases import paper_pool, set_value, small_pool, whitened_pool
 
 
 @pytest.mark.slow

@@ -62,8 +62,8 @@ def test_packed_products_are_the_products():
     w, S = rng.random(9), information(small_pool(2, 3))
     gram = np.swapaxes(blocks, 1, 2) @ blocks
     packed = Grams(blocks)
-    np.testing.assert_allclose(packed.weighted(w), np.tensordot(w, gram, 1), rtol=1e-12)
-    np.testing.assert_allclose(packed.seen(S), np.einsum("ij,nij->n", S, gram), rtol=1e-12)
+    np.testing.assert_allclose(packed.weighted_sum(w), np.tensordot(w, gram, 1), rtol=1e-12)
+    np.testing.assert_allclose(packed.traces(S), np.einsum("ij,nij->n", S, gram), rtol=1e-12)
 
 
 def test_a_bound_within_a_thousandth_of_the_last_is_reached_in_few_steps():
