@@ -40,6 +40,9 @@ class Contribution:
     """(f, f) what it leaves in the estimate [m, rad]."""
     degrees_of_freedom: float
 
+    def __repr__(self) -> str:
+        return f"Contribution({self.name!r} to {len(self.covariance)} numbers)"
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ToolBudget:

@@ -40,6 +40,9 @@ class Refits:
     last: Array
     """(K,) length of the last step in standard deviations."""
 
+    def __repr__(self) -> str:
+        return f"Refits({len(self.last)} fits, {int(self.converged.sum())} converged)"
+
     def first(self, count: int) -> "Refits":
         """The first `count` fits: what fills the last block up is left out."""
         return Refits(self.steps[:count], self.chi_square[:count], self.last[:count])

@@ -126,9 +126,23 @@ def test_every_result_prints_as_one_line():
     judged = result.judge(test, rng=np.random.default_rng(0))
     corrected = calib.compensate(result.start.model, result.model, test.q)
     found = result.identification
-    for one in (result, found, result.start, found.reduction, found.parameters, found.lack_of_fit,
-                judged, judged.held_out, judged.discrepancy, judged.conformal, judged.bootstrap,
-                judged.trust, corrected, train):  # fmt: skip
+    start = calib.uncertainty.freeze(result.model, train, found.parameters)
+    noise = calib.uncertainty.RowNoise("tracker", train.covariance)
+    shares = calib.uncertainty.budget(start, [noise])
+    stated = calib.uncertainty.tool_statement(result.model, test.q, found.full_covariance)
+    mapped = calib.uncertainty.tool_map(result.model, test.q, found.full_covariance, cell=0.5)
+    drawn = calib.uncertainty.point_spread(
+        result.model, test.q, found.full_covariance, np.random.default_rng(0), draws=100
+    )
+    again = calib.uncertainty.refit(start, train.position[None], train.rotation[None])
+    results = (
+        result, found, result.start, found.reduction, found.parameters, found.lack_of_fit,
+        judged, judged.held_out, judged.discrepancy, judged.conformal, judged.bootstrap,
+        judged.trust, corrected, train, shares, shares.sources[0],
+        shares.at_tool(result.model, test.q), stated, mapped, drawn, again,
+        calib.uncertainty.type_a([[1.0], [2.0]]),
+    )  # fmt: skip
+    for one in results:
         assert "\n" not in repr(one)
         assert len(repr(one)) < 400, repr(one)
     assert "converged" in repr(result)
