@@ -99,6 +99,9 @@ class PoseCorrection(_Corrected):
     condition: Array
     """(m,) as in `Correction`."""
 
+    def __repr__(self) -> str:
+        return f"PoseCorrection({self.corrected.sum()} of {len(self.q)} targets)"
+
 
 def compensate(
     nominal: RobotModel, identified: RobotModel, q: ArrayLike, limits: ArrayLike | None = None

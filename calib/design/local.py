@@ -1,10 +1,11 @@
 """Local searches: exchange poses of a set one at a time until nothing improves; shaking a set."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from calib.arrays import Index
+from calib.arrays import Array, Bool, Index
 from calib.design.problem import Problem
 from calib.design.random import nonsingular_set
 from calib.information.criteria.lazy import best_swap
@@ -31,24 +32,18 @@ def add_and_drop(problem: Problem, chosen: Index) -> LocalOptimum:
     ----------
     Mitchell 1974.
     """
-    criterion, blocks, evaluated = problem.criterion, problem.blocks, 0
-    M = problem.information(chosen)
-    value = float(criterion.value(M))
-    while (allowed := problem.addable(chosen)).any():
+    criterion, blocks = problem.criterion, problem.blocks
+
+    def move(M: Array, chosen: Index, allowed: Bool) -> tuple[Index | None, int]:
         added = criterion.best_add(M, problem.pool, allowed)
         larger = np.sort(np.append(chosen, added.place))
         B = blocks[added.place]
         dropped = criterion.best_drop(M + B.T @ B, blocks[larger])
-        evaluated += added.evaluated + dropped.evaluated
-        if larger[dropped.place] == added.place:
-            break
-        candidate = np.delete(larger, dropped.place)
-        M = problem.information(candidate)
-        reached = float(criterion.value(M))
-        if not criterion.rises(reached, value):
-            break
-        chosen, value = candidate, reached
-    return LocalOptimum(chosen, value, evaluated)
+        same = larger[dropped.place] == added.place
+        after = None if same else np.delete(larger, dropped.place)
+        return after, added.evaluated + dropped.evaluated
+
+    return _climb(problem, chosen, move)
 
 
 def best_pairs(problem: Problem, chosen: Index) -> LocalOptimum:
@@ -58,20 +53,36 @@ def best_pairs(problem: Problem, chosen: Index) -> LocalOptimum:
     ----------
     Fedorov 1972.
     """
+
+    def move(M: Array, chosen: Index, allowed: Bool) -> tuple[Index | None, int]:
+        swap = best_swap(problem.criterion, M, problem.blocks[chosen], problem.pool, allowed)
+        if swap.leaving < 0:
+            return None, swap.evaluated
+        after = np.sort(np.append(np.delete(chosen, swap.leaving), swap.entering))
+        return after, swap.evaluated
+
+    return _climb(problem, chosen, move)
+
+
+def _climb(
+    problem: Problem,
+    chosen: Index,
+    move: Callable[[Array, Index, Bool], tuple[Index | None, int]],
+) -> LocalOptimum:
+    """Change a set (m,) by a move until it offers none or the value stops rising."""
     criterion, evaluated = problem.criterion, 0
     M = problem.information(chosen)
     value = float(criterion.value(M))
     while (allowed := problem.addable(chosen)).any():
-        swap = best_swap(criterion, M, problem.blocks[chosen], problem.pool, allowed)
-        evaluated += swap.evaluated
-        if swap.leaving < 0:
+        after, tried = move(M, chosen, allowed)
+        evaluated += tried
+        if after is None:
             break
-        candidate = np.sort(np.append(np.delete(chosen, swap.leaving), swap.entering))
-        M = problem.information(candidate)
+        M = problem.information(after)
         reached = float(criterion.value(M))
         if not criterion.rises(reached, value):
             break
-        chosen, value = candidate, reached
+        chosen, value = after, reached
     return LocalOptimum(chosen, value, evaluated)
 
 

@@ -28,6 +28,11 @@ class RandomFigures:
     best: Selection
     """The best set."""
 
+    def __repr__(self) -> str:
+        span = f"{self.values.min():.4g} to {self.values.max():.4g}"
+        count, m = self.indices.shape
+        return f"RandomSets({count} of {m} poses, {self.criterion} = {span})"
+
 
 def random_selection(n_pool: int, m: int, rng: np.random.Generator) -> Index:
     """Places (m,) of a random set drawn from a pool without repeats, ascending."""

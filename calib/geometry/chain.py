@@ -62,6 +62,10 @@ class Chain:
         for name, value in zip(self.__slots__, (links, kinds, base, tool), strict=True):
             object.__setattr__(self, name, value)
 
+    def __repr__(self) -> str:
+        slides = sum(kind == "prismatic" for kind in self.kinds)
+        return f"Chain({self.n_joints} joints, {slides} of them prismatic)"
+
     @property
     def n_joints(self) -> int:
         """Number of joints n."""

@@ -58,6 +58,10 @@ class Inverse:
         near = (self.position_error <= ARRIVED) & (self.rotation_error <= ARRIVED)
         object.__setattr__(self, "reached", frozen(near, np.bool_))
 
+    def __repr__(self) -> str:
+        farthest = f"{1e6 * self.position_error.max(initial=0.0):.3g} um"
+        return f"Inverse({self.reached.sum()} of {len(self)} reached, farthest {farthest})"
+
     def __len__(self) -> int:
         return len(self.q)
 

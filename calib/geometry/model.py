@@ -21,6 +21,9 @@ class RobotModel:
     fixtures: Fixtures = field(default_factory=Fixtures)
     """Reflectors, anchors and stations: they move no pose, but what is measured of it."""
 
+    def __repr__(self) -> str:
+        return f"RobotModel({self.chain.n_joints} joints, {self.n_numbers} numbers)"
+
     @property
     def names(self) -> tuple[str, ...]:
         """(P,) names of all numbers: base, links, tool, joint terms, fixtures."""

@@ -40,6 +40,9 @@ class Goals:
         object.__setattr__(self, "rows", rows)
         object.__setattr__(self, "weights", frozen(weights / weights.sum()))
 
+    def __repr__(self) -> str:
+        return f"Goals({len(self.rows)} poses, {self.rows.shape[2]} numbers)"
+
     @property
     def mean(self) -> Array:
         """C (p, p): tr(C covariance) is the weighted mean squared tool-point uncertainty [m^2]."""

@@ -44,6 +44,9 @@ class IsoFigure:
     floor: Array
     """(...,) what it reads on average where there is nothing to see; nan where that is unknown."""
 
+    def __repr__(self) -> str:
+        return f"IsoFigure({self.value.size} poses, largest {self.value.max():.4g})"
+
 
 def accuracy(
     position: ArrayLike, command: ArrayLike, *, common: ArrayLike | None = None

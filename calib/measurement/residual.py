@@ -25,6 +25,9 @@ class Stack:
     row_of: Index
     """(N,) observation each row belongs to."""
 
+    def __repr__(self) -> str:
+        return f"Stack({self.A.shape[0]} rows, {self.A.shape[1]} numbers)"
+
     def __post_init__(self) -> None:
         for name, kind in (("r", np.float64), ("A", np.float64), ("row_of", np.int64)):
             object.__setattr__(self, name, frozen(getattr(self, name), kind))
