@@ -9,7 +9,7 @@ from calib.geometry.frames import step_transform
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.measurement import tables
-from calib.measurement.noise import isotropic_covariance
+from calib.measurement.tables import covariances_of_sd
 from testbed.files.session import Session, Stated
 from testbed.identify.calibrate import Options, calibrate
 from testbed.robots.catalog import load_robot
@@ -51,7 +51,7 @@ def table_of(model, q, *, seed=4, noise=1.0, pose_id=None, repeat=0):
         seen[k, :3, 3] += scatter[k, :3]
         turn = step_transform(np.concatenate([np.zeros(3), scatter[k, 3:]]))
         seen[k, :3, :3] = turn[:3, :3] @ T[k, :3, :3]
-    covariance = isotropic_covariance(m, SIGMA_POSITION, SIGMA_ROTATION)
+    covariance = covariances_of_sd((SIGMA_POSITION, SIGMA_ROTATION), 6, m)
     return tables.poses(q, seen, sd=covariance, pose_id=pose_id, repeat=repeat)
 
 

@@ -5,18 +5,17 @@ point. The pass visits all axes in turn; a turn moves the tool origin by axis x 
 """
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from calib.arrays import Array
-from calib.geometry.chain import Chain, joint_vectors, link_rotation_parts
+from calib.geometry.chain import Chain, link_rotation_parts
 from calib.geometry.frames import transform
 
 BATCH = 1000
 """Poses per pass: a larger batch leaves the cache and is 2.5 times slower."""
 
 
-def pose_and_jacobian(chain: Chain, q: ArrayLike) -> tuple[Array, Array]:
-    """Tool poses (m, 4, 4) and identification Jacobian (m, 6, 12 + 5 n).
+def pose_and_jacobian(chain: Chain, q: Array) -> tuple[Array, Array]:
+    """Tool poses (m, 4, 4) and identification Jacobian (m, 6, 12 + 5 n) at checked joints (m, n).
 
     Rows are [dp (m); dr (rad)]: displacement of the tool origin and rotation vector, both in world
     axes. Columns follow `chain_names`; base and tool columns are steps in their own axes.
@@ -25,7 +24,6 @@ def pose_and_jacobian(chain: Chain, q: ArrayLike) -> tuple[Array, Array]:
     ----------
     Wen et al. 2022, eqs. (2)-(4), in six rows instead of twelve.
     """
-    q = joint_vectors(chain, q)
     T = np.zeros((len(q), 4, 4))
     J = np.zeros((len(q), 6, chain.n_numbers))
     for start in range(0, len(q), BATCH):

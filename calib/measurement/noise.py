@@ -15,22 +15,6 @@ SMALLEST_PIVOT = 1e-13
 """Pivot of the correlation matrix below which it is singular to rounding."""
 
 
-def isotropic_covariance(m: int, sigma_position: float, sigma_rotation: float) -> Array:
-    """Same noise on every axis of every pose (m, 6, 6).
-
-    Parameters
-    ----------
-    m : int
-        Number of observations.
-    sigma_position : float
-        Standard deviation per axis [m].
-    sigma_rotation : float
-        Standard deviation per axis [rad].
-    """
-    variance = np.repeat([sigma_position**2, sigma_rotation**2], 3)
-    return np.tile(np.diag(variance), (m, 1, 1))
-
-
 def spherical_covariance(
     target: ArrayLike,
     T_world_tracker: ArrayLike,

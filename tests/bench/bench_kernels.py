@@ -11,7 +11,6 @@ import pytest
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.measurement import tables
-from calib.measurement.noise import isotropic_covariance
 from calib.uncertainty.bootstrap import bootstrap
 from calib.uncertainty.tool_point import propagate
 from tests.calib.uncertainty.test_monte_carlo import calibration_covariance
@@ -22,7 +21,7 @@ C, Q, MODEL = calibration_covariance(), pool_r(50), tx60()
 PLAN = tables.poses(
     pool_r()[:29],
     MODEL.poses(pool_r()[:29]),
-    sd=isotropic_covariance(29, SIGMA_POSITION, SIGMA_ROTATION),
+    sd=(SIGMA_POSITION, SIGMA_ROTATION),
 )
 PARAMETERS = parameters_of(MODEL, WEN24)
 

@@ -10,7 +10,6 @@ from calib.geometry.fixtures import Fixtures
 from calib.geometry.frames import exp_so3, inverse, transform
 from calib.geometry.model import RobotModel
 from calib.measurement import tables
-from calib.measurement.noise import isotropic_covariance
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import targets
 from tests.reference import DEG, TX60_LINKS
@@ -83,7 +82,7 @@ def poses(
     T = inverse(true.fixtures.station_frames[station]) @ true.poses(q)
     T[:, :3, 3] += rng.normal(size=(len(q), 3)) * NOISE
     T[:, :3, :3] = exp_so3(rng.normal(size=(len(q), 3)) * TURN_NOISE) @ T[:, :3, :3]
-    return tables.poses(q, T, sd=isotropic_covariance(len(q), NOISE, TURN_NOISE), station=station)
+    return tables.poses(q, T, sd=(NOISE, TURN_NOISE), station=station)
 
 
 def points(

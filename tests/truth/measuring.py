@@ -6,7 +6,6 @@ from calib.arrays import Array
 from calib.geometry.frames import exp_so3
 from calib.geometry.model import RobotModel
 from calib.measurement import tables
-from calib.measurement.noise import isotropic_covariance
 from calib.measurement.observations import Measurements
 from tests.reference import SIGMA_POSITION, SIGMA_ROTATION
 
@@ -17,4 +16,4 @@ def measured(truth: RobotModel, q: Array, rng: np.random.Generator | None = None
     if rng is not None:
         T[:, :3, 3] += rng.normal(size=(m, 3)) * SIGMA_POSITION
         T[:, :3, :3] = exp_so3(rng.normal(size=(m, 3)) * SIGMA_ROTATION) @ T[:, :3, :3]
-    return tables.poses(q, T, sd=isotropic_covariance(m, SIGMA_POSITION, SIGMA_ROTATION))
+    return tables.poses(q, T, sd=(SIGMA_POSITION, SIGMA_ROTATION))

@@ -67,10 +67,13 @@ def noise_of(laboratory: Laboratory, parameters: Parameters) -> Noise:
     """Noise of every pose of a laboratory's pool, at the nominal robot."""
     setting, free = laboratory.setting, parameters.free
     J = setting.nominal.poses_and_jacobian(setting.pool_q)[1][:, :, free] * parameters.free_scale
+    # rows whitened, and rows with the paper's weights
     S = laboratory.covariance(setting.pool_q)
     A, W = whiteners(S) @ J, matrix_row_weights(len(J))
     WJ = W @ J
+    # noise through those weights: J'W L L' W J
     across = np.swapaxes(np.linalg.cholesky(S), 1, 2) @ WJ
+    # tool point at the held-out poses
     goals = setting.nominal.poses_and_jacobian(setting.test_q)[1][:, :3, free]
     rows = (goals * parameters.free_scale).reshape(-1, parameters.n_free)
     return Noise(

@@ -29,7 +29,6 @@ from calib.identification.start.guesses import initial_guesses
 from calib.identification.start.problem import start_problem
 from calib.identification.start.start import Start, start_frames
 from calib.measurement import tables
-from calib.measurement.noise import isotropic_covariance
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
 from tests.calib.kinds import (
@@ -331,7 +330,7 @@ def test_a_real_robot_and_tracker_are_put_together_from_nothing():
     seen = data[:, [head.index(f"measurement_{axis}") for axis in ("x", "y", "z")]] / 1e3
     euler = data[:, [head.index(f"measurement_r{axis}") for axis in ("x", "y", "z")]]
     T = transform(Rotation.from_euler("XYZ", euler, degrees=True).as_matrix(), seen)
-    table = tables.poses(q, T, sd=isotropic_covariance(len(q), 1e-4, 1e-4))
+    table = tables.poses(q, T, sd=(1e-4, 1e-4))
     start = start_frames(RobotModel(ARMS["ur10"]), table)
     # what its publishers reach with a fit of base and tool alone: 0.72 mm and about 0.1 degrees
     assert predict(start.model, table).misses.mean() == pytest.approx(0.72e-3, rel=0.02)

@@ -13,9 +13,10 @@ from calib.geometry.frames import exp_so3
 from calib.geometry.parameters import parameters_of
 from calib.kernels import replicates
 from calib.kernels.noisy_poses import noisy_poses
-from calib.measurement.noise import isotropic_covariance, with_joint_noise
+from calib.measurement.noise import with_joint_noise
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import stacked
+from calib.measurement.tables import covariances_of_sd
 from calib.uncertainty.batch import Batch
 from calib.uncertainty.refit import freeze
 from tests.calib.uncertainty.test_monte_carlo import MODELS
@@ -32,7 +33,7 @@ def mixed_table(model, q, rng):
     kind = np.array(["pose", "point"])[(np.arange(m) % 3 == 2).astype(int)]
     offset[kind == "point"] = rng.normal(size=((kind == "point").sum(), 3)) * 0.05
     position = T[:, :3, 3] + (T[:, :3, :3] @ offset[..., None])[..., 0]
-    device = isotropic_covariance(m, 2e-5, 2e-4)
+    device = covariances_of_sd((2e-5, 2e-4), 6, m)
     return Measurements(
         q=q,
         position=position + rng.normal(size=(m, 3)) * 1e-3,

@@ -11,11 +11,11 @@ from calib.geometry.chain import Chain
 from calib.geometry.frames import exp_so3, inverse, transform
 from calib.geometry.model import RobotModel
 from calib.measurement.noise import (
-    isotropic_covariance,
     spherical_covariance,
     whiteners,
     with_joint_noise,
 )
+from calib.measurement.tables import covariances_of_sd
 from tests.reference import DEG, UM, pool_r, tx60
 
 RANGE, ACROSS, CENTER = (2 * UM, 0.15 * UM), (3 * UM, 1.5 * UM), 2.5 * UM
@@ -66,7 +66,7 @@ def test_squared_whitened_residual_is_the_mahalanobis_distance():
     ids=["negative", "one axis without noise", "fully correlated", "one triangle"],
 )
 def test_a_covariance_that_is_none_is_refused_with_its_row_and_eigenvalue(spoil, says):
-    covariance = isotropic_covariance(5, 17 * UM, 17 * UM)
+    covariance = np.array(covariances_of_sd((17 * UM, 17 * UM), 6, 5))
     covariance[3] = spoil(covariance[3])
     with pytest.raises(InputError, match=r"covariance\[3\]") as caught:
         whiteners(covariance)
@@ -75,7 +75,7 @@ def test_a_covariance_that_is_none_is_refused_with_its_row_and_eigenvalue(spoil,
 
 
 def test_meters_and_radians_of_very_different_size_are_not_mistaken_for_singular():
-    covariance = isotropic_covariance(1, 1e-9, 1.0)
+    covariance = covariances_of_sd((1e-9, 1.0), 6, 1)
     np.testing.assert_allclose(np.diagonal(whiteners(covariance)[0]), [1e9] * 3 + [1.0] * 3)
 
 

@@ -12,7 +12,6 @@ from calib.geometry.frames import exp_so3
 from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
 from calib.measurement import tables
-from calib.measurement.noise import isotropic_covariance
 from calib.measurement.observations import POINT, POSE, Measurements
 from calib.measurement.residual import Stack, paper_stack, point_blocks, stacked, whitened_blocks
 from tests.reference import SIGMA_POSITION, SIGMA_ROTATION, pool_r, tx60
@@ -118,7 +117,7 @@ def test_a_point_row_ignores_rotation_and_its_covariance():
 def test_twelve_rows_hold_the_gram_matrix_of_six_weighted_ones():
     """H'H = 2 Jw'Jw + Jp'Jp, in mm and rad: the paper's estimator is one of six rows."""
     model, q = tx60(), pool_r(29)
-    table = tables.poses(q, model.poses(q), sd=isotropic_covariance(29, 1e-3, np.sqrt(0.5)))
+    table = tables.poses(q, model.poses(q), sd=(1e-3, np.sqrt(0.5)))
     H, A = paper_stack(model, table).A, stacked(model, table).A
     assert H.shape == (29 * 12, 42)
     assert np.abs(H.T @ H - A.T @ A).max() < 1e-12 * np.abs(H.T @ H).max()

@@ -10,7 +10,6 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.measurement import tables
-from calib.measurement.noise import isotropic_covariance
 from calib.uncertainty.bootstrap import Bootstrap, bootstrap
 from calib.uncertainty.parallel import in_batches
 from calib.uncertainty.refit import freeze, refit
@@ -117,7 +116,7 @@ def test_joint_terms_under_a_prior_scatter_as_data_and_prior_together_say():
     model = RobotModel(tx60().chain, JointErrors(terms, np.full(len(terms), 2e-3 * DEG)))
     free = [*WEN24, *model.joint_errors.names]
     parameters = parameters_of(model, free)
-    table = tables.poses(Q, model.poses(Q), sd=isotropic_covariance(29, 17.5e-6, 0.011 * DEG))
+    table = tables.poses(Q, model.poses(Q), sd=(17.5e-6, 0.011 * DEG))
     sd = np.array([0.6e-3 if length else 0.1 * DEG for length in np.array(model.is_length)])
     sd[-27:] = 0.02 * DEG
     prior = np.diag(1 / sd[parameters.free_index] ** 2)
@@ -142,7 +141,7 @@ def test_a_covariance_twice_too_small_is_noticed():
 
 def test_a_strongly_bent_model_is_noticed_and_counted():
     """Noise of half a radian: two linear steps do not reach the answer."""
-    table = tables.poses(Q, tx60().poses(Q), sd=isotropic_covariance(29, 0.2, 0.5))
+    table = tables.poses(Q, tx60().poses(Q), sd=(0.2, 0.5))
     run = bootstrap(
         tx60(), table, parameters_of(tx60(), WEN24), np.random.default_rng(0), replicates=200
     )

@@ -8,7 +8,8 @@ import pytest
 from calib.errors import InputError
 from calib.geometry.parameters import parameters_of
 from calib.measurement import tables
-from calib.measurement.noise import isotropic_covariance, with_joint_noise
+from calib.measurement.noise import with_joint_noise
+from calib.measurement.tables import covariances_of_sd
 from calib.uncertainty.budget import (
     Contribution,
     RowNoise,
@@ -25,7 +26,7 @@ SIGMA_Q = np.full(6, 14.5e-6)
 def plan(m=29):
     """Plan whose covariance is tracker noise plus joint repeatability, and the two parts."""
     q = pool_r()[:m]
-    tracker = isotropic_covariance(m, SIGMA_POSITION, SIGMA_ROTATION)
+    tracker = covariances_of_sd((SIGMA_POSITION, SIGMA_ROTATION), 6, m)
     both = with_joint_noise(tx60(), q, tracker, SIGMA_Q)
     table = tables.poses(q, tx60().poses(q), sd=both)
     noise = (RowNoise("tracker noise", tracker), RowNoise("joints", both - tracker, 9))

@@ -10,9 +10,9 @@ from calib.design import Problem, exchange
 from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
-from calib.measurement.noise import isotropic_covariance
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import paper_stack, stacked, whitened_blocks
+from calib.measurement.tables import covariances_of_sd
 from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.laboratory.truth.robot import TrueRobot, draw_truth
 from testbed.robots.catalog import load_robot
@@ -99,7 +99,7 @@ FITS = {
 def best_set(m: int, names: Sequence[str] = READABLE30) -> Index:
     """Places (m,) in the pool of a D-optimal set for a geometric model."""
     parameters = parameters_of(NOMINAL).freeing(names)
-    covariance = isotropic_covariance(len(POOL), SIGMA_POSITION, SIGMA_ROTATION)
+    covariance = covariances_of_sd((SIGMA_POSITION, SIGMA_ROTATION), 6, len(POOL))
     blocks = whitened_blocks(NOMINAL, POOL, covariance)[:, :, parameters.free]
     return exchange(
         Problem.of_blocks(blocks * parameters.free_scale, m, "D"),
