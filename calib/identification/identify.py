@@ -18,7 +18,7 @@ from calib.identification.robust import LOSSES, Loss, flattened
 from calib.identification.sufficiency import require_equations
 from calib.information.reduction import Reduction, reduce
 from calib.measurement.observations import Measurements
-from calib.measurement.residual import Stack, paper_stack, stacked, table_whiteners
+from calib.measurement.residual import Stack, linearize, paper_stack, table_whiteners
 
 MOST_STEPS = 100
 
@@ -142,7 +142,7 @@ def _row_source(
     """Function model -> Stack of the mode; what does not depend on the model is done once."""
     if mode == "paper":
         return lambda model: paper_stack(model, measurements)
-    return lambda model: stacked(model, measurements, whitening=whitening)
+    return lambda model: linearize(model, measurements, whitening=whitening)
 
 
 def _solve(

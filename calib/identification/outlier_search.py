@@ -14,7 +14,7 @@ from calib.identification.outliers import Outliers, inspect
 from calib.identification.result import Identification
 from calib.identification.robust import sizes
 from calib.measurement.observations import Measurements
-from calib.measurement.residual import stacked
+from calib.measurement.residual import linearize
 
 HONEST = 1.5
 """Typical residual, in stated noises, up to which the stated noise is taken at its word."""
@@ -107,7 +107,7 @@ def search_outliers(
 
 def noise_factor(model: RobotModel, measurements: Measurements) -> float:
     """Typical size of the residuals in units of the stated noise: about 1 if both are right."""
-    stack = stacked(model, measurements)
+    stack = linearize(model, measurements)
     rows = np.bincount(stack.row_of)
     expected = np.sqrt(chdtri(rows, 0.5) / rows)
     return float(np.median(sizes(stack.r, stack.row_of) / expected))

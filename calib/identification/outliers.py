@@ -13,7 +13,7 @@ from calib.identification.prior import prior_rows
 from calib.identification.result import Identification
 from calib.identification.tangent import covariance_factor
 from calib.measurement.observations import Measurements
-from calib.measurement.residual import stacked
+from calib.measurement.residual import linearize
 
 UNCHECKED = 1e-9
 """Eigenvalue of I - H below which no other observation checks that direction."""
@@ -182,7 +182,7 @@ def inspect(
         message = "an identification in paper mode cannot be inspected: it knows no noise"
         fix = 'identify in the mode "whitened"'
         raise refuse("result", result.mode, code="A3", message=message, fix=fix)
-    stack = stacked(result.model, measurements)
+    stack = linearize(result.model, measurements)
     columns = result.parameters.free_index
     A, prior = stack.A[:, columns], None
     if result.prior is not None:

@@ -10,7 +10,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.information.reduction import reduce
 from calib.measurement.observations import GIVEN, Measurements
-from calib.measurement.residual import stacked
+from calib.measurement.residual import linearize
 
 
 def require_equations(
@@ -77,7 +77,7 @@ def _generic_rank(nominal: RobotModel, measurements: Measurements, parameters: P
         repeat=np.zeros(len(turn), dtype=np.int64),
     )
     table = replace(table, rotation=nominal.poses(table.q)[:, :3, :3])
-    A = stacked(nominal, table).A[:, parameters.free_index] * parameters.free_scale
+    A = linearize(nominal, table).A[:, parameters.free_index] * parameters.free_scale
     return reduce(A, parameters, model=nominal).rank
 
 

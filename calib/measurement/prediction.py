@@ -37,10 +37,10 @@ class Prediction:
 def predict(model: RobotModel, measurements: Measurements) -> Prediction:
     """Residual and derivative of every row of a table."""
     T, J = model.poses_and_jacobian(measurements.q)
-    return predicted(T, J, model.fixtures, model.first_fixture, measurements)
+    return predict_at(T, J, model.fixtures, model.first_fixture, measurements)
 
 
-def predicted(
+def predict_at(
     T: Array, J: Array, fixtures: Fixtures, first: int, measurements: Measurements
 ) -> Prediction:
     """Residual and derivative at tool poses already computed.

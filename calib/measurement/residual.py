@@ -51,13 +51,13 @@ def padded_covariance(measurements: Measurements) -> Array:
     return covariance
 
 
-def stacked(
+def linearize(
     model: RobotModel, measurements: Measurements, *, whitening: Array | None = None
 ) -> Stack:
     """Whitened residual and Jacobian: six rows per pose, three per point, one per distance.
 
     A pose row is [p_seen - p; Log(R_seen R')] in the axes of its station; see
-    `prediction.predicted` for the derivatives.
+    `prediction.predict_at` for the derivatives.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.measurement.observations import GIVEN, Measurements
 from calib.measurement.prediction import targets
-from calib.measurement.residual import padded_covariance, stacked, table_whiteners
+from calib.measurement.residual import linearize, padded_covariance, table_whiteners
 from calib.uncertainty.batch import WIDTH, Batch
 from calib.uncertainty.covariance import RANK_TOLERANCE, covariance_factor
 from calib.uncertainty.parallel import mapped
@@ -112,7 +112,7 @@ def freeze(
     arm = (T[:, :3, :3] @ measurements.offset[:, :, None])[..., 0]
     perfect = replace(measurements, position=T[:, :3, 3] + arm, rotation=T[:, :3, :3])
     N = table_whiteners(measurements)
-    A = stacked(model, perfect, whitening=N).A[:, parameters.free_index]
+    A = linearize(model, perfect, whitening=N).A[:, parameters.free_index]
     prior, rows = np.zeros((f, f)), A
     if prior_precision is not None:
         (prior,) = check(f"{f} {f}", prior_precision=prior_precision)

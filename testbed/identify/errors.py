@@ -11,7 +11,7 @@ from calib.identification.tangent import covariance_factor
 from calib.measurement.accuracy import error_statistics
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
-from calib.measurement.residual import stacked
+from calib.measurement.residual import linearize
 from testbed.identify.records import Figures, FittedModel, ModelName, RowErrors
 
 
@@ -86,7 +86,7 @@ def scatter_covariance(
     ----------
     White 1980, clustered by pose: inv(H) (sum_j A_j'r_j r_j'A_j) inv(H) m/(m - 1) n/(n - f).
     """
-    stack = stacked(result.model, measurements)
+    stack = linearize(result.model, measurements)
     columns = result.parameters.free_index
     A, rows = stack.A[:, columns], np.zeros((0, len(columns)))
     if result.prior is not None:

@@ -7,7 +7,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model
 from calib.identification.prior import weak_prior
-from calib.measurement.residual import stacked
+from calib.measurement.residual import linearize
 from tests.reference import WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
 
@@ -40,4 +40,4 @@ def test_one_robust_fit_of_29_poses(benchmark, loss):
 
 
 def test_one_residual_and_jacobian_of_29_poses(benchmark):
-    benchmark(stacked, tx60(), TABLE)
+    benchmark(linearize, tx60(), TABLE)

@@ -20,7 +20,7 @@ from calib.information.rank import weak_prior_sd
 from calib.information.reduction import Reduction, reduce
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
-from calib.measurement.residual import stacked, table_whiteners
+from calib.measurement.residual import linearize, table_whiteners
 from tests.calib.kinds import (
     ARMS,
     KINDS,
@@ -45,7 +45,7 @@ def reduced(
 ) -> Reduction:
     """Reduction of a table's rows, its rank checked a second way."""
     parameters = parameters_of(model, free)
-    A = stacked(model, table).A[:, parameters.free_index] * parameters.free_scale
+    A = linearize(model, table).A[:, parameters.free_index] * parameters.free_scale
     found = reduce(A, parameters, model=model, q=table.q)
     pivots = np.abs(np.diag(qr(A, mode="r", pivoting=True)[0]))
     # 1e-8 lies between the weakest direction of these tables (1e-3) and rounding (1e-15)
@@ -301,7 +301,7 @@ def test_repeats_are_told_apart_from_other_reflectors_and_anchors_at_the_same_jo
 
 
 def _lack(true: RobotModel, table: Measurements):
-    return lack_of_fit(stacked(true, table).r, table, table_whiteners(table), 0.0)
+    return lack_of_fit(linearize(true, table).r, table, table_whiteners(table), 0.0)
 
 
 def test_a_distance_that_is_wrong_is_named_by_its_row():

@@ -10,7 +10,7 @@ from calib.geometry.frames import nearest_rigid, skew, step_transform
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from calib.identification.least_squares import solve
 from calib.measurement.observations import Measurements
-from calib.measurement.prediction import Prediction, predicted
+from calib.measurement.prediction import Prediction, predict_at
 
 DAMPING = 0.01
 """Weight of staying put, of a length against a length measured: with a millimeter of misfit a frame
@@ -55,7 +55,7 @@ class Alignment:
         J[:, :3, :3] = J[:, 3:, 3:6] = self.base[:3, :3]
         J[:, :3, 3:6] = -skew(T[:, :3, 3] - self.base[:3, 3]) @ self.base[:3, :3]
         J[:, :3, 6:9] = J[:, 3:, 9:12] = R
-        return predicted(T, J, self.fixtures, 12, measurements)
+        return predict_at(T, J, self.fixtures, 12, measurements)
 
     def rows(self, which: Index) -> "Alignment":
         """The alignment at some of the poses."""

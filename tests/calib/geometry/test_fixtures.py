@@ -18,7 +18,7 @@ from calib.information.propagation import tool_covariance
 from calib.information.rank import weak_prior_sd
 from calib.measurement.observations import DISTANCE, POINT, joined
 from calib.measurement.prediction import predict, predicted_positions
-from calib.measurement.residual import paper_stack, stacked
+from calib.measurement.residual import linearize, paper_stack
 from calib.uncertainty.held_out import held_out
 from calib.uncertainty.refit import freeze
 from calib.uncertainty.tool_point import propagate
@@ -100,7 +100,7 @@ def test_every_kind_of_row_has_the_derivative_of_its_residual_in_every_number(si
 def test_rows_of_the_truth_differ_from_what_it_predicts_by_noise_alone():
     rng, true = np.random.default_rng(3), true_robot("tx60", np.random.default_rng(3))
     table = everything(true, pool_r(200), rng)
-    stack = stacked(true, table)
+    stack = linearize(true, table)
     # 200 x (6 + 6 + 3 + 3 + 3 + 1 + 1) equations; chi-square within four standard deviations
     assert len(stack.r) == table.n_equations == 200 * 23
     assert abs(stack.r @ stack.r - len(stack.r)) < 4 * np.sqrt(2 * len(stack.r))
@@ -123,7 +123,7 @@ def test_a_table_seen_from_elsewhere_says_the_same():
         covariance=turn @ world.covariance @ turn.T,
         station=np.ones(len(world), dtype=int),
     )
-    one, other = stacked(true, world), stacked(true, away)
+    one, other = linearize(true, world), linearize(true, away)
     np.testing.assert_allclose(
         np.bincount(one.row_of, one.r**2), np.bincount(other.row_of, other.r**2), rtol=1e-6
     )
@@ -231,7 +231,7 @@ def test_a_row_that_names_what_the_model_does_not_have_is_refused(column):
     true = full_model()
     table = everything(true, pool_r(2), np.random.default_rng(11))
     with pytest.raises(InputError, match=rf"{column}\[\d+\] is \d, the model has"):
-        stacked(replace(true, fixtures=_without(true.fixtures, column)), table)
+        linearize(replace(true, fixtures=_without(true.fixtures, column)), table)
 
 
 def _without(fixtures: Fixtures, column: str) -> Fixtures:

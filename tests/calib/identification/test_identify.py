@@ -17,7 +17,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, Status, identify
 from calib.identification.outliers import leverages, outliers
 from calib.measurement.observations import POINT, POSE, Measurements
-from calib.measurement.residual import paper_stack, stacked
+from calib.measurement.residual import linearize, paper_stack
 from tests.reference import (
     DEG,
     READABLE30,
@@ -150,7 +150,7 @@ def minimum_norm_fit(table: Measurements) -> RobotModel:
     """All 42 numbers by Gauss-Newton with the shortest scaled step: another gauge and method."""
     model, scale = tx60(), parameters_of(tx60()).scale
     for _ in range(8):
-        stack = stacked(model, table)
+        stack = linearize(model, table)
         model = model.moved(scale * np.linalg.lstsq(stack.A * scale, stack.r, rcond=1e-9)[0])
     return model
 
@@ -160,7 +160,7 @@ def pivoted_names(table: Measurements) -> list[str]:
     from scipy.linalg import qr
 
     model = tx60()
-    order = qr(stacked(model, table).A * parameters_of(model).scale, pivoting=True, mode="r")[1]
+    order = qr(linearize(model, table).A * parameters_of(model).scale, pivoting=True, mode="r")[1]
     return [model.names[k] for k in order[:30]]
 
 
@@ -213,7 +213,7 @@ def paper_rows(table: Measurements, T: Array) -> Array:
 
 @pytest.mark.parametrize(
     ("mode", "rows", "system"),
-    [("whitened", whitened_rows, stacked), ("paper", paper_rows, paper_stack)],
+    [("whitened", whitened_rows, linearize), ("paper", paper_rows, paper_stack)],
     ids=["6 rows", "12 rows"],
 )
 def test_estimates_are_those_of_scipy(mode, rows, system):
@@ -226,7 +226,7 @@ def test_estimates_are_those_of_scipy(mode, rows, system):
 def test_covariance_is_the_inverse_of_the_curvature_at_the_answer():
     table = measured(rigid_truth(np.random.default_rng(12)), POOL[:29], np.random.default_rng(13))
     result = identify(tx60(), table, parameters_of(tx60(), WEN24))
-    A = stacked(result.model, table).A[:, WEN_INDEX] * parameters_of(tx60(), WEN24).free_scale
+    A = linearize(result.model, table).A[:, WEN_INDEX] * parameters_of(tx60(), WEN24).free_scale
     scale = parameters_of(tx60(), WEN24).free_scale
     product = (result.covariance / scale / scale[:, None]) @ (A.T @ A)
     np.testing.assert_allclose(product, np.eye(24), atol=1e-10)
@@ -403,7 +403,7 @@ def test_a_robot_that_sags_raises_the_alarm_and_too_small_residuals_do_too():
 
 def test_leverages_sum_to_the_number_of_parameters_and_none_exceeds_six():
     table = measured(tx60(), POOL[:29])
-    stack = stacked(tx60(), table)
+    stack = linearize(tx60(), table)
     share = leverages(stack.A[:, WEN_INDEX], stack.row_of)
     assert share.sum() == pytest.approx(24, rel=1e-12)
     assert (share > 0).all()
@@ -417,7 +417,7 @@ def test_outlier_score_is_what_chi_square_loses_without_the_observation(points):
     table = measured(tx60(), POOL[:14], rng)
     if points:
         table = replace(table, kind=np.where(np.arange(14) % 2 == 0, POSE, POINT))
-    stack = stacked(tx60(), table)
+    stack = linearize(tx60(), table)
     A, r = stack.A[:, WEN_INDEX] * parameters_of(tx60(), WEN24).free_scale, stack.r
 
     def cost(keep: Array) -> float:
@@ -439,7 +439,7 @@ def spoiled(table: Measurements, row: int) -> Measurements:
 
 def judged(table: Measurements) -> tuple[Identification, list[int]]:
     result = identify(tx60(), table, parameters_of(tx60(), WEN24))
-    stack = stacked(result.model, table)
+    stack = linearize(result.model, table)
     found = outliers(result.residual, stack.A[:, WEN_INDEX], stack.row_of)
     return result, np.flatnonzero(found.suspect).tolist()
 
@@ -448,7 +448,7 @@ def test_a_position_off_by_three_tenths_of_a_millimeter_is_the_worst_suspect():
     table = measured(tx60(), POOL[:61], np.random.default_rng(28))
     assert judged(table)[1] == []
     result, suspects = judged(spoiled(table, 17))
-    stack = stacked(result.model, table)
+    stack = linearize(result.model, table)
     score = outliers(result.residual, stack.A[:, WEN_INDEX], stack.row_of).score
     assert 17 in suspects
     assert int(np.argmax(score)) == 17
@@ -457,7 +457,7 @@ def test_a_position_off_by_three_tenths_of_a_millimeter_is_the_worst_suspect():
 def test_an_observation_that_nothing_checks_is_not_accused():
     """Four poses for 24 numbers: each is its own explanation."""
     table = measured(tx60(), POOL[:4], np.random.default_rng(29))
-    stack = stacked(tx60(), table)
+    stack = linearize(tx60(), table)
     found = outliers(np.zeros(24), stack.A[:, WEN_INDEX], stack.row_of)
     assert not found.suspect.any()
     assert np.isinf(found.limit).all()

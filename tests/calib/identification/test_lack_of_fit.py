@@ -10,7 +10,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, identify
 from calib.identification.prior import weak_prior
 from calib.measurement.observations import POINT, POSE, Measurements
-from calib.measurement.residual import stacked, table_whiteners
+from calib.measurement.residual import linearize, table_whiteners
 from tests.reference import DEG, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
 
@@ -47,7 +47,7 @@ def test_ratio_is_that_of_group_means_taken_one_by_one(points):
         table = replace(table, kind=np.where(table.pose_id % 2 == 0, POSE, POINT))
     found = fitted(table)
     N = table_whiteners(table)
-    stack, pure, dof = stacked(found.model, table), 0.0, 0
+    stack, pure, dof = linearize(found.model, table), 0.0, 0
     for pose in range(12):
         rows = np.flatnonzero(table.pose_id == pose)
         k = 6 if table.is_pose[rows[0]] else 3

@@ -11,7 +11,7 @@ from calib.identification.identify import Status, identify
 from calib.identification.joint_models import extended_model, shared_waves
 from calib.identification.model_choice import ASKED, choose, identify_extended, left_out_errors
 from calib.identification.prior import Prior, weak_prior
-from calib.measurement.residual import stacked
+from calib.measurement.residual import linearize
 from tests.calib.identification.test_joint_models import GOALS, MDEG, POOL, bent, seen
 from tests.reference import WEN24, rigid_truth, tx60
 from tests.truth.measuring import measured
@@ -45,7 +45,7 @@ def test_log_evidence_is_the_ratio_of_the_densities_of_the_measurements():
     added = weak_prior(parameters_of(wide, wide.names[42:]))
     terms = Prior(added.mean, 1e-2 * added.sd, added.names)
     choice = choose(tx60(), table, parameters, prior=prior, term_prior=terms)
-    stack, density = stacked(wide, table), []
+    stack, density = linearize(wide, table), []
     for k, sd in ((42, prior.sd), (69, np.concatenate([prior.sd, terms.sd]))):
         B = stack.A[:, :k] * sd
         C = np.eye(len(B)) + B @ B.T

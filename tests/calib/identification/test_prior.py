@@ -19,7 +19,7 @@ from calib.identification.identify import Identification, Status, identify
 from calib.identification.outliers import inspect
 from calib.identification.prior import Prior, prior_rows, step_derivative, weak_prior
 from calib.measurement.observations import Measurements
-from calib.measurement.residual import stacked
+from calib.measurement.residual import linearize
 from tests.reference import BASE6, DEG, READABLE30, TX60_LINKS, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
 
@@ -128,7 +128,7 @@ def test_the_estimate_is_that_of_scipy_on_the_stacked_problem(mounted):
 
 def written_out(found: Identification, seen: Measurements, prior: Prior) -> tuple[Array, Array]:
     """A of the free numbers at the answer and Lambda0, units 1e-4 m or rad."""
-    A = stacked(found.model, seen).A[:, found.parameters.free_index] * 1e-4
+    A = linearize(found.model, seen).A[:, found.parameters.free_index] * 1e-4
     return A, prior.precision * 1e-8
 
 
@@ -159,7 +159,7 @@ def test_evidence_is_the_density_that_the_prior_gives_the_measurements():
         np.zeros(42), correlated(42, 8, weak.sd * 0.01), parameters.free_names
     )
     found = identify(tx60(), seen, parameters, prior=prior)
-    stack = stacked(tx60(), seen)
+    stack = linearize(tx60(), seen)
     A, n = stack.A * 1e-4, len(stack.r)
     marginal = np.eye(n) + A @ np.linalg.solve(prior.precision * 1e-8, A.T)
     density = multivariate_normal(np.zeros(n), marginal).logpdf(stack.r)
@@ -185,7 +185,7 @@ def test_two_calibrations_in_turn_are_one_of_both_tables():
     both = Measurements(*(np.concatenate([getattr(one, f), getattr(two, f)]) for f in fields))
     parameters = parameters_of(tx60(), WEN24)
     first = identify(tx60(), one, parameters)
-    A = stacked(first.model, one).A[:, parameters.free_index]
+    A = linearize(first.model, one).A[:, parameters.free_index]
     prior = Prior.of_precision(first.step, A.T @ A, first.names)
     second = identify(tx60(), two, parameters, prior=prior)
     whole = identify(tx60(), both, parameters)

@@ -15,7 +15,7 @@ from calib.identification.outliers import inspect, leverages, outliers
 from calib.identification.prior import prior_rows, weak_prior
 from calib.identification.robust import flattened, loss_weights, mean_loss, sandwich_factor, sizes
 from calib.measurement.observations import POINT, POSE, Measurements
-from calib.measurement.residual import stacked
+from calib.measurement.residual import linearize
 from calib.uncertainty.covariance import sandwich
 from tests.reference import DEG, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
@@ -112,7 +112,7 @@ def test_the_answer_is_the_fixed_point_of_reweighting(loss):
     again = identify(tx60(), wider, parameters)
     assert np.abs((again.step - found.step) / found.standard_uncertainty).max() < 1e-6
     # the certificate is that of the robust loss: its gradient, in standard deviations
-    stack = stacked(found.model, table)
+    stack = linearize(found.model, table)
     A = stack.A[:, found.parameters.free_index]
     pull = A.T @ (found.weights[stack.row_of] * stack.r)
     assert np.abs(pull * found.standard_uncertainty).max() < 1e-6
@@ -129,7 +129,7 @@ def test_the_answer_is_the_minimum_that_scipy_finds(loss):
     start = found.model
 
     def value(y: Array) -> tuple[float, Array]:
-        stack = stacked(start.moved(parameters.expand(y * sd)), table)
+        stack = linearize(start.moved(parameters.expand(y * sd)), table)
         size = sizes(stack.r, stack.row_of)
         w = loss_weights(size, loss)[stack.row_of]
         A = stack.A[:, parameters.free_index] * sd
@@ -230,7 +230,7 @@ def test_outlier_score_is_what_the_fit_gains_without_the_observation(points, wit
     if points:
         table = replace(table, kind=np.where(np.arange(14) % 2 == 0, POSE, POINT))
     parameters, model = parameters_of(tx60(), WEN24), tx60()
-    stack = stacked(model, table)
+    stack = linearize(model, table)
     A = stack.A[:, parameters.free_index] * 1e-4
     prior = np.zeros((0, 24))
     if with_prior:

@@ -15,7 +15,7 @@ from calib.kernels import replicates
 from calib.kernels.noisy_poses import noisy_poses
 from calib.measurement.noise import with_joint_noise
 from calib.measurement.observations import Measurements
-from calib.measurement.residual import stacked
+from calib.measurement.residual import linearize
 from calib.measurement.tables import covariances_of_sd
 from calib.uncertainty.batch import Batch
 from calib.uncertainty.refit import freeze
@@ -48,7 +48,7 @@ def mixed_table(model, q, rng):
 
 @CASES
 def test_the_gradient_is_the_one_of_the_whitened_jacobian(name):
-    """Each lane its own model and its own table: J'W r and r'W r through `stacked`."""
+    """Each lane its own model and its own table: J'W r and r'W r through `linearize`."""
     rng = np.random.default_rng(21)
     model = MODELS[name](rng)
     q = rng.normal(size=(9, model.chain.n_joints))
@@ -76,7 +76,7 @@ def test_the_gradient_is_the_one_of_the_whitened_jacobian(name):
         start.measurements.offset, *batch.configurations, slope, square,
     )  # fmt: skip
     for k, own in enumerate(tables):
-        stack = stacked(model.moved(steps[k]), own)
+        stack = linearize(model.moved(steps[k]), own)
         expected = stack.A.T @ stack.r
         size = np.linalg.norm(stack.A, axis=0) * np.linalg.norm(stack.r)
         assert np.abs(slope[0, :, k] - expected).max() < 1e-9 * size.max()  # the bar

@@ -13,7 +13,7 @@ from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
 from calib.measurement import tables
 from calib.measurement.observations import POINT, POSE, Measurements
-from calib.measurement.residual import Stack, paper_stack, point_blocks, stacked, whitened_blocks
+from calib.measurement.residual import Stack, linearize, paper_stack, point_blocks, whitened_blocks
 from tests.reference import SIGMA_POSITION, SIGMA_ROTATION, pool_r, tx60
 
 
@@ -44,10 +44,10 @@ def test_jacobian_is_minus_the_difference_quotient_of_the_residual(size):
         rng.normal(size=45) * 1e-3
     )
     table = mixed_table(model, rng, size)
-    A, h = stacked(model, table).A, 1e-5
+    A, h = linearize(model, table).A, 1e-5
     for k in range(model.n_numbers):
         step = np.eye(model.n_numbers)[k] * h
-        ahead, behind = (stacked(model.moved(s * step), table).r for s in (1, -1))
+        ahead, behind = (linearize(model.moved(s * step), table).r for s in (1, -1))
         # central difference: h^2 / 6 of the third derivative, and rounding 1e-16 / h, both < 1e-9
         error = np.abs((behind - ahead) / (2 * h) - A[:, k]).max()
         assert error <= 1e-8 * np.abs(A).max(), model.names[k]
@@ -56,18 +56,18 @@ def test_jacobian_is_minus_the_difference_quotient_of_the_residual(size):
 def test_a_small_step_changes_the_residual_by_the_jacobian():
     rng, model = np.random.default_rng(2), tx60()
     table = mixed_table(model, rng, 1e-4)
-    stack, dx = stacked(model, table), rng.normal(size=42) * 1e-7
-    change = stacked(model.moved(dx), table).r - stack.r
+    stack, dx = linearize(model, table), rng.normal(size=42) * 1e-7
+    change = linearize(model.moved(dx), table).r - stack.r
     # the second order is 1e-7 of the first
     np.testing.assert_allclose(change, -stack.A @ dx, atol=1e-6 * np.abs(change).max())
 
 
 def test_rows_are_six_per_pose_and_three_per_point_in_table_order():
     table = mixed_table(tx60(), np.random.default_rng(3), 1e-4)
-    stack = stacked(tx60(), table)
+    stack = linearize(tx60(), table)
     assert np.bincount(stack.row_of).tolist() == [6, 3, 6, 3, 3, 6]
     assert (np.diff(stack.row_of) >= 0).all()
-    alone = [stacked(tx60(), table.rows([j])) for j in range(6)]
+    alone = [linearize(tx60(), table.rows([j])) for j in range(6)]
     # row by row or in one batch: only the order of additions may differ
     np.testing.assert_allclose(stack.r, np.concatenate([s.r for s in alone]), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(stack.A, np.concatenate([s.A for s in alone]), rtol=1e-9, atol=1e-6)
@@ -85,7 +85,7 @@ def test_sum_of_squares_is_the_mahalanobis_distance_by_another_rotation_library(
         turn = Rotation.from_matrix(S[j, :3, :3] @ T[j, :3, :3].T).as_rotvec()
         e = np.concatenate([S[j, :3, 3] - T[j, :3, 3], turn])
         total += e @ np.linalg.solve(C[j], e)
-    r = stacked(model, tables.poses(q, S, sd=C)).r
+    r = linearize(model, tables.poses(q, S, sd=C)).r
     assert r @ r == pytest.approx(total, rel=1e-9)
 
 
@@ -95,12 +95,12 @@ def test_blocks_for_planning_equal_the_rows_of_a_perfect_measurement():
     table = tables.poses(q, model.poses(q), sd=C)
     blocks = whitened_blocks(model, q, C)
     np.testing.assert_allclose(
-        blocks.reshape(-1, 42), stacked(model, table).A, rtol=1e-9, atol=1e-7
+        blocks.reshape(-1, 42), linearize(model, table).A, rtol=1e-9, atol=1e-7
     )
     offset = rng.normal(size=(4, 3)) * 0.1
     points = replace(table, kind=np.full(4, POINT), offset=offset)
     rows = point_blocks(model, q, C[:, :3, :3], offset).reshape(-1, 42)
-    np.testing.assert_allclose(rows, stacked(model, points).A, rtol=1e-9, atol=1e-7)
+    np.testing.assert_allclose(rows, linearize(model, points).A, rtol=1e-9, atol=1e-7)
 
 
 def test_a_point_row_ignores_rotation_and_its_covariance():
@@ -111,14 +111,14 @@ def test_a_point_row_ignores_rotation_and_its_covariance():
     spoiled = other.covariance.copy()
     spoiled[:, 3:, :], spoiled[:, :, 3:] = 0, 0
     other = replace(other, covariance=spoiled)
-    np.testing.assert_array_equal(stacked(model, points).r, stacked(model, other).r)
+    np.testing.assert_array_equal(linearize(model, points).r, linearize(model, other).r)
 
 
 def test_twelve_rows_hold_the_gram_matrix_of_six_weighted_ones():
     """H'H = 2 Jw'Jw + Jp'Jp, in mm and rad: the paper's estimator is one of six rows."""
     model, q = tx60(), pool_r(29)
     table = tables.poses(q, model.poses(q), sd=(1e-3, np.sqrt(0.5)))
-    H, A = paper_stack(model, table).A, stacked(model, table).A
+    H, A = paper_stack(model, table).A, linearize(model, table).A
     assert H.shape == (29 * 12, 42)
     assert np.abs(H.T @ H - A.T @ A).max() < 1e-12 * np.abs(H.T @ H).max()
 

@@ -10,7 +10,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import identify
 from calib.measurement.prediction import predict
-from calib.measurement.residual import stacked
+from calib.measurement.residual import linearize
 from calib.uncertainty.trust import trust
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.errors import scatter_covariance
@@ -39,7 +39,7 @@ def test_before_is_the_best_that_nominal_links_can_do():
     assert np.array_equal(found.before.chain.links, links)
 
     def cost(model):
-        return float(np.square(stacked(model, train).r).sum())
+        return float(np.square(linearize(model, train).r).sum())
 
     best = cost(found.before)
     names = found.before.names
@@ -115,7 +115,7 @@ def test_scatter_between_poses_shows_the_noise_that_is_there():
     assert ratio.mean() == pytest.approx(3.0, rel=0.05)
     assert np.abs(ratio / 3 - 1).max() < 0.3
     # the same, written out pose by pose
-    stack = stacked(found.model, table)
+    stack = linearize(found.model, table)
     A, r = stack.A[:, found.parameters.free_index], stack.r
     H = np.linalg.solve(A.T @ A, np.eye(A.shape[1]))
     meat = sum(

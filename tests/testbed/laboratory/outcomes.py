@@ -11,7 +11,7 @@ from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_ter
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.measurement.observations import Measurements
-from calib.measurement.residual import paper_stack, stacked, whitened_blocks
+from calib.measurement.residual import linearize, paper_stack, whitened_blocks
 from calib.measurement.tables import covariances_of_sd
 from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.laboratory.truth.robot import TrueRobot, draw_truth
@@ -72,7 +72,7 @@ class Fit:
         index = [self.start.names.index(name) for name in self.free]
         model, sd = self.start, weak_sd(self.start)[index]
         for _ in range(5):
-            stack = paper_stack(model, seen) if self.paper else stacked(model, seen)
+            stack = paper_stack(model, seen) if self.paper else linearize(model, seen)
             A, r = stack.A[:, index], stack.r
             if self.prior:
                 A = np.vstack([A, np.diag(1 / sd)])
@@ -81,8 +81,8 @@ class Fit:
             step = np.zeros(model.n_numbers)
             step[index] = np.linalg.lstsq(A / scale, r, rcond=None)[0] / scale
             model = model.moved(step)
-        r = stacked(model, seen).r
-        A = stacked(model, seen).A[:, index]
+        r = linearize(model, seen).r
+        A = linearize(model, seen).A[:, index]
         M = A.T @ A
         used = np.trace(np.linalg.solve(M + np.diag(self.prior / sd**2), M))
         return model, float(r @ r / (len(r) - used))
