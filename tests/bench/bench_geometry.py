@@ -56,7 +56,7 @@ def test_jacobian(benchmark, form):
 
 
 @pytest.mark.benchmark(group="inverse kinematics, 1000 poses")
-def bench_inverse_kinematics(benchmark):
+def test_inverse_kinematics(benchmark):
     """Corrections of a program: seeds a few hundredths of a degree from the answer."""
     limits, model = np.tile([-3.0, 3.0], (6, 1)), RobotModel(CHAIN)
     found = benchmark(inverse_kinematics, model, forward(CHAIN, Q), Q + 5e-4, limits)
