@@ -50,6 +50,11 @@ class Table:
         return self.align or "l" + "r" * (len(self.head) - 1)
 
 
+def heads(text: str) -> tuple[str, ...]:
+    """Heads of a table's columns, written in one line with commas between them."""
+    return tuple(text.split(", "))
+
+
 @dataclass(frozen=True, slots=True)
 class Figure:
     """A drawing and what it shows."""

@@ -6,11 +6,14 @@ see these fields.
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from calib.arrays import Array, Bool, Index
 from calib.design import Selection
 from calib.errors import CalibError
 from calib.identification.identify import Identification, Mode
 from calib.information.observability import Observability
+from calib.information.propagation import point_uncertainty
 from calib.measurement.accuracy import Accuracy
 from calib.measurement.observations import Measurements
 from testbed.laboratory.truth.laboratory import Setting
@@ -51,6 +54,11 @@ class Comparison:
     """(f,) true value inside the stated 95 % interval."""
     nees: float
     """Normalized estimation error squared e' C^-1 e; expected f."""
+
+    @property
+    def stated_u(self) -> float:
+        """Stated 3-D standard uncertainty of the tool point, RMS over the held-out poses [m]."""
+        return float(np.sqrt(np.mean(point_uncertainty(self.covariance) ** 2)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,6 +181,11 @@ class Campaign:
     trials: tuple[Trial, ...]
     """Those that did not fail, in the order of the scenario; at least one."""
     records: Records
+
+    @property
+    def estimates(self) -> tuple[tuple[Trial, Estimate], ...]:
+        """Every estimate beside its trial."""
+        return tuple((trial, estimate) for trial in self.trials for estimate in trial.estimates)
 
     @property
     def pose_count(self) -> PoseCountStudy | None:

@@ -1,38 +1,37 @@
 """What a campaign publishes of its trials: result.json and arrays.npz."""
 
-from typing import Any
-
-import numpy as np
-
-from calib.information.propagation import point_uncertainty
 from calib.measurement.accuracy import Accuracy
-from testbed.laboratory.truth.laboratory import Setting
 from testbed.studies.trial.records import Campaign, Estimate, Trial
-from testbed.studies.trial.statement.report import statement_headline, truth_headline
+from testbed.studies.trial.statement.results import statement_headline, truth_headline
 from testbed.studies.trial.verdict import judge
-from testbed.units import DEG, MM, Quantity, in_si
+from testbed.units import METRE, RADIAN, Quantity, below, in_si
 
 
 def published(campaign: Campaign) -> list[Quantity]:
     """The headline of the pool, of the truth and of every trial."""
+    setting = campaign.setting
+    rejected = dict(zip(setting.rejection_names, setting.rejection_counts, strict=True))
     found = [
-        Quantity("pool", _pool(campaign.setting)),
-        Quantity("truth_budget", truth_headline(campaign.validation)),
-        Quantity("trials", {trial.name: _trial(trial) for trial in campaign.trials}),
+        Quantity("pool/poses", len(setting.pool_q)),
+        Quantity("pool/drawn", setting.n_drawn),
+        Quantity("pool/rejected", rejected),
+        *below("truth_budget", truth_headline(campaign.validation)),
     ]
+    for trial in campaign.trials:
+        found += below(f"trials/{trial.name}", _trial(trial))
     if campaign.pose_count is not None:
         for name, poses in zip(("O1", "O2"), campaign.pose_count.chosen, strict=True):
             found.append(Quantity(f"pose_count/{name}_poses", poses))
     for sets in campaign.random_sets:
-        key = f"random_sets/{sets.trial}"
-        found += [
-            Quantity(f"{key}/criterion", sets.criterion),
-            Quantity(f"{key}/chosen", sets.chosen_value),
-            Quantity(f"{key}/random_mean", float(sets.values.mean())),
-            Quantity(f"{key}/random_best", sets.best),
-            Quantity(f"{key}/beaten", sets.beaten),
-            Quantity(f"{key}/of", len(sets.values)),
+        figures = [
+            Quantity("criterion", sets.criterion),
+            Quantity("chosen", sets.chosen_value),
+            Quantity("random_mean", float(sets.values.mean())),
+            Quantity("random_best", sets.best),
+            Quantity("beaten", sets.beaten),
+            Quantity("of", len(sets.values)),
         ]
+        found += below(f"random_sets/{sets.trial}", figures)
     return found
 
 
@@ -76,75 +75,60 @@ def published_arrays(campaign: Campaign) -> list[Quantity]:
     return in_si(found)
 
 
-def _pool(setting: Setting) -> dict[str, Any]:
-    """How the pool came about."""
-    return {
-        "poses": len(setting.pool_q),
-        "drawn": setting.n_drawn,
-        "rejected": {
-            name: int(count)
-            for name, count in zip(setting.rejection_names, setting.rejection_counts, strict=True)
-        },
-    }
-
-
-def _trial(trial: Trial) -> dict[str, Any]:
+def _trial(trial: Trial) -> list[Quantity]:
     """Headline of one trial."""
-    return {
-        "poses": len(trial.selection.indices),
-        "method": trial.method,
-        "criterion": trial.selection.criterion,
-        "criterion_rows": trial.rows,
-        "criterion_value": trial.selection.value,
-        "estimates": {estimate.mode: _estimate(trial, estimate) for estimate in trial.estimates},
-    }
+    found = [
+        Quantity("poses", len(trial.selection.indices)),
+        Quantity("method", trial.method),
+        Quantity("criterion", trial.selection.criterion),
+        Quantity("criterion_rows", trial.rows),
+        Quantity("criterion_value", trial.selection.value),
+    ]
+    for estimate in trial.estimates:
+        found += below(f"estimates/{estimate.mode}", _estimate(trial, estimate))
+    return found
 
 
-def _estimate(trial: Trial, estimate: Estimate) -> dict[str, Any]:
+def _estimate(trial: Trial, estimate: Estimate) -> list[Quantity]:
     """Headline of one estimate."""
     found, seen, played = estimate.identification, estimate.comparison, estimate.replications
-    u, whitened = point_uncertainty(seen.covariance), found.mode == "whitened"
-    verdict = judge(trial, estimate)
-    out = {
-        "believable": verdict.believable,
-        "contradicted": verdict.contradicted,
-        "parameters": found.parameters.n_free,
-        "rank": found.rank,
+    verdict, whitened = judge(trial, estimate), found.mode == "whitened"
+    out = [
+        Quantity("believable", verdict.believable),
+        Quantity("contradicted", verdict.contradicted),
+        Quantity("parameters", found.parameters.n_free),
+        Quantity("rank", found.rank),
         # the paper's estimator knows no noise to compare its residuals with
-        "chi_square_per_dof": found.chi_square / found.dof if whitened else None,
-        "p_value": found.p_value if whitened else None,
-        "certificate": found.certificate,
-        "status": found.status.value,
-        "held_out_before": _accuracy(seen.accuracy_before),
-        "held_out_after": _accuracy(seen.accuracy_after),
-        "at_measured_before": _accuracy(seen.identification_before),
-        "at_measured_after": _accuracy(seen.identification_after),
-        "held_out_rotation_after_mean_deg": float(seen.rotation_after.mean() * DEG),
-        "stated_u_3d_rms_mm": float(np.sqrt(np.mean(u**2)) * MM),
-        "held_out_inside_95": float(seen.inside.mean()),
-        "parameters_inside_95": float(seen.parameter_inside.mean()),
-        "nees": seen.nees,
-    }
+        Quantity("chi_square_per_dof", found.chi_square / found.dof if whitened else None),
+        Quantity("p_value", found.p_value if whitened else None),
+        Quantity("certificate", found.certificate),
+        Quantity("status", found.status.value),
+        *_accuracy("held_out_before", seen.accuracy_before),
+        *_accuracy("held_out_after", seen.accuracy_after),
+        *_accuracy("at_measured_before", seen.identification_before),
+        *_accuracy("at_measured_after", seen.identification_after),
+        Quantity("held_out_rotation_after_mean_deg", seen.rotation_after.mean(), RADIAN),
+        Quantity("stated_u_3d_rms_mm", seen.stated_u, METRE),
+        Quantity("held_out_inside_95", seen.inside.mean()),
+        Quantity("parameters_inside_95", seen.parameter_inside.mean()),
+        Quantity("nees", seen.nees),
+    ]
     if estimate.statement is not None:
-        out["statement"] = statement_headline(estimate.statement)
+        out += below("statement", statement_headline(estimate.statement))
     if played is not None:
-        out["replications"] = {
-            "count": played.count,
-            "nees_mean": float(played.nees.mean()),
-            "parameter_coverage_mean": float(played.parameter_coverage.mean()),
-            "parameter_coverage_min": float(played.parameter_coverage.min()),
-            "tool_coverage_mean": float(played.tool_coverage.mean()),
-            "sd_ratio_min": float(played.sd_ratio.min()),
-            "sd_ratio_max": float(played.sd_ratio.max()),
-        }
+        out += [
+            Quantity("replications/count", played.count),
+            Quantity("replications/nees_mean", played.nees.mean()),
+            Quantity("replications/parameter_coverage_mean", played.parameter_coverage.mean()),
+            Quantity("replications/parameter_coverage_min", played.parameter_coverage.min()),
+            Quantity("replications/tool_coverage_mean", played.tool_coverage.mean()),
+            Quantity("replications/sd_ratio_min", played.sd_ratio.min()),
+            Quantity("replications/sd_ratio_max", played.sd_ratio.max()),
+        ]
     return out
 
 
-def _accuracy(a: Accuracy) -> dict[str, Any]:
-    """Position error statistics in mm."""
-    return {
-        "mean_mm": a.mean * MM,
-        "rms_mm": a.rms * MM,
-        "p95_mm": a.p95 * MM,
-        "max_mm": a.maximum * MM,
-    }
+def _accuracy(name: str, a: Accuracy) -> list[Quantity]:
+    """Position error statistics."""
+    values = {"mean": a.mean, "rms": a.rms, "p95": a.p95, "max": a.maximum}
+    return [Quantity(f"{name}/{key}_mm", value, METRE) for key, value in values.items()]

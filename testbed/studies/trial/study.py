@@ -96,15 +96,16 @@ class TrialStudy:
 
     def sections(self, scenario: Scenario, records: Records, *, first: bool) -> Sequence[Section]:
         """What is believed, errors, intervals, designs, numbers and the secret."""
-        from testbed.studies.trial import report, report_design, report_parameters
+        from testbed.studies.trial import report, report_accuracy, report_design, report_parameters
         from testbed.studies.trial.statement import report as statement
 
         campaign = campaign_of(scenario, records)
         stated = statement.statement_section(campaign)
+        table = None if first else report.headline_table(campaign)
         return (
             *((stated,) if stated is not None else ()),
-            report.accuracy_section(campaign, None if first else report.headline_table(campaign)),
-            report.belief_section(campaign),
+            report_accuracy.accuracy_section(campaign, table),
+            report_accuracy.belief_section(campaign),
             report_parameters.identifiable_section(campaign),
             report_design.design_section(campaign),
             statement.secret_section(campaign),

@@ -3,11 +3,8 @@
 import re
 from collections.abc import Callable
 
-import numpy as np
-
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Status
-from calib.information.propagation import point_uncertainty
 from testbed.report.page import Verdict
 from testbed.studies.trial.records import Campaign, Estimate, Trial
 from testbed.studies.trial.statement.records import LEVEL, Statement
@@ -81,12 +78,11 @@ def judge(trial: Trial, estimate: Estimate) -> Verdict:
         say(share >= 0.5, f"{_percent(share)} of the held-out points lie inside their 95 % regions")
     if found.status is not Status.CONVERGED:
         failed.insert(0, f"the fit {found.status.value}")
-    u = np.sqrt(np.mean(point_uncertainty(seen.covariance) ** 2))
     size = (
         f"{trial.name} brings the mean tool error on held-out poses from "
         f"{seen.accuracy_before.mean * MM:.3f} to {seen.accuracy_after.mean * MM:.3f} mm"
     )
-    stated = f"its stated uncertainty (rms u {u * MM:.4f} mm)"
+    stated = f"its stated uncertainty (rms u {seen.stated_u * MM:.4f} mm)"
     believable = played is not None and not failed
     valid = estimate.statement is None or estimate.statement.trust.model_valid
     if estimate.statement is not None and not valid:

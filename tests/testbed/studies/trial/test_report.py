@@ -11,7 +11,7 @@ from testbed.run.report import page_of, report_html
 from testbed.scenario.read import dump_scenario
 from testbed.studies.trial import report as report_headline
 from testbed.studies.trial import report_design, report_parameters
-from testbed.studies.trial.report import intervals_in_words
+from testbed.studies.trial.report_accuracy import intervals_in_words
 from testbed.studies.wen2022 import report_paper
 from testbed.studies.wen2022.records import paper_budget_of
 from tests.campaign import with_records

@@ -23,17 +23,13 @@ from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.report import errors_in_words, next_step
 from testbed.studies.trial.statement.linear import moved_targets, moving_axes
 from testbed.studies.trial.statement.outliers import without_gross_errors
-from testbed.studies.trial.statement.report import (
-    reasons,
-    secret_section,
-    statement_headline,
-    statement_section,
-    truth_headline,
-)
+from testbed.studies.trial.statement.report import reasons, secret_section, statement_section
+from testbed.studies.trial.statement.results import statement_headline, truth_headline
 from testbed.studies.trial.statement.sources import drift_left
 from testbed.studies.trial.statement.state import state
 from testbed.studies.trial.validation import validation_visit
 from testbed.studies.trial.verdict import BAD, INVALID, OPEN, judge, trial_verdict
+from testbed.units import as_json
 from tests import campaign
 from tests.campaign import record_hash
 from tests.testbed.run.test_campaign import same
@@ -354,7 +350,7 @@ def test_the_truth_is_taken_apart_term_by_term():
     assert found.terms == (
         "geometry", "gravity", "harmonics", "high_harmonics", "backlash", "repeatability"
     )  # fmt: skip
-    named = truth_headline(found)["terms_rms_mm"]
+    named = as_json(truth_headline(found))["terms_rms_mm"]
     assert named["geometry"] == pytest.approx(0.7, abs=0.3)
     assert 0.02 < named["harmonics"] < named["gravity"] < 0.3
     table = secret_section(replace(rigid(), validation=found)).blocks[1]
@@ -398,7 +394,7 @@ def test_a_statement_survives_the_disk_and_its_keys_have_units():
     for of in (rigid(), loose(), systematic()):
         trial = of.trials[0]
         assert same(unpack(Trial, pack(trial)), trial)
-        said = statement_headline(estimate(of).statement)
+        said = as_json(statement_headline(estimate(of).statement))
         believed = [name for name, one in said["statements"].items() if one["believed"]]
         assert believed == ["model"]
         assert said["budget_u_3d_um"]["combined"] == pytest.approx(

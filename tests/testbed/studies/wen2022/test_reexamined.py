@@ -20,8 +20,7 @@ from testbed.scenario.checks import check_robot
 from testbed.scenario.read import changed
 from testbed.store.codec import pack, unpack
 from testbed.studies import load_scenario
-from testbed.studies.trial import report as report_results
-from testbed.studies.trial import report_design, report_parameters
+from testbed.studies.trial import report_accuracy, report_design, report_parameters
 from testbed.studies.trial.statement import report as report_statement
 from testbed.studies.wen2022 import claims_many_robots as claims_robots
 from testbed.studies.wen2022 import paper, report_paper
@@ -387,8 +386,8 @@ def test_the_scene_speaks_to_all_claims_and_counts_its_verdicts():
 def test_the_page_opens_with_the_verdict_on_the_paper_and_shows_each_claim_once(monkeypatch):
     # sections that every report has and other tests look at
     for room, name in (
-        (report_results, "accuracy_section"),
-        (report_results, "belief_section"),
+        (report_accuracy, "accuracy_section"),
+        (report_accuracy, "belief_section"),
         (report_design, "design_section"),
         (report_paper, "tool_section"),
         (report_parameters, "parameter_section"),
