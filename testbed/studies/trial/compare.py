@@ -13,12 +13,8 @@ from calib.geometry.frames import transform
 from calib.geometry.jacobian import reflector_rows
 from calib.geometry.model import RobotModel
 from calib.identification.identify import Identification, identify
-from calib.measurement.accuracy import (
-    error_statistics,
-    point_distances,
-    rotation_errors,
-    target_points,
-)
+from calib.measurement import accuracy
+from calib.measurement.accuracy import point_distances, target_points
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predicted_positions
 from calib.uncertainty.regions import coverage_factor, inside, mahalanobis_squared
@@ -136,7 +132,7 @@ def compare(
     after = point_distances(p_true, point)
     wrong = identification.step - truth
     at_measured = [
-        error_statistics(
+        accuracy.error_statistics(
             point_distances(measurements.position, predicted_positions(model, measurements))
         )
         for model in (setting.nominal, identification.model)
@@ -144,15 +140,15 @@ def compare(
     return Comparison(
         before=before,
         after=after,
-        rotation_before=rotation_errors(setting.test_true, T0),
-        rotation_after=rotation_errors(setting.test_true, transform(R, point)),
+        rotation_before=accuracy.rotation_errors(setting.test_true, T0),
+        rotation_after=accuracy.rotation_errors(setting.test_true, transform(R, point)),
         error=error,
         covariance=covariance,
         inside=inside(error, covariance[:, :3, :3]),
         identification_before=at_measured[0],
         identification_after=at_measured[1],
-        accuracy_before=error_statistics(before),
-        accuracy_after=error_statistics(after),
+        accuracy_before=accuracy.error_statistics(before),
+        accuracy_after=accuracy.error_statistics(after),
         true_step=truth,
         parameter_inside=np.abs(wrong) <= INTERVAL * stated.standard_uncertainty,
         nees=float(mahalanobis_squared(wrong, stated.covariance)),

@@ -100,12 +100,11 @@ def _spread(settings: PriorSettings, name: str, is_length: bool) -> float:
     own = settings.sd_mm.get(name) if is_length else settings.sd_deg.get(name)
     if own is not None:
         return own * MM if is_length else float(np.radians(own))
-    if name.startswith(("base.", "tool.")):
-        if is_length:
-            return settings.frame_lengths_mm * MM
-        return float(np.radians(settings.frame_angles_deg))
+    frame = name.startswith(("base.", "tool."))
     if is_length:
-        return settings.lengths_mm * MM
+        return (settings.frame_lengths_mm if frame else settings.lengths_mm) * MM
+    if frame:
+        return float(np.radians(settings.frame_angles_deg))
     if name.startswith("gravity"):
         return float(settings.gravity_mdeg * MDEG)
     if name.startswith("harmonic"):

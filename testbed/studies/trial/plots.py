@@ -7,6 +7,8 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.model import RobotModel
+from calib.measurement.accuracy import point_distances
+from calib.measurement.prediction import predicted_positions
 from testbed.report.plots import (
     BARS,
     Look,
@@ -48,36 +50,26 @@ def shown(campaign: Campaign) -> tuple[Trial, ...]:
 
 def held_out_errors(campaign: Campaign) -> str:
     """Tool position error at every held-out pose, before and after, one panel per trial."""
-    panels = [
-        (
-            trial,
-            trial.estimates[0].comparison.before,
-            [estimate.comparison.after for estimate in trial.estimates],
-        )
-        for trial in shown(campaign)
-    ]
+    panels = []
+    for trial in shown(campaign):
+        compared = [estimate.comparison for estimate in trial.estimates]
+        panels.append((trial, compared[0].before, [one.after for one in compared]))
     return _error_panels(panels, "held-out pose")
 
 
 def calibration_errors(campaign: Campaign) -> str:
     """Distance between measured and predicted tool point at the calibration poses."""
-    panels = [
-        (
-            trial,
-            measured_distance(trial, campaign.setting.nominal),
-            [measured_distance(trial, e.identification.model) for e in trial.estimates],
-        )
-        for trial in shown(campaign)
-    ]
+    panels = []
+    for trial in shown(campaign):
+        after = [measured_distance(trial, e.identification.model) for e in trial.estimates]
+        panels.append((trial, measured_distance(trial, campaign.setting.nominal), after))
     return _error_panels(panels, "calibration pose")
 
 
 def measured_distance(trial: Trial, model: RobotModel) -> Array:
     """Distance (m,) [m] between the measured tool points of a trial and those `model` predicts."""
     seen = trial.measurements
-    T = model.poses(seen.q)
-    point = T[:, :3, 3] + (T[:, :3, :3] @ seen.offset[:, :, None])[:, :, 0]
-    return np.asarray(np.linalg.norm(seen.position - point, axis=1))
+    return point_distances(seen.position, predicted_positions(model, seen))
 
 
 def _error_panels(panels: Sequence[tuple[Trial, Array, list[Array]]], pose: str) -> str:
@@ -146,9 +138,8 @@ def search_convergence(trials: Sequence[Trial]) -> str:
             best = int(np.argmax(trace == trace[-1]))
             ax.plot(x[best], trace[best], "o", color=MIDDLE)
             label(ax, f"best: search {x[best]}", (x[best], trace[best]), (5, -11), size=7)
-            ax.set_title(trial.name)
-            ax.set_xlabel("local search")
-            ax.set_ylabel(f"best {name}, {trial.rows} rows")
+            ylabel = f"best {name}, {trial.rows} rows"
+            ax.set(title=trial.name, xlabel="local search", ylabel=ylabel)
             short_ticks(ax)
         return svg_of(figure)
 
@@ -174,9 +165,8 @@ def pose_count(study: PoseCountStudy) -> str:
             if chosen is not None:
                 look: Look = {"color": MIDDLE, "linestyle": "--", "linewidth": 1.0}
                 marked_line(ax, chosen, f"the rule: {chosen} poses", 4, height=0.08, **look)
-            ax.set_title(f"{name}: mean and standard deviation of 50 random sets")
-            ax.set_xlabel("poses per set")
-            ax.set_ylabel(name)
+            title = f"{name}: mean and standard deviation of 50 random sets"
+            ax.set(title=title, xlabel="poses per set", ylabel=name)
             short_ticks(ax)
         forms = (
             (study.mean, "as printed: O3, O4, O5 go on moving"),
@@ -188,10 +178,8 @@ def pose_count(study: PoseCountStudy) -> str:
             for i, name in enumerate(study.names):
                 ratio = mean[i] / mean[i, -1]
                 ax.plot(study.counts, ratio, linestyle=styles[i], color=colors[i], label=name)
-            ax.set_title(title)
-            ax.set_xlabel("poses per set")
-            ax.set_ylabel(f"index / its value at {study.counts[-1]} poses")
-            ax.set_ylim(0.0, 2.0)
+            ylabel = f"index / its value at {study.counts[-1]} poses"
+            ax.set(title=title, xlabel="poses per set", ylabel=ylabel, ylim=(0.0, 2.0))
         axes[3].legend(ncols=3, loc="upper right")
         return svg_of(figure)
 
@@ -207,9 +195,8 @@ def random_sets(sets: Sequence[RandomSets]) -> str:
                 ax, one.chosen_value * scale, "chosen set", -3 if one.larger_is_better else 3,
                 height=0.96, color=MIDDLE, linewidth=1.6,
             )  # fmt: skip
-            ax.set_title(f"{one.trial}: {one.n_poses} poses")
-            ax.set_xlabel(name)
-            ax.set_ylabel("random sets")
+            title = f"{one.trial}: {one.n_poses} poses"
+            ax.set(title=title, xlabel=name, ylabel="random sets")
             short_ticks(ax, axis="x")
         return svg_of(figure)
 

@@ -2,17 +2,14 @@
 
 from typing import TYPE_CHECKING
 
-from calib.uncertainty.regions import coverage_factor
 from testbed.report.plots import legend_above
 from testbed.report.svg import SOFT, drawing, svg_of
+from testbed.studies.trial.compare import INTERVAL
 from testbed.studies.trial.plots import LOOKS, NAMES
 from testbed.studies.trial.records import Trial
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-INTERVAL = coverage_factor(1)
-"""Half width of a 95 % interval in standard uncertainties."""
 
 
 def parameter_errors(trial: Trial) -> str:

@@ -5,31 +5,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib.measurement.prediction import predicted_positions
-from testbed.recording import style
+from testbed.recording import curves, style
 from testbed.recording.cell import draw_box, draw_station
-from testbed.recording.curves import (
-    BAND,
-    draw_curve,
-    draw_fit,
-    draw_level,
-    draw_parameters,
-    parameter_panel,
-)
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter, floor_height
 from testbed.recording.timeline import Phase, leaf, spread, visit
 from testbed.report.page import SIMULATED
 from testbed.robots.robot import Robot
 from testbed.scenario.read import Scenario
-from testbed.studies.trial.recording_cell import (
-    ShownTrial,
-    draw_ghost,
-    draw_held_out,
-    draw_measured,
-    draw_selected,
-    known,
-    tracked,
-)
+from testbed.studies.trial import recording_cell as cell
+from testbed.studies.trial.recording_cell import ShownTrial
 from testbed.studies.trial.records import RandomSets, Trial
 
 SELECT_FRAMES, IDENTIFY_FRAMES = 144, 72
@@ -46,8 +31,8 @@ def draw_scene(shown: ShownTrial, scenario: Scenario, robot: Robot, pen: Pen) ->
     """The ghost, the tracker that looks at the target, the box, and the numbers behind them."""
     setting, pool = shown.setting, scenario.pool
     chain = setting.nominal.chain
-    draw_ghost(shown, robot, pen)
-    target = tracked(setting, pen.timeline.q)
+    cell.draw_ghost(shown, robot, pen)
+    target = cell.tracked(setting, pen.timeline.q)
     draw_station(pen, setting.T_world_tracker, target, floor_height(chain, robot))
     center, size = np.array(pool.box_center_mm) / 1e3, np.array(pool.box_size_mm) / 1e3
     draw_box(pen, "world/box", chain, center, size)
@@ -89,11 +74,11 @@ def _select(shown: ShownTrial, sets: RandomSets | None) -> Chapter:
     best = trace if len(trace) else np.array([trial.selection.value])
 
     def draw(pen: Pen, phase: Phase) -> None:
-        draw_selected(shown, pen, phase)
-        draw_curve(pen, f"select/{trial.selection.criterion}", phase, best, style.LINE_COLOR)
+        cell.draw_selected(shown, pen, phase)
+        curves.draw_curve(pen, f"select/{trial.selection.criterion}", phase, best, style.LINE_COLOR)
         if sets is not None:
             name = f"best of {len(sets.values)} random sets"
-            draw_level(pen, "select/random", phase, sets.best, style.MUTED_COLOR, name)
+            curves.draw_level(pen, "select/random", phase, sets.best, style.MUTED_COLOR, name)
 
     return Chapter(
         name="select",
@@ -122,11 +107,11 @@ def _measure(shown: ShownTrial) -> Chapter:
     )
 
     def draw(pen: Pen, phase: Phase) -> None:
-        draw_measured(shown, pen, phase)
+        cell.draw_measured(shown, pen, phase)
         for name, model, color in models:
             vectors = measurements.position - predicted_positions(model, measurements)
             size = np.linalg.norm(vectors, axis=1)
-            draw_curve(pen, f"measure/{name}", phase, size * 1e3, color)
+            curves.draw_curve(pen, f"measure/{name}", phase, size * 1e3, color)
 
     return Chapter(
         name="measure",
@@ -150,13 +135,13 @@ def _identify(shown: ShownTrial) -> Chapter:
     found, judged = shown.estimate.identification, shown.estimate.comparison
 
     def draw(pen: Pen, phase: Phase) -> None:
-        draw_fit(pen, phase, found.trace, found.dof)
+        curves.draw_fit(pen, phase, found.trace, found.dof)
         u = np.where(found.standard_uncertainty > 0, found.standard_uncertainty, np.inf)
         steps = np.concatenate([[0], phase.steps])
-        error = judged.true_step - known(pen.timeline)[steps, None] * found.step
-        covered = np.abs(error) <= BAND * u
+        error = judged.true_step - cell.known(pen.timeline)[steps, None] * found.step
+        covered = np.abs(error) <= curves.BAND * u
         covered[-1] = judged.parameter_inside
-        draw_parameters(pen, found.parameters.free_names, error / u, covered, steps)
+        curves.draw_parameters(pen, found.parameters.free_names, error / u, covered, steps)
 
     return Chapter(
         name="identify",
@@ -172,7 +157,7 @@ def _identify(shown: ShownTrial) -> Chapter:
         ),
         draw=draw,
         plots={"identify": "3 log10(sum of squares / dof)"},
-        panel=parameter_panel(found.parameters.n_free),
+        panel=curves.parameter_panel(found.parameters.n_free),
     )
 
 
@@ -182,11 +167,13 @@ def _evaluate(shown: ShownTrial) -> Chapter:
     held, count = int(judged.inside.sum()), len(judged.inside)
 
     def draw(pen: Pen, phase: Phase) -> None:
-        draw_held_out(shown, pen, phase)
+        cell.draw_held_out(shown, pen, phase)
         stated = np.sqrt(np.trace(judged.covariance[:, :3, :3], axis1=1, axis2=2))
-        draw_curve(pen, "evaluate/before", phase, judged.before * 1e3, style.RED)
-        draw_curve(pen, "evaluate/after", phase, judged.after * 1e3, style.GREEN)
-        draw_curve(pen, "evaluate/stated", phase, stated * 1e3, style.STATED_COLOR, "stated rms")
+        curves.draw_curve(pen, "evaluate/before", phase, judged.before * 1e3, style.RED)
+        curves.draw_curve(pen, "evaluate/after", phase, judged.after * 1e3, style.GREEN)
+        curves.draw_curve(
+            pen, "evaluate/stated", phase, stated * 1e3, style.STATED_COLOR, "stated rms"
+        )
 
     return Chapter(
         name="evaluate",

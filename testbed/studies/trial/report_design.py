@@ -5,19 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib.information.observability import CRITERIA
-from testbed.report.page import Block, Figure, Section, Table, Text, rejection_table
+from testbed.report.page import Block, Figure, Section, Table, Text, heads, rejection_table
 from testbed.studies.trial import plots
 from testbed.studies.trial.records import Campaign, PoseCountStudy, RandomSets
 from testbed.studies.trial.report import set_in_words
 from testbed.units import counted, micrometres, significant
-
-
-def pool_table(campaign: Campaign) -> Table:
-    """Candidates that were drawn, refused by reason, and kept."""
-    setting = campaign.setting
-    return rejection_table(
-        setting.n_drawn, setting.rejection_names, setting.rejection_counts, len(setting.pool_q)
-    )
 
 
 def index_table(campaign: Campaign) -> Table:
@@ -55,8 +47,12 @@ def index_table(campaign: Campaign) -> Table:
 
 def design_section(campaign: Campaign) -> Section:
     """Pool, indices, searches, random sets, number of poses."""
+    setting = campaign.setting
+    drawn = rejection_table(
+        setting.n_drawn, setting.rejection_names, setting.rejection_counts, len(setting.pool_q)
+    )
     blocks: list[Block] = [
-        pool_table(campaign),
+        drawn,
         Figure(
             "The pool (gray) and the chosen poses: designed sets as blue dots, random sets as "
             f"vermilion triangles{plots.only(campaign.trials, plots.MOST_VIEWS)}.",
@@ -101,7 +97,7 @@ def design_section(campaign: Campaign) -> Section:
 def beaten(one: RandomSets) -> str:
     """How many random sets a designed set beats in its own figure."""
     all_of_them = "all" if one.beaten == len(one.values) else str(one.beaten) + " of"
-    own, mean, best = (figure(one.unit, v) for v in (one.chosen_value, mean_of(one), one.best))
+    own, mean, best = figures(one)
     side = "above" if one.larger_is_better else "below"
     return (
         f"{one.trial} ({counted(one.n_poses, 'pose')}) beats {all_of_them} {len(one.values)} "
@@ -117,7 +113,7 @@ def beaten_table(sets: Sequence[RandomSets]) -> Table:
         (
             one.trial,
             one.criterion,
-            *(figure(one.unit, v) for v in (one.chosen_value, mean_of(one), one.best)),
+            *figures(one),
             f"{one.beaten} of {len(one.values)}",
             significant(ahead(one), 2),
         )
@@ -125,21 +121,18 @@ def beaten_table(sets: Sequence[RandomSets]) -> Table:
     ]
     return Table(
         caption="Each designed set beside random sets of the same size, in its own figure",
-        head=(
-            "trial",
-            "criterion",
-            "this set",
-            "random: mean",
-            "best",
-            "beaten",
-            "ahead by sd",
-        ),
+        head=heads("trial, criterion, this set, random: mean, best, beaten, ahead by sd"),
         rows=tuple(rows),
         align="llrrrrr",
         note="D (O1), E (O3), O2, O4, O5: an index, larger is better. A, V, G: a standard "
         "uncertainty, smaller is better. ahead by sd: distance from the mean of the random sets in "
         "their standard deviations, positive if this set is better.",
     )
+
+
+def figures(one: RandomSets) -> tuple[str, ...]:
+    """Figure of the set, and the mean and the best of the random ones."""
+    return tuple(figure(one.unit, v) for v in (one.chosen_value, mean_of(one), one.best))
 
 
 def figure(unit: str, value: float) -> str:

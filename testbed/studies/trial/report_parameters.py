@@ -4,7 +4,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.model import RobotModel
-from testbed.report.page import Block, Points, Section, Table, Text
+from testbed.report.page import Block, Points, Section, Table, Text, heads
 from testbed.studies.trial import plots
 from testbed.studies.trial.records import Campaign, Estimate, Trial
 from testbed.units import counted, in_units, sentence, significant, unit_of, with_uncertainty
@@ -46,11 +46,9 @@ def parameter_table(nominal: RobotModel, trial: Trial, estimate: Estimate) -> Ta
     found, seen = estimate.identification, estimate.comparison
     is_length = found.parameters.is_length[found.parameters.free_index]
     known = dict(zip(nominal.names, nominal_values(nominal), strict=True))
-    start = in_units(np.array([known.get(name, 0.0) for name in found.names]), is_length)
-    step = in_units(found.step, is_length)
-    true = in_units(seen.true_step, is_length)
-    u = in_units(found.standard_uncertainty, is_length)
-    type_a = in_units(estimate.type_a, is_length)
+    at = np.array([known.get(name, 0.0) for name in found.names])
+    values = (at, found.step, seen.true_step, found.standard_uncertainty, estimate.type_a)
+    start, step, true, u, type_a = (in_units(numbers, is_length) for numbers in values)
     rows = []
     for k, name in enumerate(found.names):
         cells = with_uncertainty(
@@ -65,16 +63,9 @@ def parameter_table(nominal: RobotModel, trial: Trial, estimate: Estimate) -> Ta
     return Table(
         caption=f"{trial.name}, {plots.mode_name(estimate)}: "
         f"{int(seen.parameter_inside.sum())} of {len(rows)} inside",
-        head=(
-            "parameter",
-            "unit",
-            "nominal",
-            "identified",
-            "true",
-            "error",
-            "U (k = 2)",
-            f"s of {counted(len(estimate.repeated), 'repeat')}",
-            "inside",
+        head=heads(
+            "parameter, unit, nominal, identified, true, error, U (k = 2), "
+            f"s of {counted(len(estimate.repeated), 'repeat')}, inside"
         ),
         rows=tuple(rows),
         align="llrrrrrrl",
@@ -114,5 +105,5 @@ def identifiable_section(campaign: Campaign) -> Section:
             blocks.append(Points(found.sentences))
         extra = estimate.identification.notes[len(found.sentences) :]
         if extra:
-            blocks.append(Points(tuple(sentence(note) for note in extra)))
+            blocks.append(Points(tuple(map(sentence, extra))))
     return Section("identifiable", "What can be identified", tuple(blocks))

@@ -41,8 +41,7 @@ def budget_bars(statements: list[tuple[str, Statement]]) -> str:
             for k, value in enumerate([*values, statement.combined_u * UM, discrepancy]):
                 label(ax, f"{value:.3g}", (value, k), (3, 0), size=7, va="center", color=SOFT)
             ax.set_yticks(range(len(labels)), labels)
-            ax.set_title(title)
-            ax.set_xlabel("u [µm]")
+            ax.set(title=title, xlabel="u [µm]")
             ax.grid(visible=False, axis="y")
         axes[0].invert_yaxis()
         low, high = axes[0].get_xlim()
@@ -83,10 +82,7 @@ def tool_maps(campaign: Campaign, trial: Trial) -> str:
                 across * MM, up * MM, u.T, cmap=colors, vmin=low, vmax=high, edgecolor="white",
                 linewidth=0.2,
             )  # fmt: skip
-            ax.set_xlabel("x [mm]")
-            ax.set_ylabel(f"{letter} [mm]")
-            ax.set_title(title)
-            ax.set_aspect("equal")
+            ax.set(xlabel="x [mm]", ylabel=f"{letter} [mm]", title=title, aspect="equal")
             numbers(ax, across, up, u, middle)
         figure.colorbar(mesh, ax=axes, label="u [µm]", shrink=0.9)
         return svg_of(figure)
