@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal, get_args
 
 from calib.arrays import Index
 
@@ -53,6 +53,11 @@ class Table:
 def heads(text: str) -> tuple[str, ...]:
     """Heads of a table's columns, written in one line with commas between them."""
     return tuple(text.split(", "))
+
+
+def table_of(rows: Sequence[Mapping[str, str]], caption: str, **look: Any) -> Table:
+    """A table of rows, at least one, whose cells stand under the names of their columns."""
+    return Table(caption, tuple(rows[0]), tuple(tuple(row.values()) for row in rows), **look)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import Field, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,19 +14,21 @@ from testbed.scenario.hashes import goal_part, part, shared_part
 from testbed.scenario.tables import facts_of, robot_of
 from testbed.scenario.truth import TruthSettings, resolved_truth, truth_faults
 from testbed.strict import Fault
-from testbed.studies.protocol import Records
+from testbed.studies.protocol import Record, Records, Task
 from testbed.units import Mean
 
 if TYPE_CHECKING:
+    from testbed.laboratory.truth.laboratory import Setting
     from testbed.robots.catalog import Robot
     from testbed.scenario.scenario import Scenario
+    from testbed.studies.trial.records import Trial
 
 
 T = TypeVar("T")
 TruthName = Literal["rigid", "wen2022", "soft", "elastic", "unmodelled"]
 
 
-TRUTHS: tuple[TruthName, ...] = ("rigid", "wen2022", "soft", "elastic", "unmodelled")
+TRUTHS: tuple[TruthName, ...] = get_args(TruthName)
 """Presets of the truth, from the one a geometric model knows to the one no model knows."""
 
 
@@ -97,6 +99,26 @@ def kind_part(scenario: "Scenario", table: ManyRobots, key: str) -> dict[str, An
     }
 
 
+def records_of_kinds(scenario: "Scenario", table: ManyRobots, kind: type) -> tuple[Record, ...]:
+    """One record per kind of robot, which needs the laboratory and the first trial."""
+    needs, pieces = ("setting", scenario.trial[0].name), pieces_of(table.robots)
+    return tuple(
+        Record(key, kind, kind_part(scenario, table, key), needs=needs, pieces=pieces)
+        for key in played_keys(table)
+    )
+
+
+def robots_of_kind(
+    scenario: "Scenario", table: ManyRobots, task: Task, needed: Records
+) -> tuple["Scenario", "Setting", TruthName, "Trial", range]:
+    """What a piece of work plays: laboratory, kind of robots, first trial, and which robots."""
+    from testbed.laboratory.truth.laboratory import Setting
+    from testbed.studies.trial.records import Trial
+
+    setting, trial = needed.get("setting", Setting), needed.get(scenario.trial[0].name, Trial)
+    return scenario, setting, kind_of(task.key), trial, block_of(table.robots, task.piece)
+
+
 def table_contradictions(table: ManyRobots, scenario: "Scenario") -> list[str]:
     """Sentences, one per contradiction of such a table with itself, tracker or estimator."""
     name, identification = table.table, scenario.identification
@@ -133,42 +155,23 @@ def truths_faults(scenario: "Scenario", robot: "Robot", settings: ManyRobots) ->
 
     faults: list[Fault] = []
     table, truths = settings.table, settings.truths if settings.robots else ()
-    quarters = gravity_quarters(robot.model.chain)
+    quarters, joints = gravity_quarters(robot.model.chain), robot.model.chain.n_joints
     for truth in truths:
         upright = truth == "unmodelled"  # its play goes by the closed form of an upright arm
+        allowed = ""
         if truth in SAGGING and (quarters is None or (upright and quarters != (0, 0))):
             stands = "stands upright" if upright else "stands upright or lies level"
-            faults.append(
-                Fault(
-                    (table, "truths"),
-                    f'[{table}] truths has "{truth}", whose joints sag by a closed form that does '
-                    f"not hold for {robot.name}",
-                    allowed=f"an arm with level parallel axes 2 and 3 that {stands} at zero",
-                    fix=f'remove "{truth}"',
-                    value=truth,
-                )
-            )
-        elif truth == "unmodelled" and robot.model.chain.n_joints < 5:
-            faults.append(
-                Fault(
-                    (table, "truths"),
-                    f'[{table}] truths has "unmodelled", which has play in joint 5; {robot.name} '
-                    f"has {robot.model.chain.n_joints} joints",
-                    fix='remove "unmodelled"',
-                    value=truth,
-                )
-            )
+            said = f", whose joints sag by a closed form that does not hold for {robot.name}"
+            allowed = f"an arm with level parallel axes 2 and 3 that {stands} at zero"
+        elif upright and joints < 5:
+            said = f", which has play in joint 5; {robot.name} has {joints} joints"
         elif other := truth_faults(truth_of_kind(scenario, truth), robot):
-            said = other[0].message.removeprefix("[truth] ")
-            faults.append(
-                Fault(
-                    (table, "truths"),
-                    f'[{table}] truths has "{truth}": {said}',
-                    allowed=other[0].allowed,
-                    fix=f'remove "{truth}"',
-                    value=truth,
-                )
-            )
+            said = f": {other[0].message.removeprefix('[truth] ')}"
+            allowed = other[0].allowed
+        else:
+            continue
+        message, fix = f'[{table}] truths has "{truth}"{said}', f'remove "{truth}"'
+        faults.append(Fault((table, "truths"), message, allowed=allowed, fix=fix, value=truth))
     return faults
 
 

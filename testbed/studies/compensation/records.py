@@ -12,8 +12,6 @@ VARIANTS = ("before", "geometric", "chosen")
 model, corrected by the model that the evidence chooses (the same one on many robots)."""
 FIGURES = ("AP", "RP", "AP angle")
 """Figures of a pose, in the order of their axis; the first two in m, the third in rad."""
-DISTANCES = ("AD", "RD")
-"""Figures of the distance between two poses [m]."""
 WORTH = ("value", "uncertainty", "floor")
 """What stands beside each other for every figure: itself, standard uncertainty, noise floor."""
 
@@ -37,7 +35,7 @@ class CompensationStudy:
     figures: Array
     """(3, 3, 3, R, 5) variant, figure, worth, robot, pose [m or rad]."""
     distances: Array
-    """(3, 2, 3, R) variant, figure, worth, robot [m]; of the way from pose 2 to pose 4."""
+    """(3, 2, 3, R) variant, AD and RD, worth, robot [m]; of the way from pose 2 to pose 4."""
     true: Array
     """(3, R, 5) the secret: distance of the noise-free tool from the command [m]."""
     held_out: Array

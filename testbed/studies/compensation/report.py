@@ -7,7 +7,17 @@ from testbed.studies.compensation.summary import Outcome, Typical, outcomes
 from testbed.studies.protocol import Answer
 from testbed.studies.trial.records import Campaign
 from testbed.studies.trial.verdict import trial_verdict
-from testbed.units import DEG, NARROW, counted, fixed, micrometres, percent, plain, with_uncertainty
+from testbed.units import (
+    MDEG,
+    NARROW,
+    UM,
+    counted,
+    fixed,
+    micrometres,
+    percent,
+    plain,
+    with_uncertainty,
+)
 
 WORDS = {"before": "as it was", "geometric": "geometric model", "chosen": "chosen model"}
 
@@ -54,7 +64,6 @@ def summary_table(studies: tuple[CompensationStudy, ...]) -> Table:
             )
             for study in studies
         ),
-        align="lrrrr",
         note="±: standard uncertainty of the mean of five poses of one robot.",
     )
 
@@ -100,7 +109,7 @@ def level(chosen: Outcome) -> str:
 
 def outcome_table(found: list[tuple[Outcome, ...]], robots: str) -> Table:
     """Truth x way to run the program: every figure with uncertainty and floor."""
-    rows, strong = [], []
+    rows = []
     for three in found:
         for k, row in enumerate(three):
             rows.append(
@@ -114,17 +123,11 @@ def outcome_table(found: list[tuple[Outcome, ...]], robots: str) -> Table:
                     micrometres(row.rp.floor, 2),
                     with_u(row.ad),
                     micrometres(row.ad.floor, 2),
-                    " ± ".join(
-                        with_uncertainty(
-                            row.angle.value * DEG * 1e3, row.angle.uncertainty * DEG * 1e3
-                        )
-                    ),
+                    with_u(row.angle, MDEG),
                     micrometres(row.held_out, 3),
                     f"{row.better} of {row.robots}" if k else "–",
                 )
             )
-            if k == len(three) - 1:
-                strong.append(len(rows) - 1)
     return Table(
         caption=f"ISO 9283 before and after, µm: mean of five poses, median over {robots}",
         head=(
@@ -134,7 +137,7 @@ def outcome_table(found: list[tuple[Outcome, ...]], robots: str) -> Table:
         rows=tuple(rows),
         align="ll" + "r" * 10,
         size="small",
-        strong=tuple(strong),
+        strong=tuple(range(2, len(rows), 3)),  # the chosen model
         note="u: standard uncertainty of one robot's figure, from the scatter of the cycles and "
         "what all readings share. floor: what the figure reads where there is nothing to see: AP "
         "and AD of a robot whose mean is right, RP of one that repeats perfectly. true AP: without "
@@ -159,9 +162,9 @@ def procedure(study: CompensationStudy) -> str:
     )
 
 
-def with_u(found: Typical) -> str:
-    """A length and its standard uncertainty, in um."""
-    return " ± ".join(with_uncertainty(found.value * 1e6, found.uncertainty * 1e6))
+def with_u(found: Typical, factor: float = UM) -> str:
+    """A figure and its standard uncertainty in another unit; a length in um."""
+    return " ± ".join(with_uncertainty(found.value * factor, found.uncertainty * factor))
 
 
 def um(length: float) -> str:

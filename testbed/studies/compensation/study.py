@@ -3,15 +3,13 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from testbed.laboratory.truth.laboratory import Setting
 from testbed.report.page import Section
 from testbed.scenario.scenario import Scenario
 from testbed.studies.compensation.records import CompensationStudy, compensation_of
 from testbed.studies.compensation.settings import CompensationSettings
-from testbed.studies.many_robots import block_of, kind_of, kind_part, pieces_of, played_keys
+from testbed.studies.many_robots import records_of_kinds, robots_of_kind
 from testbed.studies.protocol import Answer, Record, Records, Task
-from testbed.studies.trial.records import Trial, campaign_of
-from testbed.studies.trial.study import SETTING
+from testbed.studies.trial.records import campaign_of
 from testbed.units import Quantity
 
 if TYPE_CHECKING:
@@ -27,22 +25,14 @@ class CompensationStudies:
 
     def records(self, scenario: Scenario) -> tuple[Record, ...]:
         """One record per kind of robot."""
-        table = scenario.table(CompensationSettings)
-        needs, pieces = (SETTING, scenario.trial[0].name), pieces_of(table.robots)
-        return tuple(
-            Record(
-                key, CompensationStudy, kind_part(scenario, table, key), needs=needs, pieces=pieces
-            )
-            for key in played_keys(table)
-        )
+        return records_of_kinds(scenario, scenario.table(CompensationSettings), CompensationStudy)
 
     def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
         """Some robots of one kind."""
         from testbed.studies.compensation.play import play_robots
 
-        robots = block_of(scenario.table(CompensationSettings).robots, task.piece)
-        setting, first = needed.get(SETTING, Setting), needed.get(scenario.trial[0].name, Trial)
-        return play_robots(scenario, setting, kind_of(task.key), first, robots)
+        table = scenario.table(CompensationSettings)
+        return play_robots(*robots_of_kind(scenario, table, task, needed))
 
     def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> object:
         """The robots of all pieces."""

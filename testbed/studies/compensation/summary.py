@@ -1,21 +1,23 @@
 """What the compensation study found, for the report and for result.json."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from calib.arrays import Array
-from testbed.studies.compensation.records import (
-    DISTANCES,
-    FIGURES,
-    VARIANTS,
-    WORTH,
-    CompensationStudy,
-)
-from testbed.units import MDEG, MM, Quantity, in_si
+from testbed.studies.compensation.records import VARIANTS, WORTH, CompensationStudy
+from testbed.units import METRE, RADIAN, Quantity, below, in_si
 
 VALUE, UNCERTAINTY, FLOOR = range(len(WORTH))
+PUBLISHED = {
+    "median": "value",
+    "p05": "low",
+    "p95": "high",
+    "u": "uncertainty",
+    "floor": "floor",
+}
+"""Names of the fields of `Typical` in result.json."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,22 +63,21 @@ class Outcome:
 
 def outcomes(study: CompensationStudy) -> tuple[Outcome, ...]:
     """Before, corrected by the geometric model, corrected by the chosen model."""
-    names = [*FIGURES, *DISTANCES]
     figures = [*study.figures.swapaxes(0, 1), *study.distances.swapaxes(0, 1)[..., None]]
     before = mean_accuracy(study, 0)
     found = []
     for v, variant in enumerate(VARIANTS):
-        typical = {name: _typical(figure[v]) for name, figure in zip(names, figures, strict=True)}
+        ap, rp, angle, ad, rd = (_typical(figure[v]) for figure in figures)
         mean, p95 = np.median(study.held_out[v], axis=1)
         found.append(
             Outcome(
                 truth=study.truth,
                 variant=variant,
-                ap=typical["AP"],
-                rp=typical["RP"],
-                angle=typical["AP angle"],
-                ad=typical["AD"],
-                rd=typical["RD"],
+                ap=ap,
+                rp=rp,
+                angle=angle,
+                ad=ad,
+                rd=rd,
                 true=float(np.median(study.true[v].mean(axis=1))),
                 held_out=float(mean),
                 held_out_p95=float(p95),
@@ -106,73 +107,51 @@ def _typical(figure: Array) -> Typical:
     )  # fmt: skip
 
 
-def compensation_headline(studies: tuple[CompensationStudy, ...]) -> dict[str, Any]:
-    """ISO 9283 figures of every kind of robot before and after."""
-    first = studies[0]
-    return {
-        "robots": len(first.extended),
-        "trial": first.trial,
-        "cycles": first.cycles,
-        "truths": {
-            study.truth: {
-                "extended_chosen": float(study.extended.mean()),
-                **{found.variant: _outcome(found) for found in outcomes(study)},
-            }
-            for study in studies
-        },
-    }
-
-
-def compensation_arrays(
-    studies: tuple[CompensationStudy, ...],
-) -> dict[str, np.ndarray[Any, Any]]:
-    """What each robot gave."""
-    out: dict[str, np.ndarray[Any, Any]] = {}
-    for study in studies:
-        key = f"compensation/{study.truth}"
-        for j, name in enumerate(("AP_m", "RP_m", "AP_angle_rad")):
-            out[f"{key}/{name}"] = study.figures[:, j]
-        for j, name in enumerate(("AD_m", "RD_m")):
-            out[f"{key}/{name}"] = study.distances[:, j]
-        out[f"{key}/true_AP_m"] = study.true
-        out[f"{key}/held_out_m"] = study.held_out
-        out[f"{key}/targets"] = study.targets
-        out[f"{key}/corrected"] = study.corrected
-    return out
-
-
-def _outcome(found: Outcome) -> dict[str, Any]:
-    """One way to run the program."""
-    return {
-        "AP": _figure_numbers(found.ap, MM, "mm"),
-        "RP": _figure_numbers(found.rp, MM, "mm"),
-        "AP_angle": _figure_numbers(found.angle, MDEG, "mdeg"),
-        "AD": _figure_numbers(found.ad, MM, "mm"),
-        "RD": _figure_numbers(found.rd, MM, "mm"),
-        "true_AP_mm": found.true * MM,
-        "held_out_mean_mm": found.held_out * MM,
-        "held_out_p95_mm": found.held_out_p95 * MM,
-        "robots_better": found.better,
-        "targets_not_corrected": found.uncorrected,
-    }
-
-
-def _figure_numbers(found: Typical, factor: float, unit: str) -> dict[str, float]:
-    """One figure."""
-    return {
-        f"median_{unit}": found.value * factor,
-        f"p05_{unit}": found.low * factor,
-        f"p95_{unit}": found.high * factor,
-        f"u_{unit}": found.uncertainty * factor,
-        f"floor_{unit}": found.floor * factor,
-    }
-
-
 def published(studies: tuple[CompensationStudy, ...]) -> list[Quantity]:
     """The study in result.json; nothing where it is off."""
-    return [Quantity("compensation", compensation_headline(studies))] if studies else []
+    if not studies:
+        return []
+    first = studies[0]
+    out = [
+        Quantity("robots", len(first.extended)),
+        Quantity("trial", first.trial),
+        Quantity("cycles", first.cycles),
+    ]
+    for study in studies:
+        key = f"truths/{study.truth}"
+        out.append(Quantity(f"{key}/extended_chosen", study.extended.mean()))
+        for found in outcomes(study):
+            out += below(f"{key}/{found.variant}", _of_variant(found))
+    return below("compensation", out)
 
 
 def published_arrays(studies: tuple[CompensationStudy, ...]) -> list[Quantity]:
-    """The study in arrays.npz."""
-    return in_si(compensation_arrays(studies))
+    """What each robot gave, in arrays.npz."""
+    found = []
+    for study in studies:
+        arrays = {
+            **dict(
+                zip(("AP_m", "RP_m", "AP_angle_rad"), study.figures.swapaxes(0, 1), strict=True)
+            ),
+            **dict(zip(("AD_m", "RD_m"), study.distances.swapaxes(0, 1), strict=True)),
+            "true_AP_m": study.true,
+            "held_out_m": study.held_out,
+            "targets": study.targets,
+            "corrected": study.corrected,
+        }
+        found += below(f"compensation/{study.truth}", in_si(arrays))
+    return found
+
+
+def _of_variant(found: Outcome) -> Iterator[Quantity]:
+    """One way to run the program."""
+    for name in ("AP", "RP", "AP_angle", "AD", "RD"):
+        figure: Typical = getattr(found, name.removeprefix("AP_").lower())
+        unit, ending = (RADIAN, "mdeg") if name == "AP_angle" else (METRE, "mm")
+        for word, field in PUBLISHED.items():
+            yield Quantity(f"{name}/{word}_{ending}", getattr(figure, field), unit)
+    yield Quantity("true_AP_mm", found.true, METRE)
+    yield Quantity("held_out_mean_mm", found.held_out, METRE)
+    yield Quantity("held_out_p95_mm", found.held_out_p95, METRE)
+    yield Quantity("robots_better", found.better)
+    yield Quantity("targets_not_corrected", found.uncorrected)

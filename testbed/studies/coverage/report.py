@@ -62,19 +62,15 @@ def coverage_section(campaign: Campaign) -> Section | None:
 
 def believable_sentence(found: tuple[Cell, ...]) -> str:
     """On which robots each statement keeps its promise, the most believable statement first."""
-    phrases = []
+    phrases, truths = [], list(dict.fromkeys(cell.truth for cell in found))
     for statement in ("conformal", "model", "discrepancy"):
-        kept = {
-            model: [c.truth for c in found if (c.model, c.statement) == (model, statement)
-                    and c.believable]
-            for model in MODELS
-        }  # fmt: skip
-        truths = list(dict.fromkeys(cell.truth for cell in found))
-        if kept[MODELS[0]] == kept[MODELS[1]]:
-            phrases.append(f"{NAMES[statement]} {on(kept[MODELS[0]], truths)} with either model")
+        kept = [(c.model, c.truth) for c in found if c.statement == statement and c.believable]
+        where = [on([truth for m, truth in kept if m == model], truths) for model in MODELS]
+        if where[0] == where[1]:
+            phrases.append(f"{NAMES[statement]} {where[0]} with either model")
         else:
-            each = " and ".join(f"{on(kept[m], truths)} with the {m} model" for m in MODELS)
-            phrases.append(f"{NAMES[statement]} {each}")
+            each = [f"{w} with the {m} model" for w, m in zip(where, MODELS, strict=True)]
+            phrases.append(f"{NAMES[statement]} {' and '.join(each)}")
     text = "; ".join(phrases)
     return f"At {percent(found[0].level)}, these can be believed: {text}."
 
@@ -95,26 +91,23 @@ def joined(words: list[str]) -> str:
 
 def consequences(studies: tuple[CoverageStudy, ...], found: tuple[Cell, ...]) -> tuple[str, ...]:
     """What to take home, in plain sentences."""
-    failing = [c for c in found if c.statement == "model" and not c.believable]
-    said = []
-    by_name = {study.truth: study for study in studies}
+    warned = {
+        (study.truth, model): float(flagged.mean())
+        for study in studies
+        for model, flagged in zip(MODELS, study.flagged, strict=True)
+    }
+    regions, said = [c for c in found if c.statement == "model"], []
     for model in MODELS:
-        rows = [c for c in failing if c.model == model]
-        if not rows:
-            continue
-        inside = span([c.share.value for c in rows])
-        flags = span([float(by_name[c.truth].flagged[MODELS.index(model)].mean()) for c in rows])
-        said.append(
-            f"The model-based region of the {model} model falls short on "
-            f"{joined([c.truth for c in rows])} robots: it holds {inside} of the true points. The "
-            f"program itself says so, from residuals and validation poses, on {flags} of these "
-            "robots."
-        )
-    sound = [
-        float(by_name[c.truth].flagged[MODELS.index(c.model)].mean())
-        for c in found
-        if c.statement == "model" and c.believable
-    ]
+        rows = [c for c in regions if c.model == model and not c.believable]
+        if rows:
+            said.append(
+                f"The model-based region of the {model} model falls short on "
+                f"{joined([c.truth for c in rows])} robots: it holds "
+                f"{span([c.share.value for c in rows])} of the true points. The program itself "
+                "says so, from residuals and validation poses, on "
+                f"{span([warned[c.truth, model] for c in rows])} of these robots."
+            )
+    sound = [warned[c.truth, c.model] for c in regions if c.believable]
     if sound:
         said.append(
             f"Where the model-based region holds, it is rejected on {span(sound)} of the robots."

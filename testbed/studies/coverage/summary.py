@@ -4,8 +4,9 @@ Many cells are looked at together, so that a statement "falls short" is said by 
 at once with 95 % probability (Bonferroni); the same goes for all parameters of a model.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from scipy.special import chdtr, kolmogorov, ndtr
@@ -15,9 +16,14 @@ from calib.uncertainty.regions import coverage_factor
 from testbed.studies.coverage.records import MODELS, STATEMENTS, CoverageStudy
 from testbed.studies.many_robots import family_confidence, mean_over_robots
 from testbed.studies.trial.play import BAND, binomial_band, chi_square_mean_band
-from testbed.units import MM, Mean, Quantity, in_si
+from testbed.units import METRE, Mean, Quantity, below, in_si
 
 Outcome = Literal["holds", "wide", "short"]
+ARRAYS = (
+    *("inside", "radius_m", "mean_error_m", "p_value", "held_out_p", "flagged", "log_evidence"),
+    *("nees", "normal_error"),
+)
+"""Fields of a study that arrays.npz keeps, those that are lengths with their unit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,106 +148,62 @@ def uniform_p(values: Array) -> float:
     return float(kolmogorov((n**0.5 + 0.12 + 0.11 / n**0.5) * gap))
 
 
-def coverage_headline(studies: tuple[CoverageStudy, ...]) -> dict[str, Any]:
-    """Attained coverage of every cell, and what the program's advice was worth."""
-    found = cells(studies)
-    return {
-        "robots": studies[0].before.size,
-        "level": studies[0].level,
-        "truths": {
-            study.truth: {
-                "before_mean_mm": float(study.before.mean() * MM),
-                "extended_chosen": float(study.extended.mean()),
-                **{
-                    model: {
-                        "mean_mm": float(study.mean_error[i].mean() * MM),
-                        "flagged": float(study.flagged[i].mean()),
-                        "converged": float(study.converged[i].mean()),
-                        **{
-                            cell.statement: {
-                                "inside": cell.share.value,
-                                "ci_95": share_interval(cell.share),
-                                "joint_ci_95": share_interval(cell.joint),
-                                "radius_mm": cell.radius * MM,
-                                "outcome": cell.outcome,
-                            }
-                            for cell in found
-                            if (cell.truth, cell.model) == (study.truth, model)
-                        },
-                    }
-                    for i, model in enumerate(MODELS)
-                },
-                "advice_followed": _followed(study),
-            }
-            | _numbers(study)
-            for study in studies
-        },
-    }
-
-
-def coverage_arrays(studies: tuple[CoverageStudy, ...]) -> dict[str, np.ndarray[Any, Any]]:
-    """What each robot gave."""
-    return {
-        f"coverage/{study.truth}/{name}": getattr(study, field)
-        for study in studies
-        for name, field in (
-            ("inside", "inside"),
-            ("radius_m", "radius"),
-            ("mean_error_m", "mean_error"),
-            ("p_value", "p_value"),
-            ("held_out_p", "held_out_p"),
-            ("flagged", "flagged"),
-            ("log_evidence", "log_evidence"),
-            ("nees", "nees"),
-            ("normal_error", "normal_error"),
-        )
-    }
-
-
-def _followed(study: CoverageStudy) -> dict[str, Any]:
-    """Share inside for whoever uses the chosen model and the statement to be believed."""
-    shares, without = followed(study)
-    if len(shares) < 2:
-        return {"inside": None, "ci_95": None, "nothing_to_believe": without}
-    mean = mean_over_robots(shares)
-    return {
-        "inside": mean.value,
-        "ci_95": share_interval(mean),
-        "nothing_to_believe": without,
-    }
-
-
 def share_interval(mean: Mean) -> list[float]:
     """Interval of a share, which ends at none and at all."""
     return [max(mean.low, 0.0), min(mean.high, 1.0)]
 
 
-def _numbers(study: CoverageStudy) -> dict[str, Any]:
-    """The numbers of the geometric model, where it can hold the truth."""
-    check = numbers_check(study)
-    if check is None:
-        return {}
-    return {
-        "numbers": {
-            "count": len(check.names),
-            "inside_mean": float(check.shares.mean()),
-            "inside_min": float(check.shares.min()),
-            "inside_max": float(check.shares.max()),
-            "band_of_all": [float(value) for value in check.band],
-            "nees_mean": check.nees,
-            "nees_band": [float(value) for value in check.nees_band],
-            "nees_p_value": check.nees_p,
-            "ranks_p_value": check.rank_p,
-            "passed": check.passed,
-        }
-    }
-
-
 def published(studies: tuple[CoverageStudy, ...]) -> list[Quantity]:
     """The study in result.json; nothing where it is off."""
-    return [Quantity("coverage", coverage_headline(studies))] if studies else []
+    if not studies:
+        return []
+    first, found = studies[0], cells(studies)
+    out = [Quantity("robots", first.before.size), Quantity("level", first.level)]
+    for study in studies:
+        out += below(f"truths/{study.truth}", _of_kind(study, found))
+    return below("coverage", out)
 
 
 def published_arrays(studies: tuple[CoverageStudy, ...]) -> list[Quantity]:
-    """The study in arrays.npz."""
-    return in_si(coverage_arrays(studies))
+    """What each robot gave, in arrays.npz."""
+    return in_si(
+        {
+            f"coverage/{study.truth}/{name}": getattr(study, name.removesuffix("_m"))
+            for study in studies
+            for name in ARRAYS
+        }
+    )
+
+
+def _of_kind(study: CoverageStudy, found: tuple[Cell, ...]) -> Iterator[Quantity]:
+    """Attained coverage on robots of one kind, and what the program's advice was worth."""
+    yield Quantity("before_mean_mm", study.before.mean(), METRE)
+    yield Quantity("extended_chosen", study.extended.mean())
+    for i, model in enumerate(MODELS):
+        yield Quantity(f"{model}/mean_mm", study.mean_error[i].mean(), METRE)
+        yield Quantity(f"{model}/flagged", study.flagged[i].mean())
+        yield Quantity(f"{model}/converged", study.converged[i].mean())
+        for cell in found:
+            if (cell.truth, cell.model) == (study.truth, model):
+                key = f"{model}/{cell.statement}"
+                yield Quantity(f"{key}/inside", cell.share.value)
+                yield Quantity(f"{key}/ci_95", share_interval(cell.share))
+                yield Quantity(f"{key}/joint_ci_95", share_interval(cell.joint))
+                yield Quantity(f"{key}/radius_mm", cell.radius, METRE)
+                yield Quantity(f"{key}/outcome", cell.outcome)
+    shares, without = followed(study)
+    mean = mean_over_robots(shares) if len(shares) > 1 else None
+    yield Quantity("advice_followed/inside", mean and mean.value)
+    yield Quantity("advice_followed/ci_95", mean and share_interval(mean))
+    yield Quantity("advice_followed/nothing_to_believe", without)
+    if (check := numbers_check(study)) is not None:
+        yield Quantity("numbers/count", len(check.names))
+        yield Quantity("numbers/inside_mean", check.shares.mean())
+        yield Quantity("numbers/inside_min", check.shares.min())
+        yield Quantity("numbers/inside_max", check.shares.max())
+        yield Quantity("numbers/band_of_all", check.band)
+        yield Quantity("numbers/nees_mean", check.nees)
+        yield Quantity("numbers/nees_band", check.nees_band)
+        yield Quantity("numbers/nees_p_value", check.nees_p)
+        yield Quantity("numbers/ranks_p_value", check.rank_p)
+        yield Quantity("numbers/passed", check.passed)

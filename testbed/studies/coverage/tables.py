@@ -1,8 +1,10 @@
 """Tables of the coverage study: attained shares with bands, parameters, and the advice."""
 
+from itertools import chain
+
 import numpy as np
 
-from testbed.report.page import Table
+from testbed.report.page import Table, table_of
 from testbed.studies.coverage.records import MODELS, STATEMENTS, CoverageStudy
 from testbed.studies.coverage.summary import Cell, NumbersCheck, cells, followed
 from testbed.studies.many_robots import mean_over_robots
@@ -25,17 +27,14 @@ WORDS = {"holds": "kept", "wide": "wide", "short": "NO"}
 def summary_table(studies: tuple[CoverageStudy, ...]) -> Table:
     """The first screen: one row per kind of robot, a column per model and statement."""
     found = cells(studies)
-    rows = [
-        (
-            study.truth,
-            *(
-                share_of(cell.share.value) + ("" if cell.believable else " NO")
-                for cell in found
-                if cell.truth == study.truth
-            ),
-        )
+    shares = {
+        study.truth: [
+            share_of(cell.share.value) + ("" if cell.believable else " NO")
+            for cell in found
+            if cell.truth == study.truth
+        ]
         for study in studies
-    ]
+    }
     return Table(
         caption=f"Share of true tool points inside {percent(studies[0].level)} statements, over "
         f"{counted(studies[0].before.size, 'robot')} of each kind",
@@ -43,49 +42,32 @@ def summary_table(studies: tuple[CoverageStudy, ...]) -> Table:
             "truth",
             *(f"{model}: {SHORT[statement]}" for model in MODELS for statement in STATEMENTS),
         ),
-        rows=tuple(rows),
-        align="l" + "r" * (len(MODELS) * len(STATEMENTS)),
+        rows=tuple((truth, *cells_of) for truth, cells_of in shares.items()),
         note="NO: falls short by bands over robots that hold for all cells at once.",
     )
 
 
 def coverage_table(studies: tuple[CoverageStudy, ...], found: tuple[Cell, ...]) -> Table:
     """Truth x model x statement: share inside with its band, radius, and the word."""
-    by_name = {study.truth: study for study in studies}
     rows, strong = [], []
-    for k in range(0, len(found), len(STATEMENTS)):
-        three = found[k : k + len(STATEMENTS)]
-        first = three[0]
-        study, i = by_name[first.truth], MODELS.index(first.model)
-        cells_of = [
-            part
-            for cell in three
-            for part in (
-                attained_share(cell.share),
-                micrometres(cell.radius, 3),
-                WORDS[cell.outcome],
-            )
-        ]
-        rows.append(
-            (
-                first.truth if i == 0 else "",
-                first.model,
-                micrometres(float(study.mean_error[i].mean()), 3),
-                *cells_of,
-                percent(float(study.flagged[i].mean())),
-            )
-        )
-        if i == int(study.extended.mean() > 0.5):
-            strong.append(len(rows) - 1)
-    head = [
-        part
-        for statement in STATEMENTS
-        for part in (f"{SHORT[statement]}: inside", "radius µm", "promise")
-    ]
+    for study in studies:
+        for i, model in enumerate(MODELS):
+            cells_of = [
+                (attained_share(cell.share), micrometres(cell.radius, 3), WORDS[cell.outcome])
+                for cell in found
+                if (cell.truth, cell.model) == (study.truth, model)
+            ]
+            error = micrometres(float(study.mean_error[i].mean()), 3)
+            flagged = percent(float(study.flagged[i].mean()))
+            truth = study.truth if i == 0 else ""
+            rows.append((truth, model, error, *chain.from_iterable(cells_of), flagged))
+            if i == int(study.extended.mean() > 0.5):
+                strong.append(len(rows) - 1)
+    head = [(f"{SHORT[statement]}: inside", "radius µm", "promise") for statement in STATEMENTS]
     return Table(
         caption=f"Attained coverage of {percent(studies[0].level)} statements over "
         f"{counted(studies[0].before.size, 'robot')} of each kind",
-        head=("truth", "model", "error µm", *head, "flagged"),
+        head=("truth", "model", "error µm", *chain.from_iterable(head), "flagged"),
         rows=tuple(rows),
         align="llr" + "rrl" * len(STATEMENTS) + "r",
         size="small",
@@ -101,36 +83,24 @@ def coverage_table(studies: tuple[CoverageStudy, ...], found: tuple[Cell, ...]) 
 
 def numbers_table(checks: list[NumbersCheck], study: CoverageStudy) -> Table:
     """Coverage of the parameters, NEES and ranks."""
-    return Table(
-        caption="The numbers of the geometric model against the truth",
-        head=(
-            "truth",
-            "numbers",
-            f"inside {percent(study.level)}: mean",
-            "least",
-            "most",
-            "band of all",
-            "NEES",
-            "band",
-            "NEES p",
-            "ranks p",
-        ),
-        rows=tuple(
-            (
-                check.truth,
-                str(len(check.names)),
-                share_of(float(check.shares.mean())),
-                share_of(float(check.shares.min())),
-                share_of(float(check.shares.max())),
-                f"{share_of(check.band[0])} to {share_of(check.band[1])}",
-                significant(check.nees, 4),
-                f"{check.nees_band[0]:.2f} to {check.nees_band[1]:.2f}",
-                probability(check.nees_p),
-                probability(check.rank_p),
-            )
-            for check in checks
-        ),
-        align="lrrrrrrrrr",
+    rows = [
+        {
+            "truth": check.truth,
+            "numbers": str(len(check.names)),
+            f"inside {percent(study.level)}: mean": share_of(float(check.shares.mean())),
+            "least": share_of(float(check.shares.min())),
+            "most": share_of(float(check.shares.max())),
+            "band of all": f"{share_of(check.band[0])} to {share_of(check.band[1])}",
+            "NEES": significant(check.nees, 4),
+            "band": f"{check.nees_band[0]:.2f} to {check.nees_band[1]:.2f}",
+            "NEES p": probability(check.nees_p),
+            "ranks p": probability(check.rank_p),
+        }
+        for check in checks
+    ]
+    return table_of(
+        rows,
+        "The numbers of the geometric model against the truth",
         note="band of all: holds the shares of all numbers at once in 99.9 % of honest studies. "
         "NEES: mean squared joint error in units of the stated covariance, expected the count of "
         "numbers, with its 99.9 % band; NEES p: its whole distribution against chi-square. ranks "
@@ -146,26 +116,24 @@ def advice_table(studies: tuple[CoverageStudy, ...]) -> Table:
         robots = np.arange(study.before.size)
         told = study.believed[study.extended.astype(int), robots]
         shares, _ = followed(study)
+        believed = {
+            f"believe {SHORT[statement]}": percent(float((told == j).mean()))
+            for j, statement in enumerate(STATEMENTS)
+        }
         rows.append(
-            (
-                study.truth,
-                fixed(float(study.before.mean()) * MM, 3),
-                percent(float(study.extended.mean())),
-                *(percent(float((told == j).mean())) for j in range(len(STATEMENTS))),
-                attained_share(mean_over_robots(shares)) if len(shares) > 1 else "–",
-            )
+            {
+                "truth": study.truth,
+                "before mm": fixed(float(study.before.mean()) * MM, 3),
+                "extended chosen": percent(float(study.extended.mean())),
+                **believed,
+                "inside, advice followed": attained_share(mean_over_robots(shares))
+                if len(shares) > 1
+                else "–",
+            }
         )
-    return Table(
-        caption="What the program advises, and what comes of it",
-        head=(
-            "truth",
-            "before mm",
-            "extended chosen",
-            *(f"believe {SHORT[statement]}" for statement in STATEMENTS),
-            "inside, advice followed",
-        ),
-        rows=tuple(rows),
-        align="l" + "r" * (len(STATEMENTS) + 3),
+    return table_of(
+        rows,
+        "What the program advises, and what comes of it",
         note="before: mean held-out error of the nominal model. believe: share of the robots on "
         "which the program says to believe this statement of the chosen model. advice followed: "
         "share inside that statement.",

@@ -1,18 +1,20 @@
 """The report's section on many pose sets: which is best, by how much, and can that be told."""
 
+from typing import get_args
+
 from testbed.report.intervals import percent_of
-from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict
+from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict, table_of
 from testbed.studies.many_robots import CONFIDENCE, Outcome
 from testbed.studies.pose_sets.compare import Contest, Entry, contest_of
 from testbed.studies.pose_sets.plots import forest, kinds
 from testbed.studies.pose_sets.records import population_of
+from testbed.studies.protocol import Answer
 from testbed.studies.trial.plots import MOST_VIEWS, only
 from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.verdict import trial_verdict
 from testbed.units import counted, fixed, micrometres, millimetres, percent, plain
 
 NONE = "–"
-WORDS: dict[Outcome, str] = {"better": "better", "worse": "worse", "undecided": "undecided"}
 
 
 def pose_sets_section(campaign: Campaign) -> Section:
@@ -53,7 +55,7 @@ def procedure(campaign: Campaign, contest: Contest) -> str:
 def in_short(contest: Contest) -> tuple[str, ...]:
     """What the numbers say, the plainest first."""
     rivals = [entry for entry in contest.entries if entry.ratio is not None]
-    number = {o: sum(entry.outcome == o for entry in rivals) for o in WORDS}
+    number = {o: sum(entry.outcome == o for entry in rivals) for o in get_args(Outcome)}
     said = [
         f"Of {counted(len(rivals), 'chosen set')} {number['better']} are better than random sets "
         f"of the same size, {number['worse']} are worse, and {number['undecided']} cannot be told "
@@ -162,49 +164,38 @@ def signed(change: float) -> str:
 
 def size_table(contest: Contest, poses: int) -> Table:
     """Every set of one size, best first."""
-    rows: list[tuple[str, ...]] = []
-    strong: tuple[int, ...] = ()
+    rows, strong = [], []
     for k, entry in enumerate(contest.of_size(poses)):
         error = f"{millimetres(entry.error.value)} ± {millimetres(entry.error.half_width, 2)}"
+        against, word, wins = "the reference", NONE, NONE
         if entry.ratio is None:
-            against, wins, strong = "the reference", NONE, (k,)
+            strong = [k]
         else:
             middle, low, high = percent_of(entry.ratio)
             against = f"{signed(middle)} ({fixed(low, 1)} to {fixed(high, 1)})"
-            wins = percent(entry.wins)
+            word, wins = entry.outcome, percent(entry.wins)
+        method, criterion = chosen_by(entry.trial)
         rows.append(
-            (
-                entry.trial.name,
-                *chosen_by(entry.trial),
-                micrometres(entry.goal_u),
-                NONE if entry.efficiency is None else floored(entry.efficiency),
-                error,
-                against,
-                NONE if entry.ratio is None else WORDS[entry.outcome],
-                wins,
-                millimetres(entry.noise, 2),
-                millimetres(entry.model, 2) if entry.model else "0",
-            )
+            {
+                "set": entry.trial.name,
+                "chosen by": method,
+                "criterion": criterion,
+                "promised u µm": micrometres(entry.goal_u),
+                "efficiency": NONE if entry.efficiency is None else floored(entry.efficiency),
+                "mean error mm": error,
+                "against random": against,
+                "so it is": word,
+                "wins": wins,
+                "noise mm": millimetres(entry.noise, 2),
+                "model mm": millimetres(entry.model, 2) if entry.model else "0",
+            }
         )
-    return Table(
-        caption=f"Sets of {counted(poses, 'pose')}, best first",
-        head=(
-            "set",
-            "chosen by",
-            "criterion",
-            "promised u µm",
-            "efficiency",
-            "mean error mm",
-            "against random",
-            "so it is",
-            "wins",
-            "noise mm",
-            "model mm",
-        ),
-        rows=tuple(rows),
+    return table_of(
+        rows,
+        f"Sets of {counted(poses, 'pose')}, best first",
         align="lllrrrrlrrr",
         size="small",
-        strong=strong,
+        strong=tuple(strong),
         note=""
         if poses != contest.sizes[-1]
         else "promised u: RMS over the goal poses of the predicted 3-D standard uncertainty of the "
@@ -233,21 +224,21 @@ def floored(efficiency: float) -> str:
 
 def summary_table(campaign: Campaign) -> Table:
     """The first page of a contest: each kind of set against random ones, a column per size."""
-    contest = contest_of(campaign)
-    rows = []
-    for name, row in kinds(contest).items():
-        cells = [cell(row.get(poses)) for poses in contest.sizes]
-        rows.append((name, *cells))
+    contest, study = contest_of(campaign), population_of(campaign)
+    assert study is not None, "a contest has a population"
+    rows = {
+        name: [cell(row.get(poses)) for poses in contest.sizes]
+        for name, row in kinds(contest).items()
+    }
     return Table(
         caption="Mean tool error on held-out poses against random sets of the same size, over "
         f"{counted(contest.robots, 'robot')}",
         head=("pose set", *(f"{poses} poses" for poses in contest.sizes)),
-        rows=tuple(rows),
-        align="l" + "r" * len(contest.sizes),
+        rows=tuple((name, *cells) for name, cells in rows.items()),
         note="better, worse: by intervals that all hold at once with 95 % probability "
         f"({counted(contest.comparisons, 'comparison')}); without a word: cannot be told apart. "
         "random: its mean error, before calibration "
-        f"{before(campaign)} mm.",
+        f"{millimetres(float(study.before.mean()))} mm.",
     )
 
 
@@ -261,20 +252,14 @@ def cell(entry: Entry | None) -> str:
     return f"{word}{signed(percent_of(entry.ratio)[0])}"
 
 
-def before(campaign: Campaign) -> str:
-    """Mean error of the nominal model over robots, in mm."""
-    study = population_of(campaign)
-    assert study is not None, "a contest has a population"
-    return millimetres(float(study.before.mean()))
-
-
-def contest_verdict(campaign: Campaign) -> Verdict:
+def answer(campaign: Campaign) -> Answer:
     """How many chosen pose sets beat random ones; the stated uncertainty comes last."""
-    first, *rest = in_short(contest_of(campaign))
-    own = trial_verdict(campaign)
-    rivals = [e.outcome for e in contest_of(campaign).entries if e.ratio is not None]
+    contest, own = contest_of(campaign), trial_verdict(campaign)
+    first, *rest = in_short(contest)
+    rivals = [entry.outcome for entry in contest.entries if entry.ratio is not None]
     better, worse = rivals.count("better"), rivals.count("worse")
     mark = f"{'✓' if better > worse else '✗'} {better} of {len(rivals)} chosen pose sets beat "
     mark += f"random ones of their size, {worse} are worse"
     said = tuple(plain(text) for text in (*rest, own.sentence))
-    return Verdict(own.believable, own.contradicted, plain(first), said, mark)
+    verdict = Verdict(own.believable, own.contradicted, plain(first), said, mark)
+    return Answer(verdict, summary_table(campaign), advice(contest))

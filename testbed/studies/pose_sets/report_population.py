@@ -1,16 +1,15 @@
 """The report's section on many robots: which pose set is better, and whether that can be told."""
 
-import numpy as np
-
 from calib.arrays import Array
-from testbed.report.page import Points, Section, Table, Text
+from testbed.report.intervals import percent_of
+from testbed.report.page import Points, Section, Table, Text, table_of
 from testbed.studies.many_robots import (
     family_confidence,
     log_ratio_over_robots,
     mean_over_robots,
     outcome_of,
 )
-from testbed.studies.pose_sets.compare import random_partner
+from testbed.studies.pose_sets.compare import random_partner, rms
 from testbed.studies.pose_sets.records import PopulationStudy, population_of
 from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.report import set_in_words
@@ -40,49 +39,33 @@ def population_section(campaign: Campaign) -> Section | None:
 def error_table(campaign: Campaign, study: PopulationStudy) -> Table:
     """Mean held-out error over robots, per trial and estimator."""
     modes = campaign.scenario.identification.estimators
-    reference = {t.name: random_partner(campaign, t) for t in campaign.trials}
     rows = []
     for i, trial in enumerate(campaign.trials):
-        partner = reference[trial.name]
+        partner = random_partner(campaign, trial)
         for j, mode in enumerate(modes):
-            errors = study.mean_error[i, j]
+            errors, ratio = study.mean_error[i, j], "–"
+            if partner is not None and partner is not trial:
+                other = study.mean_error[index(campaign, partner), j]
+                ratio = ratio_in_words(log_ratio_over_robots(errors, other))
             mean = mean_over_robots(errors)
-            ratio = (
-                ratio_in_words(
-                    log_ratio_over_robots(errors, study.mean_error[index(campaign, partner), j])
-                )
-                if partner is not None and partner is not trial
-                else "–"
-            )
-            rms = float(np.sqrt(np.mean(study.rms_error[i, j] ** 2)))
-            u = float(np.sqrt(np.mean(study.stated_u[i, j] ** 2)))
+            error, u = rms(study.rms_error[i, j]), rms(study.stated_u[i, j])
             rows.append(
-                (
-                    trial.name if j == 0 else "",
-                    set_in_words(trial) if j == 0 else "",
-                    "default" if mode == "whitened" else mode,
-                    f"{millimetres(mean.value)} ± {millimetres(mean.half_width, 2)}",
-                    ratio,
-                    millimetres(rms),
-                    millimetres(u),
-                    f"{rms / u:.2f}",
-                    f"{100 * study.inside[i, j].mean():.0f} %",
-                )
+                {
+                    "trial": trial.name if j == 0 else "",
+                    "pose set": set_in_words(trial) if j == 0 else "",
+                    "estimator": "default" if mode == "whitened" else mode,
+                    "mean error mm": f"{millimetres(mean.value)} ± "
+                    f"{millimetres(mean.half_width, 2)}",
+                    "against random": ratio,
+                    "rms mm": millimetres(error),
+                    "stated u mm": millimetres(u),
+                    "rms / u": f"{error / u:.2f}",
+                    "inside 95 %": f"{100 * study.inside[i, j].mean():.0f} %",
+                }
             )
-    return Table(
-        caption=f"Held-out error of each pose set over {counted(study.before.size, 'robot')}",
-        head=(
-            "trial",
-            "pose set",
-            "estimator",
-            "mean error mm",
-            "against random",
-            "rms mm",
-            "stated u mm",
-            "rms / u",
-            "inside 95 %",
-        ),
-        rows=tuple(rows),
+    return table_of(
+        rows,
+        f"Held-out error of each pose set over {counted(study.before.size, 'robot')}",
         align="lllrrrrrr",
         size="small",
         note="against random: geometric mean over robots of the ratio to the random set of the "
@@ -122,5 +105,5 @@ def index(campaign: Campaign, trial: Trial) -> int:
 
 def ratio_in_words(ratio: Mean) -> str:
     """A ratio from its logarithm, as a change in percent with its interval."""
-    middle, low, high = (100 * (np.exp(x) - 1) for x in (ratio.value, ratio.low, ratio.high))
+    middle, low, high = percent_of(ratio)
     return f"{middle:+.0f} % ({low:+.0f} to {high:+.0f} %)"

@@ -1,57 +1,39 @@
 """What the comparison of pose sets publishes in result.json."""
 
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
-from testbed.studies.pose_sets.compare import contest_of
+from testbed.studies.pose_sets.compare import contest_of, rms
 from testbed.studies.pose_sets.records import PopulationStudy, population_of
 from testbed.studies.trial.records import Campaign
-from testbed.units import MM, Quantity
+from testbed.units import METRE, Quantity, below
 
 
 def published(campaign: Campaign) -> list[Quantity]:
     """Errors over many robots; nothing where the study is off."""
     study = population_of(campaign)
-    return [] if study is None else [Quantity("population", _population(study, campaign))]
+    return [] if study is None else below("population", _population(study, campaign))
 
 
-def _population(study: PopulationStudy, campaign: Campaign) -> dict[str, Any]:
-    """Errors over many robots."""
-    modes, against = campaign.scenario.identification.estimators, _against_random(campaign)
-    return {
-        "robots": study.before.size,
-        "before_mean_mm": float(study.before.mean() * MM),
-        "trials": {
-            name: {
-                mode: {
-                    "mean_mm": float(study.mean_error[i, j].mean() * MM),
-                    "rms_mm": float(np.sqrt(np.mean(study.rms_error[i, j] ** 2)) * MM),
-                    "stated_u_3d_rms_mm": float(np.sqrt(np.mean(study.stated_u[i, j] ** 2)) * MM),
-                    "inside_95": float(study.inside[i, j].mean()),
-                }
-                for j, mode in enumerate(modes)
-            }
-            | {"promised_u_3d_rms_mm": float(np.sqrt(np.mean(study.goal_u[i] ** 2)) * MM)}
-            | ({"against_random": against[name]} if name in against else {})
-            for i, name in enumerate(study.trials)
-        },
-    }
-
-
-def _against_random(campaign: Campaign) -> dict[str, Any]:
-    """Error ratio of each set to the random set of its size, by itself and with all others."""
-    study = population_of(campaign)
-    if study is None or study.before.size < 2:
-        return {}
-    return {
-        entry.trial.name: {
-            "error_ratio": float(np.exp(entry.ratio.value)),
-            "ci_95": [float(np.exp(entry.ratio.low)), float(np.exp(entry.ratio.high))],
-            "joint_ci_95": [float(np.exp(entry.joint.low)), float(np.exp(entry.joint.high))],
-            "outcome": entry.outcome,
-            "smaller_error_share": entry.wins,
-        }
-        for entry in contest_of(campaign).entries
-        if entry.ratio is not None and entry.joint is not None
-    }
+def _population(study: PopulationStudy, campaign: Campaign) -> Iterator[Quantity]:
+    """Errors of each set by estimator, and their ratio to those of the random set of its size."""
+    yield Quantity("robots", study.before.size)
+    yield Quantity("before_mean_mm", study.before.mean(), METRE)
+    entries = contest_of(campaign).entries if study.before.size > 1 else ()
+    for i, name in enumerate(study.trials):
+        for j, mode in enumerate(campaign.scenario.identification.estimators):
+            key = f"trials/{name}/{mode}"
+            yield Quantity(f"{key}/mean_mm", study.mean_error[i, j].mean(), METRE)
+            yield Quantity(f"{key}/rms_mm", rms(study.rms_error[i, j]), METRE)
+            yield Quantity(f"{key}/stated_u_3d_rms_mm", rms(study.stated_u[i, j]), METRE)
+            yield Quantity(f"{key}/inside_95", study.inside[i, j].mean())
+        yield Quantity(f"trials/{name}/promised_u_3d_rms_mm", rms(study.goal_u[i]), METRE)
+        for entry in entries:
+            if entry.trial.name == name and entry.ratio is not None and entry.joint is not None:
+                key = f"trials/{name}/against_random"
+                yield Quantity(f"{key}/error_ratio", np.exp(entry.ratio.value))
+                for word, mean in (("ci_95", entry.ratio), ("joint_ci_95", entry.joint)):
+                    yield Quantity(f"{key}/{word}", [np.exp(end) for end in (mean.low, mean.high)])
+                yield Quantity(f"{key}/outcome", entry.outcome)
+                yield Quantity(f"{key}/smaller_error_share", entry.wins)

@@ -7,7 +7,7 @@ from testbed.laboratory.truth.laboratory import Setting
 from testbed.report.page import Section
 from testbed.scenario.scenario import Scenario
 from testbed.studies.many_robots import block_of, pieces_of
-from testbed.studies.pose_sets.records import POPULATION, PopulationStudy, population_of
+from testbed.studies.pose_sets.records import POPULATION, PopulationStudy
 from testbed.studies.protocol import Answer, Record, Records, Task
 from testbed.studies.trial.records import Trial, campaign_of
 from testbed.studies.trial.study import SETTING, campaign_part
@@ -49,16 +49,10 @@ class PoseSetsStudy:
     def answer(self, scenario: Scenario, records: Records) -> Answer | None:
         """How many sets beat random ones, where many sets are compared."""
         from testbed.studies.pose_sets import report
-        from testbed.studies.pose_sets.compare import contest_of, has_contest
+        from testbed.studies.pose_sets.compare import has_contest
 
         campaign = campaign_of(scenario, records)
-        if not has_contest(campaign):
-            return None
-        return Answer(
-            report.contest_verdict(campaign),
-            report.summary_table(campaign),
-            report.advice(contest_of(campaign)),
-        )
+        return report.answer(campaign) if has_contest(campaign) else None
 
     def results(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
         """Errors over many robots."""
@@ -72,16 +66,13 @@ class PoseSetsStudy:
 
     def sections(self, scenario: Scenario, records: Records, *, first: bool) -> Sequence[Section]:
         """The comparison, or where few sets were played what each is worth on many robots."""
+        from testbed.studies.pose_sets.compare import has_contest
         from testbed.studies.pose_sets.report import pose_sets_section
         from testbed.studies.pose_sets.report_population import population_section
 
         campaign = campaign_of(scenario, records)
-        study = population_of(campaign)
-        if study is None:
-            return ()
-        if self.answer(scenario, records) is not None:
-            return (pose_sets_section(campaign),)
-        section = population_section(campaign)
+        make = pose_sets_section if has_contest(campaign) else population_section
+        section = make(campaign)
         return () if section is None else (section,)
 
     def recording(self, scenario: Scenario, records: Records) -> Sequence["Chapter"]:
