@@ -4,33 +4,16 @@ The paper measured one robot. Judged is the kind of robots that keeps an error a
 after calibration; the other kinds stand beside it.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
 from testbed.report.intervals import change, plus_minus, printed_change, share, signed, within
 from testbed.studies.trial.records import Campaign
-from testbed.studies.wen2022 import paper
+from testbed.studies.wen2022 import paper, summary
 from testbed.studies.wen2022.finding import Finding, Verdict
-from testbed.studies.wen2022.records import (
-    STATEMENTS,
-    PoolSets,
-    Reexamined,
-    pool_sets_of,
-    reexamined_of,
-)
-from testbed.studies.wen2022.summary import (
-    Errors,
-    Split,
-    errors,
-    over,
-    partner_of,
-    predictions,
-    printed_split,
-    splits,
-    statements,
-)
+from testbed.studies.wen2022.records import STATEMENTS, Reexamined, pools_of, reexamined_of
+from testbed.studies.wen2022.summary import PaperRow, Split, like_the_paper, over, paper_rows
 from testbed.units import MM, NARROW, Mean, fixed
 
 LEVEL = 0.95
@@ -40,67 +23,21 @@ NEAR = 1.5
 """Times the printed ratio that a ratio may be and still count as it."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PaperRow:
-    """One set of Tables 1 and 2 on one kind of robots, paper estimator; lengths in m."""
-
-    printed: paper.SetError
-    held_out: paper.HeldOutError
-    place: int
-    """Of the trial in the record."""
-    own_before: Mean
-    own_after: Mean
-    after: Mean
-
-
-def like_the_paper(studies: tuple[Reexamined, ...]) -> Reexamined:
-    """The kind of robots whose error after calibration is nearest to the printed one, by ratio."""
-    printed = float(np.mean([row.after_mm for row in paper.TABLE2])) / MM
-    return min(studies, key=lambda study: abs(np.log(study.error[:, 0].mean() / printed)))
+def judged_kind(campaign: Campaign) -> Reexamined:
+    """The kind on which the claims are judged."""
+    return like_the_paper(reexamined_of(campaign))
 
 
 def beside(campaign: Campaign) -> tuple[Reexamined, ...]:
     """The other kinds."""
-    judged = like_the_paper(reexamined_of(campaign))
+    judged = judged_kind(campaign)
     return tuple(study for study in reexamined_of(campaign) if study is not judged)
-
-
-def pools_of(campaign: Campaign) -> PoolSets:
-    """The sets that all kinds share."""
-    sets = pool_sets_of(campaign)
-    assert sets is not None, "asked only where the study was played"
-    return sets
-
-
-def paper_rows(study: Reexamined, sets: PoolSets) -> tuple[PaperRow, ...] | None:
-    """Tables 1 and 2 on one kind of robots; None unless all four sets were played."""
-    rows = []
-    for one, two in zip(paper.TABLE1, paper.TABLE2, strict=True):
-        trial = next(
-            (
-                each.trial
-                for each in sets.sets[:-1]
-                if each.poses == one.poses
-                and (
-                    each.by_paper and each.criterion == one.index
-                    if one.optimal
-                    else not each.designed
-                )
-            ),
-            None,
-        )
-        if trial is None:
-            return None
-        i = study.trials.index(trial)
-        figures = (study.own_before[i], study.own_after[i], study.error[i, 0])
-        rows.append(PaperRow(one, two, i, *(over(figure, study.pool) for figure in figures)))
-    return tuple(rows)
 
 
 def own_errors(campaign: Campaign) -> Finding | None:
     """Claim 12: Table 1."""
-    sets, study = pools_of(campaign), like_the_paper(reexamined_of(campaign))
-    rows = paper_rows(study, sets)
+    study = judged_kind(campaign)
+    rows = paper_rows(study, pools_of(campaign))
     if rows is None:
         return None
     places = [row.place for row in rows]
@@ -125,19 +62,16 @@ def own_errors(campaign: Campaign) -> Finding | None:
 
 def held_out_errors(campaign: Campaign) -> Finding | None:
     """Claim 13: Table 2."""
-    sets, study = pools_of(campaign), like_the_paper(reexamined_of(campaign))
-    rows = paper_rows(study, sets)
+    study = judged_kind(campaign)
+    rows = paper_rows(study, pools_of(campaign))
     if rows is None:
         return None
-    printed = [rows[k].held_out.after_mm / rows[k + 1].held_out.after_mm for k in (0, 2)]
+    printed = [paper.SETS[k].held_out_mm / paper.SETS[k + 1].held_out_mm for k in (0, 2)]
     ratios = table2_ratios(study, rows)
     half = [np.log((1 + one) / 2) for one in printed]
     shown = [r.high < 0 and r.value <= bound for r, bound in zip(ratios, half, strict=True)]
     refuted = [r.low > bound for r, bound in zip(ratios, half, strict=True)]
-    other = [
-        f"on {one.truth} robots {' and '.join(change(r) for r in table2_ratios(one, rows))}"
-        for one in beside(campaign)
-    ]
+    contrast = [on(one, map(change, table2_ratios(one, rows))) for one in beside(campaign)]
     return Finding(
         13,
         decided(shown, refuted),
@@ -145,9 +79,7 @@ def held_out_errors(campaign: Campaign) -> Finding | None:
         f"{', '.join(within(row.after) for row in rows)} mm after",
         f"{where(study)}: the error of the optimal set is {change(ratios[0])} against random at "
         f"{rows[0].printed.poses} poses and {change(ratios[1])} at {rows[2].printed.poses}; "
-        f"printed are {' and '.join(signed(one - 1) for one in printed)}"
-        + "".join(f"; {said}" for said in other)
-        + ".",
+        f"printed are {' and '.join(signed(one - 1) for one in printed)}" + added(contrast) + ".",
     )
 
 
@@ -159,41 +91,39 @@ def table2_ratios(study: Reexamined, rows: tuple[PaperRow, ...]) -> list[Mean]:
 
 def parameter_ratio(campaign: Campaign) -> Finding:
     """Claim 14: mean ratio of parameter uncertainties, and what it is made of."""
-    study = like_the_paper(reexamined_of(campaign))
-    found = splits(reexamined_of(campaign), pools_of(campaign))
+    study = judged_kind(campaign)
+    found = summary.splits(reexamined_of(campaign), pools_of(campaign))
     judged = [split for split in found if split.who == study.truth]
-    printed = printed_split()
+    printed, first = summary.printed_split(), judged[0]
     shown = [split.ratio.high <= NEAR * printed.ratio.value for split in judged]
     refuted = [split.ratio.low > NEAR * printed.ratio.value for split in judged]
-    others = {split.who: [one for one in found if one.who == split.who] for split in found}
     contrast = [
-        f"on {who} robots {' and '.join(plus_minus(one.ratio) for one in rows)}"
-        for who, rows in others.items()
-        if who != study.truth
+        on(other, (plus_minus(split.ratio) for split in found if split.who == other.truth))
+        for other in beside(campaign)
     ]
-    first = judged[0]
     return Finding(
         14,
         decided(shown, refuted),
-        "mean ratio " + ", ".join(f"{plus_minus(one.ratio)} ({one.trial})" for one in judged),
+        f"mean ratio {each_of(judged, 'ratio', ', ')}",
         f"{where(study)}: the paper's own protocol gives {each_of(judged, 'ratio')}. Repeats "
         f"against repeats give {each_of(judged, 'repeats')} (printed "
         f"{fixed(printed.repeats.value, 2)}); the rest is that only the random side counts the "
         f"number and the place of the poses: repeats are {share(first.shares[0])} of its variance "
-        f"(printed {share(printed.shares[0])})" + "".join(f"; {said}" for said in contrast) + ".",
+        f"(printed {share(printed.shares[0])})" + added(contrast) + ".",
     )
 
 
 def like_for_like(campaign: Campaign) -> Finding | None:
     """Claim 15: designed against random sets of the same size, predicted and true."""
-    sets, study = pools_of(campaign), like_the_paper(reexamined_of(campaign))
-    said = {
+    sets, study = pools_of(campaign), judged_kind(campaign)
+    of_its_size = {one.trial: one.poses for one in sets.sets if summary.partner_of(sets, one)}
+    noise_of = {
         (one.trial, one.estimator): one
-        for one in predictions(sets)
-        if same_size(sets, one.trial, one.against)
+        for one in summary.predictions(sets)
+        if of_its_size.get(one.trial) == one.against
     }
-    true = errors(reexamined_of(campaign), sets)
-    judged = [(one, said[one.trial, one.estimator]) for one in true if counts(one, study.truth)]
+    true = summary.errors(reexamined_of(campaign), sets)
+    judged = [(one, noise_of[one.trial, one.estimator]) for one in true if counts(one, study.truth)]
     if not judged:
         return None
     shown = [noise.numbers.high < 1 and one.ratio.high < 0 for one, noise in judged]
@@ -204,8 +134,7 @@ def like_for_like(campaign: Campaign) -> Finding | None:
         for one, noise in judged
     ]
     contrast = [
-        f"on {other.truth} robots "
-        + " and ".join(change(one.ratio) for one in true if counts(one, other.truth))
+        on(other, (change(one.ratio) for one in true if counts(one, other.truth)))
         for other in beside(campaign)
     ]
     return Finding(
@@ -218,29 +147,23 @@ def like_for_like(campaign: Campaign) -> Finding | None:
     )
 
 
-def counts(one: Errors, truth: str) -> bool:
+def counts(one: summary.Errors, truth: str) -> bool:
     """Whether a comparison is about the paper's sets on one kind of robots, noise weighed."""
     return one.by_paper and one.truth == truth and one.estimator == "whitened"
 
 
-def same_size(sets: PoolSets, trial: str, against: int) -> bool:
-    """Whether a prediction is against random sets of the same size."""
-    one = next(each for each in sets.sets if each.trial == trial)
-    return against == one.poses and partner_of(sets, one) is not None
-
-
 def stated(campaign: Campaign) -> Finding:
     """Claim 16: whether 95 % statements made from u_best hold the truth."""
-    study = like_the_paper(reexamined_of(campaign))
-    found = statements(reexamined_of(campaign))
+    study = judged_kind(campaign)
+    found = summary.statements(reexamined_of(campaign))
     judged = [one for one in found if one.truth == study.truth]
     distance, point = (STATEMENTS.index(name) for name in ("distance", "point"))
+    there = "the point lies there at "
     said = [(one.shares[distance], one.shares[point]) for one in judged]
     shown = [all(kept(part) for part in parts) for parts in said]
     refuted = [all(part.high < LEVEL for part in parts) for parts in said]
     contrast = [
-        f"on {other.truth} robots the point lies there at "
-        + " and ".join(share(one.shares[point]) for one in found if one.truth == other.truth)
+        on(other, (share(one.shares[point]) for one in found if one.truth == other.truth), there)
         for other in beside(campaign)
     ]
     return Finding(
@@ -253,7 +176,7 @@ def stated(campaign: Campaign) -> Finding:
         f"{' and '.join(share(one.shares[distance]) for one in judged)}; stated are u = "
         f"{' and '.join(fixed(one.u.value * MM, 4) for one in judged)} mm, the mean errors are "
         f"{' and '.join(fixed(one.error.value * MM, 3) for one in judged)} mm"
-        + "".join(f"; {said}" for said in contrast)
+        + added(contrast)
         + ". Repeats cannot see what the model lacks.",
     )
 
@@ -286,6 +209,16 @@ def where(study: Reexamined) -> str:
     )
 
 
-def each_of(found: list[Split], name: str) -> str:
+def each_of(found: list[Split], name: str, joint: str = " and ") -> str:
     """One figure of each optimal set, with the set's name."""
-    return " and ".join(f"{plus_minus(getattr(one, name))} ({one.trial})" for one in found)
+    return joint.join(f"{plus_minus(getattr(one, name))} ({one.trial})" for one in found)
+
+
+def on(study: Reexamined, figures: Iterable[str], said: str = "") -> str:
+    """What the optimal sets give on another kind of robots."""
+    return f"on {study.truth} robots {said}{' and '.join(figures)}"
+
+
+def added(contrast: Iterable[str]) -> str:
+    """What other kinds of robots give, behind a sentence."""
+    return "".join(f"; {said}" for said in contrast)

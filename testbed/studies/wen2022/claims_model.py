@@ -1,5 +1,7 @@
 """Claims 1 to 11: the nominal robot, arithmetic on printed tables, identifiability, the indices."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.special import ndtri
 
@@ -44,7 +46,7 @@ def zero_pose_uncertainty(campaign: Campaign) -> Finding | None:
         return None
     study, best, random = table
     u_best, u_random = study.distance_sd[[best, random], 0] * MM
-    spatial = np.sqrt((study.spread[[best, random], 0] ** 2).sum(-1)) * MM
+    spatial = study.spatial[[best, random], 0] * MM
     # printed to two digits, drawn with a relative scatter of 1 / sqrt(2 M)
     random_holds = within(u_random, paper.U_ZERO_RANDOM_MM, 0.02 + 0.016)
     best_holds = within(u_best, paper.U_ZERO_BEST_MM, 0.02 + 0.015)
@@ -111,7 +113,7 @@ def tool_ratio(campaign: Campaign) -> Finding | None:
     study, best, random = table
     u_best, u_random = study.distance_sd[[best, random], 1:].mean(-1)
     ratio = float(u_best / u_random)
-    spatial = np.sqrt((study.spread[[best, random], 1:] ** 2).sum(-1)).mean(-1) * MM
+    spatial = study.spatial[[best, random], 1:].mean(-1) * MM
     good = abs(ratio - paper.TOOL_RATIO) <= 0.01
     return Finding(
         5,
@@ -170,21 +172,24 @@ def misprinted_distance(campaign: Campaign) -> Finding:
     )
 
 
+def _rank(campaign: Campaign, names: Sequence[str], poses: int = PROBED) -> int:
+    """Rank of the scaled columns of these numbers, from the first poses of the pool."""
+    nominal = campaign.setting.nominal
+    table = parameters_of(nominal, names)
+    _, J = nominal.poses_and_jacobian(campaign.setting.pool_q[:poses])
+    weight = np.array([1.0, 1.0, 1.0, 0.3, 0.3, 0.3])[:, None]
+    A = (J * weight)[:, :, table.free] * table.free_scale
+    return rank(A.reshape(-1, table.n_free))
+
+
 def identifiable(campaign: Campaign) -> Finding:
     """Claim 8: rank of the 30 link columns of full poses, and what the paper's 24 leave out."""
-    nominal = campaign.setting.nominal
-    links = [name for name in nominal.names if name[-1].isdigit() and "." not in name]
-    _, J = nominal.poses_and_jacobian(campaign.setting.pool_q[:PROBED])
-    weight = np.array([1.0, 1.0, 1.0, 0.3, 0.3, 0.3])[:, None]
+    names = campaign.setting.nominal.names
+    links = [name for name in names if name[-1].isdigit() and "." not in name]
 
-    def rank_of(names: "list[str] | tuple[str, ...]") -> int:
-        """Rank of the scaled columns of these numbers."""
-        table = parameters_of(nominal, names)
-        A = (J * weight)[:, :, table.free] * table.free_scale
-        return rank(A.reshape(-1, table.n_free))
-
-    all_links, own = rank_of(links), rank_of(paper.PARAMETERS)
-    more = [n for n in links if n not in paper.PARAMETERS and rank_of((*paper.PARAMETERS, n)) > own]
+    all_links, own = _rank(campaign, links), _rank(campaign, paper.PARAMETERS)
+    others = [name for name in links if name not in paper.PARAMETERS]
+    more = [name for name in others if _rank(campaign, (*paper.PARAMETERS, name)) > own]
     return Finding(
         8,
         "holds" if all_links == own else "does not hold",
@@ -197,38 +202,31 @@ def identifiable(campaign: Campaign) -> Finding:
 
 def number_of_poses(campaign: Campaign) -> Finding:
     """Claim 9: smallest number of poses of full rank, and the pose-count rule."""
-    nominal = campaign.setting.nominal
-    table = parameters_of(nominal, paper.PARAMETERS)
-    _, J = nominal.poses_and_jacobian(campaign.setting.pool_q[:PROBED])
-    A = J[:, :, table.free] * table.free_scale * np.array([1, 1, 1, 0.3, 0.3, 0.3])[:, None]
-    ranks = [rank(A[:m].reshape(-1, table.n_free)) for m in range(1, 9)]
-    least = 1 + int(np.argmax(np.array(ranks) == table.n_free))
+    full = len(paper.PARAMETERS)
+    ranks = [_rank(campaign, paper.PARAMETERS, poses) for poses in range(1, 9)]
+    least = 1 + int(np.argmax(np.array(ranks) == full))
     study, pools = campaign.pose_count, pool_sets_of(campaign)
-    ours = f"mu >= {least}"
-    tail = "The pose-count study was not played."
+    ours, tail = f"mu >= {least}", "The pose-count study was not played."
+    settled: list[str] = []
     if pools is not None and (pools.pose_number > 0).all():
-        low, high = (spread_of(column) for column in pools.pose_number.T)
-        ours += f"; m = {low} and {high}"
-        tail = (
-            f"Over {len(pools.pose_number)} pools the stated rule stops at {low} (O1) and "
-            f"{high} (O2), median and range; printed are {paper.POSE_NUMBER['O1']} and "
-            f"{paper.POSE_NUMBER['O2']}: the same kind of number, but what it settles is the "
-            "index, not the accuracy, and that of O2 depends on the units."
-        )
+        settled = [spread_of(column) for column in pools.pose_number.T]
+        start, over = f"Over {len(pools.pose_number)} pools the", ", median and range;"
     elif study is not None:
-        first, second = (chosen or f"over {study.counts[-1]}" for chosen in study.chosen)
-        ours += f"; m = {first} and {second}"
+        settled = [str(chosen or f"over {study.counts[-1]}") for chosen in study.chosen]
+        start, over = "The", " on this pool,"
+    if settled:
+        ours += f"; m = {settled[0]} and {settled[1]}"
         tail = (
-            f"The stated rule stops at {first} (O1) and {second} (O2) on this "
-            f"pool, printed are {paper.POSE_NUMBER['O1']} and {paper.POSE_NUMBER['O2']}: the same "
-            "kind of number, but what it settles is the index, not the accuracy, and that of O2 "
-            "depends on the units."
+            f"{start} stated rule stops at {settled[0]} (O1) and {settled[1]} (O2){over} printed "
+            f"are {paper.POSE_NUMBER['O1']} and {paper.POSE_NUMBER['O2']}: the same kind of "
+            "number, but what it settles is the index, not the accuracy, and that of O2 depends "
+            "on the units."
         )
     return Finding(
         9,
         "in part",
         ours,
-        f"Two poses have rank {ranks[1]} of {table.n_free}: twelve rows hold six freedoms, so at "
+        f"Two poses have rank {ranks[1]} of {full}: twelve rows hold six freedoms, so at "
         f"least {least} poses are needed. {tail}",
     )
 

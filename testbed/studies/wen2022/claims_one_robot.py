@@ -3,7 +3,7 @@
 import numpy as np
 
 from calib.information.propagation import point_uncertainty
-from testbed.studies.trial.records import Campaign, Estimate, Trial
+from testbed.studies.trial.records import Campaign, Comparison, Estimate, Trial
 from testbed.studies.trial.verdict import ALARM
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.finding import Finding, Verdict
@@ -31,18 +31,21 @@ def trial_like(campaign: Campaign, poses: int, *, optimal: bool, index: str) -> 
     return None
 
 
-def _played(campaign: Campaign) -> list[tuple[paper.SetError, paper.HeldOutError, Estimate]] | None:
-    """Rows of Tables 1 and 2 with our estimates in paper mode; None unless all were played."""
-    rows = []
-    for calibration, held_out in zip(paper.TABLE1, paper.TABLE2, strict=True):
-        trial = trial_like(
-            campaign, calibration.poses, optimal=calibration.optimal, index=calibration.index
-        )
-        estimate = None if trial is None else estimate_of(trial, "paper")
-        if estimate is None:
-            return None
-        rows.append((calibration, held_out, estimate))
-    return rows
+def estimates_like(
+    campaign: Campaign, printed: paper.SetErrors
+) -> tuple[Estimate | None, Estimate | None]:
+    """Our estimates from a set like a printed one: in paper mode, and by the default estimator."""
+    trial = trial_like(campaign, printed.poses, optimal=printed.optimal, index=printed.index)
+    if trial is None:
+        return None, None
+    return estimate_of(trial, "paper"), estimate_of(trial, "whitened")
+
+
+def _played(campaign: Campaign) -> list[Comparison] | None:
+    """Rows of Tables 1 and 2 in paper mode; None unless all were played."""
+    found = [estimates_like(campaign, printed)[0] for printed in paper.SETS]
+    rows = [own.comparison for own in found if own is not None]
+    return rows if len(rows) == len(found) else None
 
 
 def calibration_errors(campaign: Campaign) -> Finding | None:
@@ -50,8 +53,8 @@ def calibration_errors(campaign: Campaign) -> Finding | None:
     rows = _played(campaign)
     if rows is None:
         return None
-    before = [row[2].comparison.identification_before.mean * MM for row in rows]
-    after = [row[2].comparison.identification_after.mean * MM for row in rows]
+    before = [row.identification_before.mean * MM for row in rows]
+    after = [row.identification_after.mean * MM for row in rows]
     reduced = all(a < 0.5 * b for a, b in zip(after, before, strict=True))
     worse = after[0] > after[1]
     lower = before[2] < before[3]
@@ -74,18 +77,19 @@ def held_out_errors(campaign: Campaign) -> Finding | None:
     rows = _played(campaign)
     if rows is None:
         return None
-    before = rows[0][2].comparison.accuracy_before.mean * MM
-    after = [row[2].comparison.accuracy_after.mean * MM for row in rows]
+    before = rows[0].accuracy_before.mean * MM
+    first, second = paper.SETS[0].poses, paper.SETS[2].poses
+    after = [row.accuracy_after.mean * MM for row in rows]
     gains = [1 - after[k] / after[k + 1] for k in (0, 2)]
-    printed = [1 - paper.TABLE2[k].after_mm / paper.TABLE2[k + 1].after_mm for k in (0, 2)]
+    printed = [1 - paper.SETS[k].held_out_mm / paper.SETS[k + 1].held_out_mm for k in (0, 2)]
     # the printed gains are 24 and 26 %: half of that is not a quarter any more
     kept = all(gain >= 0.12 for gain in gains)
     return Finding(
         13,
         "holds" if kept else "in part",
         f"{fixed(before, 3)} before; {', '.join(fixed(a, 3) for a in after)} mm after",
-        f"This campaign: optimal against random is {_gain(gains[0])} at {rows[0][0].poses} poses "
-        f"and {_gain(gains[1])} at {rows[2][0].poses}; printed are gains of "
+        f"This campaign: optimal against random is {_gain(gains[0])} at {first} poses "
+        f"and {_gain(gains[1])} at {second}; printed are gains of "
         f"{percent(printed[0])} and {percent(printed[1])}. From robot to robot such "
         "means scatter by some 15 %, so one robot "
         f"can neither prove nor disprove a gain of a quarter{_left_over(campaign)}.",
@@ -115,9 +119,10 @@ def parameter_ratio(campaign: Campaign) -> Finding | None:
         return None
     ratio = float((budget.best / budget.random).mean())
     repeats = float((budget.best_repeatability / budget.repeatability).mean())
-    share = float((budget.repeatability**2 / budget.random**2).mean())
-    number = float((budget.pose_number**2 / budget.random**2).mean())
-    place = float((budget.location**2 / budget.random**2).mean())
+    share, number, place = (
+        float((part**2 / budget.random**2).mean())
+        for part in (budget.repeatability, budget.pose_number, budget.location)
+    )
     return Finding(
         14,
         "holds" if ratio <= 0.17 else "does not hold",

@@ -31,10 +31,8 @@ def parameter_budget(budget: PaperBudget) -> str:
                 ("optimal, Table 3", printed[0], "o", DARK, 5.5, "none"),
             )
             for label, value, marker, color, size, face in series:
-                y = in_units(value, is_length)[which]
-                ax.plot(
-                    x, y, marker, color=color, markersize=size, markerfacecolor=face, label=label
-                )
+                look: Look = {"color": color, "markersize": size, "markerfacecolor": face}
+                ax.plot(x, in_units(value, is_length)[which], marker, label=label, **look)
             ax.set_yscale("log")
             ax.set_ylabel(f"u [{unit}]")
             ax.set_xticks(x, names, rotation=90)
@@ -49,19 +47,16 @@ def zero_pose_regions(study: ToolPointStudy) -> str:
         axis = "xyz"
         for ax, (i, j) in zip(axes, ((0, 1), (0, 2), (1, 2)), strict=True):
             full = study.covariance[0][np.ix_([i, j], [i, j])]
-            _ellipse(
-                ax, k * np.linalg.cholesky(full) * UM, color=DARK, label="full covariance, 3-D"
-            )
+            factor = k * np.linalg.cholesky(full) * UM
+            _ellipse(ax, factor, color=DARK, label="full covariance, 3-D")
             for source, label, style in (
                 ("ours best", "independent draws, ours", "--"),
                 ("table 3 best", "independent draws, Table 3", ":"),
             ):
                 if source in study.source:
                     spread = study.spread[study.source.index(source), 0][[i, j]]
-                    color = MIDDLE if style == "--" else INK
-                    _ellipse(
-                        ax, k * np.diag(spread) * UM, color=color, linestyle=style, label=label
-                    )
+                    look = {"color": MIDDLE if style == "--" else INK, "linestyle": style}
+                    _ellipse(ax, k * np.diag(spread) * UM, label=label, **look)
             ax.set_xlabel(f"{axis[i]} [µm]")
             ax.set_ylabel(f"{axis[j]} [µm]")
             ax.set_aspect("equal")
@@ -86,10 +81,9 @@ def held_out_uncertainty(study: ToolPointStudy) -> str:
             for source in sources:
                 at, best = study.source.index(source), source.endswith("best")
                 color, name = (DARK, "optimal") if best else (MIDDLE, "random")
-                spatial = np.sqrt((study.spread[at, 1:] ** 2).sum(axis=-1))
                 marker = "o" if best else "^"
                 look: Look = {"color": color, "linestyle": "none", "markersize": 3.2}
-                ax.plot(x, spatial * MM, marker, label=f"{name}, 3-D", **look)
+                ax.plot(x, study.spatial[at, 1:] * MM, marker, label=f"{name}, 3-D", **look)
                 look["markerfacecolor"] = "none"
                 distance = study.distance_sd[at, 1:] * MM
                 ax.plot(x, distance, marker, label=f"{name}, |P| only", **look)

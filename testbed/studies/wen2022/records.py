@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from calib.arrays import Array, Index
 from testbed.studies.many_robots import of_each_kind
 from testbed.studies.trial.records import Campaign
@@ -90,6 +92,11 @@ class Reexamined:
     distance_u: Array
     """(d, R) mean over held-out poses of the stated u of |P| [m]."""
 
+    @property
+    def u_rand(self) -> Array:
+        """(R, f) root sum of squares of u_r, u_p and u_w, eq. (9) [m or rad]."""
+        return np.sqrt(self.u_r**2 + self.u_p**2 + self.u_w**2)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PaperBudget:
@@ -135,6 +142,11 @@ class ToolPointStudy:
     """(1 + t, 3, 3) closed form J C J' [m^2]."""
     draws: int
 
+    @property
+    def spatial(self) -> Array:
+        """(s, 1 + t) standard uncertainty in all three directions, independent draws [m]."""
+        return np.asarray(np.sqrt((self.spread**2).sum(axis=-1)))
+
 
 def paper_budget_of(campaign: Campaign) -> PaperBudget | None:
     """The paper's uncertainties per parameter; None if nobody asked."""
@@ -149,6 +161,11 @@ def tool_point_of(campaign: Campaign) -> ToolPointStudy | None:
 def pool_sets_of(campaign: Campaign) -> PoolSets | None:
     """Pools and sets of the re-examination of the paper; None if nobody asked."""
     return campaign.records.find(SETS_KEY, PoolSets)
+
+
+def pools_of(campaign: Campaign) -> PoolSets:
+    """The same where the study was played."""
+    return campaign.records.get(SETS_KEY, PoolSets)
 
 
 def reexamined_of(campaign: Campaign) -> tuple[Reexamined, ...]:

@@ -11,11 +11,10 @@ from testbed.report.page import Block, Figure, Points, Section, Table, Text, Ver
 from testbed.studies.protocol import Answer
 from testbed.studies.trial.records import Campaign
 from testbed.studies.trial.verdict import trial_verdict
-from testbed.studies.wen2022 import plots as plots_reexamined
-from testbed.studies.wen2022 import tables as report_reexamined_tables
+from testbed.studies.wen2022 import plots, tables
 from testbed.studies.wen2022.claims import Examined, examine
-from testbed.studies.wen2022.claims_many_robots import like_the_paper, pools_of
-from testbed.studies.wen2022.records import reexamined_of
+from testbed.studies.wen2022.claims_many_robots import judged_kind
+from testbed.studies.wen2022.records import pools_of, reexamined_of
 from testbed.studies.wen2022.report_paper import claim_table
 from testbed.studies.wen2022.summary import (
     Split,
@@ -77,7 +76,7 @@ def tally(examined: Examined) -> str:
 
 def chosen_kind(campaign: Campaign) -> str:
     """On which kind of robots the claims are judged, and why."""
-    study = like_the_paper(reexamined_of(campaign))
+    study = judged_kind(campaign)
     if len(reexamined_of(campaign)) < 2:
         return f"Judged on {study.truth} robots."
     left = ", ".join(
@@ -93,7 +92,7 @@ def chosen_kind(campaign: Campaign) -> str:
 def next_step(campaign: Campaign) -> str:
     """What to do instead."""
     found = statements(reexamined_of(campaign))
-    study = like_the_paper(reexamined_of(campaign))
+    study = judged_kind(campaign)
     worst = min(one.shares[1].value for one in found if one.truth == study.truth)
     if worst >= 0.9:
         return "Compare pose sets of the same size, and count the same contributions on both sides."
@@ -107,7 +106,7 @@ def next_step(campaign: Campaign) -> str:
 def summary_table(campaign: Campaign) -> Table:
     """The page's first table: the ratio of the paper taken apart."""
     found = (printed_split(), *splits(reexamined_of(campaign), pools_of(campaign)))
-    return report_reexamined_tables.split_table(found, reexamined_of(campaign)[0].before.size)
+    return tables.split_table(found, reexamined_of(campaign)[0].before.size)
 
 
 def reexamined_section(campaign: Campaign, examined: Examined) -> Section:
@@ -115,7 +114,6 @@ def reexamined_section(campaign: Campaign, examined: Examined) -> Section:
     studies, sets = reexamined_of(campaign), pools_of(campaign)
     apart = (printed_split(), *splits(studies, sets))
     predicted, true, held = predictions(sets), errors(studies, sets), statements(studies)
-    tables = report_reexamined_tables
     blocks: list[Block] = [
         claim_table(examined),
         Text(procedure(campaign)),
@@ -123,13 +121,13 @@ def reexamined_section(campaign: Campaign, examined: Examined) -> Section:
             "Why the printed ratio is small. Left: what the variance of the random side is made "
             "of. Right: the ratio in geometric means, from 1 by way of repeats against repeats "
             "(blue) to the printed kind of ratio (diamond) by what only the random side counts.",
-            plots_reexamined.ratio_apart(apart),
+            plots.ratio_apart(apart),
         ),
         Figure(
             "Like for like: designed against random sets of the same size, with 95 % intervals "
             "over pools (left) and over pools and robots. Left of the line the designed set is "
             "better. The panels have scales of their own.",
-            plots_reexamined.like_for_like(predicted, true),
+            plots.like_for_like(predicted, true),
         ),
         tables.predicted_table(predicted),
         tables.error_table(true),
@@ -137,7 +135,7 @@ def reexamined_section(campaign: Campaign, examined: Examined) -> Section:
             f"Share of the truth inside 95{NARROW}% statements, with 95 % intervals; the line is "
             "the promise. Open: the interval does not reach it. The first three are made from the "
             "paper's u best, the last from the full covariance of a fit.",
-            plots_reexamined.what_u_best_holds(held),
+            plots.what_u_best_holds(held),
         ),
         tables.held_table(held),
         *tables.set_tables(studies, sets),

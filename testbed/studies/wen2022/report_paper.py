@@ -5,11 +5,11 @@ import numpy as np
 from calib.arrays import Array
 from calib.information.propagation import point_uncertainty
 from testbed.report.page import Block, Figure, Section, Table, Text
-from testbed.studies.trial.records import Campaign
+from testbed.studies.trial.records import Campaign, Estimate
 from testbed.studies.trial.report import NONE
 from testbed.studies.wen2022 import paper, plots_paper
 from testbed.studies.wen2022.claims import Examined
-from testbed.studies.wen2022.claims_one_robot import estimate_of, trial_like
+from testbed.studies.wen2022.claims_one_robot import estimates_like
 from testbed.studies.wen2022.paper import CLAIMS
 from testbed.studies.wen2022.records import (
     PaperBudget,
@@ -17,6 +17,7 @@ from testbed.studies.wen2022.records import (
     paper_budget_of,
     tool_point_of,
 )
+from testbed.studies.wen2022.tables import of_columns
 from testbed.units import DEG, MM, fixed
 
 THIS = "this campaign"
@@ -24,46 +25,43 @@ THIS = "this campaign"
 
 def error_tables(campaign: Campaign) -> tuple[Table, ...]:
     """Tables 1 and 2 as printed beside ours; none if the campaign plays no set of the paper."""
-    first, second, found = [], [], False
-    for one, two in zip(paper.TABLE1, paper.TABLE2, strict=True):
-        trial = trial_like(campaign, one.poses, optimal=one.optimal, index=one.index)
-        estimate = None if trial is None else estimate_of(trial, "paper")
-        default = None if trial is None else estimate_of(trial, "whitened")
-        kind = f"{one.poses} {'optimal (' + one.index + ')' if one.optimal else 'random'}"
-        ours: tuple[str, ...] = (NONE,) * 4
-        theirs = NONE
-        if estimate is not None:
-            found, seen = True, estimate.comparison
-            ours = tuple(
-                fixed(value.mean * MM, 3)
-                for value in (
-                    seen.identification_before,
-                    seen.identification_after,
-                    seen.accuracy_before,
-                    seen.accuracy_after,
-                )
-            )
-        if default is not None:
-            theirs = fixed(default.comparison.accuracy_after.mean * MM, 3)
-        first.append((kind, fixed(one.before_mm, 3), ours[0], fixed(one.after_mm, 3), ours[1]))
-        before = fixed(paper.TABLE2_BEFORE_MM, 3)
-        second.append((kind, before, ours[2], fixed(two.after_mm, 3), ours[3], theirs))
-    if not found:
+    played = (estimates_like(campaign, printed) for printed in paper.SETS)
+    ours, default = zip(*played, strict=True)
+    if all(own is None for own in ours):
         return ()
-    head = ("poses", "before, printed", "before, ours", "after, printed", "after, ours")
+    kinds = [printed.kind for printed in paper.SETS]
+
+    def mean(figure: str, of: tuple[Estimate | None, ...]) -> list[str]:
+        """Means of one kind of errors [mm]."""
+        found = [None if one is None else getattr(one.comparison, figure).mean for one in of]
+        return [NONE if value is None else fixed(value * MM, 3) for value in found]
+
+    own_poses = {
+        "poses": kinds,
+        "before, printed": [fixed(printed.before_mm, 3) for printed in paper.SETS],
+        "before, ours": mean("identification_before", ours),
+        "after, printed": [fixed(printed.after_mm, 3) for printed in paper.SETS],
+        "after, ours": mean("identification_after", ours),
+    }
+    held_out = {
+        "poses": kinds,
+        "before, printed": [fixed(paper.TABLE2_BEFORE_MM, 3)] * len(kinds),
+        "before, ours": mean("accuracy_before", ours),
+        "after, printed": [fixed(printed.held_out_mm, 3) for printed in paper.SETS],
+        "after, ours": mean("accuracy_after", ours),
+        "after, default": mean("accuracy_after", default),
+    }
     unit = " [mm]; ours in paper mode on our own true robot"
     return (
-        Table(
+        of_columns(
             f"Table 1: mean position error on the calibration poses{unit}",
-            head,
-            tuple(first),
-            "lrrrr",
+            own_poses,
+            align="lrrrr",
         ),
-        Table(
+        of_columns(
             f"Table 2: mean position error on the held-out poses{unit}",
-            (*head, "after, default"),
-            tuple(second),
-            "lrrrrr",
+            held_out,
+            align="lrrrrr",
             note="The true robot is drawn, not the paper's: figures agree in kind, not in digits.",
         ),
     )
@@ -71,14 +69,14 @@ def error_tables(campaign: Campaign) -> tuple[Table, ...]:
 
 def budget_table(budget: PaperBudget) -> Table:
     """Table 3: contributors and combined uncertainty of each parameter, printed and ours."""
-    ours: tuple[tuple[paper.Column, Array], ...] = (
-        ("u_r_best", budget.best_repeatability),
-        ("u_r_random", budget.repeatability),
-        ("u_p_random", budget.pose_number),
-        ("u_w_random", budget.location),
-        ("u_best", budget.best),
-        ("u_random", budget.random),
-    )
+    ours: dict[paper.Column, Array] = {
+        "u_r_best": budget.best_repeatability,
+        "u_r_random": budget.repeatability,
+        "u_p_random": budget.pose_number,
+        "u_w_random": budget.location,
+        "u_best": budget.best,
+        "u_random": budget.random,
+    }
     rows = []
     for k, name in enumerate(budget.names):
         row = next((r for r in paper.TABLE3 if r.name == name), None)
@@ -86,7 +84,7 @@ def budget_table(budget: PaperBudget) -> Table:
         scale = MM if length else DEG
         cells = [
             f"{NONE if row is None else fixed(getattr(row, column), 4)} / {fixed(u[k] * scale, 4)}"
-            for column, u in ours
+            for column, u in ours.items()
         ]
         ratio = f"{NONE if row is None else fixed(row.ratio, 2)} / "
         ratio += fixed(float(budget.best[k] / budget.random[k]), 2)
@@ -108,7 +106,7 @@ def budget_table(budget: PaperBudget) -> Table:
 
 def tool_table(study: ToolPointStudy) -> Table:
     """Uncertainty of the tool point: the paper's |P| beside three dimensions."""
-    spatial = np.sqrt((study.spread**2).sum(-1))
+    spatial = study.spatial
     printed = {
         "table 3 best": (paper.U_ZERO_BEST_MM, paper.U_MEAN_BEST_MM),
         "table 3 random": (paper.U_ZERO_RANDOM_MM, paper.U_MEAN_RANDOM_MM),
@@ -135,13 +133,8 @@ def tool_table(study: ToolPointStudy) -> Table:
     return Table(
         caption="Standard uncertainty of the tool point [mm]",
         head=(
-            "uncertainties from",
-            "zero pose |P|, printed",
-            "|P|, ours",
-            "3-D, ours",
-            "held-out mean |P|, printed",
-            "|P|, ours",
-            "3-D, ours",
+            *("uncertainties from", "zero pose |P|, printed", "|P|, ours", "3-D, ours"),
+            *("held-out mean |P|, printed", "|P|, ours", "3-D, ours"),
         ),
         rows=tuple(rows),
         align="lrrrrrr",
@@ -155,10 +148,9 @@ def tool_table(study: ToolPointStudy) -> Table:
 def inflation(study: ToolPointStudy, campaign: Campaign) -> str:
     """How much |P| hides and how much independent draws inflate, in one campaign."""
     said = []
-    spatial = np.sqrt((study.spread**2).sum(-1))
     for k, source in enumerate(study.source):
         if source.endswith("best"):
-            ratio = spatial[k, 0] / study.distance_sd[k, 0]
+            ratio = study.spatial[k, 0] / study.distance_sd[k, 0]
             said.append(f"{fixed(float(ratio), 1)} times ({source})")
     text = (
         "The paper draws independent parameters and looks at |P|. At the zero pose the same draws "
@@ -234,16 +226,8 @@ def claim_table(examined: Examined) -> Table:
     rows = []
     for found in examined.findings:
         claim = claims[found.number]
-        rows.append(
-            (
-                str(found.number),
-                claim.statement,
-                claim.printed,
-                found.ours,
-                found.verdict,
-                found.sentence,
-            )
-        )
+        said = (claim.statement, claim.printed, found.ours, found.verdict, found.sentence)
+        rows.append((str(found.number), *said))
     note = (
         "One campaign has one true robot: it can repeat arithmetic and contradict a general "
         "statement, but not prove an average over robots."

@@ -1,28 +1,36 @@
 """The re-examination of the paper in result.json and arrays.npz; units in the names."""
 
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from testbed.studies.trial.records import Campaign
-from testbed.studies.wen2022.claims import Examined, examine
-from testbed.studies.wen2022.claims_many_robots import like_the_paper, paper_rows, pools_of
+from testbed.studies.wen2022 import summary
+from testbed.studies.wen2022.claims import examine
 from testbed.studies.wen2022.records import (
     STATEMENTS,
+    PoolSets,
+    Reexamined,
     paper_budget_of,
+    pools_of,
     reexamined_of,
     tool_point_of,
 )
-from testbed.studies.wen2022.summary import (
-    Split,
-    errors,
-    over,
-    predictions,
-    printed_split,
-    splits,
-    statements,
-)
-from testbed.units import METRE, MM, Mean, Quantity, in_si
+from testbed.units import METRE, Quantity, as_json, below, fields_of, in_si
+
+ARRAYS = {name: name for name in ("pool", "u_best", "u_r", "u_p", "u_w")} | {
+    "held_out_error_m": "error",
+    "own_error_before_m": "own_before",
+    "own_error_after_m": "own_after",
+    "inside": "inside",
+}
+"""Names of what each robot gave, and the fields of its record."""
+SPLIT = {name: name for name in ("ratio", "repeats", "counted", "geometric")} | {
+    "variance_shares": "shares",
+    "u_p_over_u_r": "p_over_r",
+    "u_w_over_u_r": "w_over_r",
+}
+"""Names of the ratio of the protocol and its parts."""
 
 
 def published(campaign: Campaign) -> list[Quantity]:
@@ -37,8 +45,7 @@ def published(campaign: Campaign) -> list[Quantity]:
             Quantity(f"{key}_r_ratio_best_to_random", float(repeats.mean())),
         ]
     if tool is not None:
-        u3 = np.sqrt((tool.spread**2).sum(axis=-1))
-        for source, distance, u in zip(tool.source, tool.distance_sd, u3, strict=True):
+        for source, distance, u in zip(tool.source, tool.distance_sd, tool.spatial, strict=True):
             found += [
                 Quantity(f"tool_point/{source}/{name}", float(value), METRE)
                 for name, value in (
@@ -56,124 +63,80 @@ def published(campaign: Campaign) -> list[Quantity]:
             Quantity(f"{key}/held_out_mean_u_3d_mm", float(full[1:].mean()), METRE),
         ]
     if reexamined_of(campaign):
-        found.append(Quantity("reexamined", reexamined_headline(campaign, examine(campaign))))
+        found += below("reexamined", _reexamined(campaign))
     return found
 
 
 def published_arrays(campaign: Campaign) -> list[Quantity]:
     """What each robot gave."""
-    return in_si(reexamined_arrays(campaign))
+    return in_si(
+        {
+            f"reexamined/{study.truth}/{name}": getattr(study, field)
+            for study in reexamined_of(campaign)
+            for name, field in ARRAYS.items()
+        }
+    )
 
 
-def reexamined_headline(campaign: Campaign, examined: Examined | None) -> dict[str, Any]:
+def _reexamined(campaign: Campaign) -> Iterator[Quantity]:
     """Every figure of the re-examination with its interval, and the verdict on each claim."""
-    studies, sets = reexamined_of(campaign), pools_of(campaign)
+    studies, sets, examined = reexamined_of(campaign), pools_of(campaign), examine(campaign)
     findings = () if examined is None else examined.findings
-    return {
-        "robots": studies[0].before.size,
-        "pools": len(sets.pool_q),
-        "judged_on": like_the_paper(studies).truth,
-        "claims": {
-            str(found.number): {"verdict": found.verdict, "here": found.ours} for found in findings
-        },
-        "claims_that_hold": sum(found.verdict == "holds" for found in findings),
-        "printed": _split(printed_split()),
-        "pose_number": {
-            name: {
-                "median": float(np.median(counts)),
-                "smallest": int(counts.min()),
-                "largest": int(counts.max()),
-            }
-            for name, counts in zip(("O1", "O2"), sets.pose_number.T, strict=True)
-        },
-        "predicted": {
-            f"{one.trial} against random {one.against}, {one.estimator}": {
-                "numbers": _mean(one.numbers),
-                "tool": _mean(one.tool),
-            }
-            for one in predictions(sets)
-        },
-        "truths": {
-            study.truth: {
-                "before_mm": _mean(over(study.before, study.pool), MM),
-                "protocol": {
-                    one.trial: _split(one)
-                    for one in splits(studies, sets)
-                    if one.who == study.truth
-                },
-                "error": {
-                    f"{one.trial}, {one.estimator}": {
-                        "designed_mm": _mean(one.error, MM),
-                        "random_mm": _mean(one.other, MM),
-                        "ratio": float(np.exp(one.ratio.value)),
-                        "ci_95": [float(np.exp(one.ratio.low)), float(np.exp(one.ratio.high))],
-                        "joint_ci_95": [
-                            float(np.exp(one.joint.low)),
-                            float(np.exp(one.joint.high)),
-                        ],
-                        "outcome": one.outcome,
-                    }
-                    for one in errors(studies, sets)
-                    if one.truth == study.truth
-                },
-                "inside_95": {
-                    one.trial: {
-                        name: _mean(mean) for name, mean in zip(STATEMENTS, one.shares, strict=True)
-                    }
-                    | {"numbers": _mean(one.numbers), "stated_u_mm": _mean(one.u, MM)}
-                    for one in statements(studies)
-                    if one.truth == study.truth
-                },
-                "tables": [
-                    {
-                        "poses": row.printed.poses,
-                        "optimal": row.printed.optimal,
-                        "own_before_mm": _mean(row.own_before, MM),
-                        "own_after_mm": _mean(row.own_after, MM),
-                        "held_out_mm": _mean(row.after, MM),
-                    }
-                    for row in paper_rows(study, sets) or ()
-                ],
-            }
-            for study in studies
-        },
-    }
+    yield Quantity("robots", studies[0].before.size)
+    yield Quantity("pools", len(sets.pool_q))
+    yield Quantity("judged_on", summary.like_the_paper(studies).truth)
+    claims = {found.number: {"verdict": found.verdict, "here": found.ours} for found in findings}
+    yield Quantity("claims", claims)
+    yield Quantity("claims_that_hold", sum(found.verdict == "holds" for found in findings))
+    yield from below("printed", fields_of(summary.printed_split(), SPLIT))
+    for name, counts in zip(("O1", "O2"), sets.pose_number.T, strict=True):
+        yield Quantity(f"pose_number/{name}/median", np.median(counts))
+        yield Quantity(f"pose_number/{name}/smallest", counts.min())
+        yield Quantity(f"pose_number/{name}/largest", counts.max())
+    for one in summary.predictions(sets):
+        key = f"predicted/{one.trial} against random {one.against}, {one.estimator}"
+        yield Quantity(f"{key}/numbers", one.numbers)
+        yield Quantity(f"{key}/tool", one.tool)
+    errors = summary.errors(studies, sets)
+    for study in studies:
+        yield from below(f"truths/{study.truth}", _on_one_kind(study, sets, errors))
 
 
-def reexamined_arrays(campaign: Campaign) -> dict[str, np.ndarray[Any, Any]]:
-    """What each robot gave."""
-    return {
-        f"reexamined/{study.truth}/{name}": getattr(study, field)
-        for study in reexamined_of(campaign)
-        for name, field in (
-            ("pool", "pool"),
-            ("u_best", "u_best"),
-            ("u_r", "u_r"),
-            ("u_p", "u_p"),
-            ("u_w", "u_w"),
-            ("held_out_error_m", "error"),
-            ("own_error_before_m", "own_before"),
-            ("own_error_after_m", "own_after"),
-            ("inside", "inside"),
-        )
-    }
-
-
-def _split(split: Split) -> dict[str, Any]:
-    """The ratio of the protocol and its parts."""
-    return {
-        "ratio": _mean(split.ratio),
-        "repeats": _mean(split.repeats),
-        "counted": _mean(split.counted),
-        "geometric": list(split.geometric),
-        "variance_shares": [_mean(part) for part in split.shares],
-        "u_p_over_u_r": _mean(split.p_over_r),
-        "u_w_over_u_r": _mean(split.w_over_r),
-    }
-
-
-def _mean(mean: Mean, scale: float = 1.0) -> dict[str, Any]:
-    """A figure and its 95 % interval; no interval for what is printed or comes from one pool."""
-    if not 0.0 < mean.half_width < float("inf"):
-        return {"value": mean.value * scale, "ci_95": None}
-    return {"value": mean.value * scale, "ci_95": [mean.low * scale, mean.high * scale]}
+def _on_one_kind(
+    study: Reexamined, sets: PoolSets, errors: Sequence[summary.Errors]
+) -> Iterator[Quantity]:
+    """The same on one kind of robots."""
+    yield Quantity("before_mm", summary.over(study.before, study.pool), METRE)
+    for split in summary.splits([study], sets):
+        yield from below(f"protocol/{split.trial}", fields_of(split, SPLIT))
+    if not errors:
+        yield Quantity("error", {})
+    for one in (each for each in errors if each.truth == study.truth):
+        key = f"error/{one.trial}, {one.estimator}"
+        yield Quantity(f"{key}/designed_mm", one.error, METRE)
+        yield Quantity(f"{key}/random_mm", one.other, METRE)
+        yield Quantity(f"{key}/ratio", np.exp(one.ratio.value))
+        yield Quantity(f"{key}/ci_95", [np.exp(one.ratio.low), np.exp(one.ratio.high)])
+        yield Quantity(f"{key}/joint_ci_95", [np.exp(one.joint.low), np.exp(one.joint.high)])
+        yield Quantity(f"{key}/outcome", one.outcome)
+    for held in summary.statements([study]):
+        key = f"inside_95/{held.trial}"
+        for name, share in zip(STATEMENTS, held.shares, strict=True):
+            yield Quantity(f"{key}/{name}", share)
+        yield Quantity(f"{key}/numbers", held.numbers)
+        yield Quantity(f"{key}/stated_u_mm", held.u, METRE)
+    tables = [
+        {
+            "poses": row.printed.poses,
+            "optimal": row.printed.optimal,
+            **as_json(
+                [
+                    Quantity("own_before_mm", row.own_before, METRE),
+                    Quantity("own_after_mm", row.own_after, METRE),
+                    Quantity("held_out_mm", row.after, METRE),
+                ]
+            ),
+        }
+        for row in summary.paper_rows(study, sets) or ()
+    ]
+    yield Quantity("tables", tables)

@@ -14,7 +14,7 @@ from testbed.studies.many_robots import Outcome, family_confidence, mean_over_ro
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.pools import BUDGET_SET
 from testbed.studies.wen2022.records import ESTIMATORS, STATEMENTS, PoolSets, Reexamined, TrialSets
-from testbed.units import Mean
+from testbed.units import MM, Mean
 
 PRINTED = "printed"
 
@@ -63,9 +63,9 @@ class Errors:
 
     truth: str
     trial: str
-    partner: str
     poses: int
     estimator: str
+    by_paper: bool
     error: Mean
     """Mean error with the designed set [m]."""
     other: Mean
@@ -74,7 +74,6 @@ class Errors:
     """Logarithm of the ratio."""
     joint: Mean
     """The same with an interval that holds for all comparisons at once."""
-    by_paper: bool
 
     @property
     def outcome(self) -> Outcome:
@@ -96,6 +95,18 @@ class Held:
     """Stated u of |P| [m]."""
     error: Mean
     """Mean held-out error [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PaperRow:
+    """One set of Tables 1 and 2 on one kind of robots, paper estimator; lengths in m."""
+
+    printed: paper.SetErrors
+    place: int
+    """Of the trial in the record."""
+    own_before: Mean
+    own_after: Mean
+    after: Mean
 
 
 def by_unit(values: Array, pool: Index) -> Array:
@@ -128,27 +139,23 @@ def splits(studies: Sequence[Reexamined], sets: PoolSets) -> tuple[Split, ...]:
     """Every kind of robot and optimal set of the paper, in the order of the records."""
     found = []
     for study in studies:
-        random = np.sqrt(study.u_r**2 + study.u_p**2 + study.u_w**2)
         for i, trial in enumerate(study.best):
             poses = set_named(sets, trial).poses
-            parts = (study.u_best[i], study.u_r, study.u_p, study.u_w, random)
+            parts = (study.u_best[i], study.u_r, study.u_p, study.u_w)
             found.append(_split(study.truth, trial, poses, parts, study.pool))
     return tuple(found)
 
 
 def printed_split() -> Split:
     """Table 3 taken apart; u_rand is the root sum of squares of its printed parts."""
-    best, u_r, u_p, u_w = (
-        paper.table3(column)[None]
-        for column in ("u_r_best", "u_r_random", "u_p_random", "u_w_random")
-    )
+    parts = [paper.table3(column)[None] for column in paper.PARTS]
+    return _split(PRINTED, PRINTED, 0, parts, np.zeros(1, dtype=np.int64))
+
+
+def _split(who: str, trial: str, poses: int, parts: Sequence[Array], pool: Index) -> Split:
+    """From u_best, u_r, u_p, u_w (R, f) each."""
+    best, u_r, u_p, u_w = parts
     random = np.sqrt(u_r**2 + u_p**2 + u_w**2)
-    return _split(PRINTED, PRINTED, 0, (best, u_r, u_p, u_w, random), np.zeros(1, dtype=np.int64))
-
-
-def _split(who: str, trial: str, poses: int, parts: tuple[Array, ...], pool: Index) -> Split:
-    """From u_best, u_r, u_p, u_w, u_rand (R, f) each."""
-    best, u_r, u_p, u_w, random = parts
 
     def mean(figures: Array) -> Mean:
         """Over the numbers, then over the units."""
@@ -183,16 +190,8 @@ def predictions(sets: PoolSets) -> tuple[Predicted, ...]:
             for k, estimator in enumerate(ESTIMATORS):
                 numbers = (one.u[:, k] / other.u[:, k]).mean(axis=1)
                 tool = one.tool_u[:, k] / other.tool_u[:, k]
-                found.append(
-                    Predicted(
-                        one.trial,
-                        one.poses,
-                        other.poses,
-                        estimator,
-                        over_pools(numbers),
-                        over_pools(tool),
-                    )
-                )
+                figures = over_pools(numbers), over_pools(tool)
+                found.append(Predicted(one.trial, one.poses, other.poses, estimator, *figures))
     return tuple(found)
 
 
@@ -205,9 +204,8 @@ def set_named(sets: PoolSets, trial: str) -> TrialSets:
 
 def partner_of(sets: PoolSets, designed: TrialSets) -> TrialSets | None:
     """The first random trial with as many poses."""
-    return next(
-        (one for one in sets.sets[:-1] if not one.designed and one.poses == designed.poses), None
-    )
+    random = (one for one in sets.sets[:-1] if not one.designed)
+    return next((one for one in random if one.poses == designed.poses), None)
 
 
 def errors(studies: Sequence[Reexamined], sets: PoolSets) -> tuple[Errors, ...]:
@@ -224,20 +222,10 @@ def errors(studies: Sequence[Reexamined], sets: PoolSets) -> tuple[Errors, ...]:
     for study, one, other, k in cells:
         mine, theirs = (study.error[study.trials.index(t.trial), k] for t in (one, other))
         ratio = np.log(mine / theirs)
-        found.append(
-            Errors(
-                study.truth,
-                one.trial,
-                other.trial,
-                one.poses,
-                ESTIMATORS[k],
-                over(mine, study.pool),
-                over(theirs, study.pool),
-                over(ratio, study.pool),
-                over(ratio, study.pool, probability=together),
-                one.by_paper,
-            )
-        )
+        means = [over(values, study.pool) for values in (mine, theirs, ratio)]
+        means.append(over(ratio, study.pool, probability=together))
+        kind = (study.truth, one.trial, one.poses, ESTIMATORS[k], one.by_paper)
+        found.append(Errors(*kind, *means))
     return tuple(found)
 
 
@@ -257,6 +245,27 @@ def statements(studies: Sequence[Reexamined]) -> tuple[Held, ...]:
     )
 
 
-def rms_over_robots(values: Array) -> Array:
-    """Root mean square (f,) over robots of standard uncertainties (R, f)."""
-    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
+def like_the_paper(studies: tuple[Reexamined, ...]) -> Reexamined:
+    """The kind of robots whose error after calibration is nearest to the printed one, by ratio."""
+    printed = float(np.mean([row.held_out_mm for row in paper.SETS])) / MM
+    return min(studies, key=lambda study: abs(np.log(study.error[:, 0].mean() / printed)))
+
+
+def paper_rows(study: Reexamined, sets: PoolSets) -> tuple[PaperRow, ...] | None:
+    """Tables 1 and 2 on one kind of robots; None unless all four sets were played."""
+    rows = []
+    for printed in paper.SETS:
+        trial = next((one.trial for one in sets.sets[:-1] if is_like(one, printed)), None)
+        if trial is None:
+            return None
+        i = study.trials.index(trial)
+        figures = (study.own_before[i], study.own_after[i], study.error[i, 0])
+        rows.append(PaperRow(printed, i, *(over(figure, study.pool) for figure in figures)))
+    return tuple(rows)
+
+
+def is_like(one: TrialSets, printed: paper.SetErrors) -> bool:
+    """Whether a kind of set is one of the paper's: its size, how and by which index chosen."""
+    if one.poses != printed.poses:
+        return False
+    return one.by_paper and one.criterion == printed.index if printed.optimal else not one.designed

@@ -1,12 +1,13 @@
 """The tables of the re-examination: the ratio apart, like for like, what u_best holds, 1 to 3."""
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import numpy as np
 
-from calib.arrays import Array
 from testbed.report.intervals import change, plus_minus, printed_change, share, within
 from testbed.report.page import Table
 from testbed.studies.wen2022 import paper
-from testbed.studies.wen2022.claims_many_robots import paper_rows
 from testbed.studies.wen2022.records import ESTIMATORS, PoolSets, Reexamined
 from testbed.studies.wen2022.summary import (
     PRINTED,
@@ -15,47 +16,41 @@ from testbed.studies.wen2022.summary import (
     Predicted,
     Split,
     over,
-    rms_over_robots,
+    paper_rows,
 )
 from testbed.units import DEG, MM, counted, fixed
 
 ESTIMATOR_NAMES = {"paper": "paper", "whitened": "noise weighed"}
 
 
+def of_columns(caption: str, columns: Mapping[str, Sequence[str]], **rest: Any) -> Table:
+    """A table of columns, each under its head."""
+    return Table(caption, tuple(columns), tuple(zip(*columns.values(), strict=True)), **rest)
+
+
 def split_table(found: tuple[Split, ...], robots: int) -> Table:
     """The ratio of the protocol taken apart, printed and ours."""
-    rows = tuple(
-        (
-            split.who if split.who == PRINTED else f"{split.who} robots",
-            "" if split.who == PRINTED else f"{split.trial} ({split.poses} poses)",
-            plus_minus(split.ratio),
-            plus_minus(split.repeats),
-            plus_minus(split.counted),
-            f"{fixed(split.geometric[1], 2)} × {fixed(split.geometric[2], 2)} = "
-            f"{fixed(split.geometric[0], 2)}",
-            *(share(part) for part in split.shares),
-            plus_minus(split.p_over_r),
-            plus_minus(split.w_over_r),
-        )
-        for split in found
-    )
-    return Table(
-        caption=f"The ratio taken apart: Table 3 and the same protocol on {robots} robots of each "
-        "kind",
-        head=(
-            "",
-            "optimal set",
-            "u best / u random",
-            "u_r best / u_r random",
-            "u_r / u random",
-            "geometric",
-            "share of u_r",
-            "of u_p",
-            "of u_w",
-            "u_p / u_r",
-            "u_w / u_r",
-        ),
-        rows=rows,
+    ours = [split.who != PRINTED for split in found]
+    geometric = [[fixed(part, 2) for part in split.geometric] for split in found]
+    columns = {
+        "": [f"{s.who} robots" if own else s.who for s, own in zip(found, ours, strict=True)],
+        "optimal set": [
+            f"{s.trial} ({s.poses} poses)" if own else ""
+            for s, own in zip(found, ours, strict=True)
+        ],
+        "u best / u random": [plus_minus(split.ratio) for split in found],
+        "u_r best / u_r random": [plus_minus(split.repeats) for split in found],
+        "u_r / u random": [plus_minus(split.counted) for split in found],
+        "geometric": [f"{one} × {other} = {whole}" for whole, one, other in geometric],
+        "share of u_r": [share(split.shares[0]) for split in found],
+        "of u_p": [share(split.shares[1]) for split in found],
+        "of u_w": [share(split.shares[2]) for split in found],
+        "u_p / u_r": [plus_minus(split.p_over_r) for split in found],
+        "u_w / u_r": [plus_minus(split.w_over_r) for split in found],
+    }
+    return of_columns(
+        f"The ratio taken apart: Table 3 and the same protocol on {robots} robots of each kind",
+        columns,
         align="llrrrrrrrrr",
         size="small",
         strong=(0,),
@@ -69,28 +64,19 @@ def split_table(found: tuple[Split, ...], robots: int) -> Table:
 
 def predicted_table(found: tuple[Predicted, ...]) -> Table:
     """What noise alone makes of designed sets against random ones."""
-    keys = list(dict.fromkeys((one.trial, one.poses, one.against) for one in found))
-    rows = []
-    for trial, poses, against in keys:
-        of = {
-            one.estimator: one
-            for one in found
-            if (one.trial, one.poses, one.against) == (trial, poses, against)
-        }
-        cells = [
-            plus_minus(getattr(of[estimator], figure))
-            for figure in ("numbers", "tool")
-            for estimator in ESTIMATORS
-        ]
-        rows.append((trial, str(poses), str(against), *cells))
-    return Table(
-        caption="Like for like, predicted: standard uncertainty of a designed set over that of "
-        "random sets",
-        head=(
-            *("set", "poses", "random poses"),
-            *("numbers, paper", "numbers, noise weighed", "tool, paper", "tool, noise weighed"),
-        ),
-        rows=tuple(rows),
+    first = [one for one in found if one.estimator == ESTIMATORS[0]]
+    columns: dict[str, list[str]] = {
+        "set": [one.trial for one in first],
+        "poses": [str(one.poses) for one in first],
+        "random poses": [str(one.against) for one in first],
+    }
+    for figure in ("numbers", "tool"):
+        for mode, name in ESTIMATOR_NAMES.items():
+            cells = [plus_minus(getattr(one, figure)) for one in found if one.estimator == mode]
+            columns[f"{figure}, {name}"] = cells
+    return of_columns(
+        "Like for like, predicted: standard uncertainty of a designed set over that of random sets",
+        columns,
         align="lrrrrrr",
         note="From measurement noise alone, by linear propagation at the nominal robot, so it is "
         "the same for every kind of robot. ± half of the 95 % interval over pools. paper: the "
@@ -101,27 +87,19 @@ def predicted_table(found: tuple[Predicted, ...]) -> Table:
 
 def error_table(found: tuple[Errors, ...]) -> Table:
     """True held-out error of designed sets against random ones of their size."""
-    rows = tuple(
-        (
-            one.truth,
-            one.trial,
-            str(one.poses),
-            ESTIMATOR_NAMES[one.estimator],
-            within(one.error),
-            within(one.other),
-            change(one.ratio),
-            one.outcome,
-        )
-        for one in found
-    )
-    return Table(
-        caption="Like for like, true: mean held-out error of a designed set and of random sets of "
-        "its size",
-        head=(
-            *("robots", "set", "poses", "estimator", "designed mm", "random mm"),
-            *("designed / random − 1", "with all others"),
-        ),
-        rows=rows,
+    columns: dict[str, list[str]] = {
+        "robots": [one.truth for one in found],
+        "set": [one.trial for one in found],
+        "poses": [str(one.poses) for one in found],
+        "estimator": [ESTIMATOR_NAMES[one.estimator] for one in found],
+        "designed mm": [within(one.error) for one in found],
+        "random mm": [within(one.other) for one in found],
+        "designed / random − 1": [change(one.ratio) for one in found],
+        "with all others": [one.outcome for one in found],
+    }
+    return of_columns(
+        "Like for like, true: mean held-out error of a designed set and of random sets of its size",
+        columns,
         align="llrlrrrl",
         size="small",
         note="± half of the 95 % interval, over pools and robots; the ratio is the geometric mean "
@@ -132,25 +110,20 @@ def error_table(found: tuple[Errors, ...]) -> Table:
 
 def held_table(found: tuple[Held, ...]) -> Table:
     """What 95 % statements made from u_best hold."""
-    rows = tuple(
-        (
-            one.truth,
-            one.trial,
-            f"{fixed(one.u.value * MM, 4)}",
-            within(one.error),
-            *(share(part) for part in one.shares),
-            share(one.numbers),
-        )
-        for one in found
-    )
-    return Table(
-        caption="What 95 % statements hold of the truth at the held-out poses",
-        head=(
-            *("robots", "set", "stated u of |P| mm", "mean error mm", "|P| in 1.96 u"),
-            *("point in 1.96 u", "in region of u best", "in region of the fit"),
-            "numbers in 1.96 u",
-        ),
-        rows=rows,
+    columns = {
+        "robots": [one.truth for one in found],
+        "set": [one.trial for one in found],
+        "stated u of |P| mm": [fixed(one.u.value * MM, 4) for one in found],
+        "mean error mm": [within(one.error) for one in found],
+        "|P| in 1.96 u": [share(one.shares[0]) for one in found],
+        "point in 1.96 u": [share(one.shares[1]) for one in found],
+        "in region of u best": [share(one.shares[2]) for one in found],
+        "in region of the fit": [share(one.shares[3]) for one in found],
+        "numbers in 1.96 u": [share(one.numbers) for one in found],
+    }
+    return of_columns(
+        "What 95 % statements hold of the truth at the held-out poses",
+        columns,
         align="llrrrrrrr",
         size="small",
         note="The first three statements are made from u best with independent numbers, as in the "
@@ -163,36 +136,38 @@ def held_table(found: tuple[Held, ...]) -> Table:
 
 def set_tables(studies: tuple[Reexamined, ...], sets: PoolSets) -> tuple[Table, ...]:
     """Tables 1 and 2 as printed beside every kind of robots; none unless all four were played."""
-    first, second = [], []
-    played = [paper_rows(study, sets) for study in studies]
-    if any(rows is None for rows in played):
+    played = [rows for study in studies if (rows := paper_rows(study, sets)) is not None]
+    if len(played) < len(studies):
         return ()
-    known = [rows for rows in played if rows is not None]
-    for k, (one, two) in enumerate(zip(paper.TABLE1, paper.TABLE2, strict=True)):
-        kind = f"{one.poses} {'optimal (' + one.index + ')' if one.optimal else 'random'}"
-        own = [f"{within(rows[k].own_before)} to {within(rows[k].own_after)}" for rows in known]
-        printed = f"{fixed(one.before_mm, 3)} to {fixed(one.after_mm, 3)}"
-        first.append((kind, printed, *own))
-        gain = printed_change(two.after_mm, paper.TABLE2[k + 1].after_mm) if two.optimal else ""
-        after = [within(rows[k].after) for rows in known]
-        second.append((kind, fixed(two.after_mm, 3), gain, *after))
-    before = [within(over(study.before, study.pool)) for study in studies]
-    second.append(("before", fixed(paper.TABLE2_BEFORE_MM, 3), "", *before))
-    truths = [f"{study.truth} robots" for study in studies]
+    kinds = [printed.kind for printed in paper.SETS]
+    held_out = [printed.held_out_mm for printed in paper.SETS]
+    own = {
+        "poses": kinds,
+        "printed": [f"{fixed(r.before_mm, 3)} to {fixed(r.after_mm, 3)}" for r in paper.SETS],
+    }
+    first, second = (printed_change(*held_out[k : k + 2]) for k in (0, 2))
+    after = {
+        "poses": [*kinds, "before"],
+        "printed": [fixed(mm, 3) for mm in (*held_out, paper.TABLE2_BEFORE_MM)],
+        "against random": [first, "", second, "", ""],
+    }
+    for study, rows in zip(studies, played, strict=True):
+        head = f"{study.truth} robots"
+        own[head] = [f"{within(row.own_before)} to {within(row.own_after)}" for row in rows]
+        before = over(study.before, study.pool)
+        after[head] = [within(error) for error in (*(row.after for row in rows), before)]
     return (
-        Table(
+        of_columns(
             "Table 1: mean position error on the calibration poses, before to after [mm], paper's "
             "estimator",
-            ("poses", "printed", *truths),
-            tuple(first),
-            "lr" + "r" * len(truths),
+            own,
+            align="lr" + "r" * len(studies),
         ),
-        Table(
+        of_columns(
             "Table 2: mean position error on the held-out poses after calibration [mm], paper's "
             "estimator",
-            ("poses", "printed", "against random", *truths),
-            tuple(second),
-            "lrr" + "r" * len(truths),
+            after,
+            align="lrr" + "r" * len(studies),
             note="Our errors are against the noise-free truth, those printed against what was "
             "measured. The optimal sets of the kinds of robots are the same.",
         ),
@@ -201,19 +176,16 @@ def set_tables(studies: tuple[Reexamined, ...], sets: PoolSets) -> tuple[Table, 
 
 def parameter_table(studies: tuple[Reexamined, ...], names: tuple[str, ...]) -> Table:
     """Table 3 beside every kind of robots, first optimal set."""
-    columns = [
-        [rms_over_robots(part) for part in (study.u_best[0], study.u_r, study.u_p, study.u_w)]
-        for study in studies
-    ]
-    ratios = [ratio_of(study) for study in studies]
+    parts = [(study.u_best[0], study.u_r, study.u_p, study.u_w) for study in studies]
+    kinds = [[np.sqrt(np.mean(part**2, axis=0)) for part in one] for one in parts]
+    ratios = [(study.u_best[0] / study.u_rand).mean(axis=0) for study in studies]
     rows = []
     for k, name in enumerate(names):
         row = next(one for one in paper.TABLE3 if one.name == name)
         scale = MM if row.is_length else DEG
-        printed = (row.u_r_best, row.u_r_random, row.u_p_random, row.u_w_random)
         cells = [
-            " / ".join([fixed(said, 4), *(fixed(kind[j][k] * scale, 4) for kind in columns)])
-            for j, said in enumerate(printed)
+            " / ".join([fixed(getattr(row, column), 4), *(fixed(u[k] * scale, 4) for u in ours)])
+            for column, *ours in zip(paper.PARTS, *kinds, strict=True)
         ]
         ratio = " / ".join([fixed(row.ratio, 2), *(fixed(float(one[k]), 2) for one in ratios)])
         rows.append((name, "mm" if row.is_length else "deg", *cells, ratio))
@@ -232,9 +204,3 @@ def parameter_table(studies: tuple[Reexamined, ...], names: tuple[str, ...]) -> 
         "ratio u best / u random is the mean over robots. Repeats hardly see the kind of robot; "
         "number and place of the poses do.",
     )
-
-
-def ratio_of(study: Reexamined) -> Array:
-    """u_best / u_rand (f,) of the first optimal set, mean over robots."""
-    random = np.sqrt(study.u_r**2 + study.u_p**2 + study.u_w**2)
-    return np.asarray((study.u_best[0] / random).mean(axis=0))
