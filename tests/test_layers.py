@@ -92,7 +92,7 @@ HEAVY = (
     "lxml",
     "manifold3d",
 )
-MOST_FLOORS, MOST_LINES, MOST_FILES = 9, 400, 25
+MOST_FLOORS, MOST_LINES, MOST_FILES = 9, 320, 25
 BREACHES: set[tuple[str, str]] = set()
 """Arrows that still point the wrong way (file, module): the list may only shrink."""
 CIRCLES: set[str] = set()

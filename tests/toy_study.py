@@ -17,10 +17,10 @@ from testbed.report.page import Section, Table, Text, Verdict
 from testbed.robots.robot import Robot
 from testbed.scenario.hashes import part, shared_part
 from testbed.scenario.scenario import Scenario, StudyTable
+from testbed.store.quantities import METRE, Quantity
 from testbed.streams import stream
 from testbed.strict import Fault
 from testbed.studies.protocol import Answer, Record, Records, Task
-from testbed.units import METRE, Quantity
 
 KEY = "toy.spread"
 

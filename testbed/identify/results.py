@@ -10,11 +10,9 @@ from testbed.identify.records import Calibration, Delivered, Figures, FittedMode
 from testbed.identify.words import notice, reasons, verdict
 from testbed.report.text import csv_text
 from testbed.robots.write.dh_table import DhRow, dh_rows
-from testbed.units import (
+from testbed.store.quantities import (
     AS_NAMED,
-    DEG,
     METRE,
-    MM,
     RADIAN,
     Quantity,
     Unit,
@@ -22,8 +20,8 @@ from testbed.units import (
     as_json,
     below,
     fields_of,
-    sentences,
 )
+from testbed.units import DEG, MM, sentences
 
 FORMAT = 1
 KIND = "calibration"

@@ -13,7 +13,8 @@ from testbed.plan.words import station_words, untested
 from testbed.report.page import SIMULATED
 from testbed.robots.catalog import Robot
 from testbed.scenario.read import scenario_hash
-from testbed.units import AS_NAMED, METRE, MM, SECOND, UM, Quantity, as_json
+from testbed.store.quantities import AS_NAMED, METRE, SECOND, Quantity, as_json
+from testbed.units import MM, UM
 from testbed.versions import number_versions
 
 FORMAT = 1

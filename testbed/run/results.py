@@ -9,10 +9,10 @@ import numpy as np
 from testbed.report.page import SIMULATED
 from testbed.run.report import headline_answer
 from testbed.store.layout import FORMAT
+from testbed.store.quantities import as_arrays, as_json
 from testbed.studies import all_studies
 from testbed.studies.protocol import Study
 from testbed.studies.trial.records import Campaign
-from testbed.units import as_arrays, as_json
 
 
 def headline(campaign: Campaign, studies: Sequence[Study] | None = None) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
 from testbed.report.page import Section, Table, Verdict
 from testbed.scenario.scenario import Scenario, StudyTable
-from testbed.units import Quantity
+from testbed.store.quantities import Quantity
 
 if TYPE_CHECKING:
     from testbed.recording.story import Chapter

@@ -12,21 +12,23 @@ from hypothesis import strategies as st
 
 from calib.arrays import Array
 from testbed import units as quantities
-from testbed.units import (
+from testbed.store.quantities import (
     AS_NAMED,
     METRE,
     ONE,
     RADIAN,
     SECOND,
-    Mean,
     Quantity,
     as_arrays,
     as_json,
     below,
-    counted,
-    decimals,
     declared,
     fields_of,
+)
+from testbed.units import (
+    Mean,
+    counted,
+    decimals,
     fixed,
     percent,
     probability,

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, Any
 
 from testbed.report.page import Section
 from testbed.scenario.scenario import Scenario
+from testbed.store.quantities import Quantity
 from testbed.studies.compensation.records import CompensationStudy, compensation_of
 from testbed.studies.compensation.settings import CompensationSettings
 from testbed.studies.many_robots import records_of_kinds, robots_of_kind
 from testbed.studies.protocol import Answer, Record, Records, Task
 from testbed.studies.trial.records import campaign_of
-from testbed.units import Quantity
 
 if TYPE_CHECKING:
     from testbed.recording.story import Chapter

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array
+from testbed.store.quantities import METRE, RADIAN, Quantity, below, in_si
 from testbed.studies.compensation.records import VARIANTS, WORTH, CompensationStudy
-from testbed.units import METRE, RADIAN, Quantity, below, in_si
 
 VALUE, UNCERTAINTY, FLOOR = range(len(WORTH))
 PUBLISHED = {

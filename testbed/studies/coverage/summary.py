@@ -13,10 +13,11 @@ from scipy.special import chdtr, kolmogorov, ndtr
 
 from calib.arrays import Array
 from calib.uncertainty.regions import coverage_factor
+from testbed.store.quantities import METRE, Quantity, below, in_si
 from testbed.studies.coverage.records import MODELS, STATEMENTS, CoverageStudy
 from testbed.studies.many_robots import family_confidence, mean_over_robots
 from testbed.studies.trial.play import BAND, binomial_band, chi_square_mean_band
-from testbed.units import METRE, Mean, Quantity, below, in_si
+from testbed.units import Mean
 
 Outcome = Literal["holds", "wide", "short"]
 ARRAYS = (

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from testbed.store.quantities import METRE, Quantity, below
 from testbed.studies.pose_sets.compare import contest_of, rms
 from testbed.studies.pose_sets.records import PopulationStudy, population_of
 from testbed.studies.trial.records import Campaign
-from testbed.units import METRE, Quantity, below
 
 
 def published(campaign: Campaign) -> list[Quantity]:

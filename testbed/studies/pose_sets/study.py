@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 from testbed.laboratory.truth.laboratory import Setting
 from testbed.report.page import Section
 from testbed.scenario.scenario import Scenario
+from testbed.store.quantities import Quantity
 from testbed.studies.many_robots import block_of, pieces_of
 from testbed.studies.pose_sets.records import POPULATION, PopulationStudy
 from testbed.studies.protocol import Answer, Record, Records, Task
 from testbed.studies.trial.records import Trial, campaign_of
 from testbed.studies.trial.study import SETTING, campaign_part
-from testbed.units import Quantity
 
 if TYPE_CHECKING:
     from testbed.recording.story import Chapter

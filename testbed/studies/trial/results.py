@@ -1,10 +1,10 @@
 """What a campaign publishes of its trials: result.json and arrays.npz."""
 
 from calib.measurement.accuracy import Accuracy
+from testbed.store.quantities import METRE, RADIAN, Quantity, below, in_si
 from testbed.studies.trial.records import Campaign, Estimate, Trial
 from testbed.studies.trial.statement.results import statement_headline, truth_headline
 from testbed.studies.trial.verdict import judge
-from testbed.units import METRE, RADIAN, Quantity, below, in_si
 
 
 def published(campaign: Campaign) -> list[Quantity]:

@@ -8,6 +8,7 @@ from testbed.laboratory.truth.laboratory import Setting
 from testbed.report.page import Section
 from testbed.scenario.hashes import goal_part, part, shared_part
 from testbed.scenario.scenario import Scenario
+from testbed.store.quantities import Quantity
 from testbed.studies.protocol import Answer, Record, Records, Task
 from testbed.studies.trial.records import (
     PoseCountStudy,
@@ -16,7 +17,6 @@ from testbed.studies.trial.records import (
     campaign_of,
 )
 from testbed.studies.trial.statement.records import Validation
-from testbed.units import Quantity
 
 if TYPE_CHECKING:
     from testbed.recording.story import Chapter

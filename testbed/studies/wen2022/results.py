@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from testbed.store.quantities import METRE, Quantity, as_json, below, fields_of, in_si
 from testbed.studies.trial.records import Campaign
 from testbed.studies.wen2022 import summary
 from testbed.studies.wen2022.claims import examine
@@ -16,7 +17,6 @@ from testbed.studies.wen2022.records import (
     reexamined_of,
     tool_point_of,
 )
-from testbed.units import METRE, Quantity, as_json, below, fields_of, in_si
 
 ARRAYS = {name: name for name in ("pool", "u_best", "u_r", "u_p", "u_w")} | {
     "held_out_error_m": "error",

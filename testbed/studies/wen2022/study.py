@@ -7,6 +7,7 @@ from testbed.laboratory.truth.laboratory import Setting
 from testbed.report.page import Section
 from testbed.scenario.hashes import goal_part, part, shared_part
 from testbed.scenario.scenario import Scenario
+from testbed.store.quantities import Quantity
 from testbed.studies.many_robots import block_of, kind_of, pieces_of, played_keys, truth_of_kind
 from testbed.studies.protocol import Answer, Record, Records, Task
 from testbed.studies.trial.records import campaign_of
@@ -20,7 +21,6 @@ from testbed.studies.wen2022.records import (
     ToolPointStudy,
 )
 from testbed.studies.wen2022.settings import SETS_KEY, ReexaminedSettings
-from testbed.units import Quantity
 
 if TYPE_CHECKING:
     from testbed.recording.story import Chapter

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from testbed.store.quantities import METRE, Quantity, below, fields_of
 from testbed.studies.trial.statement.records import LEVEL, Statement, Validation
-from testbed.units import METRE, Quantity, below, fields_of
 
 
 def statement_headline(statement: Statement) -> list[Quantity]:

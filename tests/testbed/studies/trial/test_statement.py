@@ -16,6 +16,7 @@ from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
 from testbed.robots.catalog import load_robot
 from testbed.scenario.read import changed
 from testbed.store.codec import pack, unpack
+from testbed.store.quantities import as_json
 from testbed.studies import load_scenario
 from testbed.studies.trial.compare import attained, target_prediction
 from testbed.studies.trial.estimator import estimator_for
@@ -29,7 +30,6 @@ from testbed.studies.trial.statement.sources import drift_left
 from testbed.studies.trial.statement.state import state
 from testbed.studies.trial.validation import validation_visit
 from testbed.studies.trial.verdict import BAD, INVALID, OPEN, judge, trial_verdict
-from testbed.units import as_json
 from tests import campaign
 from tests.campaign import record_hash
 from tests.testbed.run.test_campaign import same
