@@ -67,7 +67,8 @@ def campaign():
     first, *others = (trial.name for trial in scenario.trial)
 
     def get(key):
-        key = first if key in others else key
+        if key in others:
+            return replace(get(first), name=key)
         if key not in records:
             records[key] = campaigns.compute(scenario, key, get)
         return records[key]
