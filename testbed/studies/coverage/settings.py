@@ -4,8 +4,6 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from calib.uncertainty.conformal import fewest_poses
-from calib.uncertainty.discrepancy import FEWEST
 from testbed.robots.robot import Robot
 from testbed.scenario.scenario import Scenario, StudyTable
 from testbed.scenario.tracker import At960Tracker
@@ -39,6 +37,10 @@ class CoverageSettings(StudyTable):
         found = table_contradictions(self, scenario)
         if not self.robots:
             return found
+        # reading a scenario without this study loads no uncertainty
+        from calib.uncertainty.conformal import fewest_poses
+        from calib.uncertainty.discrepancy import FEWEST
+
         tracker = scenario.tracker
         missed = tracker.missed if isinstance(tracker, At960Tracker) else 0
         needed = max(FEWEST, fewest_poses(self.level)) + missed
