@@ -19,6 +19,7 @@ from testbed.recording.write import strict_mode
 from testbed.robots.placements import placements
 from testbed.studies.trial.recording_cell import ghost_chains, smallest_equal
 from tests import recorded, viewed
+from tests.campaign import with_records
 from tests.recorded import column, properties, record, scalars, small_campaign, store, structure
 from tests.reported import SMALL, played
 
@@ -253,7 +254,7 @@ def test_a_changed_number_is_noticed(path, tmp_path, campaign):
         trial.estimates[0].comparison, after=trial.estimates[0].comparison.after * 1.01
     )
     estimates = (replace(trial.estimates[0], comparison=judged), *trial.estimates[1:])
-    other = replace(campaign, trials=(replace(trial, estimates=estimates), *campaign.trials[1:]))
+    other = with_records(campaign, **{trial.name: replace(trial, estimates=estimates)})
     assert not viewed.compare(path, record(tmp_path / "other.rrd", other))
 
 
