@@ -69,7 +69,7 @@ def test_a_toy_study_runs_reports_and_records_without_a_line_changed_elsewhere(t
     result = read_result(tmp_path / "toys")
     assert result["toy"] == {"mean_um": float(sd.mean()) * 1e6}
     assert result["verdict"]["sentence"].startswith("Shots lie ")
-    _, arrays = npz.read(tmp_path / "toys" / layout.ARRAYS)
+    _, arrays = npz.from_bytes((tmp_path / "toys" / layout.ARRAYS).read_bytes())
     assert arrays["toy/sd_m"].tolist() == sd.tolist()
     html = (tmp_path / "toys" / layout.REPORT).read_text(encoding="utf-8")
     assert "toys agree" in html

@@ -236,7 +236,7 @@ def test_dropped_parameters_are_explained_by_the_sentences_of_the_reduction():
 
 
 def test_every_candidate_is_accounted_for_in_the_pool_table():
-    table = report_design.pool_table(paper_campaign())
+    table = report_design.design_section(paper_campaign()).blocks[0]
     count = {row[0]: int(row[1]) for row in table.rows}
     refused = sum(n for name, n in count.items() if name.startswith("refused"))
     assert count["drawn"] == refused + count["feasible"]
