@@ -16,7 +16,7 @@ from testbed.run.export import export_campaign
 from testbed.run.play import play
 from testbed.scenario.read import changed, dump_scenario
 from testbed.studies import load_scenario, scenario_of
-from tests.testbed.studies.trial.fake_campaign import SCENARIO, Fake
+from tests.testbed.studies.trial.fake_campaign import SCENARIO, Fake, campaign_of
 
 SMALL = {
     "pool.size": 60,
@@ -119,6 +119,7 @@ def test_run_hands_its_campaign_to_the_export(monkeypatch, tmp_path):
     fake = Fake()
     monkeypatch.setattr(runner, "all_studies", lambda _: (fake,))
     monkeypatch.setattr(runner, "derived_file", fake.derive)
+    monkeypatch.setattr("testbed.studies.trial.records.campaign_of", campaign_of)
 
     def export(_campaign, robot, folder, **_):
         handed.append((robot.name, folder))

@@ -12,7 +12,7 @@ from testbed.laboratory.truth.laboratory import (
 )
 from testbed.robots.catalog import load_robot
 from testbed.run.play import play
-from testbed.scenario.read import Scenario, dump_scenario, record_hash
+from testbed.scenario.read import Scenario, dump_scenario
 from testbed.scenario.truth import TRUTH_PRESETS
 from testbed.studies import parse_scenario, scenario_of
 from tests import campaign
@@ -123,7 +123,9 @@ def test_what_a_term_of_the_truth_changes_is_a_new_setting():
     base = small({"preset": "wen2022"}, {"preset": "at960"})
     for changes in ({"thermal_k": 1.0}, {"encoder_mdeg": 0.1}):
         other = small({"preset": "wen2022"} | changes, {"preset": "at960"})
-        assert record_hash(other, robot, "setting") != record_hash(base, robot, "setting")
+        assert campaign.record_hash(other, robot, "setting") != campaign.record_hash(
+            base, robot, "setting"
+        )
 
 
 def test_poses_that_will_be_missed_do_not_count():
