@@ -10,18 +10,15 @@ from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from calib.arrays import Array
-from testbed.scenario.hashes import goal_part, part, shared_part
 from testbed.scenario.tables import facts_of, robot_of
 from testbed.scenario.truth import TruthSettings, resolved_truth, truth_faults
 from testbed.strict import Fault
-from testbed.studies.protocol import Record, Records, Task
+from testbed.studies.protocol import Records
 from testbed.units import Mean
 
 if TYPE_CHECKING:
-    from testbed.laboratory.truth.laboratory import Setting
     from testbed.robots.catalog import Robot
     from testbed.scenario.scenario import Scenario
-    from testbed.studies.trial.records import Trial
 
 
 T = TypeVar("T")
@@ -79,44 +76,6 @@ def of_each_kind(records: Records, table: ManyRobots, kind: type[T]) -> tuple[T,
     """The finished records of a study, one per kind of robot, in the order of the scenario."""
     found = (records.find(f"{table.table}.{truth}", kind) for truth in table.truths)
     return tuple(study for study in found if study is not None)
-
-
-def kind_part(scenario: "Scenario", table: ManyRobots, key: str) -> dict[str, Any]:
-    """What a record on robots of one kind reads: the first trial, its own table and that kind.
-
-    It depends on no other kind and on no other trial, but for when the robot is measured again:
-    after the poses of the largest trial.
-    """
-    truth = truth_of_kind(scenario, kind_of(key)).model_dump(mode="json")
-    own = part(scenario, table.table)[table.table] | {"truths": truth}
-    return {
-        **shared_part(scenario),
-        **part(scenario, "identification"),
-        "trial": scenario.trial[0].model_dump(mode="json"),
-        table.table: own,
-        "poses": [trial.poses for trial in scenario.trial],
-        **goal_part(scenario),
-    }
-
-
-def records_of_kinds(scenario: "Scenario", table: ManyRobots, kind: type) -> tuple[Record, ...]:
-    """One record per kind of robot, which needs the laboratory and the first trial."""
-    needs, pieces = ("setting", scenario.trial[0].name), pieces_of(table.robots)
-    return tuple(
-        Record(key, kind, kind_part(scenario, table, key), needs=needs, pieces=pieces)
-        for key in played_keys(table)
-    )
-
-
-def robots_of_kind(
-    scenario: "Scenario", table: ManyRobots, task: Task, needed: Records
-) -> tuple["Scenario", "Setting", TruthName, "Trial", range]:
-    """What a piece of work plays: laboratory, kind of robots, first trial, and which robots."""
-    from testbed.laboratory.truth.laboratory import Setting
-    from testbed.studies.trial.records import Trial
-
-    setting, trial = needed.get("setting", Setting), needed.get(scenario.trial[0].name, Trial)
-    return scenario, setting, kind_of(task.key), trial, block_of(table.robots, task.piece)
 
 
 def table_contradictions(table: ManyRobots, scenario: "Scenario") -> list[str]:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from testbed.studies import load_scenario
-from testbed.studies.coverage.records import MODELS, coverage_of
 from testbed.studies.coverage.settings import CoverageSettings
+from testbed.studies.coverage.study import MODELS, STUDY
 from testbed.studies.coverage.summary import cells, followed, numbers_check
 from tests.reported import played
 from tests.sbc import evenness, prior_ranks
@@ -25,17 +25,17 @@ def campaign(request):
 @pytest.fixture(scope="module")
 def slack(campaign):
     """What chance may take from a share: a robot's conformal share scatters by 0.04 about 0.955."""
-    return 0.0 if len(coverage_of(campaign)[0].converged.T) >= FULL else 3 * 0.04 / np.sqrt(24)
+    return 0.0 if len(STUDY.of(campaign)[0].converged.T) >= FULL else 3 * 0.04 / np.sqrt(24)
 
 
 @pytest.fixture(scope="module")
 def studies(campaign):
-    return {study.truth: study for study in coverage_of(campaign)}
+    return {study.truth: study for study in STUDY.of(campaign)}
 
 
 @pytest.fixture(scope="module")
 def share(campaign):
-    return {(c.truth, c.model, c.statement): c.share for c in cells(coverage_of(campaign))}
+    return {(c.truth, c.model, c.statement): c.share for c in cells(STUDY.of(campaign))}
 
 
 def test_the_scene_has_at_least_200_robots_of_every_kind():
@@ -45,7 +45,7 @@ def test_the_scene_has_at_least_200_robots_of_every_kind():
 
 
 def test_on_rigid_robots_the_geometric_model_states_what_is_true(studies, campaign):
-    cell = cells(coverage_of(campaign))[0]
+    cell = cells(STUDY.of(campaign))[0]
     assert (cell.truth, cell.model, cell.statement, cell.outcome) == (
         "rigid", "geometric", "model", "holds",
     )  # fmt: skip

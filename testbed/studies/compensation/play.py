@@ -32,8 +32,8 @@ from testbed.laboratory.truth.laboratory import (
 )
 from testbed.scenario.read import Scenario
 from testbed.studies.compensation.cube import cube_joints, cube_poses
-from testbed.studies.compensation.records import CompensationStudy
 from testbed.studies.compensation.settings import CompensationSettings
+from testbed.studies.compensation.study import CompensationStudy
 from testbed.studies.many_robots import TruthName, alone, together, truth_of_kind
 from testbed.studies.trial.records import Trial
 

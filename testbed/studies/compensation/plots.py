@@ -6,7 +6,7 @@ import numpy as np
 
 from testbed.report.plots import Look, legend_above, log_ticks
 from testbed.report.svg import DARK, LIGHT, MIDDLE, SOFT, drawing, svg_of
-from testbed.studies.compensation.records import VARIANTS, CompensationStudy
+from testbed.studies.compensation.study import VARIANTS, CompensationStudy
 from testbed.studies.compensation.summary import FLOOR, VALUE
 from testbed.units import UM
 

@@ -10,7 +10,8 @@ from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter
 from testbed.recording.timeline import Phase, visit
 from testbed.scenario.read import Scenario
-from testbed.studies.compensation.records import FIGURES, VARIANTS, CompensationStudy
+from testbed.studies.compensation.study import FIGURES, STUDY, VARIANTS, CompensationStudy
+from testbed.studies.trial.records import Campaign
 from testbed.units import UM
 
 BEFORE, CHOSEN = VARIANTS.index("before"), VARIANTS.index("chosen")
@@ -21,21 +22,19 @@ FRAMES = 144
 """Length of the phase."""
 
 
-def shown(studies: tuple[CompensationStudy, ...], scenario: Scenario) -> CompensationStudy | None:
+def shown(studies: tuple[CompensationStudy, ...], scenario: Scenario) -> CompensationStudy:
     """The kind of robots whose first one is shown: the scenario's own kind, else the first."""
     own = (study for study in studies if study.truth == scenario.truth.preset)
-    return next(own, studies[0] if studies else None)
+    return next(own, studies[0])
 
 
-def chapters(studies: tuple[CompensationStudy, ...], scenario: Scenario) -> tuple[Chapter, ...]:
-    """The program run as written, then with corrected joint targets; none without a study."""
-    study = shown(studies, scenario)
-    if study is None:
-        return ()
+def chapter(campaign: Campaign) -> Chapter:
+    """The program run as written, then with corrected joint targets."""
+    study = shown(STUDY.of(campaign), campaign.scenario)
     targets = np.vstack([study.targets[BEFORE, 0], study.targets[CHOSEN, 0]])
     ap = UM * study.figures[:, AP, 0, 0].mean(axis=-1)
     floor = UM * float(study.figures[CHOSEN, AP, 2, 0].mean())
-    chapter = Chapter(
+    return Chapter(
         name="compensate",
         local="visit",
         color=(24, 140, 140),
@@ -51,7 +50,6 @@ def chapters(studies: tuple[CompensationStudy, ...], scenario: Scenario) -> tupl
         draw=partial(_draw, study),
         plots={"compensate": "5 AP µm: red before, green after, gray noise floor"},
     )
-    return (chapter,)
 
 
 def _draw(study: CompensationStudy, pen: Pen, phase: Phase) -> None:

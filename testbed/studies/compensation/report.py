@@ -2,7 +2,7 @@
 
 from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict
 from testbed.studies.compensation.plots import accuracy_by_pose, readings_of_one
-from testbed.studies.compensation.records import CompensationStudy, compensation_of
+from testbed.studies.compensation.study import STUDY, CompensationStudy
 from testbed.studies.compensation.summary import Outcome, Typical, outcomes
 from testbed.studies.protocol import Answer
 from testbed.studies.trial.records import Campaign
@@ -22,11 +22,9 @@ from testbed.units import (
 WORDS = {"before": "as it was", "geometric": "geometric model", "chosen": "chosen model"}
 
 
-def compensation_section(campaign: Campaign) -> Section | None:
+def section(campaign: Campaign) -> Section:
     """What came of the corrected program, table and figures, and how it was found."""
-    studies = compensation_of(campaign)
-    if not studies:
-        return None
+    studies = STUDY.of(campaign)
     found = [outcomes(study) for study in studies]
     robots = counted(len(studies[0].extended), "robot")
     blocks: list[Block] = [
@@ -176,7 +174,7 @@ def um(length: float) -> str:
 
 def answer(campaign: Campaign) -> Answer:
     """The first screen: on which kinds of robots the corrected program is better, by how much."""
-    studies = compensation_of(campaign)
+    studies = STUDY.of(campaign)
     found = [outcomes(study) for study in studies]
     better = sum(chosen.ap.value < before.ap.value for before, _, chosen in found)
     kinds = f"{better} of {counted(len(found), 'kind')} of robots"

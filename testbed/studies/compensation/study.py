@@ -1,76 +1,57 @@
-"""The loop closed: commanded poses corrected and measured again, ISO 9283 before and after."""
+"""The loop closed, ISO 9283 before and after: one record per kind of robot, and the study."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
 
-from testbed.report.page import Section
-from testbed.scenario.scenario import Scenario
-from testbed.store.quantities import Quantity
-from testbed.studies.compensation.records import CompensationStudy, compensation_of
+from calib.arrays import Array, Bool, Index
 from testbed.studies.compensation.settings import CompensationSettings
-from testbed.studies.many_robots import records_of_kinds, robots_of_kind
-from testbed.studies.protocol import Answer, Record, Records, Task
-from testbed.studies.trial.records import campaign_of
+from testbed.studies.kinds import KindsStudy
 
-if TYPE_CHECKING:
-    from testbed.recording.story import Chapter
-
-
-class CompensationStudies:
-    """What a calibration is worth to a program, before and after its targets are corrected."""
-
-    name = "compensation"
-    settings = CompensationSettings
-    keys = CompensationSettings.keys
-
-    def records(self, scenario: Scenario) -> tuple[Record, ...]:
-        """One record per kind of robot."""
-        return records_of_kinds(scenario, scenario.table(CompensationSettings), CompensationStudy)
-
-    def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
-        """Some robots of one kind."""
-        from testbed.studies.compensation.play import play_robots
-
-        table = scenario.table(CompensationSettings)
-        return play_robots(*robots_of_kind(scenario, table, task, needed))
-
-    def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> object:
-        """The robots of all pieces."""
-        from testbed.studies.compensation.play import gather
-
-        return gather(parts)
-
-    def answer(self, scenario: Scenario, records: Records) -> Answer | None:
-        """On which kinds of robots the corrected program is better, and by how much."""
-        from testbed.studies.compensation import report
-
-        campaign = campaign_of(scenario, records)
-        return report.answer(campaign) if compensation_of(campaign) else None
-
-    def results(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
-        """Figures of ISO 9283 per kind of robot."""
-        from testbed.studies.compensation.summary import published
-
-        return published(compensation_of(campaign_of(scenario, records)))
-
-    def arrays(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
-        """What each robot gave."""
-        from testbed.studies.compensation.summary import published_arrays
-
-        return published_arrays(compensation_of(campaign_of(scenario, records)))
-
-    def sections(self, scenario: Scenario, records: Records, *, first: bool) -> Sequence[Section]:
-        """The answer at length."""
-        from testbed.studies.compensation.report import compensation_section
-
-        section = compensation_section(campaign_of(scenario, records))
-        return () if section is None else (section,)
-
-    def recording(self, scenario: Scenario, records: Records) -> Sequence["Chapter"]:
-        """One chapter."""
-        from testbed.studies.compensation import recording
-
-        return recording.chapters(compensation_of(campaign_of(scenario, records)), scenario)
+VARIANTS = ("before", "geometric", "chosen")
+"""Order of the first axis of the arrays below: the program as it was, corrected by the geometric
+model, corrected by the model that the evidence chooses (the same one on many robots)."""
+FIGURES = ("AP", "RP", "AP angle")
+"""Figures of a pose, in the order of their axis; the first two in m, the third in rad."""
+WORTH = ("value", "uncertainty", "floor")
+"""What stands beside each other for every figure: itself, standard uncertainty, noise floor."""
 
 
-STUDY = CompensationStudies()
+@dataclass(frozen=True, slots=True, eq=False)
+class CompensationStudy:
+    """R robots of one kind: an ISO 9283 test before and after the targets were corrected."""
+
+    truth: str
+    """Preset of the robots."""
+    trial: str
+    """Whose poses calibrated them."""
+    poses: int
+    """How many those are."""
+    cycles: int
+    """Visits of each of the five poses."""
+    T: Array
+    """(5, 4, 4) commanded poses, world [m]."""
+    q: Array
+    """(5, n) nominal joint targets [rad, m]."""
+    figures: Array
+    """(3, 3, 3, R, 5) variant, figure, worth, robot, pose [m or rad]."""
+    distances: Array
+    """(3, 2, 3, R) variant, AD and RD, worth, robot [m]; of the way from pose 2 to pose 4."""
+    true: Array
+    """(3, R, 5) the secret: distance of the noise-free tool from the command [m]."""
+    held_out: Array
+    """(3, 2, R) mean and 95th percentile of the held-out errors of the model: nominal, geometric,
+    chosen; against the secret [m]."""
+    extended: Bool
+    """(R,) whether the evidence asked for the extended model."""
+    corrected: Bool
+    """(3, R, 5) whether a target was corrected without reserve; True before."""
+    step: Array
+    """(3, R) largest joint correction [rad, or m]."""
+    targets: Array
+    """(3, R, 5, n) joint targets that were executed [rad, m]."""
+    readings: Array
+    """(3, 5, c, 3) of the first robot: read positions minus commanded ones [m]."""
+    pose_id: Index
+    """(5,) numbers of the poses in the standard, from 1."""
+
+
+STUDY = KindsStudy(CompensationSettings, CompensationStudy)

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.arrays import Array
 from testbed.store.quantities import METRE, RADIAN, Quantity, below, in_si
-from testbed.studies.compensation.records import VARIANTS, WORTH, CompensationStudy
+from testbed.studies.compensation.study import VARIANTS, WORTH, CompensationStudy
 
 VALUE, UNCERTAINTY, FLOOR = range(len(WORTH))
 PUBLISHED = {
@@ -108,9 +108,7 @@ def _typical(figure: Array) -> Typical:
 
 
 def published(studies: tuple[CompensationStudy, ...]) -> list[Quantity]:
-    """The study in result.json; nothing where it is off."""
-    if not studies:
-        return []
+    """The study in result.json."""
     first = studies[0]
     out = [
         Quantity("robots", len(first.extended)),
@@ -122,25 +120,21 @@ def published(studies: tuple[CompensationStudy, ...]) -> list[Quantity]:
         out.append(Quantity(f"{key}/extended_chosen", study.extended.mean()))
         for found in outcomes(study):
             out += below(f"{key}/{found.variant}", _of_variant(found))
-    return below("compensation", out)
+    return out
 
 
-def published_arrays(studies: tuple[CompensationStudy, ...]) -> list[Quantity]:
+def published_arrays(study: CompensationStudy) -> list[Quantity]:
     """What each robot gave, in arrays.npz."""
-    found = []
-    for study in studies:
-        arrays = {
-            **dict(
-                zip(("AP_m", "RP_m", "AP_angle_rad"), study.figures.swapaxes(0, 1), strict=True)
-            ),
-            **dict(zip(("AD_m", "RD_m"), study.distances.swapaxes(0, 1), strict=True)),
+    figures = [*study.figures.swapaxes(0, 1), *study.distances.swapaxes(0, 1)]
+    return in_si(
+        {
+            **dict(zip(("AP_m", "RP_m", "AP_angle_rad", "AD_m", "RD_m"), figures, strict=True)),
             "true_AP_m": study.true,
             "held_out_m": study.held_out,
             "targets": study.targets,
             "corrected": study.corrected,
         }
-        found += below(f"compensation/{study.truth}", in_si(arrays))
-    return found
+    )
 
 
 def _of_variant(found: Outcome) -> Iterator[Quantity]:

@@ -31,8 +31,8 @@ from testbed.laboratory.truth.laboratory import (
 from testbed.laboratory.truth.terms import UnmodelledTerms
 from testbed.scenario.read import Scenario
 from testbed.streams import stream
-from testbed.studies.coverage.records import STATEMENTS, CoverageStudy
 from testbed.studies.coverage.settings import CoverageSettings
+from testbed.studies.coverage.study import STATEMENTS, CoverageStudy
 from testbed.studies.many_robots import TruthName, alone, together, truth_of_kind
 from testbed.studies.trial.compare import true_step
 from testbed.studies.trial.records import Trial

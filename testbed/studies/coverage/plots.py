@@ -13,7 +13,7 @@ from testbed.report.plots import (
     share_ends,
 )
 from testbed.report.svg import DARK, MIDDLE, SOFT, drawing, svg_of
-from testbed.studies.coverage.records import MODELS, STATEMENTS, CoverageStudy
+from testbed.studies.coverage.study import MODELS, STATEMENTS, CoverageStudy
 from testbed.studies.coverage.summary import Cell
 from testbed.units import UM
 

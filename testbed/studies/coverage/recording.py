@@ -12,8 +12,9 @@ from testbed.recording.pen import Pen, first
 from testbed.recording.story import Chapter, Panel
 from testbed.recording.timeline import Phase, growing, spread
 from testbed.studies.coverage.plots import TITLES
-from testbed.studies.coverage.records import MODELS, STATEMENTS, CoverageStudy
+from testbed.studies.coverage.study import MODELS, STATEMENTS, STUDY, CoverageStudy
 from testbed.studies.coverage.summary import Cell, cells
+from testbed.studies.trial.records import Campaign
 
 AMBER = (226, 150, 60)
 CURVES = (style.GREEN, style.LINE_COLOR, AMBER, style.RED, style.STATED_COLOR)
@@ -35,10 +36,9 @@ def running(shares: Array) -> Array:
     return np.asarray(100 * np.cumsum(shares, axis=-1) / np.arange(1, shares.shape[-1] + 1))
 
 
-def chapters(studies: tuple[CoverageStudy, ...]) -> tuple[Chapter, ...]:
-    """Robots of all kinds come in one by one, beside the promise; none without a study."""
-    if not studies:
-        return ()
+def chapter(campaign: Campaign) -> Chapter:
+    """Robots of all kinds come in one by one, beside the promise."""
+    studies = STUDY.of(campaign)
     found, robots = cells(studies), studies[0].before.size
     short = sum(not cell.believable for cell in found)
     panel = Panel(
@@ -48,7 +48,7 @@ def chapters(studies: tuple[CoverageStudy, ...]) -> tuple[Chapter, ...]:
         y=(-1.7 * ROW, (len(studies) * len(MODELS) + 0.4) * ROW),
         columns=(1.5, 1, 1.7),
     )
-    chapter = Chapter(
+    return Chapter(
         name="coverage",
         local="robot",
         color=(140, 92, 170),
@@ -66,7 +66,6 @@ def chapters(studies: tuple[CoverageStudy, ...]) -> tuple[Chapter, ...]:
         plots={f"coverage/{model}": f"5 Inside %: {model}" for model in MODELS},
         panel=panel,
     )
-    return (chapter,)
 
 
 def _draw(

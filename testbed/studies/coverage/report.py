@@ -2,8 +2,8 @@
 
 from testbed.report.page import Block, Figure, Points, Section, Text, Verdict
 from testbed.studies.coverage.plots import attained, sharpness
-from testbed.studies.coverage.records import MODELS, CoverageStudy, coverage_of
 from testbed.studies.coverage.settings import CoverageSettings
+from testbed.studies.coverage.study import MODELS, STUDY, CoverageStudy
 from testbed.studies.coverage.summary import Cell, NumbersCheck, cells, followed, numbers_check
 from testbed.studies.coverage.tables import (
     advice_table,
@@ -25,11 +25,9 @@ NAMES = {
 }
 
 
-def coverage_section(campaign: Campaign) -> Section | None:
+def section(campaign: Campaign) -> Section:
     """The verdict, how it was found, table and figures, and the parameters."""
-    studies = coverage_of(campaign)
-    if not studies:
-        return None
+    studies = STUDY.of(campaign)
     found = cells(studies)
     robots = counted(studies[0].before.size, "robot")
     level = percent(studies[0].level)
@@ -176,7 +174,7 @@ def unnoticed(study: CoverageStudy, found: tuple[Cell, ...]) -> tuple[str, ...]:
 
 def procedure(campaign: Campaign) -> str:
     """How the study was made."""
-    study, trial = coverage_of(campaign)[0], campaign.trials[0]
+    study, trial = STUDY.of(campaign)[0], campaign.trials[0]
     validation = campaign.scenario.table(CoverageSettings).validation_poses
     return (
         f"{counted(study.before.size, 'robot')} of each kind were drawn and calibrated with the "
@@ -216,7 +214,7 @@ def span_of(radii: list[float]) -> str:
 
 def answer(campaign: Campaign) -> Answer:
     """The first screen: where the model-based region keeps its promise, and what does instead."""
-    studies = coverage_of(campaign)
+    studies = STUDY.of(campaign)
     found = cells(studies)
     short = {cell.truth for cell in found if cell.statement == "model" and not cell.believable}
     kinds = f"{len(studies)} kind{'s' if len(studies) > 1 else ''} of robots"

@@ -1,76 +1,55 @@
-"""Whether the stated uncertainty holds: many robots of each kind, calibrated and judged."""
+"""Whether the stated uncertainty holds: one record per kind of robot, and the study."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
 
-from testbed.report.page import Section
-from testbed.scenario.scenario import Scenario
-from testbed.store.quantities import Quantity
-from testbed.studies.coverage.records import CoverageStudy, coverage_of
+from calib.arrays import Array, Bool, Index
 from testbed.studies.coverage.settings import CoverageSettings
-from testbed.studies.many_robots import records_of_kinds, robots_of_kind
-from testbed.studies.protocol import Answer, Record, Records, Task
-from testbed.studies.trial.records import campaign_of
+from testbed.studies.kinds import KindsStudy
 
-if TYPE_CHECKING:
-    from testbed.recording.story import Chapter
-
-
-class CoverageStudies:
-    """Which stated uncertainty holds the true error, on which kind of robot."""
-
-    name = "coverage"
-    settings = CoverageSettings
-    keys = CoverageSettings.keys
-
-    def records(self, scenario: Scenario) -> tuple[Record, ...]:
-        """One record per kind of robot."""
-        return records_of_kinds(scenario, scenario.table(CoverageSettings), CoverageStudy)
-
-    def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
-        """Some robots of one kind."""
-        from testbed.studies.coverage.play import play_robots
-
-        table = scenario.table(CoverageSettings)
-        return play_robots(*robots_of_kind(scenario, table, task, needed))
-
-    def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> object:
-        """The robots of all pieces."""
-        from testbed.studies.coverage.play import gather
-
-        return gather(parts)
-
-    def answer(self, scenario: Scenario, records: Records) -> Answer | None:
-        """Where the model-based region keeps its promise, and what does instead."""
-        from testbed.studies.coverage import report
-
-        campaign = campaign_of(scenario, records)
-        return report.answer(campaign) if coverage_of(campaign) else None
-
-    def results(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
-        """Shares of points inside, with intervals."""
-        from testbed.studies.coverage.summary import published
-
-        return published(coverage_of(campaign_of(scenario, records)))
-
-    def arrays(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
-        """What each robot gave."""
-        from testbed.studies.coverage.summary import published_arrays
-
-        return published_arrays(coverage_of(campaign_of(scenario, records)))
-
-    def sections(self, scenario: Scenario, records: Records, *, first: bool) -> Sequence[Section]:
-        """The answer at length."""
-        from testbed.studies.coverage.report import coverage_section
-
-        section = coverage_section(campaign_of(scenario, records))
-        return () if section is None else (section,)
-
-    def recording(self, scenario: Scenario, records: Records) -> Sequence["Chapter"]:
-        """One chapter."""
-        from testbed.studies.coverage import recording
-
-        return recording.chapters(coverage_of(campaign_of(scenario, records)))
+MODELS = ("geometric", "extended")
+"""Order of the first axis of the arrays below."""
+STATEMENTS = ("model", "discrepancy", "conformal")
+"""Order of the second: region from the parameters' covariance, the same with discrepancy, ball."""
 
 
-STUDY = CoverageStudies()
+@dataclass(frozen=True, slots=True, eq=False)
+class CoverageStudy:
+    """R robots of one kind, each calibrated, validated and judged against its noise-free truth."""
+
+    truth: str
+    """Preset of the robots."""
+    level: float
+    """What every statement promises."""
+    judged: int
+    """Held-out poses that judge each robot."""
+    inside: Array
+    """(2, 3, R) share of the held-out points inside what is stated, per model and statement."""
+    radius: Array
+    """(2, 3, R) mean radius of the ball with the region's volume [m]."""
+    p_value: Array
+    """(2, R) of the residuals of the calibration."""
+    held_out_p: Array
+    """(2, R) of the errors at the validation poses."""
+    flagged: Bool
+    """(2, R) whether the program itself says that the model-based region is not valid."""
+    believed: Index
+    """(2, R) place in `STATEMENTS` of the one the program says to believe; -1 for none."""
+    converged: Bool
+    """(2, R) whether the fit ended with its certificate."""
+    extended: Bool
+    """(R,) whether the evidence asked for the extended model."""
+    log_evidence: Array
+    """(R,) log odds of the extended model."""
+    before: Array
+    """(R,) mean held-out error of the nominal model [m]."""
+    mean_error: Array
+    """(2, R) mean held-out error against the truth [m]."""
+    names: tuple[str, ...]
+    """(f,) numbers of the geometric model; none where it cannot hold the truth."""
+    normal_error: Array
+    """(f, R) estimate minus truth of these numbers, over its stated standard uncertainty."""
+    nees: Array
+    """(R,) normalized estimation error squared of these numbers, expected f; else (0,)."""
+
+
+STUDY = KindsStudy(CoverageSettings, CoverageStudy)

@@ -14,7 +14,7 @@ from scipy.special import chdtr, kolmogorov, ndtr
 from calib.arrays import Array
 from calib.uncertainty.regions import coverage_factor
 from testbed.store.quantities import METRE, Quantity, below, in_si
-from testbed.studies.coverage.records import MODELS, STATEMENTS, CoverageStudy
+from testbed.studies.coverage.study import MODELS, STATEMENTS, CoverageStudy
 from testbed.studies.many_robots import family_confidence, mean_over_robots
 from testbed.studies.trial.play import BAND, binomial_band, chi_square_mean_band
 from testbed.units import Mean
@@ -155,25 +155,17 @@ def share_interval(mean: Mean) -> list[float]:
 
 
 def published(studies: tuple[CoverageStudy, ...]) -> list[Quantity]:
-    """The study in result.json; nothing where it is off."""
-    if not studies:
-        return []
+    """The study in result.json."""
     first, found = studies[0], cells(studies)
     out = [Quantity("robots", first.before.size), Quantity("level", first.level)]
     for study in studies:
         out += below(f"truths/{study.truth}", _of_kind(study, found))
-    return below("coverage", out)
+    return out
 
 
-def published_arrays(studies: tuple[CoverageStudy, ...]) -> list[Quantity]:
+def published_arrays(study: CoverageStudy) -> list[Quantity]:
     """What each robot gave, in arrays.npz."""
-    return in_si(
-        {
-            f"coverage/{study.truth}/{name}": getattr(study, name.removesuffix("_m"))
-            for study in studies
-            for name in ARRAYS
-        }
-    )
+    return in_si({name: getattr(study, name.removesuffix("_m")) for name in ARRAYS})
 
 
 def _of_kind(study: CoverageStudy, found: tuple[Cell, ...]) -> Iterator[Quantity]:

@@ -5,7 +5,7 @@ from itertools import chain
 import numpy as np
 
 from testbed.report.page import Table, table_of
-from testbed.studies.coverage.records import MODELS, STATEMENTS, CoverageStudy
+from testbed.studies.coverage.study import MODELS, STATEMENTS, CoverageStudy
 from testbed.studies.coverage.summary import Cell, NumbersCheck, cells, followed
 from testbed.studies.many_robots import mean_over_robots
 from testbed.units import (

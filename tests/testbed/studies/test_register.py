@@ -166,5 +166,5 @@ def test_a_study_is_named_in_no_file_outside_its_folder_but_the_register(name):
 
 def names_in(folder):
     """Settings and record types of a study."""
-    text = "".join((folder / f"{name}.py").read_text("utf-8") for name in ("settings", "records"))
+    text = "".join((folder / f"{name}.py").read_text("utf-8") for name in ("settings", "study"))
     return set(re.findall(r"^class (\w+)", text, re.MULTILINE))

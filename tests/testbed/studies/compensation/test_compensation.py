@@ -19,9 +19,9 @@ from testbed.store.codec import pack, unpack
 from testbed.studies import load_scenario
 from testbed.studies.compensation.cube import cube_joints, cube_poses
 from testbed.studies.compensation.play import execute, gather, play_robots, robot_of
-from testbed.studies.compensation.records import CompensationStudy, compensation_of
-from testbed.studies.compensation.report import compensation_section, sentences, summary_table
+from testbed.studies.compensation.report import section, sentences, summary_table
 from testbed.studies.compensation.settings import CompensationSettings
+from testbed.studies.compensation.study import STUDY, CompensationStudy
 from testbed.studies.compensation.summary import mean_accuracy, outcomes
 from tests.campaign import record_hash
 from tests.reported import assert_same, played
@@ -44,7 +44,7 @@ def campaign():
 
 @pytest.fixture(scope="module")
 def studies(campaign):
-    return {study.truth: study for study in compensation_of(campaign)}
+    return {study.truth: study for study in STUDY.of(campaign)}
 
 
 def test_the_figures_of_a_robot_come_out_by_hand_too(campaign, studies):
@@ -113,7 +113,7 @@ def test_robots_of_all_kinds_meet_the_same_noise_and_a_robot_more_changes_none(c
     smaller = played("compensate", SMALL | {"compensation.robots": 2,
                                             "compensation.truths": ["rigid"]})  # fmt: skip
     np.testing.assert_array_equal(
-        compensation_of(smaller)[0].figures, studies["rigid"].figures[..., :2, :]
+        STUDY.of(smaller)[0].figures, studies["rigid"].figures[..., :2, :]
     )
     np.testing.assert_array_equal(studies["rigid"].T, studies["elastic"].T)
 
@@ -126,17 +126,16 @@ def test_a_record_survives_the_disk(studies):
 
 
 def test_the_report_says_how_good_and_how_good_that_can_be_known(campaign, studies):
-    section = compensation_section(campaign)
-    assert section is not None
-    said = " ".join(section.blocks[0].items)
+    shown = section(campaign)
+    said = " ".join(shown.blocks[0].items)
     for truth, study in studies.items():
         assert f"On {truth} robots the corrected program brings AP from" in said
         assert len(sentences(outcomes(study))) >= 1
     assert "noise floor" in said
-    table = section.blocks[1]
+    table = shown.blocks[1]
     assert len(table.rows) == 3 * len(studies)
     assert all(len(row) == len(table.head) for row in table.rows)
-    assert [row[0] for row in summary_table(compensation_of(campaign)).rows] == list(studies)
+    assert [row[0] for row in summary_table(STUDY.of(campaign)).rows] == list(studies)
     found = headline(campaign)["compensation"]
     chosen = found["truths"]["rigid"]["chosen"]
     assert chosen["AP"]["median_mm"] == pytest.approx(outcomes(studies["rigid"])[2].ap.value * 1e3)
@@ -224,7 +223,7 @@ def test_a_record_depends_on_its_own_kind_and_on_no_other_trial():
 def test_full_size_rigid_below_twenty_micrometres_and_all_kinds_at_their_models_level(preset):
     change = {"compensation.robots": 40, "tracker": {"preset": preset}}
     campaign = played("compensate", change)
-    for study in compensation_of(campaign):
+    for study in STUDY.of(campaign):
         _, _, chosen = outcomes(study)
         if study.truth == "rigid":
             assert chosen.ap.value < 20e-6 + chosen.ap.floor

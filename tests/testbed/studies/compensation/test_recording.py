@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from testbed.studies.compensation.recording import chapters, factor, shown
-from testbed.studies.compensation.records import CompensationStudy, compensation_of
+from testbed.studies.compensation.recording import chapter, factor, shown
+from testbed.studies.compensation.study import STUDY, CompensationStudy
 from tests import viewed
 from tests.campaign import with_records
 from tests.recorded import column, record, scalars, small_campaign, store, timeline
@@ -57,14 +57,13 @@ def opened(path):
 
 
 def test_the_kind_of_the_scenario_is_shown_and_without_it_the_first(campaign):
-    one = shown(compensation_of(campaign), campaign.scenario)
-    assert one is compensation_of(campaign)[1]
-    assert shown(compensation_of(campaign)[:1], campaign.scenario).truth == "rigid"
-    assert shown((), campaign.scenario) is None
+    one = shown(STUDY.of(campaign), campaign.scenario)
+    assert one is STUDY.of(campaign)[1]
+    assert shown(STUDY.of(campaign)[:1], campaign.scenario).truth == "rigid"
 
 
 def test_the_curves_are_ap_in_micrometres_bit_for_bit(opened, campaign):
-    figures = compensation_of(campaign)[1].figures
+    figures = STUDY.of(campaign)[1].figures
     for name, variant, start in (("before", 0, 0), ("after", 2, POSES)):
         at, values = scalars(opened, f"/compensate/{name}", "visit")
         assert at.tolist() == list(range(start, start + POSES))
@@ -72,7 +71,7 @@ def test_the_curves_are_ap_in_micrometres_bit_for_bit(opened, campaign):
 
 
 def test_readings_end_where_they_were_read_so_many_times_larger(opened, campaign):
-    one = compensation_of(campaign)[1]
+    one = STUDY.of(campaign)[1]
     times = factor(one)
     command = one.T[:, :3, 3]
     for name, variant in (("before", 0), ("chosen", 2)):
@@ -87,7 +86,7 @@ def test_readings_end_where_they_were_read_so_many_times_larger(opened, campaign
 
 
 def test_the_robot_stops_at_the_targets_as_written_and_then_as_corrected(campaign):
-    one, story = compensation_of(campaign)[1], timeline(campaign)
+    one, story = STUDY.of(campaign)[1], timeline(campaign)
     phase = story.phase("compensate")
     assert phase.stop == story.n_steps
     stops = np.vstack([one.targets[0, 0], one.targets[2, 0]])
@@ -96,9 +95,8 @@ def test_the_robot_stops_at_the_targets_as_written_and_then_as_corrected(campaig
 
 
 def test_the_words_say_what_the_figures_say(campaign):
-    one = compensation_of(campaign)[1]
-    (chapter,) = chapters(compensation_of(campaign), campaign.scenario)
-    text = "\n".join(chapter.text)
+    one = STUDY.of(campaign)[1]
+    text = "\n".join(chapter(campaign).text)
     assert f"mean AP {1e6 * one.figures[0, 0, 0, 0].mean():.0f} to" in text
     assert f"drawn {factor(one)} times" in text
 

@@ -20,8 +20,8 @@ from testbed.scenario.read import changed
 from testbed.store.codec import pack, unpack
 from testbed.studies import load_scenario
 from testbed.studies.coverage.play import gather, judge_model, measure_robot, models, play_robots
-from testbed.studies.coverage.records import CoverageStudy, coverage_of
-from testbed.studies.coverage.report import believable_sentence, coverage_section, unnoticed
+from testbed.studies.coverage.report import believable_sentence, section, unnoticed
+from testbed.studies.coverage.study import STUDY, CoverageStudy
 from testbed.studies.coverage.summary import cells, followed, numbers_check, uniform_p
 from testbed.studies.many_robots import mean_over_robots
 from tests.campaign import record_hash
@@ -53,7 +53,7 @@ def visit(campaign):
 
 
 def study_of(campaign, truth):
-    return next(study for study in coverage_of(campaign) if study.truth == truth)
+    return next(study for study in STUDY.of(campaign) if study.truth == truth)
 
 
 def fitted(visit, model):
@@ -143,7 +143,7 @@ def test_a_robots_numbers_hang_on_no_other_robot_and_no_other_kind(campaign):
 
 
 def test_robots_differ_and_all_kinds_meet_the_same_poses(campaign):
-    earlier = np.array([study.before for study in coverage_of(campaign)])
+    earlier = np.array([study.before for study in STUDY.of(campaign)])
     assert len(np.unique(earlier)) == earlier.size
     # wen2022 is rigid plus sag and harmonics: the same geometry, so much the same error
     rigid, sagging = study_of(campaign, "rigid").before, study_of(campaign, "wen2022").before
@@ -168,14 +168,14 @@ def test_the_judge_never_lets_the_truth_into_a_statement(visit):
 
 
 def test_only_a_model_that_holds_the_truth_is_judged_number_by_number(campaign):
-    assert [study.truth for study in coverage_of(campaign) if study.names] == ["rigid"]
+    assert [study.truth for study in STUDY.of(campaign) if study.names] == ["rigid"]
     study = study_of(campaign, "rigid")
     assert study.normal_error.shape == (30, 3)
     # chi-square with 30 degrees of freedom; 1e-6 tails
     low, high = stats.chi2.ppf([1e-6, 1 - 1e-6], 30)
     assert ((low < study.nees) & (study.nees < high)).all()
     fixed = {"identification.free": ["theta2", "theta3"], "coverage.truths": ["rigid"]}
-    assert coverage_of(played("coverage", SMALL | fixed))[0].names == ()
+    assert STUDY.of(played("coverage", SMALL | fixed))[0].names == ()
 
 
 def synthetic(inside, **changes):
@@ -282,7 +282,7 @@ def test_the_model_based_region_holds_what_a_station_gets_wrong_all_along():
         "coverage.truths": ["rigid"],
         "coverage.robots": 6,
     }
-    (study,) = coverage_of(played("coverage", SMALL | changes))
+    (study,) = STUDY.of(played("coverage", SMALL | changes))
     assert (study.inside.mean(axis=2) > 0.9).all()
     # mean of six chi-square values with 30 degrees of freedom; 1e-6 tails
     low, high = stats.chi2.ppf([1e-6, 1 - 1e-6], 180) / 6
@@ -332,24 +332,24 @@ def test_a_run_goes_on_between_two_kinds_of_robots(tmp_path, campaign):
     (tmp_path / "run" / "result.json").unlink()
     again = play(scenario, tmp_path / "run", resume=True)
     assert (tmp_path / "run" / "trials" / "coverage.rigid.npz").read_bytes() == first
-    assert np.array_equal(coverage_of(again)[1].inside, study_of(campaign, "soft").inside)
+    assert np.array_equal(STUDY.of(again)[1].inside, study_of(campaign, "soft").inside)
 
 
 def test_a_record_survives_the_disk(campaign):
-    for study in coverage_of(campaign):
+    for study in STUDY.of(campaign):
         again = unpack(CoverageStudy, pack(study))
         assert np.array_equal(again.inside, study.inside)
         assert again.names == study.names
 
 
 def test_the_report_opens_with_the_answer_and_has_every_cell(campaign):
-    section = coverage_section(campaign)
-    assert section.blocks[0].text.startswith("At 95")
-    table = section.blocks[3]
+    shown = section(campaign)
+    assert shown.blocks[0].text.startswith("At 95")
+    table = shown.blocks[3]
     assert [row[1] for row in table.rows] == ["geometric", "extended"] * 5
-    assert page_of(campaign, VERSIONS).sections[0] == section or section.anchor == "coverage"
+    assert page_of(campaign, VERSIONS).sections[0] == shown or shown.anchor == "coverage"
     page = page_of(campaign, VERSIONS)
-    assert page.verdict.replace("µ", "u").split() == section.blocks[0].text.split()
+    assert page.verdict.replace("µ", "u").split() == shown.blocks[0].text.split()
     assert page.mark.startswith(("✗ The model-based interval falls short", "✓ The model-based"))
     assert 'model = "choose"' in page.next_step
     assert headline(campaign)["coverage"]["truths"]["rigid"]["numbers"]["count"] == 30
@@ -358,8 +358,8 @@ def test_the_report_opens_with_the_answer_and_has_every_cell(campaign):
 
 def test_scenes_without_the_study_say_nothing_of_it():
     bare = played("coverage", SMALL | {"coverage.robots": 0})
-    assert coverage_of(bare) == ()
-    assert coverage_section(bare) is None
+    assert STUDY.of(bare) == ()
+    assert STUDY.sections(bare.scenario, bare.records, first=False) == ()
     assert "coverage" not in headline(bare)
 
 

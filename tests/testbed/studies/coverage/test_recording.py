@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from testbed.studies.coverage.recording import GAP, PANEL, ROW, chapters
-from testbed.studies.coverage.records import CoverageStudy, coverage_of
+from testbed.studies.coverage.recording import GAP, PANEL, ROW, chapter
+from testbed.studies.coverage.study import STUDY, CoverageStudy
 from testbed.studies.coverage.summary import cells
 from tests import viewed
 from tests.campaign import with_records
@@ -59,7 +59,7 @@ def opened(path):
 
 
 def test_curves_are_the_mean_over_the_robots_so_far(opened, campaign):
-    for one in coverage_of(campaign):
+    for one in STUDY.of(campaign):
         for i, model in enumerate(("geometric", "extended")):
             at, values = scalars(opened, f"/coverage/{model}/{one.truth}", "robot")
             naive = [100 * np.mean(one.inside[i, 0, : k + 1]) for k in range(ROBOTS)]
@@ -69,7 +69,7 @@ def test_curves_are_the_mean_over_the_robots_so_far(opened, campaign):
 
 
 def test_a_robot_is_a_dot_at_its_share_in_its_row(opened, campaign):
-    one = coverage_of(campaign)[1]
+    one = STUDY.of(campaign)[1]
     _, rows = column(opened, "/attained/wen2022/extended/discrepancy/robots", "Points2D:positions")
     dots = np.array(rows[-1]).reshape(-1, 2)
     assert np.abs(dots[:, 0] - (PANEL + GAP) - 100 * one.inside[1, 1]).max() < SINGLE
@@ -78,7 +78,7 @@ def test_a_robot_is_a_dot_at_its_share_in_its_row(opened, campaign):
 
 
 def test_the_mean_ends_at_the_share_that_the_report_states(opened, campaign):
-    for cell in cells(coverage_of(campaign)):
+    for cell in cells(STUDY.of(campaign)):
         entity = f"/attained/{cell.truth}/{cell.model}/{cell.statement}/mean"
         _, rows = column(opened, entity, "Points2D:positions")
         shift = ("model", "discrepancy", "conformal").index(cell.statement) * (PANEL + GAP)
@@ -94,8 +94,7 @@ def test_the_phase_comes_last_and_the_words_count_what_falls_short(campaign):
     assert len(last.at) == ROBOTS
     assert len(np.unique(last.at)) == ROBOTS
     assert np.array_equal(story.q[last.start], bare.q[-1])
-    (chapter,) = chapters(coverage_of(campaign))
-    assert chapter.text[-1].startswith("- 6 of 12 statements fall short")
+    assert chapter(campaign).text[-1].startswith("- 6 of 12 statements fall short")
 
 
 def test_the_file_is_whole(path):

@@ -1,0 +1,137 @@
+"""A study of robots of several kinds: one record per kind, its parts in modules of its folder."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
+
+from testbed.laboratory.truth.laboratory import Setting
+from testbed.report.page import Section
+from testbed.scenario.hashes import goal_part, part, shared_part
+from testbed.scenario.scenario import Scenario, StudyTable
+from testbed.store.quantities import Quantity, below
+from testbed.studies.many_robots import (
+    ManyRobots,
+    block_of,
+    kind_of,
+    of_each_kind,
+    pieces_of,
+    played_keys,
+    truth_of_kind,
+)
+from testbed.studies.protocol import Answer, Record, Records, Task
+from testbed.studies.trial.records import Campaign, Trial, campaign_of
+from testbed.studies.trial.study import SETTING
+
+if TYPE_CHECKING:
+    from testbed.recording.story import Chapter
+
+
+class OfOneKind(Protocol):
+    """The record of robots of one kind."""
+
+    @property
+    def truth(self) -> str:
+        """Preset of the robots."""
+
+
+R = TypeVar("R", bound=OfOneKind)
+
+
+@dataclass(frozen=True, slots=True)
+class KindsStudy(Generic[R]):
+    """The poses of the first trial on robots of several kinds, played in blocks of robots.
+
+    What is particular stands in modules of the study's folder, imported when they are used: `play`
+    has ``play_robots`` and ``gather``, `summary` has ``published`` and ``published_arrays``,
+    `report` has ``answer`` and ``section``, `recording` has ``chapter``. All but those of `play`
+    are called only where some kind of robots was played.
+    """
+
+    settings: type[StudyTable]
+    """Its table, one of `ManyRobots`."""
+    record: type[R]
+    """Class of its records."""
+
+    @property
+    def name(self) -> str:
+        """That of its table."""
+        return self.settings.table
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """One per kind of robot."""
+        return self.settings.keys
+
+    def of(self, campaign: Campaign) -> tuple[R, ...]:
+        """Its records, one per kind in the order of the scenario; none if the study is off."""
+        return of_each_kind(campaign.records, self._table(campaign.scenario), self.record)
+
+    def records(self, scenario: Scenario) -> tuple[Record, ...]:
+        """One record per kind of robot.
+
+        It depends on no other kind and on no other trial than the first, but for when the robot is
+        measured again: after the poses of the largest trial.
+        """
+        table, trials = self._table(scenario), scenario.trial
+        reads = {
+            **shared_part(scenario),
+            **part(scenario, "identification"),
+            "trial": trials[0].model_dump(mode="json"),
+            "poses": [trial.poses for trial in trials],
+            **goal_part(scenario),
+        }
+        needs, pieces = (SETTING, trials[0].name), pieces_of(table.robots)
+        found = []
+        for key in played_keys(table):
+            truth = truth_of_kind(scenario, kind_of(key)).model_dump(mode="json")
+            own = {self.name: part(scenario, self.name)[self.name] | {"truths": truth}}
+            found.append(Record(key, self.record, reads | own, needs, pieces))
+        return tuple(found)
+
+    def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
+        """Some robots of one kind."""
+        setting, trial = needed.get(SETTING, Setting), needed.get(scenario.trial[0].name, Trial)
+        robots = block_of(self._table(scenario).robots, task.piece)
+        kind = kind_of(task.key)
+        return self._part("play").play_robots(scenario, setting, kind, trial, robots)
+
+    def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> object:
+        """The robots of all pieces."""
+        return self._part("play").gather(parts)
+
+    def answer(self, scenario: Scenario, records: Records) -> Answer | None:
+        """The answer over all kinds of robots."""
+        campaign = campaign_of(scenario, records)
+        return cast(Answer, self._part("report").answer(campaign)) if self.of(campaign) else None
+
+    def results(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
+        """Figures of every kind of robot."""
+        studies = self.of(campaign_of(scenario, records))
+        return below(self.name, self._part("summary").published(studies)) if studies else ()
+
+    def arrays(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
+        """What each robot gave."""
+        found: list[Quantity] = []
+        for study in self.of(campaign_of(scenario, records)):
+            arrays = self._part("summary").published_arrays(study)
+            found += below(f"{self.name}/{study.truth}", arrays)
+        return found
+
+    def sections(self, scenario: Scenario, records: Records, *, first: bool) -> Sequence[Section]:
+        """The answer at length."""
+        campaign = campaign_of(scenario, records)
+        return (self._part("report").section(campaign),) if self.of(campaign) else ()
+
+    def recording(self, scenario: Scenario, records: Records) -> Sequence["Chapter"]:
+        """One chapter."""
+        campaign = campaign_of(scenario, records)
+        return (self._part("recording").chapter(campaign),) if self.of(campaign) else ()
+
+    def _table(self, scenario: Scenario) -> ManyRobots:
+        """Its table of a scenario."""
+        return cast(ManyRobots, scenario.table(self.settings))
+
+    def _part(self, name: str) -> Any:
+        """A module of its folder."""
+        return import_module(f"testbed.studies.{self.name}.{name}")
