@@ -11,6 +11,7 @@ from calib.geometry.model import RobotModel
 from calib.measurement import tables
 from calib.measurement.tables import covariances_of_sd
 from testbed.files.session import Session, Stated
+from testbed.files.session_toml import IdentificationTable
 from testbed.identify.calibrate import Options, calibrate
 from testbed.robots.catalog import load_robot
 from tests.reference import DEG, SIGMA_POSITION, SIGMA_ROTATION, pool_r
@@ -61,7 +62,6 @@ def session_of(table, **changes):
     count = int(table.pose_id.max()) + 1
     plain = Session(
         name="bench",
-        files=(),
         measurements=table,
         pose_names=tuple(f"P{k + 1}" for k in range(count)),
         is_test=np.zeros(m, dtype=bool),
@@ -78,21 +78,16 @@ def session_of(table, **changes):
         reflector_names=(),
         anchor_names=(),
         station_names=("S1",),
-        masked=(),
-        drift=None,
         warnings=(),
         notes=("made by the test",),
         stated=Stated(),
         simulated=False,
-        robot="",
-        model="geometric",
-        free="identifiable",
-        base="free",
-        tool="free",
-        visits="all",
+        wanted=IdentificationTable(model="geometric"),
         place=tuple(f"bench.csv:{k + 2}" for k in range(m)),
     )
-    return replace(plain, **changes)
+    keys = {"model", "free", "base", "tool"} & set(changes)
+    wanted = {key: changes.pop(key) for key in keys}
+    return replace(plain, **changes, wanted=plain.wanted.model_copy(update=wanted))
 
 
 @cache

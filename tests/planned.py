@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from testbed.plan.plan import plan
-from testbed.plan.table import plan_csv
+from testbed.plan.results import plan_csv
 from testbed.robots.catalog import load_robot
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario

@@ -8,8 +8,7 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.errors import InputError
-from testbed.files.extras import Extras
-from testbed.files.joints import Joints
+from testbed.files.joints import Extras, Joints
 from testbed.files.readings import Readings
 from testbed.files.refusal import refusal
 

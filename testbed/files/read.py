@@ -5,13 +5,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from calib.errors import InputError
-from testbed.files.assembly import assemble
+from testbed.files.assembly import TargetPart, assemble
 from testbed.files.drift import without_drift
 from testbed.files.frames_fit import mismatched_rows
 from testbed.files.joints import read_joints
 from testbed.files.matching import Match, by_cycle, by_order, by_pose, by_row
-from testbed.files.observed import read_observed, section_of, unused_columns
-from testbed.files.readings import Readings, copied_rows, lost_readings
+from testbed.files.readings import (
+    Readings,
+    copied_rows,
+    lost_readings,
+    read_observed,
+    section_of,
+    unused_columns,
+)
 from testbed.files.session import Drift, Session
 from testbed.files.session_toml import (
     SESSION_FILE,
@@ -24,7 +30,6 @@ from testbed.files.session_toml import (
 )
 from testbed.files.spatial_analyzer import read_sa
 from testbed.files.table import DataTable, table_of
-from testbed.files.targets import TargetPart
 from testbed.files.text import MAX_MB, FileText, SourceFile, read_sheet, read_text
 from testbed.robots.robot import Robot
 from testbed.strict import read_toml

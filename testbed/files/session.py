@@ -8,9 +8,9 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 from calib.geometry.fixtures import Fixtures
 from calib.measurement.observations import Measurements
+from testbed.files.session_toml import IdentificationTable
 from testbed.files.text import SourceFile
 
-Visits = Literal["all", "first"]
 Record = TypeVar("Record", bound=Any)
 
 
@@ -71,12 +71,12 @@ class Stated:
         return rows_of(self, index, ("numbers",))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Session:
     """Everything a calibration needs of a measuring session; the world is the first station."""
 
     name: str
-    files: tuple[SourceFile, ...]
+    files: tuple[SourceFile, ...] = ()
     """What was read, with sha256."""
     measurements: Measurements
     """All valid rows, identify and test."""
@@ -109,9 +109,9 @@ class Session:
     anchor_names: tuple[str, ...]
     station_names: tuple[str, ...]
     """The first one is the world."""
-    masked: tuple[str, ...]
+    masked: tuple[str, ...] = ()
     """Rows left out, and why."""
-    drift: Drift | None
+    drift: Drift | None = None
     warnings: tuple[str, ...]
     """What looks odd but did not stop the reading."""
     notes: tuple[str, ...]
@@ -119,15 +119,8 @@ class Session:
     stated: Stated
     simulated: bool
     """Whether the file says that it comes from a virtual laboratory."""
-    robot: str
-    """Robot the file names; empty if it names none."""
-    model: Literal["geometric", "extended", "choose"]
-    free: str | tuple[str, ...]
-    """"identifiable", a free set of the robot, or names of numbers."""
-    base: Literal["free", "fixed"]
-    tool: Literal["free", "fixed"]
-    visits: Visits
-    """Which visits of a pose are identified from: "first" leaves repeats to type A."""
+    wanted: IdentificationTable
+    """What is to be identified, as [identification] of session.toml states it."""
     place: tuple[str, ...]
     """(m,) file and line of each row, for messages."""
 

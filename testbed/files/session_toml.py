@@ -145,9 +145,11 @@ class IdentificationTable(Strict):
 
     model: Literal["geometric", "extended", "choose"] = "choose"
     free: str | tuple[str, ...] = "identifiable"
+    """"identifiable", a free set of the robot, or names of numbers."""
     base: Literal["free", "fixed"] = "free"
     tool: Literal["free", "fixed"] = "free"
     visits: Literal["all", "first"] = "all"
+    """Which visits of a pose are identified from: "first" leaves repeats to type A."""
 
 
 class SessionFile(Strict):

@@ -5,30 +5,150 @@ Target or none; then three coordinates, Cartesian, cylindrical or spherical; the
 Comments begin with // and may name the axes and the unit; coordinates are in the working frame.
 """
 
+import re
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib.arrays import Array
 from testbed.files.columns import ANGLES, LENGTHS, is_known
-from testbed.files.extras import Extras
+from testbed.files.joints import Extras
 from testbed.files.matching import visits_of
-from testbed.files.observed import inverse_poses, polar
-from testbed.files.readings import Readings, plain_readings
+from testbed.files.readings import Readings, inverse_poses, plain_readings, polar
 from testbed.files.refusal import refusal
 from testbed.files.rotations import MATRIX, QUATERNION, checked_rotations, sequence_of
-from testbed.files.sa_lines import Lines, name_fields, sa_lines, unit_of
 from testbed.files.session import Stated
 from testbed.files.session_toml import FramesTable, OpticalTable, PointsTable, UncertaintyTable
-from testbed.files.table import DataTable, table_of, unknown_column, valid_rows
+from testbed.files.table import DataTable, number_of, table_of, unknown_column, valid_rows
 from testbed.files.text import FileText, Sheet
 from testbed.files.uncertainty import spread_of
 
+AXES = re.compile(r"AXES\s*=\s*(\w+)\s*:(.*)", re.IGNORECASE)
+UNIT = re.compile(r"\((mm|m|meters|millimeters|inches|in|degrees|deg|radians|rad)\)", re.IGNORECASE)
+UNITS = {"meters": "m", "millimeters": "mm", "inches": "in", "degrees": "deg", "radians": "rad"}
+SYSTEMS = ("CARTESIAN", "CYLINDRICAL", "SPHERICAL")
 NAMES = ("target", "group", "collection")
 """What the fields before the coordinates are, the last one first."""
 COORDINATES = ("c1", "c2", "c3")
 CYCLING = "the k-th shot at a target belongs to the k-th pose"
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """Axes and units in the comments of an export."""
+
+    system: str = "CARTESIAN"
+    length: str = ""
+    angle: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """Fields of the lines that are no comments."""
+
+    where: str
+    fields: tuple[tuple[str, ...], ...]
+    lines: tuple[int, ...]
+    separator: str
+    header: Header
+    encoding: str
+
+
+def sa_lines(text: FileText) -> Lines:
+    """Fields of the data lines, with axes and units from the comments."""
+    comments = [line for line in text.lines if line.lstrip().startswith("//")]
+    content = [(number, line.strip().rstrip(",")) for number, line in text.content("//", "#")]
+    if not content:
+        raise refusal(text.where, "file", "has no points")
+    separator = "comma" if all("," in line for _, line in content) else "space"
+    mark = "," if separator == "comma" else "\t" if "\t" in content[0][1] else None
+    return Lines(
+        where=text.where,
+        fields=tuple(tuple(f.strip() for f in line.split(mark)) for _, line in content),
+        lines=tuple(number for number, _ in content),
+        separator=separator,
+        header=_header(comments, text.where),
+        encoding=text.encoding,
+    )
+
+
+def _header(comments: Sequence[str], where: str) -> Header:
+    """Axes and units from the comments."""
+    found = AXES.search("\n".join(comments))
+    if not found:
+        return Header()
+    system = found.group(1).upper()
+    if system not in SYSTEMS:
+        message = f"AXES = {system[:20]} is no system of coordinates"
+        known = f"known are {', '.join(SYSTEMS)}"
+        raise refusal(where, "AXES", message, allowed=known, fix="export again")
+    units = [UNITS.get(word.lower(), word.lower()) for word in UNIT.findall(found.group(2))]
+    return Header(
+        system,
+        next((unit for unit in units if unit in LENGTHS), ""),
+        next((unit for unit in units if unit in ANGLES), ""),
+    )
+
+
+def unit_of(
+    lines: Lines, written: str, stated: str | None, key: str, known: dict[str, float]
+) -> str:
+    """The unit of an export: as the file has it, else as session.toml states."""
+    if written and stated and written != stated:
+        message = f'the file says {written}, session.toml says {key} = "{stated}"'
+        raise refusal(lines.where, key, message, code="M21", fix="remove that key")
+    unit = written or stated
+    if not unit:
+        table, _, name = key.partition(".")
+        usual, units = ("mm", "mm, m or in") if known is LENGTHS else ("deg", "deg or rad")
+        fix = f'write {name} = "{usual}" under [{table}] in session.toml'
+        raise refusal(lines.where, key, "does not say its unit", allowed=f"it is {units}", fix=fix)
+    return unit
+
+
+def name_fields(lines: Lines, stated: int | None) -> int:
+    """How many fields of each line come before the coordinates.
+
+    Numbers may be names. Coordinates are written with the same number of decimals in a whole file,
+    and a name hardly ever is: where that leaves one reading, it is taken.
+    """
+    width = min(len(fields) for fields in lines.fields)
+    possible = [
+        k
+        for k in range(min(4, width - 2))
+        if all(np.isfinite(number_of(f)) for fields in lines.fields for f in fields[k : k + 3])
+    ]
+    where, first = f"{lines.where}:{lines.lines[0]}", ", ".join(lines.fields[0][:7])
+    if stated is not None:
+        if stated not in possible:
+            message = f"fields {stated + 1} to {stated + 3} of the lines are not all numbers"
+            fix = "check names under [points] in session.toml"
+            raise refusal(where, "points.names", message, value=stated, fix=fix)
+        return stated
+    left = [k for k in possible if _evenly_written(lines, k)] or possible
+    if len(left) == 1:
+        return left[0]
+    message = (
+        f"the line {first} can be read with {' or '.join(map(str, left))} names before x"
+        if left
+        else f"the line {first} has no three coordinates"
+    )
+    fix = (
+        "write names = 1 (Target), 2 (Group Target) or 3 (Collection Group Target) under [points] "
+        "in session.toml"
+    )
+    raise refusal(where, "points.names", message, fix=fix)
+
+
+def _evenly_written(lines: Lines, k: int) -> bool:
+    """Whether three fields have the same number of decimals, above zero, in all lines."""
+    counts = {
+        len(f.partition(".")[2]) if "." in f else 0
+        for fields in lines.fields
+        for f in fields[k : k + 3]
+    }
+    return len(counts) == 1 and counts != {0}
 
 
 def read_sa(

@@ -11,14 +11,18 @@ from calib.identification.joint_models import extended_model
 from calib.identification.robust import LOSSES, Loss
 from testbed.files.probe import probe
 from testbed.files.session import Session
-from testbed.identify.errors import figures_of, fitted_model, held_out_figures, row_errors
-from testbed.identify.fit import checked_model, fit
+from testbed.identify.fit import (
+    checked_model,
+    figures_of,
+    fit,
+    fitted_model,
+    held_out_figures,
+    row_errors,
+)
 from testbed.identify.frames import frames_of
-from testbed.identify.outliers import held_out_outliers, training_outliers
-from testbed.identify.proof import proof_of, warnings_of
+from testbed.identify.outliers import held_out_outliers, proof_of, training_outliers, warnings_of
 from testbed.identify.records import Calibration, OutlierRows
-from testbed.identify.session import origin_of, row_names, with_scatter
-from testbed.identify.split import split_of
+from testbed.identify.session import origin_of, row_names, split_of, with_scatter
 from testbed.progress import Progress
 from testbed.robots.catalog import Robot
 
@@ -76,12 +80,12 @@ def calibrate(
     """
     options = Options() if options is None else options
     report = progress or (lambda *_: None)
-    model = checked_model(session.model if options.model is None else options.model)
+    model = checked_model(session.wanted.model if options.model is None else options.model)
     loss = loss_of(options.loss)
     split = split_of(
         session.measurements,
         session.is_test if session.split_stated else None,
-        first_visits=session.visits == "first",
+        first_visits=session.wanted.visits == "first",
         train=options.train,
         held_out=options.held_out,
         seed=options.seed,

@@ -44,14 +44,14 @@ def frames_of(robot: Robot, session: Session, train: Measurements) -> StartFrame
         Too few rows, an unknown set or name of free numbers, or frames that cannot be found.
     """
     own = replace(robot.model, fixtures=session.fixtures)
-    fits_frames = "free" in (session.base, session.tool) or session.fixtures.n_numbers > 0
-    if not fits_frames:
+    wanted = session.wanted
+    if "free" not in (wanted.base, wanted.tool) and not session.fixtures.n_numbers:
         parameters = free_numbers(own, robot, session)
         said = ("base and tool are those of the robot's file, and held there",)
         return StartFrames(own, own, True, parameters, said)
     start = own
     sentences: tuple[str, ...] = ("base and tool start from the robot's file, which fits",)
-    if session.base == "free" and not _fits(robot, session, own, train):
+    if wanted.base == "free" and not _fits(robot, session, own, train):
         found = _found(own, session, train)
         start, sentences = found.model, found.notes
     parameters = free_numbers(start, robot, session)
@@ -65,7 +65,7 @@ def frames_of(robot: Robot, session: Session, train: Measurements) -> StartFrame
 def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameters:
     """The table of `model` with the numbers free that the session frees."""
     table = parameters_of(model)
-    free = session.free
+    free = session.wanted.free
     if isinstance(free, str):
         if free != "identifiable" and free not in robot.free_sets:
             close = get_close_matches(free, ["identifiable", *robot.free_sets], 1)
@@ -79,7 +79,7 @@ def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameter
     else:
         names = tuple(free)
     table.freeing(names)  # a name that is not there is refused with its likeliest meaning
-    for frame, how in (("base.", session.base), ("tool.", session.tool)):
+    for frame, how in (("base.", session.wanted.base), ("tool.", session.wanted.tool)):
         own = tuple(name for name in table.names if name.startswith(frame))
         rest = tuple(name for name in names if name not in own)
         names = (*rest, *own) if how == "free" else rest
@@ -88,7 +88,7 @@ def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameter
 
 def _found(own: RobotModel, session: Session, train: Measurements) -> Start:
     """Frames and fixtures from a closed form; anchors that the file places stay there."""
-    free_tool = session.tool == "free"
+    free_tool = session.wanted.tool == "free"
     return start_frames(own, train, free_tool=free_tool, free_anchors=session.free_anchors)
 
 
@@ -101,6 +101,6 @@ def _fits(robot: Robot, session: Session, own: RobotModel, train: Measurements) 
     """Whether the frames of the robot's file explain the rows about as well as fitted ones."""
     if session.fixtures.n_numbers:
         return False
-    best = start_frames(robot.model, train, free_tool=session.tool == "free")
+    best = start_frames(robot.model, train, free_tool=session.wanted.tool == "free")
     missed = float(np.sqrt(np.mean(predict(own, train).misses ** 2)))
     return missed <= AS_GOOD * best.position_rms

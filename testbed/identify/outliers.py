@@ -1,4 +1,4 @@
-"""Rows that do not fit the others, in words: training rows to leave out, and held-out ones."""
+"""What a calibration warns of: rows that do not fit the others, joints and poses hardly moved."""
 
 from dataclasses import dataclass, replace
 
@@ -7,12 +7,16 @@ import numpy as np
 from calib.arrays import Bool, Index
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.identification.identify import Identification
+from calib.identification.fit_statistics import RED
+from calib.identification.identify import Identification, Status
 from calib.identification.outlier_search import search_outliers
+from calib.identification.result import ILL_CONDITIONED
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import Prediction, predict
-from testbed.identify.records import RowErrors
-from testbed.units import DEG, MM, significant
+from calib.uncertainty.judgement import Judgement, judge
+from testbed.identify.records import FittedModel, RowErrors
+from testbed.streams import stream
+from testbed.units import DEG, MM, in_units, significant, unit_of
 
 CHANCE = 0.01
 """Chance that a table of sound rows, whose noise is as stated, has any suspect."""
@@ -22,6 +26,10 @@ ELSEWHERE = 3.0
 """A row fits another pose if it misses that one by less than so many typical misses."""
 HELD_OUT_FAR = 8.0
 """Held-out misses beyond so many medians are named."""
+REPLICATES = 400
+"""Virtual calibrations that check whether linear propagation holds; 4 % in each deviation."""
+MOST_ROWS = 300
+"""Larger tables are not replicated: their linear intervals are tight enough to be linear."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,3 +128,63 @@ def _elsewhere(
         return "; measure it again or leave it out"
     best = int(others[np.argmin(np.where(fits, there.misses, np.inf))])
     return f"; it fits the joints of {name[best]}: were they swapped?"
+
+
+def proof_of(
+    result: Identification, train: Measurements, test: Measurements, *, seed: int
+) -> Judgement:
+    """Judge the identification that is handed out by held-out rows (also by none)."""
+    small = len(train) <= MOST_ROWS
+    rng = stream(seed, "bootstrap") if small else None
+    return judge(result, test, train=train, rng=rng, replicates=REPLICATES)
+
+
+LEAST_TURN, LEAST_SLIDE = np.radians(10.0), 0.010
+"""Range of a joint at the training poses below which it counts as not moved [rad, m]."""
+
+
+def warnings_of(
+    geometric: FittedModel, chosen: FittedModel, train: Measurements
+) -> tuple[str, ...]:
+    """Sentences on the poses, by the geometric fit, and on the fit that was chosen."""
+    result = chosen.identification
+    texts = [*_still(geometric, train), *_condition(geometric)]
+    if result.status is not Status.CONVERGED:
+        texts.append(f"the fit {result.status.value}")
+    if result.p_value > 1 - RED:
+        texts.append(
+            "the residuals are smaller than the stated noise: the stated uncertainty is too large"
+        )
+    return tuple(texts)
+
+
+def _still(fit: FittedModel, train: Measurements) -> tuple[str, ...]:
+    """Which joints were hardly moved: nothing was learnt of them, and nothing tests it."""
+    kinds = np.array(fit.identification.model.chain.kinds)
+    least = np.where(kinds == "revolute", LEAST_TURN, LEAST_SLIDE)
+    still = np.flatnonzero(np.ptp(train.q, axis=0) < least) + 1
+    if not len(still):
+        return ()
+    many = len(still) > 1
+    return (
+        f"joint{'s' * many} {', '.join(map(str, still))} moved by less than "
+        f"{np.degrees(LEAST_TURN):.0f} deg or {1e3 * LEAST_SLIDE:.0f} mm: nothing here says how "
+        f"well the result holds where {'they stand' if many else 'it stands'} otherwise",
+    )
+
+
+def _condition(fit: FittedModel) -> tuple[str, ...]:
+    """Whether the poses are too much alike, and which number suffers most."""
+    result = fit.identification
+    if result.reduction.condition <= ILL_CONDITIONED:
+        return ()
+    lengths = result.parameters.is_length[result.parameters.free_index]
+    u = result.standard_uncertainty
+    worst = result.least_known
+    value = float(in_units(u, lengths)[worst])
+    return (
+        f"the poses are much alike: condition {significant(result.reduction.condition, 2)}; least "
+        f"known is {result.names[worst]}, U = {significant(2 * value, 2)} "
+        f"{unit_of(bool(lengths[worst]))} from the stated noise; vary the wrist and the tool's "
+        "orientation more",
+    )

@@ -1,31 +1,78 @@
 """The recording of a calibration: measured poses, the fit, held-out poses, and the verdict."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.arrays import Index
-from testbed.identify.recording_cell import (
-    ShownCalibration,
-    draw_cell,
-    draw_judged,
-    draw_measured,
-    draw_sight,
-    show,
-)
-from testbed.identify.records import Calibration
+from calib.arrays import Array, Index
+from calib.geometry.frames import inverse
+from calib.measurement.prediction import targets
+from testbed.identify.records import Calibration, RowErrors
 from testbed.identify.words import headline_rows, mark, mm, notice, verdict
 from testbed.recording import style
+from testbed.recording.cell import draw_beam, draw_station
 from testbed.recording.curves import draw_curve, draw_fit
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter, Story
-from testbed.recording.timeline import Phase, spread, visit
+from testbed.recording.timeline import Phase, evenly, spread, visit
 from testbed.robots.robot import Robot
 from testbed.units import counted
 
 IDENTIFY_FRAMES = 48
 AHEAD = np.array([3.0, 0.0, 0.0])
 """Without a tracker in sight the arm is looked at from its front [m]."""
+MOST_POSES = 150
+"""Poses the robot goes to in a phase; of more, this many evenly spread ones are shown."""
+TRACKER_AWAY = 0.8
+"""A measuring frame nearer to the base than this [m] is no tracker's own."""
+UPRIGHT = np.cos(np.radians(20.0))
+"""A tracker stands upright within 20 deg."""
+AXIS_LENGTH = 0.12
+AXES_COLORS = ((214, 60, 60), (60, 160, 70), (60, 90, 214))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShownCalibration:
+    """A calibration as it is drawn: everything in the robot's base frame."""
+
+    calibration: Calibration
+    measured: Index
+    """(k,) rows identified from that the robot goes to."""
+    judged: Index
+    """(j,) rows whose errors are judged that the robot goes to."""
+    station: Array
+    """(4, 4) where the measuring frame is, seen from the base [m]."""
+    seen: Array
+    """(m, 3) where the target was seen; of a distance row where it is predicted [m]."""
+    factor: int
+    """How many times larger than life errors are drawn: all but gross ones below their size."""
+
+    def vectors(self, misses: RowErrors) -> Array:
+        """(m, 3) what a model misses, base axes [m]."""
+        return np.asarray(misses.vector @ self.station[:3, :3].T)
+
+    @property
+    def has_tracker(self) -> bool:
+        """Whether the measuring frame can be that of a tracker that stands beside the robot."""
+        away = np.linalg.norm(self.station[:3, 3]) > TRACKER_AWAY
+        return bool(away and self.station[2, 2] > UPRIGHT)
+
+
+def show(calibration: Calibration) -> ShownCalibration:
+    """Place a calibration in the base frame."""
+    model, table = calibration.fit.identification.model, calibration.measurements
+    station = inverse(model.chain.T_world_base)
+    T, offset = station @ model.poses(table.q), targets(model.fixtures, table)
+    predicted = T[:, :3, 3] + (T[:, :3, :3] @ offset[:, :, None])[:, :, 0]
+    before = np.linalg.norm(calibration.before_misses.vector, axis=1)
+    return ShownCalibration(
+        calibration,
+        evenly(np.flatnonzero(calibration.is_used), MOST_POSES),
+        evenly(np.flatnonzero(calibration.is_judged), MOST_POSES),
+        station,
+        predicted + calibration.fit.misses.vector @ station[:3, :3].T,
+        style.nice_factor(style.ARROW_SIZE, float(np.quantile(before, 0.98))),
+    )
 
 
 def calibration_story(calibration: Calibration, robot: Robot) -> Story:
@@ -159,3 +206,68 @@ def _draw_errors(shown: ShownCalibration, pen: Pen, phase: Phase, rows: Index) -
     before, after = shown.calibration.before_misses, shown.calibration.fit.misses
     draw_curve(pen, f"{phase.name}/before", phase, before.position[rows] * 1e3, style.RED)
     draw_curve(pen, f"{phase.name}/after", phase, after.position[rows] * 1e3, style.GREEN)
+
+
+def draw_cell(shown: ShownCalibration, floor: float, pen: Pen) -> None:
+    """The target on the tool, its holder, and the tracker where one stands."""
+    import rerun as rr
+
+    T = _tool(shown, pen)
+    pen.transforms("world/target", T)
+    axes = rr.Arrows3D(vectors=AXIS_LENGTH * np.eye(3), radii=0.004, colors=AXES_COLORS)
+    pen.static("world/target", axes)
+    tool = shown.calibration.fit.identification.model.chain.T_flange_tool
+    flange = T @ inverse(tool)
+    arm = [[[a, b]] for a, b in zip(flange[:, :3, 3], T[:, :3, 3], strict=True)]
+    pen.every_step("world/holder", rr.LineStrips3D.columns(strips=arm))
+    pen.static("world/holder", rr.LineStrips3D.from_fields(radii=0.006, colors=(90, 96, 104)))
+    if shown.has_tracker:
+        draw_station(pen, shown.station, T[:, :3, 3], floor)
+
+
+def _tool(shown: ShownCalibration, pen: Pen) -> Array:
+    """Identified tool poses (s, 4, 4) at every step [m]."""
+    model = shown.calibration.fit.identification.model
+    return np.asarray(shown.station @ model.poses(pen.timeline.q))
+
+
+def draw_sight(shown: ShownCalibration, pen: Pen, phase: Phase) -> None:
+    """The beam while poses are measured, where a tracker stands."""
+    if shown.has_tracker:
+        draw_beam(pen, phase, shown.station, _tool(shown, pen)[:, :3, 3])
+
+
+def draw_measured(shown: ShownCalibration, pen: Pen, phase: Phase) -> None:
+    """Training poses seen so far, and what the nominal links miss there."""
+    import rerun as rr
+
+    before = shown.vectors(shown.calibration.before_misses)[shown.measured]
+    seen, size = shown.seen[shown.measured], np.linalg.norm(before, axis=1)
+    cloud, arrows = "world/measured", f"world/error_before_x{shown.factor}"
+    dots = {"positions": seen, "colors": style.viridis(size, float(np.quantile(size, 0.98)))}
+    pen.grow(cloud, phase, rr.Points3D, dots, {"radii": 0.010})
+    pen.grow_arrows(arrows, phase, seen - before, shown.factor * before, style.BEFORE_COLOR, 0.0032)
+    pen.clear(pen.timeline.phase("identify").stop, cloud, arrows)
+
+
+def draw_judged(shown: ShownCalibration, pen: Pen, phase: Phase) -> None:
+    """Held-out poses: all of them as points, those visited with arrows before and after."""
+    import rerun as rr
+
+    calibration = shown.calibration
+    judged, after = calibration.is_judged, calibration.fit.misses
+    errors = after.position[judged]
+    points = rr.Points3D(
+        shown.seen[judged],
+        radii=0.006 if judged.sum() < MOST_POSES else 0.0025,
+        colors=style.viridis(errors, float(np.quantile(errors, 0.98))),
+    )
+    pen.at(phase.start, "world/held_out/all", points)
+    seen = shown.seen[shown.judged]
+    for name, misses, color, radius in (
+        ("before", calibration.before_misses, style.BEFORE_COLOR, 0.0024),
+        ("after", after, style.AFTER_COLOR, 0.0045),
+    ):
+        vectors = shown.vectors(misses)[shown.judged]
+        path = f"world/held_out/{name}_x{shown.factor}"
+        pen.grow_arrows(path, phase, seen - vectors, shown.factor * vectors, color, radius)

@@ -1,24 +1,138 @@
 """The files of a plan: table, numbers, report, recording, scenario and robot programs."""
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
+
+from calib.arrays import Array
 from testbed.plan.plan import plan as make_plan
-from testbed.plan.programs import programs
 from testbed.plan.recording import plan_story
 from testbed.plan.records import Plan
 from testbed.plan.report import plan_report_html
-from testbed.plan.results import plan_numbers
-from testbed.plan.table import plan_csv
+from testbed.plan.results import Stop, plan_csv, plan_numbers, stops_of
 from testbed.progress import Progress
 from testbed.recording.write import write_story
+from testbed.report.page import SIMULATED
 from testbed.robots.catalog import Robot, load_robot
 from testbed.scenario.read import Scenario, dump_scenario
 from testbed.store.layout import PLAN, SCENARIO
 from testbed.store.npz import pretty_json
 from testbed.store.run_folder import check_free, whole_folder
+from testbed.units import counted
 from testbed.versions import all_versions
 
+ACCELERATION = 1.4
+"""Of the joint that turns farthest, URScript [rad/s^2]."""
+JOINTS = 6
+"""These programs are for arms with so many turning joints."""
 TABLE, REPORT, RECORDING = "plan.csv", "plan_report.html", "plan.rrd"
+
+
+def programs(plan: Plan) -> dict[str, str]:
+    """File names and texts of the robot programs.
+
+    There are none if the arm is not of six turning joints, nor if a move is blocked: a program that
+    hits something is worse than none.
+    """
+    kinds = plan.nominal.chain.kinds
+    if len(kinds) != JOINTS or "prismatic" in kinds or plan.tour.blocked:
+        return {}
+    stops = stops_of(plan)
+    return {name: "\n".join(write(plan, stops)) + "\n" for name, write in WRITERS.items()}
+
+
+def _notes(plan: Plan, mark: str) -> list[str]:
+    """Comment lines that head every program."""
+    scenario, tour = plan.scenario, plan.tour
+    # a robot of one's own is named by its folder
+    robot = Path(scenario.robot).parent.name or scenario.robot
+    lines = [
+        f"Joint values are those of robot {robot}, not of this controller: check signs and zeros.",
+        SIMULATED,
+        f"Plan {scenario.name}, seed {scenario.seed}, robot {robot}: {counted(len(tour), 'pose')},",
+        f"{100 * scenario.plan.speed_share:g} % joint speed, {tour.settle:g} s at each pose.",
+        "First bring the robot by hand to the start, joints",
+        f"({_list(np.degrees(tour.start), 3)}) deg:",
+        "the first move was checked only from there. The program begins with a move to the start.",
+        "Moves were checked against the nominal robot and the obstacles of the scenario only:",
+        "run it once at low speed with a hand on the stop.",
+    ]
+    return [f"{mark} {line}" for line in lines]
+
+
+def _list(values: Sequence[float] | Array, digits: int = 6) -> str:
+    """Numbers separated by commas."""
+    return ", ".join(f"{value:.{digits}f}" for value in values)
+
+
+def val3(plan: Plan, stops: Sequence[Stop]) -> list[str]:
+    """VAL3: joint points with the names used, then the moves."""
+    lines = [
+        *_notes(plan, "//"),
+        "// Data: joint jPose[], mdesc mSpeed (vel = share of the joint speed), tool tTool.",
+        "begin",
+        f"  mSpeed.vel={100 * plan.scenario.plan.speed_share:g}",
+        "  mSpeed.blend=off",
+    ]
+    for k, stop in enumerate(stops):
+        lines.append(f"  jPose[{k}]={{{_list(np.degrees(stop.q))}}}")
+        lines.append(f"  movej(jPose[{k}],tTool,mSpeed) // {stop.name}")
+        if stop.measured:
+            lines += ["  waitEndMove()", f"  delay({plan.tour.settle:g})"]
+    return [*lines, "end"]
+
+
+def rapid(plan: Plan, stops: Sequence[Stop]) -> list[str]:
+    """RAPID: one module with one procedure."""
+    lines = ["MODULE TruebedPlan", *(f"  {line}" for line in _notes(plan, "!")), "  PROC Measure()"]
+    lines += [f"    VelSet {100 * plan.scenario.plan.speed_share:g}, 5000;"]
+    for stop in stops:
+        target = f"[[{_list(np.degrees(stop.q))}],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+        # never a zone: a rounded corner is not the move that was checked
+        lines.append(f"    MoveAbsJ {target}, v7000, fine, tool0; ! {stop.name}")
+        if stop.measured:
+            lines.append(f"    WaitTime {plan.tour.settle:g};")
+    return [*lines, "  ENDPROC", "ENDMODULE"]
+
+
+def krl(plan: Plan, stops: Sequence[Stop]) -> list[str]:
+    """KRL: one program of PTP moves."""
+    lines = ["DEF truebed_plan()", *_notes(plan, ";"), "BAS(#INITMOV, 0)"]
+    lines.append(f"BAS(#VEL_PTP, {100 * plan.scenario.plan.speed_share:g})")
+    for stop in stops:
+        axes = ", ".join(f"A{k + 1} {value:.6f}" for k, value in enumerate(np.degrees(stop.q)))
+        lines.append(f"PTP {{{axes}}} ; {stop.name}")
+        if stop.measured:
+            lines.append(f"WAIT SEC {plan.tour.settle:g}")
+    return [*lines, "END"]
+
+
+def urscript(plan: Plan, stops: Sequence[Stop]) -> list[str]:
+    """URScript: moves in radians; `v` is that of the joint that turns farthest.
+
+    It is such that the slowest joint, which decides the time, keeps its share of its largest speed.
+    """
+    lines = ["def truebed_plan():", *(f"  {line}" for line in _notes(plan, "#"))]
+    slowest, before = float(plan.tour.speeds.min()), plan.tour.start
+    for stop in stops:
+        turn = float(np.abs(stop.q - before).max())
+        # nobody knows from where the start is reached: there no joint is faster than the slowest
+        v = turn / stop.seconds if stop.seconds > 0 else slowest
+        lines.append(f"  movej([{_list(stop.q, 9)}], a={ACCELERATION:g}, v={v:.6f}) # {stop.name}")
+        before = stop.q
+        if stop.measured:
+            lines.append(f"  sleep({plan.tour.settle:g})")
+    return [*lines, "end"]
+
+
+WRITERS: dict[str, Callable[[Plan, Sequence[Stop]], list[str]]] = {
+    "program.val3.txt": val3,
+    "program.rapid.txt": rapid,
+    "program.krl.txt": krl,
+    "program.urscript.txt": urscript,
+}
+"""What each file name is written by."""
 
 
 def play_plan(

@@ -21,10 +21,9 @@ from testbed.plan.design import (
     quick_design,
     u_while_measuring,
 )
-from testbed.plan.held_out import held_out
 from testbed.plan.records import Plan
 from testbed.plan.refusals import check_ranges, check_stations, check_tested
-from testbed.plan.tour import readings_of, start_of, tour_of
+from testbed.plan.tour import held_out, readings_of, start_of, tour_of
 from testbed.progress import Progress
 from testbed.scenario.read import Scenario, check_robot
 from testbed.streams import stream

@@ -7,7 +7,7 @@ import numpy as np
 from calib.arrays import Array
 from testbed.plan import plots
 from testbed.plan.records import Plan
-from testbed.plan.table import joint_columns, joint_units, pose_ids
+from testbed.plan.results import joint_columns, joint_units, pose_ids
 from testbed.plan.words import (
     PROMISED,
     certificate_word,

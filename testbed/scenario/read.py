@@ -37,7 +37,7 @@ from testbed.scenario.tables import BoxObstacle as BoxObstacle
 from testbed.scenario.tables import CellSettings as CellSettings
 from testbed.scenario.tables import MeshObstacle as MeshObstacle
 from testbed.store.npz import canonical as canonical
-from testbed.strict import Fault, did_you_mean, foreign_values, one_error
+from testbed.strict import Fault, did_you_mean, foreign_values, one_error, toml_lines, toml_value
 
 MAX_BYTES = 1_000_000
 
@@ -150,7 +150,7 @@ def _place_files(document: dict[str, Any], folder: Path, where: str) -> None:
         file = (folder / name).resolve()
         if not file.is_relative_to(folder):
             raise InputError(
-                f"{at} is {_toml(name)}",
+                f"{at} is {toml_value(name)}",
                 code="R6",
                 where=where,
                 field=key,
@@ -228,30 +228,4 @@ def dump_scenario(scenario: Scenario) -> str:
     document = scenario.document()
     if document["truth"]["joint_repeatability_mdeg"] is None:
         document["truth"]["joint_repeatability_mdeg"] = "robot"
-    return "\n".join(_table_lines(document, "")) + "\n"
-
-
-def _table_lines(table: Mapping[str, Any], name: str) -> list[str]:
-    """A table as TOML: its own keys, then the tables in it, then its lists of tables."""
-    inner = {k: v for k, v in table.items() if isinstance(v, dict)}
-    rows = {k: v for k, v in table.items() if isinstance(v, list) and v and isinstance(v[0], dict)}
-    plain = {k: v for k, v in table.items() if k not in inner and k not in rows and v is not None}
-    lines = [f"{_key(k)} = {_toml(v)}" for k, v in plain.items()]
-    dot = f"{name}." if name else ""
-    for key, value in inner.items():
-        lines += ["", f"[{dot}{key}]", *_table_lines(value, f"{dot}{key}")]
-    for key, values in rows.items():
-        for value in values:
-            lines += ["", f"[[{dot}{key}]]", *_table_lines(value, f"{dot}{key}")]
-    return lines
-
-
-def _key(name: str) -> str:
-    """A key as TOML: in quotes where it is not one bare word."""
-    bare = name.replace("_", "").replace("-", "").isalnum() and name.isascii()
-    return name if bare else _toml(name)
-
-
-def _toml(value: object) -> str:
-    """One value as TOML; the strings and numbers of JSON are also TOML's."""
-    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+    return "\n".join(toml_lines(document)) + "\n"

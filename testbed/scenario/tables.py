@@ -179,7 +179,7 @@ def with_workspace(document: Mapping[str, Any], robot: "Robot | None") -> dict[s
     out = dict(document)
     if robot is None:
         return out
-    from testbed.robots.workspace import workspace
+    from testbed.robots.robot import workspace
 
     tables: dict[str, Mapping[str, Any]] = {}
     for name in ("pool", "tracker", "identification"):

@@ -26,7 +26,7 @@ from testbed.robots.catalog import (
 )
 from testbed.robots.file import Drawn, RobotFile, TrackerFile
 from testbed.robots.meshes.drawings import ROBOT_DRAWINGS
-from testbed.robots.meshes.drawings.tracker import tracker
+from testbed.robots.meshes.drawings.instruments import tracker
 from testbed.robots.meshes.solids import Solid, moved, write_obj
 from testbed.robots.placements import link_poses
 from testbed.robots.write.mjcf import write_mjcf

@@ -1,14 +1,17 @@
 """A robot as robot.toml: every number so that reading it back gives the same bits, or the next."""
 
-import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from calib.arrays import Array
+from calib.geometry.chain import JointKind
 from calib.geometry.frames import transform_step
-from testbed.robots.robot import Robot, Visual
+from calib.geometry.joint_errors import JointTerm
+from testbed.robots.robot import Robot, Visual, Workspace
+from testbed.strict import toml_lines, toml_value
 
 Unit = Callable[[float], float]
 
@@ -53,112 +56,104 @@ def robot_toml(robot: Robot, *, comment: str = "") -> str:
     Angles and lengths come back with the same bits or one unit in the last place away, because the
     file has degrees and millimeters; base and tool through their rotation vectors to some 1e-16.
     """
-    lines = [f"# {line}" for line in comment.splitlines()]
-    lines += [
-        "format = 1",
-        f"name = {_text(robot.name)}",
-        f"title = {_text(robot.title)}",
-        f"floor_mm = {millimeters(robot.base_offset)!r}",
-        f"never_collide = {[[_number(a), _number(b)] for a, b in robot.exclusions]}",
-    ]
+    chain, errors = robot.model.chain, robot.model.joint_errors
+    head = {
+        "format": 1,
+        "name": _text(robot.name),
+        "title": _text(robot.title),
+        "floor_mm": millimeters(robot.base_offset),
+        "never_collide": [[_number(a), _number(b)] for a, b in robot.exclusions],
+    }
+    both = zip(errors.terms, errors.coefficients, strict=True)
+    terms = [_term(term, value, chain.kinds[term.joint]) for term, value in both]
+    model = {
+        "sources": {key: _text(source) for key, source in robot.sources.items()},
+        "base": _frame(chain.T_world_base),
+        "tool": _frame(chain.T_flange_tool),
+        **({"workspace": _workspace(robot.workspace)} if robot.workspace else {}),
+        "joints": [_joint(robot, i) for i in range(chain.n_joints)],
+        "joint_terms": terms or None,
+    }
+    lines = [f"# {line}" for line in comment.splitlines()] + toml_lines(head)
     if robot.notes:
-        lines += ["notes = [", *(f"    {_text(note)}," for note in robot.notes), "]"]
-    lines += ["", "[sources]", *(f"{_key(k)} = {_text(v)}" for k, v in robot.sources.items())]
-    chain = robot.model.chain
-    for name, T in (("base", chain.T_world_base), ("tool", chain.T_flange_tool)):
-        step = transform_step(T)
-        lines += [
-            "",
-            f"[{name}]",
-            f"position_mm = {[millimeters(x) for x in step[:3]]}",
-            f"rotation_vector_deg = {[degrees(x) for x in step[3:]]}",
-        ]
-    if robot.workspace is not None:
-        lines += ["", "[workspace]"]
-        for key in ("box_center_mm", "box_size_mm", "station_mm"):
-            lines.append(f"{key} = {[float(x) for x in getattr(robot.workspace, key)]}")
-        if robot.workspace.joint_ranges_deg:
-            ranges = [[float(x) for x in pair] for pair in robot.workspace.joint_ranges_deg]
-            lines.append(f"joint_ranges_deg = {ranges}")
-    for i in range(chain.n_joints):
-        lines += ["", "[[joints]]", *_joint(robot, i)]
-    for term, coefficient in zip(
-        robot.model.joint_errors.terms, robot.model.joint_errors.coefficients, strict=True
-    ):
-        slides = chain.kinds[term.joint] == "prismatic"
-        value = millimeters(coefficient) if slides else degrees(coefficient)
-        lines += [
-            "",
-            "[[joint_terms]]",
-            f"name = {_text(term.name)}",
-            f"joint = {term.joint + 1}",
-            f"wave = {_text(term.wave)}",
-            f"weights = {[int(weight) for weight in term.weights]}",
-            f"coefficient_{'mm' if slides else 'deg'} = {value!r}",
-        ]
+        notes = (f"    {toml_value(_text(note))}," for note in robot.notes)
+        lines += ["notes = [", *notes, "]"]
+    lines += toml_lines(model)
     if robot.free_sets:
-        lines += ["", "[free_sets]"]
-        lines += [f"{_key(k)} = [{', '.join(map(_text, v))}]" for k, v in robot.free_sets.items()]
-    lines += _parts(robot.visuals, robot.folder)
-    return "\n".join(lines) + "\n"
+        lines += toml_lines({"free_sets": {key: list(v) for key, v in robot.free_sets.items()}})
+    return "\n".join(lines + toml_lines(_parts(robot.visuals, robot.folder))) + "\n"
 
 
-def _joint(robot: Robot, i: int) -> Iterable[str]:
-    """The lines of one [[joints]]."""
+def _frame(T: Array) -> dict[str, Any]:
+    """A fixed frame (4, 4)."""
+    step = transform_step(T)
+    return {
+        "position_mm": [millimeters(x) for x in step[:3]],
+        "rotation_vector_deg": [degrees(x) for x in step[3:]],
+    }
+
+
+def _workspace(box: Workspace) -> dict[str, Any]:
+    """[workspace], with the ranges of the joints where it states them."""
+    numbers = {key: np.array(getattr(box, key)) for key in box.__slots__}
+    return {key: values.astype(float).tolist() for key, values in numbers.items() if values.size}
+
+
+def _joint(robot: Robot, i: int) -> dict[str, Any]:
+    """One of [[joints]]."""
     chain = robot.model.chain
     theta, d, a, alpha, beta = chain.links[i]
     slides = chain.kinds[i] == "prismatic"
-    unit, own = ("mm", millimeters) if slides else ("deg", degrees)
-    scatter = "repeatability_um" if slides else "repeatability_urad"
-    lower, upper = robot.limits[i]
-    yield f"kind = {_text(chain.kinds[i])}"
-    yield f"theta_deg = {degrees(theta)!r}"
-    yield f"d_mm = {millimeters(d)!r}"
-    yield f"a_mm = {millimeters(a)!r}"
-    yield f"alpha_deg = {degrees(alpha)!r}"
-    yield f"beta_deg = {degrees(beta)!r}"
-    yield f"lower_{unit} = {own(float(lower))!r}"
-    yield f"upper_{unit} = {own(float(upper))!r}"
-    yield f"max_speed_{unit}_s = {own(float(robot.speeds[i]))!r}"
-    yield f"{scatter} = {millionths(float(robot.repeatability[i]))!r}"
-    yield f"mass_kg = {float(robot.masses[i])!r}"
-    yield f"center_mm = {[millimeters(x) for x in robot.centers[i]]}"
-    yield f"inertia_kg_m2 = {_floats(robot.inertias[i])}"
+    unit, own, fine = ("mm", millimeters, "um") if slides else ("deg", degrees, "urad")
+    return {
+        "kind": chain.kinds[i],
+        "theta_deg": degrees(theta),
+        "d_mm": millimeters(d),
+        "a_mm": millimeters(a),
+        "alpha_deg": degrees(alpha),
+        "beta_deg": degrees(beta),
+        f"lower_{unit}": own(robot.limits[i, 0]),
+        f"upper_{unit}": own(robot.limits[i, 1]),
+        f"max_speed_{unit}_s": own(robot.speeds[i]),
+        f"repeatability_{fine}": millionths(robot.repeatability[i]),
+        "mass_kg": float(robot.masses[i]),
+        "center_mm": [millimeters(x) for x in robot.centers[i]],
+        "inertia_kg_m2": robot.inertias[i].tolist(),
+    }
 
 
-def _parts(visuals: tuple[Visual, ...], folder: Path) -> list[str]:
+def _term(term: JointTerm, value: float, kind: JointKind) -> dict[str, Any]:
+    """One of [[joint_terms]]."""
+    unit, own = ("mm", millimeters) if kind == "prismatic" else ("deg", degrees)
+    return {
+        "name": _text(term.name),
+        "joint": term.joint + 1,
+        "wave": term.wave,
+        "weights": [int(weight) for weight in term.weights],
+        f"coefficient_{unit}": own(value),
+    }
+
+
+def _parts(visuals: tuple[Visual, ...], folder: Path) -> dict[str, Any]:
     """[colors] and [[parts]]."""
-    palette: dict[tuple[float, float, float], str] = {}
-    for visual in visuals:
-        palette.setdefault(visual.rgb, f"color{len(palette) + 1}")
-    lines = ["", "[colors]"] if palette else []
-    lines += [f"{name} = {[float(x) for x in rgb]}" for rgb, name in palette.items()]
-    for visual in visuals:
-        lines += [
-            "",
-            "[[parts]]",
-            f"name = {_text(visual.name)}",
-            f"link = {visual.link}",
-            f"file = {_text(visual.file.relative_to(folder).as_posix())}",
-            f"color = {_text(palette[visual.rgb])}",
-            f"collides = {str(visual.collides).lower()}",
-        ]
-    return lines
-
-
-def _floats(values: Array) -> list[float]:
-    """A row of numbers."""
-    return [float(x) for x in values]
+    names = {rgb: f"color{k}" for k, rgb in enumerate(dict.fromkeys(v.rgb for v in visuals), 1)}
+    parts = [
+        {
+            "name": _text(visual.name),
+            "link": visual.link,
+            "file": _text(visual.file.relative_to(folder).as_posix()),
+            "color": names[visual.rgb],
+            "collides": visual.collides,
+        }
+        for visual in visuals
+    ]
+    colors = {"colors": {name: [float(x) for x in rgb] for rgb, name in names.items()}}
+    return {**colors, "parts": parts} if parts else {}
 
 
 def _text(text: str) -> str:
-    """A TOML basic string; the escapes of JSON are valid in TOML."""
-    return json.dumps("".join(c for c in text if c.isprintable()), ensure_ascii=False)
-
-
-def _key(text: str) -> str:
-    """A TOML key."""
-    return text if text.replace("_", "").isalnum() and text.isascii() else _text(text)
+    """A text without what cannot be printed."""
+    return "".join(c for c in text if c.isprintable())
 
 
 def _number(body: str) -> int:

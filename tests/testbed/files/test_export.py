@@ -68,9 +68,8 @@ def test_every_array_comes_back_bit_for_bit(tmp_path, points):
     np.testing.assert_array_equal(session.time, time - time[0])
     assert session.split_stated
     assert session.simulated
-    assert session.visits == "first"
+    assert session.wanted.visits == "first"
     assert not session.joint_scatter.any()
-    assert session.robot == "staubli_tx60"
     assert not session.masked
     assert not session.warnings
 

@@ -137,7 +137,7 @@ def test_visits_split_and_what_stands_beside_are_kept(tmp_path):
     np.testing.assert_allclose(session.temperature, np.linspace(20, 21, 6))
     toml = saved(tmp_path / "s.toml", '[frames]\n[identification]\nvisits = "first"\n')
     first = read_session(tmp_path / "a.csv", ROBOT, config=toml)
-    assert first.visits == "first"
+    assert first.wanted.visits == "first"
     assert first.measurements.repeat.tolist() == [0, 1] * 3
 
 

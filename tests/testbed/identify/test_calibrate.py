@@ -13,7 +13,7 @@ from calib.measurement.prediction import predict
 from calib.measurement.residual import linearize
 from calib.uncertainty.trust import trust
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.errors import scatter_covariance
+from testbed.identify.fit import scatter_covariance
 from testbed.identify.words import mark
 from tests.calibrated import real, robot, session_of, sound, sound_session, table_of, true_model
 from tests.reference import pool_r

@@ -11,8 +11,13 @@ import pytest
 from calib.errors import InputError
 from calib.identification.start.start import start_frames
 from testbed.identify.calibrate import Options
-from testbed.identify.delivery import delivered_model, identified_name
-from testbed.identify.folder import load_calibration, play_calibration, rederive_calibration
+from testbed.identify.folder import (
+    delivered_model,
+    identified_name,
+    load_calibration,
+    play_calibration,
+    rederive_calibration,
+)
 from testbed.robots.catalog import load_robot
 from testbed.store import layout
 from testbed.store.codec import pack

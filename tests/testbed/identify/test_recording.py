@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from testbed.identify.recording import calibration_story
-from testbed.identify.recording_cell import show
+from testbed.identify.recording import calibration_story, show
 from testbed.recording.story import timeline_of
 from testbed.recording.write import write_story
 from tests.calibrated import real, robot

@@ -11,10 +11,8 @@ from typer.testing import CliRunner
 from calib.errors import MachineError
 from testbed.cli import app
 from testbed.plan import folder as plan_files
-from testbed.plan.folder import play_plan
-from testbed.plan.programs import programs
-from testbed.plan.results import plan_numbers
-from testbed.plan.table import stops_of
+from testbed.plan.folder import play_plan, programs
+from testbed.plan.results import plan_numbers, stops_of
 from testbed.plan.words import next_step, promise, reasons, terminal_text
 from testbed.scenario.read import dump_scenario
 from testbed.store import layout

@@ -10,7 +10,7 @@ from testbed.laboratory.goal import goal_of
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.plan.plan import compared, plan
-from testbed.plan.table import plan_csv
+from testbed.plan.results import plan_csv
 from testbed.plan.words import measured_words
 from tests.planned import QUICK, ROBOT, SMALL, legs, quick_plan, scenario, small_plan
 

@@ -19,7 +19,7 @@ from testbed.laboratory.truth.backlash import gravity_loads
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.robots.catalog import TRACKER, TRACKER_FILE, load_robot, robot_names
 from testbed.robots.file import TrackerFile
-from testbed.robots.workspace import STAND, workspace, workspace_of_reach
+from testbed.robots.robot import STAND, workspace, workspace_of_reach
 from testbed.run.play import play
 from testbed.run.recording import write_recording
 from testbed.run.report import report_html

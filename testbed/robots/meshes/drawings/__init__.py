@@ -7,7 +7,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.geometry.frames import rot_x, slide
 from testbed.robots.meshes.drawings import iiwa, tx60, ur10
-from testbed.robots.meshes.drawings.probe import probe
+from testbed.robots.meshes.drawings.instruments import probe
 from testbed.robots.meshes.solids import Solid, moved
 
 
