@@ -16,10 +16,11 @@ DRAWS = 99
 BINS = 10
 
 
-def prior_ranks(replications: int, poses: int, seed: int, *, shrunk: float = 1.0) -> Array:
+def prior_ranks(replications: int, poses: int, seed: int, *shrunk: float) -> list[Array]:
     """Ranks (K, f) of truths drawn from the weak prior among draws from each posterior.
 
-    `shrunk` is a factor of the stated standard uncertainties: 1 for what the product states.
+    First those of what the product states, then those with its standard uncertainties times each
+    factor in `shrunk`.
 
     References
     ----------
@@ -29,15 +30,17 @@ def prior_ranks(replications: int, poses: int, seed: int, *, shrunk: float = 1.0
     wide = extended_model(nominal)
     table = extended_parameters(nominal, wide, parameters_of(nominal))
     prior, pool = weak_prior(table), pool_r()
-    ranks = np.zeros((replications, table.n_free), dtype=int)
+    factors = (1.0, *shrunk)
+    ranks = [np.zeros((replications, table.n_free), dtype=int) for _ in factors]
     for k in range(replications):
         rng = np.random.default_rng([seed, k])
         true = prior.sd * rng.standard_normal(table.n_free)
         q = pool[rng.choice(len(pool), poses, replace=False)]
         found = identify(wide, measured(wide.moved(true), q, rng), table, prior=prior)
-        factor = np.linalg.cholesky(found.covariance)
-        drawn = found.step + shrunk * rng.standard_normal((DRAWS, table.n_free)) @ factor.T
-        ranks[k] = (drawn < true).sum(axis=0)
+        root = np.linalg.cholesky(found.covariance)
+        errors = rng.standard_normal((DRAWS, table.n_free)) @ root.T
+        for factor, below in zip(factors, ranks, strict=True):
+            below[k] = (found.step + factor * errors < true).sum(axis=0)
     return ranks
 
 

@@ -39,8 +39,11 @@ def golden_file(scene: str) -> Path:
     return HERE / f"{scene}.json"
 
 
-def headline_of(scene: str) -> dict[str, Any]:
-    """Play a shipped scene in memory, a long one smaller, and return its headline."""
+def headline_of(scene: str, poses: int | None = None) -> dict[str, Any]:
+    """Play a shipped scene in memory, a long one smaller, and return its headline.
+
+    With `poses`, only its trials with that number of poses are played.
+    """
     from testbed.run.play import play
     from testbed.run.results import headline
     from testbed.scenario.read import changed
@@ -49,6 +52,9 @@ def headline_of(scene: str) -> dict[str, Any]:
     scenario = load_scenario(scene)
     if scene in LONG:
         scenario = changed(scenario, SMALLER)
+    if poses is not None:
+        trials = [trial for trial in scenario.document()["trial"] if trial["poses"] == poses]
+        scenario = changed(scenario, {"trial": trials})
     scenario = changed(scenario, FEWER.get(scene, {}))
     return json.loads(json.dumps(headline(play(scenario)), allow_nan=False))
 

@@ -22,9 +22,6 @@ UNSTABLE = ("certificate", "p_value", "sentence", "reasons")
 PLANS = ("plan_tx60",)
 """Scenes made for `truebed plan`, which knows no truth; test_plan*.py look at them."""
 
-RARELY = "pose_sets_rigid"
-"""Takes long and runs the same code as pose_sets: its golden numbers are a study."""
-
 
 @cache
 def golden(scene):
@@ -52,14 +49,38 @@ def differences(golden, now, path=""):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scene", [scene for scene in SCENES if scene != RARELY])
+@pytest.mark.parametrize("scene", [scene for scene in SCENES if scene not in LONG])
 def test_headline_numbers_are_the_golden_ones(scene):
     assert differences(golden(scene), headline_of(scene)) == []
 
 
 @pytest.mark.study
-def test_headline_numbers_of_a_long_scene_are_the_golden_ones():
-    assert differences(golden(RARELY), headline_of(RARELY)) == []
+@pytest.mark.parametrize("scene", LONG)
+def test_headline_numbers_of_a_long_scene_are_the_golden_ones(scene):
+    assert differences(golden(scene), headline_of(scene)) == []
+
+
+@pytest.mark.slow
+def test_the_smallest_sets_of_a_long_scene_have_the_golden_numbers():
+    """A trial's numbers do not depend on the others, except those about all of them together."""
+    whole, part = golden("pose_sets"), headline_of("pose_sets", poses=15)
+    names = set(part["trials"])
+    assert names == {name for name, trial in whole["trials"].items() if trial["poses"] == 15}
+
+    def of_one(table):
+        rows = {name: table[name] for name in sorted(names & set(table))}
+        return json.loads(json.dumps(rows), object_hook=without_family)
+
+    def without_family(row):
+        return {k: v for k, v in row.items() if k not in ("joint_ci_95", "outcome")}
+
+    for now, then in (
+        (part["trials"], whole["trials"]),
+        (part["random_sets"], whole["random_sets"]),
+        (part["population"]["trials"], whole["population"]["trials"]),
+    ):
+        assert of_one(now)
+        assert differences(of_one(then), of_one(now)) == []
 
 
 def test_every_shipped_scene_has_a_golden_file_or_is_a_plan():

@@ -1,12 +1,12 @@
 """The product's front: what it hands out is what the rooms make, in memory and on disk."""
 
 import numpy as np
-import pytest
 
 import truebed
 from testbed.run.export import export_campaign
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
+from tests import planned
 
 SMALL = {
     "identification.estimators": ["whitened"],
@@ -33,9 +33,8 @@ def test_a_campaign_runs_in_memory_and_comes_back_from_its_folder(tmp_path):
         assert np.array_equal(found.fits[0].identification.step, inside.fits[0].identification.step)
 
 
-@pytest.mark.slow
 def test_a_plan_is_made_and_its_numbers_come_back(tmp_path):
-    made = truebed.plan("plan_tx60", tmp_path / "plan")
+    made = truebed.plan(planned.scenario(), tmp_path / "plan")
     numbers = truebed.load(tmp_path / "plan")
     assert numbers["poses"] == len(made.places)
-    assert len(truebed.plan("plan_tx60").places) == len(made.places)
+    assert len(truebed.plan(planned.scenario()).places) == len(made.places)
