@@ -34,7 +34,7 @@ def test_a_campaign_runs_in_memory_and_comes_back_from_its_folder(tmp_path):
 
 
 def test_a_plan_is_made_and_its_numbers_come_back(tmp_path):
-    made = truebed.plan(planned.scenario(), tmp_path / "plan")
+    made = truebed.plan(planned.scenario(planned.QUICK), tmp_path / "plan")
     numbers = truebed.load(tmp_path / "plan")
     assert numbers["poses"] == len(made.places)
-    assert len(truebed.plan(planned.scenario()).places) == len(made.places)
+    assert len(truebed.plan(planned.scenario(planned.QUICK)).places) == len(made.places)
