@@ -197,7 +197,7 @@ def _place(schema: type[Strict], loc: tuple[int | str, ...]) -> tuple[str, str, 
             model
             for table in tables
             if isinstance(part, str) and part in table.model_fields
-            for model in _models(table.model_fields[part].annotation)
+            for model in models_in(table.model_fields[part].annotation)
         ]
         if isinstance(part, int):
             names.append(str(part + 1))  # people count from one
@@ -213,11 +213,11 @@ def _place(schema: type[Strict], loc: tuple[int | str, ...]) -> tuple[str, str, 
     return f"[{' '.join(names)}]" if names else "the file", "", []
 
 
-def _models(annotation: Any) -> list[type[Strict]]:
+def models_in(annotation: Any) -> list[type[Strict]]:
     """Schemas inside an annotation such as ``tuple[A | B, ...]``."""
     if isinstance(annotation, type) and issubclass(annotation, Strict):
         return [annotation]
-    return [model for inner in get_args(annotation) for model in _models(inner)]
+    return [model for inner in get_args(annotation) for model in models_in(inner)]
 
 
 def _kind(table: type[Strict]) -> str:

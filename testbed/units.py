@@ -179,10 +179,11 @@ def counted(number: int, noun: str) -> str:
 
     Examples
     --------
-    >>> counted(1, "pose"), counted(29, "pose")
-    ('1 pose', '29 poses')
+    >>> counted(1, "pose"), counted(29, "pose"), counted(2, "entry")
+    ('1 pose', '29 poses', '2 entries')
     """
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+    plural = f"{noun[:-1]}ies" if noun.endswith("ry") else f"{noun}s"
+    return f"{number} {noun if number == 1 else plural}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from testbed.cli.app import Debug, Json, Quiet, app
 from testbed.cli.exit_codes import SOME_FAILED, exit_codes, say
 
 if TYPE_CHECKING:
-    from testbed.scenario.read import Scenario
+    from testbed.scenario.scenario import Scenario
 
 Scene = Annotated[str, typer.Argument(metavar="SCENE", help="A scene's name or a .toml file.")]
 Seed = Annotated[int | None, typer.Option(help="Another seed.")]

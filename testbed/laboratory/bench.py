@@ -19,8 +19,10 @@ from testbed.laboratory.pool import Candidates
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.tracker.tracker import Tracker, tracker_from
 from testbed.robots.catalog import Robot, load_robot
-from testbed.scenario.free_numbers import free_parameters
-from testbed.scenario.read import PAPER_SET, PoolSettings, Scenario, TruthSettings
+from testbed.scenario.checks import free_parameters
+from testbed.scenario.laboratory import TruthSettings
+from testbed.scenario.scenario import Scenario
+from testbed.scenario.tables import PAPER_SET, PoolSettings
 
 PROBED_POSES = 200
 """Pool poses from which identifiability is judged before anything is selected."""

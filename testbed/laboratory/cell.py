@@ -10,7 +10,7 @@ from calib.errors import refuse
 from calib.geometry.chain import Chain
 from calib.geometry.frames import step_transform
 from testbed.robots.meshes.files import Mesh, load_mesh
-from testbed.scenario.read import BoxObstacle, CellSettings, MeshObstacle
+from testbed.scenario.laboratory import BoxObstacle, CellSettings, MeshObstacle
 
 UNITS = {"mm": 1e-3, "m": 1.0}
 FLAT = 1e-6

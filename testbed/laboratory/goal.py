@@ -14,7 +14,8 @@ from testbed.laboratory.bench import PROBED_POSES, Bench
 from testbed.laboratory.joint_lists import from_deg
 from testbed.laboratory.pool import joint_ranges
 from testbed.robots.catalog import Robot
-from testbed.scenario.read import BoxGoal, ListGoal, PathGoal, Scenario
+from testbed.scenario.scenario import Scenario
+from testbed.scenario.tables import BoxGoal, ListGoal, PathGoal
 from testbed.streams import stream
 from testbed.units import counted
 

@@ -11,7 +11,7 @@ from calib.errors import refuse
 from calib.geometry.frames import inverse
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot
-from testbed.scenario.read import PoolSettings
+from testbed.scenario.tables import PoolSettings
 
 SAME = 1e-7
 """Joint vectors nearer than this in every joint are one pose: a table keeps it [rad, m]."""

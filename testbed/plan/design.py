@@ -28,8 +28,7 @@ from calib.information.goals import Goals
 from calib.information.rank import rank
 from testbed.laboratory.tracker.station import point_u
 from testbed.plan.records import Curve, NextPose, Proof
-from testbed.scenario.plan import DEFAULT_POSES
-from testbed.scenario.read import PlanSettings
+from testbed.scenario.tables import DEFAULT_POSES, PlanSettings
 from testbed.units import UM, counted, significant
 
 RANDOM_SETS = 40

@@ -15,7 +15,8 @@ from testbed.progress import Progress
 from testbed.recording.write import write_story
 from testbed.report.page import SIMULATED
 from testbed.robots.catalog import Robot, load_robot
-from testbed.scenario.read import Scenario, dump_scenario
+from testbed.scenario.read import dump_scenario
+from testbed.scenario.scenario import Scenario
 from testbed.store.layout import PLAN, SCENARIO
 from testbed.store.npz import pretty_json
 from testbed.store.run_folder import check_free, whole_folder

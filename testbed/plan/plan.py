@@ -25,7 +25,8 @@ from testbed.plan.records import Plan
 from testbed.plan.refusals import check_ranges, check_stations, check_tested
 from testbed.plan.tour import held_out, readings_of, start_of, tour_of
 from testbed.progress import Progress
-from testbed.scenario.read import Scenario, check_robot
+from testbed.scenario.checks import check_robot
+from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 
 STEPS = ("robot and goal", "stations and candidate poses", "pose set", "measuring order")

@@ -10,7 +10,7 @@ from testbed.laboratory.cell import Obstacle
 from testbed.laboratory.goal import Goal
 from testbed.laboratory.pool import PosePool
 from testbed.laboratory.tracker.stations import StationComparison
-from testbed.scenario.read import Scenario
+from testbed.scenario.scenario import Scenario
 
 FAR = 0.5
 """Distances to floor and obstacles are looked at up to here [m]."""

@@ -10,7 +10,7 @@ from calib.geometry.chain import Chain
 from testbed.laboratory.bench import Bench
 from testbed.laboratory.tracker.stations import place_word, station_grid
 from testbed.robots.placements import placements
-from testbed.scenario.read import Scenario
+from testbed.scenario.scenario import Scenario
 
 BESIDE = 0.5
 """A tracker stands at least so far outside the robot's reach [m]."""

@@ -10,7 +10,7 @@ from testbed.laboratory.joint_lists import from_deg
 from testbed.laboratory.pool import is_new, joint_ranges
 from testbed.laboratory.route.route import Route, measuring_route
 from testbed.plan.records import FAR, Reading, Tour
-from testbed.scenario.read import BoxGoal
+from testbed.scenario.tables import BoxGoal
 from testbed.streams import stream
 from testbed.units import sentence
 

@@ -9,7 +9,7 @@ from calib.errors import InputError
 from testbed.run.derive import Derive, derived_file
 from testbed.run.play import robot_of
 from testbed.run.work import Work
-from testbed.scenario.read import Scenario, scenario_hash
+from testbed.scenario.scenario import Scenario, scenario_hash
 from testbed.store import layout
 from testbed.store.manifest import read_manifest, require_campaign
 from testbed.store.npz import strict_json

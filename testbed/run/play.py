@@ -10,9 +10,8 @@ from testbed.progress import Progress as Progress
 from testbed.run.derive import Derive, derived_file
 from testbed.run.work import Work
 from testbed.scenario.checks import check_robot
-from testbed.scenario.hashes import scenario_hash
 from testbed.scenario.read import dump_scenario
-from testbed.scenario.scenario import Scenario
+from testbed.scenario.scenario import Scenario, scenario_hash
 from testbed.store import layout
 from testbed.store.run_folder import RunFolder
 from testbed.studies import all_studies

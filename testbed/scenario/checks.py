@@ -1,123 +1,102 @@
-"""What a scenario asks of its robot: names, joint ranges, priors about numbers that are free."""
+"""What a scenario asks of its robot: names, joints, and which numbers the estimators may move."""
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from testbed.scenario.laboratory import TruthSettings
 from testbed.scenario.scenario import Scenario
-from testbed.scenario.tables import PAPER_SET as PAPER_SET
-from testbed.scenario.tables import SINGLE
-from testbed.scenario.truth import truth_faults
+from testbed.scenario.tables import PAPER_SET, SINGLE, PoolSettings
 from testbed.strict import Fault, did_you_mean, one_error
-from testbed.units import DEG, MM, unit_of
+from testbed.units import DEG, MM, counted, unit_of
 
 if TYPE_CHECKING:
+    from calib.geometry.parameters import Parameters
+    from calib.identification.identify import Mode
     from testbed.robots.catalog import Robot
-    from testbed.scenario.scenario import PoolSettings
 
 
 def check_robot(scenario: Scenario, robot: "Robot", *, where: str) -> None:
-    """Raise one InputError if the scenario names parameters or sets the robot does not have."""
-    names = robot.model.names
-    faults = []
+    """Raise one InputError if the scenario asks for what the robot does not have."""
+    faults = [
+        *_name_faults(scenario, robot),
+        *_pool_faults(scenario.pool, robot),
+        *truth_faults(scenario.truth, robot),
+    ]
+    for table in scenario.tables.values():
+        faults += table.faults(scenario, robot)
+    faults = faults or [*_free_faults(scenario, robot)] or [*_prior_faults(scenario, robot)]
+    if faults:
+        raise one_error(faults, where)
+
+
+def _name_faults(scenario: Scenario, robot: "Robot") -> Iterator[Fault]:
+    """Faults of parameters and sets that the robot does not have."""
+    names, settings = robot.model.names, scenario.identification
     for table, key, value, word in (
         ("truth", "perturb", scenario.truth.perturb, "links"),
-        ("identification", "free", scenario.identification.free, "identifiable"),
+        ("identification", "free", settings.free, "identifiable"),
     ):
         known = tuple(dict.fromkeys((word, *robot.free_sets))) if isinstance(value, str) else names
         for name in [value] if isinstance(value, str) else value:
             if name not in known:
-                fault = Fault(
+                yield Fault(
                     (table, key),
                     f'[{table}] {key} has "{name}", which {robot.name} does not know',
                     allowed=f"known are {', '.join(known)}" if isinstance(value, str) else "",
                     fix=did_you_mean(name, known) or f"see `truebed robots {robot.name}`",
                     value=name,
                 )
-                faults.append(fault)
-    if "paper" in scenario.identification.estimators and PAPER_SET not in robot.free_sets:
-        fault = Fault(
+    if "paper" in settings.estimators and PAPER_SET not in robot.free_sets:
+        yield Fault(
             ("identification", "estimators"),
             f'[identification] estimators has "paper", but {robot.name} has no free set '
             f'"{PAPER_SET}"',
             fix='write estimators = ["whitened"]',
             value="paper",
         )
-        faults.append(fault)
-    faults += pool_faults(scenario.pool, robot)
-    faults += truth_faults(scenario.truth, robot)
-    for own in scenario.tables.values():
-        faults += own.faults(scenario, robot)
-    faults = faults or free_faults(scenario, robot) or prior_faults(scenario, robot)
-    if faults:
-        raise one_error(faults, where)
 
 
-def free_faults(scenario: Scenario, robot: "Robot") -> list[Fault]:
+def _free_faults(scenario: Scenario, robot: "Robot") -> Iterator[Fault]:
     """Faults of what [identification] frees: a frame both free and fixed, or nothing at all."""
-    settings = scenario.identification
+    settings, path = scenario.identification, ("identification", "free")
     wanted = settings.free
     listed = wanted if isinstance(wanted, tuple) else robot.free_sets.get(wanted, robot.model.names)
     states = {"base": settings.base, "tool": settings.tool}
     held = [name for name in listed if states.get(name.split(".")[0]) == "fixed"]
     if held and isinstance(wanted, tuple):
         frame = held[0].split(".")[0]
-        return [
-            Fault(
-                ("identification", "free"),
-                f'[identification] free has "{held[0]}", and {frame} is "fixed"',
-                fix=f'remove it, or write {frame} = "free"',
-                value=held[0],
-            )
-        ]
-    if len(held) == len(listed):
-        return [
-            Fault(
-                ("identification", "free"),
-                "[identification] frees nothing",
-                fix='name at least one parameter, or write free = "identifiable"',
-                value=wanted,
-            )
-        ]
-    return []
+        message = f'[identification] free has "{held[0]}", and {frame} is "fixed"'
+        yield Fault(path, message, fix=f'remove it, or write {frame} = "free"', value=held[0])
+    elif len(held) == len(listed):
+        fix = 'name at least one parameter, or write free = "identifiable"'
+        yield Fault(path, "[identification] frees nothing", fix=fix, value=wanted)
 
 
-def pool_faults(pool: "PoolSettings", robot: "Robot") -> list[Fault]:
+def _pool_faults(pool: PoolSettings, robot: "Robot") -> Iterator[Fault]:
     """Faults of joint ranges that this robot cannot have."""
-    ranges, place = pool.joint_ranges_deg, ("pool", "joint_ranges_deg")
-    n = robot.model.chain.n_joints
-    if not ranges:
-        return []
-    if len(ranges) != n:
-        entries = "entry" if len(ranges) == 1 else "entries"
-        has = f"{len(ranges)} {entries}; {robot.name} has {n} joints"
-        message = f"[pool] joint_ranges_deg has {has}"
-        return [Fault(place, message, fix="give one pair per joint", value=ranges)]
-    faults = []
+    ranges, path = pool.joint_ranges_deg, ("pool", "joint_ranges_deg")
+    at, n = "[pool] joint_ranges_deg", robot.model.chain.n_joints
+    if ranges and len(ranges) != n:
+        message = f"{at} has {counted(len(ranges), 'entry')}; {robot.name} has {n} joints"
+        yield Fault(path, message, fix="give one pair per joint", value=ranges)
+        return
     for i, (low, high) in enumerate(ranges):
         slides = bool(robot.model.chain.prismatic[i])
         unit, scale = unit_of(slides), MM if slides else DEG
         lower, upper = robot.limits[i] * scale
         if low >= high or low < lower - 1e-6 or high > upper + 1e-6:
-            faults.append(
-                Fault(
-                    place,
-                    f"[pool] joint_ranges_deg lets joint {i + 1} go from {low:g} to {high:g} "
-                    f"{unit}",
-                    allowed=f"from a lower to a higher value inside {lower:g} to {upper:g} {unit}",
-                    value=(low, high),
-                )
-            )
-    return faults
+            message = f"{at} lets joint {i + 1} go from {low:g} to {high:g} {unit}"
+            allowed = f"from a lower to a higher value inside {lower:g} to {upper:g} {unit}"
+            yield Fault(path, message, allowed=allowed, value=(low, high))
 
 
-def prior_faults(scenario: Scenario, robot: "Robot") -> list[Fault]:
+def _prior_faults(scenario: Scenario, robot: "Robot") -> Iterator[Fault]:
     """Faults of single numbers of the prior: unknown, of the other unit, or not free."""
-    from testbed.scenario.free_numbers import default_parameters
-
     prior = scenario.identification.prior
     if prior is None:
-        return []
+        return
     table = default_parameters(scenario, robot)
-    free, faults = set(table.free_names), []
+    free = set(table.free_names)
     for key, wanted in SINGLE.items():
         for name in getattr(prior, key):
             path = ("identification", "prior", key, name)
@@ -125,30 +104,104 @@ def prior_faults(scenario: Scenario, robot: "Robot") -> list[Fault]:
             if name not in table.names:
                 fix = did_you_mean(name, table.names) or f"see `truebed robots {robot.name}`"
                 message = f"{at}, which the model of {robot.name} does not know"
-                faults.append(Fault(path, message, fix=fix, value=name))
+                yield Fault(path, message, fix=fix, value=name)
             elif name not in free:
                 fix = "remove it, or free that number"
-                faults.append(Fault(path, f"{at}, which is not free", fix=fix, value=name))
+                yield Fault(path, f"{at}, which is not free", fix=fix, value=name)
             elif bool(table.is_length[table.names.index(name)]) is not wanted:
                 kind, other = ("an angle", "sd_deg") if wanted else ("a length", "sd_mm")
                 fix = f"move it to [identification.prior.{other}]"
-                faults.append(Fault(path, f"{at}, which is {kind}", fix=fix, value=name))
-    return faults
+                yield Fault(path, f"{at}, which is {kind}", fix=fix, value=name)
 
 
-def default_contradictions(scenario: Scenario) -> list[str]:
-    """Sentences, one per key for the default estimator where it is not played."""
-    settings = scenario.identification
-    if "whitened" in settings.estimators:
-        return []
-    keys = {
-        "model": settings.model != "geometric",
-        "loss": settings.loss != "squared",
-        "prior": settings.prior is not None,
-    }
-    return [
-        f'[identification] {key} belongs to the default estimator, and estimators has "paper" '
-        f'only; add "whitened" or remove {key}'
-        for key, given in keys.items()
-        if given
-    ]
+CLOSED_FORM = (
+    "joints 2 and 3 with level parallel axes on an upright joint 1, and an arm that stands upright "
+    "or lies level at joint zero"
+)
+"""The arms whose joints sag by sines and cosines of q2 and q2 + q3."""
+LISTS = (
+    "harmonic_mdeg",
+    "high_harmonic_mdeg",
+    "encoder_mdeg",
+    "backlash_mdeg",
+    "drive_nm_per_mrad",
+    "bearing_nm_per_mrad",
+)
+"""Keys with one number per joint."""
+
+
+def truth_faults(truth: TruthSettings, robot: "Robot") -> Iterator[Fault]:
+    """Faults of a truth that this robot cannot have."""
+    from calib.identification.joint_models import gravity_quarters
+
+    n = robot.model.chain.n_joints
+    for key in LISTS:
+        value = getattr(truth, key)
+        if isinstance(value, tuple) and value and len(value) != n:
+            message = (
+                f"[truth] {key} has {counted(len(value), 'entry')}; {robot.name} has {n} joints"
+            )
+            yield Fault(("truth", key), message, fix="give one per joint", value=value)
+    if any(truth.gravity_mdeg) and gravity_quarters(robot.model.chain) is None:
+        yield Fault(
+            ("truth", "gravity_mdeg"),
+            f"[truth] gravity_mdeg does not fit this arm, {robot.name}: its sag is no sine of q2 "
+            "and q2 + q3",
+            allowed=CLOSED_FORM,
+            fix='write gravity_mdeg = [0, 0, 0], or preset = "rigid" or "elastic"',
+            value=truth.gravity_mdeg,
+        )
+    slides = [i + 1 for i, kind in enumerate(robot.model.chain.kinds) if kind == "prismatic"]
+    if truth.drive_nm_per_mrad and slides:
+        yield Fault(
+            ("truth", "drive_nm_per_mrad"),
+            f"[truth] drive_nm_per_mrad is set, and joint {slides[0]} of {robot.name} slides",
+            allowed="springs belong to arms whose joints all turn",
+            fix="write drive_nm_per_mrad = []",
+            value=truth.drive_nm_per_mrad,
+        )
+    if isinstance(truth.backlash_mdeg, tuple) and any(
+        truth.backlash_mdeg[i - 1] for i in slides if i <= len(truth.backlash_mdeg)
+    ):
+        yield Fault(
+            ("truth", "backlash_mdeg"),
+            f"[truth] backlash_mdeg gives play to joint {slides[0]} of {robot.name}, a slide",
+            allowed="play is an angle",
+            fix="write 0 there",
+            value=truth.backlash_mdeg,
+        )
+
+
+def require_truth(robot: "Robot", truth: TruthSettings, *, where: str = "scenario") -> None:
+    """Raise one InputError if the robot cannot have this truth."""
+    faults = [*truth_faults(truth, robot)]
+    if faults:
+        raise one_error(faults, where)
+
+
+def free_parameters(scenario: Scenario, robot: "Robot", mode: "Mode") -> "Parameters":
+    """Parameters that the estimator `mode` may move, before reduction.
+
+    The paper's estimator always identifies the robot's set ``wen2022`` with base and tool fixed.
+    """
+    from calib.geometry.parameters import parameters_of
+
+    table, settings = parameters_of(robot.model), scenario.identification
+    if mode == "paper":
+        return table.freeing(robot.free_sets[PAPER_SET])
+    wanted = settings.free
+    if isinstance(wanted, str):
+        wanted = table.names if wanted == "identifiable" else robot.free_sets[wanted]
+    states = {"base.": settings.base, "tool.": settings.tool}
+    fixed = tuple(frame for frame, state in states.items() if state == "fixed")
+    return table.freeing(name for name in wanted if not name.startswith(fixed))
+
+
+def default_parameters(scenario: Scenario, robot: "Robot") -> "Parameters":
+    """Every number that the default estimator may move, joint terms included where it may climb."""
+    from calib.identification.joint_models import with_joint_terms
+
+    free = free_parameters(scenario, robot, "whitened")
+    if scenario.identification.model == "geometric":
+        return free
+    return with_joint_terms(robot.model, free)[1]

@@ -1,96 +1,213 @@
-"""What two tables of a scenario may not say together."""
+"""What the tables of a scenario may not say together: sentences, one per contradiction."""
 
 import re
+from collections.abc import Iterator
 
 from calib.information.criteria.named import NEEDS_GOALS
-from testbed.scenario.checks import default_contradictions
-from testbed.scenario.plan import plan_contradictions
+from testbed.scenario.laboratory import At960Tracker, TruthSettings
 from testbed.scenario.scenario import RESERVED, Scenario
-from testbed.scenario.tracker import tracker_contradictions
-from testbed.scenario.truth import truth_contradictions
+from testbed.scenario.tables import (
+    MAX_STATIONS,
+    BoxGoal,
+    IdentificationSettings,
+    ListGoal,
+    PathGoal,
+    PlanSettings,
+)
+from testbed.units import counted
 
 
-def contradictions(scenario: Scenario) -> list[str]:
-    """Sentences, one per contradiction between the tables of a scenario; empty if it is sound."""
+def contradictions(scenario: Scenario) -> Iterator[str]:
+    """Contradictions in and between the tables of a scenario; none if it is sound."""
     # records of one study per kind of robot stand under its name
-    taken = (*RESERVED, *(key for table in scenario.tables.values() for key in table.keys))
+    taken = (*RESERVED, *(key for one in scenario.tables.values() for key in one.keys))
     reserved = dict.fromkeys(re.sub(r"\..*", ".*", name) for name in taken)
     point = scenario.tracker.measures == "point"
     names = [trial.name for trial in scenario.trial]
-    found = [
-        f'[[trial]] name "{name}" is used {names.count(name)} times; rename all but one'
-        for name in dict.fromkeys(names)
-        if names.count(name) > 1
-    ]
+    for name in dict.fromkeys(names):
+        if names.count(name) > 1:
+            yield f'[[trial]] name "{name}" is used {names.count(name)} times; rename all but one'
     for trial in scenario.trial:
         place = f'[[trial]] "{trial.name}"'
         if trial.name in taken:
-            found.append(
-                f"{place} has a reserved name; not one of {', '.join(reserved)}; rename it"
-            )
+            yield f"{place} has a reserved name; not one of {', '.join(reserved)}; rename it"
         if trial.poses > scenario.pool.size:
-            found.append(
+            yield (
                 f"{place} poses is {trial.poses}; [pool] size is {scenario.pool.size}; "
                 "choose fewer poses or a larger pool"
             )
         if trial.rows == "paper" and trial.criterion in NEEDS_GOALS:
-            found.append(
+            yield (
                 f'{place} criterion is "{trial.criterion}" and rows is "paper"; unweighted rows '
                 "know no noise, so they tell no uncertainty of the tool point; "
                 'write rows = "whitened"'
             )
         if trial.rows == "paper" and point:
-            found.append(
+            yield (
                 f'{place} rows is "paper", which needs full poses; [tracker] measures is "point"; '
                 'write rows = "whitened"'
             )
     if not point and any(scenario.tracker.reflector_mm):
-        found.append(
+        yield (
             '[tracker] reflector_mm is set, but measures is "pose"; '
             'write measures = "point" or remove reflector_mm'
         )
     if point and "paper" in scenario.identification.estimators:
-        found.append(
+        yield (
             '[identification] estimators has "paper", which needs full poses; '
             '[tracker] measures is "point"; write estimators = ["whitened"]'
         )
     if point and scenario.studies.paper_budget:
-        found.append(
+        yield (
             '[studies] paper_budget needs full poses; [tracker] measures is "point"; '
             "write paper_budget = false"
         )
     if point and scenario.studies.tool_point:
-        found.append(
+        yield (
             "[studies] tool_point is about the tool origin, which is not seen where [tracker] "
             'measures is "point"; write tool_point = false'
         )
     if scenario.studies.paper_budget and "paper" not in scenario.identification.estimators:
-        found.append(
+        yield (
             '[studies] paper_budget needs the paper\'s estimator; write estimators = ["whitened", '
             '"paper"] or paper_budget = false'
         )
     if scenario.studies.paper_budget and all(t.method == "random" for t in scenario.trial):
-        found.append(
+        yield (
             "[studies] paper_budget compares an optimal set with random ones, and every [[trial]] "
             'is random; write method = "detmax" in one, or paper_budget = false'
         )
-    found += [
-        f"[{table}] {key} is 1; 0 skips it, and a spread needs at least 2; write {key} = 0 or more "
-        "than 1"
-        for table, key, value in (
-            ("uncertainty", "replications", scenario.uncertainty.replications),
-            ("studies", "random_sets", scenario.studies.random_sets),
-            ("studies", "population", scenario.studies.population),
+    for table, key, value in (
+        ("uncertainty", "replications", scenario.uncertainty.replications),
+        ("studies", "random_sets", scenario.studies.random_sets),
+        ("studies", "population", scenario.studies.population),
+    ):
+        if value == 1:
+            yield (
+                f"[{table}] {key} is 1; 0 skips it, and a spread needs at least 2; write {key} = 0 "
+                "or more than 1"
+            )
+    yield from _of_identification(scenario.identification)
+    yield from _of_truth(scenario.truth)
+    yield from _of_tracker(scenario)
+    for settings in scenario.tables.values():
+        yield from settings.contradictions(scenario)
+    yield from _of_plan(scenario.plan)
+
+
+def _of_identification(settings: IdentificationSettings) -> Iterator[str]:
+    """Contradictions in [identification]: keys of the default estimator where it is not played."""
+    if len(set(settings.estimators)) < len(settings.estimators):
+        yield "[identification] estimators names one twice; remove the copy"
+    keys = {
+        "model": settings.model != "geometric",
+        "loss": settings.loss != "squared",
+        "prior": settings.prior is not None,
+    }
+    for key, given in keys.items():
+        if given and "whitened" not in settings.estimators:
+            yield (
+                f"[identification] {key} belongs to the default estimator, and estimators has "
+                f'"paper" only; add "whitened" or remove {key}'
+            )
+
+
+def _of_truth(truth: TruthSettings) -> Iterator[str]:
+    """Contradictions in [truth]."""
+    sprung = bool(truth.drive_nm_per_mrad)
+    if sprung and any(truth.gravity_mdeg):
+        yield (
+            "[truth] gravity_mdeg and drive_nm_per_mrad would both make the arm droop; "
+            "write gravity_mdeg = [0, 0, 0] or drive_nm_per_mrad = []"
         )
-        if value == 1
-    ]
-    if len(set(scenario.identification.estimators)) < len(scenario.identification.estimators):
-        found.append("[identification] estimators names one twice; remove the copy")
-    found += default_contradictions(scenario)
+    if truth.bearing_nm_per_mrad and not sprung:
+        yield (
+            "[truth] bearing_nm_per_mrad is set, but the drives are stiff; "
+            "give drive_nm_per_mrad or write bearing_nm_per_mrad = []"
+        )
+    if truth.payload_kg and not sprung:
+        yield (
+            f"[truth] payload_kg is {truth.payload_kg:g}, but no spring feels it; "
+            "give drive_nm_per_mrad or write payload_kg = 0"
+        )
+    if truth.backlash_side == "posture" and (wrong := _outside_posture(truth.backlash_mdeg)):
+        yield (
+            f'[truth] backlash_side is "posture", which knows joints 3 and 5 only; backlash_mdeg '
+            f"has play at {wrong}; write 0 there, or choose another backlash_side"
+        )
+
+
+def _outside_posture(width: float | tuple[float, ...]) -> str:
+    """Joints with play that the closed form does not know, in words; empty if there are none."""
+    if isinstance(width, float):
+        return "every joint" if width else ""
+    joints = [str(i + 1) for i, one in enumerate(width) if one and i not in (2, 4)]
+    return f"joint{'s' if len(joints) > 1 else ''} {', '.join(joints)}" if joints else ""
+
+
+def _of_tracker(scenario: Scenario) -> Iterator[str]:
+    """Contradictions of [tracker] with the poses of each visit."""
+    tracker = scenario.tracker
     poses = {f'[[trial]] "{trial.name}"': trial.poses for trial in scenario.trial}
-    poses["[test]"] = scenario.test.poses
-    found += truth_contradictions(scenario.truth)
-    found += tracker_contradictions(scenario.tracker, poses)
-    for table in scenario.tables.values():
-        found += table.contradictions(scenario)
-    return found + plan_contradictions(scenario.plan)
+    for name, count in (poses | {"[test]": scenario.test.poses}).items():
+        if isinstance(tracker, At960Tracker) and tracker.outliers + tracker.missed >= count:
+            yield (
+                f"[tracker] outliers is {tracker.outliers} and missed is {tracker.missed}; "
+                f"{name} has {counted(count, 'pose')}; no good shot is left; lower them"
+            )
+
+
+def _of_plan(plan: PlanSettings) -> Iterator[str]:
+    """Contradictions in [plan]."""
+    if plan.poses and plan.target_um:
+        yield (
+            f"[plan] poses is {plan.poses} and target_um is {plan.target_um:g}; one decides; "
+            "remove the other"
+        )
+    if not plan.poses and not plan.target_um:
+        yield "[plan] has neither poses nor target_um; write one of them"
+    if plan.target_um and plan.criterion not in ("V", "G"):
+        yield (
+            f'[plan] criterion is "{plan.criterion}"; target_um needs "V" or "G", '
+            'which know the goal; write criterion = "V"'
+        )
+    if plan.target_um and plan.method in ("random", "best_of_random"):
+        yield (
+            f'[plan] method is "{plan.method}", which does not look for the fewest poses that '
+            'reach target_um; write method = "exchange" or poses'
+        )
+    if plan.measured and plan.stations.given:
+        yield (
+            "[plan] measured and [plan.stations] contradict each other: poses measured from one "
+            "station do not count at another, where the robot's base has to be found anew; remove "
+            "[plan.stations] and write where they were measured from as [tracker] station_mm"
+        )
+    if plan.stations.grid and plan.stations.list_mm:
+        yield "[plan.stations] has list_mm and grid; remove one"
+    if plan.stations.grid:
+        across, deep, high = plan.stations.grid.count
+        if across * deep * high > MAX_STATIONS:
+            yield (
+                f"[plan.stations.grid] count makes {across * deep * high} stations; at most "
+                f"{MAX_STATIONS}; choose smaller counts"
+            )
+    if not isinstance(plan.goal, BoxGoal):
+        yield from _of_goal(plan.goal)
+
+
+def _of_goal(goal: ListGoal | PathGoal) -> Iterator[str]:
+    """Contradictions in a goal given pose by pose."""
+    if bool(goal.joints_deg) == bool(goal.tool_mm_deg):
+        both = "both" if goal.joints_deg else "neither of"
+        yield f"[plan.goal] has {both} joints_deg and tool_mm_deg; give one of them"
+        return
+    count = len(goal.joints_deg or goal.tool_mm_deg)
+    key = "joints_deg" if goal.joints_deg else "tool_mm_deg"
+    if isinstance(goal, PathGoal) and count < 2:
+        yield f"[plan.goal] {key} has 1 entry; a path has two corners or more; add one"
+    wanted = count - isinstance(goal, PathGoal)
+    if goal.weights and len(goal.weights) != wanted:
+        yield (
+            f"[plan.goal] weights has {len(goal.weights)} entries; {wanted} belong there, "
+            f"one per {'line' if isinstance(goal, PathGoal) else 'pose'}; mend the list"
+        )

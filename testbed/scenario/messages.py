@@ -3,41 +3,25 @@
 import json
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
-from testbed.scenario import plan as settings_plan
-from testbed.scenario import scenario as settings
-from testbed.scenario import tables as settings_cell
-from testbed.scenario import tables as settings_identification
-from testbed.scenario import truth as settings_truth
-from testbed.scenario.scenario import Scenario, StudyTable
-from testbed.strict import Fault, KeyPath, did_you_mean, place
+from testbed.scenario.scenario import Scenario, ScenarioFile
+from testbed.scenario.tables import PRIOR
+from testbed.strict import Fault, KeyPath, Strict, did_you_mean, models_in
+from testbed.units import counted
 
-UNIONS = {
-    "tracker": ("paper", "at960"),
-    "plan.goal": ("box", "list", "path"),
-    "cell.obstacle": ("box", "mesh"),
-}
-"""Tables of several presets or kinds; pydantic puts the chosen one into the path of a fault."""
-PLAIN = ("format", "name", "title", "seed", "robot")
-"""Keys at the top of the file that are no tables."""
-NESTED = (
-    "trial[]",
-    "cell.obstacle[]",
-    "identification.prior",
-    "identification.prior.sd_deg",
-    "identification.prior.sd_mm",
-    "plan.stations",
-    "plan.stations.grid",
-    "plan.goal",
-)
-"""Lists of tables, and tables inside tables."""
+UNIONS = ((1, ("tracker",)), (2, ("plan", "goal")), (3, ("cell", "obstacle")))
+"""Tables of several presets or kinds; pydantic puts the chosen one into the path of a fault, at
+this depth."""
 TEXTS = (("truth", "perturb"), ("identification", "free"))
 """Keys that hold one text or a list of texts."""
-REPEATABILITY = ("truth", "joint_repeatability_mdeg")
+NUMBERS = tuple(
+    ("truth", key)
+    for key in ("harmonic_mdeg", "high_harmonic_mdeg", "encoder_mdeg", "backlash_mdeg")
+)
+"""Keys that hold one number or one per joint."""
 UNITS = {"um": 1e-6, "mm": 1e-3, "m": 1.0, "mdeg": 1e-3, "deg": 1.0, "rad": 180 / math.pi}
 """Unit suffixes of keys; lengths in metres, angles in degrees."""
 LENGTHS = ("um", "mm", "m")
@@ -45,16 +29,27 @@ ALIASES = {"noise": "position", "sigma": "position"}
 """Words people write for a quantity, and the word used here."""
 WANTED = {
     "float_type": ("a number", "write it like 17.5"),
-    "int_type": ("a whole number", "write it like 29"),
-    "int_from_float": ("a whole number", "write it like 29"),
+    **dict.fromkeys(("int_type", "int_from_float"), ("a whole number", "write it like 29")),
     "bool_type": ("true or false", "write one of them, without quotes"),
     "string_type": ("text", "put it in quotes"),
     "tuple_type": ("a list", "put it in [brackets]"),
-    "model_type": ("a table", "write {header} and its keys below"),
-    "dict_type": ("a table", "write {header} and its keys below"),
-    "model_attributes_type": ("a table", "write {header} and its keys below"),
+    **dict.fromkeys(
+        ("model_type", "dict_type", "model_attributes_type"),
+        ("a table", "write {header} and its keys below"),
+    ),
 }
 """What a key must hold, and the likely fix, by kind of error."""
+WANTED_AT: dict[KeyPath, tuple[str, str]] = {
+    **dict.fromkeys(TEXTS, ("text or a list of texts", "put names in quotes")),
+    **dict.fromkeys(
+        NUMBERS, ("a number or a list of numbers", "write one for all joints or one for each")
+    ),
+    ("truth", "joint_repeatability_mdeg"): ('a number or "robot"', "choose one of these"),
+    ("trial",): ("a list of tables", "write [[trial]] with two brackets"),
+    ("cell", "obstacle"): ("a list of tables", "write [[cell.obstacle]] with two brackets"),
+}
+"""The same at places with several types, whatever the error."""
+UNKNOWN = ("what the list of keys says", "see `truebed scenes quick`")
 BOUNDS = {
     "greater_than": "larger than {gt:.15g}",
     "greater_than_equal": "{ge:.15g} or larger",
@@ -75,40 +70,6 @@ EXAMPLES = {
 """Lines that mend a missing key."""
 
 
-@dataclass(frozen=True, slots=True)
-class ScenarioFile:
-    """A scenario document as its messages speak of it: its values, and the tables it may have."""
-
-    document: Mapping[str, Any]
-    kinds: Mapping[str, type[StudyTable]]
-    """Tables of studies, by name."""
-
-    @property
-    def keys(self) -> tuple[str, ...]:
-        """Every key of the top of the file, in the order of a written scenario."""
-        own = list(Scenario.model_fields)
-        place = own.index("studies") + 1
-        return (*own[:place], *self.kinds, *own[place:])
-
-    @property
-    def tables(self) -> tuple[str, ...]:
-        """The names of all tables."""
-        return (*(key for key in self.keys if key not in PLAIN), *NESTED)
-
-    def place(self, path: KeyPath) -> str:
-        """Where a value stands, in the words of the file."""
-        return place(path, self.document, self.tables)
-
-    def in_order(self, faults: Sequence[Fault]) -> list[Fault]:
-        """The faults in the order of the file's tables, unknown keys last."""
-        rank = {key: k for k, key in enumerate(self.keys)}
-        first = [fault for fault in faults if fault.code == "S38"]
-        rest = [fault for fault in faults if fault.code != "S38"]
-        return first + sorted(
-            rest, key=lambda fault: rank.get(str(fault.path[0]), len(rank)) if fault.path else -1
-        )
-
-
 def sentences(
     error: ValidationError,
     file: ScenarioFile,
@@ -123,7 +84,7 @@ def sentences(
         context = item.get("ctx", {})
         if item["type"] == "too_short" and len(item["input"]) >= context["min_length"]:
             continue  # counts only sound entries; the others have their own fault
-        if path in settings_truth.NUMBERS and _other_branch(item):
+        if path in NUMBERS and _other_branch(item):
             continue
         if path not in skip and path not in faults:
             faults[path] = _sentence(path, item["type"], context, item["input"], file)
@@ -139,12 +100,11 @@ def _other_branch(item: Mapping[str, Any]) -> bool:
 
 def _path(location: KeyPath) -> KeyPath:
     """Where a fault lies in the file: without the branches pydantic adds for unions."""
-    for depth, union in ((1, ("tracker",)), (2, ("plan", "goal")), (3, ("cell", "obstacle"))):
+    for depth, union in UNIONS:
         if location[: len(union)] == union:
             return location[:depth] + location[depth + 1 :]
-    for key in (*TEXTS, *settings_truth.NUMBERS):
-        if location[:2] == key:
-            return location[:2] + tuple(part for part in location[2:] if isinstance(part, int))
+    if location[:2] in (*TEXTS, *NUMBERS):
+        return location[:2] + tuple(part for part in location[2:] if isinstance(part, int))
     return location
 
 
@@ -164,29 +124,20 @@ def _sentence(
     if kind == "union_tag_invalid":
         name = context["discriminator"].strip("'")
         tag = value.get(name) if isinstance(value, Mapping) else value
-        message = f"{file.place((*path, name))} is {_shown(tag)}"
-        tags = [word.strip("'") for word in context["expected_tags"].split(", ")]
-        fix = did_you_mean(str(tag), tags) or "choose one of these"
-        return Fault((*path, name), message, "S37", _allowed(tags), fix, tag)
+        return _no_choice((*path, name), tag, context["expected_tags"], file)
+    if kind == "literal_error" and key == "format":
+        return Fault(path, said, "D42", "this version reads format 1", "write format = 1", value)
     if kind == "literal_error":
-        if key == "format":
-            return Fault(
-                path, said, "D42", "this version reads format 1", "write format = 1", value
-            )
-        choices = [
-            word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")
-        ]
-        fix = did_you_mean(str(value), choices) or "choose one of these"
-        return Fault(path, said, "S37", _allowed(choices), fix, value)
+        return _no_choice(path, value, context["expected"].replace(" or ", ", "), file)
     if kind in ("too_short", "too_long"):
         wanted = context.get("min_length", context.get("max_length"))
         bound = "at least" if kind == "too_short" else "at most"
-        entries = "entry" if wanted == 1 else "entries"
         found = len(value) if isinstance(value, list) else context["actual_length"]
-        message = f"{at} has {found} {'entry' if found == 1 else 'entries'}"
-        allowed = f"{bound} {wanted} {entries} belong{'s' if wanted == 1 else ''} there"
+        belong = f"belong{'s' if wanted == 1 else ''} there"
+        allowed = f"{bound} {counted(wanted, 'entry')} {belong}"
+        message = f"{at} has {counted(found, 'entry')}"
         return Fault(path, message, "S37", allowed, "mend the list", value)
-    if path[:2] == settings_identification.PRIOR and kind == "greater_than":
+    if path[:2] == PRIOR and kind == "greater_than":
         allowed = "a prior is positive definite: every standard deviation is larger than 0"
         fix = "hold a number fixed that is known exactly: leave it out of free"
         return Fault(path, said, "M34", allowed, fix, value)
@@ -197,93 +148,69 @@ def _sentence(
         named = key == "name"
         allowed = "are small letters, digits, - _ and ." if named else "is one line of plain text"
         return Fault(path, said, "S37", f"allowed {allowed}", "rename it", value)
-    wanted, fix = WANTED.get(kind, ("what the list of keys says", "see `truebed scenes quick`"))
-    if path in TEXTS:
-        wanted, fix = "text or a list of texts", "put names in quotes"
-    if path in settings_truth.NUMBERS:
-        wanted, fix = "a number or a list of numbers", "write one for all joints or one for each"
-    if path == REPEATABILITY:
-        wanted, fix = 'a number or "robot"', "choose one of these"
-    if path == ("trial",):
-        wanted, fix = "a list of tables", "write [[trial]] with two brackets"
-    if path == ("cell", "obstacle"):
-        wanted, fix = "a list of tables", "write [[cell.obstacle]] with two brackets"
+    wanted, fix = WANTED_AT.get(path) or WANTED.get(kind, UNKNOWN)
     header = at[: at.rindex("]") + 1] if "]" in at else f"[{key}]"
     return Fault(path, said, "S37", f"it must be {wanted}", fix.format(header=header), value)
+
+
+def _no_choice(path: KeyPath, value: object, expected: str, file: ScenarioFile) -> Fault:
+    """A word that is none of those to choose from, which pydantic lists in quotes."""
+    words = [word.strip("'") for word in expected.split(", ")]
+    allowed = f"allowed are {', '.join(json.dumps(word) for word in words)}"
+    fix = did_you_mean(str(value), words) or "choose one of these"
+    return Fault(path, f"{file.place(path)} is {_shown(value)}", "S37", allowed, fix, value)
 
 
 def _missing(path: KeyPath, value: object, file: ScenarioFile) -> Fault:
     """A key, or the end of a list, that is not there."""
     if isinstance(path[-1], int) and isinstance(value, list):
-        at = file.place(path[:-1])
-        count = f"{len(value)} {'entry' if len(value) == 1 else 'entries'}"
-        return Fault(path[:-1], f"{at} has {count}", fix="add what is missing", value=value)
+        message = f"{file.place(path[:-1])} has {counted(len(value), 'entry')}"
+        return Fault(path[:-1], message, fix="add what is missing", value=value)
     key = str(path[-1])
     return Fault(path, f"{file.place(path)} is missing", fix=f"add {EXAMPLES.get(key, key)}")
 
 
-def keys_by_table(file: ScenarioFile) -> dict[str, tuple[str, ...]]:
-    """The keys each table of a scenario file knows; the empty name is the top of the file."""
-    tables: dict[str, type[BaseModel]] = {
-        "truth": settings.TruthSettings,
-        "pool": settings.PoolSettings,
-        "test": settings.HeldOutSettings,
-        "identification": settings.IdentificationSettings,
-        "identification.prior": settings_identification.PriorSettings,
-        "uncertainty": settings.UncertaintySettings,
-        "studies": settings.StudySettings,
-        **file.kinds,
-        "trial": settings.TrialSettings,
-        "paper": settings.PaperTracker,
-        "at960": settings.At960Tracker,
-        "cell": settings_cell.CellSettings,
-        "plan": settings_plan.PlanSettings,
-        "plan.stations": settings_plan.StationSettings,
-        "plan.stations.grid": settings_plan.GridSettings,
-        "cell.obstacle.box": settings_cell.BoxObstacle,
-        "cell.obstacle.mesh": settings_cell.MeshObstacle,
-        "plan.goal.box": settings_plan.BoxGoal,
-        "plan.goal.list": settings_plan.ListGoal,
-        "plan.goal.path": settings_plan.PathGoal,
-    }
-    return {"": file.keys} | {name: tuple(model.model_fields) for name, model in tables.items()}
+def keys_by_table(file: ScenarioFile) -> dict[str, dict[str, tuple[str, ...]]]:
+    """The keys of each table of a scenario file, by preset or kind, or by "" where it has one.
+
+    The empty name is the top of the file.
+    """
+    tables: dict[str, dict[str, tuple[str, ...]]] = {"": {"": file.keys}}
+
+    def add(name: str, models: Sequence[type[Strict]]) -> None:
+        for model in models:
+            tag = str(next(iter(model.model_fields.values())).default) if models[1:] else ""
+            tables.setdefault(name, {})[tag] = tuple(model.model_fields)
+            for key, field in model.model_fields.items():
+                add(f"{name}.{key}", models_in(field.annotation))
+
+    # a key that [[trial]] and [plan] both have belongs to a trial
+    for key in sorted(file.keys, key="plan".__eq__):
+        field = Scenario.model_fields.get(key)
+        add(key, models_in(field.annotation) if field else [file.kinds[key]])
+    return tables
 
 
 def _unknown_key(path: KeyPath, value: object, file: ScenarioFile) -> Fault:
     """A key nobody reads: a slip, a wrong unit, or a key of another table or preset."""
     key, tables = str(path[-1]), keys_by_table(file)
-    owner = file.place(path[:-1]) if len(path) > 1 else "the file"
-    message = f'{owner} has no key "{key}"'
-    table, tag = _table_of(path, file.document)
-    others = [name for name in UNIONS.get(table, ()) if name != tag]
-    for other in others:
-        if key in tables[_branch(table, other)]:
-            word = "preset" if table == "tracker" else "kind"
+    message = f'{file.place(path[:-1]) if path[1:] else "the file"} has no key "{key}"'
+    owner: Any = file.document
+    for part in path[:-1]:
+        owner = owner[part]
+    table = ".".join(part for part in path[:-1] if isinstance(part, str))
+    word, branches = "preset" if table == "tracker" else "kind", tables[table]
+    tag = owner.get(word, next(iter(branches))) if len(branches) > 1 else ""
+    for other, keys in branches.items():
+        if other != tag and key in keys:
             return Fault(path, message, fix=f'it belongs to {word} = "{other}"', value=value)
-    known = tables[_branch(table, tag) if tag else table]
-    branches = [_branch(name, tag) for name, tags in UNIONS.items() for tag in tags]
-    homes = [name for name, keys in tables.items() if key in keys and name not in branches]
+    known = branches[tag]
+    homes = [name for name, kinds in tables.items() if key in kinds.get("", ())]
     fix = _right_unit(key, value, known) or did_you_mean(key, known)
     if not fix and homes:
         fix = f"move it to {f'[{homes[0]}]' if homes[0] else 'the top of the file'}"
     allowed = "" if fix else f"known are {', '.join(known)}"
     return Fault(path, message, "S37", allowed, fix or "remove it", value)
-
-
-def _table_of(path: KeyPath, document: Mapping[str, Any]) -> tuple[str, str]:
-    """Name of the table a key stands in, and its preset or kind if there are several."""
-    if path[0] == "tracker":
-        return "tracker", document["tracker"].get("preset", "paper")
-    if path[:2] == ("plan", "goal"):
-        return "plan.goal", document["plan"]["goal"].get("kind", "box")
-    if path[:2] == ("cell", "obstacle"):
-        return "cell.obstacle", document["cell"]["obstacle"][path[2]]["kind"]
-    return ".".join(str(part) for part in path[:-1] if isinstance(part, str)), ""
-
-
-def _branch(table: str, tag: str) -> str:
-    """What `keys_by_table` calls one preset or kind of a table."""
-    return tag if table == "tracker" else f"{table}.{tag}"
 
 
 def _right_unit(key: str, value: object, known: Collection[str]) -> str:
@@ -297,11 +224,6 @@ def _right_unit(key: str, value: object, known: Collection[str]) -> str:
                 return f"write {right} = {value * UNITS[unit] / UNITS[wanted]:g}"
             return f'the key is "{right}": give the value in {wanted}'
     return ""
-
-
-def _allowed(words: Collection[str]) -> str:
-    """What may stand there."""
-    return f"allowed are {', '.join(json.dumps(word) for word in words)}"
 
 
 def _shown(value: object) -> str:

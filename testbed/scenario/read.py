@@ -8,35 +8,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from calib.errors import InputError
+from calib.errors import refuse
 from testbed.assets import scene_names, scenes
-from testbed.scenario.checks import PAPER_SET as PAPER_SET
-from testbed.scenario.checks import check_robot as check_robot
 from testbed.scenario.contradictions import contradictions
-from testbed.scenario.hashes import record_hash as record_hash
-from testbed.scenario.hashes import robot_hash as robot_hash
-from testbed.scenario.hashes import scenario_hash as scenario_hash
-from testbed.scenario.messages import ScenarioFile, sentences
-from testbed.scenario.plan import BoxGoal as BoxGoal
-from testbed.scenario.plan import ListGoal as ListGoal
-from testbed.scenario.plan import PathGoal as PathGoal
-from testbed.scenario.plan import PlanSettings as PlanSettings
-from testbed.scenario.plan import StationSettings as StationSettings
-from testbed.scenario.scenario import FORMAT as FORMAT
-from testbed.scenario.scenario import RESERVED as RESERVED
-from testbed.scenario.scenario import STUDY_KEYS as STUDY_KEYS
-from testbed.scenario.scenario import At960Tracker as At960Tracker
-from testbed.scenario.scenario import PaperTracker as PaperTracker
-from testbed.scenario.scenario import PoolSettings as PoolSettings
-from testbed.scenario.scenario import Scenario as Scenario
-from testbed.scenario.scenario import StudyTable as StudyTable
-from testbed.scenario.scenario import TrialSettings as TrialSettings
-from testbed.scenario.scenario import TruthSettings as TruthSettings
-from testbed.scenario.scenario import resolved
-from testbed.scenario.tables import BoxObstacle as BoxObstacle
-from testbed.scenario.tables import CellSettings as CellSettings
-from testbed.scenario.tables import MeshObstacle as MeshObstacle
-from testbed.store.npz import canonical as canonical
+from testbed.scenario.messages import sentences
+from testbed.scenario.presets import resolved
+from testbed.scenario.scenario import FORMAT, Scenario, ScenarioFile, StudyTable
 from testbed.strict import Fault, did_you_mean, foreign_values, one_error, toml_lines, toml_value
 
 MAX_BYTES = 1_000_000
@@ -56,14 +33,10 @@ def scenario_path(name_or_path: str | Path) -> tuple[Path, str]:
         return path / "scenario.toml", str(path / "scenario.toml")
     if not is_file:
         names = ", ".join(scene_names())
-        raise InputError(
-            f'there is no scene or file "{text}"',
-            code="S37",
-            field="SCENE",
-            value=text,
-            allowed=f"scenes that ship: {names}" if names else "no scenes ship with this copy",
-            fix=did_you_mean(text, scene_names()) or "give a scene name or the path of a .toml",
-        )
+        allowed = f"scenes that ship: {names}" if names else "no scenes ship with this copy"
+        fix = did_you_mean(text, scene_names()) or "give a scene name or the path of a .toml"
+        message = f'there is no scene or file "{text}"'
+        raise refuse("SCENE", text, allowed, code="S37", message=message, fix=fix)
     return path, text
 
 
@@ -84,16 +57,12 @@ def load_scenario(name_or_path: str | Path, declared: Declared) -> Scenario:
         size = path.stat().st_size
         data = path.read_bytes() if size <= MAX_BYTES else b""
     except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", code="S38", where=where) from error
+        message = f"cannot be read: {error.strerror}"
+        raise refuse("", code="S38", message=message, where=where) from error
     if size > MAX_BYTES:
-        raise InputError(
-            f"is {size / 1e6:.1f} MB",
-            code="S38",
-            where=where,
-            value=size,
-            allowed="a scenario has at most 1 MB",
-            fix="give a scenario file",
-        )
+        message, allowed = f"is {size / 1e6:.1f} MB", "a scenario has at most 1 MB"
+        fix = "give a scenario file"
+        raise refuse("", size, allowed, code="S38", message=message, fix=fix, where=where)
     return parse_scenario(data, declared, where=where, folder=path.parent)
 
 
@@ -101,38 +70,32 @@ def parse_scenario(
     data: bytes | str, declared: Declared, *, where: str, folder: Path | None = None
 ) -> Scenario:
     """A scenario from the content of a file; `folder` is what a relative robot path starts from."""
-    try:
-        text = data if isinstance(data, str) else data.decode("utf-8-sig")
-        document = tomllib.loads(text.removeprefix("\ufeff"))
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"byte {error.start} is not UTF-8",
-            code="S38",
-            where=where,
-            allowed="a scenario is UTF-8 text",
-            fix="save the file as UTF-8",
-        ) from error
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(
-            f"is not TOML: {error}",
-            code="S38",
-            where=where,
-            fix="mend that line; strings need quotes, numbers and true/false do not",
-        ) from error
-    except (RecursionError, ValueError) as error:
-        # tomllib recurses once per bracket; int() refuses numbers of thousands of digits
-        raise InputError(
-            "is nested too deeply or holds an endless number",
-            code="S38",
-            where=where,
-            fix="a scenario has tables one level deep and ordinary numbers",
-        ) from error
+    document = _document(data, where)
     robot = document.get("robot")
     if folder is not None and isinstance(robot, str) and _is_path(robot):
         document["robot"] = str((folder / robot).resolve())
     if folder is not None:
         _place_files(document, folder.resolve(), where)
     return scenario_of(document, declared, where=where)
+
+
+def _document(data: bytes | str, where: str) -> dict[str, Any]:
+    """The tables of a file, before any check."""
+    allowed = ""
+    try:
+        text = data if isinstance(data, str) else data.decode("utf-8-sig")
+        return tomllib.loads(text.removeprefix("\ufeff"))
+    except UnicodeDecodeError as error:
+        message, fix = f"byte {error.start} is not UTF-8", "save the file as UTF-8"
+        allowed = "a scenario is UTF-8 text"
+    except tomllib.TOMLDecodeError as error:
+        message = f"is not TOML: {error}"
+        fix = "mend that line; strings need quotes, numbers and true/false do not"
+    except (RecursionError, ValueError):
+        # tomllib recurses once per bracket; int() refuses numbers of thousands of digits
+        message = "is nested too deeply or holds an endless number"
+        fix = "a scenario has tables one level deep and ordinary numbers"
+    raise refuse("", None, allowed, code="S38", message=message, fix=fix, where=where)
 
 
 def _place_files(document: dict[str, Any], folder: Path, where: str) -> None:
@@ -149,14 +112,10 @@ def _place_files(document: dict[str, Any], folder: Path, where: str) -> None:
             continue
         file = (folder / name).resolve()
         if not file.is_relative_to(folder):
-            raise InputError(
-                f"{at} is {toml_value(name)}",
-                code="R6",
-                where=where,
-                field=key,
-                value=name,
-                allowed="a file beside the scenario or in a folder below it",
-                fix="copy it there",
+            message = f"{at} is {toml_value(name)}"
+            allowed = "a file beside the scenario or in a folder below it"
+            raise refuse(
+                key, name, allowed, code="R6", message=message, fix="copy it there", where=where
             )
         table[key] = str(file)
 
@@ -178,15 +137,9 @@ def scenario_of(
     """A scenario from nested mappings, as a TOML reader gives them; presets are applied."""
     version = document.get("format")
     if isinstance(version, int) and not isinstance(version, bool) and version > FORMAT:
-        raise InputError(
-            f"has format {version}",
-            code="D42",
-            where=where,
-            field="format",
-            value=version,
-            allowed=f"this version reads format {FORMAT}",
-            fix="install a newer truebed",
-        )
+        message, allowed = f"has format {version}", f"this version reads format {FORMAT}"
+        fix = "install a newer truebed"
+        raise refuse("format", version, allowed, code="D42", message=message, fix=fix, where=where)
     file = ScenarioFile(document, declared(document.keys()))
     faults, clean = foreign_values(document, file.tables)
     told = {fault.path for fault in faults}

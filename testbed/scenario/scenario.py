@@ -1,31 +1,31 @@
-"""The settings of a campaign: typed, checked, and resolved from their presets."""
+"""A campaign: its tables, checked and resolved, and the hashes of what decides its numbers."""
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import Field, PrivateAttr
 
-from testbed.scenario.plan import DEFAULT_POSES, PlanCriterion, PlanMethod, PlanSettings
+from calib.errors import refuse
+from testbed.scenario.laboratory import CellSettings, PaperTracker, TrackerSettings, TruthSettings
 from testbed.scenario.tables import (
-    CellSettings,
-    JointRange,
+    HeldOutSettings,
+    IdentificationSettings,
     Name,
     PlainText,
-    Point,
+    PlanSettings,
+    PoolSettings,
     Settings,
-    Side,
-    facts_of,
-    robot_of,
-    with_workspace,
+    StudySettings,
+    TrialSettings,
+    UncertaintySettings,
 )
-from testbed.scenario.tables import IdentificationSettings as IdentificationSettings
-from testbed.scenario.tracker import At960Tracker as At960Tracker
-from testbed.scenario.tracker import PaperTracker as PaperTracker
-from testbed.scenario.tracker import TrackerSettings
-from testbed.scenario.truth import MAX_JOINTS, resolved_truth
-from testbed.scenario.truth import TruthSettings as TruthSettings
-from testbed.strict import Fault
+from testbed.store.npz import canonical
+from testbed.strict import Fault, KeyPath, place
 
 if TYPE_CHECKING:
     from testbed.robots.robot import Robot
@@ -36,70 +36,20 @@ STUDY_KEYS = ("pose_count", "random_sets", "paper_budget", "tool_point", "popula
 """Records that [studies] asks for, each switched by the key of its name."""
 RESERVED = ("setting", "validation", *STUDY_KEYS)
 """Record names that no trial may take, beside those of the studies' own tables."""
+PLAIN = ("format", "name", "title", "seed", "robot")
+"""Keys at the top of the file that are no tables."""
+NESTED = (
+    "trial[]",
+    "cell.obstacle[]",
+    "identification.prior",
+    "identification.prior.sd_deg",
+    "identification.prior.sd_mm",
+    "plan.stations",
+    "plan.stations.grid",
+    "plan.goal",
+)
+"""Lists of tables, and tables inside tables."""
 MAX_TRIALS = 200
-
-
-class PoolSettings(Settings):
-    """[pool]: the candidate poses."""
-
-    size: Annotated[int, Field(ge=10, le=20_000)] = 1000
-    box_center_mm: Point = (250.0, 0.0, 200.0)
-    """Of the nominal tool position, base frame."""
-    box_size_mm: tuple[Side, Side, Side] = (900.0, 1200.0, 800.0)
-    self_collision: bool = True
-    line_of_sight: bool = True
-    joint_margin_deg: Annotated[float, Field(ge=0.0, le=90.0)] = 0.0
-    """Kept from every joint limit; prismatic joints ignore it."""
-    joint_ranges_deg: Annotated[tuple[JointRange, ...], Field(max_length=MAX_JOINTS)] = ()
-    """Lowest and highest value of each joint in a posture; deg, mm where a joint slides; empty: the
-    joint limits. For arms whose joints turn more than once: half a turn to either side is enough,
-    and the moves between the poses stay short."""
-
-
-class HeldOutSettings(Settings):
-    """[test]: poses that judge and are never used for identification."""
-
-    poses: Annotated[int, Field(ge=1, le=5000)] = 50
-
-
-class UncertaintySettings(Settings):
-    """[uncertainty]: how often things are repeated and drawn."""
-
-    repeats: Annotated[int, Field(ge=2, le=1000)] = 10
-    """Visits of each pose, type A."""
-    replications: Annotated[int, Field(ge=0, le=100_000)] = 200
-    """Calibrations repeated to check the stated intervals; 0 skips the check."""
-    draws: Annotated[int, Field(ge=2_000, le=10_000_000)] = 10_000
-    """Monte Carlo draws of the tool point; fewer than 100 / (1 - p) say nothing of a 95 % interval
-    (JCGM 101:2008, 7.9.4 b)."""
-
-
-class StudySettings(Settings):
-    """[studies]: which extra studies are played."""
-
-    pose_count: bool = False
-    pose_count_max: Annotated[int, Field(ge=30, le=1000)] = 150
-    random_sets: Annotated[int, Field(ge=0, le=10_000)] = 100
-    """Random sets each designed set is compared with; 0 skips the study."""
-    paper_budget: bool = False
-    tool_point: bool = False
-    population: Annotated[int, Field(ge=0, le=10_000)] = 0
-    """Further virtual robots on which every trial's set is played; 0 skips the study."""
-
-
-class TrialSettings(Settings):
-    """[[trial]]: one pose set."""
-
-    name: Name
-    poses: Annotated[int, Field(ge=1, le=5000)]
-    method: PlanMethod
-    criterion: PlanCriterion = "O1"
-    """What the method makes best; random is only judged by it. V and G take their poses from
-    [plan.goal], as `truebed plan` does."""
-    rows: Literal["whitened", "paper"] = "whitened"
-    """Rows and units the index is computed in; "paper": 12 unweighted rows, mm and rad."""
-    sets: Annotated[int, Field(ge=1, le=10_000)] = 100
-    """Random sets of which best_of_random keeps the best; the other methods ignore it."""
 
 
 class StudyTable(Settings):
@@ -180,27 +130,130 @@ class Scenario(Settings):
         return out
 
 
-def resolved(document: Mapping[str, Any]) -> dict[str, Any]:
-    """The document with presets applied; wrong types are left for the strict check to name."""
-    robot = robot_of(document)
-    out = with_workspace(document, robot)
-    truth = out.get("truth", {})
-    tracker = out.get("tracker", {})
-    if isinstance(tracker, Mapping):
-        tracker = out["tracker"] = {"preset": "paper", **tracker}
-    if isinstance(truth, Mapping):
-        at960 = isinstance(tracker, Mapping) and tracker.get("preset") == "at960"
-        out["truth"] = resolved_truth(truth, **facts_of(robot), at960=at960)
-    plan = out.get("plan", {})
-    if isinstance(plan, Mapping):
-        pool = out.get("pool", {})
-        size = pool.get("size") if isinstance(pool, Mapping) else None
-        small = type(size) is int and 10 <= size < DEFAULT_POSES
-        poses = size if small else DEFAULT_POSES
-        out["plan"] = {"poses": 0 if "target_um" in plan else poses} | dict(plan)
-        if isinstance(goal := plan.get("goal"), Mapping):
-            out["plan"]["goal"] = {"kind": "box"} | dict(goal)
-        if "plan" in document and "trial" not in document:
-            # a file made for planning can be played too, as one designed set
-            out["trial"] = [{"name": "designed", "poses": poses, "method": "detmax"}]
-    return out
+@dataclass(frozen=True, slots=True)
+class ScenarioFile:
+    """A scenario document as its messages speak of it: its values, and the tables it may have."""
+
+    document: Mapping[str, Any]
+    kinds: Mapping[str, type[StudyTable]]
+    """Tables of studies, by name."""
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Every key of the top of the file, in the order of a written scenario."""
+        own = list(Scenario.model_fields)
+        place = own.index("studies") + 1
+        return (*own[:place], *self.kinds, *own[place:])
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """The names of all tables."""
+        return (*(key for key in self.keys if key not in PLAIN), *NESTED)
+
+    def place(self, path: KeyPath) -> str:
+        """Where a value stands, in the words of the file."""
+        return place(path, self.document, self.tables)
+
+    def in_order(self, faults: Sequence[Fault]) -> list[Fault]:
+        """The faults in the order of the file's tables, unknown keys last."""
+        rank = {key: k for k, key in enumerate(self.keys)}
+        first = [fault for fault in faults if fault.code == "S38"]
+        rest = [fault for fault in faults if fault.code != "S38"]
+        return first + sorted(
+            rest, key=lambda fault: rank.get(str(fault.path[0]), len(rank)) if fault.path else -1
+        )
+
+
+SETTING_TABLES = ("format", "seed", "truth", "tracker", "pool", "cell", "test")
+
+
+def scenario_hash(scenario: Scenario, robot: "Robot") -> str:
+    """Hex sha256 of all that decides a campaign or plan: resolved scenario, robot, mesh files."""
+    document = hashed_document(scenario) | {"robot": robot_hash(robot)}
+    return sha256(canonical(document)).hexdigest()
+
+
+def record_hash(reads: Mapping[str, Any], robot: "Robot", key: str) -> str:
+    """Hex sha256 of what one record depends on: what it reads of the scenario, robot and key."""
+    return sha256(canonical({**reads, "robot": robot_hash(robot), "key": key})).hexdigest()
+
+
+def shared_part(scenario: Scenario) -> dict[str, Any]:
+    """What every record reads: all that decides the robot, the laboratory and its poses.
+
+    It depends on no trial and no study, so that adding one leaves every other file byte-identical.
+    """
+    kept = part(scenario, *SETTING_TABLES)
+    if kept["truth"]["thermal_k"]:
+        # what the robot grows into until the held-out poses depends on the largest trial
+        kept["poses_before"] = max(trial.poses for trial in scenario.trial)
+    return kept
+
+
+def part(scenario: Scenario, *names: str) -> dict[str, Any]:
+    """Some tables of the scenario, as they are hashed."""
+    document = hashed_document(scenario)
+    return {name: document[name] for name in names}
+
+
+def goal_part(scenario: Scenario) -> dict[str, Any]:
+    """What decides where the tool point counts."""
+    plan = part(scenario, "plan")["plan"]
+    return {"plan": {name: plan[name] for name in ("goal", "point_mm")}}
+
+
+def hashed_document(scenario: Scenario) -> dict[str, Any]:
+    """The scenario for hashing: files by what is in them, with no path of this machine in it."""
+    document = scenario.document()
+    for table, key in (
+        *((entry, "file") for entry in document["cell"]["obstacle"]),
+        (document["plan"], "measured"),
+    ):
+        if table.get(key):
+            try:
+                table[key] = sha256(Path(table[key]).read_bytes()).hexdigest()
+            except (OSError, ValueError) as error:
+                message = f'{key} "{table[key]}" cannot be read'
+                fix, at = "check the name; it starts from the scenario file", scenario.name
+                raise refuse(
+                    key, table[key], code="R7", message=message, fix=fix, where=at
+                ) from error
+    return document
+
+
+@lru_cache(maxsize=4)
+def robot_hash(robot: "Robot") -> str:
+    """Hex sha256 of a robot's numbers and meshes, with no path of this machine in it."""
+    from testbed.robots.robot import IN_PLACE
+
+    chain, errors = robot.model.chain, robot.model.joint_errors
+    numbers = (
+        chain.links,
+        chain.T_world_base,
+        chain.T_flange_tool,
+        robot.limits,
+        robot.speeds,
+        robot.masses,
+        robot.centers,
+        robot.inertias,
+        robot.repeatability,
+    )
+    document = {
+        "name": robot.name,
+        "kinds": chain.kinds,
+        "numbers": [array.tolist() for array in numbers],
+        "floor": robot.base_offset,
+        "exclusions": robot.exclusions,
+        "free_sets": dict(robot.free_sets),
+        "parts": [
+            [v.name, v.link, v.collides, sha256(v.file.read_bytes()).hexdigest()]
+            for v in robot.visuals
+        ],
+    }
+    moved = [v.affine for v in robot.visuals if v.affine != IN_PLACE]
+    if moved:
+        document["moved"] = moved
+    if errors.terms:
+        terms = [(t.name, t.joint, t.wave, t.weights) for t in errors.terms]
+        document["joint_terms"] = [terms, errors.coefficients.tolist()]
+    return sha256(canonical(document)).hexdigest()

@@ -1,16 +1,10 @@
-"""Core tables of a scenario that need no file of their own, and what a robot decides of them."""
+"""Core tables of a scenario: which poses, what is identified, how often, and what is planned."""
 
-from collections.abc import Mapping
-from functools import lru_cache
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from calib.errors import CalibError
 from testbed.strict import Strict
-
-if TYPE_CHECKING:
-    from testbed.robots.catalog import Robot
 
 Name = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_.-]{0,63}$")]
 PlainText = Annotated[str, Field(max_length=4096, pattern=r"^[^\x00-\x1f\x7f]*$")]
@@ -21,48 +15,76 @@ JointRange = tuple[Length, Length]
 Side = Annotated[float, Field(gt=0.0, le=50_000.0)]
 Turn = Annotated[float, Field(ge=-720.0, le=720.0)]
 RotationVector = tuple[Turn, Turn, Turn]
+PlanCriterion = Literal["D", "A", "V", "G", "E", "O1", "O2", "O3", "O4", "O5"]
+PlanMethod = Literal["random", "best_of_random", "greedy", "detmax", "fedorov", "exchange"]
+MAX_JOINTS = 32
 
 
 class Settings(Strict):
     """One table of a scenario."""
 
 
-MAX_OBSTACLES = 100
+class PoolSettings(Settings):
+    """[pool]: the candidate poses."""
+
+    size: Annotated[int, Field(ge=10, le=20_000)] = 1000
+    box_center_mm: Point = (250.0, 0.0, 200.0)
+    """Of the nominal tool position, base frame."""
+    box_size_mm: tuple[Side, Side, Side] = (900.0, 1200.0, 800.0)
+    self_collision: bool = True
+    line_of_sight: bool = True
+    joint_margin_deg: Annotated[float, Field(ge=0.0, le=90.0)] = 0.0
+    """Kept from every joint limit; prismatic joints ignore it."""
+    joint_ranges_deg: Annotated[tuple[JointRange, ...], Field(max_length=MAX_JOINTS)] = ()
+    """Lowest and highest value of each joint in a posture; deg, mm where a joint slides; empty: the
+    joint limits. For arms whose joints turn more than once: half a turn to either side is enough,
+    and the moves between the poses stay short."""
 
 
-class BoxObstacle(Settings):
-    """[[cell.obstacle]] kind "box"."""
+class HeldOutSettings(Settings):
+    """[test]: poses that judge and are never used for identification."""
 
-    kind: Literal["box"] = "box"
-    size_mm: tuple[Side, Side, Side]
-    """Full lengths of its edges."""
-    position_mm: Point
-    """Its center in the base frame."""
-    rotation_vector_deg: RotationVector = (0.0, 0.0, 0.0)
-    """Turn of its axes against the base frame."""
+    poses: Annotated[int, Field(ge=1, le=5000)] = 50
 
 
-class MeshObstacle(Settings):
-    """[[cell.obstacle]] kind "mesh": it collides as its convex hull and blocks beams as it is."""
+class UncertaintySettings(Settings):
+    """[uncertainty]: how often things are repeated and drawn."""
 
-    kind: Literal["mesh"] = "mesh"
-    file: Annotated[PlainText, Field(min_length=1)]
-    """OBJ or STL, relative to the scenario file and below its folder."""
-    unit: Literal["mm", "m"] = "mm"
-    """Of the file's coordinates, which name none themselves."""
-    position_mm: Point = (0.0, 0.0, 0.0)
-    """The mesh's origin in the base frame."""
-    rotation_vector_deg: RotationVector = (0.0, 0.0, 0.0)
-    """Turn of the mesh's axes against the base frame."""
+    repeats: Annotated[int, Field(ge=2, le=1000)] = 10
+    """Visits of each pose, type A."""
+    replications: Annotated[int, Field(ge=0, le=100_000)] = 200
+    """Calibrations repeated to check the stated intervals; 0 skips the check."""
+    draws: Annotated[int, Field(ge=2_000, le=10_000_000)] = 10_000
+    """Monte Carlo draws of the tool point; fewer than 100 / (1 - p) say nothing of a 95 % interval
+    (JCGM 101:2008, 7.9.4 b)."""
 
 
-ObstacleSettings = Annotated[BoxObstacle | MeshObstacle, Field(discriminator="kind")]
+class StudySettings(Settings):
+    """[studies]: which extra studies are played."""
+
+    pose_count: bool = False
+    pose_count_max: Annotated[int, Field(ge=30, le=1000)] = 150
+    random_sets: Annotated[int, Field(ge=0, le=10_000)] = 100
+    """Random sets each designed set is compared with; 0 skips the study."""
+    paper_budget: bool = False
+    tool_point: bool = False
+    population: Annotated[int, Field(ge=0, le=10_000)] = 0
+    """Further virtual robots on which every trial's set is played; 0 skips the study."""
 
 
-class CellSettings(Settings):
-    """[cell]: obstacles, besides the floor."""
+class TrialSettings(Settings):
+    """[[trial]]: one pose set."""
 
-    obstacle: Annotated[tuple[ObstacleSettings, ...], Field(max_length=MAX_OBSTACLES)] = ()
+    name: Name
+    poses: Annotated[int, Field(ge=1, le=5000)]
+    method: PlanMethod
+    criterion: PlanCriterion = "O1"
+    """What the method makes best; random is only judged by it. V and G take their poses from
+    [plan.goal], as `truebed plan` does."""
+    rows: Literal["whitened", "paper"] = "whitened"
+    """Rows and units the index is computed in; "paper": 12 unweighted rows, mm and rad."""
+    sets: Annotated[int, Field(ge=1, le=10_000)] = 100
+    """Random sets of which best_of_random keeps the best; the other methods ignore it."""
 
 
 Spread = Annotated[float, Field(gt=0.0, le=1e4)]
@@ -121,86 +143,111 @@ class IdentificationSettings(Settings):
 
 PAPER_SET = "wen2022"
 """Name of the free set that the paper's estimator identifies."""
-SIX = 6
-"""Joints taken for granted where the robot cannot be loaded; its own error is told later."""
+MAX_STATIONS, MAX_GOALS = 400, 5000
+DEFAULT_POSES = 29
+"""Poses of a plan that names neither a number nor a target."""
+JointTarget = Annotated[tuple[Length, ...], Field(min_length=1, max_length=32)]
+"""One number per joint: deg, or mm where a joint slides."""
+ToolPose = tuple[Length, Length, Length, Turn, Turn, Turn]
+"""x, y, z in mm, then a rotation vector in deg, of the nominal tool in the base frame."""
+Weight = Annotated[float, Field(gt=0.0, le=1e9)]
+Entries = Field(max_length=MAX_GOALS)
 
 
-def robot_of(document: Mapping[str, Any]) -> "Robot | None":
-    """The robot of a scenario not yet checked; None if it names none that can be loaded."""
-    from testbed.robots.catalog import load_robot, robot_names
+class BoxGoal(Settings):
+    """[plan.goal] kind "box": poses drawn as the pool is, in a box that may be another one."""
 
-    name = document.get("robot")
-    if not isinstance(name, str) or not name:
-        return None
-    try:
-        return _shipped(name) if name in robot_names() else load_robot(name)
-    except (CalibError, OSError, ValueError):
-        return None  # the strict check says what is wrong with it
-
-
-@lru_cache(maxsize=8)
-def _shipped(name: str) -> "Robot":
-    """A shipped robot; its files do not change while a program runs."""
-    from testbed.robots.catalog import load_robot
-
-    return load_robot(name)
+    kind: Literal["box"] = "box"
+    center_mm: Point | None = None
+    """Of the nominal tool position, base frame; None: the center of the pool's box."""
+    size_mm: tuple[Side, Side, Side] | None = None
+    """Edges; None: those of the pool's box."""
+    poses: Annotated[int, Field(ge=1, le=MAX_GOALS)] = 200
+    """How many are drawn."""
 
 
-class Facts(TypedDict):
-    """What the presets of the truth ask of a robot."""
+class ListGoal(Settings):
+    """[plan.goal] kind "list": the poses the robot will work at."""
 
-    joints: int
-    """How many numbers lists have that hold one per joint."""
-    paper_set: bool
-    """Whether the set that the paper identifies is one of its free sets."""
-    sags: bool
-    """Whether the closed form of gravity holds for it."""
+    kind: Literal["list"] = "list"
+    joints_deg: Annotated[tuple[JointTarget, ...], Entries] = ()
+    """Poses as joint values; deg, mm where a joint slides. Give these or `tool_mm_deg`."""
+    tool_mm_deg: Annotated[tuple[ToolPose, ...], Entries] = ()
+    """Poses as x, y, z [mm] and rotation vector [deg] of the tool in the base frame."""
+    weights: Annotated[tuple[Weight, ...], Entries] = ()
+    """How much each pose counts; empty: all the same. Only their ratios matter."""
 
 
-def facts_of(robot: "Robot | None") -> Facts:
-    """What the presets of the truth ask of a robot."""
-    from calib.identification.joint_models import gravity_is_closed
+class PathGoal(Settings):
+    """[plan.goal] kind "path": straight lines between corners, each meter counts the same."""
 
-    if robot is None:
-        return Facts(joints=SIX, paper_set=False, sags=True)
-    chain = robot.model.chain
-    return Facts(
-        joints=chain.n_joints,
-        paper_set=PAPER_SET in robot.free_sets,
-        sags=gravity_is_closed(chain),
+    kind: Literal["path"] = "path"
+    joints_deg: Annotated[tuple[JointTarget, ...], Entries] = ()
+    """Corners as joint values, straight in joint space. Give these or `tool_mm_deg`."""
+    tool_mm_deg: Annotated[tuple[ToolPose, ...], Entries] = ()
+    """Corners as x, y, z [mm] and rotation vector [deg] of the tool, straight in space."""
+    step_mm: Annotated[float, Field(gt=0.0, le=1000.0)] = 20.0
+    """Largest way of the tool between two goal poses on a line."""
+    weights: Annotated[tuple[Weight, ...], Entries] = ()
+    """How much each line counts beyond its length (one fewer than corners); empty: the same."""
+
+
+GoalSettings = Annotated[BoxGoal | ListGoal | PathGoal, Field(discriminator="kind")]
+
+
+class GridSettings(Settings):
+    """[plan.stations.grid]: stations at the corners of a regular grid."""
+
+    from_mm: Point
+    """First corner, base frame."""
+    to_mm: Point
+    """Opposite corner, base frame."""
+    count: tuple[Annotated[int, Field(ge=1, le=MAX_STATIONS)], ...] = Field(
+        min_length=3, max_length=3
     )
+    """Stations along x, y, z; 1: halfway."""
 
 
-def with_workspace(document: Mapping[str, Any], robot: "Robot | None") -> dict[str, Any]:
-    """The document with [pool] box, [tracker] station and estimators that fit the robot.
+class StationSettings(Settings):
+    """[plan.stations]: places the tracker could stand at; none: only [tracker] station_mm."""
 
-    What is written stays; tables of a wrong type are left for the strict check to name.
-    """
-    out = dict(document)
-    if robot is None:
-        return out
-    from testbed.robots.robot import workspace
+    list_mm: Annotated[tuple[Point, ...], Field(max_length=MAX_STATIONS)] = ()
+    """Beam origins in the base frame. Give these or a grid."""
+    grid: GridSettings | None = None
 
-    tables: dict[str, Mapping[str, Any]] = {}
-    for name in ("pool", "tracker", "identification"):
-        table = out.get(name, {})
-        if isinstance(table, Mapping):
-            tables[name] = table
-    box = ("box_center_mm", "box_size_mm")
-    pool, tracker = tables.get("pool"), tables.get("tracker")
-    # a robot without a stated workspace has its postures looked through: only if it is needed
-    if (pool is not None and not all(key in pool for key in box)) or (
-        tracker is not None and "station_mm" not in tracker
-    ):
-        place = workspace(robot)
-        if pool is not None:
-            filled: dict[str, Any] = {key: list(getattr(place, key)) for key in box}
-            if place.joint_ranges_deg:
-                filled["joint_ranges_deg"] = [list(pair) for pair in place.joint_ranges_deg]
-            out["pool"] = filled | dict(pool)
-        if tracker is not None:
-            out["tracker"] = {"station_mm": list(place.station_mm)} | dict(tracker)
-    identification = tables.get("identification")
-    if identification is not None and PAPER_SET not in robot.free_sets:
-        out["identification"] = {"estimators": ["whitened"]} | dict(identification)
-    return out
+    @property
+    def given(self) -> bool:
+        """Whether there is anything to compare."""
+        return bool(self.list_mm) or self.grid is not None
+
+
+class PlanSettings(Settings):
+    """[plan]: poses, goal, stations and times of one real calibration."""
+
+    poses: Annotated[int, Field(ge=0, le=5000)]
+    """Poses to measure, beyond those in `measured`; 0: as many as `target_um` needs."""
+    target_um: Annotated[float, Field(ge=0.0, le=100_000.0)] = 0.0
+    """Wanted expanded uncertainty U = coverage * u of the tool point; 0: none, poses decides."""
+    target_is: Literal["mean", "worst"] = "mean"
+    """What must not exceed the target: the mean (RMS) over the goal, or its worst pose."""
+    coverage: Annotated[float, Field(ge=1.0, le=10.0)] = 2.0
+    """k of the target and of the stated U."""
+    criterion: PlanCriterion = "V"
+    method: PlanMethod = "exchange"
+    goal: GoalSettings = BoxGoal()
+    point_mm: Point = (0.0, 0.0, 0.0)
+    """Point in the tool frame whose uncertainty counts."""
+    held_out: Annotated[int, Field(ge=0, le=1000)] = 10
+    """Poses that check the calibration afterwards and take no part in it."""
+    measured: PlainText = ""
+    """CSV of joint targets measured already (deg, mm where a joint slides); "": none."""
+    speed_share: Annotated[float, Field(gt=0.0, le=1.0)] = 0.3
+    """Joint speed of the moves, as a share of the robot's largest."""
+    settle_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 3.0
+    """Rest at each pose: settling and measuring."""
+    clearance_mm: Annotated[float, Field(ge=0.0, le=1000.0)] = 10.0
+    """Poses and moves keep so far from obstacles and floor; 0: only no touch. The base may stand on
+    either, and the goal may lie nearer."""
+    start_deg: Annotated[tuple[Length, ...], Field(max_length=32)] = ()
+    """Posture the robot starts from; deg, mm where a joint slides; empty: all joints at zero."""
+    stations: StationSettings = StationSettings()

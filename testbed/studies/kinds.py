@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
 
 from testbed.laboratory.truth.laboratory import Setting
 from testbed.report.page import Section
-from testbed.scenario.hashes import goal_part, part, shared_part
-from testbed.scenario.scenario import Scenario, StudyTable
+from testbed.scenario.scenario import Scenario, StudyTable, goal_part, part, shared_part
 from testbed.store.quantities import Quantity, below
 from testbed.studies.many_robots import (
     ManyRobots,

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from calib.arrays import Array
-from testbed.scenario.tables import facts_of, robot_of
-from testbed.scenario.truth import TruthSettings, resolved_truth, truth_faults
+from testbed.scenario.checks import truth_faults
+from testbed.scenario.laboratory import TruthSettings
+from testbed.scenario.presets import resolved_truth, robot_of
 from testbed.strict import Fault
 from testbed.studies.protocol import Records
 from testbed.units import Mean
@@ -124,7 +125,7 @@ def truths_faults(scenario: "Scenario", robot: "Robot", settings: ManyRobots) ->
             allowed = f"an arm with level parallel axes 2 and 3 that {stands} at zero"
         elif upright and joints < 5:
             said = f", which has play in joint 5; {robot.name} has {joints} joints"
-        elif other := truth_faults(truth_of_kind(scenario, truth), robot):
+        elif other := [*truth_faults(truth_of_kind(scenario, truth), robot)]:
             said = f": {other[0].message.removeprefix('[truth] ')}"
             allowed = other[0].allowed
         else:
@@ -138,7 +139,7 @@ def truth_of_kind(scenario: "Scenario", truth: TruthName) -> TruthSettings:
     """[truth] of one kind of robot: its preset, as a file that names only the preset has it."""
     at960 = scenario.tracker.preset == "at960"
     robot = robot_of({"robot": scenario.robot})
-    document = resolved_truth({"preset": truth}, **facts_of(robot), at960=at960)
+    document = resolved_truth({"preset": truth}, robot, at960=at960)
     return TruthSettings.model_validate_json(json.dumps(document))
 
 

@@ -11,7 +11,8 @@ from testbed.laboratory.pool import Candidates
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.robots.catalog import load_robot
-from testbed.scenario.read import At960Tracker, PoolSettings
+from testbed.scenario.laboratory import At960Tracker
+from testbed.scenario.tables import PoolSettings
 from tests.reference import pool_r, tx60
 
 ROBOT, Q = load_robot("staubli_tx60"), pool_r()

@@ -15,7 +15,7 @@ from calib.identification.outliers import inspect
 from calib.measurement.observations import Measurements
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.robots.catalog import load_robot
-from testbed.scenario.read import TruthSettings
+from testbed.scenario.laboratory import TruthSettings
 from tests.reference import DEG, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
 

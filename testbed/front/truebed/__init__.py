@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from testbed.identify.records import Calibration
     from testbed.plan.records import Plan
     from testbed.robots.robot import Robot
-    from testbed.scenario.read import Scenario
+    from testbed.scenario.scenario import Scenario
     from testbed.studies.trial.records import Campaign
 
 __all__ = ("identify", "load", "plan", "robot", "run")

@@ -10,7 +10,7 @@ from calib.geometry.parameters import Parameters
 from calib.information.goals import Goals
 from testbed.laboratory.bench import Bench
 from testbed.laboratory.tracker.station import Designer, View, view_from
-from testbed.scenario.read import StationSettings
+from testbed.scenario.tables import StationSettings
 
 NAMED = 5
 """Stations whose fault is named when none can be used."""

@@ -15,7 +15,7 @@ from calib.measurement.noise import spherical_covariance, with_joint_noise
 from calib.measurement.observations import POINT, POSE, Measurements
 from testbed.laboratory.tracker.bias import BiasSize, StationBias
 from testbed.laboratory.tracker.drift import NESTS, StationDrift
-from testbed.scenario.read import At960Tracker, PaperTracker
+from testbed.scenario.laboratory import At960Tracker, PaperTracker
 from testbed.streams import stream
 
 

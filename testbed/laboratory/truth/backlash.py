@@ -9,7 +9,7 @@ from calib.arrays import Array
 from calib.geometry.chain import Chain
 from testbed.robots.catalog import Robot
 from testbed.robots.placements import link_poses
-from testbed.scenario.read import TruthSettings
+from testbed.scenario.laboratory import TruthSettings
 
 GRAVITY = 9.81
 """Along minus z of the world [m/s^2]."""

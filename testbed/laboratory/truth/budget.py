@@ -9,7 +9,7 @@ from calib.geometry.jacobian import joint_columns
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.laboratory.truth.terms import only, terms_of
 from testbed.robots.catalog import Robot
-from testbed.scenario.read import TruthSettings
+from testbed.scenario.laboratory import TruthSettings
 
 REPEATABILITY = "repeatability"
 

@@ -12,7 +12,8 @@ from calib.measurement.observations import Measurements
 from testbed.laboratory.bench import Bench, open_bench
 from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.laboratory.truth.robot import TrueRobot, draw_truth, unmodelled_terms
-from testbed.scenario.read import At960Tracker, Scenario, TruthSettings
+from testbed.scenario.laboratory import At960Tracker, TruthSettings
+from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 
 

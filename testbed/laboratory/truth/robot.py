@@ -28,8 +28,8 @@ from testbed.laboratory.truth.terms import (
     per_joint,
 )
 from testbed.robots.catalog import Robot
-from testbed.scenario.read import TruthSettings
-from testbed.scenario.truth import require_truth
+from testbed.scenario.checks import require_truth
+from testbed.scenario.laboratory import TruthSettings
 from testbed.streams import stream
 from testbed.strict import choice_of
 

@@ -13,7 +13,7 @@ from calib.geometry.chain import Chain
 from calib.geometry.joint_errors import JointErrors, JointTerm, gravity_terms, harmonic_terms
 from calib.identification.joint_models import gravity_quarters
 from testbed.laboratory.truth.backlash import GRAVITY, Backlash
-from testbed.scenario.read import TruthSettings
+from testbed.scenario.laboratory import TruthSettings
 
 SEVENTH = 0.6
 """Amplitude of seven times a turn, as a share of that of three times."""

@@ -30,7 +30,7 @@ from testbed.laboratory.truth.laboratory import (
     open_laboratory,
     validation_start,
 )
-from testbed.scenario.read import Scenario
+from testbed.scenario.scenario import Scenario
 from testbed.studies.compensation.cube import cube_joints, cube_poses
 from testbed.studies.compensation.settings import CompensationSettings
 from testbed.studies.compensation.study import CompensationStudy

@@ -9,7 +9,7 @@ from testbed.recording.curves import draw_curve
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter
 from testbed.recording.timeline import Phase, visit
-from testbed.scenario.read import Scenario
+from testbed.scenario.scenario import Scenario
 from testbed.studies.compensation.study import FIGURES, STUDY, VARIANTS, CompensationStudy
 from testbed.studies.trial.records import Campaign
 from testbed.units import UM

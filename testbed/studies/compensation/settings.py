@@ -5,9 +5,9 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from testbed.robots.robot import Robot
+from testbed.scenario.laboratory import At960Tracker
 from testbed.scenario.scenario import Scenario, StudyTable
 from testbed.scenario.tables import Point, RotationVector, Side
-from testbed.scenario.tracker import At960Tracker
 from testbed.strict import Fault
 from testbed.studies.many_robots import (
     TRUTHS,

@@ -29,7 +29,7 @@ from testbed.laboratory.truth.laboratory import (
     validation_start,
 )
 from testbed.laboratory.truth.terms import UnmodelledTerms
-from testbed.scenario.read import Scenario
+from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.coverage.settings import CoverageSettings
 from testbed.studies.coverage.study import STATEMENTS, CoverageStudy

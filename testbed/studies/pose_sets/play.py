@@ -19,7 +19,7 @@ from calib.measurement.accuracy import point_distances, target_points
 from calib.uncertainty.regions import inside
 from testbed.laboratory.goal import goals_of
 from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
-from testbed.scenario.read import Scenario
+from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.many_robots import alone, together
 from testbed.studies.pose_sets.records import PopulationStudy

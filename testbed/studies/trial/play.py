@@ -20,7 +20,8 @@ from calib.uncertainty.regions import inside, mahalanobis_squared
 from calib.uncertainty.type_a import type_a
 from testbed.laboratory.goal import goals_of, wants_goals
 from testbed.laboratory.truth.laboratory import Laboratory, Setting, make_setting, open_laboratory
-from testbed.scenario.read import Scenario, TrialSettings
+from testbed.scenario.scenario import Scenario
+from testbed.scenario.tables import TrialSettings
 from testbed.streams import stream
 from testbed.studies.trial.compare import INTERVAL, compare, target_prediction, true_step
 from testbed.studies.trial.estimator import Estimator, estimator_for

@@ -12,7 +12,7 @@ from testbed.recording.story import Chapter, floor_height
 from testbed.recording.timeline import Phase, leaf, spread, visit
 from testbed.report.page import SIMULATED
 from testbed.robots.robot import Robot
-from testbed.scenario.read import Scenario
+from testbed.scenario.scenario import Scenario
 from testbed.studies.trial import recording_cell as cell
 from testbed.studies.trial.recording_cell import ShownTrial
 from testbed.studies.trial.records import RandomSets, Trial

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 from calib.information.criteria.named import NEEDS_GOALS
 from testbed.laboratory.truth.laboratory import Setting
 from testbed.report.page import Section
-from testbed.scenario.hashes import goal_part, part, shared_part
-from testbed.scenario.scenario import Scenario
+from testbed.scenario.scenario import Scenario, goal_part, part, shared_part
 from testbed.store.quantities import Quantity
 from testbed.studies.protocol import Answer, Record, Records, Task
 from testbed.studies.trial.records import (

@@ -5,7 +5,7 @@ import numpy as np
 from calib.measurement.accuracy import target_points
 from testbed.laboratory.truth.budget import truth_budget
 from testbed.laboratory.truth.laboratory import Setting, journey, open_laboratory, validation_start
-from testbed.scenario.read import Scenario
+from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.trial.statement.records import Validation
 

@@ -13,7 +13,7 @@ from calib.uncertainty.wen2022_budget import (
     random_budget,
 )
 from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
-from testbed.scenario.read import Scenario
+from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.protocol import Records
 from testbed.studies.trial.records import Trial

@@ -22,7 +22,7 @@ from calib.uncertainty.regions import inside
 from calib.uncertainty.type_a import type_a
 from calib.uncertainty.wen2022_budget import LOCATION_POSES, POSE_NUMBERS, location_regions
 from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
-from testbed.scenario.read import Scenario
+from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.many_robots import TruthName, alone, together, truth_of_kind
 from testbed.studies.trial.compare import INTERVAL, true_step

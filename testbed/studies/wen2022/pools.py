@@ -16,7 +16,8 @@ from calib.geometry.parameters import Parameters
 from calib.measurement.noise import whiteners
 from calib.uncertainty.covariance import matrix_row_weights
 from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
-from testbed.scenario.read import Scenario, TrialSettings
+from testbed.scenario.scenario import Scenario
+from testbed.scenario.tables import TrialSettings
 from testbed.streams import stream
 from testbed.studies.many_robots import alone, together
 from testbed.studies.trial.play import criterion_of, select

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from testbed.laboratory.truth.laboratory import Setting
 from testbed.report.page import Section
-from testbed.scenario.hashes import goal_part, part, shared_part
-from testbed.scenario.scenario import Scenario
+from testbed.scenario.scenario import Scenario, goal_part, part, shared_part
 from testbed.store.quantities import Quantity
 from testbed.studies.many_robots import block_of, kind_of, pieces_of, played_keys, truth_of_kind
 from testbed.studies.protocol import Answer, Record, Records, Task

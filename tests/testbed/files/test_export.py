@@ -12,7 +12,7 @@ from testbed.files.read import read_session
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.robots.catalog import load_robot
 from testbed.run.export import export_campaign, exported_rows
-from testbed.scenario.free_numbers import free_parameters
+from testbed.scenario.checks import free_parameters
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from tests import campaign

@@ -16,8 +16,7 @@ from calib.measurement.tables import covariances_of_sd
 from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.laboratory.truth.robot import TrueRobot, draw_truth
 from testbed.robots.catalog import load_robot
-from testbed.scenario.read import PaperTracker
-from testbed.scenario.truth import TruthSettings
+from testbed.scenario.laboratory import PaperTracker, TruthSettings
 from testbed.studies import scenario_of
 from tests.reference import DEG, READABLE30, SIGMA_POSITION, SIGMA_ROTATION, WEN24, pool_r, tx60
 

@@ -13,7 +13,8 @@ from testbed.laboratory.cell import Obstacle, cell_from
 from testbed.laboratory.pool import OBSTACLE, REASONS, Candidates, PosePool
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot, load_robot
-from testbed.scenario.read import BoxObstacle, CellSettings, MeshObstacle, PoolSettings
+from testbed.scenario.laboratory import BoxObstacle, CellSettings, MeshObstacle
+from testbed.scenario.tables import PoolSettings
 from tests.reference import TX60_LIMITS
 
 STATION, AIM = np.array([2.6, -2.0, 0.3]), np.array([0.0, 0.0, 0.06])

@@ -14,7 +14,7 @@ from testbed.laboratory.pool import CONE, OBSTACLE, PATIENCE, SAMPLE, Candidates
 from testbed.laboratory.pool import REASONS as ALL
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot, load_robot
-from testbed.scenario.read import PoolSettings
+from testbed.scenario.tables import PoolSettings
 from tests.reference import TX60_LIMITS, pool_r, tx60
 
 REASONS = tuple(name for k, name in enumerate(ALL) if k not in (CONE, OBSTACLE))

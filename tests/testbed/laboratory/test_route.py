@@ -17,7 +17,8 @@ from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot, load_robot
 from testbed.robots.meshes.files import load_mesh
 from testbed.robots.placements import link_poses
-from testbed.scenario.read import BoxObstacle, CellSettings, PoolSettings
+from testbed.scenario.laboratory import BoxObstacle, CellSettings
+from testbed.scenario.tables import PoolSettings
 from tests.reference import TX60_LIMITS
 
 STATION, AIM, SHARE, SETTLE = (2.6, -2.0, 0.3), (0.0, 0.0, 0.06), 0.3, 3.0

@@ -16,13 +16,8 @@ from testbed.laboratory.tracker.station import goal_uncertainty, visible_from
 from testbed.laboratory.tracker.stations import StationComparison, compare_stations, station_grid
 from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.robots.catalog import load_robot
-from testbed.scenario.read import (
-    At960Tracker,
-    BoxObstacle,
-    CellSettings,
-    PaperTracker,
-    StationSettings,
-)
+from testbed.scenario.laboratory import At960Tracker, BoxObstacle, CellSettings, PaperTracker
+from testbed.scenario.tables import StationSettings
 from testbed.studies import scenario_of
 
 ROBOT = load_robot("staubli_tx60")

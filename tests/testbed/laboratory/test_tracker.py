@@ -12,7 +12,7 @@ from calib.geometry.jacobian import joint_columns, reflector_rows
 from calib.measurement.observations import Measurements
 from testbed.laboratory.tracker.tracker import Tracker, tracker_from
 from testbed.laboratory.truth.robot import TrueRobot
-from testbed.scenario.read import At960Tracker, PaperTracker
+from testbed.scenario.laboratory import At960Tracker, PaperTracker
 from tests.reference import DEG, SIGMA_POSITION, SIGMA_ROTATION, UM, pool_r, tx60
 
 MODEL, Q = tx60(), pool_r()

@@ -12,7 +12,7 @@ from calib.measurement.observations import Measurements
 from testbed.laboratory.tracker.bias import NAMES, StationBias
 from testbed.laboratory.tracker.drift import NESTS, StationDrift
 from testbed.laboratory.tracker.tracker import Tracker, bias_size, streams_below, tracker_from
-from testbed.scenario.read import At960Tracker
+from testbed.scenario.laboratory import At960Tracker
 from tests.reference import DEG, UM, pool_r, tx60
 from tests.testbed.laboratory.test_tracker import NO_SCATTER, REFLECTOR, deviation
 

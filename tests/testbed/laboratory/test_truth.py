@@ -15,7 +15,7 @@ from calib.geometry.model import RobotModel
 from calib.identification.joint_models import gravity_is_closed
 from testbed.laboratory.truth.robot import TrueRobot, draw_truth, joint_repeatability
 from testbed.robots.catalog import Robot, load_robot
-from testbed.scenario.read import TruthSettings
+from testbed.scenario.laboratory import TruthSettings
 from testbed.streams import stream
 from tests.reference import DEG, WEN24, pool_r, tx60
 

@@ -12,8 +12,9 @@ from testbed.laboratory.truth.laboratory import (
 )
 from testbed.robots.catalog import load_robot
 from testbed.run.play import play
-from testbed.scenario.read import Scenario, dump_scenario
-from testbed.scenario.truth import TRUTH_PRESETS
+from testbed.scenario.presets import TRUTH_PRESETS
+from testbed.scenario.read import dump_scenario
+from testbed.scenario.scenario import Scenario
 from testbed.studies import parse_scenario, scenario_of
 from tests import campaign
 

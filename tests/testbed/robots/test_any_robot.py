@@ -23,8 +23,9 @@ from testbed.robots.robot import STAND, workspace, workspace_of_reach
 from testbed.run.play import play
 from testbed.run.recording import write_recording
 from testbed.run.report import report_html
-from testbed.scenario.read import check_robot, dump_scenario
-from testbed.scenario.truth import TRUTH_PRESETS
+from testbed.scenario.checks import check_robot
+from testbed.scenario.presets import TRUTH_PRESETS
+from testbed.scenario.read import dump_scenario
 from testbed.strict import read_toml
 from testbed.studies import parse_scenario, scenario_of
 

@@ -14,7 +14,7 @@ from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import load_robot, robot_names
 from testbed.robots.meshes.files import load_mesh
 from testbed.robots.placements import link_poses
-from testbed.scenario.read import PoolSettings
+from testbed.scenario.tables import PoolSettings
 from tests.testbed.robots.robot_cases import AGREE, joint_vectors
 
 ROBOTS = {name: load_robot(name) for name in robot_names()}

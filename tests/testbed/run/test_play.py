@@ -273,7 +273,7 @@ def test_a_robot_the_scenario_does_not_fit_is_refused_before_anything_is_written
 
 
 def test_the_real_campaign_names_each_record_once_and_none_twice():
-    from testbed.scenario.read import RESERVED
+    from testbed.scenario.scenario import RESERVED
     from testbed.studies import all_studies, load_scenario
     from tests import campaign
 

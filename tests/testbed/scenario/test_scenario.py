@@ -13,14 +13,8 @@ from hypothesis import strategies as st
 from calib.errors import InputError
 from testbed.assets import scene_names
 from testbed.robots.catalog import load_robot
-from testbed.scenario.read import (
-    RESERVED,
-    changed,
-    dump_scenario,
-    robot_hash,
-    scenario_hash,
-)
-from testbed.scenario.scenario import Scenario
+from testbed.scenario.read import changed, dump_scenario
+from testbed.scenario.scenario import RESERVED, Scenario, robot_hash, scenario_hash
 from testbed.studies import declared_tables, load_scenario, parse_scenario, scenario_of
 from tests.campaign import record_hash
 

@@ -10,7 +10,7 @@ from calib.errors import InputError
 from testbed import studies
 from testbed.run.archive import load_run, read_result
 from testbed.run.play import play_run
-from testbed.scenario.hashes import scenario_hash
+from testbed.scenario.scenario import scenario_hash
 from testbed.store import layout, npz
 from testbed.studies.protocol import Study
 from tests import toy_study

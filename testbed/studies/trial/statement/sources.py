@@ -15,7 +15,7 @@ from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.type_b import CommonInput, common_inputs, type_b_covariance
 from testbed.laboratory.tracker.tracker import bias_size
 from testbed.laboratory.truth.laboratory import Laboratory
-from testbed.scenario.read import At960Tracker
+from testbed.scenario.laboratory import At960Tracker
 from testbed.studies.trial.estimator import prior_precision
 from testbed.studies.trial.statement.records import LEVEL
 

@@ -15,7 +15,7 @@ from testbed.report.page import render
 from testbed.run.report import page_of
 from testbed.run.results import headline
 from testbed.scenario.read import changed
-from testbed.scenario.scenario import TrialSettings
+from testbed.scenario.tables import TrialSettings
 from testbed.streams import stream
 from testbed.studies import load_scenario
 from testbed.studies.many_robots import family_confidence, log_ratio_over_robots, outcome_of
