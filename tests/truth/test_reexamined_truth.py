@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from testbed.studies import load_scenario
-from testbed.studies.wen2022.records import pool_sets_of, reexamined_of
-from testbed.studies.wen2022.summary import errors, over_pools, predictions, splits, statements
+from testbed.studies.wen2022.summary import over_pools, reexamination_of
 from tests.reported import played
 
 pytestmark = [pytest.mark.truth, pytest.mark.study]
@@ -26,8 +25,8 @@ def campaign():
 
 
 def split(campaign, truth, trial):
-    found = splits(reexamined_of(campaign), pool_sets_of(campaign))
-    return next(one for one in found if (one.who, one.trial) == (truth, trial))
+    found = reexamination_of(campaign).splits
+    return next(one for one in found if (one.truth, one.trial) == (truth, trial))
 
 
 # 36 robots and 12 pools; half widths of the 95 % intervals are 0.013 to 0.06
@@ -61,7 +60,7 @@ def test_number_and_place_of_the_poses_scatter_more_than_repeats_where_joints_sa
 
 def test_like_for_like_designed_sets_gain_a_tenth_from_noise(campaign):
     found = {
-        (p.trial, p.against, p.estimator): p.numbers for p in predictions(pool_sets_of(campaign))
+        (p.trial, p.against, p.estimator): p.numbers for p in reexamination_of(campaign).predictions
     }
     # specification, section 11: .876, .902 +- .02, and 1.18 against 50 random poses
     assert found["d-29", 29, "whitened"].value == pytest.approx(0.876, abs=0.02)
@@ -74,7 +73,7 @@ def test_like_for_like_designed_sets_gain_a_tenth_from_noise(campaign):
 
 def test_sets_of_one_pool_scatter_in_what_noise_makes_of_them(campaign):
     one, other = (
-        next(s for s in pool_sets_of(campaign).sets if s.trial == name)
+        next(s for s in reexamination_of(campaign).sets.sets if s.trial == name)
         for name in ("best-29", "random-29")
     )
     each = (one.u[:, 0] / other.u[:, 0]).mean(axis=1)
@@ -84,10 +83,7 @@ def test_sets_of_one_pool_scatter_in_what_noise_makes_of_them(campaign):
 
 
 def test_on_robots_that_sag_optimal_sets_leave_more_error_than_random_ones(campaign):
-    found = {
-        (e.truth, e.trial, e.estimator): e
-        for e in errors(reexamined_of(campaign), pool_sets_of(campaign))
-    }
+    found = {(e.truth, e.trial, e.estimator): e for e in reexamination_of(campaign).errors}
     for trial in ("best-61", "best-29", "d-61"):
         assert found["wen2022", trial, "whitened"].ratio.low > 0
     # on rigid ones noise is all there is, and the O1 set gains; O2 sets lose on both
@@ -96,7 +92,7 @@ def test_on_robots_that_sag_optimal_sets_leave_more_error_than_random_ones(campa
 
 
 def test_u_best_holds_on_rigid_robots_and_not_where_joints_sag(campaign):
-    found = {(one.truth, one.trial): one for one in statements(reexamined_of(campaign))}
+    found = {(one.truth, one.trial): one for one in reexamination_of(campaign).statements}
     rigid, soft = found["rigid", "best-61"], found["wen2022", "best-61"]
     assert all(part.value > 0.93 for part in rigid.shares)
     assert rigid.numbers.value == pytest.approx(0.95, abs=0.03)

@@ -5,57 +5,147 @@ cannot prove an average over robots. Sentences that rest on this one robot begin
 Where the protocol was played on many robots, they speak instead, with intervals.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from calib.geometry.model import RobotModel
 from testbed.studies.trial.records import Campaign
-from testbed.studies.wen2022 import claims_many_robots as claims_robots
+from testbed.studies.wen2022 import claims_many_robots as many_robots
 from testbed.studies.wen2022 import claims_model, paper
-from testbed.studies.wen2022 import claims_one_robot as claims_accuracy
-from testbed.studies.wen2022.finding import Finding, Verdict
-from testbed.studies.wen2022.paper import CLAIMS
-from testbed.studies.wen2022.records import reexamined_of
+from testbed.studies.wen2022 import claims_one_robot as one_robot
+from testbed.studies.wen2022.finding import Finding, NotPlayedError
+from testbed.studies.wen2022.summary import Reexamination, reexamination_of
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """One statement of the paper, and who examines it."""
+
+    statement: str
+    """The claim in one sentence."""
+    printed: str
+    """What the paper prints."""
+    here: Callable[[Campaign], Finding]
+    """Judges it by the one robot of a campaign; NotPlayedError where that cannot speak to it."""
+    over: Callable[[Reexamination], Finding] | None = None
+    """Judges it by many robots; None where it is arithmetic, the nominal robot or its pools."""
+
+
+CLAIMS = {
+    1: Claim(
+        "With all joints at zero the nominal tool point is known exactly.",
+        "(0, 20, 670) mm",
+        claims_model.zero_pose,
+    ),
+    2: Claim(
+        "At the zero pose the tool uncertainty of the optimal set is a tenth of the random one.",
+        "u 0.0034 mm best, 0.031 mm random",
+        claims_model.zero_pose_uncertainty,
+    ),
+    3: Claim(
+        "The drawn tool positions at the zero pose stay within these ranges.",
+        "x -0.0508 to 0.0437 mm (best)",
+        claims_model.zero_pose_range,
+    ),
+    4: Claim(
+        "Over 50 points the mean tool uncertainty tells the optimal from the random set.",
+        "u 0.0069 mm best, 0.0649 mm random",
+        claims_model.mean_uncertainty,
+    ),
+    5: Claim(
+        "Optimal poses cut the tool uncertainty to a tenth.",
+        "ratio 0.106",
+        claims_model.tool_ratio,
+    ),
+    6: Claim(
+        "The combined parameter uncertainties of Table 3 are root sums of squares.",
+        "24 rows, seven columns",
+        claims_model.root_sums,
+    ),
+    7: Claim(
+        "The tool uncertainty is that of g = sqrt(Px + Py + Pz).",
+        "g = sqrt(Px + Py + Pz)",
+        claims_model.misprinted_distance,
+    ),
+    8: Claim(
+        "Singular values of the identification Jacobian leave 24 identifiable parameters.",
+        "24 parameters",
+        claims_model.identifiable,
+    ),
+    9: Claim(
+        "Two poses suffice in principle; the index settles at 61 (O1) and 29 (O2) poses.",
+        "mu >= 2; m = 61 and 29",
+        claims_model.number_of_poses,
+    ),
+    10: Claim(
+        "The indices O3, O4 and O5 do not settle with the number of poses.",
+        "figure of O1 to O5 against the number of poses",
+        claims_model.settling,
+    ),
+    11: Claim(
+        "O5, the sum of reciprocal singular values, is to be maximized.",
+        "O5 = sum of 1 / sigma",
+        claims_model.sum_of_reciprocals,
+    ),
+    12: Claim(
+        "Calibration reduces the mean error on the calibration poses.",
+        "Table 1: 0.545 to 0.086, 0.593 to 0.069, 0.377 to 0.057, 0.587 to 0.064 mm",
+        one_robot.calibration_errors,
+        many_robots.own_errors,
+    ),
+    13: Claim(
+        "On the test poses optimal sets are a quarter more accurate than random ones.",
+        "Table 2: 0.459 mm before; 0.097, 0.127, 0.098, 0.132 mm after",
+        one_robot.held_out_errors,
+        many_robots.held_out_errors,
+    ),
+    14: Claim(
+        "Optimal poses cut the parameter uncertainties to a ninth.",
+        "mean ratio 0.11",
+        one_robot.parameter_ratio,
+        many_robots.parameter_ratio,
+    ),
+    15: Claim(
+        "Optimal poses reduce the uncertainty of the calibrated robot.",
+        "ratio 0.11",
+        one_robot.like_for_like,
+        many_robots.like_for_like,
+    ),
+    16: Claim(
+        "The stated tool uncertainty of the optimal set is the uncertainty of the robot.",
+        "u 0.0069 mm",
+        one_robot.coverage,
+        many_robots.stated,
+    ),
+    17: Claim(
+        "The model is too nonlinear for linear propagation, so Monte Carlo is needed.",
+        "Monte Carlo with M = 10 000",
+        one_robot.nonlinear,
+    ),
+}
+"""By their numbers in the report."""
 
 
 @dataclass(frozen=True, slots=True)
 class Examined:
     """The findings of a campaign, and the claims it cannot speak to."""
 
-    findings: tuple[Finding, ...]
-    """In the order of the paper's claims."""
-    silent: tuple[int, ...]
-    """Numbers of the claims that need a study this campaign did not play."""
+    findings: Mapping[int, Finding]
+    """By the numbers of the claims, in their order."""
     robots: int = 0
     """Robots of each kind behind the claims about errors and uncertainties; 0: the one played."""
 
-    def count(self, verdict: Verdict) -> int:
+    @property
+    def silent(self) -> tuple[int, ...]:
+        """Numbers of the claims that need a study this campaign did not play."""
+        return tuple(number for number in CLAIMS if number not in self.findings)
+
+    def count(self, verdict: str) -> int:
         """How many findings have one verdict."""
-        return sum(found.verdict == verdict for found in self.findings)
-
-
-EXAMINERS: dict[int, Callable[[Campaign], Finding | None]] = {
-    1: claims_model.zero_pose,
-    2: claims_model.zero_pose_uncertainty,
-    3: claims_model.zero_pose_range,
-    4: claims_model.mean_uncertainty,
-    5: claims_model.tool_ratio,
-    6: claims_model.root_sums,
-    7: claims_model.misprinted_distance,
-    8: claims_model.identifiable,
-    9: claims_model.number_of_poses,
-    10: claims_model.settling,
-    11: claims_model.sum_of_reciprocals,
-    12: claims_accuracy.calibration_errors,
-    13: claims_accuracy.held_out_errors,
-    14: claims_accuracy.parameter_ratio,
-    15: claims_accuracy.like_for_like,
-    16: claims_accuracy.coverage,
-    17: claims_accuracy.nonlinear,
-}
-"""One function per claim; None where the campaign has nothing to say."""
+        return sum(found.verdict == verdict for found in self.findings.values())
 
 
 def is_paper_robot(model: RobotModel) -> bool:
@@ -63,11 +153,8 @@ def is_paper_robot(model: RobotModel) -> bool:
     if not set(paper.PARAMETERS) <= set(model.names):
         return False
     full = np.concatenate([np.zeros(6), model.chain.links.ravel(), np.zeros(6)])
-    for row in paper.TABLE3:
-        scale = 1e-3 if row.is_length else np.pi / 180
-        if abs(full[model.names.index(row.name)] - row.nominal * scale) > 1e-9:
-            return False
-    return True
+    own = full[[model.names.index(name) for name in paper.PARAMETERS]]
+    return bool((np.abs(own - paper.table3("nominal")) <= 1e-9).all())
 
 
 def examine(campaign: Campaign) -> Examined | None:
@@ -75,18 +162,15 @@ def examine(campaign: Campaign) -> Examined | None:
 
     References
     ----------
-    Wen et al. 2022; the claims are listed in `testbed.studies.wen2022.paper.CLAIMS`.
+    Wen et al. 2022.
     """
     if not is_paper_robot(campaign.setting.nominal):
         return None
-    findings, silent = [], []
-    again = reexamined_of(campaign)
-    over = claims_robots.EXAMINERS if again else {}
-    for claim in CLAIMS:
-        examiner = over.get(claim.number, EXAMINERS[claim.number])
-        found = examiner(campaign) or EXAMINERS[claim.number](campaign)
-        if found is None:
-            silent.append(claim.number)
-        else:
-            findings.append(found)
-    return Examined(tuple(findings), tuple(silent), again[0].before.size if again else 0)
+    findings, again = {}, reexamination_of(campaign)
+    for number, claim in CLAIMS.items():
+        with suppress(NotPlayedError):
+            findings[number] = claim.here(campaign)
+        if again is not None and claim.over is not None:
+            with suppress(NotPlayedError):  # the robot of the campaign has spoken
+                findings[number] = claim.over(again)
+    return Examined(findings, 0 if again is None else again.robots)

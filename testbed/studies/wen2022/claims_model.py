@@ -8,9 +8,9 @@ from scipy.special import ndtri
 from calib.arrays import Array, Index
 from calib.geometry.parameters import parameters_of
 from calib.information.rank import rank
-from testbed.studies.trial.records import Campaign
+from testbed.studies.trial.records import Campaign, PoseCountStudy
 from testbed.studies.wen2022 import paper
-from testbed.studies.wen2022.finding import Finding, within
+from testbed.studies.wen2022.finding import Finding, NotPlayedError, played
 from testbed.studies.wen2022.records import ToolPointStudy, pool_sets_of, tool_point_of
 from testbed.units import MM, fixed, significant
 
@@ -27,32 +27,28 @@ def zero_pose(campaign: Campaign) -> Finding:
     ours = f"({', '.join(fixed(value, 3) for value in p)}) mm"
     if off < 1e-9:
         said = f"The nominal chain gives the printed point to {max(off, 1e-13):.0e} mm."
-        return Finding(1, "holds", ours, said)
-    return Finding(1, "does not hold", ours, f"The nominal chain is {significant(off)} mm off.")
+        return Finding("holds", ours, said)
+    return Finding("does not hold", ours, f"The nominal chain is {significant(off)} mm off.")
 
 
-def _table3(campaign: Campaign) -> tuple[ToolPointStudy, int, int] | None:
-    """The tool-point study and its rows of the printed uncertainties, optimal and random."""
-    study = tool_point_of(campaign)
-    if study is None or BEST not in study.source or RANDOM not in study.source:
-        return None
-    return study, study.source.index(BEST), study.source.index(RANDOM)
+def printed_sources(campaign: Campaign) -> tuple[ToolPointStudy, list[int]]:
+    """The tool-point study, and its rows of the printed uncertainties, optimal and random."""
+    study = played(tool_point_of(campaign))
+    if not {BEST, RANDOM} <= set(study.source):
+        raise NotPlayedError
+    return study, [study.source.index(name) for name in (BEST, RANDOM)]
 
 
-def zero_pose_uncertainty(campaign: Campaign) -> Finding | None:
+def zero_pose_uncertainty(campaign: Campaign) -> Finding:
     """Claim 2: u of |P| at the zero pose from Table 3."""
-    table = _table3(campaign)
-    if table is None:
-        return None
-    study, best, random = table
-    u_best, u_random = study.distance_sd[[best, random], 0] * MM
-    spatial = study.spatial[[best, random], 0] * MM
+    study, pair = printed_sources(campaign)
+    u_best, u_random = study.distance_sd[pair, 0] * MM
+    spatial = study.spatial[pair, 0] * MM
     # printed to two digits, drawn with a relative scatter of 1 / sqrt(2 M)
-    random_holds = within(u_random, paper.U_ZERO_RANDOM_MM, 0.02 + 0.016)
-    best_holds = within(u_best, paper.U_ZERO_BEST_MM, 0.02 + 0.015)
+    random_holds = np.isclose(u_random, paper.U_ZERO_RANDOM_MM, rtol=0.02 + 0.016, atol=0)
+    best_holds = np.isclose(u_best, paper.U_ZERO_BEST_MM, rtol=0.02 + 0.015, atol=0)
     reached = "is" if random_holds else "is not"
     return Finding(
-        2,
         "holds" if best_holds and random_holds else "in part",
         f"u {fixed(u_best, 5)} mm best, {fixed(u_random, 4)} mm random",
         f"The printed {paper.U_ZERO_RANDOM_MM} mm {reached} what Table 3 gives; "
@@ -63,20 +59,16 @@ def zero_pose_uncertainty(campaign: Campaign) -> Finding | None:
     )
 
 
-def zero_pose_range(campaign: Campaign) -> Finding | None:
+def zero_pose_range(campaign: Campaign) -> Finding:
     """Claim 3: the range of the drawn tool positions is what normal draws of that sd give."""
-    table = _table3(campaign)
-    if table is None:
-        return None
-    study, best, _ = table
+    study, (best, _) = printed_sources(campaign)
     low, high = paper.X_RANGE_ZERO_BEST_MM
     printed = (high - low) / 2 / (study.spread[best, 0, 0] * MM)
     # median of the largest of M normal draws
     expected = float(ndtri(0.5 ** (1 / study.draws)))
     own = float(np.diff(study.distance_range[best])[0] / 2 / study.distance_sd[best, 0])
-    good = within(printed, expected, 0.15)
+    good = np.isclose(printed, expected, rtol=0.15, atol=0)
     return Finding(
-        3,
         "holds" if good else "does not hold",
         f"half width {significant(printed, 3)} sd of x",
         f"{study.draws} normal draws reach about {significant(expected, 3)} standard deviations; "
@@ -85,18 +77,12 @@ def zero_pose_range(campaign: Campaign) -> Finding | None:
     )
 
 
-def mean_uncertainty(campaign: Campaign) -> Finding | None:
+def mean_uncertainty(campaign: Campaign) -> Finding:
     """Claim 4: mean u of |P| over the test points from Table 3."""
-    table = _table3(campaign)
-    if table is None:
-        return None
-    study, best, random = table
-    u_best, u_random = study.distance_sd[[best, random], 1:].mean(-1) * MM
-    good = within(u_best, paper.U_MEAN_BEST_MM, 0.12) and within(
-        u_random, paper.U_MEAN_RANDOM_MM, 0.12
-    )
+    study, pair = printed_sources(campaign)
+    u_best, u_random = u = study.distance_sd[pair, 1:].mean(-1) * MM
+    good = np.allclose(u, (paper.U_MEAN_BEST_MM, paper.U_MEAN_RANDOM_MM), rtol=0.12, atol=0)
     return Finding(
-        4,
         "holds" if good else "does not hold",
         f"u {fixed(u_best, 4)} mm best, {fixed(u_random, 4)} mm random",
         f"Table 3 carried to our {study.distance_sd.shape[1] - 1} held-out poses gives "
@@ -105,18 +91,14 @@ def mean_uncertainty(campaign: Campaign) -> Finding | None:
     )
 
 
-def tool_ratio(campaign: Campaign) -> Finding | None:
+def tool_ratio(campaign: Campaign) -> Finding:
     """Claim 5: ratio of the mean tool uncertainties."""
-    table = _table3(campaign)
-    if table is None:
-        return None
-    study, best, random = table
-    u_best, u_random = study.distance_sd[[best, random], 1:].mean(-1)
+    study, pair = printed_sources(campaign)
+    u_best, u_random = study.distance_sd[pair, 1:].mean(-1)
     ratio = float(u_best / u_random)
-    spatial = study.spatial[[best, random], 1:].mean(-1) * MM
+    spatial = study.spatial[pair, 1:].mean(-1) * MM
     good = abs(ratio - paper.TOOL_RATIO) <= 0.01
     return Finding(
-        5,
         "in part" if good else "does not hold",
         f"ratio {fixed(ratio, 4)}",
         f"The ratio of |P| {'follows' if good else 'does not follow'} from Table 3; in three "
@@ -128,22 +110,21 @@ def tool_ratio(campaign: Campaign) -> Finding | None:
 
 def root_sums(_: Campaign) -> Finding:
     """Claim 6: rows of Table 3 as root sums of squares."""
-    off, ratios = [], []
-    for row in paper.TABLE3:
-        combined = np.hypot(np.hypot(row.u_r_random, row.u_p_random), row.u_w_random)
-        if abs(combined - row.u_random) > 1.0e-4 + 1e-12:
-            off.append(f"{row.name} (printed {row.u_random}, components give {combined:.4f})")
-        ratios.append(row.u_best / combined)
-    good = len(paper.TABLE3) - len(off)
-    printed = np.mean([row.ratio for row in paper.TABLE3])
+    u_r, u_p, u_w, u_random = map(paper.printed, (*paper.PARTS[1:], "u_random"))
+    combined = np.hypot(np.hypot(u_r, u_p), u_w)
+    off = [
+        f"{name} (printed {printed}, components give {root:.4f})"
+        for name, printed, root in zip(paper.PARAMETERS, u_random, combined, strict=True)
+        if abs(root - printed) > 1.0e-4 + 1e-12
+    ]
+    total, good = len(combined), len(combined) - len(off)
     return Finding(
-        6,
         "holds" if not off else "in part",
-        f"{good} of {len(paper.TABLE3)} rows",
+        f"{good} of {total} rows",
         f"{good} rows are root sums of squares to the last printed digit"
         + (f"; not so {', '.join(off)}" if off else "")
-        + f". Mean ratio best to random: {printed:.4f} from the printed column, "
-        f"{np.mean([row.u_best / row.u_random for row in paper.TABLE3]):.4f} recomputed.",
+        + f". Mean ratio best to random: {paper.printed('ratio').mean():.4f} from the printed "
+        f"column, {(paper.printed('u_best') / u_random).mean():.4f} recomputed.",
     )
 
 
@@ -162,7 +143,6 @@ def misprinted_distance(campaign: Campaign) -> Finding:
     literal = np.ones(3) / (2 * np.sqrt(p.sum()))
     radial = p / np.linalg.norm(p)
     return Finding(
-        7,
         "misprint",
         f"literal {significant(spread(literal, 'u_best'), 1)} / "
         f"{significant(spread(literal, 'u_random'), 1)}, "
@@ -186,12 +166,10 @@ def identifiable(campaign: Campaign) -> Finding:
     """Claim 8: rank of the 30 link columns of full poses, and what the paper's 24 leave out."""
     names = campaign.setting.nominal.names
     links = [name for name in names if name[-1].isdigit() and "." not in name]
-
     all_links, own = _rank(campaign, links), _rank(campaign, paper.PARAMETERS)
     others = [name for name in links if name not in paper.PARAMETERS]
     more = [name for name in others if _rank(campaign, (*paper.PARAMETERS, name)) > own]
     return Finding(
-        8,
         "holds" if all_links == own else "does not hold",
         f"rank {all_links} of {len(links)} link numbers",
         f"The paper's {own} are independent, but full poses tell {all_links} of the "
@@ -223,7 +201,6 @@ def number_of_poses(campaign: Campaign) -> Finding:
             "on the units."
         )
     return Finding(
-        9,
         "in part",
         ours,
         f"Two poses have rank {ranks[1]} of {full}: twelve rows hold six freedoms, so at "
@@ -236,49 +213,40 @@ def spread_of(counts: Index) -> str:
     return f"{np.median(counts):g} ({counts.min()} to {counts.max()})"
 
 
-def _from_to(campaign: Campaign) -> tuple[int, int] | None:
-    """Places of the paper's 61 poses and of the last number in the pose-count study."""
-    study = campaign.pose_count
-    if study is None:
-        return None
+def settling_study(campaign: Campaign) -> tuple[PoseCountStudy, int]:
+    """The pose-count study, and its place of the paper's 61 poses; the last place lies beyond."""
+    study = played(campaign.pose_count)
     k = int(np.argmin(np.abs(study.counts - paper.POSE_NUMBER["O1"])))
-    return (k, len(study.counts) - 1) if k < len(study.counts) - 1 else None
+    if k == len(study.counts) - 1:
+        raise NotPlayedError
+    return study, k
 
 
-def settling(campaign: Campaign) -> Finding | None:
+def settling(campaign: Campaign) -> Finding:
     """Claim 10: O3, O4, O5 settle once divided by the root of the number of poses."""
-    places, study = _from_to(campaign), campaign.pose_count
-    if places is None or study is None:
-        return None
-    k, last = places
+    study, k = settling_study(campaign)
     rows = [study.names.index(name) for name in ("O3", "O4", "O5")]
-    printed = study.mean[rows, last] / study.mean[rows, k]
-    settled = study.mean_per_pose[rows, last] / study.mean_per_pose[rows, k]
+    printed = study.mean[rows, -1] / study.mean[rows, k]
+    settled = study.mean_per_pose[rows, -1] / study.mean_per_pose[rows, k]
     worst = float(np.abs(settled - 1).max())
     return Finding(
-        10,
         "does not hold" if worst < 0.05 else "in part",
         "per pose: "
         + ", ".join(f"{100 * (value - 1):+.1f} %".replace("-", "−") for value in settled),
-        f"From {study.counts[k]} to {study.counts[last]} poses O3, O4, O5 as printed change by the "
+        f"From {study.counts[k]} to {study.counts[-1]} poses O3, O4, O5 as printed change by the "
         f"factors {', '.join(fixed(value, 2) for value in printed)}, but divided by the root of "
         f"the number of poses only by up to {100 * worst:.1f} %: the drift is that missing root.",
     )
 
 
-def sum_of_reciprocals(campaign: Campaign) -> Finding | None:
+def sum_of_reciprocals(campaign: Campaign) -> Finding:
     """Claim 11: the printed O5 grows as sets get worse."""
-    places, study = _from_to(campaign), campaign.pose_count
-    if places is None or study is None:
-        return None
-    fewest, last = 0, places[1]
+    study, _ = settling_study(campaign)
     row = study.names.index("O5")
-    ratio = float(study.mean[row, last] / study.mean[row, fewest])
+    ratio = float(study.mean[row, -1] / study.mean[row, 0])
     return Finding(
-        11,
         "misprint",
-        f"printed O5: factor {fixed(ratio, 2)} from {study.counts[fewest]} to "
-        f"{study.counts[last]} poses",
+        f"printed O5: factor {fixed(ratio, 2)} from {study.counts[0]} to {study.counts[-1]} poses",
         "The printed sum of reciprocal singular values falls as poses are added and information "
         "grows: maximizing it picks the worst set; its reciprocal is what can be maximized.",
     )

@@ -6,7 +6,7 @@ from calib.information.propagation import point_uncertainty
 from testbed.studies.trial.records import Campaign, Comparison, Estimate, Trial
 from testbed.studies.trial.verdict import ALARM
 from testbed.studies.wen2022 import paper
-from testbed.studies.wen2022.finding import Finding, Verdict
+from testbed.studies.wen2022.finding import Finding, NotPlayedError, Verdict, graded, played
 from testbed.studies.wen2022.records import paper_budget_of, tool_point_of
 from testbed.units import MM, fixed, percent, significant
 
@@ -41,26 +41,21 @@ def estimates_like(
     return estimate_of(trial, "paper"), estimate_of(trial, "whitened")
 
 
-def _played(campaign: Campaign) -> list[Comparison] | None:
-    """Rows of Tables 1 and 2 in paper mode; None unless all were played."""
-    found = [estimates_like(campaign, printed)[0] for printed in paper.SETS]
-    rows = [own.comparison for own in found if own is not None]
-    return rows if len(rows) == len(found) else None
+def paper_sets(campaign: Campaign) -> list[Comparison]:
+    """Rows of Tables 1 and 2 in paper mode, if all were played."""
+    return [played(estimates_like(campaign, row)[0]).comparison for row in paper.SETS]
 
 
-def calibration_errors(campaign: Campaign) -> Finding | None:
+def calibration_errors(campaign: Campaign) -> Finding:
     """Claim 12: Table 1."""
-    rows = _played(campaign)
-    if rows is None:
-        return None
+    rows = paper_sets(campaign)
     before = [row.identification_before.mean * MM for row in rows]
     after = [row.identification_after.mean * MM for row in rows]
     reduced = all(a < 0.5 * b for a, b in zip(after, before, strict=True))
     worse = after[0] > after[1]
     lower = before[2] < before[3]
     return Finding(
-        12,
-        "holds" if reduced and worse and lower else "in part" if reduced else "does not hold",
+        graded(reduced and worse and lower, reduced),
         ", ".join(f"{fixed(b, 3)} to {fixed(a, 3)}" for b, a in zip(before, after, strict=True))
         + " mm",
         "This campaign: calibration cuts the error on its own poses "
@@ -72,11 +67,9 @@ def calibration_errors(campaign: Campaign) -> Finding | None:
     )
 
 
-def held_out_errors(campaign: Campaign) -> Finding | None:
+def held_out_errors(campaign: Campaign) -> Finding:
     """Claim 13: Table 2."""
-    rows = _played(campaign)
-    if rows is None:
-        return None
+    rows = paper_sets(campaign)
     before = rows[0].accuracy_before.mean * MM
     first, second = paper.SETS[0].poses, paper.SETS[2].poses
     after = [row.accuracy_after.mean * MM for row in rows]
@@ -85,7 +78,6 @@ def held_out_errors(campaign: Campaign) -> Finding | None:
     # the printed gains are 24 and 26 %: half of that is not a quarter any more
     kept = all(gain >= 0.12 for gain in gains)
     return Finding(
-        13,
         "holds" if kept else "in part",
         f"{fixed(before, 3)} before; {', '.join(fixed(a, 3) for a in after)} mm after",
         f"This campaign: optimal against random is {_gain(gains[0])} at {first} poses "
@@ -112,11 +104,9 @@ def _gain(gain: float) -> str:
     return f"{percent(abs(gain))} {'more accurate' if gain >= 0 else 'less accurate'}"
 
 
-def parameter_ratio(campaign: Campaign) -> Finding | None:
+def parameter_ratio(campaign: Campaign) -> Finding:
     """Claim 14: mean ratio of parameter uncertainties, and what it is made of."""
-    budget = paper_budget_of(campaign)
-    if budget is None:
-        return None
+    budget = played(paper_budget_of(campaign))
     ratio = float((budget.best / budget.random).mean())
     repeats = float((budget.best_repeatability / budget.repeatability).mean())
     share, number, place = (
@@ -124,7 +114,6 @@ def parameter_ratio(campaign: Campaign) -> Finding | None:
         for part in (budget.repeatability, budget.pose_number, budget.location)
     )
     return Finding(
-        14,
         "holds" if ratio <= 0.17 else "does not hold",
         f"mean ratio {fixed(ratio, 2)}",
         f"This campaign: the paper's own protocol gives {fixed(ratio, 2)}. Repeats against repeats "
@@ -134,7 +123,7 @@ def parameter_ratio(campaign: Campaign) -> Finding | None:
     )
 
 
-def like_for_like(campaign: Campaign) -> Finding | None:
+def like_for_like(campaign: Campaign) -> Finding:
     """Claim 15: standard uncertainty of designed against random sets of the same size."""
     parts, ratios = [], []
     designed = [trial for trial in campaign.trials if trial.method != "random"]
@@ -155,11 +144,9 @@ def like_for_like(campaign: Campaign) -> Finding | None:
             f"{fixed(ratios[-1], 2)}, tool point {fixed(float(tool / spread), 2)}"
         )
     if not ratios:
-        return None
-    verdict = "holds" if max(ratios) < 0.3 else "in part" if min(ratios) < 1 else "does not hold"
+        raise NotPlayedError
     return Finding(
-        15,
-        verdict,  # type: ignore[arg-type]  # one of the words
+        graded(max(ratios) < 0.3, min(ratios) < 1),
         f"ratio {', '.join(fixed(ratio, 2) for ratio in ratios)}",
         f"This campaign: like for like, stated u of the designed over the random set is "
         f"{'; '.join(parts)}. A tenth is out of reach: the same noise falls on the same number of "
@@ -167,15 +154,13 @@ def like_for_like(campaign: Campaign) -> Finding | None:
     )
 
 
-def coverage(campaign: Campaign) -> Finding | None:
+def coverage(campaign: Campaign) -> Finding:
     """Claim 16: whether the stated tool uncertainty of the optimal set holds the true error."""
-    trial = next((t for t in campaign.trials if t.method != "random"), None)
-    estimate = None if trial is None else estimate_of(trial, "paper")
-    if trial is None or estimate is None:
-        return None
-    seen, played = estimate.comparison, estimate.replications
+    trial = played(next((t for t in campaign.trials if t.method != "random"), None))
+    estimate = played(estimate_of(trial, "paper"))
+    seen, runs = estimate.comparison, estimate.replications
     # one calibration's poses share its error; replications say what its region holds on average
-    full = float(seen.inside.mean() if played is None else played.tool_coverage.mean())
+    full = float(seen.inside.mean() if runs is None else runs.tool_coverage.mean())
     study, own = tool_point_of(campaign), ""
     share = full
     if study is not None and "ours best" in study.source:
@@ -186,11 +171,10 @@ def coverage(campaign: Campaign) -> Finding | None:
             f"error at {percent(share)} of the held-out poses, and "
         )
     return Finding(
-        16,
         claim_16(share, full),
         f"{percent(share)} inside instead of 95 %",
         f"This campaign, {trial.name} in paper mode: {own}the full 95 % region of the fit holds "
-        f"{percent(full)}{'' if played is None else f' in {played.count} replications'}. The mean "
+        f"{percent(full)}{'' if runs is None else f' in {runs.count} replications'}. The mean "
         "error after calibration is "
         f"{fixed(seen.accuracy_after.mean * MM, 3)} mm"
         + (": repeats cannot see what the model lacks." if own and share < LOW_SHARE else "."),
@@ -200,21 +184,18 @@ def coverage(campaign: Campaign) -> Finding | None:
 def claim_16(share: float, full: float) -> Verdict:
     """Verdict from the share that 2 u of |P| holds, and the share in the fit's full 95 % region."""
     held = [part >= LOW_SHARE for part in (share, full)]
-    return "holds" if all(held) else "in part" if any(held) else "does not hold"
+    return graded(all(held), any(held))
 
 
-def nonlinear(campaign: Campaign) -> Finding | None:
+def nonlinear(campaign: Campaign) -> Finding:
     """Claim 17: Monte Carlo against linear propagation of the same covariance."""
-    study = tool_point_of(campaign)
-    if study is None:
-        return None
+    study = played(tool_point_of(campaign))
     drawn, linear = (
         np.sqrt(np.trace(c, axis1=1, axis2=2)) for c in (study.covariance, study.linear)
     )
     off = float(np.abs(drawn / linear - 1).max())
     noise = float(1 / np.sqrt(2 * study.draws))
     return Finding(
-        17,
         "does not hold" if off < 5 * noise else "holds",
         f"largest difference {percent(off)} of u",
         f"Linear propagation gives the 3-D uncertainty of all {len(drawn)} poses within "

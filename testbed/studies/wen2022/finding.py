@@ -1,8 +1,9 @@
 """One claim of the paper judged by one campaign."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
+T = TypeVar("T")
 Verdict = Literal["holds", "in part", "does not hold", "misprint"]
 
 
@@ -10,14 +11,29 @@ Verdict = Literal["holds", "in part", "does not hold", "misprint"]
 class Finding:
     """A verdict in one word, the number behind it, and one sentence."""
 
-    number: int
-    """Of the claim in `testbed.studies.wen2022.paper.CLAIMS`."""
     verdict: Verdict
     ours: str
     """The number of this campaign that stands beside the printed one, with its unit."""
     sentence: str
 
 
-def within(value: float, expected: float, relative: float) -> bool:
-    """Whether a value lies within a relative tolerance of the expected one."""
-    return abs(value - expected) <= relative * abs(expected)
+class NotPlayedError(LookupError):
+    """The campaign has not played what a claim is about."""
+
+
+def played(record: T | None) -> T:
+    """What a claim is about, if the campaign played it.
+
+    Raises
+    ------
+    NotPlayedError
+        It did not.
+    """
+    if record is None:
+        raise NotPlayedError
+    return record
+
+
+def graded(shown: bool, partly: bool) -> Verdict:
+    """Holds, or holds in part at least, or does not."""
+    return "holds" if shown else "in part" if partly else "does not hold"

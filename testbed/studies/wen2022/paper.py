@@ -1,4 +1,4 @@
-"""What Wen et al. 2022 print, and the 17 claims of theirs that are examined.
+"""What Wen et al. 2022 print.
 
 Source: Wen et al., Chinese Journal of Scientific Instrument 43(9), 2022: calibration of a Staubli
 TX60 with a laser tracker, optimal against random pose sets. Units as printed: mm and deg.
@@ -10,46 +10,21 @@ test; 100 random sets are drawn, and each set is measured 10 times. Two poses ar
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
-from calib.arrays import Array, frozen
+from calib.arrays import Array
 
 Column = Literal[
-    "u_r_best", "u_r_random", "u_p_random", "u_w_random", "u_best", "u_random", "ratio"
+    "nominal", "u_r_best", "u_r_random", "u_p_random", "u_w_random", "u_best", "u_random", "ratio"
 ]
-PARTS: tuple[Column, ...] = ("u_r_best", "u_r_random", "u_p_random", "u_w_random")
+COLUMNS: tuple[Column, ...] = get_args(Column)
+"""Of Table 3: nominal value; repeatability of the optimal and of a random set, number of poses and
+their location of random sets; combined uncertainty of the optimal and of random sets; their
+ratio."""
+PARTS = COLUMNS[1:5]
 """Of the combined uncertainties: the first of u_best, the others of u_random."""
-
-
-@dataclass(frozen=True, slots=True)
-class ParameterRow:
-    """One row of Table 3; angles (theta, alpha, beta) in deg, lengths (d, a) in mm."""
-
-    name: str
-    """Parameter, named as in `RobotModel.names`."""
-    nominal: float
-    """Nominal value [deg or mm]."""
-    u_r_best: float
-    """Repeatability, optimal set [deg or mm]."""
-    u_r_random: float
-    """Repeatability, random set [deg or mm]."""
-    u_p_random: float
-    """Number of poses, random sets [deg or mm]."""
-    u_w_random: float
-    """Location of the poses, random sets [deg or mm]."""
-    u_best: float
-    """Combined, optimal set [deg or mm]."""
-    u_random: float
-    """Combined, random sets [deg or mm]."""
-    ratio: float
-    """u_best / u_random."""
-
-    @property
-    def is_length(self) -> bool:
-        """Length [mm] or else angle [deg]."""
-        return self.name[:-1] in {"d", "a"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,124 +78,49 @@ TOOL_RATIO = 0.106
 PARAMETER_RATIO = 0.11
 """Mean of the last column of Table 3, as stated in the text."""
 
-# name, nominal, u_r best, u_r random, u_p, u_w, u best, u random, ratio; deg and mm
-TABLE3 = (
-    ParameterRow("theta1", 0, 0.0004, 0.0014, 0.001, 0.0032, 0.0004, 0.0036, 0.11),
-    ParameterRow("d1", 0, 0.0027, 0.0117, 0.014, 0.0123, 0.0027, 0.022, 0.12),
-    ParameterRow("a1", 0, 0.0007, 0.0027, 0.0033, 0.0079, 0.0007, 0.009, 0.08),
-    ParameterRow("alpha1", -90, 0.0006, 0.0009, 0.0009, 0.0013, 0.0006, 0.0018, 0.33),
-    ParameterRow("theta2", -90, 0.0001, 0.0001, 0.0005, 0.0007, 0.0001, 0.0009, 0.11),
-    ParameterRow("a2", 290, 0.0006, 0.003, 0.0099, 0.0095, 0.0006, 0.014, 0.04),
-    ParameterRow("alpha2", 0, 0.0004, 0.0004, 0.0006, 0.0008, 0.0004, 0.0011, 0.36),
-    ParameterRow("beta2", 0, 0.0003, 0.0008, 0.001, 0.0021, 0.0003, 0.0036, 0.08),
-    ParameterRow("theta3", 90, 0.0015, 0.0069, 0.0058, 0.0098, 0.0015, 0.0133, 0.11),
-    ParameterRow("d3", 20, 0.005, 0.0223, 0.0425, 0.0304, 0.005, 0.0568, 0.09),
-    ParameterRow("a3", 0, 0.0078, 0.035, 0.0315, 0.0543, 0.0078, 0.0719, 0.11),
-    ParameterRow("alpha3", 90, 0.001, 0.0024, 0.0096, 0.0053, 0.001, 0.0112, 0.09),
-    ParameterRow("theta4", 0, 0.0009, 0.0009, 0.0021, 0.0043, 0.0009, 0.0049, 0.18),
-    ParameterRow("d4", 310, 0.0009, 0.0055, 0.0091, 0.0111, 0.0009, 0.0154, 0.06),
-    ParameterRow("a4", 0, 0.0003, 0.0011, 0.0024, 0.0045, 0.0003, 0.0052, 0.06),
-    ParameterRow("alpha4", -90, 0.0015, 0.005, 0.0057, 0.0079, 0.0015, 0.0109, 0.14),
-    ParameterRow("theta5", 0, 0.0002, 0.0019, 0.0026, 0.0059, 0.0002, 0.0067, 0.03),
-    ParameterRow("d5", 0, 0.0004, 0.0022, 0.0042, 0.0073, 0.0004, 0.0087, 0.05),
-    ParameterRow("a5", 0, 0.0006, 0.0029, 0.0032, 0.006, 0.0006, 0.0074, 0.08),
-    ParameterRow("alpha5", 90, 0.0007, 0.0014, 0.0039, 0.0057, 0.0007, 0.007, 0.1),
-    ParameterRow("theta6", 0, 0.0005, 0.0031, 0.0049, 0.005, 0.0005, 0.0077, 0.06),
-    ParameterRow("d6", 70, 0.0005, 0.0019, 0.0066, 0.0039, 0.0005, 0.0079, 0.06),
-    ParameterRow("a6", 0, 0.0018, 0.0062, 0.0119, 0.0065, 0.0018, 0.0149, 0.12),
-    ParameterRow("alpha6", 0, 0.0009, 0.0026, 0.0078, 0.0033, 0.0009, 0.0089, 0.1),
-)
+# `COLUMNS` of each parameter; angles (theta, alpha, beta) in deg, lengths (d, a) in mm
+TABLE3 = {
+    "theta1": (0, 0.0004, 0.0014, 0.001, 0.0032, 0.0004, 0.0036, 0.11),
+    "d1": (0, 0.0027, 0.0117, 0.014, 0.0123, 0.0027, 0.022, 0.12),
+    "a1": (0, 0.0007, 0.0027, 0.0033, 0.0079, 0.0007, 0.009, 0.08),
+    "alpha1": (-90, 0.0006, 0.0009, 0.0009, 0.0013, 0.0006, 0.0018, 0.33),
+    "theta2": (-90, 0.0001, 0.0001, 0.0005, 0.0007, 0.0001, 0.0009, 0.11),
+    "a2": (290, 0.0006, 0.003, 0.0099, 0.0095, 0.0006, 0.014, 0.04),
+    "alpha2": (0, 0.0004, 0.0004, 0.0006, 0.0008, 0.0004, 0.0011, 0.36),
+    "beta2": (0, 0.0003, 0.0008, 0.001, 0.0021, 0.0003, 0.0036, 0.08),
+    "theta3": (90, 0.0015, 0.0069, 0.0058, 0.0098, 0.0015, 0.0133, 0.11),
+    "d3": (20, 0.005, 0.0223, 0.0425, 0.0304, 0.005, 0.0568, 0.09),
+    "a3": (0, 0.0078, 0.035, 0.0315, 0.0543, 0.0078, 0.0719, 0.11),
+    "alpha3": (90, 0.001, 0.0024, 0.0096, 0.0053, 0.001, 0.0112, 0.09),
+    "theta4": (0, 0.0009, 0.0009, 0.0021, 0.0043, 0.0009, 0.0049, 0.18),
+    "d4": (310, 0.0009, 0.0055, 0.0091, 0.0111, 0.0009, 0.0154, 0.06),
+    "a4": (0, 0.0003, 0.0011, 0.0024, 0.0045, 0.0003, 0.0052, 0.06),
+    "alpha4": (-90, 0.0015, 0.005, 0.0057, 0.0079, 0.0015, 0.0109, 0.14),
+    "theta5": (0, 0.0002, 0.0019, 0.0026, 0.0059, 0.0002, 0.0067, 0.03),
+    "d5": (0, 0.0004, 0.0022, 0.0042, 0.0073, 0.0004, 0.0087, 0.05),
+    "a5": (0, 0.0006, 0.0029, 0.0032, 0.006, 0.0006, 0.0074, 0.08),
+    "alpha5": (90, 0.0007, 0.0014, 0.0039, 0.0057, 0.0007, 0.007, 0.1),
+    "theta6": (0, 0.0005, 0.0031, 0.0049, 0.005, 0.0005, 0.0077, 0.06),
+    "d6": (70, 0.0005, 0.0019, 0.0066, 0.0039, 0.0005, 0.0079, 0.06),
+    "a6": (0, 0.0018, 0.0062, 0.0119, 0.0065, 0.0018, 0.0149, 0.12),
+    "alpha6": (0, 0.0009, 0.0026, 0.0078, 0.0033, 0.0009, 0.0089, 0.1),
+}
 """In chain order. Trap: u_random of beta2 is printed 0.0036, its own components add to 0.0025."""
 
-PARAMETERS = tuple(row.name for row in TABLE3)
-"""Names of the paper's 24 parameters."""
+PARAMETERS = tuple(TABLE3)
+"""Names of the paper's 24 parameters, as in `RobotModel.names`."""
+
+
+def is_length(parameter: str) -> bool:
+    """Whether a parameter is a length [mm] or else an angle [deg]."""
+    return parameter[:-1] in {"d", "a"}
+
+
+def printed(column: Column) -> Array:
+    """One column of Table 3 (24,) as printed, in the order of `PARAMETERS` [mm or deg]."""
+    return np.array([row[COLUMNS.index(column)] for row in TABLE3.values()])
 
 
 def table3(column: Column) -> Array:
-    """One column of Table 3 (24,) in m and rad, in the order of `PARAMETERS`; ratio as printed."""
-    values = np.array([getattr(row, column) for row in TABLE3])
-    if column == "ratio":
-        return frozen(values)
-    return frozen(values * [1e-3 if row.is_length else np.pi / 180 for row in TABLE3])
-
-
-@dataclass(frozen=True, slots=True)
-class Claim:
-    """One statement of the paper."""
-
-    number: int
-    """Number in the report."""
-    statement: str
-    """The claim in one sentence."""
-    printed: str
-    """What the paper prints."""
-
-
-CLAIMS = (
-    Claim(1, "With all joints at zero the nominal tool point is known exactly.", "(0, 20, 670) mm"),
-    Claim(
-        2,
-        "At the zero pose the tool uncertainty of the optimal set is a tenth of the random one.",
-        "u 0.0034 mm best, 0.031 mm random",
-    ),
-    Claim(
-        3,
-        "The drawn tool positions at the zero pose stay within these ranges.",
-        "x -0.0508 to 0.0437 mm (best)",
-    ),
-    Claim(
-        4,
-        "Over 50 points the mean tool uncertainty tells the optimal from the random set.",
-        "u 0.0069 mm best, 0.0649 mm random",
-    ),
-    Claim(5, "Optimal poses cut the tool uncertainty to a tenth.", "ratio 0.106"),
-    Claim(
-        6,
-        "The combined parameter uncertainties of Table 3 are root sums of squares.",
-        "24 rows, seven columns",
-    ),
-    Claim(7, "The tool uncertainty is that of g = sqrt(Px + Py + Pz).", "g = sqrt(Px + Py + Pz)"),
-    Claim(
-        8,
-        "Singular values of the identification Jacobian leave 24 identifiable parameters.",
-        "24 parameters",
-    ),
-    Claim(
-        9,
-        "Two poses suffice in principle; the index settles at 61 (O1) and 29 (O2) poses.",
-        "mu >= 2; m = 61 and 29",
-    ),
-    Claim(
-        10,
-        "The indices O3, O4 and O5 do not settle with the number of poses.",
-        "figure of O1 to O5 against the number of poses",
-    ),
-    Claim(
-        11,
-        "O5, the sum of reciprocal singular values, is to be maximized.",
-        "O5 = sum of 1 / sigma",
-    ),
-    Claim(
-        12,
-        "Calibration reduces the mean error on the calibration poses.",
-        "Table 1: 0.545 to 0.086, 0.593 to 0.069, 0.377 to 0.057, 0.587 to 0.064 mm",
-    ),
-    Claim(
-        13,
-        "On the test poses optimal sets are a quarter more accurate than random ones.",
-        "Table 2: 0.459 mm before; 0.097, 0.127, 0.098, 0.132 mm after",
-    ),
-    Claim(14, "Optimal poses cut the parameter uncertainties to a ninth.", "mean ratio 0.11"),
-    Claim(15, "Optimal poses reduce the uncertainty of the calibrated robot.", "ratio 0.11"),
-    Claim(
-        16,
-        "The stated tool uncertainty of the optimal set is the uncertainty of the robot.",
-        "u 0.0069 mm",
-    ),
-    Claim(
-        17,
-        "The model is too nonlinear for linear propagation, so Monte Carlo is needed.",
-        "Monte Carlo with M = 10 000",
-    ),
-)
-"""What the paper says, in the order of the report."""
+    """One column of Table 3 (24,) in m and rad, in the order of `PARAMETERS`."""
+    return printed(column) * [1e-3 if is_length(name) else np.pi / 180 for name in PARAMETERS]

@@ -29,7 +29,7 @@ LANE = 0.15
 
 def ratio_apart(found: tuple[Split, ...]) -> str:
     """Shares in the variance of u random, and the two steps from 1 to the ratio."""
-    kinds = list({split.who: split for split in found}.values())
+    kinds = list({split.truth: split for split in found}.values())
     with drawing(1, 2, height=0.95 + 0.3 * len(found)) as (figure, (left, right)):
         for y, split in enumerate(kinds):
             start = 0.0
@@ -42,7 +42,7 @@ def ratio_apart(found: tuple[Split, ...]) -> str:
                     middle = start + width / 2
                     left.text(middle, y, f"{width:.0f}", ha="center", va="center", color=inside)
                 start += width
-        rows_of(left, [split.who for split in kinds])
+        rows_of(left, [split.truth for split in kinds])
         left.set_xlim(0, 100)
         left.set_xlabel("share of the variance of u random [%]")
         left.set_title("what the random side counts")
@@ -69,7 +69,7 @@ def ratio_apart(found: tuple[Split, ...]) -> str:
         right.set_title("from 1 to the ratio")
         right.plot([], [], color=DARK, linewidth=5, label="repeats against repeats")
         right.plot([], [], color=MIDDLE, linewidth=5, label="counted on the random side only")
-        names = [s.who if s.who == PRINTED else f"{s.who}, {s.trial}" for s in found]
+        names = [s.truth if s.truth == PRINTED else f"{s.truth}, {s.trial}" for s in found]
         rows_of(right, names)
         for ax, columns in ((left, 3), (right, 2)):
             ax.legend(

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def parameter_budget(budget: PaperBudget) -> str:
     """Combined parameter uncertainties of the optimal and the random protocol, ours and printed."""
-    is_length = np.array([name[:-1] in {"d", "a"} for name in budget.names])
+    is_length = np.array(list(map(paper.is_length, budget.names)))
     printed = _printed(budget.names)
     with drawing(1, 2, height=2.7) as (figure, axes):
         for ax, which, unit in ((axes[0], ~is_length, "deg"), (axes[1], is_length, "mm")):

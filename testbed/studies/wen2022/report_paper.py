@@ -2,23 +2,21 @@
 
 import numpy as np
 
-from calib.arrays import Array
 from calib.information.propagation import point_uncertainty
 from testbed.report.page import Block, Figure, Section, Table, Text
 from testbed.studies.trial.records import Campaign, Estimate
 from testbed.studies.trial.report import NONE
 from testbed.studies.wen2022 import paper, plots_paper
-from testbed.studies.wen2022.claims import Examined
+from testbed.studies.wen2022.claims import CLAIMS, Examined
 from testbed.studies.wen2022.claims_one_robot import estimates_like
-from testbed.studies.wen2022.paper import CLAIMS
 from testbed.studies.wen2022.records import (
     PaperBudget,
     ToolPointStudy,
     paper_budget_of,
     tool_point_of,
 )
-from testbed.studies.wen2022.tables import of_columns
-from testbed.units import DEG, MM, fixed
+from testbed.studies.wen2022.tables import of_columns, table3
+from testbed.units import MM, fixed
 
 THIS = "this campaign"
 
@@ -69,38 +67,21 @@ def error_tables(campaign: Campaign) -> tuple[Table, ...]:
 
 def budget_table(budget: PaperBudget) -> Table:
     """Table 3: contributors and combined uncertainty of each parameter, printed and ours."""
-    ours: dict[paper.Column, Array] = {
-        "u_r_best": budget.best_repeatability,
-        "u_r_random": budget.repeatability,
-        "u_p_random": budget.pose_number,
-        "u_w_random": budget.location,
-        "u_best": budget.best,
-        "u_random": budget.random,
-    }
-    rows = []
-    for k, name in enumerate(budget.names):
-        row = next((r for r in paper.TABLE3 if r.name == name), None)
-        length = name[:-1] in {"d", "a"}
-        scale = MM if length else DEG
-        cells = [
-            f"{NONE if row is None else fixed(getattr(row, column), 4)} / {fixed(u[k] * scale, 4)}"
-            for column, u in ours.items()
-        ]
-        ratio = f"{NONE if row is None else fixed(row.ratio, 2)} / "
-        ratio += fixed(float(budget.best[k] / budget.random[k]), 2)
-        rows.append((name, "mm" if length else "deg", *cells, ratio))
-    mean = float((budget.best / budget.random).mean())
-    rows.append(("mean", "", *[""] * 6, f"{fixed(paper.PARAMETER_RATIO, 2)} / {fixed(mean, 2)}"))
-    return Table(
-        caption="Table 3: parameter uncertainties, printed / ours",
-        head=("", "unit", "u_r best", "u_r random", "u_p", "u_w", "u best", "u random", "ratio"),
-        rows=tuple(rows),
-        align="llrrrrrrr",
-        size="small",
-        strong=(len(rows) - 1,),
-        note="u_r: repeats; u_p: number of poses; u_w: place of the poses. u best combines u_r of "
+    return table3(
+        "Table 3: parameter uncertainties, printed / ours",
+        "u_r: repeats; u_p: number of poses; u_w: place of the poses. u best combines u_r of "
         "the optimal set alone, u random all three: not like for like. The printed u random of "
         "beta2 (0.0036) is not the root sum of squares of its components (0.0025).",
+        budget.names,
+        {
+            "u_r_best": [budget.best_repeatability],
+            "u_r_random": [budget.repeatability],
+            "u_p_random": [budget.pose_number],
+            "u_w_random": [budget.location],
+            "u_best": [budget.best],
+            "u_random": [budget.random],
+        },
+        [budget.best / budget.random],
     )
 
 
@@ -222,12 +203,11 @@ def paper_section(campaign: Campaign, examined: Examined | None) -> Section | No
 
 def claim_table(examined: Examined) -> Table:
     """Each claim: printed, ours, verdict, one sentence."""
-    claims = {claim.number: claim for claim in CLAIMS}
     rows = []
-    for found in examined.findings:
-        claim = claims[found.number]
+    for number, found in examined.findings.items():
+        claim = CLAIMS[number]
         said = (claim.statement, claim.printed, found.ours, found.verdict, found.sentence)
-        rows.append((str(found.number), *said))
+        rows.append((str(number), *said))
     note = (
         "One campaign has one true robot: it can repeat arithmetic and contradict a general "
         "statement, but not prove an average over robots."

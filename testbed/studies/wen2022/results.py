@@ -1,21 +1,25 @@
 """The re-examination of the paper in result.json and arrays.npz; units in the names."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
 from testbed.store.quantities import METRE, Quantity, as_json, below, fields_of, in_si
 from testbed.studies.trial.records import Campaign
-from testbed.studies.wen2022 import summary
-from testbed.studies.wen2022.claims import examine
+from testbed.studies.wen2022.claims import Examined, examine
 from testbed.studies.wen2022.records import (
     STATEMENTS,
-    PoolSets,
     Reexamined,
     paper_budget_of,
-    pools_of,
     reexamined_of,
     tool_point_of,
+)
+from testbed.studies.wen2022.summary import (
+    Reexamination,
+    of_kind,
+    over,
+    printed_split,
+    reexamination_of,
 )
 
 ARRAYS = {name: name for name in ("pool", "u_best", "u_r", "u_p", "u_w")} | {
@@ -31,6 +35,8 @@ SPLIT = {name: name for name in ("ratio", "repeats", "counted", "geometric")} | 
     "u_w_over_u_r": "w_over_r",
 }
 """Names of the ratio of the protocol and its parts."""
+TABLES = {"own_before_mm": "own_before", "own_after_mm": "own_after", "held_out_mm": "after"}
+"""Names of the figures of Tables 1 and 2."""
 
 
 def published(campaign: Campaign) -> list[Quantity]:
@@ -62,8 +68,8 @@ def published(campaign: Campaign) -> list[Quantity]:
             Quantity(f"{key}/zero_pose_u_3d_mm", float(full[0]), METRE),
             Quantity(f"{key}/held_out_mean_u_3d_mm", float(full[1:].mean()), METRE),
         ]
-    if reexamined_of(campaign):
-        found += below("reexamined", _reexamined(campaign))
+    if (again := reexamination_of(campaign)) is not None:
+        found += below("reexamined", _reexamined(again, examine(campaign)))
     return found
 
 
@@ -78,65 +84,50 @@ def published_arrays(campaign: Campaign) -> list[Quantity]:
     )
 
 
-def _reexamined(campaign: Campaign) -> Iterator[Quantity]:
+def _reexamined(again: Reexamination, examined: Examined | None) -> Iterator[Quantity]:
     """Every figure of the re-examination with its interval, and the verdict on each claim."""
-    studies, sets, examined = reexamined_of(campaign), pools_of(campaign), examine(campaign)
-    findings = () if examined is None else examined.findings
-    yield Quantity("robots", studies[0].before.size)
-    yield Quantity("pools", len(sets.pool_q))
-    yield Quantity("judged_on", summary.like_the_paper(studies).truth)
-    claims = {found.number: {"verdict": found.verdict, "here": found.ours} for found in findings}
+    findings = {} if examined is None else examined.findings
+    yield Quantity("robots", again.robots)
+    yield Quantity("pools", len(again.sets.pool_q))
+    yield Quantity("judged_on", again.judged.truth)
+    claims = {
+        number: {"verdict": found.verdict, "here": found.ours} for number, found in findings.items()
+    }
     yield Quantity("claims", claims)
-    yield Quantity("claims_that_hold", sum(found.verdict == "holds" for found in findings))
-    yield from below("printed", fields_of(summary.printed_split(), SPLIT))
-    for name, counts in zip(("O1", "O2"), sets.pose_number.T, strict=True):
+    yield Quantity("claims_that_hold", examined.count("holds") if examined else 0)
+    yield from below("printed", fields_of(printed_split(), SPLIT))
+    for name, counts in zip(("O1", "O2"), again.sets.pose_number.T, strict=True):
         yield Quantity(f"pose_number/{name}/median", np.median(counts))
         yield Quantity(f"pose_number/{name}/smallest", counts.min())
         yield Quantity(f"pose_number/{name}/largest", counts.max())
-    for one in summary.predictions(sets):
+    for one in again.predictions:
         key = f"predicted/{one.trial} against random {one.against}, {one.estimator}"
-        yield Quantity(f"{key}/numbers", one.numbers)
-        yield Quantity(f"{key}/tool", one.tool)
-    errors = summary.errors(studies, sets)
-    for study in studies:
-        yield from below(f"truths/{study.truth}", _on_one_kind(study, sets, errors))
+        yield from below(key, fields_of(one, {"numbers": "numbers", "tool": "tool"}))
+    for kind in again.kinds:
+        yield from below(f"truths/{kind.truth}", _on_one_kind(again, kind))
 
 
-def _on_one_kind(
-    study: Reexamined, sets: PoolSets, errors: Sequence[summary.Errors]
-) -> Iterator[Quantity]:
+def _on_one_kind(again: Reexamination, kind: Reexamined) -> Iterator[Quantity]:
     """The same on one kind of robots."""
-    yield Quantity("before_mm", summary.over(study.before, study.pool), METRE)
-    for split in summary.splits([study], sets):
+    yield Quantity("before_mm", over(kind.before, kind.pool), METRE)
+    for split in of_kind(again.splits, kind):
         yield from below(f"protocol/{split.trial}", fields_of(split, SPLIT))
-    if not errors:
+    if not again.errors:
         yield Quantity("error", {})
-    for one in (each for each in errors if each.truth == study.truth):
+    for one in of_kind(again.errors, kind):
         key = f"error/{one.trial}, {one.estimator}"
-        yield Quantity(f"{key}/designed_mm", one.error, METRE)
-        yield Quantity(f"{key}/random_mm", one.other, METRE)
+        yield from below(key, fields_of(one, {"designed_mm": "error", "random_mm": "other"}))
         yield Quantity(f"{key}/ratio", np.exp(one.ratio.value))
         yield Quantity(f"{key}/ci_95", [np.exp(one.ratio.low), np.exp(one.ratio.high)])
         yield Quantity(f"{key}/joint_ci_95", [np.exp(one.joint.low), np.exp(one.joint.high)])
         yield Quantity(f"{key}/outcome", one.outcome)
-    for held in summary.statements([study]):
+    for held in of_kind(again.statements, kind):
         key = f"inside_95/{held.trial}"
-        for name, share in zip(STATEMENTS, held.shares, strict=True):
-            yield Quantity(f"{key}/{name}", share)
-        yield Quantity(f"{key}/numbers", held.numbers)
-        yield Quantity(f"{key}/stated_u_mm", held.u, METRE)
+        yield from below(key, map(Quantity, STATEMENTS, held.shares))
+        yield from below(key, fields_of(held, {"numbers": "numbers", "stated_u_mm": "u"}))
     tables = [
-        {
-            "poses": row.printed.poses,
-            "optimal": row.printed.optimal,
-            **as_json(
-                [
-                    Quantity("own_before_mm", row.own_before, METRE),
-                    Quantity("own_after_mm", row.own_after, METRE),
-                    Quantity("held_out_mm", row.after, METRE),
-                ]
-            ),
-        }
-        for row in summary.paper_rows(study, sets) or ()
+        {"poses": row.printed.poses, "optimal": row.printed.optimal}
+        | as_json(fields_of(row, TABLES))
+        for row in again.paper_rows(kind)
     ]
     yield Quantity("tables", tables)

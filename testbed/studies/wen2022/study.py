@@ -103,13 +103,12 @@ class Wen2022Study:
         """The claims on many robots; the tool point and the paper's tables on this one."""
         from testbed.studies.wen2022 import report, report_paper
         from testbed.studies.wen2022.claims import examine
-        from testbed.studies.wen2022.records import reexamined_of
+        from testbed.studies.wen2022.summary import reexamination_of
 
         campaign = campaign_of(scenario, records)
-        examined = examine(campaign)
-        again = examined is not None and bool(reexamined_of(campaign))
+        again, examined = reexamination_of(campaign), examine(campaign)
         found = (
-            report.reexamined_section(campaign, examined) if examined and again else None,
+            report.reexamined_section(again, examined) if again and examined else None,
             report_paper.tool_section(campaign),
             report_paper.paper_section(campaign, examined),
         )

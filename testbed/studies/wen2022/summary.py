@@ -6,14 +6,24 @@ holds the luck of the sets that were chosen from it too; with one pool the robot
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, TypeVar
 
 import numpy as np
 
 from calib.arrays import Array, Index
+from testbed.store.quantities import METRE
 from testbed.studies.many_robots import Outcome, family_confidence, mean_over_robots, outcome_of
+from testbed.studies.trial.records import Campaign
 from testbed.studies.wen2022 import paper
-from testbed.studies.wen2022.pools import BUDGET_SET
-from testbed.studies.wen2022.records import ESTIMATORS, STATEMENTS, PoolSets, Reexamined, TrialSets
+from testbed.studies.wen2022.records import (
+    ESTIMATORS,
+    PoolSets,
+    Reexamined,
+    TrialSets,
+    reexamined_of,
+)
+from testbed.studies.wen2022.settings import SETS_KEY
 from testbed.units import MM, Mean
 
 PRINTED = "printed"
@@ -23,7 +33,7 @@ PRINTED = "printed"
 class Split:
     """The ratio of the paper's protocol and what it is made of; means over the 24 numbers."""
 
-    who: str
+    truth: str
     """Kind of robots, or `PRINTED`: then intervals have no width."""
     trial: str
     """The optimal set."""
@@ -34,8 +44,8 @@ class Split:
     """u_r of the optimal set over u_r of 50 random poses."""
     counted: Mean
     """u_r / u_rand: what the random side counts besides."""
-    geometric: tuple[float, float, float]
-    """Geometric means of the same three: the first is the product of the others."""
+    geometric: tuple[float, ...]
+    """(3,) geometric means of the same: the first is the product of the others."""
     shares: tuple[Mean, Mean, Mean]
     """Of u_r, u_p, u_w in the variance of u_rand."""
     p_over_r: Mean
@@ -66,9 +76,9 @@ class Errors:
     poses: int
     estimator: str
     by_paper: bool
-    error: Mean
+    error: Annotated[Mean, METRE]
     """Mean error with the designed set [m]."""
-    other: Mean
+    other: Annotated[Mean, METRE]
     """With random sets [m]."""
     ratio: Mean
     """Logarithm of the ratio."""
@@ -91,7 +101,7 @@ class Held:
     """(4,) of held-out points, per statement."""
     numbers: Mean
     """Of the 24 numbers within 1.96 u_best."""
-    u: Mean
+    u: Annotated[Mean, METRE]
     """Stated u of |P| [m]."""
     error: Mean
     """Mean held-out error [m]."""
@@ -104,46 +114,32 @@ class PaperRow:
     printed: paper.SetErrors
     place: int
     """Of the trial in the record."""
-    own_before: Mean
-    own_after: Mean
-    after: Mean
+    own_before: Annotated[Mean, METRE]
+    own_after: Annotated[Mean, METRE]
+    after: Annotated[Mean, METRE]
 
 
-def by_unit(values: Array, pool: Index) -> Array:
-    """Figures per robot (..., R) as means per pool (..., P); with one pool they stay as they are.
-
-    Parameters
-    ----------
-    values : (..., R) array
-        One figure per robot.
-    pool : (R,) array
-        Pool of each robot, 0 to P - 1, each as often.
-    """
-    pools = int(pool.max()) + 1
-    if pools == 1:
-        return values
-    return np.stack([values[..., pool == p].mean(axis=-1) for p in range(pools)], axis=-1)
+T = TypeVar("T", Split, Errors, Held)
 
 
 def over(values: Array, pool: Index, *, probability: float = 0.95) -> Mean:
-    """Mean of one figure per robot (R,) with its interval over units."""
-    return mean_over_robots(by_unit(values, pool), probability=probability)
+    """Mean of one figure per robot (R,) with its interval over units.
+
+    Parameters
+    ----------
+    values : (R,) array
+        One figure per robot.
+    pool : (R,) array
+        Pool of each robot, 0 to P - 1, each as often. One pool: the robots are the units.
+    """
+    if pool.any():
+        values = np.array([values[pool == p].mean() for p in range(int(pool.max()) + 1)])
+    return mean_over_robots(values, probability=probability)
 
 
 def over_pools(values: Array) -> Mean:
     """Mean of one figure per pool (P,); with one pool the interval is infinite."""
     return Mean(float(values[0]), float("inf")) if len(values) < 2 else mean_over_robots(values)
-
-
-def splits(studies: Sequence[Reexamined], sets: PoolSets) -> tuple[Split, ...]:
-    """Every kind of robot and optimal set of the paper, in the order of the records."""
-    found = []
-    for study in studies:
-        for i, trial in enumerate(study.best):
-            poses = set_named(sets, trial).poses
-            parts = (study.u_best[i], study.u_r, study.u_p, study.u_w)
-            found.append(_split(study.truth, trial, poses, parts, study.pool))
-    return tuple(found)
 
 
 def printed_split() -> Split:
@@ -152,7 +148,7 @@ def printed_split() -> Split:
     return _split(PRINTED, PRINTED, 0, parts, np.zeros(1, dtype=np.int64))
 
 
-def _split(who: str, trial: str, poses: int, parts: Sequence[Array], pool: Index) -> Split:
+def _split(truth: str, trial: str, poses: int, parts: Sequence[Array], pool: Index) -> Split:
     """From u_best, u_r, u_p, u_w (R, f) each."""
     best, u_r, u_p, u_w = parts
     random = np.sqrt(u_r**2 + u_p**2 + u_w**2)
@@ -162,43 +158,25 @@ def _split(who: str, trial: str, poses: int, parts: Sequence[Array], pool: Index
         each = figures.mean(axis=1)
         return Mean(float(each[0]), 0.0) if len(each) == 1 else over(each, pool)
 
-    geometric = (
-        float(np.exp(np.log(part).mean())) for part in (best / random, best / u_r, u_r / random)
-    )
+    three = (best / random, best / u_r, u_r / random)
+    ratio, repeats, counted = map(mean, three)
     r, p, w = (mean(part**2 / random**2) for part in (u_r, u_p, u_w))
     return Split(
-        who=who,
+        truth=truth,
         trial=trial,
         poses=poses,
-        ratio=mean(best / random),
-        repeats=mean(best / u_r),
-        counted=mean(u_r / random),
-        geometric=tuple(geometric),  # type: ignore[arg-type]  # three of them
+        ratio=ratio,
+        repeats=repeats,
+        counted=counted,
+        geometric=tuple(float(np.exp(np.log(part).mean())) for part in three),
         shares=(r, p, w),
         p_over_r=mean(u_p / u_r),
         w_over_r=mean(u_w / u_r),
     )
 
 
-def predictions(sets: PoolSets) -> tuple[Predicted, ...]:
-    """Designed against random sets of the same size, then against the budget's random set."""
-    found = []
-    budget = set_named(sets, BUDGET_SET)
-    for one in (each for each in sets.sets if each.designed):
-        others = [other for other in (partner_of(sets, one), budget) if other is not None]
-        for other in others:
-            for k, estimator in enumerate(ESTIMATORS):
-                numbers = (one.u[:, k] / other.u[:, k]).mean(axis=1)
-                tool = one.tool_u[:, k] / other.tool_u[:, k]
-                figures = over_pools(numbers), over_pools(tool)
-                found.append(Predicted(one.trial, one.poses, other.poses, estimator, *figures))
-    return tuple(found)
-
-
 def set_named(sets: PoolSets, trial: str) -> TrialSets:
-    """The sets of one trial; those of the budget come last."""
-    if trial == BUDGET_SET:
-        return sets.sets[-1]
+    """The sets of one trial."""
     return next(one for one in sets.sets if one.trial == trial)
 
 
@@ -208,64 +186,126 @@ def partner_of(sets: PoolSets, designed: TrialSets) -> TrialSets | None:
     return next((one for one in random if one.poses == designed.poses), None)
 
 
-def errors(studies: Sequence[Reexamined], sets: PoolSets) -> tuple[Errors, ...]:
-    """Kinds of robots in their order, then designed trials, then estimators."""
-    pairs = [(one, partner_of(sets, one)) for one in sets.sets if one.designed]
-    cells = [
-        (study, one, other, k)
-        for study in studies
-        for one, other in pairs
-        if other is not None
-        for k in range(len(ESTIMATORS))
-    ]
-    together, found = family_confidence(len(cells)), []
-    for study, one, other, k in cells:
-        mine, theirs = (study.error[study.trials.index(t.trial), k] for t in (one, other))
-        ratio = np.log(mine / theirs)
-        means = [over(values, study.pool) for values in (mine, theirs, ratio)]
-        means.append(over(ratio, study.pool, probability=together))
-        kind = (study.truth, one.trial, one.poses, ESTIMATORS[k], one.by_paper)
-        found.append(Errors(*kind, *means))
-    return tuple(found)
-
-
-def statements(studies: Sequence[Reexamined]) -> tuple[Held, ...]:
-    """Kinds of robots in their order, then the paper's optimal sets."""
-    return tuple(
-        Held(
-            study.truth,
-            trial,
-            tuple(over(study.inside[i, s], study.pool) for s in range(len(STATEMENTS))),
-            over(study.numbers_inside[i], study.pool),
-            over(study.distance_u[i], study.pool),
-            over(study.error[study.trials.index(trial), 0], study.pool),
-        )
-        for study in studies
-        for i, trial in enumerate(study.best)
-    )
-
-
-def like_the_paper(studies: tuple[Reexamined, ...]) -> Reexamined:
-    """The kind of robots whose error after calibration is nearest to the printed one, by ratio."""
-    printed = float(np.mean([row.held_out_mm for row in paper.SETS])) / MM
-    return min(studies, key=lambda study: abs(np.log(study.error[:, 0].mean() / printed)))
-
-
-def paper_rows(study: Reexamined, sets: PoolSets) -> tuple[PaperRow, ...] | None:
-    """Tables 1 and 2 on one kind of robots; None unless all four sets were played."""
-    rows = []
-    for printed in paper.SETS:
-        trial = next((one.trial for one in sets.sets[:-1] if is_like(one, printed)), None)
-        if trial is None:
-            return None
-        i = study.trials.index(trial)
-        figures = (study.own_before[i], study.own_after[i], study.error[i, 0])
-        rows.append(PaperRow(printed, i, *(over(figure, study.pool) for figure in figures)))
-    return tuple(rows)
-
-
 def is_like(one: TrialSets, printed: paper.SetErrors) -> bool:
     """Whether a kind of set is one of the paper's: its size, how and by which index chosen."""
     if one.poses != printed.poses:
         return False
     return one.by_paper and one.criterion == printed.index if printed.optimal else not one.designed
+
+
+def of_kind(found: Sequence[T], kind: Reexamined) -> list[T]:
+    """What was found on one kind of robots."""
+    return [one for one in found if one.truth == kind.truth]
+
+
+@dataclass(frozen=True, eq=False)
+class Reexamination:
+    """The paper's protocol on many robots: its records, and what they show."""
+
+    kinds: tuple[Reexamined, ...]
+    """One record per kind of robots, at least one, in the order of the scenario."""
+    sets: PoolSets
+    repeats: int
+    """Of each optimal set, and of the random one."""
+
+    @property
+    def robots(self) -> int:
+        """Robots of each kind."""
+        return self.kinds[0].before.size
+
+    @cached_property
+    def judged(self) -> Reexamined:
+        """The kind whose error after calibration is nearest to the printed one, by ratio."""
+        printed = float(np.mean([row.held_out_mm for row in paper.SETS])) / MM
+        return min(self.kinds, key=lambda kind: abs(np.log(kind.error[:, 0].mean() / printed)))
+
+    @property
+    def others(self) -> tuple[Reexamined, ...]:
+        """The other kinds."""
+        return tuple(kind for kind in self.kinds if kind is not self.judged)
+
+    @cached_property
+    def splits(self) -> tuple[Split, ...]:
+        """Every kind of robot and optimal set of the paper, in the order of the records."""
+        return tuple(
+            _split(
+                kind.truth,
+                trial,
+                set_named(self.sets, trial).poses,
+                (kind.u_best[i], kind.u_r, kind.u_p, kind.u_w),
+                kind.pool,
+            )
+            for kind in self.kinds
+            for i, trial in enumerate(kind.best)
+        )
+
+    @cached_property
+    def predictions(self) -> tuple[Predicted, ...]:
+        """Designed against random sets of the same size, then against the budget's random set."""
+        found = []
+        for one in (each for each in self.sets.sets if each.designed):
+            for other in filter(None, (partner_of(self.sets, one), self.sets.sets[-1])):
+                for k, estimator in enumerate(ESTIMATORS):
+                    numbers = over_pools((one.u[:, k] / other.u[:, k]).mean(axis=1))
+                    tool = over_pools(one.tool_u[:, k] / other.tool_u[:, k])
+                    found.append(
+                        Predicted(one.trial, one.poses, other.poses, estimator, numbers, tool)
+                    )
+        return tuple(found)
+
+    @cached_property
+    def errors(self) -> tuple[Errors, ...]:
+        """Kinds of robots in their order, then designed trials, then estimators."""
+        pairs = [(one, partner_of(self.sets, one)) for one in self.sets.sets if one.designed]
+        cells = [
+            (kind, one, other, k)
+            for kind in self.kinds
+            for one, other in pairs
+            if other is not None
+            for k in range(len(ESTIMATORS))
+        ]
+        together, found = family_confidence(len(cells)), []
+        for kind, one, other, k in cells:
+            mine, theirs = (kind.error[kind.trials.index(t.trial), k] for t in (one, other))
+            ratio = np.log(mine / theirs)
+            means = [over(values, kind.pool) for values in (mine, theirs, ratio)]
+            means.append(over(ratio, kind.pool, probability=together))
+            about = (kind.truth, one.trial, one.poses, ESTIMATORS[k], one.by_paper)
+            found.append(Errors(*about, *means))
+        return tuple(found)
+
+    @cached_property
+    def statements(self) -> tuple[Held, ...]:
+        """Kinds of robots in their order, then the paper's optimal sets."""
+        return tuple(
+            Held(
+                kind.truth,
+                trial,
+                tuple(over(inside, kind.pool) for inside in kind.inside[i]),
+                over(kind.numbers_inside[i], kind.pool),
+                over(kind.distance_u[i], kind.pool),
+                over(kind.error[kind.trials.index(trial), 0], kind.pool),
+            )
+            for kind in self.kinds
+            for i, trial in enumerate(kind.best)
+        )
+
+    def paper_rows(self, kind: Reexamined) -> tuple[PaperRow, ...]:
+        """Tables 1 and 2 on one kind of robots; none unless all four sets were played."""
+        rows = []
+        for printed in paper.SETS:
+            trial = next((one.trial for one in self.sets.sets[:-1] if is_like(one, printed)), None)
+            if trial is None:
+                return ()
+            i = kind.trials.index(trial)
+            figures = (kind.own_before[i], kind.own_after[i], kind.error[i, 0])
+            rows.append(PaperRow(printed, i, *(over(figure, kind.pool) for figure in figures)))
+        return tuple(rows)
+
+
+def reexamination_of(campaign: Campaign) -> Reexamination | None:
+    """What a campaign says over many robots; None where they were not played."""
+    kinds, repeats = reexamined_of(campaign), campaign.scenario.uncertainty.repeats
+    return (
+        Reexamination(kinds, campaign.records.get(SETS_KEY, PoolSets), repeats) if kinds else None
+    )

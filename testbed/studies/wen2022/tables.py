@@ -1,26 +1,32 @@
 """The tables of the re-examination: the ratio apart, like for like, what u_best holds, 1 to 3."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from calib.arrays import Array
 from testbed.report.intervals import change, plus_minus, printed_change, share, within
-from testbed.report.page import Table
+from testbed.report.page import Table, heads
+from testbed.studies.trial.report import NONE
 from testbed.studies.wen2022 import paper
-from testbed.studies.wen2022.records import ESTIMATORS, PoolSets, Reexamined
+from testbed.studies.wen2022.records import ESTIMATORS
 from testbed.studies.wen2022.summary import (
     PRINTED,
     Errors,
     Held,
     Predicted,
+    Reexamination,
     Split,
     over,
-    paper_rows,
 )
-from testbed.units import DEG, MM, counted, fixed
+from testbed.units import DEG, MM, counted, fixed, unit_of
 
 ESTIMATOR_NAMES = {"paper": "paper", "whitened": "noise weighed"}
+HEADS = dict(
+    zip(paper.COLUMNS[1:7], heads("u_r best, u_r random, u_p, u_w, u best, u random"), strict=True)
+)
+"""Of the columns of Table 3."""
 
 
 def of_columns(caption: str, columns: Mapping[str, Sequence[str]], **rest: Any) -> Table:
@@ -30,13 +36,11 @@ def of_columns(caption: str, columns: Mapping[str, Sequence[str]], **rest: Any) 
 
 def split_table(found: tuple[Split, ...], robots: int) -> Table:
     """The ratio of the protocol taken apart, printed and ours."""
-    ours = [split.who != PRINTED for split in found]
     geometric = [[fixed(part, 2) for part in split.geometric] for split in found]
     columns = {
-        "": [f"{s.who} robots" if own else s.who for s, own in zip(found, ours, strict=True)],
+        "": [s.truth if s.truth == PRINTED else f"{s.truth} robots" for s in found],
         "optimal set": [
-            f"{s.trial} ({s.poses} poses)" if own else ""
-            for s, own in zip(found, ours, strict=True)
+            "" if s.truth == PRINTED else f"{s.trial} ({s.poses} poses)" for s in found
         ],
         "u best / u random": [plus_minus(split.ratio) for split in found],
         "u_r best / u_r random": [plus_minus(split.repeats) for split in found],
@@ -134,10 +138,9 @@ def held_table(found: tuple[Held, ...]) -> Table:
     )
 
 
-def set_tables(studies: tuple[Reexamined, ...], sets: PoolSets) -> tuple[Table, ...]:
+def set_tables(again: Reexamination) -> tuple[Table, ...]:
     """Tables 1 and 2 as printed beside every kind of robots; none unless all four were played."""
-    played = [rows for study in studies if (rows := paper_rows(study, sets)) is not None]
-    if len(played) < len(studies):
+    if not again.paper_rows(again.judged):
         return ()
     kinds = [printed.kind for printed in paper.SETS]
     held_out = [printed.held_out_mm for printed in paper.SETS]
@@ -151,56 +154,75 @@ def set_tables(studies: tuple[Reexamined, ...], sets: PoolSets) -> tuple[Table, 
         "printed": [fixed(mm, 3) for mm in (*held_out, paper.TABLE2_BEFORE_MM)],
         "against random": [first, "", second, "", ""],
     }
-    for study, rows in zip(studies, played, strict=True):
-        head = f"{study.truth} robots"
+    for kind in again.kinds:
+        head, rows = f"{kind.truth} robots", again.paper_rows(kind)
         own[head] = [f"{within(row.own_before)} to {within(row.own_after)}" for row in rows]
-        before = over(study.before, study.pool)
+        before = over(kind.before, kind.pool)
         after[head] = [within(error) for error in (*(row.after for row in rows), before)]
     return (
         of_columns(
             "Table 1: mean position error on the calibration poses, before to after [mm], paper's "
             "estimator",
             own,
-            align="lr" + "r" * len(studies),
+            align="lr" + "r" * len(again.kinds),
         ),
         of_columns(
             "Table 2: mean position error on the held-out poses after calibration [mm], paper's "
             "estimator",
             after,
-            align="lrr" + "r" * len(studies),
+            align="lrr" + "r" * len(again.kinds),
             note="Our errors are against the noise-free truth, those printed against what was "
             "measured. The optimal sets of the kinds of robots are the same.",
         ),
     )
 
 
-def parameter_table(studies: tuple[Reexamined, ...], names: tuple[str, ...]) -> Table:
-    """Table 3 beside every kind of robots, first optimal set."""
-    parts = [(study.u_best[0], study.u_r, study.u_p, study.u_w) for study in studies]
-    kinds = [[np.sqrt(np.mean(part**2, axis=0)) for part in one] for one in parts]
-    ratios = [(study.u_best[0] / study.u_rand).mean(axis=0) for study in studies]
+def table3(
+    caption: str,
+    note: str,
+    names: tuple[str, ...],
+    ours: Mapping[paper.Column, Sequence[Array]],
+    ratios: Sequence[Array],
+) -> Table:
+    """Table 3 as printed beside ours (f,), one or several, of each of `names` [m or rad]."""
+
+    def cell(column: paper.Column, places: int, name: str, values: Iterable[float]) -> str:
+        """The printed figure before ours."""
+        row = paper.TABLE3.get(name)
+        said = NONE if row is None else fixed(row[paper.COLUMNS.index(column)], places)
+        return " / ".join([said, *(fixed(float(value), places) for value in values)])
+
     rows = []
     for k, name in enumerate(names):
-        row = next(one for one in paper.TABLE3 if one.name == name)
-        scale = MM if row.is_length else DEG
-        cells = [
-            " / ".join([fixed(getattr(row, column), 4), *(fixed(u[k] * scale, 4) for u in ours)])
-            for column, *ours in zip(paper.PARTS, *kinds, strict=True)
-        ]
-        ratio = " / ".join([fixed(row.ratio, 2), *(fixed(float(one[k]), 2) for one in ratios)])
-        rows.append((name, "mm" if row.is_length else "deg", *cells, ratio))
-    means = [fixed(float(one.mean()), 2) for one in ratios]
-    mean = " / ".join([fixed(paper.PARAMETER_RATIO, 2), *means])
-    rows.append(("mean", "", *[""] * 4, mean))
-    order = " / ".join([PRINTED, *(study.truth for study in studies)])
+        length = paper.is_length(name)
+        scale = MM if length else DEG
+        cells = [cell(column, 4, name, [u[k] * scale for u in us]) for column, us in ours.items()]
+        ratio = cell("ratio", 2, name, [one[k] for one in ratios])
+        rows.append((name, unit_of(length), *cells, ratio))
+    means = [fixed(paper.PARAMETER_RATIO, 2), *(fixed(float(one.mean()), 2) for one in ratios)]
+    rows.append(("mean", "", *[""] * len(ours), " / ".join(means)))
     return Table(
-        caption=f"Table 3: {order}; optimal set {studies[0].best[0]}",
-        head=("", "unit", "u_r best", "u_r random", "u_p", "u_w", "ratio"),
+        caption=caption,
+        head=("", "unit", *(HEADS[column] for column in ours), "ratio"),
         rows=tuple(rows),
-        align="llrrrrr",
+        align="ll" + "r" * (len(ours) + 1),
         size="small",
         strong=(len(rows) - 1,),
-        note=f"Root mean square over {counted(studies[0].before.size, 'robot')} of each kind; the "
+        note=note,
+    )
+
+
+def parameter_table(again: Reexamination) -> Table:
+    """Table 3 beside every kind of robots, first optimal set."""
+    parts = [(kind.u_best[0], kind.u_r, kind.u_p, kind.u_w) for kind in again.kinds]
+    ours = [[np.sqrt(np.mean(part**2, axis=0)) for part in one] for one in parts]
+    order = " / ".join([PRINTED, *(kind.truth for kind in again.kinds)])
+    return table3(
+        f"Table 3: {order}; optimal set {again.kinds[0].best[0]}",
+        f"Root mean square over {counted(again.robots, 'robot')} of each kind; the "
         "ratio u best / u random is the mean over robots. Repeats hardly see the kind of robot; "
         "number and place of the poses do.",
+        again.sets.names,
+        dict(zip(paper.PARTS, zip(*ours, strict=True), strict=True)),
+        [(kind.u_best[0] / kind.u_rand).mean(axis=0) for kind in again.kinds],
     )

@@ -8,8 +8,8 @@ import pytest
 
 from testbed.studies.wen2022 import claims_model
 from testbed.studies.wen2022 import claims_one_robot as claims_accuracy
-from testbed.studies.wen2022.claims import EXAMINERS, examine, is_paper_robot
-from testbed.studies.wen2022.paper import CLAIMS
+from testbed.studies.wen2022.claims import CLAIMS, examine, is_paper_robot
+from testbed.studies.wen2022.finding import NotPlayedError
 from testbed.studies.wen2022.records import paper_budget_of, tool_point_of
 from tests.campaign import with_records
 from tests.reference import tx60
@@ -21,10 +21,9 @@ def numbers(text):
     return [float(part) for part in re.findall(r"-?\d+\.?\d*", text.replace("−", "-"))]
 
 
-def test_every_claim_has_an_examiner_and_the_scene_of_the_paper_speaks_to_all_of_them():
-    assert set(EXAMINERS) == {claim.number for claim in CLAIMS}
+def test_the_scene_of_the_paper_speaks_to_every_claim():
     examined = examine(paper_campaign())
-    assert [found.number for found in examined.findings] == list(range(1, 18))
+    assert list(examined.findings) == list(CLAIMS)
     assert examined.silent == ()
 
 
@@ -154,7 +153,8 @@ def test_like_for_like_compares_sets_of_the_same_size_only():
     found = claims_accuracy.like_for_like(rigid_campaign())
     u, v = (t.estimates[0].identification.standard_uncertainty for t in rigid_campaign().trials)
     assert numbers(found.ours)[0] == pytest.approx(np.mean(u / v), abs=0.005)
-    assert claims_accuracy.like_for_like(bare_campaign()) is None
+    with pytest.raises(NotPlayedError):
+        claims_accuracy.like_for_like(bare_campaign())
 
 
 def test_two_u_of_the_optimal_set_does_not_hold_the_error_of_a_robot_that_sags():
@@ -191,7 +191,7 @@ def test_linear_propagation_is_enough_unless_monte_carlo_differs():
 
 
 def test_sentences_that_rest_on_one_robot_say_so():
-    for found in examine(paper_campaign()).findings:
-        if found.number in {12, 13, 14, 15, 16}:
+    for number, found in examine(paper_campaign()).findings.items():
+        if number in {12, 13, 14, 15, 16}:
             assert found.sentence.startswith("This campaign")
         assert found.sentence.endswith(".")

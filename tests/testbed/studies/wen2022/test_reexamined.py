@@ -22,24 +22,15 @@ from testbed.store.codec import pack, unpack
 from testbed.studies import load_scenario
 from testbed.studies.trial import report_accuracy, report_design, report_parameters
 from testbed.studies.trial.statement import report as report_statement
+from testbed.studies.trial.verdict import trial_verdict
 from testbed.studies.wen2022 import claims_many_robots as claims_robots
 from testbed.studies.wen2022 import paper, report_paper
 from testbed.studies.wen2022.claims import examine
 from testbed.studies.wen2022.play import gather, play, play_robots, random_parts, visit_robot
 from testbed.studies.wen2022.pools import noise_of
 from testbed.studies.wen2022.records import PoolSets, Reexamined, pool_sets_of, reexamined_of
-from testbed.studies.wen2022.report import few_repeats, opening, procedure
-from testbed.studies.wen2022.summary import (
-    by_unit,
-    errors,
-    like_the_paper,
-    over,
-    over_pools,
-    predictions,
-    printed_split,
-    splits,
-    statements,
-)
+from testbed.studies.wen2022.report import few_repeats, procedure, verdict_of
+from testbed.studies.wen2022.summary import over, over_pools, printed_split, reexamination_of
 from testbed.studies.wen2022.tables import predicted_table
 from tests import campaign as campaigns
 from tests.campaign import record_hash, with_records, without
@@ -77,6 +68,11 @@ def campaign():
 
 
 @cache
+def again():
+    return reexamination_of(campaign())
+
+
+@cache
 def bench():
     return open_laboratory(campaign().scenario, campaign().setting)
 
@@ -91,21 +87,22 @@ def visit(robot=1, truth="wen2022"):
 
 
 def changed_study(**changes):
-    """The campaign with other figures on its wen2022 robots, and the robot as unit.
+    """The re-examination with other figures on its wen2022 robots, and the robot as unit.
 
     Over two units an interval is 13 standard errors wide: figures without scatter have none.
     """
     one = np.zeros(2, dtype=int)
     other = replace(study("wen2022"), pool=one, **changes)
-    return with_records(
+    changed = with_records(
         campaign(), reexamined__rigid=replace(study("rigid"), pool=one), reexamined__wen2022=other
     )
+    return reexamination_of(changed)
 
 
 def test_the_kind_of_robots_that_is_judged_keeps_an_error_like_the_printed_one():
-    assert like_the_paper(reexamined_of(campaign())).truth == "wen2022"
+    assert again().judged.truth == "wen2022"
     small = changed_study(error=0.1 * study("rigid").error)
-    assert like_the_paper(reexamined_of(small)).truth == "rigid"
+    assert small.judged.truth == "rigid"
 
 
 def test_predicted_uncertainties_are_those_of_the_sandwich_and_of_the_fit_itself():
@@ -247,7 +244,7 @@ def test_the_ratio_of_table_3_is_taken_apart_as_its_own_columns_say():
 
 
 def test_geometric_means_multiply_and_shares_add_to_one():
-    for split in (*splits(reexamined_of(campaign()), pool_sets_of(campaign())), printed_split()):
+    for split in (*again().splits, printed_split()):
         whole, repeats, counted = split.geometric
         assert whole == pytest.approx(repeats * counted, rel=1e-12)
         assert sum(part.value for part in split.shares) == pytest.approx(1.0, rel=1e-12)
@@ -260,13 +257,15 @@ def test_the_unit_is_the_pool_with_its_robots_and_the_robot_where_there_is_one_p
     half = stats.t.ppf(0.975, 3) * means.std(ddof=1) / 2
     assert over(values, pool).value == pytest.approx(values.mean())
     assert over(values, pool).half_width == pytest.approx(half)
-    np.testing.assert_array_equal(by_unit(values, np.zeros(12, dtype=int)), values)
+    assert over(values, np.zeros(12, dtype=int)).half_width == pytest.approx(
+        stats.t.ppf(0.975, 11) * stats.sem(values)
+    )
     assert over_pools(np.array([0.9])).half_width == np.inf
 
 
 def test_predictions_are_ratios_to_random_sets_of_the_same_size_and_of_fifty_poses():
     sets = pool_sets_of(campaign())
-    found = {(p.trial, p.against, p.estimator): p for p in predictions(sets)}
+    found = {(p.trial, p.against, p.estimator): p for p in again().predictions}
     best, random, fifty = sets.sets[2], sets.sets[3], sets.sets[-1]
     assert (best.trial, random.trial, fifty.poses) == ("best-29", "random-29", 50)
     for other, against in ((random, 29), (fifty, 50)):
@@ -278,7 +277,7 @@ def test_predictions_are_ratios_to_random_sets_of_the_same_size_and_of_fifty_pos
 
 
 def test_true_errors_are_compared_in_pairs_on_the_same_robot():
-    found = errors(reexamined_of(campaign()), pool_sets_of(campaign()))
+    found = again().errors
     assert len(found) == 2 * 3 * 2
     one = next(e for e in found if (e.truth, e.trial, e.estimator) == ("rigid", "d-29", "paper"))
     record = study("rigid")
@@ -370,19 +369,20 @@ def test_claim_16_follows_what_the_statements_hold():
 
 def test_the_scene_speaks_to_all_claims_and_counts_its_verdicts():
     examined = examine(campaign())
-    assert [found.number for found in examined.findings] == list(range(1, 18))
+    assert list(examined.findings) == list(range(1, 18))
     assert (examined.silent, examined.robots) == ((), 2)
-    for found in examined.findings:
+    for number, found in examined.findings.items():
         assert found.sentence.endswith(".")
-        if found.number >= 12 and found.number != 17:
+        if number >= 12 and number != 17:
             assert found.sentence.startswith("Over 2 wen2022 robots and 2 pools")
-    said = opening(campaign(), examined)
-    holds = sum(found.verdict == "holds" for found in examined.findings)
+    said = verdict_of(again(), examined, trial_verdict(campaign()))
+    holds = sum(found.verdict == "holds" for found in examined.findings.values())
     assert said.mark == f"✗ {holds} of 17 claims of the paper hold"
     assert said.sentence.startswith(f"{holds} of 17 claims hold, ")
-    rosy = replace(examined, findings=tuple(replace(f, verdict="holds") for f in examined.findings))
-    assert opening(campaign(), rosy).mark == "✓ 17 of 17 claims of the paper hold"
-    assert opening(campaign(), rosy).sentence.startswith("17 of 17 claims hold. ")
+    held = {n: replace(found, verdict="holds") for n, found in examined.findings.items()}
+    rosy = verdict_of(again(), replace(examined, findings=held), said)
+    assert rosy.mark == "✓ 17 of 17 claims of the paper hold"
+    assert rosy.sentence.startswith("17 of 17 claims hold. ")
 
 
 def test_the_page_opens_with_the_verdict_on_the_paper_and_shows_each_claim_once(monkeypatch):
@@ -398,7 +398,7 @@ def test_the_page_opens_with_the_verdict_on_the_paper_and_shows_each_claim_once(
     ):
         monkeypatch.setattr(room, name, lambda *_: Section("left-out", "left out", ()))
     page = page_of(campaign(), VERSIONS)
-    said = opening(campaign(), examine(campaign()))
+    said = verdict_of(again(), examine(campaign()), trial_verdict(campaign()))
     assert page.mark == headline_answer(campaign())[1].verdict.mark == said.mark
     assert page.sections[0].anchor == "reexamined"
     text = read(render(page)).text
@@ -425,8 +425,8 @@ def test_one_pool_of_robots_can_be_reported_too():
     kinds = tuple(replace(one, pool=np.zeros(2, dtype=int)) for one in reexamined_of(campaign()))
     changes = {f"reexamined__{kind.truth}": kind for kind in kinds}
     alone = with_records(campaign(), reexamined__sets=single, **changes)
-    assert "the unit of intervals is the robot" in procedure(alone)
-    table = predicted_table(predictions(single))
+    assert "the unit of intervals is the robot" in procedure(reexamination_of(alone))
+    table = predicted_table(reexamination_of(alone).predictions)
     assert all("(one pool)" in cell for row in table.rows for cell in row[3:])
     json.dumps(headline(alone), allow_nan=False)
 
@@ -434,13 +434,13 @@ def test_one_pool_of_robots_can_be_reported_too():
 def test_records_come_back_bit_for_bit_and_results_are_plain_numbers():
     sets = unpack(PoolSets, pack(pool_sets_of(campaign())))
     np.testing.assert_array_equal(sets.sets[0].u, pool_sets_of(campaign()).sets[0].u)
-    again = unpack(Reexamined, pack(study("rigid")))
-    np.testing.assert_array_equal(again.inside, study("rigid").inside)
+    rigid = unpack(Reexamined, pack(study("rigid")))
+    np.testing.assert_array_equal(rigid.inside, study("rigid").inside)
     found = json.loads(json.dumps(headline(campaign()), allow_nan=False))["reexamined"]
     assert found["robots"] == 2
     assert found["judged_on"] == "wen2022"
     assert found["truths"]["rigid"]["inside_95"]["best-61"]["covariance"]["value"] > 0.5
-    shown = statements(reexamined_of(campaign()))[0]
+    shown = again().statements[0]
     assert found["truths"]["rigid"]["inside_95"]["best-61"]["numbers"]["value"] == pytest.approx(
         shown.numbers.value
     )
