@@ -79,7 +79,8 @@ def judge_drift(
     stated = np.diagonal(readings.covariance[:, :3, :3], axis1=1, axis2=2)
     scatter = np.sqrt(squares / freedom) if freedom > 0 else np.sqrt(stated.mean()) * 2**0.5
     u = scatter * _lever(first[np.isfinite(first[:, 0])], middle)
-    shift = np.array([np.linalg.norm(_moved(step, middle) - middle) for step in steps])
+    moved = (exp_so3(step[3:]) @ middle + step[:3] for step in steps)
+    shift = np.array([np.linalg.norm(point - middle) for point in moved])
     drift = Drift(
         nests=tuple(nests),
         steps=frozen(steps),
@@ -175,11 +176,6 @@ def _lever(nests: Array, middle: Array) -> float:
     normal = np.einsum("kri,krj->ij", J, J)
     covariance = np.linalg.solve(normal, np.eye(6))
     return float(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1]))
-
-
-def _moved(step: Array, point: Array) -> Array:
-    """A point after a step [translation; rotation]."""
-    return np.asarray(exp_so3(step[3:]) @ point + step[:3])
 
 
 def without_drift(

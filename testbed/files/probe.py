@@ -147,21 +147,14 @@ def probe(robot: Robot, session: Session) -> Probe:
     if len(np.unique(table.q[rows], axis=0)) < FEWEST:
         return plain
     some = rows[_spread_out(len(rows))]
-    stated = _misfit(robot.model, _as_read(session, some))
-    others = [*_other_numbers(robot, session, some), *_other_rows(session, rows)]
+    read = replace(_as_read(session, some), numbers=session.stated.rows(some).numbers)
+    stated = _misfit(robot.model, read)
+    numbers = alternatives_of(read, session.stated, robot.model.chain)
+    others = [*numbers, *_other_rows(session, rows)]
     tried = [Tried(other, _misfit(robot.model, read)) for other, read in others]
     tried.sort(key=lambda one: one.misfit.score)
     warnings = _warnings(robot, session, some, stated)
     return replace(plain, stated=stated, tried=tuple(tried), warnings=warnings)
-
-
-def _other_numbers(
-    robot: Robot, session: Session, rows: Index
-) -> Iterator[tuple[Alternative, Interpretation]]:
-    """Other readings of the numbers of some rows."""
-    numbers = session.stated.rows(rows).numbers
-    read = replace(_as_read(session, rows), numbers=numbers)
-    return alternatives_of(read, session.stated, robot.model.chain)
 
 
 def _other_rows(session: Session, rows: Index) -> Iterator[tuple[Alternative, Interpretation]]:

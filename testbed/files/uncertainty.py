@@ -55,7 +55,8 @@ def spread_of(
     InputError
         M33: nothing is stated, or something below zero; M34: a covariance is none.
     """
-    if table is not None and not _states(settings):
+    given = (settings.position_um, settings.rotation_mdeg, settings.distance_um, settings.mpe_um)
+    if table is not None and all(value is None for value in given):
         full = _full_columns(table)
         if full:
             covariance = _from_entries(table, full, good, SIZE[kind])
@@ -72,12 +73,6 @@ def spread_of(
         tuple(name for spread in spreads for name in spread.columns),
         tuple(warning for spread in spreads for warning in spread.warnings),
     )
-
-
-def _states(settings: UncertaintyTable) -> bool:
-    """Whether session.toml states how well a device measures."""
-    given = (settings.position_um, settings.rotation_mdeg, settings.distance_um, settings.mpe_um)
-    return any(value is not None for value in given)
 
 
 def _part(

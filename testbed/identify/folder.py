@@ -17,6 +17,7 @@ from testbed.identify.records import Calibration, Delivered, FittedModel
 from testbed.identify.results import arrays, dh_table, headline, split_csv
 from testbed.identify.words import mm
 from testbed.progress import Progress
+from testbed.report.page import render
 from testbed.report.text import csv_text
 from testbed.robots.catalog import ROBOT_FILE, Robot, load_robot
 from testbed.robots.write.folder import identified_robot, write_robot_folder
@@ -147,10 +148,9 @@ def _derive(
     elif name == layout.ARRAYS:
         path.write_bytes(npz.to_bytes({"format": layout.FORMAT}, arrays(calibration)))
     else:
-        from testbed.identify.report import calibration_report_html
+        from testbed.identify.report import page_of
 
-        html = calibration_report_html(calibration, delivered, versions=all_versions())
-        path.write_bytes(html.encode())
+        path.write_bytes(render(page_of(calibration, delivered, all_versions())).encode())
 
 
 def _record(path: Path, key: str, kind: type, spec: str) -> Any:
@@ -195,7 +195,7 @@ def deliver(
     (folder / DH_TABLE).write_bytes(csv_text(head, rows).encode())
     if program is None:
         return Delivered(sentences, (), 0)
-    result = correct_program(program, robot, model, folder / corrected_name(program))
+    result = correct_program(program, robot, model, folder / f"{program.stem}_corrected.csv")
     return Delivered(sentences, result.sentences, int((~result.corrected).sum()))
 
 
@@ -218,11 +218,6 @@ def identified_name(name: str) -> str:
     plain = re.sub(r"[^a-z0-9_]", "_", name.lower())
     plain = plain if plain[:1].isalpha() else f"robot_{plain}"
     return f"{plain[: LONGEST_NAME - len('_identified')]}_identified"
-
-
-def corrected_name(program: Path) -> str:
-    """File name of a corrected program."""
-    return f"{program.stem}_corrected.csv"
 
 
 def _geometric_words(calibration: Calibration) -> str:

@@ -9,7 +9,7 @@ from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.identify import identify
-from calib.identification.start.start import Start, start_frames
+from calib.identification.start.start import start_frames
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from testbed.files.session import Session
@@ -52,7 +52,8 @@ def frames_of(robot: Robot, session: Session, train: Measurements) -> StartFrame
     start = own
     sentences: tuple[str, ...] = ("base and tool start from the robot's file, which fits",)
     if wanted.base == "free" and not _fits(robot, session, own, train):
-        found = _found(own, session, train)
+        free_tool = wanted.tool == "free"
+        found = start_frames(own, train, free_tool=free_tool, free_anchors=session.free_anchors)
         start, sentences = found.model, found.notes
     parameters = free_numbers(start, robot, session)
     frames = [name for name in parameters.free_names if "." in name and _is_frame(name)]
@@ -84,12 +85,6 @@ def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameter
         rest = tuple(name for name in names if name not in own)
         names = (*rest, *own) if how == "free" else rest
     return table.freeing({*names, *model.fixtures.names} - set(session.fixed))
-
-
-def _found(own: RobotModel, session: Session, train: Measurements) -> Start:
-    """Frames and fixtures from a closed form; anchors that the file places stay there."""
-    free_tool = session.wanted.tool == "free"
-    return start_frames(own, train, free_tool=free_tool, free_anchors=session.free_anchors)
 
 
 def _is_frame(name: str) -> bool:

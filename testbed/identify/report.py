@@ -24,15 +24,13 @@ from testbed.identify.words import (
     reasons,
     verdict,
 )
-from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section, render
+from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section
 from testbed.robots.write.dh_table import DhRow
 from testbed.units import DEG, MM, counted, fixed, sentences, with_uncertainty
 
 
-def calibration_report_html(
-    calibration: Calibration, delivered: Delivered, *, versions: Mapping[str, str]
-) -> str:
-    """The report of a calibration as one HTML page: no network, same bytes each time.
+def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[str, str]) -> Page:
+    """The report of a calibration; sections without data are left out.
 
     Parameters
     ----------
@@ -43,11 +41,6 @@ def calibration_report_html(
     versions : mapping of str to str
         Program and packages.
     """
-    return render(page_of(calibration, delivered, versions))
-
-
-def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[str, str]) -> Page:
-    """The content of the page; sections without data are left out."""
     source = calibration.source
     sections = (
         accuracy_section(calibration),

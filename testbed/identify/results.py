@@ -29,12 +29,7 @@ DELIVERED = {name: name for name in ("robot", "program", "program_failed")}
 
 
 def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:
-    """Every headline number of a calibration as plain JSON values."""
-    return as_json(quantities(calibration, delivered))
-
-
-def quantities(calibration: Calibration, delivered: Delivered) -> list[Quantity]:
-    """Every headline number and word of a calibration, by its path in result.json."""
+    """Every headline number and word of a calibration as plain JSON values."""
     source, split, outliers = calibration.source, calibration.split, calibration.gross
     table, choice, trust = calibration.measurements, calibration.choice, calibration.proof.trust
     words: dict[str, object] = {
@@ -84,7 +79,7 @@ def quantities(calibration: Calibration, delivered: Delivered) -> list[Quantity]
         }
         for row in dh_table(calibration)
     ]
-    return [
+    parts = [
         *plain(words),
         *_figures("before/train", calibration.before_train),
         *_figures("before/held_out", calibration.before_test),
@@ -94,6 +89,7 @@ def quantities(calibration: Calibration, delivered: Delivered) -> list[Quantity]
         Quantity("parameters", numbers),
         *below("delivered", fields_of(delivered, DELIVERED)),
     ]
+    return as_json(parts)
 
 
 def plain(values: Mapping[str, object]) -> list[Quantity]:

@@ -46,6 +46,15 @@ class Link(Strict):
             raise ValueError("inertia_kg_m2: the largest moment exceeds the sum of the others")
         return self
 
+    @model_validator(mode="after")
+    def _range_is_not_empty(self) -> "Link":
+        """Lower limit below upper."""
+        for unit in ("deg", "mm"):
+            lower, upper = (getattr(self, f"{end}_{unit}", None) for end in ("lower", "upper"))
+            if lower is not None and lower >= upper:
+                raise ValueError(f"lower_{unit} {lower} is not below upper_{unit} {upper}")
+        return self
+
 
 class RevoluteLink(Link):
     """A turning joint."""
@@ -56,13 +65,6 @@ class RevoluteLink(Link):
     max_speed_deg_s: Positive
     repeatability_urad: NotNegative
 
-    @model_validator(mode="after")
-    def _range_is_not_empty(self) -> "RevoluteLink":
-        """Lower limit below upper."""
-        if self.lower_deg >= self.upper_deg:
-            raise ValueError(f"lower_deg {self.lower_deg} is not below upper_deg {self.upper_deg}")
-        return self
-
 
 class PrismaticLink(Link):
     """A sliding joint."""
@@ -72,13 +74,6 @@ class PrismaticLink(Link):
     upper_mm: float
     max_speed_mm_s: Positive
     repeatability_um: NotNegative
-
-    @model_validator(mode="after")
-    def _range_is_not_empty(self) -> "PrismaticLink":
-        """Lower limit below upper."""
-        if self.lower_mm >= self.upper_mm:
-            raise ValueError(f"lower_mm {self.lower_mm} is not below upper_mm {self.upper_mm}")
-        return self
 
 
 class Frame(Strict):

@@ -13,6 +13,9 @@ from calib.arrays import Array, frozen
 from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.frames import rot_x, rot_y, rot_z, slide
 
+LIMIT = 1e-9
+"""Largest difference between a file and the robot it stands for [m or rad]."""
+
 
 class Placements(NamedTuple):
     """Fixed frames of a chain's bodies."""
@@ -112,3 +115,11 @@ def quaternion_wxyz(R: Array) -> Array:
     quaternion /= np.linalg.norm(quaternion, axis=-1, keepdims=True)
     quaternion *= np.where(quaternion[..., :1] < 0, -1.0, 1.0)
     return np.asarray(quaternion + 0.0, dtype=np.float64)
+
+
+def difference(T: Array, other: Array) -> tuple[float, float]:
+    """Largest distance [m] and largest angle [rad] between poses (m, 4, 4)."""
+    position = np.linalg.norm(T[:, :3, 3] - other[:, :3, 3], axis=1)
+    # |R - S| = 2 sqrt(2) sin(angle / 2) in the Frobenius norm: exact for small angles too
+    apart = np.linalg.norm(T[:, :3, :3] - other[:, :3, :3], axis=(1, 2)) / np.sqrt(8)
+    return float(position.max()), float(2 * np.arcsin(np.clip(apart, 0, 1)).max())

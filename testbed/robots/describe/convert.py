@@ -11,13 +11,13 @@ from calib.arrays import Array, Bool, frozen
 from calib.errors import refuse
 from calib.geometry.chain import Chain, forward
 from calib.geometry.frames import inverse
+from calib.geometry.inverse import spread
 from calib.geometry.model import RobotModel
 from testbed.robots.describe.description import Body, Description, plain_name
 from testbed.robots.describe.xml_gate import read_xml
 from testbed.robots.meshes.files import read_mesh
-from testbed.robots.placements import link_poses
-from testbed.robots.proof import LIMIT, difference, spread
-from testbed.robots.robot import Affine, Robot, Visual, body_name
+from testbed.robots.placements import LIMIT, difference, link_poses
+from testbed.robots.robot import Robot, Visual, body_name
 
 FULL_TURN, FULL_SLIDE = 2 * np.pi, 1.0
 """Limits of joints that have none: to both sides of zero [rad, m]."""
@@ -29,8 +29,8 @@ MASS_PER_LENGTH, SHORTEST, RADIUS = 15.0, 0.1, 0.05
 """Bodies without a mass: a rod of this mass per length, at least so long, so thick [kg/m, m]."""
 LOCKED = 1e-6
 """Half the range that a joint gets whose limits are equal [rad or m]."""
-PROOFS = 32
-"""Poses at which the chain is compared with the other reader."""
+PROOFS = 33
+"""Poses at which the chain is compared with the other reader, the first in mid-range."""
 FLAT = 1e-4
 """A mesh this thin, as a share of its size, encloses nothing."""
 
@@ -107,7 +107,7 @@ def robot_of(description: Description) -> Robot:
 
 def _prove(description: Description, chain: Chain, limits: Array) -> float:
     """Largest distance of the chain's tool from the description's over many poses [m]."""
-    q = np.vstack([np.zeros(chain.n_joints), spread(limits, PROOFS)])
+    q = np.vstack([np.zeros(chain.n_joints), spread(limits, PROOFS)[1:]])
     position, rotation = difference(forward(chain, q), description.poses(q))
     if not max(position, rotation) <= LIMIT:
         message = (
@@ -216,14 +216,10 @@ def _visuals(bodies: Sequence[Body], frames: Array, notes: list[str]) -> tuple[V
                 count += 1
                 name = f"{stem}_{count}"
             names.add(name)
-            affine = _rounded(inverse(frame) @ shape.affine)
-            visuals.append(Visual(shape.file, shape.rgb, shape.collides, link, name, affine))
+            affine = np.round(inverse(frame) @ shape.affine, 12) + 0.0  # no rounding errors
+            rows = tuple(map(tuple, affine.tolist()))
+            visuals.append(Visual(shape.file, shape.rgb, shape.collides, link, name, rows))
     return tuple(visuals)
-
-
-def _rounded(affine: Array) -> Affine:
-    """A (4, 4) matrix as rows, without rounding errors."""
-    return tuple(tuple(float(x) for x in row) for row in np.round(affine, 12) + 0.0)
 
 
 def _floor(visuals: Sequence[Visual], chain: Chain) -> float:
@@ -253,7 +249,7 @@ def _without_constant_contacts(robot: Robot, notes: list[str]) -> Robot:
         return robot
     from testbed.robots.write.mjcf import always_touching
 
-    pairs = always_touching(robot, spread(robot.limits, PROOFS))
+    pairs = always_touching(robot, spread(robot.limits, PROOFS)[1:])
     if not pairs:
         return robot
     listed = ", ".join(f"{a} and {b}" for a, b in pairs)

@@ -23,43 +23,19 @@ from testbed.robots.describe.xml_gate import (
 )
 
 NUMBERS = {
-    "pos": 3,
-    "quat": 4,
-    "axisangle": 4,
-    "euler": 3,
-    "xyaxes": 6,
-    "zaxis": 3,
-    "axis": 3,
-    "fromto": 6,
-    "range": 2,
-    "ref": 1,
-    "mass": 1,
-    "density": 1,
-    "diaginertia": 3,
-    "fullinertia": 6,
-    "scale": 3,
-    "refpos": 3,
-    "refquat": 4,
-    "rgba": 4,
+    **dict.fromkeys(("ref", "mass", "density"), 1),
+    **dict.fromkeys(("range",), 2),
+    **dict.fromkeys(("pos", "euler", "zaxis", "axis", "diaginertia", "scale", "refpos"), 3),
+    **dict.fromkeys(("quat", "axisangle", "refquat", "rgba"), 4),
+    **dict.fromkeys(("xyaxes", "fromto", "fullinertia"), 6),
 }
 """How many numbers each attribute holds."""
 CODE = ("plugin", "extension")
 UNKNOWN = ("composite", "flexcomp", "flex", "replicate", "attach", "model")
 """Elements that grow into others when compiled: nothing an arm is described with."""
 UNUSED = (
-    "visual",
-    "statistic",
-    "size",
-    "option",
-    "custom",
-    "keyframe",
-    "sensor",
-    "texture",
-    "hfield",
-    "skin",
-    "deformable",
-    "light",
-    "camera",
+    *("visual", "statistic", "size", "option", "custom", "keyframe", "sensor", "texture"),
+    *("hfield", "skin", "deformable", "light", "camera"),
 )
 """Elements that do not matter for the place of a tool; taken out."""
 MOST_ELEMENTS, MOST_FILES = 50_000, 64

@@ -1,7 +1,7 @@
 """The URDF of any serial arm, read by yourdfpy: joint axes, bodies, shapes and poses."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -48,7 +48,7 @@ def describe_urdf(
     above = {joint.child: joint for joint in model.robot.joints}
     tip, choice = choose_tip(tip, _ends(model, above), model.link_map, path)
     notes += [choice] if choice else []
-    way = _path_to(above, tip)
+    way = way_to(above, tip)
     moving = [joint for joint in way if _moves(joint, path)]
     if not moving:
         raise nothing_moves(tip, path)
@@ -121,13 +121,8 @@ def urdf_poses(way: Sequence[Any], tip: str, q: Array) -> Array:
     return out
 
 
-def way_to(model: Any, tip: str) -> list[Any]:
-    """Joints of a `yourdfpy.URDF` from the root link to the link `tip`."""
-    return _path_to({joint.child: joint for joint in model.robot.joints}, tip)
-
-
-def _path_to(above: dict[str, Any], tip: str) -> list[Any]:
-    """Joints from the root link to the link `tip`."""
+def way_to(above: Mapping[str, Any], tip: str) -> list[Any]:
+    """Joints from the root link to the link `tip`, given the joint above each link."""
     joints = []
     while tip in above:
         joints.append(above[tip])
@@ -139,7 +134,7 @@ def _ends(model: Any, above: dict[str, Any]) -> list[str]:
     """Links without children; those that no joint moves only if there are no others."""
     parents = {joint.parent for joint in above.values()}
     ends = [link.name for link in model.robot.links if link.name not in parents]
-    moved = [end for end in ends if any(joint.type != "fixed" for joint in _path_to(above, end))]
+    moved = [end for end in ends if any(joint.type != "fixed" for joint in way_to(above, end))]
     return moved or ends
 
 
@@ -160,7 +155,7 @@ def _poses_at_zero(model: Any, above: dict[str, Any]) -> dict[str, Array]:
     poses: dict[str, Array] = {}
     for link in model.robot.links:
         T = np.eye(4)
-        for joint in _path_to(above, link.name):
+        for joint in way_to(above, link.name):
             T = T if joint.origin is None else T @ joint.origin
         poses[link.name] = T
     return poses
@@ -175,7 +170,7 @@ def _groups(
     on_the_way = {joint.name for joint in way}
     number = {joint.name: i + 1 for i, joint in enumerate(moving)}
     for link in model.robot.links:
-        joints = _path_to(above, link.name)
+        joints = way_to(above, link.name)
         if any(joint.type != "fixed" and joint.name not in on_the_way for joint in joints):
             left_out.append(link.name)
         else:

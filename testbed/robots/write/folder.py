@@ -12,6 +12,7 @@ from calib.arrays import Array, frozen
 from calib.errors import refuse
 from calib.geometry.chain import Chain, forward
 from calib.geometry.frames import inverse
+from calib.geometry.inverse import spread
 from calib.geometry.model import RobotModel
 from testbed.disk import TEMPORARY, flush_file, flush_folder, write_error
 from testbed.robots.catalog import ROBOT_FILE, load_robot
@@ -19,8 +20,7 @@ from testbed.robots.describe.axes import reach, regauged
 from testbed.robots.describe.mjcf_model import frames_of, load_mjcf, mjcf_poses
 from testbed.robots.describe.urdf import load_urdf, urdf_poses, way_to
 from testbed.robots.meshes.files import Mesh, part_mesh
-from testbed.robots.placements import link_poses
-from testbed.robots.proof import LIMIT, difference, spread
+from testbed.robots.placements import LIMIT, difference, link_poses
 from testbed.robots.robot import IN_PLACE, Robot, Visual
 from testbed.robots.write.mjcf import mjcf_text
 from testbed.robots.write.toml import robot_toml
@@ -30,8 +30,8 @@ from testbed.units import MM
 SHIFT, TURN = 0.01, np.radians(1.0)
 """A link's frame that moved further than this moved by the gauge, not by calibration [m, rad]."""
 NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
-PROOFS, SAMPLES = 64, 1000
-"""Poses at which a file is proven, and at which joint terms are weighed."""
+PROOFS, SAMPLES = 65, 1001
+"""Poses at which a file is proven, and at which joint terms are weighed; without mid-range."""
 MESHES = "meshes"
 
 
@@ -238,7 +238,7 @@ def _geometric_words(robot: Robot) -> str:
     terms = len(robot.model.joint_errors.terms)
     if not terms:
         return "Geometry only; this is the whole model."
-    q = spread(robot.limits, SAMPLES)
+    q = spread(robot.limits, SAMPLES)[1:]
     full, part = robot.model.poses(q), forward(robot.model.chain, q)
     away = np.linalg.norm(full[:, :3, 3] - part[:, :3, 3], axis=1)
     return (
@@ -251,13 +251,13 @@ def _geometric_words(robot: Robot) -> str:
 def _proven(robot: Robot, folder: Path, names: list[str]) -> dict[str, tuple[float, float]]:
     """Distance [m] and angle [rad] between the robot and each file as each reader reads it."""
     toml, urdf, xml = (folder / name for name in names[:3])
-    q = np.vstack([np.zeros(len(robot.limits)), spread(robot.limits, PROOFS)])
+    q = np.vstack([np.zeros(len(robot.limits)), spread(robot.limits, PROOFS)[1:]])
     geometry = forward(robot.model.chain, q)
-    read = load_urdf(urdf.read_bytes())
+    above = {joint.child: joint for joint in load_urdf(urdf.read_bytes()).robot.joints}
     joints = list(range(len(robot.limits)))
     found: dict[str, tuple[Array, Array]] = {
         toml.name: (load_robot(toml).model.poses(q), robot.model.poses(q)),
-        f"{urdf.name} (yourdfpy)": (urdf_poses(way_to(read, "tool0"), "tool0", q), geometry),
+        f"{urdf.name} (yourdfpy)": (urdf_poses(way_to(above, "tool0"), "tool0", q), geometry),
     }
     for file, tip in ((urdf, "tool0"), (xml, "tool")):
         model = load_mjcf(file)

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from calib.errors import InputError
 from calib.geometry.chain import Chain, forward
+from calib.geometry.inverse import spread
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import load_robot
 from testbed.robots.describe import description
 from testbed.robots.describe.axes import chain_from_axes, reach, regauged
 from testbed.robots.meshes.files import part_mesh
-from testbed.robots.placements import link_poses
-from testbed.robots.proof import difference, spread
+from testbed.robots.placements import difference, link_poses
 from tests.testbed.robots.described_cases import (
     ARMS,
     IIWA_LIKE,
