@@ -163,11 +163,6 @@ def pool_sets_of(campaign: Campaign) -> PoolSets | None:
     return campaign.records.find(SETS_KEY, PoolSets)
 
 
-def pools_of(campaign: Campaign) -> PoolSets:
-    """The same where the study was played."""
-    return campaign.records.get(SETS_KEY, PoolSets)
-
-
 def reexamined_of(campaign: Campaign) -> tuple[Reexamined, ...]:
     """One record per kind of robot, in the order of the scenario; none if the study is off."""
     return of_each_kind(campaign.records, campaign.scenario.table(ReexaminedSettings), Reexamined)

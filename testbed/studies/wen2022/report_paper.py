@@ -51,15 +51,10 @@ def error_tables(campaign: Campaign) -> tuple[Table, ...]:
     }
     unit = " [mm]; ours in paper mode on our own true robot"
     return (
-        of_columns(
-            f"Table 1: mean position error on the calibration poses{unit}",
-            own_poses,
-            align="lrrrr",
-        ),
+        of_columns(f"Table 1: mean position error on the calibration poses{unit}", own_poses),
         of_columns(
             f"Table 2: mean position error on the held-out poses{unit}",
             held_out,
-            align="lrrrrr",
             note="The true robot is drawn, not the paper's: figures agree in kind, not in digits.",
         ),
     )
@@ -118,7 +113,6 @@ def tool_table(study: ToolPointStudy) -> Table:
             *("held-out mean |P|, printed", "|P|, ours", "3-D, ours"),
         ),
         rows=tuple(rows),
-        align="lrrrrrr",
         size="small",
         note=f"{study.draws} draws. |P| is the distance of the tool point to the base: it sees "
         "only the radial part of the error. Independent draws ignore the correlations of the "

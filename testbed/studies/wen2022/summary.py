@@ -7,6 +7,7 @@ holds the luck of the sets that were chosen from it too; with one pool the robot
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import Annotated, TypeVar
 
 import numpy as np
@@ -46,8 +47,8 @@ class Split:
     """u_r / u_rand: what the random side counts besides."""
     geometric: tuple[float, ...]
     """(3,) geometric means of the same: the first is the product of the others."""
-    shares: tuple[Mean, Mean, Mean]
-    """Of u_r, u_p, u_w in the variance of u_rand."""
+    shares: tuple[Mean, ...]
+    """(3,) of u_r, u_p, u_w in the variance of u_rand."""
     p_over_r: Mean
     w_over_r: Mean
 
@@ -144,46 +145,33 @@ def over_pools(values: Array) -> Mean:
 
 def printed_split() -> Split:
     """Table 3 taken apart; u_rand is the root sum of squares of its printed parts."""
-    parts = [paper.table3(column)[None] for column in paper.PARTS]
-    return _split(PRINTED, PRINTED, 0, parts, np.zeros(1, dtype=np.int64))
+    return _split(None, PRINTED, 0, [paper.table3(column)[None] for column in paper.PARTS])
 
 
-def _split(truth: str, trial: str, poses: int, parts: Sequence[Array], pool: Index) -> Split:
-    """From u_best, u_r, u_p, u_w (R, f) each."""
+def _split(kind: Reexamined | None, trial: str, poses: int, parts: Sequence[Array]) -> Split:
+    """From u_best, u_r, u_p, u_w (R, f) each, of robots of one kind or as printed (1, f)."""
     best, u_r, u_p, u_w = parts
     random = np.sqrt(u_r**2 + u_p**2 + u_w**2)
 
     def mean(figures: Array) -> Mean:
         """Over the numbers, then over the units."""
         each = figures.mean(axis=1)
-        return Mean(float(each[0]), 0.0) if len(each) == 1 else over(each, pool)
+        return Mean(float(each[0]), 0.0) if kind is None else over(each, kind.pool)
 
     three = (best / random, best / u_r, u_r / random)
     ratio, repeats, counted = map(mean, three)
-    r, p, w = (mean(part**2 / random**2) for part in (u_r, u_p, u_w))
     return Split(
-        truth=truth,
-        trial=trial,
-        poses=poses,
-        ratio=ratio,
-        repeats=repeats,
-        counted=counted,
+        PRINTED if kind is None else kind.truth,
+        trial,
+        poses,
+        ratio,
+        repeats,
+        counted,
         geometric=tuple(float(np.exp(np.log(part).mean())) for part in three),
-        shares=(r, p, w),
+        shares=tuple(mean(part**2 / random**2) for part in (u_r, u_p, u_w)),
         p_over_r=mean(u_p / u_r),
         w_over_r=mean(u_w / u_r),
     )
-
-
-def set_named(sets: PoolSets, trial: str) -> TrialSets:
-    """The sets of one trial."""
-    return next(one for one in sets.sets if one.trial == trial)
-
-
-def partner_of(sets: PoolSets, designed: TrialSets) -> TrialSets | None:
-    """The first random trial with as many poses."""
-    random = (one for one in sets.sets[:-1] if not one.designed)
-    return next((one for one in random if one.poses == designed.poses), None)
 
 
 def is_like(one: TrialSets, printed: paper.SetErrors) -> bool:
@@ -227,51 +215,52 @@ class Reexamination:
     @cached_property
     def splits(self) -> tuple[Split, ...]:
         """Every kind of robot and optimal set of the paper, in the order of the records."""
+        poses = {one.trial: one.poses for one in self.sets.sets}
         return tuple(
-            _split(
-                kind.truth,
-                trial,
-                set_named(self.sets, trial).poses,
-                (kind.u_best[i], kind.u_r, kind.u_p, kind.u_w),
-                kind.pool,
-            )
+            _split(kind, trial, poses[trial], (kind.u_best[i], kind.u_r, kind.u_p, kind.u_w))
             for kind in self.kinds
             for i, trial in enumerate(kind.best)
         )
 
+    @property
+    def pairs(self) -> list[tuple[TrialSets, TrialSets]]:
+        """Every designed set beside the first random trial with as many poses, if there is one."""
+        trials = self.sets.sets[:-1]
+        random = {one.poses: one for one in reversed(trials) if not one.designed}
+        return [(one, random[one.poses]) for one in trials if one.designed and one.poses in random]
+
     @cached_property
     def predictions(self) -> tuple[Predicted, ...]:
         """Designed against random sets of the same size, then against the budget's random set."""
-        found = []
-        for one in (each for each in self.sets.sets if each.designed):
-            for other in filter(None, (partner_of(self.sets, one), self.sets.sets[-1])):
-                for k, estimator in enumerate(ESTIMATORS):
-                    numbers = over_pools((one.u[:, k] / other.u[:, k]).mean(axis=1))
-                    tool = over_pools(one.tool_u[:, k] / other.tool_u[:, k])
-                    found.append(
-                        Predicted(one.trial, one.poses, other.poses, estimator, numbers, tool)
-                    )
-        return tuple(found)
+        partners, budget = dict(self.pairs), self.sets.sets[-1]
+        return tuple(
+            Predicted(
+                one.trial,
+                one.poses,
+                other.poses,
+                estimator,
+                over_pools((one.u[:, k] / other.u[:, k]).mean(axis=1)),
+                over_pools(one.tool_u[:, k] / other.tool_u[:, k]),
+            )
+            for one in self.sets.sets
+            if one.designed
+            for other in filter(None, (partners.get(one), budget))
+            for k, estimator in enumerate(ESTIMATORS)
+        )
 
     @cached_property
     def errors(self) -> tuple[Errors, ...]:
         """Kinds of robots in their order, then designed trials, then estimators."""
-        pairs = [(one, partner_of(self.sets, one)) for one in self.sets.sets if one.designed]
-        cells = [
-            (kind, one, other, k)
-            for kind in self.kinds
-            for one, other in pairs
-            if other is not None
-            for k in range(len(ESTIMATORS))
-        ]
-        together, found = family_confidence(len(cells)), []
-        for kind, one, other, k in cells:
-            mine, theirs = (kind.error[kind.trials.index(t.trial), k] for t in (one, other))
-            ratio = np.log(mine / theirs)
-            means = [over(values, kind.pool) for values in (mine, theirs, ratio)]
-            means.append(over(ratio, kind.pool, probability=together))
-            about = (kind.truth, one.trial, one.poses, ESTIMATORS[k], one.by_paper)
-            found.append(Errors(*about, *means))
+        together = family_confidence(len(self.kinds) * len(self.pairs) * len(ESTIMATORS))
+        found = []
+        for kind, (one, other) in product(self.kinds, self.pairs):
+            mine, theirs = (kind.error[kind.trials.index(t.trial)] for t in (one, other))
+            for k, estimator in enumerate(ESTIMATORS):
+                ratio = np.log(mine[k] / theirs[k])
+                means = [over(values, kind.pool) for values in (mine[k], theirs[k], ratio)]
+                means.append(over(ratio, kind.pool, probability=together))
+                about = (kind.truth, one.trial, one.poses, estimator, one.by_paper)
+                found.append(Errors(*about, *means))
         return tuple(found)
 
     @cached_property

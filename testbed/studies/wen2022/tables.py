@@ -81,7 +81,6 @@ def predicted_table(found: tuple[Predicted, ...]) -> Table:
     return of_columns(
         "Like for like, predicted: standard uncertainty of a designed set over that of random sets",
         columns,
-        align="lrrrrrr",
         note="From measurement noise alone, by linear propagation at the nominal robot, so it is "
         "the same for every kind of robot. ± half of the 95 % interval over pools. paper: the "
         "paper's unweighted rows; noise weighed: rows whitened by their covariance. Rows with "
@@ -164,13 +163,11 @@ def set_tables(again: Reexamination) -> tuple[Table, ...]:
             "Table 1: mean position error on the calibration poses, before to after [mm], paper's "
             "estimator",
             own,
-            align="lr" + "r" * len(again.kinds),
         ),
         of_columns(
             "Table 2: mean position error on the held-out poses after calibration [mm], paper's "
             "estimator",
             after,
-            align="lrr" + "r" * len(again.kinds),
             note="Our errors are against the noise-free truth, those printed against what was "
             "measured. The optimal sets of the kinds of robots are the same.",
         ),
