@@ -6,7 +6,6 @@ several pools, and figures come with the scatter between them.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -110,56 +109,40 @@ def play_pool(laboratory: Laboratory, pool: int) -> PoolSets:
     rng = stream(scenario.seed, "reexamined", "pool", pool)
     q = laboratory.candidates().draw(rng, size=N + scenario.test.poses).q
     own = laboratory.with_poses(q[:N], q[N:])
-    noise, size = noise_of(own, free), min(RANDOM_BUDGET_POSES, N)
-    figures = predicted(noise, None, size, scenario.seed, pool)
-    budget = TrialSets(BUDGET_SET, size, False, False, "", **_figures(None, *figures))
+    noise = noise_of(own, free)
     return PoolSets(
         names=free.free_names,
-        sets=(*(trial_sets(own, noise, trial, pool) for trial in scenario.trial), budget),
+        sets=tuple(trial_sets(own, noise, trial, pool) for trial in (*scenario.trial, None)),
         **alone(AXES, pool_q=q[:N], test_q=q[N:], pose_number=pose_number(own, pool)),
     )
 
 
-def trial_sets(own: Laboratory, noise: Noise, trial: TrialSettings, pool: int) -> TrialSets:
-    """A trial's kind of set in one pool."""
-    chosen = designed_set(own, trial, pool)
-    figures = predicted(noise, chosen, trial.poses, own.scenario.seed, pool)
+def trial_sets(own: Laboratory, noise: Noise, trial: TrialSettings | None, pool: int) -> TrialSets:
+    """A trial's kind of set in one pool; without a trial the random set of the paper's budget.
+
+    A designed set is chosen here. Random ones are drawn anew for each robot, so that the mean
+    over many of them is predicted, and they have no places in the pool.
+    """
+    seed, N = own.scenario.seed, len(noise.exact)
+    size = min(RANDOM_BUDGET_POSES, N) if trial is None else trial.poses
+    if designed := trial is not None and trial.method != "random":
+        rng = stream(seed, "reexamined", "select", trial.name, pool)
+        blocks = own.design_blocks(trial.rows)
+        chosen = select(blocks, trial, rng, criterion_of(own, trial)).indices
+        sets = chosen[None]
+    else:
+        rng = stream(seed, "reexamined", "random", size, pool)
+        chosen = np.zeros(0, dtype=np.int64)
+        sets = np.array([random_selection(N, size, rng) for _ in range(RANDOM_SETS)])
+    u, tool_u = noise.predicted(sets)
     return TrialSets(
-        trial=trial.name,
-        poses=trial.poses,
-        designed=chosen is not None,
-        by_paper=trial.method == "detmax" and trial.rows == "paper",
-        criterion=trial.criterion,
-        **_figures(chosen, *figures),
+        trial=BUDGET_SET if trial is None else trial.name,
+        poses=size,
+        designed=designed,
+        by_paper=trial is not None and trial.method == "detmax" and trial.rows == "paper",
+        criterion="" if trial is None else trial.criterion,
+        **alone(SET_AXES, indices=chosen, u=u.mean(axis=0), tool_u=tool_u.mean(axis=0)),
     )
-
-
-def _figures(chosen: Index | None, u: Array, tool_u: Array) -> dict[str, Any]:
-    """Arrays of `TrialSets` for one pool; random sets have no places."""
-    places = np.zeros(0, dtype=np.int64) if chosen is None else chosen
-    return alone(SET_AXES, indices=places, u=u, tool_u=tool_u)
-
-
-def designed_set(laboratory: Laboratory, trial: TrialSettings, pool: int) -> Index | None:
-    """Places (m,) in a pool of a trial's set; None for random sets, drawn anew for each robot."""
-    if trial.method == "random":
-        return None
-    rng = stream(laboratory.scenario.seed, "reexamined", "select", trial.name, pool)
-    blocks = laboratory.design_blocks(trial.rows)
-    return select(blocks, trial, rng, criterion_of(laboratory, trial)).indices
-
-
-def predicted(
-    noise: Noise, chosen: Index | None, size: int, seed: int, pool: int
-) -> tuple[Array, Array]:
-    """Uncertainty (2, f) and tool-point u (2,) of one set, or the mean over random sets."""
-    if chosen is not None:
-        u, tool = noise.predicted(chosen[None])
-        return u[0], tool[0]
-    rng = stream(seed, "reexamined", "random", size, pool)
-    sets = np.array([random_selection(len(noise.exact), size, rng) for _ in range(RANDOM_SETS)])
-    u, tool = noise.predicted(sets)
-    return u.mean(axis=0), tool.mean(axis=0)
 
 
 def pose_number(laboratory: Laboratory, pool: int) -> tuple[int, int]:

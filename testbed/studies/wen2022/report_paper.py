@@ -6,7 +6,7 @@ from calib.information.propagation import point_uncertainty
 from testbed.report.page import Block, Figure, Section, Table, Text
 from testbed.studies.trial.records import Campaign, Estimate
 from testbed.studies.trial.report import NONE
-from testbed.studies.wen2022 import paper, plots_paper
+from testbed.studies.wen2022 import paper, plots
 from testbed.studies.wen2022.claims import CLAIMS, Examined
 from testbed.studies.wen2022.claims_one_robot import estimates_like
 from testbed.studies.wen2022.records import (
@@ -153,7 +153,7 @@ def tool_section(campaign: Campaign) -> Section | None:
         tool_table(study),
         Figure(
             "95 % regions of the tool point at the zero pose, projected on three planes.",
-            plots_paper.zero_pose_regions(study),
+            plots.zero_pose_regions(study),
         ),
     ]
     if study.source:
@@ -161,7 +161,7 @@ def tool_section(campaign: Campaign) -> Section | None:
             Figure(
                 "Standard uncertainty at the held-out poses: optimal against random, |P| against "
                 "three dimensions.",
-                plots_paper.held_out_uncertainty(study),
+                plots.held_out_uncertainty(study),
             )
         )
     return Section("tool", "Uncertainty of the tool point", tuple(blocks), part="detail")
@@ -178,7 +178,7 @@ def paper_section(campaign: Campaign, examined: Examined | None) -> Section | No
         blocks.append(
             Figure(
                 "Combined parameter uncertainties of the optimal set and of the random protocol.",
-                plots_paper.parameter_budget(budget),
+                plots.parameter_budget(budget),
             )
         )
     if not examined.robots:  # else they stand first in the report

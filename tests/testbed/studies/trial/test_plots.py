@@ -13,7 +13,7 @@ import pytest
 
 from testbed.report.svg import DARK, FAINT, LIGHT, MIDDLE
 from testbed.studies.trial import plots, plots_uncertainty
-from testbed.studies.wen2022 import plots_paper
+from testbed.studies.wen2022 import plots as plots_paper
 from testbed.studies.wen2022.records import paper_budget_of, tool_point_of
 from tests.reported import bare_campaign, paper_campaign, point_campaign, rigid_campaign
 
