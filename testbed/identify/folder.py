@@ -23,8 +23,7 @@ from testbed.robots.catalog import ROBOT_FILE, Robot, load_robot
 from testbed.robots.write.folder import identified_robot, write_robot_folder
 from testbed.store import layout, npz
 from testbed.store.manifest import CALIBRATION, manifest_bytes, read_manifest
-from testbed.store.npz import canonical
-from testbed.store.record import Failure, record_bytes
+from testbed.store.npz import Failure, canonical, record_bytes
 from testbed.store.run_folder import RunFolder, check_free, whole_folder
 from testbed.versions import all_versions, own_version
 
@@ -71,7 +70,6 @@ def play_calibration(
     with whole_folder(out, layout.MANIFEST, overwrite=overwrite) as folder:
         delivered = deliver(calibration, robot, folder, program=program)
         spec = input_hash(calibration, options or Options())
-        (folder / layout.TRIALS).mkdir()
         for key, record in zip(RECORDS, (calibration, delivered), strict=True):
             RunFolder(folder).write_record(key, record_bytes(key, record, spec))
         (folder / SPLIT_TABLE).write_bytes(split_csv(calibration).encode())

@@ -12,7 +12,7 @@ from testbed.progress import Clock, Progress
 from testbed.run.derive import Derive, Played
 from testbed.scenario.scenario import Scenario, record_hash
 from testbed.store import layout, npz
-from testbed.store.record import DONE, FAILED, Failure, record_bytes, record_from
+from testbed.store.npz import DONE, FAILED, Failure, record_bytes, record_from
 from testbed.store.run_folder import RunFolder
 from testbed.studies.protocol import Record, Study, Task
 from testbed.versions import all_versions, own_version
@@ -134,7 +134,7 @@ class Work:
             self._making.pop()
         if self.folder:
             self.folder.write_record(key, data)
-            self.folder.remove_parts(key, record.pieces)
+            self.folder.remove_pieces(key, record.pieces)
         self.event("record", key=key, status=status, seconds=round(seconds, 3))
         # read back: what follows sees the same bits, whether this was made now or kept
         return record_from(data, key, record.kind, spec)
@@ -171,12 +171,12 @@ class Work:
             return study.play(self.scenario, task, needed)
         name, stored = f"{record.key}.{piece}", None
         if self.folder:
-            stored = self.folder.read_part(name, record.kind, spec)
+            stored = self.folder.read_record(record.key, record.kind, spec, piece=piece)
         if stored is not None:
             return stored
         data = record_bytes(name, study.play(self.scenario, task, needed), spec)
         if self.folder:
-            self.folder.write_part(name, data)
+            self.folder.write_record(record.key, data, piece=piece)
         return record_from(data, name, record.kind, spec)
 
     def derive(self, names: Iterable[str]) -> Finished:

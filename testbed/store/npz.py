@@ -1,36 +1,25 @@
-"""Self-checking npz files: same content, same bytes; a flipped byte or a cut never passes."""
+"""Records in self-checking npz files: same content, same bytes; a flipped byte never passes."""
 
 import io
 import json
 import math
-import struct
 import zipfile
-import zlib
 from collections.abc import Mapping
+from dataclasses import dataclass
 from hashlib import sha256
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+from calib.errors import InputError
+from testbed.store.codec import pack, unpack
+from testbed.store.layout import FORMAT
+
+T = TypeVar("T")
 META = "meta"
 MOST_BYTES = 2**31
 """An archive that claims more than this is refused before it is read."""
-DAMAGE = (
-    zipfile.BadZipFile,
-    zlib.error,
-    struct.error,
-    ValueError,  # JSON, UTF-8 and npy headers among them
-    KeyError,
-    EOFError,
-    NotImplementedError,
-    RuntimeError,
-    OverflowError,
-    SyntaxError,  # numpy evaluates the npy header
-    MemoryError,  # a damaged shape can claim any size
-    TypeError,
-    OSError,
-)
-"""What reading a damaged archive may raise."""
+DONE, FAILED = "done", "failed"
 
 
 class DamagedError(Exception):
@@ -78,9 +67,48 @@ def from_bytes(data: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, A
         meta = strict_json(text)
         if meta.get("sha256") != digest(meta, arrays):
             raise DamagedError("the checksum does not hold")
-    except DAMAGE as error:
+    except Exception as error:  # zip, npy and JSON readers raise almost anything
         raise DamagedError(f"{type(error).__name__}: {error}") from error
     return meta, arrays
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A record that could not be computed, and why."""
+
+    reason: str
+
+
+def record_bytes(key: str, record: object, spec: str) -> bytes:
+    """The file of one record: its content, its key and the hash of what it depends on."""
+    head = {"format": FORMAT, "key": key, "spec_sha256": spec}
+    if isinstance(record, Failure):
+        return to_bytes({**head, "status": FAILED, "reason": record.reason, "values": {}}, {})
+    packed = pack(record)
+    arrays = {name: value for name, value in packed.items() if isinstance(value, np.ndarray)}
+    values = {name: value for name, value in packed.items() if name not in arrays}
+    return to_bytes({**head, "status": DONE, "reason": "", "values": values}, arrays)
+
+
+def record_from(data: bytes, key: str, cls: type[T], spec: str) -> T | Failure:
+    """The record in a file's content.
+
+    Raises
+    ------
+    DamagedError
+        Its checksum does not hold, or it is another record's, scenario's or format's.
+    """
+    meta, arrays = from_bytes(data)
+    wanted = {"format": FORMAT, "key": key, "spec_sha256": spec}
+    for name, value in wanted.items():
+        if meta.get(name) != value:
+            raise DamagedError(f"{name} is {meta.get(name)!r} instead of {value!r}")
+    if meta.get("status") == FAILED:
+        return Failure(str(meta.get("reason")))
+    try:
+        return unpack(cls, {**meta["values"], **arrays})
+    except (ValueError, TypeError, KeyError, InputError) as error:
+        raise DamagedError(str(error)) from error
 
 
 def strict_json(text: bytes | str) -> dict[str, Any]:

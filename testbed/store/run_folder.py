@@ -24,8 +24,7 @@ from testbed.disk import (
 )
 from testbed.store import layout
 from testbed.store.manifest import check_same_run, manifest_bytes, read_manifest
-from testbed.store.npz import DamagedError
-from testbed.store.record import Failure, record_from
+from testbed.store.npz import DamagedError, Failure, record_from
 
 T = TypeVar("T")
 UNFINISHED_NOTE = (
@@ -119,43 +118,34 @@ class RunFolder:
                     (self.path / name).unlink(missing_ok=True)
                 self.path.rmdir()
 
-    def _record_path(self, key: str) -> Path:
-        return self.path / layout.TRIALS / f"{key}.npz"
+    def _record_path(self, key: str, piece: int | None) -> Path:
+        """File of a record, or of one piece of a record that is not whole yet."""
+        if piece is None:
+            return self.path / layout.TRIALS / f"{key}.npz"
+        return self.path / layout.PARTS / f"{key}.{piece}.npz"
 
-    def write_record(self, key: str, data: bytes) -> None:
-        """Write the file of one record; whole or not at all."""
-        atomic_write(self._record_path(key), data)
+    def write_record(self, key: str, data: bytes, *, piece: int | None = None) -> None:
+        """Write the file of one record or of one piece; whole or not at all."""
+        path = self._record_path(key, piece)
+        path.parent.mkdir(exist_ok=True)
+        atomic_write(path, data)
 
-    def read_record(self, key: str, cls: type[T], spec: str) -> T | Failure | None:
-        """One record, or None if it is missing, damaged or belongs to another scenario."""
+    def read_record(
+        self, key: str, cls: type[T], spec: str, *, piece: int | None = None
+    ) -> T | Failure | None:
+        """A record or piece; None if it is missing, damaged or belongs to another scenario."""
+        path = self._record_path(key, piece)
         try:
-            return record_from(self._record_path(key).read_bytes(), key, cls, spec)
+            return record_from(path.read_bytes(), path.stem, cls, spec)
         except (OSError, DamagedError):
             return None
 
-    def write_part(self, name: str, data: bytes) -> None:
-        """Write one piece of a record that is not whole yet."""
-        (self.path / layout.PARTS).mkdir(exist_ok=True)
-        atomic_write(self._part_path(name), data)
-
-    def read_part(self, name: str, cls: type[T], spec: str) -> T | None:
-        """One piece, or None if it is missing, damaged or belongs to another scenario."""
-        try:
-            part = record_from(self._part_path(name).read_bytes(), name, cls, spec)
-        except (OSError, DamagedError):
-            return None
-        return None if isinstance(part, Failure) else part
-
-    def remove_parts(self, key: str, pieces: int) -> None:
+    def remove_pieces(self, key: str, pieces: int) -> None:
         """Remove the pieces of a record that is whole; the folder too when it is empty."""
         with suppress(OSError):
             for piece in range(pieces):
-                self._part_path(f"{key}.{piece}").unlink(missing_ok=True)
+                self._record_path(key, piece).unlink(missing_ok=True)
             (self.path / layout.PARTS).rmdir()
-
-    def _part_path(self, name: str) -> Path:
-        """File of one piece."""
-        return self.path / layout.PARTS / f"{name}.npz"
 
     def write(self, name: str, data: bytes) -> None:
         """Write another file; whole or not at all; its time stamp stays if nothing changed."""

@@ -102,7 +102,7 @@ def test_a_record_comes_back_bit_for_bit(tree):
 
 @given(TREES)
 def test_a_record_comes_back_from_its_file_bit_for_bit(tree):
-    from testbed.store.record import record_bytes, record_from
+    from testbed.store.npz import record_bytes, record_from
 
     data = record_bytes("k", tree, "spec")
     assert data == record_bytes("k", tree, "spec")

@@ -12,7 +12,7 @@ from calib.errors import InputError, MachineError
 from testbed.disk import acquire
 from testbed.store import layout, npz
 from testbed.store.manifest import manifest_bytes, read_manifest
-from testbed.store.record import Failure, record_bytes, record_from
+from testbed.store.npz import Failure, record_bytes, record_from
 from testbed.store.run_folder import RunFolder, check_free
 from tests.testbed.studies.trial.fake_campaign import FakeTrial
 
