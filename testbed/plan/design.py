@@ -26,7 +26,7 @@ from calib.information.criteria.base import Criterion
 from calib.information.criteria.named import criterion_named
 from calib.information.goals import Goals
 from calib.information.rank import rank
-from testbed.laboratory.tracker.station import point_u
+from testbed.laboratory.tracker.stations import point_u
 from testbed.plan.records import Curve, NextPose, Proof
 from testbed.scenario.tables import DEFAULT_POSES, PlanSettings
 from testbed.units import UM, counted, significant

@@ -9,8 +9,12 @@ from calib.information.goals import Goals, goal_matrix
 from testbed.laboratory.bench import PROBED_POSES, Bench, open_bench
 from testbed.laboratory.goal import Goal, goal_of
 from testbed.laboratory.joint_lists import read_joints
-from testbed.laboratory.tracker.station import point_u
-from testbed.laboratory.tracker.stations import StationComparison, compare_stations, station_grid
+from testbed.laboratory.tracker.stations import (
+    StationComparison,
+    compare_stations,
+    point_u,
+    station_grid,
+)
 from testbed.plan.design import (
     DesignTask,
     covariance_of,

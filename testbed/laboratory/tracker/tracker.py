@@ -7,30 +7,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index
-from calib.errors import refuse
 from calib.geometry.chain import Chain
 from calib.geometry.frames import exp_so3, inverse, slide
 from calib.geometry.model import RobotModel
 from calib.measurement.noise import spherical_covariance, with_joint_noise
 from calib.measurement.observations import POINT, POSE, Measurements
-from testbed.laboratory.tracker.bias import BiasSize, StationBias
-from testbed.laboratory.tracker.drift import NESTS, StationDrift
+from testbed.laboratory.tracker.errors import (
+    NESTS,
+    BiasSize,
+    GrossErrors,
+    StationBias,
+    StationDrift,
+    some_rows,
+)
 from testbed.scenario.laboratory import At960Tracker, PaperTracker
 from testbed.streams import stream
-
-
-@dataclass(frozen=True, slots=True)
-class GrossErrors:
-    """Wrong and failed observations of each visit."""
-
-    outliers: int = 0
-    """Grossly wrong ones; nothing in the data marks them."""
-    position_sd: float = 0.0
-    """Of an outlier, per axis [m]."""
-    rotation_sd: float = 0.0
-    """Of an outlier, per axis [rad]."""
-    missed: int = 0
-    """Failed ones; their rows are missing."""
 
 
 def streams_below(rng: np.random.Generator) -> list[np.random.Generator]:
@@ -47,19 +38,6 @@ def streams_below(rng: np.random.Generator) -> list[np.random.Generator]:
 
 
 _BELOW = 0x7472  # apart from the children that `spawn` counts from 0
-
-
-def some_rows(m: int, count: int, rng: np.random.Generator, key: str) -> Index:
-    """Rows (count,) of m, each one once."""
-    if count > m:
-        raise refuse(
-            f"tracker.{key}",
-            count,
-            code="M27",
-            message=f"[tracker] {key} is {count}; the visit has {m} shots",
-            fix=f"write {key} = {max(m - 1, 0)} or fewer",
-        )
-    return np.asarray(rng.permutation(m)[:count])
 
 
 PROBE_CENTER = (0.0, 0.0, 0.060)

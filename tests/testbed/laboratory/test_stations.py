@@ -12,8 +12,13 @@ from calib.geometry.parameters import parameters_of
 from calib.information.goals import Goals
 from calib.measurement.residual import whitened_blocks
 from testbed.laboratory.bench import Bench, open_bench
-from testbed.laboratory.tracker.station import goal_uncertainty, visible_from
-from testbed.laboratory.tracker.stations import StationComparison, compare_stations, station_grid
+from testbed.laboratory.tracker.stations import (
+    StationComparison,
+    compare_stations,
+    goal_uncertainty,
+    station_grid,
+    visible_from,
+)
 from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.robots.catalog import load_robot
 from testbed.scenario.laboratory import At960Tracker, BoxObstacle, CellSettings, PaperTracker

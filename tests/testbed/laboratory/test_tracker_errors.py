@@ -9,8 +9,7 @@ from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3, log_so3, rot_x, rot_z, slide, transform
 from calib.measurement.observations import Measurements
-from testbed.laboratory.tracker.bias import NAMES, StationBias
-from testbed.laboratory.tracker.drift import NESTS, StationDrift
+from testbed.laboratory.tracker.errors import NAMES, NESTS, StationBias, StationDrift
 from testbed.laboratory.tracker.tracker import Tracker, bias_size, streams_below, tracker_from
 from testbed.scenario.laboratory import At960Tracker
 from tests.reference import DEG, UM, pool_r, tx60
