@@ -1,7 +1,8 @@
 """What the studies of many robots share."""
 
 import json
-from collections.abc import Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import Field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, TypeVar, get_args
 
@@ -13,13 +14,13 @@ from calib.arrays import Array
 from testbed.scenario.checks import truth_faults
 from testbed.scenario.laboratory import TruthSettings
 from testbed.scenario.presets import resolved_truth, robot_of
+from testbed.scenario.scenario import Scenario, StudyTable
 from testbed.strict import Fault
 from testbed.studies.protocol import Records
 from testbed.units import Mean
 
 if TYPE_CHECKING:
-    from testbed.robots.catalog import Robot
-    from testbed.scenario.scenario import Scenario
+    from testbed.robots.robot import Robot
 
 
 T = TypeVar("T")
@@ -34,18 +35,43 @@ BLOCK = 25
 """Robots in a piece of work: a run that was interrupted goes on between pieces."""
 
 
-class ManyRobots(Protocol):
-    """The table of a study of many robots."""
+class ManyRobots(StudyTable):
+    """The table of a study of many robots of several kinds."""
 
-    table: ClassVar[str]
-
-    @property
-    def robots(self) -> int:
+    if TYPE_CHECKING:  # each study declares them, with its own defaults
+        robots: int
         """Robots of each kind; 0 skips the study."""
-
-    @property
-    def truths(self) -> tuple[TruthName, ...]:
+        truths: tuple[TruthName, ...]
         """Kinds of robots."""
+
+    def contradictions(self, scenario: Scenario) -> list[str]:
+        """Sentences, one per contradiction with itself or other tables."""
+        name, identification = self.table, scenario.identification
+        found = []
+        if len(set(self.truths)) < len(self.truths):
+            found.append(f"[{name}] truths names one twice; remove the copy")
+        if not self.robots:
+            return found
+        if self.robots == 1:
+            found.append(
+                f"[{name}] robots is 1; 0 skips it, and a spread needs at least 2; write robots = "
+                "0 or more than 1"
+            )
+        if scenario.tracker.measures == "point":
+            found.append(
+                f'[{name}] robots needs full poses; [tracker] measures is "point"; write robots = 0'
+            )
+        if identification.loss != "squared" or identification.prior is not None:
+            key = "loss" if identification.prior is None else "prior"
+            found.append(
+                f"[{name}] robots plays least squares and the weak prior; [identification] {key} "
+                f"says otherwise; remove {key}, or write robots = 0"
+            )
+        return [*found, *self.own_contradictions(scenario)]
+
+    @abstractmethod
+    def own_contradictions(self, scenario: Scenario) -> Iterable[str]:
+        """The same, beyond what all such tables ask for, where the study is on."""
 
 
 def keys_of(table: str) -> tuple[str, ...]:
@@ -79,37 +105,11 @@ def of_each_kind(records: Records, table: ManyRobots, kind: type[T]) -> tuple[T,
     return tuple(study for study in found if study is not None)
 
 
-def table_contradictions(table: ManyRobots, scenario: "Scenario") -> list[str]:
-    """Sentences, one per contradiction of such a table with itself, tracker or estimator."""
-    name, identification = table.table, scenario.identification
-    found = []
-    if len(set(table.truths)) < len(table.truths):
-        found.append(f"[{name}] truths names one twice; remove the copy")
-    if not table.robots:
-        return found
-    if table.robots == 1:
-        found.append(
-            f"[{name}] robots is 1; 0 skips it, and a spread needs at least 2; write robots = 0 "
-            "or more than 1"
-        )
-    if scenario.tracker.measures == "point":
-        found.append(
-            f'[{name}] robots needs full poses; [tracker] measures is "point"; write robots = 0'
-        )
-    if identification.loss != "squared" or identification.prior is not None:
-        key = "loss" if identification.prior is None else "prior"
-        found.append(
-            f"[{name}] robots plays least squares and the weak prior; [identification] {key} "
-            f"says otherwise; remove {key}, or write robots = 0"
-        )
-    return found
-
-
 SAGGING = ("wen2022", "soft", "unmodelled")
 """Kinds of robots whose joints sag by the closed form of an upright arm."""
 
 
-def truths_faults(scenario: "Scenario", robot: "Robot", settings: ManyRobots) -> list[Fault]:
+def truths_faults(scenario: Scenario, robot: "Robot", settings: ManyRobots) -> list[Fault]:
     """Faults of a table's list of truths that this robot cannot have; none if the study is off."""
     from calib.identification.joint_models import gravity_quarters
 
@@ -135,7 +135,7 @@ def truths_faults(scenario: "Scenario", robot: "Robot", settings: ManyRobots) ->
     return faults
 
 
-def truth_of_kind(scenario: "Scenario", truth: TruthName) -> TruthSettings:
+def truth_of_kind(scenario: Scenario, truth: TruthName) -> TruthSettings:
     """[truth] of one kind of robot: its preset, as a file that names only the preset has it."""
     at960 = scenario.tracker.preset == "at960"
     robot = robot_of({"robot": scenario.robot})

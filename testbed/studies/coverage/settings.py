@@ -1,23 +1,18 @@
 """[coverage]: many robots of several kinds, to see which stated uncertainty holds."""
 
+from collections.abc import Iterable
 from typing import Annotated, ClassVar
 
 from pydantic import Field
 
 from testbed.robots.robot import Robot
 from testbed.scenario.laboratory import At960Tracker
-from testbed.scenario.scenario import Scenario, StudyTable
+from testbed.scenario.scenario import Scenario
 from testbed.strict import Fault
-from testbed.studies.many_robots import (
-    TRUTHS,
-    TruthName,
-    keys_of,
-    table_contradictions,
-    truths_faults,
-)
+from testbed.studies.many_robots import TRUTHS, ManyRobots, TruthName, keys_of, truths_faults
 
 
-class CoverageSettings(StudyTable):
+class CoverageSettings(ManyRobots):
     """[coverage]: the first trial's pose set on many robots of each kind."""
 
     table: ClassVar[str] = "coverage"
@@ -32,11 +27,8 @@ class CoverageSettings(StudyTable):
     level: Annotated[float, Field(ge=0.5, le=0.999)] = 0.95
     """Content that every statement promises."""
 
-    def contradictions(self, scenario: Scenario) -> list[str]:
-        """Sentences, one per contradiction with itself, the tracker or the estimator."""
-        found = table_contradictions(self, scenario)
-        if not self.robots:
-            return found
+    def own_contradictions(self, scenario: Scenario) -> Iterable[str]:
+        """A radius that needs no model of the error asks for enough poses."""
         # reading a scenario without this study loads no uncertainty
         from calib.uncertainty.conformal import fewest_poses
         from calib.uncertainty.discrepancy import FEWEST
@@ -45,12 +37,11 @@ class CoverageSettings(StudyTable):
         missed = tracker.missed if isinstance(tracker, At960Tracker) else 0
         needed = max(FEWEST, fewest_poses(self.level)) + missed
         if self.validation_poses < needed:
-            found.append(
+            yield (
                 f"[coverage] validation_poses is {self.validation_poses}; a radius that needs no "
                 f"model of the error asks for at least {needed} at level = {self.level:g}; write "
                 f"validation_poses = {needed} or more"
             )
-        return found
 
     def faults(self, scenario: Scenario, robot: Robot) -> list[Fault]:
         """Faults of kinds of robots that this one cannot be."""
