@@ -35,24 +35,17 @@ CYCLING = "the k-th shot at a target belongs to the k-th pose"
 
 
 @dataclass(frozen=True, slots=True)
-class Header:
-    """Axes and units in the comments of an export."""
-
-    system: str = "CARTESIAN"
-    length: str = ""
-    angle: str = ""
-
-
-@dataclass(frozen=True, slots=True)
 class Lines:
-    """Fields of the lines that are no comments."""
+    """Fields of the lines that are no comments, axes and units from those that are."""
 
     where: str
     fields: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
     separator: str
-    header: Header
     encoding: str
+    system: str = "CARTESIAN"
+    length: str = ""
+    angle: str = ""
 
 
 def sa_lines(text: FileText) -> Lines:
@@ -63,32 +56,21 @@ def sa_lines(text: FileText) -> Lines:
         raise refusal(text.where, "file", "has no points")
     separator = "comma" if all("," in line for _, line in content) else "space"
     mark = "," if separator == "comma" else "\t" if "\t" in content[0][1] else None
-    return Lines(
-        where=text.where,
-        fields=tuple(tuple(f.strip() for f in line.split(mark)) for _, line in content),
-        lines=tuple(number for number, _ in content),
-        separator=separator,
-        header=_header(comments, text.where),
-        encoding=text.encoding,
-    )
-
-
-def _header(comments: Sequence[str], where: str) -> Header:
-    """Axes and units from the comments."""
+    fields = tuple(tuple(f.strip() for f in line.split(mark)) for _, line in content)
+    numbers = tuple(number for number, _ in content)
+    lines = Lines(text.where, fields, numbers, separator, text.encoding)
     found = AXES.search("\n".join(comments))
     if not found:
-        return Header()
+        return lines
     system = found.group(1).upper()
     if system not in SYSTEMS:
         message = f"AXES = {system[:20]} is no system of coordinates"
         known = f"known are {', '.join(SYSTEMS)}"
-        raise refusal(where, "AXES", message, allowed=known, fix="export again")
+        raise refusal(text.where, "AXES", message, allowed=known, fix="export again")
     units = [UNITS.get(word.lower(), word.lower()) for word in UNIT.findall(found.group(2))]
-    return Header(
-        system,
-        next((unit for unit in units if unit in LENGTHS), ""),
-        next((unit for unit in units if unit in ANGLES), ""),
-    )
+    length = next((unit for unit in units if unit in LENGTHS), "")
+    angle = next((unit for unit in units if unit in ANGLES), "")
+    return replace(lines, system=system, length=length, angle=angle)
 
 
 def unit_of(
@@ -173,7 +155,7 @@ def _read_points(
     lines: Lines, section: PointsTable, uncertainty: UncertaintyTable, *, drop: bool
 ) -> Readings:
     """Reflector positions: names, coordinates, and what was ticked."""
-    length = unit_of(lines, lines.header.length, section.length, "points.length", LENGTHS)
+    length = unit_of(lines, lines.length, section.length, "points.length", LENGTHS)
     k = name_fields(lines, section.names)
     room = min(len(fields) for fields in lines.fields) - k - 3
     _check_after(section.after, room, lines.where)
@@ -184,7 +166,7 @@ def _read_points(
     position = _cartesian(lines, numbers, length, section.angle)
     spread = spread_of("point", table, position, good, uncertainty)
     pose, target, rule = _poses(table, k, section)
-    system = lines.header.system.lower()
+    system = lines.system.lower()
     note = f"Spatial Analyzer points, {system}, {length}, {k} name fields; {rule}"
     whole = replace(
         plain_readings(table, "point", position, spread),
@@ -209,7 +191,7 @@ def _read_frames(
             allowed="euler, matrix, quaternion_scalar_first or quaternion_scalar_last",
             fix='write euler = "xyz", or rotation = "matrix", under [frames] in session.toml',
         )  # fmt: skip
-    length = unit_of(lines, lines.header.length, section.length, "frames.length", LENGTHS)
+    length = unit_of(lines, lines.length, section.length, "frames.length", LENGTHS)
     count = {"euler": 6, "matrix": 16}.get(form, 7)
     width = min(len(fields) for fields in lines.fields)
     full = form == "matrix" and width >= 20  # the position comes first, then the whole matrix
@@ -249,7 +231,7 @@ def _frames(lines: Lines, form: str, numbers: Array, section: FramesTable) -> tu
         return T[:, :3, 3], Stated(MATRIX, T[:, :3, :3].reshape(-1, 9), inverted)
     position, rest = numbers[:, :3], numbers[:, 3:]
     if form == "euler":
-        angle = unit_of(lines, lines.header.angle, section.angle, "frames.angle", ANGLES)
+        angle = unit_of(lines, lines.angle, section.angle, "frames.angle", ANGLES)
         sequence = sequence_of(section.euler, lines.where)
         return position, Stated(sequence, rest * ANGLES[angle], inverted)
     order = [0, 1, 2, 3] if form == "quaternion_scalar_first" else [3, 0, 1, 2]
@@ -276,10 +258,10 @@ def _table(lines: Lines, head: Sequence[str]) -> DataTable:
 
 def _cartesian(lines: Lines, numbers: Array, length: str, angle: str | None) -> Array:
     """Positions (m, 3) [m] of coordinates in the system of the export."""
-    unit, system = LENGTHS[length], lines.header.system
+    unit, system = LENGTHS[length], lines.system
     if system == "CARTESIAN":
         return numbers * unit
-    turn = ANGLES[unit_of(lines, lines.header.angle, angle, "points.angle", ANGLES)]
+    turn = ANGLES[unit_of(lines, lines.angle, angle, "points.angle", ANGLES)]
     r, theta, last = numbers.T
     if system == "CYLINDRICAL":
         flat = polar(r * unit, theta * turn, np.zeros(len(r)))

@@ -99,8 +99,8 @@ def calibrate(
     names, places = row_names(session, measurements), np.flatnonzero(split.is_train)
     train = measurements.rows(places)
     plain = identify(frames.start, train, frames.parameters)
-    outliers = training_outliers(
-        frames.start, train, frames.parameters, plain, [names[row] for row in places]
+    outliers, misfits, doubts = training_outliers(
+        frames, train, plain, [names[row] for row in places]
     )
     left_out = np.zeros(len(measurements), dtype=bool)
     if options.loss == AUTO:
@@ -108,7 +108,7 @@ def calibrate(
     used = split.is_train & ~left_out
     train, test = measurements.rows(used), measurements.rows(split.is_test)
     report(STEPS[2], 2, len(STEPS))
-    fits = fit(
+    pairs, choice = fit(
         frames.start,
         train,
         frames.parameters,
@@ -127,9 +127,9 @@ def calibrate(
             used,
             split.is_test,
         )
-        for name, identification in fits.identifications
+        for name, identification in pairs
     )
-    chosen = next(each for each in models if each.model == fits.choice.chosen)
+    chosen = next(each for each in models if each.model == choice.chosen)
     report(STEPS[3], 3, len(STEPS))
     before = row_errors(frames.before, measurements)
     return Calibration(
@@ -146,16 +146,16 @@ def calibrate(
         gross=OutlierRows(
             noise_factor=outliers.noise_factor,
             left_out=frozen(left_out, np.bool_),
-            sentences=outliers.sentences,
+            sentences=misfits,
             held_out_sentences=held_out_outliers(chosen.misses, split.is_test, names),
         ),
         before_misses=before,
         before_train=figures_of(before, measurements, used),
         before_test=held_out_figures(before, measurements, split.is_test),
         fits=models,
-        choice=fits.choice,
+        choice=choice,
         proof=proof_of(chosen.identification, train, test, seed=options.seed),
-        warnings=(*outliers.warnings, *warnings_of(models[0], chosen, train)),
+        warnings=(*doubts, *warnings_of(models[0], chosen, train)),
     )
 
 

@@ -1,7 +1,5 @@
 """The fits of a calibration with their errors, by row and in figures; which is handed out."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from calib.arrays import Array, Bool, frozen
@@ -26,6 +24,8 @@ from testbed.streams import stream
 from testbed.units import MM
 
 MODELS = ("geometric", "extended", "choose")
+Pair = tuple[ModelName, Identification]
+"""A model and what was identified of it."""
 FOLDS = 4
 """Parts of the training poses that are left out in turn to confirm a choice."""
 FEWEST_TO_CONFIRM = 5
@@ -34,14 +34,6 @@ MANY = 400
 """Of more training poses this many are asked for the evidence, and one part confirms."""
 WIDE = 10.0
 """How many times wider than usual frames may lie from their start while models compete."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Fits:
-    """What was identified."""
-
-    identifications: tuple[tuple[ModelName, Identification], ...]
-    choice: Choice
 
 
 def fit(
@@ -54,7 +46,7 @@ def fit(
     seed: int,
     plain: Identification | None = None,
     mounted: Chain | None = None,
-) -> Fits:
+) -> tuple[tuple[Pair, ...], Choice]:
     """Identify as asked; with "choose" both models, and one of them chosen within the training.
 
     The geometric fit knows no prior: what the data cannot tell apart is left nominal. The extended
@@ -71,19 +63,16 @@ def fit(
     elif len(wide.names) == len(start.names):
         only = "geometric: no joint of this robot has terms to add"
     if only:
-        return Fits((("geometric", geometric),), _unasked("geometric", model, only))
+        return (("geometric", geometric),), _unasked("geometric", model, only)
     extended = identify_extended(start, train, parameters, loss=loss, mounted=mounted)
-    both: tuple[tuple[ModelName, Identification], ...] = (
-        ("geometric", geometric),
-        ("extended", extended),
-    )
+    both: tuple[Pair, ...] = (("geometric", geometric), ("extended", extended))
     if model == "extended":
-        return Fits(both, _unasked("extended", model, "extended, as asked for"))
+        return both, _unasked("extended", model, "extended, as asked for")
     factor = noise_factor(extended.model, train)
     choice = choose_within(
         start, train, parameters, factor=factor, loss=loss, seed=seed, mounted=mounted
     )
-    return Fits(both, choice)
+    return both, choice
 
 
 def _unasked(chosen: ModelName, asked: str, sentence: str) -> Choice:

@@ -1,19 +1,19 @@
 """What a calibration warns of: rows that do not fit the others, joints and poses hardly moved."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from calib.arrays import Bool, Index
+from calib.arrays import Bool
 from calib.geometry.model import RobotModel
-from calib.geometry.parameters import Parameters
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
-from calib.identification.outlier_search import search_outliers
+from calib.identification.outlier_search import OutlierSearch, search_outliers
 from calib.identification.result import ILL_CONDITIONED
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import Prediction, predict
 from calib.uncertainty.judgement import Judgement, judge
+from testbed.identify.frames import StartFrames
 from testbed.identify.records import FittedModel, RowErrors
 from testbed.streams import stream
 from testbed.units import DEG, MM, in_units, significant, unit_of
@@ -32,52 +32,39 @@ MOST_ROWS = 300
 """Larger tables are not replicated: their linear intervals are tight enough to be linear."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TrainingOutliers:
-    """What was found among training rows."""
-
-    noise_factor: float
-    """Typical residual in units of the stated noise."""
-    rows: Index
-    """Places in the training table, worst first."""
-    sentences: tuple[str, ...]
-    warnings: tuple[str, ...]
-    """Why none is left out although many do not fit."""
-
-
 def training_outliers(
-    start: RobotModel,
-    train: Measurements,
-    parameters: Parameters,
-    plain: Identification,
-    name: list[str],
-) -> TrainingOutliers:
+    frames: StartFrames, train: Measurements, plain: Identification, name: list[str]
+) -> tuple[OutlierSearch, tuple[str, ...], tuple[str, ...]]:
     """Training rows that do not fit, judged by a fit that they cannot pull.
 
     Parameters
     ----------
-    start : RobotModel
-        Where fits begin.
+    frames : StartFrames
+        Where fits begin, and what is free.
     train : Measurements
         The training rows.
-    parameters : Parameters
-        Of `start`.
     plain : Identification
         Least squares over all of them.
     name : list of str
         (m,) how each row is called.
+
+    Returns
+    -------
+    tuple
+        What was found, a sentence on each row, and why none is left out although many do not fit.
     """
     search = search_outliers(
-        start, plain, train, parameters, chance=CHANCE, most=MOST, noise_is_known=False
-    )
+        frames.start, plain, train, frames.parameters, chance=CHANCE, most=MOST,
+        noise_is_known=False,
+    )  # fmt: skip
     if search.too_many:
         many = (
             f"{len(search.suspects)} of {len(train)} training rows do not fit: that many are no "
             "gross errors, so none is left out; the model or the stated noise is wrong"
         )
-        return TrainingOutliers(search.noise_factor, search.rows, (), (many,))
+        return search, (), (many,)
     if not len(search.rows):
-        return TrainingOutliers(search.noise_factor, search.rows, (), ())
+        return search, (), ()
     model = search.identification.model
     seen = predict(model, train)
     typical = float(np.median(seen.misses))
@@ -86,7 +73,7 @@ def training_outliers(
         f"{significant(typical * MM, 2)} mm is typical{_elsewhere(model, train, seen, row, name)}"
         for row in map(int, search.rows)
     )
-    return TrainingOutliers(search.noise_factor, search.rows, sentences, ())
+    return search, sentences, ()
 
 
 def held_out_outliers(errors: RowErrors, is_test: Bool, name: list[str]) -> tuple[str, ...]:

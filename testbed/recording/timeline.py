@@ -4,6 +4,7 @@ One timeline, `step`, runs through all phases. The robot glides from pose to pos
 something is known about it; the glide is for the eye, not planned.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,6 +104,23 @@ def glide(stops: Array, steps: int) -> Array:
     part = eased(np.clip((phase - index) * frames / max(frames - 2, 1e-9), 0, 1))
     before = stops[np.maximum(index - 1, 0)]
     return np.asarray(before + part[:, None] * (stops[index] - before))
+
+
+def along(start: Array, stops: Array, vias: Sequence[Array], frames: int) -> Array:
+    """Joint values (s, n) from stop to stop (k, n), `frames` each, through postures on the way."""
+    before, rows, moving = start, [], max(frames - 2, 1)
+    for q, between in zip(stops, vias, strict=True):
+        corners = np.vstack([before, *between, q])
+        legs = np.abs(np.diff(corners, axis=0)).max(axis=1)
+        way = np.concatenate([[0.0], np.cumsum(legs)])
+        part = eased(np.arange(1, moving + 1) / moving) * way[-1]
+        leg = np.clip(np.searchsorted(way, part, side="left") - 1, 0, len(legs) - 1)
+        share = (part - way[leg]) / np.maximum(legs[leg], 1e-12)
+        points = corners[leg] + share[:, None] * (corners[leg + 1] - corners[leg])
+        points[-1] = q
+        rows.append(np.vstack([points, np.repeat(q[None], frames - moving, axis=0)]))
+        before = q
+    return np.vstack(rows)
 
 
 def eased(part: Array) -> Array:

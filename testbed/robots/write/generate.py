@@ -25,7 +25,7 @@ from testbed.robots.catalog import (
     robot_names,
 )
 from testbed.robots.file import Drawn, RobotFile, TrackerFile
-from testbed.robots.meshes.drawings import ROBOT_DRAWINGS
+from testbed.robots.meshes.drawings import ARMS, drawing
 from testbed.robots.meshes.drawings.instruments import tracker
 from testbed.robots.meshes.solids import Solid, moved, write_obj
 from testbed.robots.placements import link_poses
@@ -58,16 +58,16 @@ def generate_robot(path: Path, out: Path) -> None:
         shutil.copyfile(path, out / ROBOT_FILE)
     data = read_toml(path, RobotFile)
     if data.drawing:
-        if data.drawing not in ROBOT_DRAWINGS:
-            message, fix = f'drawing = "{data.drawing}"', choice_of(data.drawing, ROBOT_DRAWINGS)
+        if data.drawing not in ARMS:
+            message, fix = f'drawing = "{data.drawing}"', choice_of(data.drawing, ARMS)
             raise refuse(
                 "drawing", data.drawing, code="S37", message=message, fix=fix, where=str(path)
             )
         chain = robot_chain(data)
         at_zero = replace(chain, T_world_base=np.eye(4))
         frames = link_poses(at_zero, np.zeros((1, chain.n_joints)))[0]
-        solids = ROBOT_DRAWINGS[data.drawing]()
-        write_parts(path, data, solids, [inverse(T) for T in frames], out)
+        into = [inverse(T) for T in frames]
+        write_parts(path, data, drawing(data.drawing), into, out)
     robot = load_robot(out)
     write_urdf(robot, out / f"{robot.name}.urdf")
     write_mjcf(robot, out / f"{robot.name}.xml")
