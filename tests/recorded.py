@@ -7,7 +7,7 @@ import numpy as np
 
 from testbed.recording.story import timeline_of
 from testbed.robots.catalog import load_robot
-from testbed.run.recording import chapters_of, write_recording
+from testbed.run.derive import chapters_of, write_recording
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from testbed.studies.trial.recording_cell import show

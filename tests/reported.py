@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 import numpy as np
 
 from testbed.report.page import render
-from testbed.run.report import page_of
+from testbed.run.derive import page_of
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from tests import campaign

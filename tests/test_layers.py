@@ -344,10 +344,10 @@ def loaded_by(statement):
     [
         "import calib",
         "import testbed",
-        "import testbed.scenario.read, testbed.run.play, testbed.run.archive",
-        "import testbed.studies, testbed.studies.trial.study, testbed.run.results",
+        "import testbed.scenario.read, testbed.run.play",
+        "import testbed.studies, testbed.studies.trial.study, testbed.run.derive",
         "import testbed.robots.catalog; testbed.robots.catalog.load_robot('staubli_tx60')",
-        "import testbed.run.report, testbed.run.recording, testbed.cli.viewer",
+        "import testbed.run.derive, testbed.run.derive, testbed.cli.viewer",
         "import calib.uncertainty.bootstrap",
     ],
 )

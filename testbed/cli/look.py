@@ -64,7 +64,7 @@ def compare(
     with exit_codes(debug=debug, as_json=as_json):
         from testbed.cli.terminal import HEAD, headline_rows
         from testbed.report.text import table
-        from testbed.run.archive import equal_runs, read_result
+        from testbed.run.play import equal_runs, read_result
 
         results = [read_result(path) for path in runs]
         equal = equal_runs(runs)
@@ -119,7 +119,7 @@ def derive_again(folder: Path, names: tuple[str, ...]) -> None:
 
         rederive_calibration(folder, names)
         return
-    from testbed.run.archive import rederive
+    from testbed.run.play import rederive
 
     rederive(folder, names)
 
@@ -139,7 +139,7 @@ def view(
     """Open the recording of a run, or make a picture or a page of it."""
     with exit_codes(debug=debug):
         from testbed.cli import viewer
-        from testbed.run.archive import recording_of
+        from testbed.run.play import recording_of
 
         file = recording_of(folder)
         check_view(picture, html, step)

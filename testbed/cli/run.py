@@ -47,8 +47,7 @@ def run(
             words += ["--export", str(export)]
         end.resume = [*words, "--resume"]
         from testbed.cli.terminal import headline, progress
-        from testbed.run.archive import read_result
-        from testbed.run.play import play_run, robot_of
+        from testbed.run.play import play_run, read_result, robot_of
 
         with progress(quiet=quiet or as_json) as report:
             outcome = play_run(

@@ -1,18 +1,31 @@
-"""The files that follow from the records of a campaign: result, arrays, report, recording."""
+"""The files that follow from the records of a campaign: result, arrays, report, recording.
 
-from collections.abc import Callable
+Each is a loop over the studies that made the records; the last study of them with an answer to the
+question of the scene has the first screen.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any
 
+from testbed.report.page import PARTS, SIMULATED, Page, record_section, render
+from testbed.scenario.read import dump_scenario
 from testbed.scenario.scenario import Scenario
 from testbed.store import npz
 from testbed.store.layout import ARRAYS, FORMAT, REPORT, RESULT
-from testbed.studies.protocol import Records, Study
+from testbed.store.quantities import as_arrays, as_json
+from testbed.studies import all_studies
+from testbed.studies.protocol import Answer, Records, Study
+from testbed.units import sentence, typeset
 from testbed.versions import all_versions
 
 if TYPE_CHECKING:
+    import numpy as np
+
+    from testbed.recording.story import Chapter
     from testbed.robots.robot import Robot
+    from testbed.studies.trial.records import Campaign
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,20 +46,168 @@ file; None if it was written to the path instead."""
 
 def derived_file(name: str, played: Played, path: Path) -> bytes | None:
     """Content of a derived file; the recording is written to `path`."""
-    from testbed.run import results
     from testbed.studies.trial.records import campaign_of
 
     campaign = campaign_of(played.scenario, played.records)
     if name == RESULT:
-        return npz.pretty_json(results.headline(campaign, played.studies))
+        return npz.pretty_json(headline(campaign, played.studies))
     if name == ARRAYS:
-        return npz.to_bytes({"format": FORMAT}, results.arrays(campaign, played.studies))
+        return npz.to_bytes({"format": FORMAT}, arrays(campaign, played.studies))
     if name == REPORT:
-        from testbed.run.report import report_html
-
-        html = report_html(campaign, versions=all_versions(), studies=played.studies)
-        return html.encode()
-    from testbed.run.recording import write_recording
-
+        return render(page_of(campaign, all_versions(), played.studies)).encode()
     write_recording(campaign, played.robot, path, played.studies)
     return None
+
+
+def headline_answer(
+    campaign: "Campaign", studies: Sequence[Study] | None = None
+) -> tuple[Study, Answer]:
+    """The study that answers the question of the scene, the last one that can, and its answer."""
+    for study in reversed(_studies(campaign, studies)):
+        answer = study.answer(campaign.scenario, campaign.records)
+        if answer is not None:
+            return study, answer
+    raise LookupError("the study of trials always has an answer")
+
+
+def headline(campaign: "Campaign", studies: Sequence[Study] | None = None) -> dict[str, Any]:
+    """Every headline number of a campaign as plain JSON values."""
+    scenario, records = campaign.scenario, campaign.records
+    _, answer = headline_answer(campaign, studies)
+    verdict = answer.verdict
+    return {
+        "format": FORMAT,
+        "notice": SIMULATED,
+        "scenario": scenario.name,
+        "seed": scenario.seed,
+        "robot": _robot_name(scenario.robot),
+        "verdict": {
+            "believable": verdict.believable,
+            "contradicted": verdict.contradicted,
+            "sentence": verdict.sentence,
+            "reasons": list(verdict.reasons),
+        },
+        **as_json(
+            one for study in _studies(campaign, studies) for one in study.results(scenario, records)
+        ),
+    }
+
+
+def arrays(
+    campaign: "Campaign", studies: Sequence[Study] | None = None
+) -> dict[str, "np.ndarray[Any, Any]"]:
+    """The main arrays of a campaign, names with units."""
+    return as_arrays(
+        one
+        for study in _studies(campaign, studies)
+        for one in study.arrays(campaign.scenario, campaign.records)
+    )
+
+
+def page_of(
+    campaign: "Campaign", versions: Mapping[str, str], studies: Sequence[Study] | None = None
+) -> Page:
+    """The page of a campaign: the answer to its question first; sections without data are left out.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Played once.
+    versions : mapping of str to str
+        Program and packages, as the run folder's manifest has them.
+    studies : sequence of Study, optional
+        Those that made the records; by default the registered ones.
+    """
+    scenario = campaign.scenario
+    asked, answer = headline_answer(campaign, studies)
+    verdict = answer.verdict
+    sections = [
+        section
+        for study in reversed(_studies(campaign, studies))
+        for section in study.sections(scenario, campaign.records, first=study is asked)
+    ]
+    record = record_section(
+        f"Seed {scenario.seed}. Every number of this report comes from the scenario below; "
+        "playing it again with the same versions on the same kind of processor gives the same "
+        "bytes.",
+        versions,
+        dump_scenario(scenario),
+    )
+    return Page(
+        banner=SIMULATED,
+        title=scenario.title or scenario.name,
+        subtitle=f"Scenario {scenario.name}, seed {scenario.seed}, robot {scenario.robot}",
+        believable=verdict.believable,
+        mark=verdict.mark,
+        verdict=typeset(verdict.sentence),
+        reasons=tuple(typeset(sentence(reason)) for reason in verdict.reasons),
+        headline=answer.table,
+        next_step=answer.next_step,
+        # sections of one part keep the order of their studies
+        sections=(*sorted(sections, key=lambda section: PARTS.index(section.part)), record),
+    )
+
+
+def write_recording(
+    campaign: "Campaign", robot: "Robot", path: str | Path, studies: Sequence[Study] | None = None
+) -> None:
+    """Write the first trial of a campaign, with its default estimator, as a Rerun recording.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Finished; nothing is computed again but poses of known models.
+    robot : Robot
+        Whose parts are drawn.
+    path : path
+        File to write, replaced if it is there.
+    studies : sequence of Study, optional
+        Those that made the records; by default the registered ones.
+
+    Raises
+    ------
+    MachineError
+        If the file cannot be written.
+    """
+    from testbed.recording.story import Story
+    from testbed.recording.write import write_story
+    from testbed.studies.trial import recording as trial
+    from testbed.studies.trial.recording_cell import show
+
+    scenario, setting = campaign.scenario, campaign.setting
+    shown = show(setting, campaign.trials[0])
+    _, answer = headline_answer(campaign, studies)
+    story = Story(
+        identity=f"{scenario.name}-{scenario.seed}",
+        name=f"{scenario.name}, seed {scenario.seed}",
+        summary=trial.summary(scenario, campaign.trials, answer.verdict.sentence),
+        robot=robot,
+        chain=setting.nominal.chain,
+        reach=setting.pool_nominal[:, :3, 3],
+        station=setting.T_world_tracker[:3, 3],
+        draw=lambda pen: trial.draw_scene(shown, scenario, robot, pen),
+        chapters=chapters_of(campaign, studies),
+    )
+    write_story(story, path)
+
+
+def chapters_of(
+    campaign: "Campaign", studies: Sequence[Study] | None = None
+) -> tuple["Chapter", ...]:
+    """What every study shows, in its turn."""
+    return tuple(
+        chapter
+        for study in _studies(campaign, studies)
+        for chapter in study.recording(campaign.scenario, campaign.records)
+    )
+
+
+def _studies(campaign: "Campaign", studies: Sequence[Study] | None) -> Sequence[Study]:
+    """Those that made the records; by default the registered ones."""
+    return all_studies(campaign.scenario) if studies is None else studies
+
+
+def _robot_name(robot: str) -> str:
+    """Name of a shipped robot, or of one's own without the path of this machine."""
+    path = PurePath(robot)
+    return path.parent.name if path.suffix == ".toml" else path.name

@@ -1,7 +1,6 @@
 """A campaign's virtual measurements as files that are read like real ones, bit for bit."""
 
 import json
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from testbed.laboratory.truth.laboratory import (
 )
 from testbed.robots.robot import Robot
 from testbed.store.run_folder import whole_folder
+from testbed.studies.trial.play import visits_of
 from testbed.studies.trial.records import Campaign, Trial
 
 
@@ -72,10 +72,7 @@ def exported_rows(bench: Laboratory, trial: Trial) -> tuple[Measurements, Bool, 
     scenario, setting = bench.scenario, bench.setting
     chosen, name = trial.selection.indices, trial.name
     span = len(chosen) * bench.tracker.pose_time
-    count = scenario.uncertainty.repeats
-    visits = [
-        bench.measure_pool(chosen, "visit", name, repeat=k, start=k * span) for k in range(count)
-    ]
+    visits = visits_of(bench, name, chosen)
     if not np.array_equal(visits[0].position, trial.measurements.position):
         raise RuntimeError(f"the visits of {name} could not be made again from their streams")
     ids = len(setting.pool_q) + np.arange(len(setting.test_q))
@@ -109,17 +106,13 @@ def session_csv(robot: Robot, table: Measurements, is_test: Bool, time: Array) -
     last = table.rotation.reshape(-1, 9) if is_pose else table.offset
     numbers = np.column_stack([time, table.q, table.position, last, table.covariance[:, j, i]])
     rows = [
-        f"{pose},{repeat},{'test' if test else 'identify'},{station + 1},{','.join(_digits(row))}"
+        f"{pose},{repeat},{'test' if test else 'identify'},{station + 1},"
+        + ",".join(f"{value:.17g}" for value in row)
         for pose, repeat, test, station, row in zip(
             table.pose_id, table.repeat, is_test, table.station, numbers, strict=True
         )
     ]
     return "\n".join([",".join(head), *rows, ""])
-
-
-def _digits(row: Sequence[float]) -> Iterator[str]:
-    """Numbers with all their digits."""
-    return (f"{value:.17g}" for value in row)
 
 
 def _times(visit: Measurements, poses: Index, start: float, bench: Laboratory) -> Array:

@@ -1,20 +1,27 @@
-"""Plays a scenario into a run folder: checks first, then records, then what derives from them."""
+"""Plays a scenario into a run folder, and opens a run folder that earlier runs left.
+
+Checks come first, then records, then what derives from them; a record of an earlier run is read,
+never computed.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from calib.errors import InputError
-from testbed.progress import Progress as Progress
+from testbed.progress import Progress
 from testbed.run.derive import Derive, derived_file
 from testbed.run.work import Work
 from testbed.scenario.checks import check_robot
 from testbed.scenario.read import dump_scenario
 from testbed.scenario.scenario import Scenario, scenario_hash
 from testbed.store import layout
+from testbed.store.manifest import read_manifest, require_campaign
+from testbed.store.npz import strict_json
 from testbed.store.run_folder import RunFolder
-from testbed.studies import all_studies
+from testbed.studies import all_studies, load_scenario
 from testbed.studies.protocol import Records, Study
 
 if TYPE_CHECKING:
@@ -46,7 +53,7 @@ class RunOutcome:
         return campaign_of(self.scenario, self.records)
 
 
-def play(
+def play_run(
     scenario: Scenario,
     out: str | Path | None = None,
     *,
@@ -54,8 +61,11 @@ def play(
     overwrite: bool = False,
     progress: Progress | None = None,
     order: Iterable[str] | None = None,
-) -> "Campaign":
-    """Play a scenario and return the campaign.
+    where: str = "scenario",
+    studies: Sequence[Study] | None = None,
+    derive: Derive | None = None,
+) -> RunOutcome:
+    """Play a scenario, with failures and kept records.
 
     Parameters
     ----------
@@ -71,6 +81,10 @@ def play(
         Called with what begins, steps done, steps in all.
     order : iterable of str, optional
         Keys in the order in which records are made; the numbers do not depend on it.
+    where : str
+        What messages call the scenario.
+    studies, derive : optional
+        Stand in for the registered studies and for the usual derived files.
 
     Raises
     ------
@@ -78,27 +92,6 @@ def play(
         The scenario or `out` cannot be used; nothing is left behind.
     MachineError
         The disk is full or the folder is in use; what is finished is kept.
-    """
-    return play_run(
-        scenario, out, resume=resume, overwrite=overwrite, progress=progress, order=order
-    ).campaign
-
-
-def play_run(
-    scenario: Scenario,
-    out: str | Path | None = None,
-    *,
-    resume: bool = False,
-    overwrite: bool = False,
-    progress: Progress | None = None,
-    order: Iterable[str] | None = None,
-    where: str = "scenario",
-    studies: Sequence[Study] | None = None,
-    derive: Derive | None = None,
-) -> RunOutcome:
-    """`play` with failures and kept records; `where` names the scenario in messages.
-
-    `studies` and `derive` stand in for the registered studies and for the usual derived files.
     """
     robot = robot_of(scenario, where)
     played = all_studies(scenario) if studies is None else studies
@@ -149,3 +142,106 @@ def robot_of(scenario: Scenario, where: str) -> "Robot":
         raise error.located(where) from error
     check_robot(scenario, robot, where=where)
     return robot
+
+
+def load_run(path: str | Path, *, studies: Sequence[Study] | None = None) -> "Campaign":
+    """The campaign in a run folder; nothing is computed.
+
+    Raises
+    ------
+    InputError
+        It is not a run folder, its scenario was changed, or a record is missing or damaged.
+    """
+    from testbed.studies.trial.records import campaign_of
+
+    work = _open(Path(path), studies)
+    return campaign_of(work.scenario, work.make())
+
+
+def rederive(
+    path: str | Path,
+    names: Iterable[str] = layout.DERIVED,
+    *,
+    studies: Sequence[Study] | None = None,
+    derive: Derive | None = None,
+) -> Path:
+    """Write derived files of a run again from its records; the run folder's path."""
+    folder = Path(path)
+    work = _open(folder, studies, derive)
+    with RunFolder.reopen(folder) as work.folder:
+        work.derive(names)
+    return folder
+
+
+def read_result(path: str | Path) -> dict[str, Any]:
+    """result.json of a run folder."""
+    file = Path(path) / layout.RESULT
+    require_campaign(Path(path), read_manifest(Path(path)))
+    try:
+        document = strict_json(file.read_bytes())
+        wanted = ("notice", "scenario", "seed", "trials", "verdict")
+        if missing := [key for key in wanted if key not in document]:
+            raise ValueError(f"it has no {', '.join(missing)}")
+        return document
+    except OSError as error:
+        raise InputError(
+            f"has no {layout.RESULT}: the run is not finished",
+            code="D42",
+            where=str(path),
+            fix="give the `truebed run` command again with --resume",
+        ) from error
+    except ValueError as error:
+        raise InputError(
+            f"is damaged: {error}",
+            code="D42",
+            where=str(file),
+            fix=f"write it again by `truebed report {path}`",
+        ) from error
+
+
+def equal_runs(paths: Sequence[Path]) -> list[list[Path]]:
+    """Groups of runs whose result.json and arrays.npz are equal byte for byte."""
+    groups: dict[bytes, list[Path]] = {}
+    for path in paths:
+        total = sha256()
+        for name in (layout.RESULT, layout.ARRAYS):
+            file = path / name
+            total.update(sha256(file.read_bytes() if file.is_file() else b"").digest())
+        groups.setdefault(total.digest(), []).append(path)
+    return [group for group in groups.values() if len(group) > 1]
+
+
+def recording_of(path: str | Path) -> Path:
+    """The recording of a run folder, or the recording itself if a .rrd is given."""
+    given = Path(path)
+    if given.suffix == ".rrd" and given.is_file():
+        return given
+    read_manifest(given)
+    file = given / layout.RECORDING
+    if not file.is_file():
+        raise InputError(
+            f"has no {layout.RECORDING}",
+            code="D42",
+            where=str(path),
+            fix=f"write it by `truebed record {path}`",
+        )
+    return file
+
+
+def _open(path: Path, studies: Sequence[Study] | None, derive: Derive | None = None) -> Work:
+    """The records of a run folder, none of which will be computed."""
+    manifest = read_manifest(path)
+    require_campaign(path, manifest)
+    file = path / layout.SCENARIO
+    scenario, where = load_scenario(file), str(file)
+    robot = robot_of(scenario, where)
+    if scenario_hash(scenario, robot) != manifest["scenario_sha256"]:
+        raise InputError(
+            "was changed since the run, or the robot's files were",
+            code="D42",
+            where=where,
+            fix="undo the change, or run it again with another --out",
+        )
+    played = all_studies(scenario) if studies is None else studies
+    folder = RunFolder(path)
+    return Work(scenario, robot, played, derive or derived_file, folder=folder, only_stored=True)

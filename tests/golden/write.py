@@ -44,8 +44,8 @@ def headline_of(scene: str, poses: int | None = None) -> dict[str, Any]:
 
     With `poses`, only its trials with that number of poses are played.
     """
-    from testbed.run.play import play
-    from testbed.run.results import headline
+    from testbed.run.derive import headline
+    from testbed.run.play import play_run
     from testbed.scenario.read import changed
     from testbed.studies import load_scenario
 
@@ -56,7 +56,7 @@ def headline_of(scene: str, poses: int | None = None) -> dict[str, Any]:
         trials = [trial for trial in scenario.document()["trial"] if trial["poses"] == poses]
         scenario = changed(scenario, {"trial": trials})
     scenario = changed(scenario, FEWER.get(scene, {}))
-    return json.loads(json.dumps(headline(play(scenario)), allow_nan=False))
+    return json.loads(json.dumps(headline(play_run(scenario).campaign), allow_nan=False))
 
 
 if __name__ == "__main__":

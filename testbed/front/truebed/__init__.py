@@ -39,9 +39,9 @@ def run(scenario: "str | Path | Scenario", out: str | Path | None = None) -> "Ca
     out : path, optional
         Run folder to write; without it nothing is written.
     """
-    from testbed.run.play import play
+    from testbed.run.play import play_run
 
-    return play(_scenario(scenario), out)
+    return play_run(_scenario(scenario), out).campaign
 
 
 def plan(scenario: "str | Path | Scenario", out: str | Path | None = None) -> "Plan":
@@ -90,7 +90,7 @@ def identify(
 def load(folder: str | Path) -> "Campaign | Calibration | dict[str, Any]":
     """What `run` or `identify` wrote into a folder; of a plan the numbers, as in plan.json."""
     from testbed.identify.folder import load_calibration
-    from testbed.run.archive import load_run
+    from testbed.run.play import load_run
     from testbed.store.layout import PLAN
     from testbed.store.manifest import CALIBRATION, kind_of, read_manifest
     from testbed.store.npz import strict_json

@@ -37,7 +37,6 @@ from testbed.studies.many_robots import TruthName, alone, together, truth_of_kin
 from testbed.studies.trial.compare import true_step
 from testbed.studies.trial.records import Trial
 from testbed.studies.trial.statement.sources import (
-    full_covariance,
     systematic_covariance,
     systematic_reach,
     unmodelled_effects,
@@ -175,7 +174,7 @@ def judge_model(found: Identification, measured: MeasuredRobot, level: float) ->
     Names as in `CoverageStudy`.
     """
     shared = systematic_covariance(measured.laboratory, found, measured.seen)
-    covariance = full_covariance(found, found.covariance + shared)
+    covariance = replace(found, covariance=found.covariance + shared).full_covariance
     bare = tool_statement(found.model, measured.judge_q, covariance, probability=level)
     judgement = judge(
         found,

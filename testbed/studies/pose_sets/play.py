@@ -6,6 +6,7 @@ for every robot, as in life: it was chosen on the nominal one. A random set is d
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from testbed.studies.pose_sets.records import PopulationStudy
 from testbed.studies.trial.compare import target_prediction
 from testbed.studies.trial.estimator import estimator_for
 from testbed.studies.trial.records import Trial
-from testbed.studies.trial.statement.sources import full_covariance, systematic_covariance
+from testbed.studies.trial.statement.sources import systematic_covariance
 
 AXES = dict.fromkeys(("mean_error", "rms_error", "stated_u", "inside", "before", "goal_u"), -1)
 
@@ -111,7 +112,7 @@ def _judged(
             found.model,
             setting.test_q,
             setting.target,
-            full_covariance(found, found.covariance + shared),
+            replace(found, covariance=found.covariance + shared).full_covariance,
         )
         error = point_distances(true, point)
         out.append(

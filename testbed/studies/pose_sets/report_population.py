@@ -12,7 +12,7 @@ from testbed.studies.many_robots import (
 from testbed.studies.pose_sets.compare import random_partner, rms
 from testbed.studies.pose_sets.records import PopulationStudy, population_of
 from testbed.studies.trial.records import Campaign, Trial
-from testbed.studies.trial.report import set_in_words
+from testbed.studies.trial.report_accuracy import set_in_words
 from testbed.units import Mean, counted, millimetres
 
 

@@ -20,8 +20,7 @@ from calib.measurement.prediction import predicted_positions
 from calib.uncertainty.regions import coverage_factor, inside, mahalanobis_squared
 from calib.uncertainty.tool_point import ToolStatement
 from testbed.laboratory.truth.laboratory import Setting
-from testbed.studies.trial.records import Comparison
-from testbed.studies.trial.statement.records import Validation
+from testbed.studies.trial.records import Comparison, Validation
 
 INTERVAL = coverage_factor(1)
 """Half width of a 95 % interval in standard uncertainties."""
@@ -42,18 +41,20 @@ def target_prediction(
     return point, T[:, :3, :3], J @ covariance @ np.swapaxes(J, 1, 2)
 
 
-def noise_free(model: RobotModel, like: Measurements, q: Array, covariance: Array) -> Measurements:
-    """Measurements of `model` without noise at q (m, n), of the kind and offset of `like`."""
+def measured_distance(seen: Measurements, model: RobotModel) -> Array:
+    """Distance (m,) [m] between the points that were measured and those that `model` predicts."""
+    return point_distances(seen.position, predicted_positions(model, seen))
+
+
+def noise_free(model: RobotModel, like: Measurements, q: Array) -> Measurements:
+    """Measurements of `model` without noise at q (m, n), of the kind of the first row of `like`."""
     T, m = model.poses(q), len(q)
-    offset = np.broadcast_to(like.offset[0], (m, 3))
-    pose = bool(like.is_pose[0])
-    return Measurements(
+    table = like.rows(np.zeros(m, dtype=np.int64))
+    return replace(
+        table,
         q=q,
-        position=T[:, :3, 3] + (T[:, :3, :3] @ offset[0]),
-        rotation=T[:, :3, :3] if pose else np.broadcast_to(np.eye(3), (m, 3, 3)),
-        covariance=covariance,
-        kind=np.full(m, like.kind[0]),
-        offset=offset,
+        position=T[:, :3, 3] + (T[:, :3, :3] @ table.offset[0]),
+        rotation=T[:, :3, :3] if table.is_pose[0] else table.rotation,
         pose_id=np.arange(m),
         repeat=np.zeros(m, dtype=np.int64),
     )
@@ -72,9 +73,7 @@ def true_step(setting: Setting, identification: Identification, like: Measuremen
         return drawn_step(setting, identification)
     # what the nominal model knows of joint errors belongs to the comparison
     geometry = RobotModel(setting.true.chain, setting.nominal.joint_errors)
-    q = setting.pool_q[:REFIT_POSES]
-    covariance = np.broadcast_to(like.covariance[0], (len(q), 6, 6))
-    table = noise_free(geometry, like, q, covariance)
+    table = noise_free(geometry, like, setting.pool_q[:REFIT_POSES])
     exact = identify(setting.nominal, table, identification.parameters)
     if exact.parameters.free_names != identification.parameters.free_names:
         return np.asarray(setting.nominal.step_to(geometry)[identification.parameters.free])
@@ -132,9 +131,7 @@ def compare(
     after = point_distances(p_true, point)
     wrong = identification.step - truth
     at_measured = [
-        accuracy.error_statistics(
-            point_distances(measurements.position, predicted_positions(model, measurements))
-        )
+        accuracy.error_statistics(measured_distance(measurements, model))
         for model in (setting.nominal, identification.model)
     ]
     return Comparison(

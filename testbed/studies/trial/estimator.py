@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calib.arrays import Array
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification, Mode, identify
@@ -111,13 +110,3 @@ def _spread(settings: PriorSettings, name: str, is_length: bool) -> float:
         first, higher = settings.harmonics_mdeg
         return float((first if name.endswith(("sin1", "cos1")) else higher) * MDEG)
     return float(np.radians(settings.angles_deg))
-
-
-def prior_precision(result: Identification) -> Array | None:
-    """Lambda0 (f, f) in the order of the numbers estimated; None without a prior."""
-    if result.prior is None:
-        return None
-    place = [result.names.index(name) for name in result.prior.names]
-    precision = np.zeros((len(result.names),) * 2)
-    precision[np.ix_(place, place)] = result.prior.precision
-    return precision

@@ -1,32 +1,57 @@
 """A trial played: selected, measured, identified, compared; and the whole again and again.
 
 Only a laboratory that knows the truth can ask whether intervals hold it. The same robot visits the
-same poses K times with fresh noise; every replication states its intervals and regions anew.
+same poses K times with fresh noise; every replication states its intervals and regions anew. Beside
+the trials stand the validation visit, with the judging poses, and the indices of random sets.
 """
 
 import numpy as np
 from scipy.special import bdtr, chdtri
 
-from calib.arrays import Array
-from calib.design import METHODS, Problem, Selection, best_of_random
+from calib.arrays import Array, Index
+from calib.design import (
+    METHODS,
+    PoseCount,
+    Problem,
+    Selection,
+    best_of_random,
+    pose_count,
+    random_sets,
+)
 from calib.identification.identify import Identification, Mode
 from calib.information.criteria.base import Criterion
 from calib.information.criteria.named import NEEDS_GOALS, criterion_named
-from calib.information.observability import Observability, indices
+from calib.information.observability import CRITERIA, Form, Observability, indices
 from calib.information.rank import singular_values
 from calib.measurement.accuracy import point_distances, target_points
 from calib.measurement.observations import Measurements
 from calib.uncertainty.regions import inside, mahalanobis_squared
 from calib.uncertainty.type_a import type_a
 from testbed.laboratory.goal import goals_of, wants_goals
-from testbed.laboratory.truth.laboratory import Laboratory, Setting, make_setting, open_laboratory
+from testbed.laboratory.truth.budget import truth_budget
+from testbed.laboratory.truth.laboratory import (
+    Laboratory,
+    Setting,
+    journey,
+    make_setting,
+    open_laboratory,
+    validation_start,
+)
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import TrialSettings
 from testbed.streams import stream
+from testbed.studies.protocol import Records
 from testbed.studies.trial.compare import INTERVAL, compare, target_prediction, true_step
 from testbed.studies.trial.estimator import Estimator, estimator_for
-from testbed.studies.trial.records import Estimate, Replications, Trial
-from testbed.studies.trial.statement.records import Validation
+from testbed.studies.trial.records import (
+    Estimate,
+    PoseCountStudy,
+    RandomSets,
+    RandomSetsStudy,
+    Replications,
+    Trial,
+    Validation,
+)
 from testbed.studies.trial.statement.state import state
 
 
@@ -49,11 +74,7 @@ def play_trial(scenario: Scenario, setting: Setting, validation: Validation, nam
         criterion_of(bench, settings),
     )
     chosen = selection.indices
-    span = len(chosen) * bench.tracker.pose_time
-    visits = [
-        bench.measure_pool(chosen, "visit", name, repeat=k, start=k * span)
-        for k in range(scenario.uncertainty.repeats)
-    ]
+    visits = visits_of(bench, name, chosen)
     rows = "paper" if scenario.tracker.measures == "pose" else "whitened"
     return Trial(
         name=name,
@@ -68,6 +89,15 @@ def play_trial(scenario: Scenario, setting: Setting, validation: Validation, nam
             for mode in scenario.identification.estimators
         ),
     )
+
+
+def visits_of(bench: Laboratory, name: str, chosen: Index) -> list[Measurements]:
+    """All visits of the poses of the trial called `name`, the same ones whenever they are made."""
+    span = len(chosen) * bench.tracker.pose_time
+    return [
+        bench.measure_pool(chosen, "visit", name, repeat=k, start=k * span)
+        for k in range(bench.scenario.uncertainty.repeats)
+    ]
 
 
 def criterion_of(bench: Laboratory, settings: TrialSettings) -> Criterion:
@@ -137,28 +167,26 @@ def replicate(
     if not count or first.prior is not None:
         return None
     p_true = target_points(setting.test_true, setting.target)
-    steps = np.zeros((count, len(truth)))
-    stated = np.zeros((count, len(truth)))
-    nees, error = np.zeros(count), np.zeros((count, len(p_true)))
-    held = np.zeros((count, len(p_true)), dtype=bool)
+    played = []
     for k in range(count):
         seen = bench.measure(visited.q, visited.pose_id, "replication", name, repeat=k)
         found = estimator.fit(seen, first.parameters)
         point, _, covariance = target_prediction(
             found.model, setting.test_q, setting.target, found.full_covariance
         )
-        steps[k], stated[k] = found.step, found.standard_uncertainty
-        nees[k] = mahalanobis_squared(found.step - truth, found.covariance)
-        error[k] = point_distances(p_true, point)
-        held[k] = inside(p_true - point, covariance[:, :3, :3])
+        nees = float(mahalanobis_squared(found.step - truth, found.covariance))
+        held = inside(p_true - point, covariance[:, :3, :3])
+        error = point_distances(p_true, point)
+        played.append((found.step, found.standard_uncertainty, nees, error, held))
     f = len(truth)
+    steps, stated, all_nees, errors, hits = map(np.array, zip(*played, strict=True))
     return Replications(
         count=count,
-        nees=nees,
+        nees=all_nees,
         parameter_coverage=(np.abs(steps - truth) <= INTERVAL * stated).mean(axis=0),
-        tool_coverage=held.mean(axis=0),
+        tool_coverage=hits.mean(axis=0),
         sd_ratio=stated.mean(axis=0) / steps.std(axis=0, ddof=1),
-        mean_error=error.mean(axis=1),
+        mean_error=errors.mean(axis=1),
         nees_band=chi_square_mean_band(f, count),
         # one alarm in a thousand campaigns for all parameters together, not for each
         coverage_band=binomial_band(count, probability=1 - (1 - BAND) / f),
@@ -176,3 +204,93 @@ def binomial_band(count: int, expected: float = COVERAGE, probability: float = B
     below = bdtr(np.arange(count + 1.0), count, expected)
     tail = (1 - probability) / 2
     return np.array([np.searchsorted(below, tail), np.searchsorted(below, 1 - tail)]) / count
+
+
+JUDGES = 200
+"""Poses that judge statements: the validation poses, on which these rest, cannot."""
+
+
+def validation_visit(scenario: Scenario, setting: Setting) -> Validation:
+    """Measure the held-out poses, draw the judging ones, and take the truth apart.
+
+    Streams of its own: no number of a trial moves.
+    """
+    bench = open_laboratory(scenario, setting)
+    start = validation_start(scenario)
+    seen = bench.measure(
+        setting.test_q, np.arange(len(setting.test_q)), "validation", "visit", start=start
+    )
+    judges = bench.candidates().draw(
+        stream(scenario.seed, "validation", "judges"),
+        size=JUDGES,
+        exclude=np.concatenate([setting.pool_q, setting.test_q]),
+    )
+    time, previous = journey(setting.test_q, start, bench.tracker.pose_time)
+    budget = truth_budget(
+        bench.robot, scenario.truth, scenario.seed, setting.test_q, time=time, previous=previous
+    )
+    return Validation(
+        seen=seen,
+        judge_q=judges.q,
+        judge_true=target_points(bench.held_out(judges.q), setting.target),
+        terms=budget.names,
+        term_rms=budget.rms_mm / 1e3,
+        together_rms=budget.together_rms_mm / 1e3,
+        interaction_rms=budget.interaction_mm / 1e3,
+    )
+
+
+SPARE_POSES = 2
+"""Poses beyond the fewest where the curves begin."""
+
+
+def pose_count_study(scenario: Scenario, setting: Setting) -> PoseCountStudy:
+    """Mean index of random sets against their size, in the paper's rows where poses are full."""
+    bench = open_laboratory(scenario, setting)
+    rows = "paper" if scenario.tracker.measures == "pose" else "whitened"
+    blocks = bench.design_blocks(rows)
+    largest = min(scenario.studies.pose_count_max, len(blocks))
+    # with fewer poses some random sets are singular to rounding, and the printed O5 is infinite
+    problem = Problem.of_blocks(blocks, len(blocks), "D")
+    sizes = range(problem.fewest + SPARE_POSES, largest + 1)
+
+    def curves(form: Form) -> tuple[PoseCount, ...]:
+        rng = stream(scenario.seed, "pose_count")  # the same random sets in every form
+        return pose_count(problem, rng, counts=sizes, form=form)
+
+    printed, per_pose = curves("printed"), curves("per_pose")
+    return PoseCountStudy(
+        counts=printed[0].counts,
+        names=CRITERIA,
+        mean=np.array([curve.mean for curve in printed]),
+        mean_per_pose=np.array([curve.mean for curve in per_pose]),
+        spread=np.array([curve.sd for curve in printed]),
+        chosen=tuple(curve.chosen for curve in per_pose[:2]),
+    )
+
+
+def random_sets_study(scenario: Scenario, setting: Setting, needed: Records) -> RandomSetsStudy:
+    """Each designed trial's figure beside that of random sets of the same size."""
+    bench, sets = open_laboratory(scenario, setting), []
+    for settings in scenario.trial:
+        if settings.method == "random":
+            continue
+        blocks, criterion = bench.design_blocks(settings.rows), criterion_of(bench, settings)
+        drawn = random_sets(
+            Problem.of_blocks(blocks, settings.poses, criterion),
+            stream(scenario.seed, "random_sets", settings.name),
+            sets=scenario.studies.random_sets,
+        )
+        trial = needed.get(settings.name, Trial)
+        sets.append(
+            RandomSets(
+                trial=settings.name,
+                criterion=settings.criterion,
+                unit=criterion.unit if settings.rows == "whitened" else "1",
+                larger_is_better=criterion.larger_is_better,
+                n_poses=settings.poses,
+                chosen_value=trial.selection.value,
+                values=drawn.values,
+            )
+        )
+    return RandomSetsStudy(tuple(sets))

@@ -6,9 +6,6 @@ from math import ceil
 import numpy as np
 
 from calib.arrays import Array
-from calib.geometry.model import RobotModel
-from calib.measurement.accuracy import point_distances
-from calib.measurement.prediction import predicted_positions
 from testbed.report.plots import (
     BARS,
     Look,
@@ -21,7 +18,8 @@ from testbed.report.plots import (
     toward,
 )
 from testbed.report.svg import DARK, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
-from testbed.studies.trial.records import Campaign, Estimate, PoseCountStudy, RandomSets, Trial
+from testbed.studies.trial.compare import measured_distance
+from testbed.studies.trial.records import Campaign, PoseCountStudy, RandomSets, Trial
 from testbed.units import MM, UM
 
 MOST_PANELS = 6
@@ -61,15 +59,10 @@ def calibration_errors(campaign: Campaign) -> str:
     """Distance between measured and predicted tool point at the calibration poses."""
     panels = []
     for trial in shown(campaign):
-        after = [measured_distance(trial, e.identification.model) for e in trial.estimates]
-        panels.append((trial, measured_distance(trial, campaign.setting.nominal), after))
+        seen = trial.measurements
+        after = [measured_distance(seen, e.identification.model) for e in trial.estimates]
+        panels.append((trial, measured_distance(seen, campaign.setting.nominal), after))
     return _error_panels(panels, "calibration pose")
-
-
-def measured_distance(trial: Trial, model: RobotModel) -> Array:
-    """Distance (m,) [m] between the measured tool points of a trial and those `model` predicts."""
-    seen = trial.measurements
-    return point_distances(seen.position, predicted_positions(model, seen))
 
 
 def _error_panels(panels: Sequence[tuple[Trial, Array, list[Array]]], pose: str) -> str:
@@ -199,8 +192,3 @@ def random_sets(sets: Sequence[RandomSets]) -> str:
             ax.set(title=title, xlabel=name, ylabel="random sets")
             short_ticks(ax, axis="x")
         return svg_of(figure)
-
-
-def mode_name(estimate: Estimate) -> str:
-    """What an estimator is called in the report."""
-    return NAMES[estimate.mode]

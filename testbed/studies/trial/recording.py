@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib.measurement.prediction import predicted_positions
 from testbed.recording import curves, style
 from testbed.recording.cell import draw_box, draw_station
 from testbed.recording.pen import Pen
@@ -14,6 +13,7 @@ from testbed.report.page import SIMULATED
 from testbed.robots.robot import Robot
 from testbed.scenario.scenario import Scenario
 from testbed.studies.trial import recording_cell as cell
+from testbed.studies.trial.compare import measured_distance
 from testbed.studies.trial.recording_cell import ShownTrial
 from testbed.studies.trial.records import RandomSets, Trial
 
@@ -109,9 +109,8 @@ def _measure(shown: ShownTrial) -> Chapter:
     def draw(pen: Pen, phase: Phase) -> None:
         cell.draw_measured(shown, pen, phase)
         for name, model, color in models:
-            vectors = measurements.position - predicted_positions(model, measurements)
-            size = np.linalg.norm(vectors, axis=1)
-            curves.draw_curve(pen, f"measure/{name}", phase, size * 1e3, color)
+            size = measured_distance(measurements, model) * 1e3
+            curves.draw_curve(pen, f"measure/{name}", phase, size, color)
 
     return Chapter(
         name="measure",

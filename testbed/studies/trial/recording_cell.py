@@ -18,6 +18,7 @@ from testbed.recording.pen import Pen
 from testbed.recording.timeline import Phase, Timeline, eased
 from testbed.robots.placements import quaternion_wxyz
 from testbed.robots.robot import Robot
+from testbed.studies.trial.compare import measured_distance
 from testbed.studies.trial.records import Estimate, Trial
 
 GHOST_SIZE = 0.036
@@ -48,8 +49,8 @@ def show(setting: Setting, trial: Trial) -> ShownTrial:
     """Show a trial by its default estimator, the largest thing of each kind below its size."""
     estimate = trial.estimates[0]
     judged = estimate.comparison
-    seen = trial.measurements.position - predicted_positions(setting.nominal, trial.measurements)
-    before = max(float(judged.before.max()), float(np.linalg.norm(seen, axis=1).max()))
+    seen = measured_distance(trial.measurements, setting.nominal)
+    before = max(float(judged.before.max()), float(seen.max()))
     axes, _ = ellipsoid(judged.covariance[:, :3, :3])
     return ShownTrial(
         setting,

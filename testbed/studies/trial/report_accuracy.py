@@ -1,13 +1,91 @@
-"""The report's sections on accuracy before and after, and on whether the intervals hold."""
+"""The headline table, and the sections on accuracy, on intervals, and on the parameters."""
 
 import numpy as np
 
 from calib.arrays import Array
+from calib.geometry.model import RobotModel
+from calib.measurement.accuracy import Accuracy
 from testbed.report.page import Block, Figure, Points, Section, Table, Text, heads
 from testbed.studies.trial import plots, plots_uncertainty
 from testbed.studies.trial.records import Campaign, Estimate, Trial
-from testbed.studies.trial.report import NONE, SHORT
-from testbed.units import DEG, fixed, millimetres, percent, significant
+from testbed.studies.trial.verdict import judge, tested
+from testbed.units import (
+    DEG,
+    MM,
+    counted,
+    fixed,
+    in_units,
+    millimetres,
+    percent,
+    probability,
+    significant,
+    unit_of,
+    with_uncertainty,
+)
+
+NONE = "–"
+SHORT = {"whitened": "default", "paper": "paper"}
+"""Estimators in the columns of tables."""
+
+
+def headline_table(campaign: Campaign) -> Table:
+    """One row per trial and estimator: errors on held-out poses and what was stated of them."""
+    first = campaign.trials[0].estimates[0].comparison
+    rows = [("nominal model", "", "", *_statistics(first.accuracy_before), *[NONE] * 8)]
+    for trial in campaign.trials:
+        for k, estimate in enumerate(trial.estimates):
+            found, seen = estimate.identification, estimate.comparison
+            verdict = judge(trial, estimate)
+            rows.append(
+                (
+                    trial.name if k == 0 else "",
+                    set_in_words(trial) if k == 0 else "",
+                    SHORT[estimate.mode],
+                    *_statistics(seen.accuracy_after),
+                    millimetres(seen.stated_u, 2),
+                    percent(float(seen.inside.mean())),
+                    significant(found.chi_square / found.dof, 3) if tested(found) else NONE,
+                    probability(found.p_value) if tested(found) else NONE,
+                    significant(found.reduction.condition, 3),
+                    str(found.rank),
+                    significant(seen.nees, 3),
+                    "yes" if verdict.believable else "NO" if verdict.contradicted else "?",
+                )
+            )
+    return Table(
+        caption=f"Tool position error on {counted(len(first.before), 'held-out pose')} against the "
+        "noise-free truth, and what was stated",
+        head=heads(
+            "trial, pose set, estimator, mean mm, rms mm, p95 mm, max mm, stated u mm, "
+            "inside 95 %, χ²/dof, p, cond., rank, NEES, believe"
+        ),
+        rows=tuple(rows),
+        align="lllrrrrrrrrrrrl",
+        strong=(1,),
+        size="small",
+        note="mean, rms, p95, max: distance between true and predicted tool point. stated u: root "
+        "mean square over the held-out poses of the 3-D standard uncertainty (k = 1). inside 95 %: "
+        "share of held-out poses whose true tool point lies in the stated 95 % ellipsoid. χ²/dof "
+        "and p: residuals against the stated noise (p < 0.001 is an alarm). cond.: of the scaled "
+        "Jacobian of the kept parameters, each estimator in its own rows. rank: parameters "
+        "estimated. NEES: squared parameter error in units of the stated covariance; expected "
+        "value = rank. default: whitened "
+        "rows, all free parameters that can be told apart. paper: 24 parameters with base and "
+        "tool taken as known, twelve unweighted rows.",
+    )
+
+
+def _statistics(error: Accuracy) -> tuple[str, ...]:
+    """Mean, rms, p95 and maximum in mm."""
+    values = (error.mean, error.rms, error.p95, error.maximum)
+    return tuple(fixed(value * MM, 4) for value in values)
+
+
+def set_in_words(trial: Trial) -> str:
+    """How many poses and how they were chosen."""
+    number = counted(len(trial.selection.indices), "pose")
+    method = trial.method.replace("_", " ")
+    return f"{number}, {method if method == 'random' else f'{method} {trial.selection.criterion}'}"
 
 
 def accuracy_section(campaign: Campaign, every_trial: Table | None = None) -> Section:
@@ -123,7 +201,7 @@ def span(shares: Array) -> str:
 
 def intervals_in_words(trial: Trial, estimate: Estimate) -> str:
     """Whether the intervals of one estimate hold, and which parameters say otherwise."""
-    who = f"{trial.name}, {plots.mode_name(estimate)}"
+    who = f"{trial.name}, {plots.NAMES[estimate.mode]}"
     played = estimate.replications
     if played is None:
         share = percent(float(estimate.comparison.inside.mean()))
@@ -154,3 +232,63 @@ def intervals_in_words(trial: Trial, estimate: Estimate) -> str:
             f"{significant(float(nees_low), 3)} to {significant(float(nees_high), 3)}"
         )
     return f"{who}: the intervals fail: {'; '.join(said)}."
+
+
+def parameter_section(campaign: Campaign) -> Section:
+    """Every parameter: nominal, identified, true, error, uncertainty."""
+    left = len(campaign.trials) - plots.MOST_PANELS
+    elsewhere = (
+        f" Shown are the first {plots.MOST_PANELS} trials; the numbers of the other {left} are in "
+        "arrays.npz."
+    )
+    blocks: list[Block] = [
+        Text(
+            "Angles in deg, lengths in mm. Values are rounded to the second digit of their own "
+            "standard uncertainty. error = true minus identified. U = 2 u (k = 2). inside: the "
+            "true value lies in the stated 95 % interval. Base and tool rows are displacements "
+            "from the nominal frame, along and about its own axes. The true column is the truth "
+            "seen through the parameters that were estimated: what redundant parameters really "
+            "did is carried by the ones that stand for them." + elsewhere * (left > 0)
+        )
+    ]
+    blocks += [
+        parameter_table(campaign.setting.nominal, trial, estimate)
+        for trial in plots.shown(campaign)
+        for estimate in trial.estimates
+    ]
+    return Section("parameters", "Parameters", tuple(blocks), part="detail")
+
+
+def parameter_table(nominal: RobotModel, trial: Trial, estimate: Estimate) -> Table:
+    """Nominal, identified, true, error, U and inside for every parameter of one estimate."""
+    found, seen = estimate.identification, estimate.comparison
+    is_length = found.parameters.is_length[found.parameters.free_index]
+    # base and tool are displacements: nominal is zero
+    links, errors = nominal.chain.links.ravel(), nominal.joint_errors.coefficients
+    start_values = np.concatenate([np.zeros(6), links, np.zeros(6), errors])
+    known = dict(zip(nominal.names, start_values, strict=True))
+    at = np.array([known.get(name, 0.0) for name in found.names])
+    values = (at, found.step, seen.true_step, found.standard_uncertainty, estimate.type_a)
+    start, step, true, u, type_a = (in_units(numbers, is_length) for numbers in values)
+    rows = []
+    for k, name in enumerate(found.names):
+        cells = with_uncertainty(
+            start[k] + step[k], u[k], start[k] + true[k], true[k] - step[k], 2 * u[k]
+        )
+        identified, _, truth, error, expanded = cells
+        unit = unit_of(bool(is_length[k]))
+        repeated = with_uncertainty(0.0, type_a[k])[1]
+        inside = "yes" if seen.parameter_inside[k] else "NO"
+        at_start = f"{start[k]:g}".replace("-", "−")
+        rows.append((name, unit, at_start, identified, truth, error, expanded, repeated, inside))
+    return Table(
+        caption=f"{trial.name}, {plots.NAMES[estimate.mode]}: "
+        f"{int(seen.parameter_inside.sum())} of {len(rows)} inside",
+        head=heads(
+            "parameter, unit, nominal, identified, true, error, U (k = 2), "
+            f"s of {counted(len(estimate.repeated), 'repeat')}, inside"
+        ),
+        rows=tuple(rows),
+        align="llrrrrrrl",
+        size="small",
+    )

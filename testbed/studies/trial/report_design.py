@@ -1,15 +1,15 @@
-"""The report's section on pose sets: the pool, the indices, the searches, the number of poses."""
+"""The report's sections on pose sets (pool, indices, searches) and on what they can identify."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from calib.information.observability import CRITERIA
-from testbed.report.page import Block, Figure, Section, Table, Text, heads, rejection_table
+from testbed.report.page import Block, Figure, Points, Section, Table, Text, heads, rejection_table
 from testbed.studies.trial import plots
 from testbed.studies.trial.records import Campaign, PoseCountStudy, RandomSets
-from testbed.studies.trial.report import set_in_words
-from testbed.units import counted, micrometres, significant
+from testbed.studies.trial.report_accuracy import set_in_words
+from testbed.units import counted, micrometres, sentence, significant
 
 
 def index_table(campaign: Campaign) -> Table:
@@ -132,7 +132,7 @@ def beaten_table(sets: Sequence[RandomSets]) -> Table:
 
 def figures(one: RandomSets) -> tuple[str, ...]:
     """Figure of the set, and the mean and the best of the random ones."""
-    return tuple(figure(one.unit, v) for v in (one.chosen_value, mean_of(one), one.best))
+    return tuple(figure(one.unit, v) for v in (one.chosen_value, one.mean, one.best))
 
 
 def figure(unit: str, value: float) -> str:
@@ -140,17 +140,12 @@ def figure(unit: str, value: float) -> str:
     return f"{micrometres(value, 4)} µm" if unit == "m" else significant(value, 4)
 
 
-def mean_of(one: RandomSets) -> float:
-    """Mean figure of the random sets."""
-    return float(one.values.mean())
-
-
 def ahead(one: RandomSets) -> float:
     """How many standard deviations a set is better than the mean of random sets."""
     spread = float(one.values.std(ddof=1))
     # a set as large as the pool has no rivals: all values are equal
     sign = 1.0 if one.larger_is_better else -1.0
-    return sign * (one.chosen_value - mean_of(one)) / spread if spread > 0 else 0.0
+    return sign * (one.chosen_value - one.mean) / spread if spread > 0 else 0.0
 
 
 def settling(study: PoseCountStudy) -> str:
@@ -173,3 +168,32 @@ def settling(study: PoseCountStudy) -> str:
         f"by less than 0.5 % from that of the previous ten: {', '.join(stops)}. From "
         f"{study.counts[k]} to {last} poses the printed indices change by the factors {names}."
     )
+
+
+def identifiable_section(campaign: Campaign) -> Section:
+    """What the measurements can tell apart, in words."""
+    trial = campaign.trials[0]
+    blocks: list[Block] = []
+    for estimate in trial.estimates:
+        found = estimate.identification.reduction
+        free = len(found.kept) + len(found.dropped)
+        fixed_count = len(estimate.identification.parameters.names) - free
+        text = (
+            f"{plots.NAMES[estimate.mode].capitalize()}: {counted(free, 'number')} free, "
+            f"{fixed_count} held at their nominal values; rank {found.rank} (singular values above "
+            f"{found.tolerance:.0e} of the largest count), condition "
+            f"{significant(found.condition, 3)} of the kept columns. "
+        )
+        text += (
+            "All free numbers can be told apart."
+            if not found.dropped
+            else f"{counted(len(found.dropped), 'number')} cannot be told from others and "
+            f"{'is' if len(found.dropped) == 1 else 'are'} left nominal:"
+        )
+        blocks.append(Text(text))
+        if found.sentences:
+            blocks.append(Points(found.sentences))
+        extra = estimate.identification.notes[len(found.sentences) :]
+        if extra:
+            blocks.append(Points(tuple(map(sentence, extra))))
+    return Section("identifiable", "What can be identified", tuple(blocks))

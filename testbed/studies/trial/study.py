@@ -13,9 +13,9 @@ from testbed.studies.trial.records import (
     PoseCountStudy,
     RandomSetsStudy,
     Trial,
+    Validation,
     campaign_of,
 )
-from testbed.studies.trial.statement.records import Validation
 
 if TYPE_CHECKING:
     from testbed.recording.story import Chapter
@@ -54,17 +54,17 @@ class TrialStudy:
 
     def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
         """One record; random numbers come from streams named after it."""
-        from testbed.studies.trial import play, pose_counts, validation
+        from testbed.studies.trial import play
 
         if task.key == SETTING:
             return play.campaign_setting(scenario)
         setting = needed.get(SETTING, Setting)
         if task.key == VALIDATION:
-            return validation.validation_visit(scenario, setting)
+            return play.validation_visit(scenario, setting)
         if task.key == POSE_COUNT:
-            return pose_counts.pose_count_study(scenario, setting)
+            return play.pose_count_study(scenario, setting)
         if task.key == RANDOM_SETS:
-            return pose_counts.random_sets_study(scenario, setting, needed)
+            return play.random_sets_study(scenario, setting, needed)
         return play.play_trial(scenario, setting, needed.get(VALIDATION, Validation), task.key)
 
     def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> object:
@@ -73,13 +73,11 @@ class TrialStudy:
 
     def answer(self, scenario: Scenario, records: Records) -> Answer | None:
         """The verdict on the first trial: the answer where no other study asks."""
-        from testbed.studies.trial import report
-        from testbed.studies.trial.verdict import trial_verdict
+        from testbed.studies.trial.report_accuracy import headline_table
+        from testbed.studies.trial.verdict import next_step, trial_verdict
 
         campaign = campaign_of(scenario, records)
-        return Answer(
-            trial_verdict(campaign), report.headline_table(campaign), report.next_step(campaign)
-        )
+        return Answer(trial_verdict(campaign), headline_table(campaign), next_step(campaign))
 
     def results(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
         """Pool, truth, and the headline of every trial."""
@@ -95,20 +93,20 @@ class TrialStudy:
 
     def sections(self, scenario: Scenario, records: Records, *, first: bool) -> Sequence[Section]:
         """What is believed, errors, intervals, designs, numbers and the secret."""
-        from testbed.studies.trial import report, report_accuracy, report_design, report_parameters
+        from testbed.studies.trial import report_accuracy, report_design
         from testbed.studies.trial.statement import report as statement
 
         campaign = campaign_of(scenario, records)
         stated = statement.statement_section(campaign)
-        table = None if first else report.headline_table(campaign)
+        table = None if first else report_accuracy.headline_table(campaign)
         return (
             *((stated,) if stated is not None else ()),
             report_accuracy.accuracy_section(campaign, table),
             report_accuracy.belief_section(campaign),
-            report_parameters.identifiable_section(campaign),
+            report_design.identifiable_section(campaign),
             report_design.design_section(campaign),
             statement.secret_section(campaign),
-            report_parameters.parameter_section(campaign),
+            report_accuracy.parameter_section(campaign),
         )
 
     def recording(self, scenario: Scenario, records: Records) -> Sequence["Chapter"]:

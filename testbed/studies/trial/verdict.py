@@ -1,14 +1,27 @@
-"""The verdict: how good a calibration is, and whether its stated uncertainty can be believed."""
+"""The verdict: how good a calibration is, whether its uncertainty can be believed; what to do."""
 
 import re
 from collections.abc import Callable
 
+import numpy as np
+
 from calib.identification.fit_statistics import RED
-from calib.identification.identify import Status
+from calib.identification.identify import Identification, Status
+from calib.uncertainty.conformal import fewest_poses
+from calib.uncertainty.regions import coverage_factor
 from testbed.report.page import Verdict
-from testbed.studies.trial.records import Campaign, Estimate, Trial
-from testbed.studies.trial.statement.records import LEVEL, Statement
-from testbed.units import MM, NARROW, UM, percent, probability
+from testbed.studies.trial.records import LEVEL, Campaign, Comparison, Estimate, Statement, Trial
+from testbed.units import (
+    MM,
+    NARROW,
+    UM,
+    counted,
+    micrometres,
+    millimetres,
+    percent,
+    probability,
+    significant,
+)
 
 ALARM = RED
 """Chi-square p-value below which the residuals contradict the model."""
@@ -16,6 +29,8 @@ GOOD = "✓ The stated uncertainty can be believed"
 INVALID = "✗ The model-based interval is not valid here"
 BAD = "✗ The stated uncertainty must not be believed"
 OPEN = "? The stated uncertainty was not tested against the truth"
+NOISE = ("tracker noise", "joint repeatability", "gross errors")
+"""Sources that more poses average out."""
 
 
 def judge(trial: Trial, estimate: Estimate) -> Verdict:
@@ -161,3 +176,100 @@ def _percent(share: float) -> str:
 def _chance(p: float) -> str:
     """A p-value after the letter p."""
     return probability(p) if p < ALARM else f"= {probability(p)}"
+
+
+def tested(found: Identification) -> bool:
+    """Whether the residuals can be tested: the noise is known, and equations are left over."""
+    return found.mode == "whitened" and found.dof > 0
+
+
+def next_step(campaign: Campaign) -> str:
+    """What a person should do after reading the verdict on the first estimate."""
+    trial = campaign.trials[0]
+    estimate = trial.estimates[0]
+    found, seen = estimate.identification, estimate.comparison
+    errors = errors_in_words(seen)
+    if found.status is not Status.CONVERGED:
+        return f"The fit did not end in a minimum. {found.status.value}"
+    statement = estimate.statement
+    quoted = errors if statement is None else quotable(statement, errors)
+    invalid = statement is not None and not statement.trust.model_valid
+    outliers = 0 if statement is None else len(statement.outlier_poses)
+    if invalid and outliers and found.loss == "squared":
+        return (
+            f"{counted(outliers, 'shot')} of the calibration do not fit the "
+            "others (named below). Measure them again, or play the scenario with [identification] "
+            f'loss = "cauchy". Until then quote {quoted} instead of the stated uncertainty.'
+        )
+    if tested(found) and found.p_value < ALARM:
+        factor = np.sqrt(found.chi_square / found.dof)
+        wider = (
+            'Let the evidence decide about sag and harmonics ([identification] model = "choose"), '
+            "and free what may have moved"
+            if statement is None or statement.model == "geometric"
+            else "Sag and harmonics are in the model already; look for play, warmth and frames "
+            "held fixed that moved"
+        )
+        return (
+            f"The residuals are {significant(float(factor), 2)} times what the noise explains, so "
+            f"the model lacks something that the robot has. {wider}. Until then quote {quoted} "
+            "instead of the stated uncertainty. More poses do not help: they shrink the stated "
+            "uncertainty, not the error."
+        )
+    if invalid:
+        return f"Do not quote the stated uncertainty; quote {quoted}."
+    if judge(trial, estimate).contradicted:
+        return f"Do not quote the stated uncertainty; quote {errors}."
+    may = "The stated uncertainty may be used"
+    if not judge(trial, estimate).believable:
+        may = "Nothing speaks against the stated uncertainty, but not all of it was tested"
+    return (
+        f"{may}: the tool point of poses like the held-out ones with "
+        f"rms u = {millimetres(seen.stated_u, 2)} mm (3-D, k = 1) and the 95 % ellipsoid of each "
+        f"pose (k = {coverage_factor(3):.2f} along its axes). {more_poses(estimate.statement)}"
+    )
+
+
+def errors_in_words(seen: Comparison) -> str:
+    """The errors at the held-out poses; no share of so few that it would say nothing."""
+    count, largest = len(seen.after), f"{millimetres(seen.accuracy_after.maximum, 2)} mm"
+    if count < fewest_poses(LEVEL):
+        return f"only that the error at {counted(count, 'held-out pose')} reaches {largest}"
+    return (
+        f"the held-out errors (95 % of poses below {millimetres(seen.accuracy_after.p95, 2)} mm, "
+        f"maximum {largest})"
+    )
+
+
+def more_poses(statement: Statement | None) -> str:
+    """What four times the poses would make of u: they shrink noise, nothing else."""
+    halved = "Four times the poses would halve u."
+    if statement is None:
+        return halved
+    noise = np.isin(statement.sources, NOISE)
+    rest = statement.combined_u**2 - float((statement.source_u[noise] ** 2).sum())
+    if rest < 0.01 * statement.combined_u**2:
+        return halved
+    beyond = [n for n in statement.sources if n not in NOISE]
+    if beyond == ["prior"]:
+        return "How much more poses would help, only a fit without the prior can say."
+    left = np.sqrt((statement.combined_u**2 + 3 * rest) / 4)
+    return (
+        f"Four times the poses would bring u to {millimetres(float(left), 2)} mm at best: "
+        f"{percent(rest / statement.combined_u**2)} of its square is wrong the same way in all of "
+        "them."
+    )
+
+
+def quotable(statement: Statement, errors: str) -> str:
+    """What may be quoted instead of the model-based interval; the secret errors come last."""
+    believe = statement.trust.believe
+    if believe not in statement.names:
+        return errors
+    radius = micrometres(float(statement.radius[statement.names.index(believe)]), 3)
+    words = {
+        "conformal": f"the conformal radius, {radius} µm for 95 % of poses like the held-out ones",
+        "discrepancy": f"the region with discrepancy, {radius} µm on average, as an approximation",
+        "bootstrap": f"the replicates of the bootstrap, {radius} µm on average",
+    }
+    return words.get(believe, errors)

@@ -5,7 +5,7 @@ import numpy as np
 from calib.information.propagation import point_uncertainty
 from testbed.report.page import Block, Figure, Section, Table, Text
 from testbed.studies.trial.records import Campaign, Estimate
-from testbed.studies.trial.report import NONE
+from testbed.studies.trial.report_accuracy import NONE
 from testbed.studies.wen2022 import paper, plots
 from testbed.studies.wen2022.claims import CLAIMS, Examined
 from testbed.studies.wen2022.claims_one_robot import estimates_like

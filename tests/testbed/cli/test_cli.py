@@ -120,10 +120,8 @@ def test_a_failed_trial_gives_exit_code_1_and_is_named(truebed, scene):
 
 @pytest.mark.parametrize("verb", ["report", "record"])
 def test_report_and_record_write_their_files_again(truebed, scene, verb, monkeypatch):
-    from testbed.run import archive
-
     truebed("run", scene, "--out", "a")
-    install(monkeypatch, Fake(), archive)
+    install(monkeypatch, Fake())
     expected = content(Path("a"))
     for name in ("report.html", "result.json", "arrays.npz", "campaign.rrd"):
         if (name == "campaign.rrd") == (verb == "record"):

@@ -13,7 +13,7 @@ from testbed.identify.folder import load_calibration
 from testbed.robots.catalog import load_robot
 from testbed.run import play as runner
 from testbed.run.export import export_campaign
-from testbed.run.play import play
+from testbed.run.play import play_run
 from testbed.scenario.read import changed, dump_scenario
 from testbed.studies import load_scenario, scenario_of
 from tests.testbed.studies.trial.fake_campaign import SCENARIO, Fake, campaign_of
@@ -32,7 +32,7 @@ SMALL = {
 @cache
 def campaign():
     """A rigid robot, 24 random poses, 20 held out."""
-    return play(changed(load_scenario("quick"), SMALL))
+    return play_run(changed(load_scenario("quick"), SMALL)).campaign
 
 
 def truebed(*words):

@@ -11,7 +11,7 @@ from testbed.laboratory.truth.laboratory import (
     validation_start,
 )
 from testbed.robots.catalog import load_robot
-from testbed.run.play import play
+from testbed.run.play import play_run
 from testbed.scenario.presets import TRUTH_PRESETS
 from testbed.scenario.read import dump_scenario
 from testbed.scenario.scenario import Scenario
@@ -58,7 +58,7 @@ def test_a_campaign_on_each_preset_with_all_that_can_go_wrong(preset):
     truth = {"preset": preset} | EVERYTHING
     scenario = small(truth, MISHAPS)
     assert parse_scenario(dump_scenario(scenario), where="again") == scenario
-    played = play(scenario)
+    played = play_run(scenario).campaign
     (trial,) = played.trials
     assert len(trial.selection.indices) == 20
     assert len(trial.measurements) == 18  # two shots missed

@@ -17,12 +17,12 @@ from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.laboratory.truth.backlash import gravity_loads
 from testbed.laboratory.truth.robot import draw_truth
+from testbed.report.page import render
 from testbed.robots.catalog import TRACKER, TRACKER_FILE, load_robot, robot_names
 from testbed.robots.file import TrackerFile
 from testbed.robots.robot import STAND, workspace, workspace_of_reach
-from testbed.run.play import play
-from testbed.run.recording import write_recording
-from testbed.run.report import report_html
+from testbed.run.derive import page_of, write_recording
+from testbed.run.play import play_run
 from testbed.scenario.checks import check_robot
 from testbed.scenario.presets import TRUTH_PRESETS
 from testbed.scenario.read import dump_scenario
@@ -232,11 +232,11 @@ def test_a_campaign_on_another_arm_is_played_told_and_recorded(tmp_path):
         studies={"random_sets": 0},
         truth={"preset": "rigid"},
     )
-    campaign = play(small)
+    campaign = play_run(small).campaign
     estimate = campaign.trials[0].estimates[0]
     assert estimate.identification.rank == 30
     found = estimate.comparison
     assert found.accuracy_after.mean < 0.15 * found.accuracy_before.mean
-    assert UR10.name in report_html(campaign, versions={})
+    assert UR10.name in render(page_of(campaign, {}))
     write_recording(campaign, UR10, tmp_path / "c.rrd")
     assert (tmp_path / "c.rrd").stat().st_size > 1e5

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from calib.errors import CalibError, InputError, MachineError
-from testbed.run.archive import equal_runs, load_run, read_result, recording_of, rederive
 from testbed.run.derive import derived_file
-from testbed.run.play import play_run
+from testbed.run.play import equal_runs, load_run, play_run, read_result, recording_of, rederive
 from testbed.store import layout
 from testbed.studies import scenario_of
 from tests import campaign

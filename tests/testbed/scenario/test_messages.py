@@ -30,8 +30,7 @@ from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.plan.plan import plan
 from testbed.robots.catalog import load_robot
-from testbed.run.archive import read_result, recording_of
-from testbed.run.play import play_run
+from testbed.run.play import play_run, read_result, recording_of
 from testbed.scenario.checks import check_robot
 from testbed.store import layout
 from testbed.store.run_folder import RunFolder, check_free

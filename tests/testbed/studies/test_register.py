@@ -8,8 +8,7 @@ import pytest
 
 from calib.errors import InputError
 from testbed import studies
-from testbed.run.archive import load_run, read_result
-from testbed.run.play import play_run
+from testbed.run.play import load_run, play_run, read_result
 from testbed.scenario.scenario import scenario_hash
 from testbed.store import layout, npz
 from testbed.studies.protocol import Study

@@ -6,10 +6,8 @@ import numpy as np
 
 from calib.uncertainty.discrepancy import Discrepancy
 from testbed.report.page import Block, Figure, Points, Section, Table, Text
-from testbed.studies.trial import plots
-from testbed.studies.trial.records import Campaign, Trial
-from testbed.studies.trial.statement import plots as plots_statement
-from testbed.studies.trial.statement.records import LEVEL, Statement
+from testbed.studies.trial import plots, plots_uncertainty
+from testbed.studies.trial.records import LEVEL, Campaign, Statement, Trial
 from testbed.units import (
     NARROW,
     counted,
@@ -53,7 +51,7 @@ MEANINGS = {
 
 def statement_section(campaign: Campaign) -> Section | None:
     """Every statement made, how much of the truth it holds, which to believe, and why."""
-    made = [(trial, statement_of(trial)) for trial in campaign.trials]
+    made = ((trial, estimate.statement) for trial, estimate in campaign.estimates)
     statements = [(trial, statement) for trial, statement in made if statement is not None]
     if not statements:
         return None
@@ -68,25 +66,27 @@ def statement_section(campaign: Campaign) -> Section | None:
         Figure(
             "What each source leaves at the tool point, standard uncertainty over the held-out "
             f"poses{plots.only(statements)}; open: the discrepancy, which no source explains.",
-            plots_statement.budget_bars([(trial.name, statement) for trial, statement in shown]),
+            plots_uncertainty.budget_bars([(trial.name, statement) for trial, statement in shown]),
         )
     )
-    first = shown[0][0]
+    first, stated = shown[0]
+    included = flat = ""
+    if not stated.trust.model_valid:
+        known = stated.discrepancy is not None
+        included = ", discrepancy included" if known else "; model-based, which is not valid here"
+        # nan where no discrepancy could be estimated
+        if stated.discrepancy_u >= stated.combined_u:
+            flat = " The discrepancy is one figure for the whole room, so the map is flat."
     blocks.append(
         Figure(
             f"Where the tool point of {first.name} is known how well: standard uncertainty "
-            f"{map_words(shown[0][1])} over the postures of the pool that reach a cell of "
-            f"{1e3 * plots_statement.CELL:.0f} mm (root mean square over the cells behind it)."
-            + flat_words(shown[0][1]),
-            plots_statement.tool_maps(campaign, first),
+            f"(3-D, k = 1{included}) over the postures of the pool that reach a cell of "
+            f"{1e3 * plots_uncertainty.CELL:.0f} mm (root mean square over the cells behind it)."
+            f"{flat}",
+            plots_uncertainty.tool_maps(campaign, first),
         )
     )
     return Section("believe", "What to believe here, and why", tuple(blocks))
-
-
-def statement_of(trial: Trial) -> Statement | None:
-    """The statement of a trial's default estimator, if it has one."""
-    return next((e.statement for e in trial.estimates if e.statement is not None), None)
 
 
 def statement_table(campaign: Campaign, statements: list[tuple[Trial, Statement]]) -> Table:
@@ -188,22 +188,6 @@ def budget_table(statements: list[tuple[Trial, Statement]]) -> Table:
     )
 
 
-def map_words(statement: Statement) -> str:
-    """Which uncertainty the map shows."""
-    if statement.trust.model_valid:
-        return "(3-D, k = 1)"
-    if statement.discrepancy is None:
-        return "(3-D, k = 1; model-based, which is not valid here)"
-    return "(3-D, k = 1, discrepancy included)"
-
-
-def flat_words(statement: Statement) -> str:
-    """Why the map looks flat where the discrepancy is most of it."""
-    if statement.trust.model_valid or not statement.discrepancy_u >= statement.combined_u:
-        return ""  # nan where no discrepancy could be estimated
-    return " The discrepancy is one figure for the whole room, so the map is flat."
-
-
 def secret_section(campaign: Campaign) -> Section:
     """How far each term of the truth alone moves the tool."""
     validation = campaign.validation
@@ -226,12 +210,12 @@ def secret_section(campaign: Campaign) -> Section:
     return Section(
         "secret",
         "The secret: what makes this robot wrong",
-        (Text(_secret(rows)), table),
+        (Text(secret_words(rows)), table),
         part="campaign",
     )
 
 
-def _secret(rows: list[tuple[str, str, str]]) -> str:
+def secret_words(rows: list[tuple[str, str, str]]) -> str:
     """The largest term in words; what a model without it cannot follow."""
     if len(rows) == 1:
         return "Nothing: the true robot is the nominal one."

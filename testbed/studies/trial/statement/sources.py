@@ -16,8 +16,7 @@ from calib.uncertainty.type_b import CommonInput, common_inputs, type_b_covarian
 from testbed.laboratory.tracker.tracker import bias_size
 from testbed.laboratory.truth.laboratory import Laboratory
 from testbed.scenario.laboratory import At960Tracker
-from testbed.studies.trial.estimator import prior_precision
-from testbed.studies.trial.statement.records import LEVEL
+from testbed.studies.trial.records import LEVEL
 
 SYSTEMATIC = (
     "range offset",
@@ -65,18 +64,18 @@ def uncertainty_sources(
     q : (N, n) array
         Postures [rad, m].
     """
-    start = plan_of(result, measured)
     common = systematic_inputs(bench, measured)
-    whole = budget(start, row_noise(bench, result, measured, outliers), common=common)
-    target = bench.setting.target
-    parts = np.array([_rms_u(result, source.covariance, q, target) for source in whole.sources])
+    noise = row_noise(bench, result, measured, outliers)
+    whole, target = budget(plan_of(result, measured), noise, common=common), bench.setting.target
     shared = {one.name for one in common}
-    systematic = np.zeros((start.parameters.n_free,) * 2)
-    for source in whole.sources:
-        if source.name in shared:
-            systematic = systematic + source.covariance
     return UncertaintySources(
-        whole.names, parts, _rms_u(result, whole.covariance, q, target), systematic
+        whole.names,
+        np.array([_rms_u(result, source.covariance, q, target) for source in whole.sources]),
+        _rms_u(result, whole.covariance, q, target),
+        sum(
+            (source.covariance for source in whole.sources if source.name in shared),
+            start=np.zeros_like(result.covariance),
+        ),
     )
 
 
@@ -85,9 +84,12 @@ def plan_of(result: Identification, measured: Measurements) -> Frozen:
     if result.loss != "squared":
         weighed = measured.covariance / np.maximum(result.weights, 1e-12)[:, None, None]
         measured = replace(measured, covariance=weighed)
-    return freeze(
-        result.model, measured, result.parameters, prior_precision=prior_precision(result)
-    )
+    prior = None
+    if result.prior is not None:
+        place = [result.names.index(name) for name in result.prior.names]
+        prior = np.zeros_like(result.covariance)
+        prior[np.ix_(place, place)] = result.prior.precision
+    return freeze(result.model, measured, result.parameters, prior_precision=prior)
 
 
 def row_noise(
@@ -164,7 +166,7 @@ def systematic_reach(
     """
     if not systematic.any():
         return 0.0
-    common = full_covariance(result, systematic)
+    common = replace(result, covariance=systematic).full_covariance
     stated = tool_statement(result.model, q, common, target=target, probability=level)
     return float(stated.region[0][:, 0].mean())
 
@@ -180,15 +182,8 @@ def unmodelled_effects(bench: Laboratory, u: float) -> tuple[str, ...]:
     )
 
 
-def full_covariance(result: Identification, covariance: Array) -> Array:
-    """A covariance (f, f) of the estimate, with zeros for the numbers that were not estimated."""
-    index, P = result.parameters.free_index, len(result.parameters.names)
-    full = np.zeros((P, P))
-    full[np.ix_(index, index)] = covariance
-    return full
-
-
 def _rms_u(result: Identification, covariance: Array, q: Array, target: Array) -> float:
     """3-D standard uncertainty at the tool, RMS over postures [m]."""
-    stated = tool_statement(result.model, q, full_covariance(result, covariance), target=target)
+    whole = replace(result, covariance=covariance).full_covariance
+    stated = tool_statement(result.model, q, whole, target=target)
     return float(np.sqrt(np.mean(stated.point**2)))

@@ -1,37 +1,51 @@
 """The statement of a calibration: what may be said of the tool point, and what to believe.
 
-All of it comes from what the tracker measured; only `attained`, which `compare` adds, is the
-truth's.
+Weighed are sources of uncertainty, observations that do not fit, whether linear propagation holds
+at the tool point (first order against Monte Carlo), and errors at held-out poses. All of it comes
+from what the tracker measured; only `attained`, which `compare` adds, is the truth's.
 """
 
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import chdtri
 
 from calib.arrays import Array, Index
+from calib.geometry.frames import exp_so3
+from calib.geometry.model import RobotModel
+from calib.identification.fit_statistics import MOST_OUTLIERS
 from calib.identification.identify import Identification
 from calib.identification.joint_models import shared_waves
-from calib.identification.lack_of_fit import LackOfFit
 from calib.identification.outlier_search import search_outliers
 from calib.measurement.observations import Measurements, joined
+from calib.uncertainty.adaptive import adaptive
 from calib.uncertainty.bootstrap import Bootstrap
 from calib.uncertainty.conformal import fewest_poses
-from calib.uncertainty.discrepancy import FEWEST
+from calib.uncertainty.covariance import correlated_draws
+from calib.uncertainty.discrepancy import FEWEST, Discrepancy
+from calib.uncertainty.held_out import held_out
 from calib.uncertainty.judgement import Judgement, judge
-from calib.uncertainty.tool_point import ToolStatement, tool_statement
+from calib.uncertainty.regions import mahalanobis_squared
+from calib.uncertainty.tool_point import ToolStatement, propagate, tool_statement
+from calib.uncertainty.validation import LinearCheck, validate
 from testbed.laboratory.truth.laboratory import Laboratory
 from testbed.streams import stream
 from testbed.studies.trial.compare import attained
 from testbed.studies.trial.estimator import Estimator
-from testbed.studies.trial.statement.linear import linear_check
-from testbed.studies.trial.statement.outliers import outlier_sentences, without_gross_errors
-from testbed.studies.trial.statement.records import LEVEL, Replayed, Statement, Validation
+from testbed.studies.trial.records import LEVEL, Replayed, Statement, Validation
 from testbed.studies.trial.statement.sources import (
-    full_covariance,
     systematic_reach,
     uncertainty_sources,
     unmodelled_effects,
 )
+
+FLAT = 1e-9
+"""Part of the largest variance below which a direction does not scatter: few numbers are free."""
+DIGITS = 1
+"""Digits of a stated uncertainty that linear propagation must get right; each more takes a hundred
+times the draws."""
+SET_ASIDE = 0.05
+"""Chance that any observation of a sound validation visit is set aside."""
 
 
 def state(
@@ -61,16 +75,24 @@ def state(
     """
     first, setting, seed = visits[0], bench.setting, bench.scenario.seed
     search = search_outliers(estimator.nominal, result, first)
-    outliers = np.sort(search.rows)
+    outliers, misfits = np.sort(search.rows), search.outliers.sentences(first)
+    if search.too_many:
+        misfits = (
+            f"{len(search.suspects)} of {len(first)} shots do not fit: that many are no gross "
+            "errors; the model or the stated noise is wrong",
+        )
     robust = result.loss != "squared"
     sources = uncertainty_sources(
         bench, result, first, outliers if robust else outliers[:0], setting.test_q
     )
-    total = full_covariance(result, result.covariance + sources.systematic)
+    whole = replace(result, covariance=result.covariance + sources.systematic)
     linear, worst = linear_check(
-        result, total, setting.test_q, setting.target, stream(seed, "statement", "linear", name)
+        whole, setting.test_q, setting.target, stream(seed, "statement", "linear", name)
     )
-    lack = lack_of_fit(estimator, result, visits)
+    lack = None
+    if not robust and len(visits) > 1:
+        # all visits fitted together: does the model miss more than repeats scatter?
+        lack = estimator.fit(joined(visits), result.parameters).lack_of_fit
     observations, set_aside = without_gross_errors(result, validation.seen, first)
     judgement = judge(
         replace(result, lack_of_fit=lack),
@@ -85,16 +107,16 @@ def state(
     held_out, discrepancy, played = judgement.held_out, judgement.discrepancy, judgement.bootstrap
     assert held_out is not None  # the tracker measures poses or points, never distances
     target = setting.target if setting.target.any() else None
-    regions = tool_regions(result, judgement, sources.systematic, validation.judge_q, target)
-    radius = {kind: region.mean_radius for kind, region in regions.items()}
-    shared = systematic_reach(result, sources.systematic, validation.judge_q, target)
+    regions = tool_regions(whole, judgement, sources.systematic, validation.judge_q, target)
+    radius, shared = {kind: region.mean_radius for kind, region in regions.items()}, 0.0
     if judgement.conformal is not None:
+        shared = systematic_reach(result, sources.systematic, validation.judge_q, target)
         radius["conformal"] = judgement.conformal.radius + shared
     return Statement(
         model="extended" if estimator.extended else "geometric",
         why=estimator.why,
         log_evidence=estimator.log_evidence,
-        outliers=outlier_sentences(search, first),
+        outliers=misfits,
         outlier_poses=first.pose_id[outliers],
         set_aside=set_aside,
         lack_of_fit=lack,
@@ -117,16 +139,12 @@ def state(
         names=tuple(radius),
         radius=np.array(list(radius.values())),
         attained=attained(validation, tuple(regions.values()), radius.get("conformal")),
-        warnings=(
-            *too_few(len(held_out)),
-            *gross_error_warnings(result, len(outliers), set_aside),
-            *limits(result, shared if judgement.conformal is not None else 0.0),
-        ),
+        warnings=warnings_of(result, len(held_out), len(outliers), set_aside, shared),
     )
 
 
 def tool_regions(
-    result: Identification,
+    whole: Identification,
     judgement: Judgement,
     systematic: Array,
     q: Array,
@@ -136,8 +154,8 @@ def tool_regions(
 
     Parameters
     ----------
-    result : Identification
-        What was identified.
+    whole : Identification
+        What was identified; its covariance has the systematic part.
     judgement : Judgement
         With or without a bootstrap and a discrepancy.
     systematic : (f, f) array
@@ -147,25 +165,18 @@ def tool_regions(
     target : (3,) array or None
         The point on the tool [m]; None for the origin of its frame.
     """
-    total = full_covariance(result, result.covariance + systematic)
-    regions = {"model": tool_statement(result.model, q, total, target=target)}
+    made: dict[str, tuple[Identification, Discrepancy | None]] = {"model": (whole, None)}
     if judgement.bootstrap is not None:
-        played = full_covariance(result, judgement.bootstrap.empirical + systematic)
-        regions["bootstrap"] = tool_statement(result.model, q, played, target=target)
+        played = judgement.bootstrap.empirical + systematic
+        made["bootstrap"] = (replace(whole, covariance=played), None)
     if judgement.discrepancy is not None:
-        regions["discrepancy"] = tool_statement(
-            result.model, q, total, target=target, discrepancy=judgement.discrepancy
+        made["discrepancy"] = (whole, judgement.discrepancy)
+    return {
+        name: tool_statement(
+            one.model, q, one.full_covariance, target=target, discrepancy=discrepancy
         )
-    return regions
-
-
-def lack_of_fit(
-    estimator: Estimator, result: Identification, visits: list[Measurements]
-) -> LackOfFit | None:
-    """All visits fitted together, to see whether the model misses more than repeats scatter."""
-    if result.loss != "squared" or len(visits) < 2:
-        return None
-    return estimator.fit(joined(visits), result.parameters).lack_of_fit
+        for name, (one, discrepancy) in made.items()
+    }
 
 
 def summary(played: Bootstrap) -> Replayed:
@@ -175,31 +186,27 @@ def summary(played: Bootstrap) -> Replayed:
     return Replayed(played.replicates, played.agrees, float(worst), float(bias), played.sentence)
 
 
-def too_few(n: int) -> tuple[str, ...]:
-    """What n held-out poses are too few to state.
-
-    A warning, not an error: the calibration itself is as good as before.
-    """
-    need = fewest_poses(LEVEL)
-    warnings = []
-    if n < need:
-        warnings.append(
-            f"too few held-out poses were measured ({n}) for a {100 * LEVEL:g} % radius that needs "
-            f"no model of the error: {need} are the fewest; write [test] poses = {need} or more"
-        )
-    if n < FEWEST:
-        warnings.append(
-            f"too few held-out poses were measured ({n}) to show a discrepancy: {FEWEST} are the "
-            "fewest for a covariance"
-        )
-    return tuple(warnings)
-
-
-def gross_error_warnings(
-    result: Identification, outliers: int, set_aside: Index
+def warnings_of(
+    result: Identification, held_out: int, outliers: int, set_aside: Index, shared: float
 ) -> tuple[str, ...]:
-    """What to do about gross errors, where some are in the fit or were set aside."""
-    warnings = []
+    """What a reader must know of the statements, and what to do about it.
+
+    Too few held-out poses are a warning, not an error: the calibration itself is as good as before.
+    Gross errors count where some are in the fit or were set aside; `shared` [m] was added to the
+    conformal radius.
+    """
+    need, warnings = fewest_poses(LEVEL), []
+    if held_out < need:
+        warnings.append(
+            f"too few held-out poses were measured ({held_out}) for a {100 * LEVEL:g} % radius "
+            f"that needs no model of the error: {need} are the fewest; write [test] poses = {need} "
+            "or more"
+        )
+    if held_out < FEWEST:
+        warnings.append(
+            f"too few held-out poses were measured ({held_out}) to show a discrepancy: {FEWEST} "
+            "are the fewest for a covariance"
+        )
     if outliers and result.loss == "squared":
         some = "a shot" if outliers == 1 else f"{outliers} shots"
         warnings.append(
@@ -207,17 +214,11 @@ def gross_error_warnings(
             'or write loss = "cauchy" in [identification]'
         )
     if len(set_aside):
-        poses = ", ".join(str(pose) for pose in set_aside)
+        poses = ", ".join(map(str, set_aside))
         warnings.append(
             f"the shots of held-out poses {poses} were grossly wrong and are set aside; measure "
             "them again"
         )
-    return tuple(warnings)
-
-
-def limits(result: Identification, shared: float) -> tuple[str, ...]:
-    """What a reader must know of the statements; `shared` [m] was added to the conformal radius."""
-    warnings = []
     if shared > 0:
         warnings.append(
             "what the tracker gets wrong the same way in both visits shows at no held-out pose: "
@@ -229,3 +230,75 @@ def limits(result: Identification, shared: float) -> tuple[str, ...]:
             "the prior describes, not over repeats of one"
         )
     return (*warnings, *shared_waves(result))
+
+
+def linear_check(
+    result: Identification, q: Array, target: Array, rng: np.random.Generator
+) -> tuple[LinearCheck, int]:
+    """First-order propagation against Monte Carlo, at the posture with the largest stated u.
+
+    References
+    ----------
+    JCGM 102:2011, clause 8.
+    """
+    covariance = result.full_covariance
+    linear = tool_statement(result.model, q, covariance, target=target)
+    worst = int(np.argmax(linear.point))
+    there = q[worst : worst + 1]
+
+    def sample(count: int, rng: np.random.Generator) -> Array:
+        """Points of the target under moved models."""
+        steps = correlated_draws(covariance, count, rng)
+        return moved_targets(result.model, there, steps, target)[:, 0] @ axes
+
+    axes = moving_axes(linear.covariance[worst])
+    played = adaptive(sample, rng, digits=DIGITS, probability=LEVEL, finer=5.0)
+    sigma = axes.T @ linear.covariance[worst] @ axes
+    check = validate(linear.position[worst] @ axes, sigma, played, digits=DIGITS)
+    share = float((check.differences / check.tolerance).max())
+    sentence = (
+        f"first-order propagation is {check.outcome}: against {played.draws} Monte Carlo draws at "
+        f"the held-out pose with the largest uncertainty, means, uncertainties and region differ "
+        f"by at most {share:.2g} of what {DIGITS} digit of u allows"
+    )
+    return replace(check, sentence=sentence), worst
+
+
+def moved_targets(model: RobotModel, q: Array, steps: Array, target: Array) -> Array:
+    """Points (M, N, 3) of a target (3,) on the tool under M moved models [m].
+
+    A tool frame that moves by t and turns by R carries the target to t + R target in the old frame:
+    the tool point of a frame that moves by that much.
+    """
+    if target.any():
+        end, steps = model.chain.n_numbers, steps.copy()
+        steps[:, end - 6 : end - 3] += exp_so3(steps[:, end - 3 : end]) @ target
+    return propagate(model, q, steps)
+
+
+def moving_axes(covariance: Array) -> Array:
+    """Directions (3, k) in which a point scatters at all: world axes unless it lies in a plane."""
+    values, vectors = np.linalg.eigh(covariance)
+    flat = values <= FLAT * values[-1]
+    return np.eye(3) if not flat.any() else np.asarray(vectors[:, ~flat])
+
+
+def without_gross_errors(
+    result: Identification, validation: Measurements, used: Measurements
+) -> tuple[Measurements, Index]:
+    """Held-out observations without the grossly wrong ones, and the poses of these.
+
+    Observations are set aside only under a robust loss, which says that gross errors are to be
+    expected. What the model misses everywhere is no gross error: sizes count in units of the median
+    one.
+    """
+    nothing = np.zeros(0, dtype=np.int64)
+    if result.loss == "squared" or len(validation) < FEWEST:
+        return validation, nothing
+    errors = held_out(result.model, result.full_covariance, validation, used.q)
+    size = mahalanobis_squared(errors.error, errors.predicted + errors.measured)
+    usual = max(float(np.median(size)) / float(chdtri(3, 0.5)), 1.0)
+    gross = size > usual * chdtri(3, SET_ASIDE / len(validation))
+    if not gross.any() or gross.mean() > MOST_OUTLIERS:
+        return validation, nothing
+    return validation.rows(~gross), np.asarray(validation.pose_id[gross])

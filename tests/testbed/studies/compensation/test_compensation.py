@@ -12,7 +12,7 @@ from testbed.laboratory.cell import cell_from
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.robots.catalog import load_robot
-from testbed.run.results import arrays, headline
+from testbed.run.derive import arrays, headline
 from testbed.scenario.checks import check_robot
 from testbed.scenario.read import changed
 from testbed.store.codec import pack, unpack

@@ -12,9 +12,8 @@ from calib.identification.joint_models import extended_model
 from calib.information.rank import weak_prior_sd
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.robots.catalog import load_robot
-from testbed.run.play import play
-from testbed.run.report import page_of
-from testbed.run.results import arrays, headline
+from testbed.run.derive import arrays, headline, page_of
+from testbed.run.play import play_run
 from testbed.scenario.checks import check_robot
 from testbed.scenario.read import changed
 from testbed.store.codec import pack, unpack
@@ -325,11 +324,11 @@ def test_a_record_hangs_on_its_own_kind_and_the_first_trial_only():
 
 def test_a_run_goes_on_between_two_kinds_of_robots(tmp_path, campaign):
     scenario = changed(load_scenario("coverage"), SMALL | {"coverage.truths": ["rigid", "soft"]})
-    play(scenario, tmp_path / "run")
+    play_run(scenario, tmp_path / "run")
     first = (tmp_path / "run" / "trials" / "coverage.rigid.npz").read_bytes()
     (tmp_path / "run" / "trials" / "coverage.soft.npz").unlink()
     (tmp_path / "run" / "result.json").unlink()
-    again = play(scenario, tmp_path / "run", resume=True)
+    again = play_run(scenario, tmp_path / "run", resume=True).campaign
     assert (tmp_path / "run" / "trials" / "coverage.rigid.npz").read_bytes() == first
     assert np.array_equal(STUDY.of(again)[1].inside, study_of(campaign, "soft").inside)
 

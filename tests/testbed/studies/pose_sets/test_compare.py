@@ -12,8 +12,7 @@ from calib.information.criteria.named import criterion_named
 from testbed.laboratory.goal import goals_of
 from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
 from testbed.report.page import render
-from testbed.run.report import page_of
-from testbed.run.results import headline
+from testbed.run.derive import headline, page_of
 from testbed.scenario.read import changed
 from testbed.scenario.tables import TrialSettings
 from testbed.streams import stream

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from testbed.run.results import headline
+from testbed.run.derive import headline
 from testbed.studies.many_robots import log_ratio_over_robots, mean_over_robots
 from testbed.studies.pose_sets.play import gather, play_robots
 from testbed.studies.pose_sets.records import population_of

@@ -89,7 +89,8 @@ def test_noise_free_measurements_are_the_poses_of_the_model():
     bench = bench_of()
     seen = bench.measure_pool(np.arange(10), "test")
     q = bench.setting.test_q
-    table = noise_free(bench.setting.true, seen, q, np.broadcast_to(seen.covariance[0], (15, 6, 6)))
+    table = noise_free(bench.setting.true, seen, q)
+    np.testing.assert_array_equal(table.covariance, [seen.covariance[0]] * 15)
     T = bench.setting.true.poses(q)
     same = tables.poses(q, T, sd=table.covariance)
     assert np.array_equal(table.position, same.position)

@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbed.report.page import SIMULATED, Table
-from testbed.run.report import page_of, report_html
+from testbed.report.page import SIMULATED, Table, render
+from testbed.run.derive import page_of
 from testbed.scenario.read import dump_scenario
-from testbed.studies.trial import report as report_headline
-from testbed.studies.trial import report_design, report_parameters
+from testbed.studies.trial import report_accuracy, report_design, verdict
 from testbed.studies.trial.report_accuracy import intervals_in_words
 from testbed.studies.wen2022 import report_paper
 from testbed.studies.wen2022.records import paper_budget_of
@@ -69,13 +68,13 @@ def test_the_page_is_well_formed_and_needs_nothing_from_outside(make):
 
 
 def test_the_same_campaign_gives_the_same_page():
-    assert report_html(bare_campaign(), versions=VERSIONS) == html(bare_campaign)
+    assert render(page_of(bare_campaign(), VERSIONS)) == html(bare_campaign)
 
 
 def test_headline_errors_equal_those_computed_from_truth_and_model_one_pose_at_a_time():
     campaign = paper_campaign()
     setting = campaign.setting
-    table = report_headline.headline_table(campaign)
+    table = report_accuracy.headline_table(campaign)
     rows = iter(table.rows[1:])
     mean, p95 = table.head.index("mean mm"), table.head.index("p95 mm")
     for trial in campaign.trials:
@@ -96,7 +95,7 @@ def test_parameter_rows_hold_identified_minus_nominal_and_the_stated_uncertainty
     trial = campaign.trials[0]
     estimate = trial.estimates[0]
     found = estimate.identification
-    table = report_parameters.parameter_table(campaign.setting.nominal, trial, estimate)
+    table = report_accuracy.parameter_table(campaign.setting.nominal, trial, estimate)
     assert tuple(row[0] for row in table.rows) == found.names
     start = {"theta3": 90.0, "d4": 310.0, "alpha1": -90.0, "a2": 290.0, "base.x": 0.0}
     for row, step, u, true in zip(
@@ -164,7 +163,7 @@ def test_what_a_user_writes_is_text_never_markup():
     campaign = bare_campaign()
     title = '<script>alert(1)</script> & "quotes"'
     named = campaign.scenario.model_copy(update={"title": title})
-    text = report_html(replace(campaign, scenario=named), versions={"<b>": "1"})
+    text = render(page_of(replace(campaign, scenario=named), {"<b>": "1"}))
     assert "<script" not in text
     assert "<b>1" not in text
     assert title in " ".join(read(text).text)
@@ -180,7 +179,7 @@ def test_seed_versions_and_the_whole_scenario_are_printed():
 
 
 def test_a_contradicted_model_says_not_to_quote_u_and_an_honest_one_gives_it():
-    wrong = report_headline.next_step(paper_campaign())
+    wrong = verdict.next_step(paper_campaign())
     assert "instead of the stated uncertainty" in wrong
     campaign = rigid_campaign()
     trial = campaign.trials[0]
@@ -192,8 +191,8 @@ def test_a_contradicted_model_says_not_to_quote_u_and_an_honest_one_gives_it():
         comparison=replace(trial.estimates[0].comparison, inside=np.ones(20, dtype=bool)),
     )
     good = replace(campaign, trials=(replace(trial, estimates=(honest,)),))
-    assert report_headline.next_step(good).startswith("Nothing speaks against the stated")
-    assert "k = 2.80" in report_headline.next_step(good)
+    assert verdict.next_step(good).startswith("Nothing speaks against the stated")
+    assert "k = 2.80" in verdict.next_step(good)
 
 
 def test_failing_intervals_are_named_and_holding_ones_are_said_to_hold():

@@ -20,16 +20,26 @@ from testbed.store.quantities import as_json
 from testbed.studies import load_scenario
 from testbed.studies.trial.compare import attained, target_prediction
 from testbed.studies.trial.estimator import estimator_for
+from testbed.studies.trial.play import validation_visit
 from testbed.studies.trial.records import Campaign, Trial
-from testbed.studies.trial.report import errors_in_words, next_step
-from testbed.studies.trial.statement.linear import moved_targets, moving_axes
-from testbed.studies.trial.statement.outliers import without_gross_errors
+from testbed.studies.trial.results import statement_headline, truth_headline
 from testbed.studies.trial.statement.report import reasons, secret_section, statement_section
-from testbed.studies.trial.statement.results import statement_headline, truth_headline
 from testbed.studies.trial.statement.sources import drift_left
-from testbed.studies.trial.statement.state import state
-from testbed.studies.trial.validation import validation_visit
-from testbed.studies.trial.verdict import BAD, INVALID, OPEN, judge, trial_verdict
+from testbed.studies.trial.statement.state import (
+    moved_targets,
+    moving_axes,
+    state,
+    without_gross_errors,
+)
+from testbed.studies.trial.verdict import (
+    BAD,
+    INVALID,
+    OPEN,
+    errors_in_words,
+    judge,
+    next_step,
+    trial_verdict,
+)
 from tests import campaign
 from tests.campaign import record_hash
 from tests.testbed.run.test_campaign import same

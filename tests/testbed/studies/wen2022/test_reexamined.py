@@ -14,13 +14,12 @@ from calib.uncertainty.covariance import matrix_row_weights, sandwich
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.report.page import Section, render
 from testbed.robots.catalog import load_robot
-from testbed.run.report import headline_answer, page_of
-from testbed.run.results import arrays, headline
+from testbed.run.derive import arrays, headline, headline_answer, page_of
 from testbed.scenario.checks import check_robot
 from testbed.scenario.read import changed
 from testbed.store.codec import pack, unpack
 from testbed.studies import load_scenario
-from testbed.studies.trial import report_accuracy, report_design, report_parameters
+from testbed.studies.trial import report_accuracy, report_design
 from testbed.studies.trial.statement import report as report_statement
 from testbed.studies.trial.verdict import trial_verdict
 from testbed.studies.wen2022 import claims_many_robots as claims_robots
@@ -392,7 +391,7 @@ def test_the_page_opens_with_the_verdict_on_the_paper_and_shows_each_claim_once(
         (report_accuracy, "belief_section"),
         (report_design, "design_section"),
         (report_paper, "tool_section"),
-        (report_parameters, "parameter_section"),
+        (report_accuracy, "parameter_section"),
         (report_statement, "statement_section"),
         (report_statement, "secret_section"),
     ):
