@@ -1,4 +1,4 @@
-"""Verbs that play a scenario: run, plan."""
+"""Verbs that compute: run and plan play a scenario, identify calibrates from measurements."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -104,6 +104,97 @@ def plan(
             say(f"Next       truebed view {folder / RECORDING}")
 
 
+@app.command()
+def identify(
+    robot: Annotated[
+        str, typer.Argument(metavar="ROBOT", help="A shipped robot, robot.toml, URDF or MJCF file.")
+    ],
+    data: Annotated[
+        Path, typer.Argument(metavar="DATA", help="A session.toml, or a CSV of measurements.")
+    ],
+    config: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Names and units of the columns of a foreign CSV."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder [runs/DATA-identified].")] = None,
+    train: Annotated[
+        int | None, typer.Option(metavar="N", help="Poses to identify from; the rest is held out.")
+    ] = None,
+    held_out: Annotated[
+        int | None, typer.Option(metavar="N", help="Poses to hold out; the rest identifies.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Draws which poses are held out.")] = 0,
+    test: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Held-out poses in a file of their own.")
+    ] = None,
+    model: Annotated[
+        str | None, typer.Option(help="geometric, extended or choose [as the session says].")
+    ] = None,
+    loss: Annotated[
+        str, typer.Option(help="auto leaves gross errors out; or squared, huber, cauchy.")
+    ] = "auto",
+    program: Annotated[
+        Path | None, typer.Option(metavar="CSV", help="Joint or Cartesian targets to correct.")
+    ] = None,
+    tip: Annotated[
+        str | None, typer.Option(metavar="LINK", help="Last link of a URDF or MJCF with several.")
+    ] = None,
+    mesh_root: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder that meshes may lie in.")
+    ] = None,
+    allow_missing_meshes: Annotated[
+        bool, typer.Option("--allow-missing-meshes", help="Draw links without their meshes.")
+    ] = False,
+    drop_invalid: Annotated[
+        bool, typer.Option("--drop-invalid", help="Leave rows out that are not numbers.")
+    ] = False,
+    max_mb: Annotated[float, typer.Option("--max-mb", help="Largest file read [MB].")] = 100.0,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Rename an old run of that name first.")
+    ] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Calibrate a robot from measurements: parameters, a corrected model, proof on other poses."""
+    with exit_codes(debug=debug, as_json=as_json) as end:
+        from testbed.cli.terminal import progress
+        from testbed.files.read import ReadOptions, read_session
+        from testbed.identify.calibrate import Options
+        from testbed.identify.folder import play_calibration
+        from testbed.identify.session import with_test
+        from testbed.identify.words import terminal_text
+        from testbed.robots.catalog import load_robot
+        from testbed.store.layout import MANIFEST, REPORT, RESULT
+        from testbed.store.run_folder import check_free
+
+        folder = out or identified_folder(data)
+        check_free(folder, MANIFEST, overwrite=overwrite)
+        arm = load_robot(
+            robot, tip=tip, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes
+        )
+        how = ReadOptions(drop_invalid=drop_invalid, max_mb=max_mb)
+        session = read_session(data, arm, config=config, options=how)
+        if test is not None:
+            session = with_test(session, read_session(test, arm, config=config, options=how))
+        options = Options(train=train, held_out=held_out, seed=seed, model=model, loss=loss)
+        with progress(quiet=quiet or as_json) as tell:
+            calibration, delivered = play_calibration(
+                arm, session, folder, options, program=program, overwrite=overwrite, progress=tell
+            )
+        end.folder = folder
+        sound = calibration.converged and not delivered.program_failed
+        end.code = end.code if sound else SOME_FAILED
+        if as_json:
+            say((folder / RESULT).read_text(encoding="utf-8").rstrip())
+        elif not quiet:
+            say(terminal_text(calibration, delivered))
+            say()
+            say(f"Report     {folder / REPORT}")
+            say(f"Robot      {folder / 'robot'}")
+            say(f"Next       truebed view {folder}")
+
+
 def scenario_of(scene: str, seed: int | None) -> "tuple[Scenario, str]":
     """A scene with another seed, if there is one, and what to call it in messages."""
     from testbed.scenario.read import changed, scenario_path
@@ -119,3 +210,9 @@ def scenario_of(scene: str, seed: int | None) -> "tuple[Scenario, str]":
 def default_folder(scenario: "Scenario") -> Path:
     """Where a run goes unless --out says otherwise."""
     return Path("runs") / f"{scenario.name}-seed{scenario.seed}"
+
+
+def identified_folder(data: Path) -> Path:
+    """Where a calibration goes unless --out says otherwise."""
+    name = data.resolve().parent.name if data.name == "session.toml" else data.stem
+    return Path("runs") / f"{name}-identified"

@@ -75,12 +75,8 @@ class Bench:
         """Free numbers that poses like q (m, n) can tell apart, and the account of the others."""
         free = self.free("whitened")
         if not free.n_free:
-            raise refuse(
-                "identification.free",
-                code="M27",
-                message="[identification] leaves nothing free",
-                fix="free at least one number",
-            )
+            message, fix = "[identification] leaves nothing free", "free at least one number"
+            raise refuse("identification.free", code="M27", message=message, fix=fix)
         found = reduce(self._scaled_rows(q, free), free, model=self.robot.model, q=q)
         return free.freeing(found.kept), found
 
@@ -126,15 +122,13 @@ class Bench:
         order = np.argsort(-np.abs(way), kind="stable")[:4]
         names = [free.free_names[k] for k in order if abs(way[k]) > 0.05 * abs(way[order[0]])]
         together = " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
-        raise refuse(
-            "plan.goal",
-            names,
-            code="M28",
-            message=f"{together} can change together so that the tool point at the goal moves, and "
-            "no pose of the pool shows it",
-            fix="measure full poses, widen the pool, or ask for a point that the tracker sees "
-            "([plan] point_mm)",
+        message = (
+            f"{together} can change together so that the tool point at the goal moves, and no pose "
+            "of the pool shows it"
         )
+        ways = "measure full poses, widen the pool, or ask for a point that the tracker sees"
+        fix = f"{ways} ([plan] point_mm)"
+        raise refuse("plan.goal", names, code="M28", message=message, fix=fix)
 
     def standing_at(self, station: Array) -> Self:
         """The same laboratory with the tracker at a station (3,) in the base frame [m]."""

@@ -62,14 +62,9 @@ def _mesh(file: Path, unit: float) -> Mesh:
     places, index = np.unique(mesh.vertices * unit, axis=0, return_inverse=True)
     spread = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
     if len(places) < 4 or spread[-1] < FLAT * spread[0]:
-        raise refuse(
-            "file",
-            allowed="an obstacle is a body with a volume",
-            code="R10",
-            message="is flat",
-            fix='write kind = "box" with a small thickness',
-            where=str(file),
-        )
+        allowed, where = "an obstacle is a body with a volume", str(file)
+        fix = 'write kind = "box" with a small thickness'
+        raise refuse("file", None, allowed, code="R10", message="is flat", fix=fix, where=where)
     faces = index.reshape(-1)[mesh.faces]
     whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)  # slivers closed up by the merging
     return Mesh(frozen(places), frozen(faces[whole], np.int64), frozen(np.zeros_like(places)))

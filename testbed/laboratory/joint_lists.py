@@ -55,14 +55,10 @@ def check_joints(robot: Robot, q: ArrayLike, names: Sequence[str], field: str) -
             j = int(beyond[0])
             slides = bool(robot.model.chain.prismatic[j])
             unit, size = unit_of(slides), MM if slides else DEG
-            raise refuse(
-                field,
-                float(row[j]),
-                f"its limits are {lower[j] * size:g} to {upper[j] * size:g} {unit}",
-                code="M20",
-                message=f"{name}: joint {j + 1} is {row[j] * size:.6g} {unit}",
-                fix="give joint values in deg inside the limits",
-            )
+            allowed = f"its limits are {lower[j] * size:g} to {upper[j] * size:g} {unit}"
+            message = f"{name}: joint {j + 1} is {row[j] * size:.6g} {unit}"
+            fix = "give joint values in deg inside the limits"
+            raise refuse(field, float(row[j]), allowed, code="M20", message=message, fix=fix)
     order = np.lexsort(np.round(q / SAME).T[::-1]) if len(q) else np.zeros(0, dtype=np.int64)
     for a, b in pairwise(order):
         if np.abs(q[a] - q[b]).max() < SAME:
@@ -138,13 +134,7 @@ def _number(row: list[str], k: int, where: str, column: str) -> float:
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise refuse(
-            column,
-            text[:40],
-            "it must be a number",
-            code="M25",
-            message=f'{column} is "{text[:40]}"',
-            fix="mend or remove that row",
-            where=where,
-        )
+        message, allowed = f'{column} is "{text[:40]}"', "it must be a number"
+        fix = "mend or remove that row"
+        raise refuse(column, text[:40], allowed, code="M25", message=message, fix=fix, where=where)
     return value

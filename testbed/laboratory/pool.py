@@ -232,11 +232,6 @@ def _check_patience(rejected: Index, drawn: int, wanted: int) -> None:
         return
     # the test that lets the smallest share pass, not the first one, which sees them all
     worst = int(np.argmax(rejected / np.maximum(entered, 1)))
-    raise refuse(
-        "pool",
-        feasible,
-        f'the test "{REASONS[worst]}" rejects {rejected[worst]} of {entered[worst]}',
-        code="S37",
-        message=f"[pool] only {feasible} of {wanted} poses are feasible after {drawn} draws",
-        fix=REMEDIES[worst],
-    )
+    allowed = f'the test "{REASONS[worst]}" rejects {rejected[worst]} of {entered[worst]}'
+    message = f"[pool] only {feasible} of {wanted} poses are feasible after {drawn} draws"
+    raise refuse("pool", feasible, allowed, code="S37", message=message, fix=REMEDIES[worst])

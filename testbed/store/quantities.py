@@ -36,18 +36,10 @@ class Unit:
 
 
 METRE = Unit("metre", {"m": 1.0, "mm": MM, "um": UM})
-
-
 RADIAN = Unit("radian", {"rad": 1.0, "urad": UM, "deg": DEG, "mdeg": MDEG})
-
-
 SECOND = Unit("second", {"s": 1.0})
-
-
 ONE = Unit("one", {})
 """A count, a share, a ratio, a word."""
-
-
 AS_NAMED = Unit("as its name says", {})
 """Already in the unit of the name, or in several: nothing is converted or checked."""
 

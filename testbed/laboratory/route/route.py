@@ -179,16 +179,12 @@ def _check_free(simulator: Simulator, stops: Array) -> None:
     hits = np.flatnonzero(simulator.collides(stops))
     if not len(hits):
         return
-    at_start = hits[0] == 0
-    where = "the start posture" if at_start else f"pose {hits[0] - 1}"
-    raise refuse(
-        "start" if at_start else "q",
-        stops[hits[0]].tolist(),
-        "a route leads through free postures",
-        code="M27",
-        message=f"in {where} the robot hits {simulator.hit_word(stops[hits[0]])}",
-        fix="write another [plan] start_deg" if at_start else "leave the pose out",
-    )
+    field, where, fix = "q", f"pose {hits[0] - 1}", "leave the pose out"
+    if hits[0] == 0:
+        field, where, fix = "start", "the start posture", "write another [plan] start_deg"
+    posture, allowed = stops[hits[0]], "a route leads through free postures"
+    message = f"in {where} the robot hits {simulator.hit_word(posture)}"
+    raise refuse(field, posture.tolist(), allowed, code="M27", message=message, fix=fix)
 
 
 STARTS = 24

@@ -203,11 +203,7 @@ class GrossErrors:
 def some_rows(m: int, count: int, rng: np.random.Generator, key: str) -> Index:
     """Rows (count,) of m, each one once."""
     if count > m:
-        raise refuse(
-            f"tracker.{key}",
-            count,
-            code="M27",
-            message=f"[tracker] {key} is {count}; the visit has {m} shots",
-            fix=f"write {key} = {max(m - 1, 0)} or fewer",
-        )
+        message = f"[tracker] {key} is {count}; the visit has {m} shots"
+        fix = f"write {key} = {max(m - 1, 0)} or fewer"
+        raise refuse(f"tracker.{key}", count, code="M27", message=message, fix=fix)
     return np.asarray(rng.permutation(m)[:count])

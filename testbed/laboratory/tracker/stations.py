@@ -121,14 +121,11 @@ def compare_stations(
     )
     if not any(np.isfinite(row.u_mean) for row in rows):
         nobody = f"none of {len(rows)} stations can" if len(rows) > 1 else "the station cannot"
-        raise refuse(
-            "plan.stations",
-            stations.tolist(),
-            "the tracker must see poses that tell the parameters apart",
-            code="M28",
-            message=f"[plan.stations] {nobody} be used: " + "; ".join(statements[:NAMED]),
-            fix="move the stations to where the probe faces them and nothing stands between",
-        )
+        message = f"[plan.stations] {nobody} be used: " + "; ".join(statements[:NAMED])
+        allowed = "the tracker must see poses that tell the parameters apart"
+        fix = "move the stations to where the probe faces them and nothing stands between"
+        value = stations.tolist()
+        raise refuse("plan.stations", value, allowed, code="M28", message=message, fix=fix)
     away, hidden, visible, range_mean, designs, u_mean, u_worst, _ = zip(*rows, strict=True)
     return StationComparison(
         stations=frozen(stations),

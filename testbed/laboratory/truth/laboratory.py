@@ -195,11 +195,7 @@ def require_poses(bench: Bench) -> None:
         missed *= 2  # they visit what was measured, and miss some again
     for trial in bench.scenario.trial:
         if rows * (trial.poses - missed) <= most:
-            raise refuse(
-                "trial.poses",
-                trial.poses,
-                code="M27",
-                message=f'[[trial]] "{trial.name}" poses is {trial.poses}: '
-                f"{rows * max(trial.poses - missed, 0)} equations for {most} parameters",
-                fix=f"write poses = {most // rows + 1 + missed} or more",
-            )
+            has = f"{rows * max(trial.poses - missed, 0)} equations for {most} parameters"
+            message = f'[[trial]] "{trial.name}" poses is {trial.poses}: {has}'
+            fix = f"write poses = {most // rows + 1 + missed} or more"
+            raise refuse("trial.poses", trial.poses, code="M27", message=message, fix=fix)

@@ -13,12 +13,12 @@ from calib.geometry.model import RobotModel
 from calib.identification.joint_models import gravity_quarters
 from testbed.laboratory.bench import joint_repeatability
 from testbed.laboratory.simulator import Simulator
-from testbed.laboratory.truth.backlash import backlash
 from testbed.laboratory.truth.springs import ElasticArm
 from testbed.laboratory.truth.terms import (
     Springs,
     Thermal,
     UnmodelledTerms,
+    backlash,
     encoder,
     gravity,
     harmonics,
@@ -145,14 +145,10 @@ def unmodelled_terms(robot: Robot, truth: TruthSettings) -> UnmodelledTerms:
     if np.any(truth.backlash_mdeg):
         upright = gravity_quarters(chain) == (0, 0) and chain.n_joints >= 5
         if truth.backlash_side == "posture" and not upright:
-            raise refuse(
-                "truth.backlash_side",
-                "posture",
-                "an upright arm of five joints or more, joints 2 and 3 level and parallel",
-                code="S37",
-                message='[truth] backlash_side = "posture" does not fit this arm',
-                fix='write backlash_side = "load" or "approach"',
-            )
+            allowed = "an upright arm of five joints or more, joints 2 and 3 level and parallel"
+            message = '[truth] backlash_side = "posture" does not fit this arm'
+            fix, key = 'write backlash_side = "load" or "approach"', "truth.backlash_side"
+            raise refuse(key, "posture", allowed, code="S37", message=message, fix=fix)
         width = np.where(chain.prismatic, 0.0, per_joint(chain, truth.backlash_mdeg))
         play = backlash(robot, truth, width / 2)
     if truth.thermal_k:
@@ -194,28 +190,19 @@ def perturbed_names(robot: Robot, perturb: str | tuple[str, ...]) -> frozenset[s
     known = chain_names(robot.model.chain.n_joints)
     if perturb == LINKS:
         return frozenset(known[6:-6])
-    if isinstance(perturb, str):
-        choices = tuple(dict.fromkeys((LINKS, *robot.free_sets)))
-        if perturb not in robot.free_sets:
-            raise refuse(
-                "truth.perturb",
-                perturb,
-                f"{', '.join(choices)}, or a list of names",
-                code="S37",
-                message=f'[truth] perturb = "{perturb}" is no free set of {robot.name}',
-                fix=choice_of(perturb, choices),
-            )
+    if isinstance(perturb, str) and perturb in robot.free_sets:
         return frozenset(robot.free_sets[perturb])
-    for name in perturb:
-        if name not in known:
-            raise refuse(
-                "truth.perturb",
-                name,
-                f"names such as {known[0]}, {known[6]}, {known[-1]}",
-                code="S37",
-                message=f'[truth] perturb has "{name}", no number of {robot.name}',
-                fix=choice_of(name, known),
-            )
+    if isinstance(perturb, str):
+        known = tuple(dict.fromkeys((LINKS, *robot.free_sets)))
+        message = f'[truth] perturb = "{perturb}" is no free set of {robot.name}'
+        wrong, allowed = [perturb], f"{', '.join(known)}, or a list of names"
+    else:
+        wrong = [name for name in perturb if name not in known]
+        message = f'[truth] perturb has "{"".join(wrong[:1])}", no number of {robot.name}'
+        allowed = f"names such as {known[0]}, {known[6]}, {known[-1]}"
+    if wrong:
+        fix = choice_of(wrong[0], known)
+        raise refuse("truth.perturb", wrong[0], allowed, code="S37", message=message, fix=fix)
     return frozenset(perturb)
 
 

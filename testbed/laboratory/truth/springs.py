@@ -123,14 +123,11 @@ class ElasticArm:
                 break
             if np.abs(step).max() < SETTLED:
                 return np.asarray(angles)
-        raise refuse(
-            "truth.drive_nm_per_mrad",
-            float(self._stiffness.min() / 1e3),
-            "springs that carry the arm and its payload",
-            code="S37",
-            message=f"the sprung arm gives way at q[{row}] by more than {np.degrees(BENT):g} deg",
-            fix="raise drive_nm_per_mrad and bearing_nm_per_mrad, or lower payload_kg",
-        )
+        message = f"the sprung arm gives way at q[{row}] by more than {np.degrees(BENT):g} deg"
+        allowed = "springs that carry the arm and its payload"
+        fix = "raise drive_nm_per_mrad and bearing_nm_per_mrad, or lower payload_kg"
+        key, value = "truth.drive_nm_per_mrad", float(self._stiffness.min() / 1e3)
+        raise refuse(key, value, allowed, code="S37", message=message, fix=fix)
 
     def _grow(self, share: float) -> None:
         """Let the links be longer by a share."""

@@ -11,10 +11,9 @@ from calib.geometry.chain import Chain
 from calib.geometry.frames import rot_x, rot_y
 from calib.geometry.model import RobotModel
 from testbed.laboratory.simulator import grown
-from testbed.laboratory.truth.backlash import gravity_loads
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.laboratory.truth.springs import ElasticArm, elastic_names, elastic_spec
-from testbed.laboratory.truth.terms import Springs, only
+from testbed.laboratory.truth.terms import Springs, gravity_loads, only
 from testbed.robots.catalog import load_robot
 from testbed.robots.placements import link_poses
 from tests.reference import TX60_LIMITS, pool_r, tx60

@@ -10,10 +10,9 @@ from calib.geometry.chain import Chain
 from calib.geometry.frames import rot_x
 from calib.geometry.model import RobotModel
 from testbed.laboratory.simulator import grown
-from testbed.laboratory.truth.backlash import GRAVITY, gravity_loads
 from testbed.laboratory.truth.budget import truth_budget
 from testbed.laboratory.truth.robot import draw_truth
-from testbed.laboratory.truth.terms import TERM_KEYS, only, terms_of
+from testbed.laboratory.truth.terms import GRAVITY, TERM_KEYS, gravity_loads, only, terms_of
 from testbed.robots.catalog import Robot, load_robot
 from testbed.robots.placements import link_poses
 from testbed.streams import stream

@@ -15,8 +15,8 @@ from testbed import assets
 from testbed.laboratory.pool import Candidates, joint_ranges
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.tracker.tracker import tracker_from
-from testbed.laboratory.truth.backlash import gravity_loads
 from testbed.laboratory.truth.robot import draw_truth
+from testbed.laboratory.truth.terms import gravity_loads
 from testbed.report.page import render
 from testbed.robots.catalog import TRACKER, TRACKER_FILE, load_robot, robot_names
 from testbed.robots.file import TrackerFile
