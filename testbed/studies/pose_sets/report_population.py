@@ -1,17 +1,11 @@
 """The report's section on many robots: which pose set is better, and whether that can be told."""
 
-from calib.arrays import Array
 from testbed.report.intervals import percent_of
 from testbed.report.page import Points, Section, Table, Text, table_of
-from testbed.studies.many_robots import (
-    family_confidence,
-    log_ratio_over_robots,
-    mean_over_robots,
-    outcome_of,
-)
-from testbed.studies.pose_sets.compare import random_partner, rms
-from testbed.studies.pose_sets.records import PopulationStudy, population_of
-from testbed.studies.trial.records import Campaign, Trial
+from testbed.studies.many_robots import log_ratio_over_robots, mean_over_robots
+from testbed.studies.pose_sets.compare import Contest, contest_of, random_partner, rms
+from testbed.studies.pose_sets.study import PopulationStudy, population_of
+from testbed.studies.trial.records import Campaign
 from testbed.studies.trial.report_accuracy import set_in_words
 from testbed.units import Mean, counted, millimetres
 
@@ -31,7 +25,7 @@ def population_section(campaign: Campaign) -> Section | None:
     return Section(
         "robots",
         "Many robots",
-        (Text(text), error_table(campaign, study), Points(sentences(campaign, study))),
+        (Text(text), error_table(campaign, study), Points(sentences(contest_of(campaign)))),
         part="detail",
     )
 
@@ -45,7 +39,7 @@ def error_table(campaign: Campaign, study: PopulationStudy) -> Table:
         for j, mode in enumerate(modes):
             errors, ratio = study.mean_error[i, j], "–"
             if partner is not None and partner is not trial:
-                other = study.mean_error[index(campaign, partner), j]
+                other = study.mean_error[study.trials.index(partner.name), j]
                 ratio = ratio_in_words(log_ratio_over_robots(errors, other))
             mean = mean_over_robots(errors)
             error, u = rms(study.rms_error[i, j]), rms(study.stated_u[i, j])
@@ -74,33 +68,20 @@ def error_table(campaign: Campaign, study: PopulationStudy) -> Table:
     )
 
 
-def sentences(campaign: Campaign, study: PopulationStudy) -> tuple[str, ...]:
+def sentences(contest: Contest) -> tuple[str, ...]:
     """What the numbers say of each designed set, also where it loses; default estimator."""
     said = []
-    pairs = [(trial, random_partner(campaign, trial)) for trial in campaign.trials]
-    family = sum(partner not in (None, trial) for trial, partner in pairs)
-    for i, (trial, partner) in enumerate(pairs):
-        if partner is None or partner is trial:
+    for entry in contest.entries:
+        if entry.joint is None:
             continue
-        other = study.mean_error[index(campaign, partner), 0]
-        said.append(outcome(trial.name, partner.name, study.mean_error[i, 0], other, family=family))
+        name, partner = entry.trial.name, contest.reference(entry.poses).trial.name
+        wins = f"{round(entry.wins * contest.robots)} of {contest.robots} robots"
+        tail = f"({ratio_in_words(entry.joint)}; smaller error on {wins})"
+        if entry.outcome == "undecided":
+            said.append(f"{name} and {partner} cannot be told apart {tail}.")
+        else:
+            said.append(f"{name} is {entry.outcome} than {partner} {tail}.")
     return tuple(said) or ("No random set of the same size to compare with.",)
-
-
-def outcome(name: str, partner: str, errors: Array, other: Array, *, family: int = 1) -> str:
-    """One comparison in words, by an interval that holds together with `family` such ones."""
-    ratio = log_ratio_over_robots(errors, other, probability=family_confidence(family))
-    wins = int((errors < other).sum())
-    tail = f"({ratio_in_words(ratio)}; smaller error on {wins} of {len(errors)} robots)"
-    said = outcome_of(ratio)
-    if said == "undecided":
-        return f"{name} and {partner} cannot be told apart {tail}."
-    return f"{name} is {said} than {partner} {tail}."
-
-
-def index(campaign: Campaign, trial: Trial) -> int:
-    """Place of a trial in the campaign."""
-    return [t.name for t in campaign.trials].index(trial.name)
 
 
 def ratio_in_words(ratio: Mean) -> str:

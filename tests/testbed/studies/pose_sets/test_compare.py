@@ -22,7 +22,7 @@ from testbed.studies.pose_sets import report as report_pose_sets
 from testbed.studies.pose_sets.compare import contest_of
 from testbed.studies.pose_sets.play import set_for
 from testbed.studies.pose_sets.plots import forest, kinds
-from testbed.studies.pose_sets.records import population_of
+from testbed.studies.pose_sets.study import population_of
 from testbed.studies.trial.play import criterion_of, select
 from tests.campaign import record_hash, with_records
 from tests.reported import VERSIONS, played, read

@@ -1,14 +1,17 @@
 """Many robots: the robot is the unit, pairs are pairs, and the words follow the numbers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from testbed.run.derive import headline
 from testbed.studies.many_robots import log_ratio_over_robots, mean_over_robots
+from testbed.studies.pose_sets.compare import contest_of
 from testbed.studies.pose_sets.play import gather, play_robots
-from testbed.studies.pose_sets.records import population_of
-from testbed.studies.pose_sets.report_population import outcome, population_section
+from testbed.studies.pose_sets.report_population import population_section, sentences
+from testbed.studies.pose_sets.study import population_of
 from tests.reported import SMALL, assert_same, played
 
 ROBOTS = 20
@@ -61,13 +64,18 @@ def test_confidence_intervals_hold_the_true_ratio_in_95_percent():
     assert held / 2000 == pytest.approx(0.95, abs=0.017)
 
 
-def test_words_say_better_worse_or_that_it_cannot_be_told():
-    rng = np.random.default_rng(2)
+def test_words_say_better_worse_or_that_it_cannot_be_told(crowd):
+    contest, rng = contest_of(crowd), np.random.default_rng(2)
+    entry = next(entry for entry in contest.entries if entry.joint is not None)
     other = rng.lognormal(0, 0.1, 30)
-    assert "is better than" in outcome("a", "b", other * 0.8, other)
-    assert "is worse than" in outcome("a", "b", other * 1.2, other)
-    noise = rng.permutation(other)
-    assert "cannot be told apart" in outcome("a", "b", noise, other)
+    for errors, words in (
+        (other * 0.8, "designed-29 is better than random-29 ("),
+        (other * 1.2, "designed-29 is worse than random-29 ("),
+        (rng.permutation(other), "designed-29 and random-29 cannot be told apart ("),
+    ):
+        joint = log_ratio_over_robots(errors, other)
+        entries = (*contest.entries, replace(entry, joint=joint))
+        assert sentences(replace(contest, entries=entries))[-1].startswith(words)
 
 
 def test_the_report_has_the_section_only_where_many_robots_were_played(crowd):
