@@ -38,6 +38,7 @@ HOMES = {
         "testbed/scenario/",
         "testbed/robots/",
         "testbed/files/",
+        "testbed/studies/many_robots.py",
         "settings",
     ),
 }

@@ -71,11 +71,6 @@ class Story:
     """Draws what is there at all times, beside the robot."""
     chapters: Sequence[Chapter]
 
-    @property
-    def floor(self) -> float:
-        """Height of the floor in the world [m]."""
-        return floor_height(self.chain, self.robot)
-
 
 def floor_height(chain: Chain, robot: Robot) -> float:
     """Height of the floor in the world [m]."""

@@ -15,6 +15,13 @@ DARK, MIDDLE, LIGHT = "#0b4f8a", "#d55e00", "#e8a33d"
 """Blue, vermilion, amber: told apart by hue, in gray by lightness, and each has its own marker."""
 FONT = "'Liberation Sans', Arial, Helvetica, sans-serif"
 
+TICKS = {
+    "color": SOFT,
+    "labelcolor": INK,
+    "labelsize": 7.5,
+    "major.width": 0.6,
+    "minor.width": 0.4,
+}
 STYLE: Any = {
     "svg.hashsalt": "truebed",
     "svg.fonttype": "none",
@@ -33,16 +40,7 @@ STYLE: Any = {
     "axes.axisbelow": True,
     "grid.color": "#e4e4e4",
     "grid.linewidth": 0.5,
-    "xtick.color": SOFT,
-    "ytick.color": SOFT,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "xtick.labelsize": 7.5,
-    "ytick.labelsize": 7.5,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.minor.width": 0.4,
-    "ytick.minor.width": 0.4,
+    **{f"{axis}tick.{key}": value for axis in "xy" for key, value in TICKS.items()},
     "legend.fontsize": 7.5,
     "legend.frameon": False,
     "legend.handlelength": 1.6,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
 
 from testbed.laboratory.truth.laboratory import Setting
 from testbed.report.page import Section
-from testbed.scenario.scenario import Scenario, StudyTable, goal_part, part, shared_part
+from testbed.scenario.scenario import Scenario, goal_part, part, shared_part
 from testbed.store.quantities import Quantity, below
 from testbed.studies.many_robots import (
     ManyRobots,
@@ -47,8 +47,8 @@ class KindsStudy(Generic[R]):
     are called only where some kind of robots was played.
     """
 
-    settings: type[StudyTable]
-    """Its table, one of `ManyRobots`."""
+    settings: type[ManyRobots]
+    """Its table."""
     record: type[R]
     """Class of its records."""
 
@@ -64,7 +64,7 @@ class KindsStudy(Generic[R]):
 
     def of(self, campaign: Campaign) -> tuple[R, ...]:
         """Its records, one per kind in the order of the scenario; none if the study is off."""
-        return of_each_kind(campaign.records, self._table(campaign.scenario), self.record)
+        return of_each_kind(campaign.records, campaign.scenario.table(self.settings), self.record)
 
     def records(self, scenario: Scenario) -> tuple[Record, ...]:
         """One record per kind of robot.
@@ -72,7 +72,7 @@ class KindsStudy(Generic[R]):
         It depends on no other kind and on no other trial than the first, but for when the robot is
         measured again: after the poses of the largest trial.
         """
-        table, trials = self._table(scenario), scenario.trial
+        table, trials = scenario.table(self.settings), scenario.trial
         reads = {
             **shared_part(scenario),
             **part(scenario, "identification"),
@@ -91,7 +91,7 @@ class KindsStudy(Generic[R]):
     def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
         """Some robots of one kind."""
         setting, trial = needed.get(SETTING, Setting), needed.get(scenario.trial[0].name, Trial)
-        robots = block_of(self._table(scenario).robots, task.piece)
+        robots = block_of(scenario.table(self.settings).robots, task.piece)
         kind = kind_of(task.key)
         return self._part("play").play_robots(scenario, setting, kind, trial, robots)
 
@@ -126,10 +126,6 @@ class KindsStudy(Generic[R]):
         """One chapter."""
         campaign = campaign_of(scenario, records)
         return (self._part("recording").chapter(campaign),) if self.of(campaign) else ()
-
-    def _table(self, scenario: Scenario) -> ManyRobots:
-        """Its table of a scenario."""
-        return cast(ManyRobots, scenario.table(self.settings))
 
     def _part(self, name: str) -> Any:
         """A module of its folder."""

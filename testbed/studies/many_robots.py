@@ -1,13 +1,15 @@
-"""What the studies of many robots share."""
+"""What the studies of many robots share: kinds, blocks, stacking, means and their words."""
 
+import dataclasses
 import json
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import Field, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, TypeVar, get_args
+from math import isfinite
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field
 from scipy.special import stdtrit
 
 from calib.arrays import Array
@@ -15,9 +17,10 @@ from testbed.scenario.checks import truth_faults
 from testbed.scenario.laboratory import TruthSettings
 from testbed.scenario.presets import resolved_truth, robot_of
 from testbed.scenario.scenario import Scenario, StudyTable
+from testbed.scenario.tables import PAPER_SET
 from testbed.strict import Fault
 from testbed.studies.protocol import Records
-from testbed.units import Mean
+from testbed.units import MM, NARROW, Mean, decimals, fixed, percent
 
 if TYPE_CHECKING:
     from testbed.robots.robot import Robot
@@ -38,9 +41,12 @@ BLOCK = 25
 class ManyRobots(StudyTable):
     """The table of a study of many robots of several kinds."""
 
+    needs_paper_set: ClassVar[bool] = False
+    """Whether every robot needs the free set of the paper."""
+
+    robots: Annotated[int, Field(ge=0, le=10_000)] = 0
+    """Virtual robots of each kind; 0 skips the study."""
     if TYPE_CHECKING:  # each study declares them, with its own defaults
-        robots: int
-        """Robots of each kind; 0 skips the study."""
         truths: tuple[TruthName, ...]
         """Kinds of robots."""
 
@@ -73,6 +79,45 @@ class ManyRobots(StudyTable):
     def own_contradictions(self, scenario: Scenario) -> Iterable[str]:
         """The same, beyond what all such tables ask for, where the study is on."""
 
+    def faults(self, scenario: Scenario, robot: "Robot") -> list[Fault]:
+        """Faults of kinds of robots that this one cannot be; none if the study is off."""
+        if not self.robots:
+            return []
+        faults = [found for truth in self.truths if (found := self._fault(scenario, robot, truth))]
+        if self.needs_paper_set and PAPER_SET not in robot.free_sets:
+            message = (
+                f"[{self.table}] robots is {self.robots}, but {robot.name} has no free set "
+                f'"{PAPER_SET}", the numbers that the paper identifies'
+            )
+            at, fix = (self.table, "robots"), "write robots = 0"
+            faults.append(Fault(at, message, fix=fix, value=self.robots))
+        return faults
+
+    def _fault(self, scenario: Scenario, robot: "Robot", truth: TruthName) -> Fault | None:
+        """What keeps the robot from being of one kind; None if nothing does."""
+        from calib.identification.joint_models import gravity_quarters
+
+        quarters, joints = gravity_quarters(robot.model.chain), robot.model.chain.n_joints
+        upright = truth == "unmodelled"  # its play goes by the closed form of an upright arm
+        allowed = ""
+        if truth in SAGGING and (quarters is None or (upright and quarters != (0, 0))):
+            stands = "stands upright" if upright else "stands upright or lies level"
+            said = f", whose joints sag by a closed form that does not hold for {robot.name}"
+            allowed = f"an arm with level parallel axes 2 and 3 that {stands} at zero"
+        elif upright and joints < 5:
+            said = f", which has play in joint 5; {robot.name} has {joints} joints"
+        elif other := [*truth_faults(truth_of_kind(scenario, truth), robot)]:
+            said = f": {other[0].message.removeprefix('[truth] ')}"
+            allowed = other[0].allowed
+        else:
+            return None
+        message, fix = f'[{self.table}] truths has "{truth}"{said}', f'remove "{truth}"'
+        return Fault((self.table, "truths"), message, allowed=allowed, fix=fix, value=truth)
+
+
+SAGGING = ("wen2022", "soft", "unmodelled")
+"""Kinds of robots whose joints sag by the closed form of an upright arm."""
+
 
 def keys_of(table: str) -> tuple[str, ...]:
     """Record keys of a study of many robots, one per kind: it can be resumed between them."""
@@ -103,36 +148,6 @@ def of_each_kind(records: Records, table: ManyRobots, kind: type[T]) -> tuple[T,
     """The finished records of a study, one per kind of robot, in the order of the scenario."""
     found = (records.find(f"{table.table}.{truth}", kind) for truth in table.truths)
     return tuple(study for study in found if study is not None)
-
-
-SAGGING = ("wen2022", "soft", "unmodelled")
-"""Kinds of robots whose joints sag by the closed form of an upright arm."""
-
-
-def truths_faults(scenario: Scenario, robot: "Robot", settings: ManyRobots) -> list[Fault]:
-    """Faults of a table's list of truths that this robot cannot have; none if the study is off."""
-    from calib.identification.joint_models import gravity_quarters
-
-    faults: list[Fault] = []
-    table, truths = settings.table, settings.truths if settings.robots else ()
-    quarters, joints = gravity_quarters(robot.model.chain), robot.model.chain.n_joints
-    for truth in truths:
-        upright = truth == "unmodelled"  # its play goes by the closed form of an upright arm
-        allowed = ""
-        if truth in SAGGING and (quarters is None or (upright and quarters != (0, 0))):
-            stands = "stands upright" if upright else "stands upright or lies level"
-            said = f", whose joints sag by a closed form that does not hold for {robot.name}"
-            allowed = f"an arm with level parallel axes 2 and 3 that {stands} at zero"
-        elif upright and joints < 5:
-            said = f", which has play in joint 5; {robot.name} has {joints} joints"
-        elif other := [*truth_faults(truth_of_kind(scenario, truth), robot)]:
-            said = f": {other[0].message.removeprefix('[truth] ')}"
-            allowed = other[0].allowed
-        else:
-            continue
-        message, fix = f'[{table}] truths has "{truth}"{said}', f'remove "{truth}"'
-        faults.append(Fault((table, "truths"), message, allowed=allowed, fix=fix, value=truth))
-    return faults
 
 
 def truth_of_kind(scenario: Scenario, truth: TruthName) -> TruthSettings:
@@ -179,7 +194,7 @@ CONFIDENCE = 0.95
 class Dataclass(Protocol):
     """Any dataclass."""
 
-    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+    __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
 
 
 R = TypeVar("R", bound=Dataclass)
@@ -197,10 +212,58 @@ def together(parts: Sequence[R], axes: Axes) -> R:
 
     What counts no robots is taken from the first part.
     """
-    return replace(
+    return dataclasses.replace(
         parts[0],
         **{
             name: np.concatenate([getattr(part, name) for part in parts], axis=axis)
             for name, axis in axes.items()
         },
     )
+
+
+def plus_minus(mean: Mean, places: int = 2) -> str:
+    """A figure with the half width of its interval; a printed figure has none.
+
+    `places` is the least number of decimals: a narrow interval asks for more.
+    """
+    if not mean.half_width:
+        return fixed(mean.value, places)
+    if not isfinite(mean.half_width):
+        return f"{fixed(mean.value, places)} (one pool)"
+    places = max(places, decimals(mean.half_width, 1))
+    return f"{fixed(mean.value, places)} ± {fixed(mean.half_width, places)}"
+
+
+def within(mean: Mean) -> str:
+    """A length [m] in mm with its interval."""
+    return plus_minus(Mean(mean.value * MM, mean.half_width * MM), 3)
+
+
+def share(mean: Mean) -> str:
+    """A share of one in percent with the half width of its interval."""
+    if not mean.half_width:
+        return percent(mean.value)
+    scaled = Mean(100 * mean.value, 100 * mean.half_width)
+    return f"{plus_minus(scaled, 0)}{NARROW}%"
+
+
+def signed(part: float) -> str:
+    """A relative change in percent, with its sign."""
+    return f"{'+' if part >= 0 else ''}{fixed(100 * part, 0)}{NARROW}%"
+
+
+def change(ratio: Mean) -> str:
+    """A logarithm of a ratio as a change in percent with its interval."""
+    middle, low, high = (float(np.expm1(x)) for x in (ratio.value, ratio.low, ratio.high))
+    return f"{signed(middle)} ({signed(low)} to {signed(high)})"
+
+
+def printed_change(one: float, other: float) -> str:
+    """The change from one printed figure to another."""
+    return signed(one / other - 1)
+
+
+def percent_of(ratio: Mean) -> tuple[float, float, float]:
+    """A logarithm of a ratio with its interval, as changes in percent."""
+    middle, low, high = (100 * float(np.expm1(x)) for x in (ratio.value, ratio.low, ratio.high))
+    return middle, low, high

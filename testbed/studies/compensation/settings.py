@@ -5,12 +5,10 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from testbed.robots.robot import Robot
 from testbed.scenario.laboratory import At960Tracker
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import Point, RotationVector, Side
-from testbed.strict import Fault
-from testbed.studies.many_robots import TRUTHS, ManyRobots, TruthName, keys_of, truths_faults
+from testbed.studies.many_robots import TRUTHS, ManyRobots, TruthName, keys_of
 
 
 class CompensationSettings(ManyRobots):
@@ -19,8 +17,6 @@ class CompensationSettings(ManyRobots):
     table: ClassVar[str] = "compensation"
     keys: ClassVar[tuple[str, ...]] = keys_of("compensation")
 
-    robots: Annotated[int, Field(ge=0, le=10_000)] = 0
-    """Virtual robots of each kind; 0 skips the study."""
     truths: Annotated[tuple[TruthName, ...], Field(min_length=1, max_length=len(TRUTHS))] = (
         "rigid",
         "wen2022",
@@ -44,10 +40,6 @@ class CompensationSettings(ManyRobots):
                 f"[compensation] cycles needs every visit; [tracker] missed is {tracker.missed}; "
                 "write missed = 0, or robots = 0"
             )
-
-    def faults(self, scenario: Scenario, robot: Robot) -> list[Fault]:
-        """Faults of kinds of robots that this one cannot be."""
-        return truths_faults(scenario, robot, self)
 
 
 TABLE = CompensationSettings

@@ -5,11 +5,9 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from testbed.robots.robot import Robot
 from testbed.scenario.laboratory import At960Tracker
 from testbed.scenario.scenario import Scenario
-from testbed.strict import Fault
-from testbed.studies.many_robots import TRUTHS, ManyRobots, TruthName, keys_of, truths_faults
+from testbed.studies.many_robots import TRUTHS, ManyRobots, TruthName, keys_of
 
 
 class CoverageSettings(ManyRobots):
@@ -18,8 +16,6 @@ class CoverageSettings(ManyRobots):
     table: ClassVar[str] = "coverage"
     keys: ClassVar[tuple[str, ...]] = keys_of("coverage")
 
-    robots: Annotated[int, Field(ge=0, le=10_000)] = 0
-    """Virtual robots of each kind; 0 skips the study."""
     truths: Annotated[tuple[TruthName, ...], Field(min_length=1, max_length=len(TRUTHS))] = TRUTHS
     """Kinds of robots: presets of [truth] as they ship, whatever this scenario's [truth] says."""
     validation_poses: Annotated[int, Field(ge=1, le=5000)] = 40
@@ -42,10 +38,6 @@ class CoverageSettings(ManyRobots):
                 f"model of the error asks for at least {needed} at level = {self.level:g}; write "
                 f"validation_poses = {needed} or more"
             )
-
-    def faults(self, scenario: Scenario, robot: Robot) -> list[Fault]:
-        """Faults of kinds of robots that this one cannot be."""
-        return truths_faults(scenario, robot, self)
 
 
 TABLE = CoverageSettings

@@ -1,9 +1,8 @@
 """The forest plot of a contest: each pose set's error against random sets, with intervals."""
 
-from testbed.report.intervals import percent_of
 from testbed.report.plots import Look, interval, rows_of
 from testbed.report.svg import DARK, MIDDLE, SOFT, drawing, svg_of
-from testbed.studies.many_robots import Outcome
+from testbed.studies.many_robots import Outcome, percent_of
 from testbed.studies.pose_sets.compare import Contest, Entry
 from testbed.studies.trial.plots import MOST_VIEWS
 

@@ -6,7 +6,6 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.uncertainty.regions import coverage_factor
-from testbed.report.intervals import percent_of
 from testbed.report.plots import (
     Look,
     label,
@@ -18,6 +17,7 @@ from testbed.report.plots import (
     share_ends,
 )
 from testbed.report.svg import DARK, FAINT, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
+from testbed.studies.many_robots import percent_of
 from testbed.studies.trial.plots import LOOKS
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.records import ESTIMATORS, STATEMENTS, PaperBudget, ToolPointStudy

@@ -6,8 +6,8 @@ from math import inf
 import numpy as np
 from scipy.special import gammaln
 
-from testbed.report.intervals import plus_minus
 from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict
+from testbed.studies.many_robots import plus_minus
 from testbed.studies.protocol import Answer
 from testbed.studies.trial.records import Campaign
 from testbed.studies.trial.verdict import trial_verdict

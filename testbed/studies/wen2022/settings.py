@@ -5,12 +5,9 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from testbed.robots.robot import Robot
 from testbed.scenario.laboratory import At960Tracker
 from testbed.scenario.scenario import Scenario
-from testbed.scenario.tables import PAPER_SET
-from testbed.strict import Fault
-from testbed.studies.many_robots import TRUTHS, ManyRobots, TruthName, keys_of, truths_faults
+from testbed.studies.many_robots import TRUTHS, ManyRobots, TruthName, keys_of
 
 SETS_KEY = "reexamined.sets"
 """Record of the pools and the pose sets chosen from them, which all kinds of robots share."""
@@ -23,9 +20,8 @@ class ReexaminedSettings(ManyRobots):
 
     table: ClassVar[str] = "reexamined"
     keys: ClassVar[tuple[str, ...]] = (SETS_KEY, *keys_of("reexamined"))
+    needs_paper_set: ClassVar[bool] = True
 
-    robots: Annotated[int, Field(ge=0, le=10_000)] = 0
-    """Virtual robots of each kind; 0 skips the study."""
     pools: Annotated[int, Field(ge=1, le=1000)] = 12
     """Pools, each with designed sets and held-out poses of its own; each meets as many robots."""
     truths: Annotated[tuple[TruthName, ...], Field(min_length=1, max_length=len(TRUTHS))] = (
@@ -57,18 +53,6 @@ class ReexaminedSettings(ManyRobots):
                 f"[pool] size is {scenario.pool.size}; [reexamined] calibrates in each quarter of "
                 f"the pool; write size = {FEWEST_POSES} or more"
             )
-
-    def faults(self, scenario: Scenario, robot: Robot) -> list[Fault]:
-        """Faults of kinds of robots that this one cannot be; it needs the paper's free set."""
-        found = truths_faults(scenario, robot, self)
-        if self.robots and PAPER_SET not in robot.free_sets:
-            message = (
-                f"[reexamined] robots is {self.robots}, but {robot.name} has no free set "
-                f'"{PAPER_SET}", the numbers that the paper identifies'
-            )
-            path, fix = ("reexamined", "robots"), "write robots = 0"
-            found.append(Fault(path, message, fix=fix, value=self.robots))
-        return found
 
 
 TABLE = ReexaminedSettings

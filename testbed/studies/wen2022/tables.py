@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from calib.arrays import Array
-from testbed.report.intervals import change, plus_minus, printed_change, share, within
 from testbed.report.page import Table, heads
+from testbed.studies.many_robots import change, plus_minus, printed_change, share, within
 from testbed.studies.trial.report_accuracy import NONE
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.records import ESTIMATORS

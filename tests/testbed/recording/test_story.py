@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from testbed.recording.curves import draw_curve
-from testbed.recording.layout import blueprint
 from testbed.recording.story import Chapter, Panel, Story, timeline_of
 from testbed.recording.timeline import evenly, leaf, spread, visit
-from testbed.recording.write import write_story
+from testbed.recording.write import blueprint, write_story
 from testbed.robots.catalog import load_robot
 from tests import viewed
 from tests.recorded import column, scalars, store

@@ -36,7 +36,7 @@ from testbed.store import layout
 from testbed.store.run_folder import RunFolder, check_free
 from testbed.streams import stream
 from testbed.studies import load_scenario, parse_scenario, scenario_of
-from testbed.studies.compensation.cube import cube_joints, cube_poses
+from testbed.studies.compensation.play import cube_joints, cube_poses
 from testbed.studies.compensation.settings import CompensationSettings
 from tests.planned import QUICK, ROBOT, scenario
 from tests.testbed.laboratory.outcomes import settings as outcome_settings
