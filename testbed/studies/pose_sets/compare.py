@@ -19,12 +19,32 @@ from testbed.studies.many_robots import (
     mean_over_robots,
     outcome_of,
 )
-from testbed.studies.pose_sets.study import PopulationStudy, population_of
 from testbed.studies.trial.records import Campaign, Trial
 from testbed.units import Mean
 
+POPULATION = "population"
 MANY_TRIALS = 6
 """More trials than this are shown as a contest: by size, with what each kind of set is worth."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PopulationStudy:
+    """Every trial's pose set on many virtual robots, each measured once: the robot is the unit."""
+
+    trials: tuple[str, ...]
+    """(s,) names."""
+    mean_error: Array
+    """(s, e, R) mean held-out position error against the truth, per trial, estimator, robot [m]."""
+    rms_error: Array
+    """(s, e, R) root mean square of the same [m]."""
+    stated_u: Array
+    """(s, e, R) root mean square over held-out poses of the stated 3-D u [m]."""
+    inside: Array
+    """(s, e, R) share of held-out points inside their stated 95 % region."""
+    before: Array
+    """(R,) mean held-out error of the nominal model [m]."""
+    goal_u: Array
+    """(s, R) RMS tool-point u over the goal that the set promised, from the nominal model [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,6 +97,11 @@ class Contest:
     def reference(self, poses: int) -> Entry:
         """The random set of one size."""
         return next(e for e in self.entries if e.poses == poses and e.ratio is None)
+
+
+def population_of(campaign: Campaign) -> PopulationStudy | None:
+    """Every trial's set on many robots; None if nobody asked."""
+    return campaign.records.find(POPULATION, PopulationStudy)
 
 
 def random_partner(campaign: Campaign, trial: Trial) -> Trial | None:

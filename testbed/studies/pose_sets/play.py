@@ -23,7 +23,7 @@ from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_labora
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.many_robots import alone, together
-from testbed.studies.pose_sets.study import PopulationStudy
+from testbed.studies.pose_sets.compare import PopulationStudy
 from testbed.studies.trial.compare import target_prediction
 from testbed.studies.trial.estimator import estimator_for
 from testbed.studies.trial.records import Trial

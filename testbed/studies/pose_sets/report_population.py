@@ -2,8 +2,14 @@
 
 from testbed.report.page import Points, Section, Table, Text, table_of
 from testbed.studies.many_robots import log_ratio_over_robots, mean_over_robots, percent_of
-from testbed.studies.pose_sets.compare import Contest, contest_of, random_partner, rms
-from testbed.studies.pose_sets.study import PopulationStudy, population_of
+from testbed.studies.pose_sets.compare import (
+    Contest,
+    PopulationStudy,
+    contest_of,
+    population_of,
+    random_partner,
+    rms,
+)
 from testbed.studies.trial.records import Campaign
 from testbed.studies.trial.report_accuracy import set_in_words
 from testbed.units import Mean, counted, millimetres

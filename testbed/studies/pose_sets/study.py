@@ -1,43 +1,20 @@
-"""Which pose set is best: the record of every trial's set on many robots, and the study."""
+"""Which pose set is best: every trial's set on many further robots, against random ones."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from calib.arrays import Array
 from testbed.laboratory.truth.laboratory import Setting
 from testbed.report.page import Section
 from testbed.scenario.scenario import Scenario
 from testbed.store.quantities import Quantity
 from testbed.studies.many_robots import block_of, pieces_of
+from testbed.studies.pose_sets.compare import POPULATION, PopulationStudy, has_contest, published
 from testbed.studies.protocol import Answer, Record, Records, Task
-from testbed.studies.trial.records import Campaign, Trial, campaign_of
+from testbed.studies.trial.records import Trial, campaign_of
 from testbed.studies.trial.study import SETTING, campaign_part
 
 if TYPE_CHECKING:
     from testbed.recording.story import Chapter
-
-POPULATION = "population"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PopulationStudy:
-    """Every trial's pose set on many virtual robots, each measured once: the robot is the unit."""
-
-    trials: tuple[str, ...]
-    """(s,) names."""
-    mean_error: Array
-    """(s, e, R) mean held-out position error against the truth, per trial, estimator, robot [m]."""
-    rms_error: Array
-    """(s, e, R) root mean square of the same [m]."""
-    stated_u: Array
-    """(s, e, R) root mean square over held-out poses of the stated 3-D u [m]."""
-    inside: Array
-    """(s, e, R) share of held-out points inside their stated 95 % region."""
-    before: Array
-    """(R,) mean held-out error of the nominal model [m]."""
-    goal_u: Array
-    """(s, R) RMS tool-point u over the goal that the set promised, from the nominal model [m]."""
 
 
 class PoseSetsStudy:
@@ -72,15 +49,12 @@ class PoseSetsStudy:
     def answer(self, scenario: Scenario, records: Records) -> Answer | None:
         """How many sets beat random ones, where many sets are compared."""
         from testbed.studies.pose_sets import report
-        from testbed.studies.pose_sets.compare import has_contest
 
         campaign = campaign_of(scenario, records)
         return report.answer(campaign) if has_contest(campaign) else None
 
     def results(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
         """Errors over many robots."""
-        from testbed.studies.pose_sets.compare import published
-
         return published(campaign_of(scenario, records))
 
     def arrays(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
@@ -89,7 +63,6 @@ class PoseSetsStudy:
 
     def sections(self, scenario: Scenario, records: Records, *, first: bool) -> Sequence[Section]:
         """The comparison, or where few sets were played what each is worth on many robots."""
-        from testbed.studies.pose_sets.compare import has_contest
         from testbed.studies.pose_sets.report import pose_sets_section
         from testbed.studies.pose_sets.report_population import population_section
 
@@ -101,11 +74,6 @@ class PoseSetsStudy:
     def recording(self, scenario: Scenario, records: Records) -> Sequence["Chapter"]:
         """None."""
         return ()
-
-
-def population_of(campaign: Campaign) -> PopulationStudy | None:
-    """Every trial's set on many robots; None if nobody asked."""
-    return campaign.records.find(POPULATION, PopulationStudy)
 
 
 STUDY = PoseSetsStudy()

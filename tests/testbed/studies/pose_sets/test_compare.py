@@ -19,10 +19,9 @@ from testbed.streams import stream
 from testbed.studies import load_scenario
 from testbed.studies.many_robots import family_confidence, log_ratio_over_robots, outcome_of
 from testbed.studies.pose_sets import report as report_pose_sets
-from testbed.studies.pose_sets.compare import contest_of
+from testbed.studies.pose_sets.compare import contest_of, population_of
 from testbed.studies.pose_sets.play import set_for
 from testbed.studies.pose_sets.plots import forest, kinds
-from testbed.studies.pose_sets.study import population_of
 from testbed.studies.trial.play import criterion_of, select
 from tests.campaign import record_hash, with_records
 from tests.reported import VERSIONS, played, read

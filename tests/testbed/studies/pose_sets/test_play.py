@@ -8,10 +8,9 @@ from scipy import stats
 
 from testbed.run.derive import headline
 from testbed.studies.many_robots import log_ratio_over_robots, mean_over_robots
-from testbed.studies.pose_sets.compare import contest_of
+from testbed.studies.pose_sets.compare import contest_of, population_of
 from testbed.studies.pose_sets.play import gather, play_robots
 from testbed.studies.pose_sets.report_population import population_section, sentences
-from testbed.studies.pose_sets.study import population_of
 from tests.reported import SMALL, assert_same, played
 
 ROBOTS = 20
