@@ -35,6 +35,7 @@ def check_kinematics(poses: int = POSES) -> list[Agreement]:
     """MDH against MuJoCo and against the shipped URDF, on random joints of each robot."""
     from testbed.laboratory.simulator import Simulator
     from testbed.robots.describe.urdf import describe_urdf
+    from testbed.robots.describe.xml_gate import FileOptions
 
     found = []
     for name in robot_names():
@@ -44,7 +45,7 @@ def check_kinematics(poses: int = POSES) -> list[Agreement]:
         mdh = forward(robot.model.chain, q)
         others = {
             "MuJoCo": Simulator(None, robot.model.chain).poses(q),
-            "URDF": forward(describe_urdf(robot.folder / f"{name}.urdf").chain, q),
+            "URDF": forward(describe_urdf(robot.folder / f"{name}.urdf", FileOptions()).chain, q),
         }
         for other, T in others.items():
             turn = log_so3(mdh[:, :3, :3] @ np.swapaxes(T[:, :3, :3], 1, 2))

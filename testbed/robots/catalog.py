@@ -75,10 +75,9 @@ def load_robot(
     path = _robot_path(name_or_path)
     if path.suffix.lower() in XML:
         from testbed.robots.describe.convert import read_description
+        from testbed.robots.describe.xml_gate import FileOptions
 
-        return read_description(
-            path, tip=tip, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes
-        )
+        return read_description(path, FileOptions(tip, mesh_root, allow_missing_meshes))
     if tip is not None:
         allowed, fix = "a robot.toml says itself where its tool is", "leave the tip out"
         raise refuse("tip", tip, allowed, code="S37", fix=fix, where=str(path))

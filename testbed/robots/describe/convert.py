@@ -14,7 +14,7 @@ from calib.geometry.frames import inverse
 from calib.geometry.inverse import spread
 from calib.geometry.model import RobotModel
 from testbed.robots.describe.description import Body, Description, plain_name
-from testbed.robots.describe.xml_gate import read_xml
+from testbed.robots.describe.xml_gate import FileOptions, read_xml
 from testbed.robots.meshes.files import read_mesh
 from testbed.robots.placements import LIMIT, difference, link_poses
 from testbed.robots.robot import Robot, Visual, body_name
@@ -35,13 +35,7 @@ FLAT = 1e-4
 """A mesh this thin, as a share of its size, encloses nothing."""
 
 
-def read_description(
-    path: Path,
-    *,
-    tip: str | None = None,
-    mesh_root: Path | None = None,
-    allow_missing_meshes: bool = False,
-) -> Robot:
+def read_description(path: Path, options: FileOptions) -> Robot:
     """Read a URDF or an MJCF, whichever it is, as a robot.
 
     Raises
@@ -54,9 +48,7 @@ def read_description(
         from testbed.robots.describe.urdf import describe_urdf as describe
     else:
         from testbed.robots.describe.mjcf import describe_mjcf as describe
-    return robot_of(
-        describe(path, tip=tip, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes)
-    )
+    return robot_of(describe(path, options))
 
 
 def robot_of(description: Description) -> Robot:

@@ -1,5 +1,7 @@
 """The MJCF of any serial arm, read by MuJoCo: joint axes, bodies, shapes and poses."""
 
+import logging
+import re
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
@@ -18,17 +20,17 @@ from testbed.robots.describe.description import (
     nothing_moves,
 )
 from testbed.robots.describe.mjcf_gate import Gated, gate
-from testbed.robots.describe.mjcf_model import (
+from testbed.robots.describe.xml_gate import FileOptions, angle_notes
+from testbed.robots.write.mjcf import (
     at_zero,
     called,
-    compiled,
+    compile_spec,
     frames_of,
     joints_to,
     kind_of,
     mjcf_poses,
     pose_of,
 )
-from testbed.robots.describe.xml_gate import angle_notes
 
 DRIVEN = ("joint", "jointinparent")
 """Attributes of actuators that name the joint they drive."""
@@ -38,14 +40,8 @@ PAIRED = ("connect", "weld")
 """Constraints that close a chain."""
 
 
-def describe_mjcf(
-    path: Path,
-    *,
-    tip: str | None = None,
-    mesh_root: Path | None = None,
-    allow_missing_meshes: bool = False,
-) -> Description:
-    """The arm in an MJCF from the world to the body or site `tip`.
+def describe_mjcf(path: Path, options: FileOptions) -> Description:
+    """The arm in an MJCF from the world to the body or site that is its tip.
 
     Bodies without joints are merged with their parents. What moves with joints that are not on the
     way to the tip is left out and listed in the notes.
@@ -55,12 +51,12 @@ def describe_mjcf(
     InputError
         R1 to R19.
     """
-    gated = gate(path, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes)
+    gated = gate(path, options)
     notes = list(gated.notes)
     drives = _taken(gated.root, "actuator", "tendon", "equality", "contact")
     model = compiled(gated, path)
     frames = frames_of(model)
-    tip, choice = choose_tip(tip, _ends(model, frames), frames, path)
+    tip, choice = choose_tip(options.tip, _ends(model, frames), frames, path)
     notes += [choice] if choice else []
     joints = joints_to(model, frames[tip][0])
     if not joints:
@@ -92,7 +88,7 @@ def describe_mjcf(
     return Description(
         name=str(gated.root.get("model") or ""),
         path=path,
-        folder=(mesh_root or path.parent).resolve(),
+        folder=options.folder(path),
         reader="MuJoCo",
         joint_names=tuple(names),
         kinds=tuple(kinds),
@@ -233,3 +229,23 @@ def _shape(model: Any, data: Any, geom: int, collides: bool, gated: Gated) -> Sh
     red, green, blue = np.clip(np.asarray(color[:3], dtype=np.float64), 0, 1).round(6)
     file = gated.files[model.mesh(mesh).name]
     return Shape(file, affine, (float(red), float(green), float(blue)), collides)
+
+
+def compiled(gated: Gated, path: Path) -> Any:
+    """The model, compiled by MuJoCo; its refusals in our form."""
+    import mujoco
+    from lxml import etree
+
+    mujoco.set_mju_user_warning(logging.getLogger(__name__).info)
+    try:
+        etree.cleanup_namespaces(gated.root)
+        text = etree.tostring(gated.root, encoding="unicode")
+        model = compile_spec(mujoco.MjSpec.from_string(text, assets=gated.assets()))
+    except (ValueError, mujoco.FatalError) as error:
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        said = "; ".join(line.rpartition("Error:")[2].strip() for line in lines[:2])
+        said = re.sub(r",? (id|line) \d+", "", said).replace("Element", "element")
+        code = "R15" if "repeated" in said or "already" in said else "R16"
+        message, fix = f"MuJoCo refuses it: {said[:200]}", "check it with MuJoCo's own viewer"
+        raise refuse("file", code=code, message=message, fix=fix, where=str(path)) from error
+    return model

@@ -12,6 +12,7 @@ from typing import Any
 from calib.errors import refuse
 from testbed.robots.describe.xml_gate import (
     SOURCE,
+    FileOptions,
     called,
     check_numbers,
     check_range,
@@ -63,7 +64,7 @@ class Gated:
         }
 
 
-def gate(path: Path, *, mesh_root: Path | None, allow_missing_meshes: bool) -> Gated:
+def gate(path: Path, options: FileOptions) -> Gated:
     """Check an MJCF and all it includes.
 
     Raises
@@ -71,7 +72,7 @@ def gate(path: Path, *, mesh_root: Path | None, allow_missing_meshes: bool) -> G
     InputError
         At the first thing that is wrong, with its line: R1 to R8, R11 to R14, R17.
     """
-    folder = (mesh_root or path.parent).resolve()
+    folder = options.folder(path)
     root = _whole(path, [path], folder, set())
     elements = list(root.iter("*"))
     if len(elements) > MOST_ELEMENTS:
@@ -86,7 +87,7 @@ def gate(path: Path, *, mesh_root: Path | None, allow_missing_meshes: bool) -> G
         _check_joint(joint, path, gated.notes)
     for element in list(root.iter(*UNUSED)):
         _remove(element)
-    _settle_meshes(gated, path, folder, allow_missing=allow_missing_meshes)
+    _settle_meshes(gated, path, folder, allow_missing=options.allow_missing_meshes)
     for element in root.iter("*"):
         element.attrib.pop(SOURCE, None)
     return gated

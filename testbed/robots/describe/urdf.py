@@ -20,20 +20,14 @@ from testbed.robots.describe.description import (
     nothing_moves,
 )
 from testbed.robots.describe.urdf_checks import check_urdf, mesh_files
-from testbed.robots.describe.xml_gate import read_xml
+from testbed.robots.describe.xml_gate import FileOptions, read_xml
 
 UNIT = 1e-6
 """An axis that is longer or shorter than 1 by more than this is noted."""
 
 
-def describe_urdf(
-    path: Path,
-    *,
-    tip: str | None = None,
-    mesh_root: Path | None = None,
-    allow_missing_meshes: bool = False,
-) -> Description:
-    """The arm in a URDF from its root link to `tip`; fixed joints are merged.
+def describe_urdf(path: Path, options: FileOptions) -> Description:
+    """The arm in a URDF from its root link to the tip; fixed joints are merged.
 
     What moves with joints that are not on the way to the tip is left out and listed in the notes.
 
@@ -43,10 +37,10 @@ def describe_urdf(
         R1 to R7 and R11 to R17: file and line, what it has, what was expected.
     """
     root = read_xml(path, "robot")
-    notes = check_urdf(root, path, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes)
+    notes = check_urdf(root, path, options)
     model = load_urdf(path.read_bytes())
     above = {joint.child: joint for joint in model.robot.joints}
-    tip, choice = choose_tip(tip, _ends(model, above), model.link_map, path)
+    tip, choice = choose_tip(options.tip, _ends(model, above), model.link_map, path)
     notes += [choice] if choice else []
     way = way_to(above, tip)
     moving = [joint for joint in way if _moves(joint, path)]
@@ -62,7 +56,7 @@ def describe_urdf(
     groups, left_out = _groups(model, above, moving, way)
     if left_out:
         notes.append(f"not on the way to {tip} and left out: {', '.join(left_out)}")
-    folder = (mesh_root or path.parent).resolve()
+    folder = options.folder(path)
     names = ["base", *(joint.name for joint in moving)]
     some_collide = any(link.collisions for link in model.robot.links)
     colors = {material.name: material.color for material in model.robot.materials or ()}

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from testbed.robots.describe.xml_gate import (
+    FileOptions,
     angle_notes,
     called,
     check_numbers,
@@ -36,9 +37,7 @@ MOST_LINKS = 2000
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
 
-def check_urdf(
-    root: Any, path: Path, *, mesh_root: Path | None = None, allow_missing_meshes: bool = False
-) -> list[str]:
+def check_urdf(root: Any, path: Path, options: FileOptions) -> list[str]:
     """Check a parsed URDF (lxml); returns sentences about what is odd but legal.
 
     Raises
@@ -61,8 +60,7 @@ def check_urdf(
         check_numbers(element, path, counts)
     _check_tree(root, path)
     notes = _check_limits(root, path)
-    folder = (mesh_root or path.parent).resolve()
-    return notes + _check_meshes(root, path, folder, allow_missing_meshes)
+    return notes + _check_meshes(root, path, options)
 
 
 def mesh_files(name: str, folder: Path) -> list[Path]:
@@ -151,9 +149,9 @@ def _check_limits(root: Any, path: Path) -> list[str]:
     return notes + angle_notes(turns)
 
 
-def _check_meshes(root: Any, path: Path, folder: Path, allow_missing: bool) -> list[str]:
+def _check_meshes(root: Any, path: Path, options: FileOptions) -> list[str]:
     """R6 and R7: mesh files are there, and inside the model's folder."""
-    notes = []
+    notes, folder = [], options.folder(path)
     for mesh in root.iter("mesh"):
         name = mesh.get("filename", "")
         if "://" in name and not name.startswith(("package://", "file://")):
@@ -164,7 +162,7 @@ def _check_meshes(root: Any, path: Path, folder: Path, allow_missing: bool) -> l
         if not all(file.resolve().is_relative_to(folder) for file in candidates):
             raise outside(mesh, path, "filename", name, folder)
         if not any(file.is_file() for file in candidates):
-            if not allow_missing:
+            if not options.allow_missing_meshes:
                 raise missing(mesh, path, "filename", name, folder)
             notes.append(f"mesh {name} is missing: {called(mesh)}")
     return notes

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,19 @@ COUNTS = {
     6: "six numbers, spaces between them",
 }
 MESH_ROOT = "give the folder that holds all meshes as mesh_root"
+
+
+@dataclass(frozen=True, slots=True)
+class FileOptions:
+    """How a description is read, as `testbed.robots.catalog.load_robot` takes it."""
+
+    tip: str | None = None
+    mesh_root: Path | None = None
+    allow_missing_meshes: bool = False
+
+    def folder(self, path: Path) -> Path:
+        """What holds all meshes of a file."""
+        return (self.mesh_root or path.parent).resolve()
 
 
 def read_xml(path: Path, *roots: str) -> Any:

@@ -17,12 +17,11 @@ from calib.geometry.model import RobotModel
 from testbed.disk import TEMPORARY, flush_file, flush_folder, write_error
 from testbed.robots.catalog import ROBOT_FILE, load_robot
 from testbed.robots.describe.axes import reach, regauged
-from testbed.robots.describe.mjcf_model import frames_of, load_mjcf, mjcf_poses
 from testbed.robots.describe.urdf import load_urdf, urdf_poses, way_to
 from testbed.robots.meshes.files import Mesh, part_mesh
 from testbed.robots.placements import LIMIT, difference, link_poses
 from testbed.robots.robot import IN_PLACE, Robot, Visual
-from testbed.robots.write.mjcf import mjcf_text
+from testbed.robots.write.mjcf import frames_of, load_mjcf, mjcf_poses, mjcf_text
 from testbed.robots.write.toml import robot_toml
 from testbed.robots.write.urdf import urdf_bytes
 from testbed.units import MM

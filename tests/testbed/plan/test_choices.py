@@ -8,8 +8,7 @@ from calib.errors import InputError
 from testbed.laboratory.bench import open_bench
 from testbed.laboratory.cell import cell_from
 from testbed.laboratory.simulator import Simulator
-from testbed.plan.plan import plan
-from testbed.plan.refusals import check_ranges
+from testbed.plan.plan import check_ranges, plan
 from tests.planned import QUICK, ROBOT, legs, quick_plan, rows_of, scenario, small_plan
 
 CHAIN = ROBOT.model.chain

@@ -12,6 +12,7 @@ from calib.errors import InputError
 from calib.geometry.chain import forward
 from calib.geometry.model import RobotModel
 from testbed.robots.describe.urdf import describe_urdf
+from testbed.robots.describe.xml_gate import FileOptions
 from testbed.robots.write.urdf import write_urdf
 from tests.testbed.robots.robot_cases import AGREE, TX60, joint_vectors, perturbed, slider
 
@@ -57,13 +58,13 @@ def test_prismatic_joints_slide_in_the_urdf_too(tmp_path):
     np.testing.assert_allclose(
         yourdfpy_poses(tmp_path / "r.urdf", q), forward(chain, q), rtol=0, atol=AGREE
     )
-    again = describe_urdf(tmp_path / "r.urdf")
+    again = describe_urdf(tmp_path / "r.urdf", FileOptions())
     assert again.chain.kinds == chain.kinds
     np.testing.assert_allclose(forward(again.chain, q), forward(chain, q), rtol=0, atol=AGREE)
 
 
 def test_reading_the_shipped_urdf_gives_the_papers_numbers_back():
-    arm = describe_urdf(SHIPPED)
+    arm = describe_urdf(SHIPPED, FileOptions())
     np.testing.assert_allclose(arm.chain.links, TX60.model.chain.links, rtol=0, atol=1e-15)
     np.testing.assert_array_equal(arm.chain.T_world_base, np.eye(4))
     np.testing.assert_allclose(arm.chain.T_flange_tool, np.eye(4), rtol=0, atol=1e-15)
@@ -78,7 +79,7 @@ def test_poses_survive_writing_and_reading(chain, tmp_path):
     """The link numbers may come back in another gauge; poses may not."""
     write_urdf(bare(chain), tmp_path / "r.urdf")
     q = joint_vectors(200)
-    again = describe_urdf(tmp_path / "r.urdf").chain
+    again = describe_urdf(tmp_path / "r.urdf", FileOptions()).chain
     # lengths in the other gauge reach 1 / sin(1 deg), so a dozen roundings of 60 m * 2e-16
     np.testing.assert_allclose(forward(again, q), forward(chain, q), rtol=0, atol=AGREE)
 
@@ -111,7 +112,7 @@ def test_any_axes_become_a_chain_with_the_same_poses(seed, tmp_path):
     rng = np.random.default_rng(seed)
     path = tmp_path / "any.urdf"
     path.write_text(random_urdf(rng))
-    arm = describe_urdf(path, tip="l6")
+    arm = describe_urdf(path, FileOptions(tip="l6"))
     q = rng.uniform(-2, 2, (100, arm.chain.n_joints))
     expected = yourdfpy_poses(path, q, "l6")
     np.testing.assert_allclose(forward(arm.chain, q), expected, rtol=0, atol=AGREE)
@@ -129,7 +130,7 @@ def test_parallel_and_opposite_axes_get_betas_and_no_huge_numbers(tmp_path):
             '<limit lower="-3" upper="3" effort="1" velocity="2"/></joint>'
         )
     path.write_text("".join([*text, "</robot>"]))
-    chain = describe_urdf(path, tip="l4").chain
+    chain = describe_urdf(path, FileOptions(tip="l4")).chain
     assert np.abs(chain.links[:, 1:3]).max() < 1
     # the tilt is split between alpha and beta by the direction of the common normal
     tilts = np.hypot(np.sin(chain.links[:2, 3]), np.sin(chain.links[:2, 4]))
@@ -186,7 +187,7 @@ def read_text(text, folder, **options):
     path.write_text(text)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        return describe_urdf(path, **options)
+        return describe_urdf(path, FileOptions(**options))
 
 
 def test_the_sample_itself_is_good(tmp_path):
@@ -304,7 +305,7 @@ def test_encodings_and_line_ends_do_not_change_the_robot(tmp_path):
         ),
     ):
         path.write_bytes(data)
-        arm = describe_urdf(path)
+        arm = describe_urdf(path, FileOptions())
         np.testing.assert_allclose(arm.chain.links[0], [0, 0.1, 0, 0, 0], atol=1e-15)
         np.testing.assert_allclose(forward(arm.chain, [[0.0]])[0, :3, 3], [0, 0, 0.1], atol=1e-15)
 
@@ -328,7 +329,7 @@ def test_broken_bytes_raise_only_our_error(seed, tmp_path):
                 data[at:at] = data[max(0, at - 20) : at]
         path.write_bytes(bytes(data))
         try:
-            arm = describe_urdf(path)
+            arm = describe_urdf(path, FileOptions())
         except InputError:
             continue
         assert np.isfinite(arm.chain.links).all()
