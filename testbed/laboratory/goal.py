@@ -13,13 +13,14 @@ from calib.information.goals import Goals, goal_matrix
 from testbed.laboratory.bench import PROBED_POSES, Bench
 from testbed.laboratory.joint_lists import from_deg
 from testbed.laboratory.pool import joint_ranges
-from testbed.robots.catalog import Robot
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import BoxGoal, ListGoal, PathGoal
 from testbed.streams import stream
 from testbed.units import counted
 
 Corner = tuple[float, float, float]
+STARTS = 64
+"""Postures from which the search for a goal posture begins."""
 MOST_POSES = 5000
 """A path is cut into at most so many postures."""
 
@@ -152,8 +153,12 @@ def _posture(bench: Bench, T: Array, before: Array | None, name: str) -> Array:
     )
     if before is not None:
         starts[0] = before
-    q, missed = reached_by(robot, T, starts)
+    found = inverse_kinematics(
+        robot.model, np.broadcast_to(T, (STARTS, 4, 4)), starts, robot.limits
+    )
+    q = found.q[found.reached]
     if not len(q):
+        missed = float(found.position_error.min())
         x, y, z = (inverse(robot.model.chain.T_world_base) @ T)[:3, 3] * 1e3
         allowed = "the tool cannot take that orientation there inside the joint limits"
         if missed > 1e-6:
@@ -214,35 +219,6 @@ def _between(start: Array, end: Array, part: float) -> Array:
     turn = log_so3((start[:3, :3].T @ end[:3, :3])[None])[0]
     place = start[:3, 3] + part * (end[:3, 3] - start[:3, 3])
     return np.asarray(slide(*place) @ transform(start[:3, :3] @ exp_so3(part * turn), np.zeros(3)))
-
-
-STARTS = 64
-
-
-def reached_by(robot: Robot, T: Array, starts: Array) -> tuple[Array, float]:
-    """Joint values (k, n) inside the limits that put the tool at T (4, 4), one per way found.
-
-    Parameters
-    ----------
-    robot : Robot
-        Nominal robot.
-    T : (4, 4) array
-        Wanted tool pose in the world [m].
-    starts : (s, n) array
-        Where the search begins [rad, m].
-
-    Returns
-    -------
-    solutions : (k, n) array
-        None or some; equal ones may come twice [rad, m].
-    missed : float
-        How near the tool position came in all [m]: zero if something was found.
-    """
-    every = np.broadcast_to(T, (len(starts), 4, 4))
-    found = inverse_kinematics(robot.model, every, starts, robot.limits)
-    if found.reached.any():
-        return found.q[found.reached], 0.0
-    return found.q[:0], float(found.position_error.min())
 
 
 def goals_of(bench: Bench) -> Goals:

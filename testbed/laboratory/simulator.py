@@ -56,8 +56,6 @@ class Simulator:
     Holds one `MjData`, so an instance must not be shared between threads.
     """
 
-    __slots__ = ("_carrier", "_chain", "_data", "_floor", "_model", "_tool", "obstacles")
-
     def __init__(
         self,
         robot: Robot | None,

@@ -8,6 +8,7 @@ from testbed.laboratory.bench import Bench
 from testbed.laboratory.goal import Goal, box_of, of_the_goal
 from testbed.laboratory.joint_lists import from_deg
 from testbed.laboratory.pool import is_new, joint_ranges
+from testbed.laboratory.route.moves import RESOLUTION
 from testbed.laboratory.route.route import Route, measuring_route
 from testbed.plan.records import FAR, Reading, Tour
 from testbed.scenario.tables import BoxGoal
@@ -115,7 +116,7 @@ def _clearance(bench: Bench, route: Route, blocked: tuple[int, ...]) -> float:
     bounds, postures, here = simulator.travel_bounds(), [route.start[None]], route.start
     for k, (q, via) in enumerate(zip(route.q, route.via, strict=True)):
         for there in (*via, q):
-            count = max(int(np.ceil(np.abs(there - here) @ bounds / route.resolution)), 1)
+            count = max(int(np.ceil(np.abs(there - here) @ bounds / RESOLUTION)), 1)
             share = np.linspace(0, 1, count + 1)[:, None] if k not in blocked else np.ones((1, 1))
             postures.append(here + share * (there - here))
             here = there

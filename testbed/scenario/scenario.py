@@ -93,11 +93,6 @@ class Scenario(Settings):
     trial: Annotated[tuple[TrialSettings, ...], Field(min_length=1, max_length=MAX_TRIALS)]
     _tables: dict[str, StudyTable] = PrivateAttr(default_factory=dict)
 
-    @property
-    def trials(self) -> tuple[TrialSettings, ...]:
-        """The trials, in the order of the file."""
-        return self.trial
-
     def trial_named(self, name: str) -> TrialSettings:
         """The trial with this name."""
         return next(trial for trial in self.trial if trial.name == name)

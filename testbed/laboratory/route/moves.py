@@ -67,23 +67,11 @@ class Mover:
         Joint limits, between which a way around is searched [rad, m].
     speeds : (n,) array
         Joint speeds of the moves [rad/s, m/s].
-    resolution : float
-        Largest way of any point of the robot between two tested postures [m].
     """
 
-    __slots__ = ("_bounds", "_limits", "_simulator", "_speeds", "resolution", "tested")
-
-    def __init__(
-        self,
-        simulator: Simulator,
-        limits: Array,
-        speeds: Array,
-        *,
-        resolution: float = RESOLUTION,
-    ) -> None:
+    def __init__(self, simulator: Simulator, limits: Array, speeds: Array) -> None:
         self._simulator, self._limits, self._speeds = simulator, limits, speeds
         self._bounds = simulator.travel_bounds()
-        self.resolution = resolution
         self.tested = 0
         """Postures tested for collision so far."""
 
@@ -95,9 +83,9 @@ class Mover:
         """Whether nothing is hit on the straight joint move between two postures (n,).
 
         Tested at both ends and in between, so densely that between two tests no point of the robot
-        moves more than `resolution`: nothing can be cut deeper than half of that unseen.
+        moves more than `RESOLUTION`: nothing can be cut deeper than half of that unseen.
         """
-        n = max(int(np.ceil(self.reach(end - start) / self.resolution)), 1)
+        n = max(int(np.ceil(self.reach(end - start) / RESOLUTION)), 1)
         # coarse first: a blocked move is found out after a few tests
         order = spread(n + 1)
         for first in range(0, n + 1, CHUNK):

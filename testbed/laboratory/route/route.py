@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, Index, frozen
 from calib.errors import refuse
 from calib.geometry.chain import joint_vectors
-from testbed.laboratory.route.moves import Mover, Way, travel_times
+from testbed.laboratory.route.moves import RESOLUTION, Mover, Way, travel_times
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot
 from testbed.units import counted
@@ -39,8 +39,6 @@ class Route:
     """Time of the moves in the order given, with its own detours; inf if one is blocked [s]."""
     blocked: tuple[tuple[int, int], ...]
     """Pairs of poses, by position in the given list (-1: start), with no way between them."""
-    resolution: float
-    """Largest way of any point of the robot between two tested postures of a move [m]."""
 
     @property
     def move_time(self) -> float:
@@ -67,7 +65,7 @@ class Route:
         return (
             f"{counted(len(self.order), 'pose')} in {self.total_time:.0f} s, "
             f"{self.move_time:.0f} s of them moving; {around} (tested every "
-            f"{self.resolution * 1e3:g} mm of the fastest point)"
+            f"{RESOLUTION * 1e3:g} mm of the fastest point)"
         )
 
 
@@ -81,7 +79,6 @@ def measuring_route(
     settle: float = 0.0,
     start: ArrayLike | None = None,
     vias: ArrayLike | None = None,
-    resolution: float = 0.010,
     ranges: ArrayLike | None = None,
 ) -> Route:
     """Order poses for a short time on the way and make every move free of collisions.
@@ -109,8 +106,6 @@ def measuring_route(
     vias : (k, n) array_like, optional
         Free postures offered as stops of detours, such as the pool; the poses themselves and the
         start always are.
-    resolution : float
-        Largest way of any point of the robot between two tested postures of a move [m].
     ranges : (n, 2) array_like, optional
         Joint values between which a way around is searched; the joint limits by default [rad, m].
 
@@ -130,7 +125,7 @@ def measuring_route(
     _check_free(simulator, stops)
     speeds = robot.speeds * speed_share
     between = robot.limits if ranges is None else np.asarray(ranges, dtype=np.float64)
-    mover = Mover(simulator, between, speeds, resolution=resolution)
+    mover = Mover(simulator, between, speeds)
     offered = stops if vias is None else np.vstack([stops, joint_vectors(chain, vias)])
     times = travel_times(stops[:, None], stops[None], speeds)
     given = np.arange(len(stops))
@@ -164,7 +159,6 @@ def measuring_route(
         settle=float(settle),
         given_time=float(sum(ways[pair].time for pair in _pairs(given))),
         blocked=tuple(lost),
-        resolution=resolution,
     )
 
 

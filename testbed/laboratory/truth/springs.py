@@ -45,17 +45,6 @@ class ElasticArm:
     Holds one `MjData`, so an instance must not be shared between threads.
     """
 
-    __slots__ = (
-        "_chain",
-        "_data",
-        "_driven",
-        "_elastic",
-        "_model",
-        "_stiffness",
-        "_tool",
-        "springs",
-    )
-
     def __init__(self, chain: Chain, springs: Springs) -> None:
         import mujoco
 

@@ -11,7 +11,7 @@ from calib.errors import InputError
 from testbed.laboratory.cell import cell_from
 from testbed.laboratory.pool import Candidates, PosePool
 from testbed.laboratory.route import moves
-from testbed.laboratory.route.moves import Mover, spread, travel_times
+from testbed.laboratory.route.moves import RESOLUTION, Mover, spread, travel_times
 from testbed.laboratory.route.route import Route, best_tour, length, measuring_route
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot, load_robot
@@ -94,7 +94,7 @@ def test_every_move_is_free_when_tested_ten_times_more_finely(simulator, route):
     assert route.detours > 0  # the clutter does matter here
     bounds = simulator.travel_bounds()
     for a, b in pairwise(postures(route)):
-        n = int(np.ceil(np.abs(b - a) @ bounds / (route.resolution / 10))) + 1
+        n = int(np.ceil(np.abs(b - a) @ bounds / (RESOLUTION / 10))) + 1
         line = a + np.linspace(0, 1, n + 1)[:, None] * (b - a)
         # between two tests of the route a corner may graze by less than half the resolution;
         # on these moves none does
@@ -191,7 +191,7 @@ def test_between_two_tests_nothing_moves_farther_than_stated(robot, simulator):
             return np.zeros(len(q), dtype=bool)
 
     watched = Watched()
-    mover = Mover(watched, robot.limits, robot.speeds, resolution=0.01)
+    mover = Mover(watched, robot.limits, robot.speeds)
     start, end = np.zeros(6), np.array([1.0, -0.4, 0.3, 0.0, 2.0, -3.0])
     assert mover.is_free(start, end)
     q = np.concatenate(watched.seen)
