@@ -20,25 +20,15 @@ def estimate_of(trial: Trial, mode: str) -> Estimate | None:
     return next((estimate for estimate in trial.estimates if estimate.mode == mode), None)
 
 
-def trial_like(campaign: Campaign, poses: int, *, optimal: bool, index: str) -> Trial | None:
-    """The trial that plays one set of the paper: its size, how and by which index it was chosen."""
-    for trial in campaign.trials:
-        designed = trial.method != "random"
-        if len(trial.selection.indices) != poses or designed != optimal:
-            continue
-        if not optimal or trial.selection.criterion == index:
-            return trial
-    return None
-
-
 def estimates_like(
     campaign: Campaign, printed: paper.SetErrors
 ) -> tuple[Estimate | None, Estimate | None]:
     """Our estimates from a set like a printed one: in paper mode, and by the default estimator."""
-    trial = trial_like(campaign, printed.poses, optimal=printed.optimal, index=printed.index)
-    if trial is None:
-        return None, None
-    return estimate_of(trial, "paper"), estimate_of(trial, "whitened")
+    for trial in campaign.trials:
+        chosen, designed = trial.selection, trial.method != "random"
+        if printed.is_like(len(chosen.indices), designed, chosen.criterion):
+            return estimate_of(trial, "paper"), estimate_of(trial, "whitened")
+    return None, None
 
 
 def paper_sets(campaign: Campaign) -> list[Comparison]:
@@ -127,20 +117,19 @@ def like_for_like(campaign: Campaign) -> Finding:
     """Claim 15: standard uncertainty of designed against random sets of the same size."""
     parts, ratios = [], []
     designed = [trial for trial in campaign.trials if trial.method != "random"]
+    sized = {len(t.selection.indices): t for t in campaign.trials[::-1] if t.method == "random"}
     # where other designs are played beside the paper's, the claim is about the paper's
     for trial in [trial for trial in designed if trial.rows == "paper"] or designed:
-        partner = trial_like(
-            campaign, len(trial.selection.indices), optimal=False, index=trial.selection.criterion
-        )
+        poses = len(trial.selection.indices)
         own = estimate_of(trial, "whitened")
-        other = None if partner is None else estimate_of(partner, "whitened")
+        other = estimate_of(sized[poses], "whitened") if poses in sized else None
         if own is None or other is None or own.identification.names != other.identification.names:
             continue
         u, v = (e.identification.standard_uncertainty for e in (own, other))
         tool, spread = (point_uncertainty(e.comparison.covariance).mean() for e in (own, other))
         ratios.append(float(np.mean(u / v)))
         parts.append(
-            f"{len(trial.selection.indices)} poses by {trial.selection.criterion}: parameters "
+            f"{poses} poses by {trial.selection.criterion}: parameters "
             f"{fixed(ratios[-1], 2)}, tool point {fixed(float(tool / spread), 2)}"
         )
     if not ratios:

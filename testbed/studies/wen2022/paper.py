@@ -44,6 +44,11 @@ class SetErrors:
     held_out_mm: float
     """On the 50 test poses, identified model [mm]."""
 
+    def is_like(self, poses: int, designed: bool, index: str) -> bool:
+        """Whether a set has this size, and was chosen as this one was."""
+        chosen = designed == self.optimal and (index == self.index or not designed)
+        return chosen and poses == self.poses
+
     @property
     def kind(self) -> str:
         """Size and choice of the set, as tables name it."""

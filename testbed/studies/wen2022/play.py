@@ -141,7 +141,7 @@ def play(visit: Visit, trial: TrialSets, pool: int) -> dict[str, Any]:
     """
     chosen = trial.indices[pool] if trial.designed else visit.random(trial.poses, trial.trial)
     seen = visit.measure(chosen, trial.trial)
-    fits = tuple(visit.fitted(seen, mode) for mode in MODES)
+    fits = tuple(visit.fitted(seen, mode) for mode in ESTIMATORS)
     nominal = visit.laboratory.setting.nominal
     own = [
         float(point_distances(seen.position, predicted_positions(model, seen)).mean())
@@ -167,8 +167,6 @@ def play(visit: Visit, trial: TrialSets, pool: int) -> dict[str, Any]:
 
 FEWEST_LOCAL = 10
 """Poses in a region below which its calibration says more of their choice than of the place."""
-MODES: tuple[Mode, ...] = ("paper", "whitened")
-assert MODES == ESTIMATORS, "the records name the estimators in this order"
 
 
 def held(
@@ -179,17 +177,14 @@ def held(
     The first three are made from standard uncertainties u (f,) of independent numbers, as in the
     paper; propagation is linear, which claim 17 shows to be enough.
     """
-    q, nominal, found = visit.laboratory.setting.test_q, visit.laboratory.setting.nominal, fits[0]
-    full = np.zeros((nominal.n_numbers, nominal.n_numbers))
-    place = found.parameters.free_index
-    full[place, place] = u**2
-    sigma = tool_covariance(found.model, q, full)[:, :3, :3]
-    origin = nominal.chain.T_world_base[:3, 3]
+    q, (found, other) = visit.laboratory.setting.test_q, fits
+    independent = np.diag(found.parameters.expand(u**2))
+    sigma = tool_covariance(found.model, q, independent)[:, :3, :3]
+    origin = visit.laboratory.setting.nominal.chain.T_world_base[:3, 3]
     point = found.model.poses(q)[:, :3, 3]
     u_distance = distance_uncertainty(sigma, point - origin)
     error = visit.true - point
     radial = np.linalg.norm(visit.true - origin, axis=1) - np.linalg.norm(point - origin, axis=1)
-    other = fits[1]
     own = tool_covariance(other.model, q, other.full_covariance)[:, :3, :3]
     wrong = visit.true - other.model.poses(q)[:, :3, 3]
     shares = (

@@ -1,6 +1,7 @@
 """What the re-examination of the paper leaves behind: the sets, one record per kind of robot."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,9 +10,12 @@ from testbed.studies.many_robots import of_each_kind
 from testbed.studies.trial.records import Campaign
 from testbed.studies.wen2022.settings import SETS_KEY, ReexaminedSettings
 
+if TYPE_CHECKING:
+    from calib.identification.identify import Mode
+
 PAPER_BUDGET, TOOL_POINT = "paper_budget", "tool_point"
 """Records on the one robot of the campaign."""
-ESTIMATORS = ("paper", "whitened")
+ESTIMATORS: tuple["Mode", ...] = ("paper", "whitened")
 """Order of the estimators: the paper's unweighted rows, and rows whitened by their covariance.
 Both move the paper's 24 numbers."""
 STATEMENTS = ("distance", "point", "region", "covariance")

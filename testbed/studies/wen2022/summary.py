@@ -174,13 +174,6 @@ def _split(kind: Reexamined | None, trial: str, poses: int, parts: Sequence[Arra
     )
 
 
-def is_like(one: TrialSets, printed: paper.SetErrors) -> bool:
-    """Whether a kind of set is one of the paper's: its size, how and by which index chosen."""
-    if one.poses != printed.poses:
-        return False
-    return one.by_paper and one.criterion == printed.index if printed.optimal else not one.designed
-
-
 def of_kind(found: Sequence[T], kind: Reexamined) -> list[T]:
     """What was found on one kind of robots."""
     return [one for one in found if one.truth == kind.truth]
@@ -281,15 +274,17 @@ class Reexamination:
 
     def paper_rows(self, kind: Reexamined) -> tuple[PaperRow, ...]:
         """Tables 1 and 2 on one kind of robots; none unless all four sets were played."""
-        rows = []
-        for printed in paper.SETS:
-            trial = next((one.trial for one in self.sets.sets[:-1] if is_like(one, printed)), None)
-            if trial is None:
+        found = []
+        # other designs are neither the paper's nor random
+        trials = [one for one in self.sets.sets[:-1] if one.designed == one.by_paper]
+        for row in paper.SETS:
+            like = [t.trial for t in trials if row.is_like(t.poses, t.designed, t.criterion)]
+            if not like:
                 return ()
-            i = kind.trials.index(trial)
+            i = kind.trials.index(like[0])
             figures = (kind.own_before[i], kind.own_after[i], kind.error[i, 0])
-            rows.append(PaperRow(printed, i, *(over(figure, kind.pool) for figure in figures)))
-        return tuple(rows)
+            found.append(PaperRow(row, i, *(over(figure, kind.pool) for figure in figures)))
+        return tuple(found)
 
 
 def reexamination_of(campaign: Campaign) -> Reexamination | None:
