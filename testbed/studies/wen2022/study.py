@@ -60,20 +60,18 @@ class Wen2022Study:
 
     def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
         """One record, or some robots of one; random numbers come from streams named after it."""
-        from testbed.studies.wen2022 import one_robot
-        from testbed.studies.wen2022.play import play_robots
-        from testbed.studies.wen2022.pools import play_pools
+        from testbed.studies.wen2022 import play, pools
 
         setting, table = needed.get(SETTING, Setting), scenario.table(ReexaminedSettings)
         if task.key == PAPER_BUDGET:
-            return one_robot.paper_budget_study(scenario, setting, needed)
+            return play.paper_budget_study(scenario, setting, needed)
         if task.key == TOOL_POINT:
-            return one_robot.tool_point_study(scenario, setting, needed)
+            return play.tool_point_study(scenario, setting, needed)
         if task.key == SETS_KEY:
-            return play_pools(scenario, setting, block_of(table.pools, task.piece))
+            return pools.play_pools(scenario, setting, block_of(table.pools, task.piece))
         robots = block_of(table.robots, task.piece)
-        pools = needed.get(SETS_KEY, PoolSets)
-        return play_robots(scenario, setting, kind_of(task.key), pools, robots)
+        sets = needed.get(SETS_KEY, PoolSets)
+        return play.play_robots(scenario, setting, kind_of(task.key), sets, robots)
 
     def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> object:
         """The pools, or the robots, of all pieces."""
