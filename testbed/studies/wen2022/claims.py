@@ -14,8 +14,9 @@ import numpy as np
 from calib.geometry.model import RobotModel
 from testbed.studies.trial.records import Campaign
 from testbed.studies.wen2022 import claims_many_robots as many_robots
-from testbed.studies.wen2022 import claims_model, paper
+from testbed.studies.wen2022 import claims_model as model
 from testbed.studies.wen2022 import claims_one_robot as one_robot
+from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.finding import Finding, NotPlayedError
 from testbed.studies.wen2022.summary import Reexamination, reexamination_of
 
@@ -38,57 +39,53 @@ CLAIMS = {
     1: Claim(
         "With all joints at zero the nominal tool point is known exactly.",
         "(0, 20, 670) mm",
-        claims_model.zero_pose,
+        model.zero_pose,
     ),
     2: Claim(
         "At the zero pose the tool uncertainty of the optimal set is a tenth of the random one.",
         "u 0.0034 mm best, 0.031 mm random",
-        claims_model.zero_pose_uncertainty,
+        model.zero_pose_uncertainty,
     ),
     3: Claim(
         "The drawn tool positions at the zero pose stay within these ranges.",
         "x -0.0508 to 0.0437 mm (best)",
-        claims_model.zero_pose_range,
+        model.zero_pose_range,
     ),
     4: Claim(
         "Over 50 points the mean tool uncertainty tells the optimal from the random set.",
         "u 0.0069 mm best, 0.0649 mm random",
-        claims_model.mean_uncertainty,
+        model.mean_uncertainty,
     ),
-    5: Claim(
-        "Optimal poses cut the tool uncertainty to a tenth.",
-        "ratio 0.106",
-        claims_model.tool_ratio,
-    ),
+    5: Claim("Optimal poses cut the tool uncertainty to a tenth.", "ratio 0.106", model.tool_ratio),
     6: Claim(
         "The combined parameter uncertainties of Table 3 are root sums of squares.",
         "24 rows, seven columns",
-        claims_model.root_sums,
+        model.root_sums,
     ),
     7: Claim(
         "The tool uncertainty is that of g = sqrt(Px + Py + Pz).",
         "g = sqrt(Px + Py + Pz)",
-        claims_model.misprinted_distance,
+        model.misprinted_distance,
     ),
     8: Claim(
         "Singular values of the identification Jacobian leave 24 identifiable parameters.",
         "24 parameters",
-        claims_model.identifiable,
+        model.identifiable,
     ),
     9: Claim(
         "Two poses suffice in principle; the index settles at 61 (O1) and 29 (O2) poses.",
         "mu >= 2; m = 61 and 29",
-        claims_model.number_of_poses,
+        model.number_of_poses,
     ),
     10: Claim(
         "The indices O3, O4 and O5 do not settle with the number of poses.",
         "figure of O1 to O5 against the number of poses",
-        claims_model.settling,
+        model.settling,
     ),
     11: Claim(
         "O5, the sum of reciprocal singular values, is to be maximized.",
         "O5 = sum of 1 / sigma",
-        claims_model.sum_of_reciprocals,
+        model.sum_of_reciprocals,
     ),
     12: Claim(
         "Calibration reduces the mean error on the calibration poses.",

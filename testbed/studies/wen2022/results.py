@@ -39,38 +39,27 @@ TABLES = {"own_before_mm": "own_before", "own_after_mm": "own_after", "held_out_
 """Names of the figures of Tables 1 and 2."""
 
 
-def published(campaign: Campaign) -> list[Quantity]:
+def published(campaign: Campaign) -> Iterator[Quantity]:
     """The paper's ratios and tool point on this robot, and its protocol on many."""
-    found = []
     budget, tool = paper_budget_of(campaign), tool_point_of(campaign)
     if budget is not None:
         key = "paper_budget/mean_u"
         repeats = budget.best_repeatability / budget.repeatability
-        found += [
-            Quantity(f"{key}_ratio_best_to_random", float((budget.best / budget.random).mean())),
-            Quantity(f"{key}_r_ratio_best_to_random", float(repeats.mean())),
-        ]
+        yield Quantity(f"{key}_ratio_best_to_random", (budget.best / budget.random).mean())
+        yield Quantity(f"{key}_r_ratio_best_to_random", repeats.mean())
     if tool is not None:
         for source, distance, u in zip(tool.source, tool.distance_sd, tool.spatial, strict=True):
-            found += [
-                Quantity(f"tool_point/{source}/{name}", float(value), METRE)
-                for name, value in (
-                    ("zero_pose_u_distance_mm", distance[0]),
-                    ("held_out_mean_u_distance_mm", distance[1:].mean()),
-                    ("zero_pose_u_3d_mm", u[0]),
-                    ("held_out_mean_u_3d_mm", u[1:].mean()),
-                )
-            ]
-        full = np.sqrt(np.trace(tool.covariance, axis1=1, axis2=2))
-        key = "tool_point/full covariance"
-        found += [
-            Quantity(f"{key}/trial", tool.trial),
-            Quantity(f"{key}/zero_pose_u_3d_mm", float(full[0]), METRE),
-            Quantity(f"{key}/held_out_mean_u_3d_mm", float(full[1:].mean()), METRE),
-        ]
+            key = f"tool_point/{source}"
+            yield Quantity(f"{key}/zero_pose_u_distance_mm", distance[0], METRE)
+            yield Quantity(f"{key}/held_out_mean_u_distance_mm", distance[1:].mean(), METRE)
+            yield Quantity(f"{key}/zero_pose_u_3d_mm", u[0], METRE)
+            yield Quantity(f"{key}/held_out_mean_u_3d_mm", u[1:].mean(), METRE)
+        key, full = "tool_point/full covariance", np.sqrt(tool.covariance.trace(axis1=1, axis2=2))
+        yield Quantity(f"{key}/trial", tool.trial)
+        yield Quantity(f"{key}/zero_pose_u_3d_mm", full[0], METRE)
+        yield Quantity(f"{key}/held_out_mean_u_3d_mm", full[1:].mean(), METRE)
     if (again := reexamination_of(campaign)) is not None:
-        found += below("reexamined", _reexamined(again, examine(campaign)))
-    return found
+        yield from below("reexamined", _reexamined(again, examine(campaign)))
 
 
 def published_arrays(campaign: Campaign) -> list[Quantity]:

@@ -89,7 +89,7 @@ class Wen2022Study:
         """The paper's ratios and uncertainties, here and on many robots."""
         from testbed.studies.wen2022.results import published
 
-        return published(campaign_of(scenario, records))
+        return tuple(published(campaign_of(scenario, records)))
 
     def arrays(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
         """What each robot gave."""
