@@ -49,7 +49,7 @@ def test_the_table_lists_the_24_parameters_in_chain_order():
     assert paper.PARAMETERS == WEN24
     nominal = dict(zip(MODEL.names[6:36], MODEL.chain.links.ravel(), strict=True))
     for name, value in zip(paper.PARAMETERS, printed("nominal"), strict=True):
-        unit = 1e-3 if name[0] in "da" else np.pi / 180
+        unit = 1e-3 if name[:-1] in {"d", "a"} else np.pi / 180
         assert nominal[name] == pytest.approx(value * unit, abs=1e-15)
 
 

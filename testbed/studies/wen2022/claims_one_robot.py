@@ -20,20 +20,18 @@ def estimate_of(trial: Trial, mode: str) -> Estimate | None:
     return next((estimate for estimate in trial.estimates if estimate.mode == mode), None)
 
 
-def estimates_like(
-    campaign: Campaign, printed: paper.SetErrors
-) -> tuple[Estimate | None, Estimate | None]:
-    """Our estimates from a set like a printed one: in paper mode, and by the default estimator."""
+def estimate_like(campaign: Campaign, printed: paper.SetErrors, mode: str) -> Estimate | None:
+    """Our estimate from a set like a printed one, by one estimator."""
     for trial in campaign.trials:
         chosen, designed = trial.selection, trial.method != "random"
         if printed.is_like(len(chosen.indices), designed, chosen.criterion):
-            return estimate_of(trial, "paper"), estimate_of(trial, "whitened")
-    return None, None
+            return estimate_of(trial, mode)
+    return None
 
 
 def paper_sets(campaign: Campaign) -> list[Comparison]:
     """Rows of Tables 1 and 2 in paper mode, if all were played."""
-    return [played(estimates_like(campaign, row)[0]).comparison for row in paper.SETS]
+    return [played(estimate_like(campaign, row, "paper")).comparison for row in paper.SETS]
 
 
 def calibration_errors(campaign: Campaign) -> Finding:

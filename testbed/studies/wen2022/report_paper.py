@@ -8,8 +8,9 @@ from testbed.studies.trial.records import Campaign, Estimate
 from testbed.studies.trial.report_accuracy import NONE
 from testbed.studies.wen2022 import paper, plots
 from testbed.studies.wen2022.claims import CLAIMS, Examined
-from testbed.studies.wen2022.claims_one_robot import estimates_like
+from testbed.studies.wen2022.claims_one_robot import estimate_like
 from testbed.studies.wen2022.records import (
+    ESTIMATORS,
     PaperBudget,
     ToolPointStudy,
     paper_budget_of,
@@ -23,16 +24,19 @@ THIS = "this campaign"
 
 def error_tables(campaign: Campaign) -> tuple[Table, ...]:
     """Tables 1 and 2 as printed beside ours; none if the campaign plays no set of the paper."""
-    played = (estimates_like(campaign, printed) for printed in paper.SETS)
-    ours, default = zip(*played, strict=True)
+    ours, default = (
+        [estimate_like(campaign, printed, mode) for printed in paper.SETS] for mode in ESTIMATORS
+    )
     if all(own is None for own in ours):
         return ()
     kinds = [printed.kind for printed in paper.SETS]
 
-    def mean(figure: str, of: tuple[Estimate | None, ...]) -> list[str]:
+    def mean(figure: str, of: list[Estimate | None]) -> list[str]:
         """Means of one kind of errors [mm]."""
-        found = [None if one is None else getattr(one.comparison, figure).mean for one in of]
-        return [NONE if value is None else fixed(value * MM, 3) for value in found]
+        return [
+            NONE if one is None else fixed(getattr(one.comparison, figure).mean * MM, 3)
+            for one in of
+        ]
 
     own_poses = {
         "poses": kinds,
@@ -82,25 +86,18 @@ def budget_table(budget: PaperBudget) -> Table:
 
 def tool_table(study: ToolPointStudy) -> Table:
     """Uncertainty of the tool point: the paper's |P| beside three dimensions."""
-    spatial = study.spatial
     printed = {
         "table 3 best": (paper.U_ZERO_BEST_MM, paper.U_MEAN_BEST_MM),
         "table 3 random": (paper.U_ZERO_RANDOM_MM, paper.U_MEAN_RANDOM_MM),
     }
     rows = []
-    for k, source in enumerate(study.source):
-        said = printed.get(source)
-        rows.append(
-            (
-                f"{source}, independent draws",
-                NONE if said is None else fixed(said[0], 4),
-                fixed(study.distance_sd[k, 0] * MM, 5),
-                fixed(spatial[k, 0] * MM, 4),
-                NONE if said is None else fixed(said[1], 4),
-                fixed(study.distance_sd[k, 1:].mean() * MM, 4),
-                fixed(spatial[k, 1:].mean() * MM, 4),
-            )
-        )
+    for source, distance, spatial in zip(
+        study.source, study.distance_sd, study.spatial, strict=True
+    ):
+        zero, mean = [fixed(mm, 4) for mm in printed.get(source, ())] or [NONE, NONE]
+        at_zero = (zero, fixed(distance[0] * MM, 5), fixed(spatial[0] * MM, 4))
+        held_out = (fixed(u[1:].mean() * MM, 4) for u in (distance, spatial))
+        rows.append((f"{source}, independent draws", *at_zero, mean, *held_out))
     mc = np.sqrt(np.trace(study.covariance, axis1=1, axis2=2)) * MM
     linear = np.sqrt(np.trace(study.linear, axis1=1, axis2=2)) * MM
     for name, u in (("full covariance, Monte Carlo", mc), ("full covariance, linear", linear)):

@@ -34,16 +34,14 @@ class Wen2022Study:
 
     def records(self, scenario: Scenario) -> tuple[Record, ...]:
         """The paper's budget and tool point; its pools and sets, and one record per kind."""
-        found = []
-        trials = tuple(trial.name for trial in scenario.trial)
+        found, everything = [], campaign_part(scenario)
         budgeted = scenario.studies.paper_budget
         if budgeted:
             best = next(t.name for t in scenario.trial if t.method != "random")
-            everything = campaign_part(scenario)
             found.append(Record(PAPER_BUDGET, PaperBudget, everything, needs=(SETTING, best)))
         if scenario.studies.tool_point:
-            needs = (SETTING, trials[0], *((PAPER_BUDGET,) if budgeted else ()))
-            found.append(Record(TOOL_POINT, ToolPointStudy, campaign_part(scenario), needs=needs))
+            needs = (SETTING, scenario.trial[0].name, *((PAPER_BUDGET,) if budgeted else ()))
+            found.append(Record(TOOL_POINT, ToolPointStudy, everything, needs=needs))
         table = scenario.table(ReexaminedSettings)
         if not table.robots:
             return tuple(found)
