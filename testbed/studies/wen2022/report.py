@@ -6,7 +6,7 @@ from math import inf
 import numpy as np
 from scipy.special import gammaln
 
-from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict
+from testbed.report.page import Block, Figure, Points, Section, Text, Verdict
 from testbed.studies.many_robots import plus_minus
 from testbed.studies.protocol import Answer
 from testbed.studies.trial.records import Campaign
@@ -86,11 +86,6 @@ def next_step(again: Reexamination) -> str:
         "the same contributions on both sides, and take the uncertainty from poses that were not "
         "fitted (scene coverage shows which statements hold)."
     )
-
-
-def summary_table(again: Reexamination) -> Table:
-    """The page's first table: the ratio of the paper taken apart."""
-    return tables.split_table((printed_split(), *again.splits), again.robots)
 
 
 def reexamined_section(again: Reexamination, examined: Examined) -> Section:
@@ -211,4 +206,4 @@ def answer(campaign: Campaign) -> Answer | None:
     if again is None or examined is None:
         return None
     verdict = verdict_of(again, examined, trial_verdict(campaign))
-    return Answer(verdict, summary_table(again), next_step(again))
+    return Answer(verdict, tables.split_table(again), next_step(again))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from calib.information.propagation import point_uncertainty
-from testbed.report.page import Block, Figure, Section, Table, Text
+from testbed.report.page import Block, Figure, Section, Table, Text, table_of
 from testbed.studies.trial.records import Campaign, Estimate
 from testbed.studies.trial.report_accuracy import NONE
 from testbed.studies.wen2022 import paper, plots
@@ -194,30 +194,30 @@ def paper_section(campaign: Campaign, examined: Examined | None) -> Section | No
 
 def claim_table(examined: Examined) -> Table:
     """Each claim: printed, ours, verdict, one sentence."""
-    rows = []
-    for number, found in examined.findings.items():
-        claim = CLAIMS[number]
-        said = (claim.statement, claim.printed, found.ours, found.verdict, found.sentence)
-        rows.append((str(number), *said))
+    speaks, here = f"{THIS} says", THIS
     note = (
         "One campaign has one true robot: it can repeat arithmetic and contradict a general "
         "statement, but not prove an average over robots."
     )
     if examined.robots:
+        speaks, here = f"{examined.robots} robots of each kind say", "here"
         note = (
             "Claims 9 and 12 to 16 were examined over pools and robots, with 95 % intervals; 1 to "
             "8, 10, 11 and 17 are arithmetic on what is printed, the nominal robot and its indices."
         )
-    return Table(
-        caption="What the paper says and what "
-        f"{f'{examined.robots} robots of each kind say' if examined.robots else THIS + ' says'}: "
-        f"{examined.count('holds')} of {len(examined.findings)} examined claims hold",
-        head=(
-            *("#", "claim", "printed", "here" if examined.robots else THIS),
-            *("verdict", "in one sentence"),
-        ),
-        rows=tuple(rows),
-        align="rlllll",
-        size="small",
-        note=note,
+    rows = [
+        {
+            "#": str(number),
+            "claim": CLAIMS[number].statement,
+            "printed": CLAIMS[number].printed,
+            here: found.ours,
+            "verdict": found.verdict,
+            "in one sentence": found.sentence,
+        }
+        for number, found in examined.findings.items()
+    ]
+    caption = (
+        f"What the paper says and what {speaks}: {examined.count('holds')} of {len(rows)} examined "
+        "claims hold"
     )
+    return table_of(rows, caption, align="rlllll", size="small", note=note)

@@ -17,8 +17,8 @@ from testbed.studies.wen2022.summary import (
     Held,
     Predicted,
     Reexamination,
-    Split,
     over,
+    printed_split,
 )
 from testbed.units import DEG, MM, counted, fixed, unit_of
 
@@ -34,8 +34,9 @@ def of_columns(caption: str, columns: Mapping[str, Sequence[str]], **rest: Any) 
     return Table(caption, tuple(columns), tuple(zip(*columns.values(), strict=True)), **rest)
 
 
-def split_table(found: tuple[Split, ...], robots: int) -> Table:
+def split_table(again: Reexamination) -> Table:
     """The ratio of the protocol taken apart, printed and ours."""
+    found = (printed_split(), *again.splits)
     geometric = [[fixed(part, 2) for part in split.geometric] for split in found]
     columns = {
         "": [s.truth if s.truth == PRINTED else f"{s.truth} robots" for s in found],
@@ -53,7 +54,8 @@ def split_table(found: tuple[Split, ...], robots: int) -> Table:
         "u_w / u_r": [plus_minus(split.w_over_r) for split in found],
     }
     return of_columns(
-        f"The ratio taken apart: Table 3 and the same protocol on {robots} robots of each kind",
+        f"The ratio taken apart: Table 3 and the same protocol on {again.robots} robots of each "
+        "kind",
         columns,
         align="llrrrrrrrrr",
         size="small",
