@@ -136,12 +136,7 @@ def record_section(text: str, versions: Mapping[str, str], scenario: str = "") -
     scenario : str
         TOML of the scenario that was played; empty if none was.
     """
-    table = Table(
-        caption="Versions",
-        head=("program or package", "version"),
-        rows=tuple(versions.items()),
-        align="ll",
-    )
+    table = Table("Versions", ("program or package", "version"), tuple(versions.items()), "ll")
     if not scenario:
         return Section("record", "Versions", (Text(text), table))
     return Section("record", "Scenario and versions", (Text(text), table, Code(scenario)))
@@ -155,9 +150,9 @@ def rejection_table(n_drawn: int, names: Sequence[str], rejected: Index, size: i
     for name, count in {**counts, "feasible": kept}.items():
         rows.append((name, str(count), f"{100 * count / max(n_drawn, 1):.1f} %"))
     return Table(
-        caption=f"Candidate poses: a pool of {size}",
-        head=("candidates", "number", "share"),
-        rows=tuple(rows),
+        f"Candidate poses: a pool of {size}",
+        heads("candidates, number, share"),
+        tuple(rows),
         note="Each candidate is counted under the first reason that applies. "
         + (f"The first {size} feasible ones are the pool." if kept > size else ""),
     )

@@ -10,13 +10,7 @@ from testbed.store.quantities import METRE, RADIAN, Quantity, below, in_si
 from testbed.studies.compensation.study import VARIANTS, WORTH, CompensationStudy
 
 VALUE, UNCERTAINTY, FLOOR = range(len(WORTH))
-PUBLISHED = {
-    "median": "value",
-    "p05": "low",
-    "p95": "high",
-    "u": "uncertainty",
-    "floor": "floor",
-}
+PUBLISHED = {"median": "value", "p05": "low", "p95": "high", "u": "uncertainty", "floor": "floor"}
 """Names of the fields of `Typical` in result.json."""
 
 

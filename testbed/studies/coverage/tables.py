@@ -1,6 +1,6 @@
 """Tables of the coverage study: attained shares with bands, parameters, and the advice."""
 
-from itertools import chain
+from itertools import chain, groupby
 
 import numpy as np
 
@@ -26,15 +26,6 @@ WORDS = {"holds": "kept", "wide": "wide", "short": "NO"}
 
 def summary_table(studies: tuple[CoverageStudy, ...]) -> Table:
     """The first screen: one row per kind of robot, a column per model and statement."""
-    found = cells(studies)
-    shares = {
-        study.truth: [
-            share_of(cell.share.value) + ("" if cell.believable else " NO")
-            for cell in found
-            if cell.truth == study.truth
-        ]
-        for study in studies
-    }
     return Table(
         caption=f"Share of true tool points inside {percent(studies[0].level)} statements, over "
         f"{counted(studies[0].before.size, 'robot')} of each kind",
@@ -42,7 +33,10 @@ def summary_table(studies: tuple[CoverageStudy, ...]) -> Table:
             "truth",
             *(f"{model}: {SHORT[statement]}" for model in MODELS for statement in STATEMENTS),
         ),
-        rows=tuple((truth, *cells_of) for truth, cells_of in shares.items()),
+        rows=tuple(
+            (truth, *(share_of(c.share.value) + ("" if c.believable else " NO") for c in of_kind))
+            for truth, of_kind in groupby(cells(studies), key=lambda cell: cell.truth)
+        ),
         note="NO: falls short by bands over robots that hold for all cells at once.",
     )
 

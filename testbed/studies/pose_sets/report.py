@@ -9,10 +9,9 @@ from testbed.studies.pose_sets.plots import forest, kinds
 from testbed.studies.protocol import Answer
 from testbed.studies.trial.plots import MOST_VIEWS, only
 from testbed.studies.trial.records import Campaign, Trial
+from testbed.studies.trial.report_accuracy import NONE
 from testbed.studies.trial.verdict import trial_verdict
 from testbed.units import counted, fixed, micrometres, millimetres, percent, plain
-
-NONE = "–"
 
 
 def pose_sets_section(campaign: Campaign) -> Section:
@@ -224,15 +223,14 @@ def summary_table(campaign: Campaign) -> Table:
     """The first page of a contest: each kind of set against random ones, a column per size."""
     contest, study = contest_of(campaign), population_of(campaign)
     assert study is not None, "a contest has a population"
-    rows = {
-        name: [cell(row.get(poses)) for poses in contest.sizes]
-        for name, row in kinds(contest).items()
-    }
     return Table(
         caption="Mean tool error on held-out poses against random sets of the same size, over "
         f"{counted(contest.robots, 'robot')}",
         head=("pose set", *(f"{poses} poses" for poses in contest.sizes)),
-        rows=tuple((name, *cells) for name, cells in rows.items()),
+        rows=tuple(
+            (name, *(cell(row.get(poses)) for poses in contest.sizes))
+            for name, row in kinds(contest).items()
+        ),
         note="better, worse: by intervals that all hold at once with 95 % probability "
         f"({counted(contest.comparisons, 'comparison')}); without a word: cannot be told apart. "
         "random: its mean error, before calibration "
