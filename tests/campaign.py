@@ -2,10 +2,9 @@
 
 from dataclasses import replace
 
-from testbed.run.work import Finished
 from testbed.scenario.scenario import record_hash as hash_of
 from testbed.studies import all_studies
-from testbed.studies.protocol import Task
+from testbed.studies.protocol import Records, Task
 from testbed.studies.trial.records import campaign_of
 
 
@@ -31,7 +30,7 @@ def record_type(scenario, key):
 def compute(scenario, key, get):
     """Make one record in all its pieces; `get` hands over another one by key."""
     study, record = planned(scenario)[key]
-    needed = Finished({other: get(other) for other in record.needs}, {})
+    needed = Records({other: get(other) for other in record.needs}, {})
     parts = [study.play(scenario, Task(study.name, key, k), needed) for k in range(record.pieces)]
     return parts[0] if len(parts) == 1 else study.gather(scenario, key, parts)
 
@@ -43,7 +42,7 @@ def record_hash(scenario, robot, key):
 
 def gather(scenario, get):
     """The campaign of all records."""
-    return campaign_of(scenario, Finished({key: get(key) for key in record_keys(scenario)}, {}))
+    return campaign_of(scenario, Records({key: get(key) for key in record_keys(scenario)}, {}))
 
 
 def with_records(campaign, **changes):
@@ -54,7 +53,7 @@ def with_records(campaign, **changes):
         values.pop(key, None)
         if record is not None:
             values[key] = record
-    return replace(campaign, records=Finished(values, campaign.records.failed))
+    return replace(campaign, records=Records(values, campaign.records.failed))
 
 
 def without(campaign, *keys):
@@ -64,4 +63,4 @@ def without(campaign, *keys):
         for name, record in campaign.records.values.items()
         if not any(name == key or (key.endswith(".") and name.startswith(key)) for key in keys)
     }
-    return replace(campaign, records=Finished(kept, campaign.records.failed))
+    return replace(campaign, records=Records(kept, campaign.records.failed))

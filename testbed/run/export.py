@@ -9,12 +9,7 @@ from calib.arrays import Array, Bool, Index
 from calib.measurement.observations import POSE, Measurements, joined
 from testbed.files.columns import covariance_names
 from testbed.files.session_toml import SESSION_FILE
-from testbed.laboratory.truth.laboratory import (
-    Laboratory,
-    journey,
-    open_laboratory,
-    validation_start,
-)
+from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory, validation_start
 from testbed.robots.robot import Robot
 from testbed.store.run_folder import whole_folder
 from testbed.studies.trial.play import visits_of
@@ -117,9 +112,9 @@ def session_csv(robot: Robot, table: Measurements, is_test: Bool, time: Array) -
 
 def _times(visit: Measurements, poses: Index, start: float, bench: Laboratory) -> Array:
     """When each row of a visit was measured [s]; missed shots took their time too."""
-    time, _ = journey(np.zeros((len(poses), 1)), start, bench.tracker.pose_time)
     at = {int(pose): k for k, pose in enumerate(poses)}
-    return time[[at[int(pose)] for pose in visit.pose_id]]
+    turn = np.array([at[int(pose)] for pose in visit.pose_id], dtype=np.float64)
+    return np.asarray(start + bench.tracker.pose_time * turn)
 
 
 def _session_toml(campaign: Campaign, robot: Robot, trial: Trial, table: Measurements) -> str:

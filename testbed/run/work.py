@@ -1,10 +1,9 @@
 """A scenario's records, each made once and kept as soon as it is whole; then derived files."""
 
 import json
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from calib.errors import CalibError, MachineError, refuse
 from testbed.disk import atomic_path
@@ -14,41 +13,11 @@ from testbed.scenario.scenario import Scenario, record_hash
 from testbed.store import layout, npz
 from testbed.store.npz import DONE, FAILED, Failure, record_bytes, record_from
 from testbed.store.run_folder import RunFolder
-from testbed.studies.protocol import Record, Study, Task
+from testbed.studies.protocol import Record, Records, Study, Task
 from testbed.versions import all_versions, own_version
 
 if TYPE_CHECKING:
     from testbed.robots.robot import Robot
-
-R = TypeVar("R")
-
-
-class FailedRecordError(CalibError):
-    """A record needs another one that failed."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Finished:
-    """Finished records by key, and why others failed."""
-
-    values: Mapping[str, object]
-    failed: Mapping[str, str]
-
-    def __contains__(self, key: object) -> bool:
-        return key in self.values
-
-    def get(self, key: str, kind: type[R]) -> R:
-        """The record `key`; FailedRecordError if it failed."""
-        if key in self.failed:
-            raise FailedRecordError(f"{key} failed ({self.failed[key]})", code="T1", field=key)
-        record = self.values[key]
-        if not isinstance(record, kind):
-            raise TypeError(f"{key} is {type(record).__name__}, not {kind.__name__}")
-        return record
-
-    def find(self, key: str, kind: type[R]) -> R | None:
-        """The record `key`, or None if it failed or is switched off."""
-        return self.get(key, kind) if key in self.values else None
 
 
 class Work:
@@ -83,7 +52,7 @@ class Work:
         self._clock = Clock()
         self._derived = 0
 
-    def make(self, order: Iterable[str] | None = None) -> Finished:
+    def make(self, order: Iterable[str] | None = None) -> Records:
         """Make every record, in any order; one that fails is counted with its reason."""
         keys = tuple(self.planned) if order is None else tuple(order)
         if sorted(keys) != sorted(self.planned):
@@ -93,7 +62,7 @@ class Work:
             )  # fmt: skip
         for key in keys:
             self._ensure(key)
-        return Finished(self._values, self.failed)
+        return Records(self._values, self.failed)
 
     def _ensure(self, key: str) -> None:
         """Have the record `key`: in memory, from disk, or made now after those it needs."""
@@ -162,7 +131,7 @@ class Work:
 
     def _part(self, study: Study, record: Record, spec: str, piece: int) -> object:
         """One piece of a record: from disk, or played now and kept until the record is whole."""
-        needed = Finished(
+        needed = Records(
             {key: self._values[key] for key in record.needs if key in self._values},
             {key: self.failed[key] for key in record.needs if key in self.failed},
         )
@@ -179,7 +148,7 @@ class Work:
             self.folder.write_record(record.key, data, piece=piece)
         return record_from(data, name, record.kind, spec)
 
-    def derive(self, names: Iterable[str]) -> Finished:
+    def derive(self, names: Iterable[str]) -> Records:
         """Write derived files from the records, each whole or not at all."""
         if self.folder is None:
             raise RuntimeError("nothing to write to")

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
+from calib.errors import CalibError
 from testbed.report.page import Section, Table, Verdict
 from testbed.scenario.scenario import Scenario, StudyTable
 from testbed.store.quantities import Quantity
@@ -48,20 +49,26 @@ class Task:
     piece: int = 0
 
 
-class Records(Protocol):
+@dataclass(frozen=True, slots=True, eq=False)
+class Records:
     """Finished records; one that failed or is switched off is not among them."""
 
-    @property
-    def failed(self) -> Mapping[str, str]:
-        """Why others failed, by key."""
-
-    def __contains__(self, key: object) -> bool: ...
+    values: Mapping[str, object]
+    failed: Mapping[str, str]
+    """Why others failed, by key."""
 
     def get(self, key: str, kind: type[R]) -> R:
         """The record `key`; CalibError if it failed."""
+        if key in self.failed:
+            raise CalibError(f"{key} failed ({self.failed[key]})", code="T1", field=key)
+        record = self.values[key]
+        if not isinstance(record, kind):
+            raise TypeError(f"{key} is {type(record).__name__}, not {kind.__name__}")
+        return record
 
     def find(self, key: str, kind: type[R]) -> R | None:
         """The record `key`, or None if it failed or is switched off."""
+        return self.get(key, kind) if key in self.values else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -77,11 +77,10 @@ def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Esti
             loss=settings.loss,
         )
         extended, why, evidence = choice.chosen == "extended", choice.sentence, choice.log_evidence
-    if not extended:
-        return Estimator(mode, nominal, free, given, settings.loss, why, evidence)
-    wide, table, _ = with_joint_terms(nominal, free)
-    prior = scenario_prior(settings.prior or WEAK, table)
-    return Estimator(mode, wide, table, prior, settings.loss, why, evidence)
+    if extended:
+        nominal, free, _ = with_joint_terms(nominal, free)
+        given = scenario_prior(settings.prior or WEAK, free)
+    return Estimator(mode, nominal, free, given, settings.loss, why, evidence)
 
 
 def scenario_prior(settings: PriorSettings, parameters: Parameters) -> Prior:
