@@ -2,7 +2,8 @@
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 Progress = Callable[[str, int, int], None]
@@ -15,22 +16,20 @@ class Clock:
 
     seconds: dict[str, float] = field(default_factory=dict)
     memory: dict[str, float] = field(default_factory=dict)
-    _open: list[tuple[str, float, float]] = field(default_factory=list)
+    _nested: float = 0.0
+    """Of steps that ended inside the one that is open [s]."""
 
-    def begin(self, name: str) -> None:
-        """Start a step."""
-        self._open.append((name, time.perf_counter(), 0.0))
-
-    def end(self) -> float:
-        """End the step begun last; its wall time [s] without nested steps."""
-        name, start, nested = self._open.pop()
-        whole = time.perf_counter() - start
-        if self._open:
-            outer, since, inside = self._open[-1]
-            self._open[-1] = (outer, since, inside + whole)
-        self.seconds[name] = whole - nested
-        self.memory[name] = round(peak_memory_mb(), 1)
-        return whole - nested
+    @contextmanager
+    def step(self, name: str) -> Iterator[None]:
+        """Time what is done inside, without the steps nested in it [s]."""
+        start, before, self._nested = time.perf_counter(), self._nested, 0.0
+        try:
+            yield
+        finally:
+            whole = time.perf_counter() - start
+            self.seconds[name] = whole - self._nested
+            self.memory[name] = round(peak_memory_mb(), 1)
+            self._nested = before + whole
 
 
 def peak_memory_mb() -> float:

@@ -93,18 +93,18 @@ class Work:
             raise RuntimeError(f"{key} asks for itself: {' -> '.join([*self._making, key])}")
         self._report(key)
         self._making.append(key)
-        self._clock.begin(key)
         try:
-            for other in record.needs:
-                self._ensure(other)
-            data, status = self._computed(study, record, spec)
+            with self._clock.step(key):
+                for other in record.needs:
+                    self._ensure(other)
+                data, status = self._computed(study, record, spec)
         finally:
-            seconds = self._clock.end()
             self._making.pop()
         if self.folder:
             self.folder.write_record(key, data)
             self.folder.remove_pieces(key, record.pieces)
-        self.event("record", key=key, status=status, seconds=round(seconds, 3))
+        seconds = round(self._clock.seconds[key], 3)
+        self.event("record", key=key, status=status, seconds=seconds)
         # read back: what follows sees the same bits, whether this was made now or kept
         return record_from(data, key, record.kind, spec)
 
@@ -156,13 +156,10 @@ class Work:
         played = Played(self.scenario, self.robot, self.studies, records)
         for name in names:
             self._report(name)
-            self._clock.begin(name)
-            try:
+            with self._clock.step(name):
                 self._write(name, played, self.folder)
-            finally:
-                seconds = self._clock.end()
             self._derived += 1
-            self.event("wrote", file=name, seconds=round(seconds, 3))
+            self.event("wrote", file=name, seconds=round(self._clock.seconds[name], 3))
         self._progress("", self.steps, self.steps)
         if not self.only_stored:
             self._write_timing(self.folder)
