@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 
 Scene = Annotated[str, typer.Argument(metavar="SCENE", help="A scene's name or a .toml file.")]
 Seed = Annotated[int | None, typer.Option(help="Another seed.")]
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="Rename an old run of that name first.")
+]
 
 
 @app.command()
@@ -21,9 +24,7 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Folder [runs/SCENE-seedN].")] = None,
     seed: Seed = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a stopped run.")] = False,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Rename an old run of that name first.")
-    ] = False,
+    overwrite: Overwrite = False,
     export: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Write the measurements as files for identify, too."),
@@ -149,9 +150,7 @@ def identify(
         bool, typer.Option("--drop-invalid", help="Leave rows out that are not numbers.")
     ] = False,
     max_mb: Annotated[float, typer.Option("--max-mb", help="Largest file read [MB].")] = 100.0,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Rename an old run of that name first.")
-    ] = False,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     as_json: Json = False,
     debug: Debug = False,

@@ -172,11 +172,11 @@ def truth_faults(truth: TruthSettings, robot: "Robot") -> Iterator[Fault]:
         )
 
 
-def require_truth(robot: "Robot", truth: TruthSettings, *, where: str = "scenario") -> None:
+def require_truth(robot: "Robot", truth: TruthSettings) -> None:
     """Raise one InputError if the robot cannot have this truth."""
     faults = [*truth_faults(truth, robot)]
     if faults:
-        raise one_error(faults, where)
+        raise one_error(faults, "scenario")
 
 
 def free_parameters(scenario: Scenario, robot: "Robot", mode: "Mode") -> "Parameters":

@@ -136,26 +136,22 @@ def measuring_route(
             ways[a, b] = way = mover.way(stops[a], stops[b], offered, rng)
             times[a, b] = times[b, a] = way.time if way.found else BLOCKED_TIME
         tour = best_tour(times, given)
-    legs = list(pairwise(tour))
-    taken = [ways[min(leg), max(leg)] for leg in legs]
-    lost = [
-        (int(a) - 1, int(b) - 1) for (a, b), way in zip(legs, taken, strict=True) if not way.found
-    ]
+    via, times_taken, lost = list[Array](), list[float](), list[tuple[int, int]]()
+    for a, b in pairwise(tour.tolist()):
+        way = ways[min(a, b), max(a, b)]
+        via.append(way.via if a < b else frozen(way.via[::-1]))
+        if way.found:
+            times_taken.append(way.time)
+            continue
+        # timed as if it were straight: somebody has to lead the robot around
+        times_taken.append(float(travel_times(stops[a], stops[b], speeds)))
+        lost.append((a - 1, b - 1))
     return Route(
         start=frozen(home),
         order=frozen(tour[1:] - 1, np.int64),
         q=frozen(stops[tour[1:]]),
-        via=tuple(
-            way.via if a < b else frozen(way.via[::-1])
-            for (a, b), way in zip(legs, taken, strict=True)
-        ),
-        # a blocked move is timed as if it were straight: somebody has to lead the robot around
-        times=frozen(
-            [
-                way.time if way.found else float(travel_times(stops[a], stops[b], speeds))
-                for (a, b), way in zip(legs, taken, strict=True)
-            ]
-        ),
+        via=tuple(via),
+        times=frozen(times_taken),
         settle=float(settle),
         given_time=float(sum(ways[pair].time for pair in _pairs(given))),
         blocked=tuple(lost),
@@ -164,8 +160,8 @@ def measuring_route(
 
 def _pairs(tour: Index) -> Iterator[tuple[int, int]]:
     """Pairs of neighbors, the smaller first: ways are the same back and forth."""
-    for a, b in pairwise(tour):
-        yield (min(int(a), int(b)), max(int(a), int(b)))
+    for a, b in pairwise(tour.tolist()):
+        yield min(a, b), max(a, b)
 
 
 def _check_free(simulator: Simulator, stops: Array) -> None:

@@ -241,13 +241,21 @@ def tracker_from(
             **at,
         )
     pitch, yaw, roll = (float(np.radians(sd * 1e-3)) for sd in settings.rotation_mdeg)
+    bias = drift = None
+    if settings.systematic and seed is not None:
+        size = bias_size(settings)
+        bias = StationBias(size, size.draw(stream(seed, "station", "bias")))
+    if settings.drift_um_per_sqrt_h:
+        T = chain.T_world_base  # the nests stand around the robot's base
+        nests, rate = np.array(NESTS) @ T[:3, :3].T + T[:3, 3], settings.drift_um_per_sqrt_h
+        drift = StationDrift(rate * 1e-6 / 60.0, settings.nests_s, nests)
     return Tracker(
         range_sd=_in_meters(settings.range_um),
         transverse_sd=_in_meters(settings.transverse_um),
         centering_sd=settings.centering_um * 1e-6,
         rotation_sd=(pitch, yaw, roll),
-        bias=_bias(settings, seed),
-        drift=_drift(settings, chain),
+        bias=bias,
+        drift=drift,
         gross_errors=GrossErrors(
             settings.outliers,
             settings.outlier_mm / 1e3,
@@ -267,23 +275,6 @@ def bias_size(settings: At960Tracker) -> BiasSize:
         settings.target_offset_um * 1e-6,
         float(np.radians(settings.target_turn_mdeg * 1e-3)),
     )
-
-
-def _bias(settings: At960Tracker, seed: int | None) -> StationBias | None:
-    """Systematic errors drawn once for a campaign."""
-    if not settings.systematic or seed is None:
-        return None
-    size = bias_size(settings)
-    return StationBias(size, size.draw(stream(seed, "station", "bias")))
-
-
-def _drift(settings: At960Tracker, chain: Chain) -> StationDrift | None:
-    """How the station wanders; the nests stand around the robot's base."""
-    if not settings.drift_um_per_sqrt_h:
-        return None
-    T = chain.T_world_base
-    nests = np.array(NESTS) @ T[:3, :3].T + T[:3, 3]
-    return StationDrift(settings.drift_um_per_sqrt_h * 1e-6 / 60.0, settings.nests_s, nests)
 
 
 def _in_meters(pair: tuple[float, float]) -> tuple[float, float]:
