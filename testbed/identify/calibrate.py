@@ -16,7 +16,6 @@ from testbed.identify.fit import (
     figures_of,
     fit,
     fitted_model,
-    held_out_figures,
     row_errors,
 )
 from testbed.identify.frames import frames_of
@@ -151,7 +150,7 @@ def calibrate(
         ),
         before_misses=before,
         before_train=figures_of(before, measurements, used),
-        before_test=held_out_figures(before, measurements, split.is_test),
+        before_test=figures_of(before, measurements, split.is_test) if len(test) else None,
         fits=models,
         choice=choice,
         proof=proof_of(chosen.identification, train, test, seed=options.seed),

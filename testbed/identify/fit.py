@@ -190,13 +190,6 @@ def figures_of(errors: RowErrors, measurements: Measurements, rows: Bool) -> Fig
     )
 
 
-def held_out_figures(
-    errors: RowErrors, measurements: Measurements, is_test: Bool
-) -> Figures | None:
-    """Statistics over the held-out rows (m,); None if there are none."""
-    return figures_of(errors, measurements, is_test) if is_test.any() else None
-
-
 def fitted_model(
     name: ModelName,
     identification: Identification,
@@ -215,7 +208,7 @@ def fitted_model(
         noise_factor=noise_factor(identification.model, train),
         misses=errors,
         train=figures_of(errors, measurements, used),
-        test=held_out_figures(errors, measurements, is_test),
+        test=figures_of(errors, measurements, is_test) if is_test.any() else None,
     )
 
 

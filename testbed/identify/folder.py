@@ -182,9 +182,7 @@ def deliver(
         (
             row.name,
             row.unit,
-            f"{row.old:.9g}",
-            f"{row.new:.9g}",
-            f"{row.delta:.9g}",
+            *(f"{value:.9g}" for value in (row.old, row.new, row.delta)),
             "" if row.expanded is None else f"{row.expanded:.3g}",
         )
         for row in dh_table(calibration)

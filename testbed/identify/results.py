@@ -1,6 +1,7 @@
 """result.json, arrays.npz and the small tables of a calibration; units in the names."""
 
 from collections.abc import Mapping
+from dataclasses import astuple
 from typing import Any
 
 import numpy as np
@@ -68,17 +69,8 @@ def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:
         "model_choice/sentence": choice.sentence,
         "model_choice/log_evidence": choice.log_evidence,
     }
-    numbers = [
-        {
-            "name": row.name,
-            "unit": row.unit,
-            "old": row.old,
-            "new": row.new,
-            "delta": row.delta,
-            "U_k2": row.expanded,
-        }
-        for row in dh_table(calibration)
-    ]
+    keys = ("name", "unit", "old", "new", "delta", "U_k2")
+    numbers = [dict(zip(keys, astuple(row), strict=True)) for row in dh_table(calibration)]
     parts = [
         *plain(words),
         *_figures("before/train", calibration.before_train),

@@ -29,8 +29,8 @@ from testbed.robots.meshes.drawings import ARMS, drawing
 from testbed.robots.meshes.drawings.instruments import tracker
 from testbed.robots.meshes.solids import Solid, moved, write_obj
 from testbed.robots.placements import link_poses
-from testbed.robots.write.mjcf import write_mjcf
-from testbed.robots.write.urdf import write_urdf
+from testbed.robots.write.mjcf import mjcf_text
+from testbed.robots.write.urdf import urdf_bytes
 from testbed.strict import choice_of, read_toml
 
 
@@ -69,8 +69,8 @@ def generate_robot(path: Path, out: Path) -> None:
         into = [inverse(T) for T in frames]
         write_parts(path, data, drawing(data.drawing), into, out)
     robot = load_robot(out)
-    write_urdf(robot, out / f"{robot.name}.urdf")
-    write_mjcf(robot, out / f"{robot.name}.xml")
+    (out / f"{robot.name}.urdf").write_bytes(urdf_bytes(robot))
+    (out / f"{robot.name}.xml").write_bytes(mjcf_text(robot).encode())
 
 
 def generate_tracker(path: Path, out: Path) -> None:

@@ -119,11 +119,6 @@ def mjcf_text(robot: Robot, *, comment: str = "") -> str:
     return head + str(spec.to_xml())
 
 
-def write_mjcf(robot: Robot, path: Path) -> None:
-    """Write the robot as MJCF; its meshes are looked for beside the file."""
-    path.write_text(mjcf_text(robot), encoding="utf-8", newline="\n")
-
-
 def _pose(T: Array) -> dict[str, Array]:
     """MuJoCo's keywords for a frame (4, 4)."""
     return {"pos": T[:3, 3], "quat": quaternion_wxyz(T[:3, :3])}

@@ -20,11 +20,6 @@ FOR_MUJOCO = (
 """Its compiler drops visuals, fixed links and the folders of meshes unless asked to keep them."""
 
 
-def write_urdf(robot: Robot, path: Path) -> None:
-    """Write the geometry of a robot as URDF; see `urdf_bytes`."""
-    path.write_bytes(urdf_bytes(robot))
-
-
 def urdf_bytes(robot: Robot, *, comment: str = "", for_mujoco: bool = False) -> bytes:
     """The geometry of a robot as URDF, every digit kept, mesh paths relative to its folder.
 

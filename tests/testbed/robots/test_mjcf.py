@@ -12,7 +12,7 @@ from calib.geometry.frames import rot_z
 from calib.geometry.jacobian import pose_and_jacobian
 from calib.geometry.model import RobotModel
 from testbed.robots.placements import link_poses, placements
-from testbed.robots.write.mjcf import build_spec, compile_spec, mjcf_text, set_geometry, write_mjcf
+from testbed.robots.write.mjcf import build_spec, compile_spec, mjcf_text, set_geometry
 from tests.testbed.robots.robot_cases import AGREE, TX60, joint_vectors, perturbed, slider
 
 CHAINS = [TX60.model.chain, *perturbed()]
@@ -121,7 +121,7 @@ def test_mujocos_site_jacobian_equals_the_joint_columns():
 @pytest.mark.parametrize("chain", CHAINS[:4])
 def test_the_written_file_keeps_every_digit(chain, tmp_path):
     robot = replace(TX60, model=RobotModel(chain), visuals=(), exclusions=())
-    write_mjcf(robot, tmp_path / "robot.xml")
+    (tmp_path / "robot.xml").write_text(mjcf_text(robot), "utf-8")
     again = mujoco.MjModel.from_xml_path(str(tmp_path / "robot.xml"))
     direct = compile_spec(build_spec(chain, robot))
     for field in ("body_pos", "body_quat", "site_pos", "site_quat", "jnt_range", "body_mass"):

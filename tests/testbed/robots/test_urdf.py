@@ -13,7 +13,7 @@ from calib.geometry.chain import forward
 from calib.geometry.model import RobotModel
 from testbed.robots.describe.urdf import describe_urdf
 from testbed.robots.describe.xml_gate import FileOptions
-from testbed.robots.write.urdf import write_urdf
+from testbed.robots.write.urdf import urdf_bytes
 from tests.testbed.robots.robot_cases import AGREE, TX60, joint_vectors, perturbed, slider
 
 SHIPPED = TX60.folder / "staubli_tx60.urdf"
@@ -44,7 +44,7 @@ def test_yourdfpy_agrees_with_the_chain_on_the_shipped_robot():
 @pytest.mark.slow
 @pytest.mark.parametrize("chain", perturbed(), ids=range(20))
 def test_yourdfpy_agrees_with_every_perturbed_chain(chain, tmp_path):
-    write_urdf(bare(chain), tmp_path / "r.urdf")
+    (tmp_path / "r.urdf").write_bytes(urdf_bytes(bare(chain)))
     q = joint_vectors()
     np.testing.assert_allclose(
         yourdfpy_poses(tmp_path / "r.urdf", q), forward(chain, q), rtol=0, atol=AGREE
@@ -53,7 +53,7 @@ def test_yourdfpy_agrees_with_every_perturbed_chain(chain, tmp_path):
 
 def test_prismatic_joints_slide_in_the_urdf_too(tmp_path):
     chain, robot = slider()
-    write_urdf(robot, tmp_path / "r.urdf")
+    (tmp_path / "r.urdf").write_bytes(urdf_bytes(robot))
     q = np.random.default_rng(6).uniform(-2, 2, (100, 4))
     np.testing.assert_allclose(
         yourdfpy_poses(tmp_path / "r.urdf", q), forward(chain, q), rtol=0, atol=AGREE
@@ -77,7 +77,7 @@ def test_reading_the_shipped_urdf_gives_the_papers_numbers_back():
 @pytest.mark.parametrize("chain", perturbed(5, size=0.3) + perturbed(5, seed=9, size=1e-3))
 def test_poses_survive_writing_and_reading(chain, tmp_path):
     """The link numbers may come back in another gauge; poses may not."""
-    write_urdf(bare(chain), tmp_path / "r.urdf")
+    (tmp_path / "r.urdf").write_bytes(urdf_bytes(bare(chain)))
     q = joint_vectors(200)
     again = describe_urdf(tmp_path / "r.urdf", FileOptions()).chain
     # lengths in the other gauge reach 1 / sin(1 deg), so a dozen roundings of 60 m * 2e-16
@@ -336,6 +336,6 @@ def test_broken_bytes_raise_only_our_error(seed, tmp_path):
 
 
 def test_writing_twice_gives_the_same_bytes(tmp_path):
-    write_urdf(TX60, tmp_path / "a.urdf")
-    write_urdf(TX60, tmp_path / "b.urdf")
+    (tmp_path / "a.urdf").write_bytes(urdf_bytes(TX60))
+    (tmp_path / "b.urdf").write_bytes(urdf_bytes(TX60))
     assert (tmp_path / "a.urdf").read_bytes() == (tmp_path / "b.urdf").read_bytes()
