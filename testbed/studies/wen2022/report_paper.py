@@ -154,13 +154,11 @@ def tool_section(campaign: Campaign) -> Section | None:
         ),
     ]
     if study.source:
-        blocks.append(
-            Figure(
-                "Standard uncertainty at the held-out poses: optimal against random, |P| against "
-                "three dimensions.",
-                plots.held_out_uncertainty(study),
-            )
+        caption = (
+            "Standard uncertainty at the held-out poses: optimal against random, |P| against three "
+            "dimensions."
         )
+        blocks.append(Figure(caption, plots.held_out_uncertainty(study)))
     return Section("tool", "Uncertainty of the tool point", tuple(blocks), part="detail")
 
 
@@ -171,23 +169,17 @@ def paper_section(campaign: Campaign, examined: Examined | None) -> Section | No
     blocks: list[Block] = list(error_tables(campaign))
     budget = paper_budget_of(campaign)
     if budget is not None:
-        blocks.append(budget_table(budget))
-        blocks.append(
-            Figure(
-                "Combined parameter uncertainties of the optimal set and of the random protocol.",
-                plots.parameter_budget(budget),
-            )
-        )
+        caption = "Combined parameter uncertainties of the optimal set and of the random protocol."
+        blocks += [budget_table(budget), Figure(caption, plots.parameter_budget(budget))]
     if not examined.robots:  # else they stand first in the report
         blocks.append(claim_table(examined))
     if examined.silent:
         listed = ", ".join(str(number) for number in examined.silent)
-        blocks.append(
-            Text(
-                f"Not examined here: claims {listed}, which need pose sets or studies that this "
-                "campaign does not play (scene wen2022 plays them all)."
-            )
+        text = (
+            f"Not examined here: claims {listed}, which need pose sets or studies that this "
+            "campaign does not play (scene wen2022 plays them all)."
         )
+        blocks.append(Text(text))
     title = "its tables on this campaign's robot" if examined.robots else "claim by claim"
     return Section("paper", f"Wen et al. 2022, {title}", tuple(blocks), part="detail")
 
