@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
 
-from calib.arrays import Array, Bool, check, frozen
+from calib.arrays import Array, Bool, Index, check, frozen
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
@@ -16,7 +16,6 @@ from calib.measurement.prediction import targets
 from calib.measurement.residual import linearize, padded_covariance, table_whiteners
 from calib.uncertainty.batch import WIDTH, Batch
 from calib.uncertainty.covariance import RANK_TOLERANCE, covariance_factor
-from calib.uncertainty.parallel import mapped
 
 BLOCKS = 16
 """Blocks of `WIDTH` replicates in a batch; part of what fixes the bits of a result."""
@@ -168,9 +167,7 @@ def refit(
     position: ArrayLike,
     rotation: ArrayLike,
     *,
-    prior_mean: ArrayLike | None = None,
     steps: int = STEPS,
-    threads: int = 1,
 ) -> Refits:
     """Fit the free numbers to each of K tables.
 
@@ -183,34 +180,25 @@ def refit(
         Positions measured, in the world: tool origin, or reflector for point rows [m].
     rotation : (K, m, 3, 3) array_like
         Rotations measured; anything for point rows.
-    prior_mean : (K, f) or (f,) array_like, optional
-        Where the prior of each replicate has its center, as a step from the model [m, rad].
     steps : int
         Steps of each fit.
-    threads : int
-        At work side by side; the result does not depend on it.
     """
-    m, f = len(start.measurements), start.parameters.n_free
+    m = len(start.measurements)
     position, rotation = check(f"k {m} 3, k {m} 3 3", position=position, rotation=rotation)
     K = len(position)
     if K == 0 or steps < 1:
         field, message = "steps" if K else "position", f"{K} tables and {steps} steps"
         raise refuse(field, allowed="at least one of each", code="A3", message=message)
-    center = np.zeros((K, f)) if prior_mean is None else np.asarray(prior_mean, dtype=np.float64)
-    (center,) = check(f"{K} {f}", prior_mean=np.broadcast_to(center, (K, f)))
     size = BLOCKS * WIDTH
-    import calib.kernels.replicates  # noqa: F401  # compiled before threads start
 
-    def work(first: int) -> Refits:
-        part = np.arange(first, first + min(size, K - first))
+    def work(part: Index) -> Refits:
         padded = np.resize(part, -(-len(part) // WIDTH) * WIDTH).reshape(-1, WIDTH)
         measured = np.empty((len(padded), m, 12, WIDTH))
         measured[:, :, :3] = np.moveaxis(position[padded], 1, -1)
         measured[:, :, 3:] = np.moveaxis(rotation.reshape(K, m, 9)[padded], 1, -1)
-        whole = descend(start, measured, np.moveaxis(center[padded], 1, -1), steps)
-        return whole.first(len(part))
+        return descend(start, measured, steps).first(len(part))
 
-    return joined(mapped(work, range(0, K, size), threads))
+    return joined([work(np.arange(first, min(first + size, K))) for first in range(0, K, size)])
 
 
 def joined(parts: Sequence[Refits]) -> Refits:
@@ -223,8 +211,8 @@ def joined(parts: Sequence[Refits]) -> Refits:
     )
 
 
-def descend(start: Frozen, measured: Array, center: Array, steps: int) -> Refits:
-    """Fit the tables of one batch: x += C (J'W r + Lambda0 (center - x)).
+def descend(start: Frozen, measured: Array, steps: int = STEPS) -> Refits:
+    """Fit the tables of one batch: x += C (J'W r - Lambda0 x), the prior centered at the model.
 
     Parameters
     ----------
@@ -232,8 +220,6 @@ def descend(start: Frozen, measured: Array, center: Array, steps: int) -> Refits
         Model, plan, curvature.
     measured : (B, m, 12, 32) array
         Position and rotation rows measured [m].
-    center : (B, f, 32) array
-        Center of the prior, as a step from the model.
     steps : int
         Steps to take; inputs are trusted.
     """
@@ -250,8 +236,7 @@ def descend(start: Frozen, measured: Array, center: Array, steps: int) -> Refits
             start.measurements.offset, *batch.configurations, slope, square,
         )  # fmt: skip
         own = slope[:, free]
-        pull = own + start.prior @ (center - batch.x)
-        step = start.covariance @ pull
+        step = start.covariance @ (own - start.prior @ batch.x)
         batch.move(step)
     data = start.precision - start.prior
     chi_square = square - np.einsum("bfl,bfl->bl", step, 2 * own - data @ step)
