@@ -48,7 +48,7 @@ class Solution(Generic[X]):
     jacobian: Array
     """(n, p) derivative of the prediction there."""
     certificate: float
-    """Relative offset, or |Q1'r| for an exact fit; see `tangent.relative_offset`."""
+    """Relative offset, or |Q1'r| for an exact fit; see `Tangent.certificate`."""
     status: Status
     iterations: int
     """Steps taken."""

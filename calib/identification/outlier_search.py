@@ -87,7 +87,7 @@ def search_outliers(
         judge, table = first, measurements
     else:
         if factor <= HONEST:
-            outliers = inspect(nominal, first, measurements, chance=chance).outliers
+            outliers = inspect(nominal, first, measurements, chance=chance)
             if not outliers.suspect.any():
                 nothing = frozen((), np.int64)
                 return OutlierSearch(factor, first, outliers, nothing, False)
@@ -97,7 +97,7 @@ def search_outliers(
         if calmer < CALMER * factor:  # the gross errors had moved the plain fit
             factor = calmer
             judge, table = _robust(nominal, measurements, own, first, factor)
-    outliers = inspect(nominal, judge, table, chance=chance).outliers
+    outliers = inspect(nominal, judge, table, chance=chance)
     excess = outliers.score / (outliers.limit * (1.0 if factor <= HONEST else FAR))
     suspects = np.flatnonzero(excess > 1)
     suspects = suspects[np.argsort(-excess[suspects], kind="stable")]

@@ -1,12 +1,11 @@
-"""Measurements that fit an identification badly, and those it rests on most, by pose."""
+"""Measurements that fit an identification badly, by pose."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
-from calib.arrays import Array, Bool, Index, check
+from calib.arrays import Array, Bool, Index
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.identification.prior import prior_rows
@@ -49,35 +48,14 @@ class Outliers:
         )
 
 
-def leverages(A: ArrayLike, row_of: Index, *, prior: ArrayLike | None = None) -> Array:
-    """Leverage (m,) of each observation: the sum over all is the number of parameters.
-
-    Parameters
-    ----------
-    A : (N, f) array
-        Whitened Jacobian of the estimated numbers.
-    row_of : (N,) array of int
-        Observation of each row, as in `Stack`.
-    prior : (k, f) array, optional
-        Whitened rows of the prior: then the sum is the number of parameters learned from the data.
-
-    References
-    ----------
-    tr H_jj, H = A inv(A'A + Lambda0) A'.
-    """
-    A, rows = _with_prior(A, prior)
-    B = A @ covariance_factor(np.concatenate([A, rows]))
-    return np.asarray(np.bincount(row_of, np.square(B).sum(1)), dtype=np.float64)
-
-
 def outliers(
-    r: ArrayLike,
-    A: ArrayLike,
+    r: Array,
+    A: Array,
     row_of: Index,
     *,
     chance: float = 0.05,
-    prior: ArrayLike | None = None,
-    weights: ArrayLike | None = None,
+    prior: Array | None = None,
+    weights: Array | None = None,
 ) -> Outliers:
     """Judge each observation by its residual and leverage.
 
@@ -102,10 +80,9 @@ def outliers(
     r_j' inv(I - H_jj) r_j against the chi-square quantile at 1 - chance / m. With weights the
     covariance of r_j is I - 2 w_j A_j inv(H) A_j' + A_j C A_j', C the sandwich.
     """
-    A, rows = _with_prior(A, prior)
-    (r,) = check(f"{len(A)}", r=r)
+    rows = np.zeros((0, A.shape[1])) if prior is None else prior
     counts = np.bincount(row_of)
-    w = np.ones(len(counts)) if weights is None else check(f"{len(counts)}", weights=weights)[0]
+    w = np.ones(len(counts)) if weights is None else weights
     K = covariance_factor(np.concatenate([np.sqrt(w)[row_of, None] * A, rows]))
     B = A @ K
     if weights is None:
@@ -132,36 +109,13 @@ def outliers(
     return Outliers(score, np.where(checked > 0, limit, np.inf))
 
 
-def _with_prior(A: ArrayLike, prior: ArrayLike | None) -> tuple[Array, Array]:
-    """Jacobian (N, f) and prior rows (k, f), checked; no rows without a prior."""
-    (A,) = check("N f", A=A)
-    if prior is None:
-        return A, np.zeros((0, A.shape[1]))
-    (rows,) = check(f"k {A.shape[1]}", prior=prior)
-    return A, rows
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Inspection:
-    """Every observation of a table, judged after a fit."""
-
-    outliers: Outliers
-    leverage: Array
-    """(m,) numbers that rest on each observation; at most its rows."""
-    sentences: tuple[str, ...]
-    """One per observation that does not fit, worst first, then those that nothing checks."""
-
-    def __repr__(self) -> str:
-        return f"Inspection({self.outliers!r})"
-
-
 def inspect(
     nominal: RobotModel,
     result: Identification,
     measurements: Measurements,
     *,
     chance: float = 0.05,
-) -> Inspection:
+) -> Outliers:
     """Judge every observation of the table that a model was identified from.
 
     After a plain fit one gross error spoils the scores of its neighbors: where there are some,
@@ -189,13 +143,4 @@ def inspect(
         belief = prior_rows(result.prior, nominal, result.parameters)
         prior = belief.at(result.model)[1][:, columns]
     weights = None if result.loss == "squared" else result.weights
-    if weights is None:
-        share = leverages(A, stack.row_of, prior=prior)
-    else:
-        share = leverages(np.sqrt(weights)[stack.row_of, None] * A, stack.row_of, prior=prior)
-    judged = outliers(stack.r, A, stack.row_of, chance=chance, prior=prior, weights=weights)
-    alone = [
-        f"pose {measurements.pose_id[j]} (row {j}) is checked by no other observation"
-        for j in np.flatnonzero(np.isinf(judged.limit))
-    ]
-    return Inspection(judged, share, (*judged.sentences(measurements), *alone))
+    return outliers(stack.r, A, stack.row_of, chance=chance, prior=prior, weights=weights)

@@ -50,7 +50,7 @@ class Identification:
     rank: int
     """Numbers estimated, f."""
     certificate: float
-    """Relative offset at the end; see `tangent.relative_offset`."""
+    """Relative offset at the end; see `Tangent.certificate`."""
     status: Status
     """How the fit ended; its value is a sentence."""
     iterations: int

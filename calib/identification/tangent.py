@@ -45,7 +45,16 @@ class Tangent:
 
     @property
     def certificate(self) -> float:
-        """See `relative_offset`."""
+        """How much of the residual the parameters could still explain, against what they cannot.
+
+        The relative offset sqrt[(|Q1'r|^2 / p) / (|Q2'r|^2 / (n - p))], Q1 spanning the columns of
+        A; below 1e-6 the fit has converged. Where |r| < 1e-6, or n = p, that ratio is rounding over
+        rounding: it is |Q1'r|, to be below 1e-9.
+
+        References
+        ----------
+        Bates & Watts 1988.
+        """
         if self.exact:
             return self.offset
         n, p = self.A.shape
@@ -98,27 +107,6 @@ class Tangent:
             slope = float(np.sum(along**2 / (power + damping))) / length
             damping += (length - radius) / radius * length / slope
         return damping
-
-
-def relative_offset(r: Array, A: Array) -> float:
-    """How much of the residual the parameters could still explain, against what they cannot.
-
-    sqrt[(|Q1'r|^2 / p) / (|Q2'r|^2 / (n - p))], Q1 spanning the columns of A; below 1e-6 the fit
-    has converged. Where |r| < 1e-6, or n = p, that ratio is rounding over rounding: |Q1'r| is
-    returned, to be below 1e-9.
-
-    Parameters
-    ----------
-    r : (n,) array
-        Residual.
-    A : (n, p) array
-        Derivative of the prediction.
-
-    References
-    ----------
-    Bates & Watts 1988.
-    """
-    return tangent_plane(r, A, column_norms(A)).certificate
 
 
 def covariance_factor(A: Array) -> Array:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -15,7 +14,6 @@ from calib.uncertainty.regions import require_probability
 
 Sample = Callable[[int, np.random.Generator], Array]
 """(M, rng) -> M values of the k outputs (M, k)."""
-Region = Literal["ellipsoid", "box"]
 BATCH = 10_000
 MOST_DRAWS = 5_000_000
 """Draws after which to give up: 40 MB per output."""
@@ -32,8 +30,7 @@ class Adaptive:
     largest_eigenvalue: float
     """Of the correlation matrix: 1 without correlation, k with nothing else."""
     factor: float
-    """k_p of the region: reach in units of u (box) or of the Mahalanobis distance (ellipsoid)."""
-    region: Region
+    """k_p of the ellipsoid of the covariance: its reach as a Mahalanobis distance."""
     probability: float
     draws: int
     tolerance: Array
@@ -72,7 +69,6 @@ def adaptive(
     *,
     digits: int = 2,
     probability: float = 0.95,
-    region: Region = "ellipsoid",
     finer: float = 1.0,
     batch: int | None = None,
     most: int = MOST_DRAWS,
@@ -89,9 +85,7 @@ def adaptive(
     digits : int
         Significant digits of u that must mean something, 1 to 4.
     probability : float
-        Content of the region.
-    region : {"ellipsoid", "box"}
-        Shape that `factor` is for: the ellipsoid of the covariance, or the box of half widths k u.
+        Content of the ellipsoid.
     finer : float
         Divides the tolerance; 5 before a validation (JCGM 101:2008, 8.2).
     batch : int, optional
@@ -106,11 +100,8 @@ def adaptive(
 
     References
     ----------
-    JCGM 101:2008, 7.9.4; JCGM 102:2011, 7.7 (regions), 7.8 (adaptive procedure).
+    JCGM 101:2008, 7.9.4; JCGM 102:2011, 7.7 (ellipsoid), 7.8 (adaptive procedure).
     """
-    if region not in ("ellipsoid", "box"):
-        message = f'region is "{region}"'
-        raise refuse("region", region, "ellipsoid or box", code="A3", message=message)
     size = _batch_size(digits, probability, finer, batch, most)
     values: list[Array] = []
     rows: list[Array] = []
@@ -121,7 +112,7 @@ def adaptive(
     while not stable and (len(rows) + 1) * size <= most:
         (y,) = check(f"{size} k", sample=sample(size, rng))
         values.append(y)
-        rows.append(_figures(y, probability, region))
+        rows.append(_figures(y, probability))
         offset = y - values[0].mean(axis=0)
         new = (offset.sum(axis=0), offset.T @ offset)
         sums = new if sums is None else (sums[0] + new[0], sums[1] + new[1])
@@ -139,13 +130,12 @@ def adaptive(
         error = 2 * np.std(rows, axis=0, ddof=1) / np.sqrt(h)
         stable = bool((error <= tolerance).all())
     whole = np.concatenate(values)
-    row, k = _figures(whole, probability, region), whole.shape[1]
+    row, k = _figures(whole, probability), whole.shape[1]
     return Adaptive(
         mean=frozen(row[:k]),
         covariance=frozen(np.cov(whole, rowvar=False).reshape(k, k)),
         largest_eigenvalue=float(row[-2]),
         factor=float(row[-1]),
-        region=region,
         probability=probability,
         draws=len(whole),
         tolerance=frozen(tolerance),
@@ -175,7 +165,7 @@ def _batch_size(digits: int, probability: float, finer: float, batch: int | None
     return size
 
 
-def _figures(y: Array, probability: float, region: Region) -> Array:
+def _figures(y: Array, probability: float) -> Array:
     """Means, standard uncertainties, largest eigenvalue and factor (2 k + 2,) of draws (M, k)."""
     mean, U = y.mean(axis=0), np.cov(y, rowvar=False).reshape(y.shape[1], -1)
     u = np.sqrt(np.diagonal(U))
@@ -187,18 +177,13 @@ def _figures(y: Array, probability: float, region: Region) -> Array:
         )  # fmt: skip
     rho = correlation(U)
     scaled = (y - mean) / u
-    if region == "box":
-        reach = np.abs(scaled).max(axis=1)
-    else:
-        try:
-            root = np.linalg.cholesky(rho)
-        except np.linalg.LinAlgError:
-            raise refuse(
-                "sample", allowed="outputs with a positive definite covariance", code="A3",
-                message="the outputs depend on each other exactly",
-                fix='leave one out, or ask for the region "box"',
-            ) from None  # fmt: skip
-        reach = np.linalg.norm(solve_triangular(root, scaled.T, lower=True), axis=0)
+    try:
+        root = np.linalg.cholesky(rho)
+    except np.linalg.LinAlgError:
+        message = "the outputs depend on each other exactly"
+        allowed, fix = "outputs with a positive definite covariance", "leave one out"
+        raise refuse("sample", allowed=allowed, code="A3", message=message, fix=fix) from None
+    reach = np.linalg.norm(solve_triangular(root, scaled.T, lower=True), axis=0)
     inner = min(int(np.ceil(probability * len(y))), len(y)) - 1
     factor = np.partition(reach, inner)[inner]
     return np.array([*mean, *u, np.linalg.eigvalsh(rho)[-1], factor])

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import chdtri
 
 from calib.arrays import Array, check, frozen
 from calib.errors import refuse
@@ -23,10 +22,6 @@ class TypeA:
 
     def __repr__(self) -> str:
         return f"TypeA({len(self.mean)} numbers, {self.degrees_of_freedom} degrees of freedom)"
-
-    def scatter_range(self, probability: float = 0.95) -> tuple[float, float]:
-        """Range that holds s / sigma with `probability`: see `scatter_range`."""
-        return scatter_range(self.degrees_of_freedom, probability)
 
 
 def type_a(estimates: ArrayLike) -> TypeA:
@@ -59,21 +54,6 @@ def type_a(estimates: ArrayLike) -> TypeA:
         frozen(estimates.std(axis=0, ddof=1)),
         len(estimates) - 1,
     )
-
-
-def scatter_range(degrees_of_freedom: int, probability: float = 0.95) -> tuple[float, float]:
-    """Range that holds s / sigma with `probability`, for normal estimates.
-
-    Ten repeats (nine degrees of freedom) leave 0.55 to 1.45: the second digit of such an s means
-    nothing.
-
-    References
-    ----------
-    (n - 1) s^2 / sigma^2 is chi-square with n - 1 degrees of freedom; JCGM 100:2008, E.4.
-    """
-    nu, tail = degrees_of_freedom, (1 - probability) / 2
-    # chdtri takes the probability above
-    return float(np.sqrt(chdtri(nu, 1 - tail) / nu)), float(np.sqrt(chdtri(nu, tail) / nu))
 
 
 def root_sum_square(*components: ArrayLike) -> Array:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
-from calib.errors import refuse
 from calib.uncertainty.adaptive import Adaptive
 from calib.uncertainty.covariance import correlation, covariance_factor
 from calib.uncertainty.monte_carlo import numerical_tolerance
@@ -112,7 +111,7 @@ def validate(
     value, covariance : (k,), (k, k) array_like
         By the law of propagation.
     monte_carlo : Adaptive
-        Run with ``finer=5``, region "ellipsoid".
+        Run with ``finer=5``.
     digits : int
         Significant digits that are to be stated.
 
@@ -121,10 +120,6 @@ def validate(
     JCGM 101:2008 and JCGM 102:2011, clause 8: within delta, Monte Carlo run to delta / 5.
     """
     value, covariance = check("k, k k", value=value, covariance=covariance)
-    if monte_carlo.region != "ellipsoid":
-        message = f'monte_carlo has the region "{monte_carlo.region}"'
-        allowed = "ellipsoid: the region that a normal vector has a factor for"
-        raise refuse("monte_carlo", allowed=allowed, code="A3", message=message)
     u = np.sqrt(np.diagonal(covariance))
     largest = float(np.linalg.eigvalsh(correlation(covariance))[-1])
     factor = coverage_factor(len(u), monte_carlo.probability)

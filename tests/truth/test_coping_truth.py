@@ -110,7 +110,7 @@ def test_three_gross_errors_in_61_poses_cost_a_plain_fit_dear_and_a_robust_one_l
             found = identify(tx60(), seen, parameters_of(tx60()), loss=loss)
             row.append(mean_error(found.model, truth))
             if loss != "squared":
-                suspects = set(np.flatnonzero(inspect(tx60(), found, seen).outliers.suspect))
+                suspects = set(np.flatnonzero(inspect(tx60(), found, seen).suspect))
                 missed += len(set(bad) - suspects)
                 accused += len(suspects - set(bad))
         errors.append(row)

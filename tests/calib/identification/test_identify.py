@@ -15,7 +15,7 @@ from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, Status, identify
-from calib.identification.outliers import leverages, outliers
+from calib.identification.outliers import outliers
 from calib.measurement.observations import POINT, POSE, Measurements
 from calib.measurement.residual import linearize, paper_stack
 from tests.reference import (
@@ -399,15 +399,6 @@ def test_a_robot_that_sags_raises_the_alarm_and_too_small_residuals_do_too():
     quiet = identify(tx60(), measured(tx60(), POOL[:40]), parameters_of(tx60(), WEN24))
     assert quiet.p_value > 0.999
     assert "too wide" in quiet.notes[-1]
-
-
-def test_leverages_sum_to_the_number_of_parameters_and_none_exceeds_six():
-    table = measured(tx60(), POOL[:29])
-    stack = linearize(tx60(), table)
-    share = leverages(stack.A[:, WEN_INDEX], stack.row_of)
-    assert share.sum() == pytest.approx(24, rel=1e-12)
-    assert (share > 0).all()
-    assert (share < 6).all()
 
 
 @pytest.mark.parametrize("points", [False, True], ids=["poses", "poses and points"])

@@ -16,7 +16,6 @@ from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_ter
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.identify import Identification, Status, identify
-from calib.identification.outliers import inspect
 from calib.identification.prior import Prior, prior_rows, step_derivative, weak_prior
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import linearize
@@ -144,8 +143,6 @@ def test_covariance_and_degrees_of_freedom_are_those_of_the_posterior():
     # thirty directions are told apart, all of them far better than the prior knows them
     assert 29.9 < learned < 30
     assert (found.dof, found.rank) == (144, 42)
-    # what each observation teaches sums to what is learned, not to the 42 numbers free
-    assert inspect(tx60(), found, seen).leverage.sum() == pytest.approx(learned, abs=1e-7)
     assert found.reduction.practical_rank == 30
     assert found.chi_square == pytest.approx(float(found.residual @ found.residual), rel=1e-12)
     assert len(found.residual) == 174

@@ -8,7 +8,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from calib.errors import InputError
 from calib.geometry.parameters import parameters_of
@@ -231,17 +230,6 @@ def test_a_normal_vector_is_validated_and_has_the_chi_square_factor():
     assert validate([0, 0, 0.2], U, run).outcome == "not validated"
     coarse = dataclasses.replace(run, error=np.minimum(run.error * 4, run.tolerance * 2))
     assert validate(np.zeros(3), U, coarse).outcome == "undecided"
-
-
-def test_the_box_of_independent_normals_has_the_product_factor():
-    run = adaptive(
-        lambda n, rng: rng.standard_normal((n, 3)) * [1, 2, 3],
-        np.random.default_rng(8),
-        region="box",
-    )
-    # P(all |z| <= k) = .95
-    expected = stats.norm.ppf((1 + 0.95 ** (1 / 3)) / 2)
-    assert run.factor == pytest.approx(expected, abs=2 * float(run.tolerance[-1]))
 
 
 def test_gum_h1_and_the_effective_degrees_of_freedom():

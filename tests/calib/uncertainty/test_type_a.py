@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from calib.errors import InputError
-from calib.uncertainty.type_a import root_sum_square, scatter_range, type_a
+from calib.uncertainty.type_a import root_sum_square, type_a
 
 
 def test_the_standard_uncertainty_is_that_of_one_estimate_with_n_minus_one():
@@ -23,21 +22,6 @@ def test_a_bias_shared_by_all_repeats_leaves_no_trace():
     np.testing.assert_allclose(
         type_a(estimates + 1000.0).standard, type_a(estimates).standard, rtol=1e-12
     )
-
-
-@pytest.mark.parametrize("repeats", [2, 5, 10, 50])
-def test_the_scatter_range_is_the_chi_square_one(repeats):
-    nu = repeats - 1
-    expected = np.sqrt(stats.chi2.ppf([0.025, 0.975], nu) / nu)
-    np.testing.assert_allclose(scatter_range(nu), expected, rtol=1e-10)
-
-
-def test_ten_repeats_leave_u_between_55_and_145_percent_of_the_truth():
-    low, high = scatter_range(9)
-    assert (round(low, 2), round(high, 2)) == (0.55, 1.45)
-    # and so it happens: 20 000 campaigns of ten repeats; binomial sd of .95 is .0015, band 4 sd
-    s = type_a(np.random.default_rng(1).normal(size=(10, 20_000))).standard
-    assert np.mean((low < s) & (s < high)) == pytest.approx(0.95, abs=0.006)
 
 
 def test_root_sum_square_takes_numbers_and_arrays_together():
