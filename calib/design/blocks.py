@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
+from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
 from calib.information.rank import count, rank, singular_values, triangle
@@ -132,3 +133,17 @@ def information(blocks: Array) -> Array:
     """Information matrix M = A'A (p, p) of poses (m, r, p) stacked."""
     A = blocks.reshape(-1, blocks.shape[-1])
     return np.asarray(A.T @ A)
+
+
+def prior_rows(prior: ArrayLike | None, p: int) -> Array:
+    """Rows (k, p) whose information is the prior precision."""
+    if prior is None:
+        return np.zeros((0, p))
+    (precision,) = check(f"{p} {p}", prior=prior)
+    w, U = np.linalg.eigh((precision + precision.T) / 2)
+    slack = p * np.finfo(np.float64).eps * max(np.abs(w).max(), np.finfo(np.float64).tiny)
+    if np.abs(precision - precision.T).max() > 1e-9 * np.abs(precision).max() or w[0] < -slack:
+        message, wanted = "prior is not a precision matrix", "symmetric, no negative eigenvalue"
+        raise refuse("prior", float(w[0]), wanted, code="M34", message=message)
+    kept = w > slack
+    return np.asarray((U[:, kept] * np.sqrt(w[kept])).T)

@@ -1,4 +1,4 @@
-"""A certificate: how close a pose set is to the best possible of its pool, by any method."""
+"""How close a pose set is to the best possible: bounds by relaxation, and certificates."""
 
 from dataclasses import dataclass
 from math import ceil, floor

@@ -12,6 +12,7 @@ from calib.design.blocks import (
     identifiable_blocks,
     information,
     most_of_one,
+    prior_rows,
     unitless_rank,
     unobservable_in_words,
 )
@@ -114,7 +115,7 @@ class Problem:
         measured, may = _places(given, n), _mask(allowed, n)
         if not repeats:
             may[measured] = False
-        before = np.concatenate([_prior_rows(prior, p), blocks[measured].reshape(-1, p)])
+        before = np.concatenate([prior_rows(prior, p), blocks[measured].reshape(-1, p)])
         problem = cls(
             pool=Pool(blocks),
             m=poses,
@@ -244,10 +245,10 @@ class Problem:
         """The same problem for another number of poses, after refusing one that cannot be."""
         free, n, p = int(self.open.sum()), len(self.pool), self.p
         if poses != int(poses) or poses < 1:
-            raise _wanted(poses, "a whole number, at least 1", "" if free else LARGER_POOL)
+            raise poses_wanted(poses, "a whole number, at least 1", "" if free else LARGER_POOL)
         if not free or (poses > free and not self.repeats):
             some = "" if free == n else f", of which {free} may be chosen"
-            raise _wanted(poses, f"the pool has {n}{some}", LARGER_POOL)
+            raise poses_wanted(poses, f"the pool has {n}{some}", LARGER_POOL)
         if poses < self.fewest:
             candidates = self.blocks[self.open]
             allowed = f"{p} numbers need at least {self.fewest} poses of {candidates.shape[1]} rows"
@@ -256,11 +257,11 @@ class Problem:
                 rows = np.concatenate([self.before, *candidates[:poses]])
                 allowed += f"; {poses} leave at least {p - most} directions unseen, such as: "
                 allowed += unobservable_in_words(rows, self.names)
-            raise _wanted(poses, allowed, "choose more poses or free fewer numbers")
+            raise poses_wanted(poses, allowed, "choose more poses or free fewer numbers")
         return replace(self, m=int(poses))
 
 
-def _wanted(poses: int, allowed: str, fix: str) -> InputError:
+def poses_wanted(poses: int, allowed: str, fix: str) -> InputError:
     """The error for a number of poses that cannot be."""
     message = f"{poses} poses wanted"
     return refuse("m", poses, allowed, code="M27", message=message, fix=fix)
@@ -294,17 +295,3 @@ def _mask(allowed: ArrayLike | None, n: int) -> Bool:
         message, wanted = f"allowed has shape {may.shape} of {may.dtype}", f"each of {n} poses"
         raise refuse("allowed", allowed=f"true or false for {wanted}", code="A1", message=message)
     return may
-
-
-def _prior_rows(prior: ArrayLike | None, p: int) -> Array:
-    """Rows (k, p) whose information is the prior precision."""
-    if prior is None:
-        return np.zeros((0, p))
-    (precision,) = check(f"{p} {p}", prior=prior)
-    w, U = np.linalg.eigh((precision + precision.T) / 2)
-    slack = p * np.finfo(np.float64).eps * max(np.abs(w).max(), np.finfo(np.float64).tiny)
-    if np.abs(precision - precision.T).max() > 1e-9 * np.abs(precision).max() or w[0] < -slack:
-        message, wanted = "prior is not a precision matrix", "symmetric, no negative eigenvalue"
-        raise refuse("prior", float(w[0]), wanted, code="M34", message=message)
-    kept = w > slack
-    return np.asarray((U[:, kept] * np.sqrt(w[kept])).T)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, frozen
-from calib.design.problem import LARGER_POOL, Problem
+from calib.design.problem import LARGER_POOL, Problem, poses_wanted
 from calib.design.selection import Selection, figure_of_rows, selection_of
 from calib.errors import refuse
 from calib.information.criteria.lazy import first_best
@@ -37,14 +37,7 @@ class RandomFigures:
 def random_selection(n_pool: int, m: int, rng: np.random.Generator) -> Index:
     """Places (m,) of a random set drawn from a pool without repeats, ascending."""
     if not 1 <= m <= n_pool:
-        raise refuse(
-            "m",
-            m,
-            f"1 to {n_pool}, the poses of the pool",
-            code="M27",
-            message=f"{m} poses wanted",
-            fix=LARGER_POOL,
-        )
+        raise poses_wanted(m, f"1 to {n_pool}, the poses of the pool", LARGER_POOL)
     return frozen(np.sort(rng.choice(n_pool, m, replace=False)), np.int64)
 
 

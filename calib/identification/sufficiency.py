@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.arrays import Array, check
 from calib.errors import refuse
+from calib.geometry.inverse import spread
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.information.reduction import reduce
@@ -66,7 +66,7 @@ def _independent(measurements: Measurements, parameters: Parameters) -> tuple[in
 def _generic_rank(nominal: RobotModel, measurements: Measurements, parameters: Parameters) -> int:
     """Free numbers that many poses of this kind, spread over the joints, would tell apart."""
     m = 2 * parameters.n_free
-    (q,) = check(f"m {nominal.chain.n_joints}", q=_spread(m, nominal.chain.n_joints))
+    q = spread(np.tile([-2.0, 2.0], (nominal.chain.n_joints, 1)), m)
     kinds = np.unique(measurements.target_key, axis=0, return_index=True)[1]
     # every kind of row in turn, each at enough poses
     turn = np.arange(m * len(kinds)) % len(kinds)
@@ -79,9 +79,3 @@ def _generic_rank(nominal: RobotModel, measurements: Measurements, parameters: P
     table = replace(table, rotation=nominal.poses(table.q)[:, :3, :3])
     A = linearize(nominal, table).A[:, parameters.free_index] * parameters.free_scale
     return reduce(A, parameters, model=nominal).rank
-
-
-def _spread(m: int, n: int) -> Array:
-    """Joint vectors (m, n) [rad, m] spread evenly over [-2, 2]: multiples of roots of primes."""
-    primes = np.array([k for k in range(2, 8 * n + 8) if all(k % d for d in range(2, k))])[:n]
-    return 4 * (np.outer(np.arange(1, m + 1), np.sqrt(primes)) % 1) - 2

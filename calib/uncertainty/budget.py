@@ -145,7 +145,6 @@ def budget(
     noise: Sequence[RowNoise],
     *,
     common: Sequence[CommonInput] = (),
-    added: Sequence[Contribution] = (),
 ) -> Budget:
     """Take the covariance of an estimate apart by source.
 
@@ -160,8 +159,6 @@ def budget(
         prior sum to inv(A'A + Lambda0).
     common : sequence of CommonInput
         What is wrong the same way all campaign long.
-    added : sequence of Contribution
-        Anything else, as a covariance of the free numbers.
 
     References
     ----------
@@ -181,10 +178,6 @@ def budget(
     if start.prior.any():
         G = start.covariance @ covariance_factor(start.prior)
         sources.append(Contribution("prior", frozen(G @ G.T), np.inf))
-    for extra in added:
-        (covariance,) = check(f"{f} {f}", covariance=extra.covariance)
-        covariance_factor(covariance)
-        sources.append(Contribution(extra.name, covariance, extra.degrees_of_freedom))
     if not sources:
         raise refuse("noise", code="A3", message="the budget has no source", fix="name one")
     return Budget(start.parameters, tuple(sources))
@@ -201,19 +194,13 @@ def effective_dof(standard: ArrayLike, degrees_of_freedom: ArrayLike) -> Array:
     Welch-Satterthwaite; JCGM 100:2008, G.4.1.
     """
     u = np.asarray(standard, dtype=np.float64)
-    (nu,) = check_dof(degrees_of_freedom, len(u))
+    nu = np.asarray(degrees_of_freedom, dtype=np.float64)
+    if nu.shape != (len(u),) or not (nu > 0).all():
+        raise refuse("degrees_of_freedom", nu.tolist(), f"{len(u)} values above zero", code="A3")
     total = np.square(np.square(u).sum(axis=0))
     finite = np.isfinite(nu)
     lost = (u[finite] ** 4 / nu[finite].reshape(-1, *([1] * (u.ndim - 1)))).sum(axis=0)
     return np.asarray(np.divide(total, lost, out=np.full(total.shape, np.inf), where=lost > 0))
-
-
-def check_dof(degrees_of_freedom: ArrayLike, count: int) -> tuple[Array]:
-    """Degrees of freedom (s,), each above zero, infinity allowed."""
-    nu = np.asarray(degrees_of_freedom, dtype=np.float64)
-    if nu.shape != (count,) or not (nu > 0).all():
-        raise refuse("degrees_of_freedom", nu.tolist(), f"{count} values above zero", code="A3")
-    return (nu,)
 
 
 def _same_rows(shared: CommonInput, m: int) -> Array:

@@ -1,5 +1,6 @@
-"""Frames and fixtures about a robot whose flange poses are held: what refines a start."""
+"""Frames and fixtures about a robot whose flange poses are held: the problem and its refinement."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -7,9 +8,10 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.frames import nearest_rigid, skew, step_transform
+from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from calib.identification.least_squares import solve
-from calib.measurement.observations import Measurements
+from calib.measurement.observations import GIVEN, Measurements
 from calib.measurement.prediction import Prediction, predict_at
 
 DAMPING = 0.01
@@ -18,6 +20,66 @@ goes 5 cm at most along a direction that the data hardly tell, and nowhere along
 SCALE = np.array([1.0, 1.0, 1.0, *[CHARACTERISTIC_LENGTH] * 3])
 """A radian counts like L meters in rows: the misfit here is the nominal robot's, not the device's,
 and the stated covariances do not know it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StartProblem:
+    """A table against the flange poses that nominal links give, its targets numbered."""
+
+    model: RobotModel
+    F: Array
+    """(m, 4, 4) T_base_flange [m]."""
+    measurements: Measurements
+    target: Index
+    """(m,) which target a row sees; pose rows see the last one, the tool origin."""
+    offsets: Array
+    """(k, 3) targets in the tool frame: given, or nominal for reflectors of the fixtures [m]."""
+    reflector: Index
+    """(k,) which reflector of the fixtures a target is, or -1."""
+    free_tool: bool
+    known_anchor: Bool
+    """(s,) anchors whose place in the world is known."""
+
+    @property
+    def nominal_arms(self) -> Array:
+        """(k, 3) targets in the flange frame with the nominal tool [m]."""
+        return self.offsets_through(self.model.chain.T_flange_tool)
+
+    @property
+    def given(self) -> Bool:
+        """(k,) targets whose place in the tool frame is given."""
+        return np.asarray(self.reflector == GIVEN)
+
+    @property
+    def fixed(self) -> Bool:
+        """(k,) targets whose place on the flange is known beforehand."""
+        return self.given & (not self.free_tool)
+
+    def offsets_through(self, tool: Array) -> Array:
+        """Targets (k, 3) in the flange frame with the tool there (4, 4) [m]."""
+        return self.offsets @ tool[:3, :3].T + tool[:3, 3]
+
+
+def start_problem(
+    model: RobotModel,
+    F: Array,
+    measurements: Measurements,
+    free_tool: bool,
+    free_anchors: Collection[int],
+) -> StartProblem:
+    """Number the targets of a table."""
+    # distinct targets: by offset, or by number among the reflectors of the fixtures
+    key = np.column_stack([measurements.offset, measurements.reflector])
+    distinct, target = np.unique(key[~measurements.is_pose], axis=0, return_inverse=True)
+    of_row = np.full(len(measurements), len(distinct))
+    of_row[~measurements.is_pose] = target.ravel()
+    # the tool origin comes last
+    reflector = np.append(distinct[:, 3].astype(np.int64), GIVEN)
+    offsets = np.concatenate([distinct[:, :3], np.zeros((1, 3))])
+    unknown = reflector != GIVEN
+    offsets[unknown] = model.fixtures.reflectors[reflector[unknown]]
+    known = ~np.isin(np.arange(len(model.fixtures.anchors)), list(free_anchors))
+    return StartProblem(model, F, measurements, of_row, offsets, reflector, free_tool, known)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.frames import inverse, transform
-from calib.identification.start.alignment import Alignment
+from calib.identification.start.alignment import Alignment, StartProblem
 from calib.identification.start.closed_forms import (
     fitted_frame,
     flange_points,
@@ -20,7 +20,6 @@ from calib.identification.start.closed_forms import (
     shift_and_arms,
     tool_rotation,
 )
-from calib.identification.start.problem import StartProblem
 
 ROTATION_ARM = 0.3
 """A measured rotation counts like three points this far out [m]."""

@@ -19,9 +19,14 @@ from calib.errors import refuse
 from calib.geometry.chain import Chain, forward
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
-from calib.identification.start.alignment import SCALE, Alignment, refine
+from calib.identification.start.alignment import (
+    SCALE,
+    Alignment,
+    StartProblem,
+    refine,
+    start_problem,
+)
 from calib.identification.start.guesses import initial_guesses
-from calib.identification.start.problem import StartProblem, start_problem
 from calib.identification.sufficiency import require_equations
 from calib.information.reduction import Reduction, reduce
 from calib.measurement.observations import GIVEN, POINT, Measurements

@@ -7,9 +7,8 @@ import numpy as np
 
 from calib.arrays import Array, Bool, Index, frozen
 from calib.information.criteria.base import Move, Pool
-from calib.information.criteria.lazy import SLACK, best_first
+from calib.information.criteria.lazy import SLACK, best_first, fresh_swaps
 from calib.information.criteria.linear import V, Variance, forms, v_of
-from calib.information.criteria.spectral import fresh_swaps
 from calib.information.criteria.whitened import (
     CHUNK,
     identity_plus,

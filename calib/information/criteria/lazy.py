@@ -10,6 +10,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool, Index
 from calib.information.criteria.base import Criterion, Move, Pool, Swap
+from calib.information.criteria.whitened import CHUNK, grams
 
 TIE = 1e-12
 """Scores closer than this part are equal; the lowest place in the pool then wins."""
@@ -113,3 +114,14 @@ def _remains(M: Array, B: Array) -> bool:
         return False
     Z = np.linalg.solve(L, B.T)
     return bool(np.linalg.norm(Z, 2) ** 2 < 1 - ILL_CONDITIONED)
+
+
+def fresh_swaps(criterion: Criterion, M: Array, leaving: Array, entering: Array) -> Array:
+    """Gains (k, N) of all exchanges, each from its own information matrix."""
+    here, out = float(criterion.value(M)), np.empty((len(leaving), len(entering)))
+    gained = grams(entering)
+    for i, lost in enumerate(grams(leaving)):
+        for start in range(0, len(entering), CHUNK):
+            some = slice(start, start + CHUNK)
+            out[i, some] = criterion.value(M - lost + gained[some]) - here
+    return out

@@ -9,8 +9,13 @@ import numpy as np
 
 from calib.arrays import Array, Bool, Index
 from calib.information.criteria.base import Certifiable, Criterion, Move, Pool
-from calib.information.criteria.lazy import best_first
-from calib.information.criteria.whitened import CHUNK, eigenvalues, grams, relative_rounding
+from calib.information.criteria.lazy import best_first, fresh_swaps
+from calib.information.criteria.whitened import (
+    eigenvalue_rounding,
+    eigenvalues,
+    grams,
+    relative_rounding,
+)
 from calib.information.observability import IndexName
 
 Screen = Callable[[Index, float], Bool]
@@ -24,6 +29,7 @@ class Spectral(Criterion):
 
     __slots__ = ()
 
+    unit: ClassVar[str] = "1"
     larger_is_better: ClassVar[bool] = True
 
     @abstractmethod
@@ -106,7 +112,7 @@ class Extremes(Spectral):
 
     def bounds(self, w: Array, V: Array, pool: Pool, sign: float) -> tuple[Array, Screen | None]:
         """Rayleigh-Ritz bounds; the screen asks for the smallest eigenvalue that a win needs."""
-        slack = rounding(w, pool.squares)
+        slack = eigenvalue_rounding(w, pool.squares)
         # restrict to the two lowest, and to the two highest, eigenvectors
         two = min(2, len(w))
         C = pool.pages @ np.ascontiguousarray(np.concatenate([V[:, :two], V[:, -two:]], axis=1))
@@ -129,25 +135,6 @@ class PlainIndex(Spectral):
     def figure(self, M: Array, n_poses: int) -> float:
         """The index."""
         return float(self.value(M))
-
-
-def fresh_swaps(criterion: Criterion, M: Array, leaving: Array, entering: Array) -> Array:
-    """Gains (k, N) of all exchanges, each from its own information matrix."""
-    here, out = float(criterion.value(M)), np.empty((len(leaving), len(entering)))
-    gained = grams(entering)
-    for i, lost in enumerate(grams(leaving)):
-        for start in range(0, len(entering), CHUNK):
-            some = slice(start, start + CHUNK)
-            out[i, some] = criterion.value(M - lost + gained[some]) - here
-    return out
-
-
-def rounding(w: Array, squares: Array) -> Array:
-    """Rounding (N,) of the eigenvalues of M + B_j'B_j; a bound must not lose to it.
-
-    Eigenvalues w (p,) of M, ascending; squares (N,) of the rows.
-    """
-    return np.asarray(4 * len(w) * np.finfo(np.float64).eps * (w[-1] + squares))
 
 
 def _smallest_exceeds(w: Array, C: Array, sign: float, level: Array) -> Bool:
@@ -194,7 +181,6 @@ class E(Extremes, Certifiable):
 
     name: str = "E"
 
-    unit: ClassVar[str] = "1"
     index: ClassVar[IndexName | None] = "O3"
     sharpness: ClassVar[tuple[float, ...]] = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 
@@ -250,7 +236,6 @@ class O2(Extremes, PlainIndex):
 
     name: str = "O2"
 
-    unit: ClassVar[str] = "1"
     index: ClassVar[IndexName | None] = "O2"
 
     def of_extremes(self, low: Array, high: Array) -> Array:
@@ -274,7 +259,6 @@ class O4(Extremes, PlainIndex):
 
     name: str = "O4"
 
-    unit: ClassVar[str] = "1"
     index: ClassVar[IndexName | None] = "O4"
 
     def of_extremes(self, low: Array, high: Array) -> Array:
@@ -300,7 +284,6 @@ class O5(PlainIndex):
 
     name: str = "O5"
 
-    unit: ClassVar[str] = "1"
     index: ClassVar[IndexName | None] = "O5"
 
     def of_eigenvalues(self, w: Array) -> Array:
@@ -312,5 +295,5 @@ class O5(PlainIndex):
         """The index of the diagonal in the eigenbasis."""
         C = pool.pages @ np.ascontiguousarray(V)
         diagonal = w + sign * np.einsum("rjk,rjk->jk", C, C)
-        diagonal += rounding(w, pool.squares)[:, None]
+        diagonal += eigenvalue_rounding(w, pool.squares)[:, None]
         return self.of_eigenvalues(diagonal), None

@@ -92,3 +92,11 @@ def relative_rounding(M: Array, *, any_units: bool = True) -> float:
     w = eigenvalues(M)
     least = np.finfo(np.float64).eps * w[-1]
     return float(4 * len(w) * least / max(float(w[0]), least))
+
+
+def eigenvalue_rounding(w: Array, squares: Array) -> Array:
+    """Rounding (N,) of the eigenvalues of M + B_j'B_j; a bound must not lose to it.
+
+    Eigenvalues w (p,) of M, ascending; squares (N,) of the rows.
+    """
+    return np.asarray(4 * len(w) * np.finfo(np.float64).eps * (w[-1] + squares))

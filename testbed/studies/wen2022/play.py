@@ -21,13 +21,13 @@ from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predicted_positions
 from calib.uncertainty.monte_carlo import distance_spread, point_spread
 from calib.uncertainty.regions import inside
-from calib.uncertainty.type_a import type_a
-from calib.uncertainty.wen2022_budget import (
+from calib.uncertainty.type_a import (
     LOCATION_POSES,
     POSE_NUMBERS,
     best_budget,
     location_regions,
     random_budget,
+    type_a,
 )
 from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
 from testbed.scenario.scenario import Scenario

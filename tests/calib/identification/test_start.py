@@ -16,6 +16,7 @@ from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, Status, identify
+from calib.identification.start.alignment import start_problem
 from calib.identification.start.closed_forms import (
     fitted_frame,
     hand_eye_rotations,
@@ -26,7 +27,6 @@ from calib.identification.start.closed_forms import (
     shift_and_arms,
 )
 from calib.identification.start.guesses import initial_guesses
-from calib.identification.start.problem import start_problem
 from calib.identification.start.start import Start, start_frames
 from calib.measurement import tables
 from calib.measurement.observations import Measurements, joined
