@@ -216,7 +216,8 @@ def _with(found, bootstrap):
     ],
 )
 def test_what_cannot_be_meant_is_refused(options, changes, message):
-    session = replace(sound_session(), **changes)
+    sound = sound_session()
+    session = replace(sound, wanted=sound.wanted.model_copy(update=changes))
     with pytest.raises(InputError) as caught:
         calibrate(robot(), session, Options(**options))
     assert str(caught.value).startswith(message.split("; geo")[0])
