@@ -14,18 +14,23 @@ Formulas follow the textbook use of the standard; its own text has not been comp
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import gammaln
 
-from calib.arrays import Array, frozen, require_finite, wrong_shape
-from calib.errors import refuse
-from calib.geometry.frames import log_so3
-
-FEWEST = 3
-"""Fewest cycles for which a scatter is stated."""
+from calib.arrays import Array, Index, frozen, wrong_shape
+from calib.geometry.frames import exp_so3, log_so3
+from calib.measurement.cycles import (
+    covariances_of,
+    cycles_of,
+    mean_norm,
+    mean_widest,
+    per_pose,
+    repeatability_floor,
+    rotations_of,
+    sd_bias,
+    widest,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,6 +112,31 @@ def repeatability(position: ArrayLike, *, noise: ArrayLike | None = None) -> Iso
     return IsoFigure(frozen(_radius(x)), frozen(_jackknife(_radius, x)), frozen(floor))
 
 
+def approaches(position: ArrayLike) -> IsoFigure:
+    """vAP: largest distance between the barycenters of visits from several directions.
+
+    Parameters
+    ----------
+    position : (..., g, n, 3) array_like
+        Attained positions from each of g directions of approach, usually three [m].
+    """
+    x = cycles_of(position)
+    if x.ndim < 3 or x.shape[-3] < 2:
+        allowed = "(..., g, n, 3) with at least two directions of approach"
+        raise wrong_shape("position", x.shape, allowed)
+    center = x.mean(axis=-2)
+    scatter = _covariance(x) / x.shape[-2]
+    value, one, other = widest(center)
+    gap = _take(center, one) - _take(center, other)
+    along = gap / np.maximum(value, 1e-300)[..., None]
+    both = _take(scatter, one) + _take(scatter, other)
+    return IsoFigure(
+        frozen(value),
+        frozen(np.sqrt(np.einsum("...i,...ij,...j->...", along, both, along))),
+        frozen(mean_widest(scatter.mean(axis=-3), x.shape[-3])),
+    )
+
+
 def distance_accuracy(
     first: ArrayLike, second: ArrayLike, distance: ArrayLike, *, common: ArrayLike = 0.0
 ) -> IsoFigure:
@@ -179,18 +209,67 @@ def rotation_accuracy(
 
     Notes
     -----
-    Rotation vectors about the commanded rotation, in world axes: no Euler angles, so nothing
-    depends on how the tool stands.
+    Rotation vectors about the mean rotation, in world axes: no Euler angles, so nothing depends on
+    how the tool stands.
     """
-    about = np.asarray(command, dtype=np.float64)
-    turn = log_so3(cycles_of(R, "R", (3, 3)) @ np.swapaxes(about, -1, -2)[..., None, :, :])
+    R = rotations_of(R)
+    turn = rotation_vectors(R, np.asarray(command, dtype=np.float64))
     return accuracy(turn, np.zeros(3), common=common)
+
+
+def rotation_repeatability(R: ArrayLike, *, noise: ArrayLike | None = None) -> IsoFigure:
+    """RP of orientation: three standard deviations of the rotation about each world axis (..., 3).
+
+    Parameters
+    ----------
+    R : (..., n, 3, 3) array_like
+        Attained rotations R_world_tool.
+    noise : (..., 3, 3) array_like, optional
+        Covariance of the rotation of one reading, world axes [rad^2]; the floor needs it.
+    """
+    R = rotations_of(R)
+    turn = rotation_vectors(R, mean_rotation(R))
+    n = turn.shape[-2]
+
+    def spread(x: Array) -> Array:
+        """Three standard deviations, per axis."""
+        return np.asarray(3 * x.std(axis=-2, ddof=1))
+
+    value = spread(turn)
+    floor = np.full(value.shape, np.nan)
+    if noise is not None:
+        variance = np.diagonal(covariances_of(noise, "noise"), axis1=-2, axis2=-1)
+        floor = np.broadcast_to(3 * sd_bias(n) * np.sqrt(variance), value.shape)
+    return IsoFigure(frozen(value), frozen(_jackknife(spread, turn)), frozen(floor))
+
+
+def mean_rotation(R: Array) -> Array:
+    """Rotation (..., 3, 3) about which the rotation vectors of R (..., n, 3, 3) have mean zero."""
+    mean = R[..., 0, :, :]
+    for _ in range(20):
+        step = rotation_vectors(R, mean).mean(axis=-2)
+        mean = exp_so3(step) @ mean
+        if np.abs(step).max(initial=0.0) < 1e-15:
+            break
+    return np.asarray(mean)
+
+
+def rotation_vectors(R: Array, about: Array) -> Array:
+    """Rotation vectors (..., n, 3) from one rotation (..., 3, 3) to each of R, world axes [rad]."""
+    return log_so3(R @ np.swapaxes(about, -1, -2)[..., None, :, :])
 
 
 def _radius(x: Array) -> Array:
     """RP (...,) of positions (..., n, 3)."""
     away = np.linalg.norm(x - x.mean(axis=-2, keepdims=True), axis=-1)
     return np.asarray(away.mean(axis=-1) + 3 * away.std(axis=-1, ddof=1))
+
+
+def _take(stack: Array, index: Index) -> Array:
+    """Entry `index` (...,) of each group of a stack (..., g, *)."""
+    lead = stack.shape[: index.ndim]
+    flat = stack.reshape(-1, *stack.shape[index.ndim :])
+    return np.asarray(flat[np.arange(len(flat)), index.ravel()].reshape(*lead, *flat.shape[2:]))
 
 
 def _distances(first: ArrayLike, second: ArrayLike) -> Array:
@@ -218,80 +297,3 @@ def _covariance(x: Array) -> Array:
     """Sample covariances (..., 3, 3) of cycles (..., n, 3), n - 1."""
     d = x - x.mean(axis=-2, keepdims=True)
     return np.asarray(np.swapaxes(d, -1, -2) @ d / (x.shape[-2] - 1))
-
-
-def cycles_of(values: ArrayLike, name: str = "position", tail: tuple[int, ...] = (3,)) -> Array:
-    """Positions (..., n, 3), or other values of every cycle (..., n, *tail), checked."""
-    x, k = np.asarray(values, dtype=np.float64), len(tail)
-    if x.ndim <= k or x.shape[-k:] != tail or x.shape[-k - 1] < FEWEST:
-        shape = f"(..., n, {', '.join(map(str, tail))})"
-        raise wrong_shape(name, x.shape, f"{shape} with at least {FEWEST} cycles")
-    require_finite(name, x)
-    return x
-
-
-def per_pose(values: ArrayLike, lead: tuple[int, ...], name: str, tail: tuple[int, ...]) -> Array:
-    """Values that stand for every pose (..., *tail)."""
-    array = np.asarray(values, dtype=np.float64)
-    try:
-        array = np.broadcast_to(array, (*lead, *tail))
-    except ValueError:
-        raise wrong_shape(name, array.shape, f"expected {(*lead, *tail)}") from None
-    require_finite(name, array)
-    return array
-
-
-def covariances_of(values: ArrayLike, name: str) -> Array:
-    """Covariances (..., 3, 3), none with a negative direction."""
-    C = np.asarray(values, dtype=np.float64)
-    if C.shape[-2:] != (3, 3):
-        raise wrong_shape(name, C.shape, "expected (..., 3, 3)")
-    require_finite(name, C)
-    least = float(np.linalg.eigvalsh(C)[..., 0].min(initial=0.0))
-    if least < -1e-9 * max(float(np.abs(C).max()), 1e-300):
-        message = f"{name} has the eigenvalue {least:.3g}"
-        allowed = "a covariance has no negative eigenvalue"
-        raise refuse(name, least, allowed, code="M34", message=message)
-    return C
-
-
-def mean_norm(covariance: Array) -> Array:
-    """Mean length (...,) of normal vectors with covariance (..., 3, 3) [m].
-
-    E|x| = sqrt(8/pi) times the mean of sqrt(u' C u) over all directions u.
-    """
-    u, weight = _sphere()
-    size = np.sqrt(np.maximum(np.einsum("ki,...ij,kj->...k", u, covariance, u), 0.0))
-    return np.asarray(np.sqrt(8 / np.pi) * (size @ weight))
-
-
-def repeatability_floor(noise: Array, n: int) -> Array:
-    """Mean RP (...,) of n readings that scatter with covariance (..., 3, 3) [m].
-
-    Notes
-    -----
-    3.534 sigma for n = 30 and equal scatter in all directions. Distances to the barycenter have
-    mean m = E|x| and variance tr C - m^2, both with C (1 - 1/n); their standard deviation is taken
-    as if they were normal: within 0.2 % of simulations.
-    """
-    shared = noise * (1 - 1 / n)
-    mean = mean_norm(shared)
-    variance = np.trace(shared, axis1=-2, axis2=-1) - mean**2
-    return np.asarray(mean + 3 * sd_bias(n) * np.sqrt(np.maximum(variance, 0.0)))
-
-
-def sd_bias(n: int) -> float:
-    """c4(n): mean standard deviation of n normal numbers, over the true one; 0.9914 for 30."""
-    return float(np.sqrt(2 / (n - 1)) * np.exp(gammaln(n / 2) - gammaln((n - 1) / 2)))
-
-
-@lru_cache(maxsize=1)
-def _sphere() -> tuple[Array, Array]:
-    """Directions (k, 3) and weights (k,) that average smooth functions over the sphere."""
-    z, weight = np.polynomial.legendre.leggauss(24)
-    turn = 2 * np.pi * (np.arange(48) + 0.5) / 48
-    ring = np.sqrt(1 - z**2)
-    u = np.stack(
-        [np.outer(ring, np.cos(turn)), np.outer(ring, np.sin(turn)), np.outer(z, np.ones(48))], -1
-    )
-    return u.reshape(-1, 3), np.repeat(weight / (2 * 48), 48)
