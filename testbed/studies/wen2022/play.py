@@ -1,8 +1,7 @@
-"""The protocol of Wen et al. 2022: its uncertainties and tool point, and the errors they miss.
+"""The protocol of Wen et al. 2022 on many robots: its uncertainties, and the errors they miss.
 
-First on the one robot of the campaign, then on many. Robot k of every kind is drawn from the same
-random numbers, meets the same pool and the same noise. Both estimators move the paper's 24 numbers.
-Like `comparison`, this module judges by the truth.
+Robot k of every kind is drawn from the same random numbers, meets the same pool and the same noise.
+Both estimators move the paper's 24 numbers. Like `comparison`, this module judges by the truth.
 """
 
 from collections.abc import Sequence
@@ -14,131 +13,20 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.design import random_selection
 from calib.errors import refuse
-from calib.identification.identify import Identification, Mode, identify
+from calib.identification.identify import Identification
 from calib.information.propagation import distance_uncertainty, tool_covariance
 from calib.measurement.accuracy import point_distances
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predicted_positions
-from calib.uncertainty.monte_carlo import distance_spread, point_spread
 from calib.uncertainty.regions import inside
-from calib.uncertainty.type_a import (
-    LOCATION_POSES,
-    POSE_NUMBERS,
-    best_budget,
-    location_regions,
-    random_budget,
-    type_a,
-)
+from calib.uncertainty.type_a import LOCATION_POSES, POSE_NUMBERS, type_a
 from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.many_robots import TruthName, alone, together, truth_of_kind
-from testbed.studies.protocol import Records
 from testbed.studies.trial.compare import INTERVAL, true_step
-from testbed.studies.trial.records import Trial
-from testbed.studies.wen2022.paper import PARAMETERS, table3
-from testbed.studies.wen2022.records import (
-    ESTIMATORS,
-    PAPER_BUDGET,
-    PaperBudget,
-    PoolSets,
-    Reexamined,
-    ToolPointStudy,
-    TrialSets,
-)
-
-RANDOM_BUDGET_POSES = 50
-"""Poses of the random set whose repeats give u_r (Wen et al. 2022)."""
-
-
-def fitted(laboratory: Laboratory, seen: Measurements, mode: Mode = "paper") -> Identification:
-    """The paper's numbers from one table."""
-    return identify(laboratory.setting.nominal, seen, laboratory.free("paper"), mode=mode)
-
-
-def region_members(setting: Setting) -> list[Index]:
-    """Places in the pool of the poses in each of the four regions."""
-    regions = location_regions(setting.pool_nominal[:, :3, 3])
-    return [np.flatnonzero(regions == region) for region in range(4)]
-
-
-def paper_budget_study(scenario: Scenario, setting: Setting, needed: Records) -> PaperBudget:
-    """The paper's contributors: repeats, number of poses, location; best set against random.
-
-    References
-    ----------
-    Wen et al. 2022, eqs. (7) to (9).
-    """
-    bench, n = open_laboratory(scenario, setting), len(setting.pool_q)
-    trial = needed.get(next(t.name for t in scenario.trial if t.method != "random"), Trial)
-    best_repeats = next(e.repeated for e in trial.estimates if e.mode == "paper")
-    rng = stream(scenario.seed, "paper_budget", "sets")
-    one = rng.choice(n, min(RANDOM_BUDGET_POSES, n), replace=False)
-    local = [
-        rng.choice(members, min(LOCATION_POSES, len(members)), replace=False)
-        for members in region_members(setting)
-    ]
-    sized = [rng.choice(n, min(size, n), replace=False) for size in POSE_NUMBERS]
-
-    def estimates(sets: list[Index], name: str) -> Array:
-        """Steps (k, f) of the paper's estimator, one visit of each set."""
-        visits = (bench.measure_pool(p, "paper_budget", name, repeat=k) for k, p in enumerate(sets))
-        return np.array([fitted(bench, seen).step for seen in visits])
-
-    best = best_budget(best_repeats)
-    random = random_budget(
-        estimates([one] * scenario.uncertainty.repeats, "repeats"),
-        estimates(sized, "pose_number"),
-        estimates(local, "location"),
-    )
-    return PaperBudget(
-        names=bench.free("paper").free_names,
-        best_repeatability=best.repeatability,
-        repeatability=random.repeatability,
-        pose_number=random.pose_number,
-        location=random.location,
-        best=best.combined,
-        random=random.combined,
-    )
-
-
-def tool_point_study(scenario: Scenario, setting: Setting, needed: Records) -> ToolPointStudy:
-    """Monte Carlo of the tool point at the zero pose and the held-out poses, in both forms."""
-    nominal, draws = setting.nominal, scenario.uncertainty.draws
-    q = np.vstack([np.zeros((1, setting.test_q.shape[1])), setting.test_q])
-    sources: dict[str, tuple[tuple[str, ...], Array]] = {}
-    if scenario.robot == "staubli_tx60":
-        sources["table 3 best"] = (PARAMETERS, table3("u_best"))
-        sources["table 3 random"] = (PARAMETERS, table3("u_random"))
-    if scenario.studies.paper_budget:
-        budget = needed.get(PAPER_BUDGET, PaperBudget)
-        sources["ours best"] = (budget.names, budget.best)
-        sources["ours random"] = (budget.names, budget.random)
-    spreads = []
-    for source, (names, u) in sources.items():
-        standard = np.zeros(nominal.n_numbers)
-        standard[[nominal.names.index(name) for name in names]] = u
-        rng = stream(scenario.seed, "tool_point", source)
-        spreads.append(distance_spread(nominal, q, standard, rng, draws=draws))
-    trial = needed.get(scenario.trial[0].name, Trial)
-    identification = trial.estimates[0].identification
-    full = point_spread(
-        identification.model,
-        q,
-        identification.full_covariance,
-        stream(scenario.seed, "tool_point", "full"),
-        draws=draws,
-    )
-    return ToolPointStudy(
-        source=tuple(sources),
-        distance_sd=np.array([s.standard for s in spreads]).reshape(-1, len(q)),
-        distance_range=np.array([s.extremes[0] - s.mean[0] for s in spreads]).reshape(-1, 2),
-        spread=np.array([s.axis_standard for s in spreads]).reshape(-1, len(q), 3),
-        trial=trial.name,
-        covariance=full.covariance,
-        linear=full.linear,
-        draws=draws,
-    )
+from testbed.studies.wen2022.budget import RANDOM_BUDGET_POSES, fitted, region_members
+from testbed.studies.wen2022.records import ESTIMATORS, PoolSets, Reexamined, TrialSets
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -20,7 +20,7 @@ from testbed.scenario.tables import TrialSettings
 from testbed.streams import stream
 from testbed.studies.many_robots import alone, together
 from testbed.studies.trial.play import SPARE_POSES, criterion_of, select
-from testbed.studies.wen2022.play import RANDOM_BUDGET_POSES
+from testbed.studies.wen2022.budget import RANDOM_BUDGET_POSES
 from testbed.studies.wen2022.records import PoolSets, TrialSets
 
 RANDOM_SETS = 200

@@ -58,13 +58,13 @@ class Wen2022Study:
 
     def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
         """One record, or some robots of one; random numbers come from streams named after it."""
-        from testbed.studies.wen2022 import play, pools
+        from testbed.studies.wen2022 import budget, play, pools, tool_point
 
         setting, table = needed.get(SETTING, Setting), scenario.table(ReexaminedSettings)
         if task.key == PAPER_BUDGET:
-            return play.paper_budget_study(scenario, setting, needed)
+            return budget.paper_budget_study(scenario, setting, needed)
         if task.key == TOOL_POINT:
-            return play.tool_point_study(scenario, setting, needed)
+            return tool_point.tool_point_study(scenario, setting, needed)
         if task.key == SETS_KEY:
             return pools.play_pools(scenario, setting, block_of(table.pools, task.piece))
         robots = block_of(table.robots, task.piece)
