@@ -3,15 +3,17 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from calib.arrays import Array
+from calib.arrays import Array, frozen
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.measurement.observations import Measurements
 from calib.uncertainty.batch import WIDTH
-from calib.uncertainty.covariance import standard_uncertainty
-from calib.uncertainty.refit import BLOCKS, Frozen, Refits, descend, freeze, joined
+from calib.uncertainty.covariance import covariance_factor, standard_uncertainty
+from calib.uncertainty.parallel import in_batches
+from calib.uncertainty.refit import BLOCKS, STEPS, Frozen, Refits, descend, freeze, joined
 
 REPLICATES = 1000
 """Virtual campaigns; they leave 2 % in each standard deviation."""
@@ -30,9 +32,9 @@ class Bootstrap:
     estimates: Array
     """(N, f) estimate minus the robot that was simulated [m, rad]."""
     chi_square: Array
-    """(N,) whitened sum of squares of each fit."""
+    """(N,) whitened sum of squares of each fit, without the prior."""
     covariance: Array
-    """(f, f) stated: inv(A'A) at the identified robot."""
+    """(f, f) stated: inv(A'A + Lambda0) at the identified robot."""
     dof: int
     """Rows minus numbers estimated."""
     unconverged: int
@@ -104,6 +106,9 @@ def bootstrap(
     rng: np.random.Generator,
     *,
     replicates: int = REPLICATES,
+    steps: int = STEPS,
+    prior_precision: ArrayLike | None = None,
+    threads: int = 1,
 ) -> Bootstrap:
     """Measure and identify the identified robot again and again, with the stated noise.
 
@@ -121,23 +126,34 @@ def bootstrap(
         Source of the draws; each batch of replicates has its own child stream.
     replicates : int
         N, at least 100.
+    steps : int
+        Steps of each fit.
+    prior_precision : (f, f) array_like, optional
+        Lambda0 of the identification; the center of the prior is drawn anew for each replicate, so
+        that the scatter to expect is inv(A'A + Lambda0).
+    threads : int
+        At work side by side; the result does not depend on it.
 
     References
     ----------
-    x += inv(A'A) A(x)'r(x), the Hessian frozen at the model.
+    x += inv(A'A + Lambda0) (A(x)'r(x) + Lambda0 (x0 - x)), the Hessian frozen at the model.
     """
     if replicates < FEWEST:
         allowed = f"{FEWEST} or more: fewer leave a standard deviation unknown by 7 %"
         raise refuse("replicates", replicates, allowed, code="A3")
-    start = freeze(model, measurements, parameters)
-    size = BLOCKS * WIDTH
-    counts = [min(size, replicates - first) for first in range(0, replicates, size)]
-    try:
-        streams = rng.spawn(len(counts))
-    except TypeError:
-        message, fix = "rng cannot make independent streams", "numpy.random.default_rng(seed)"
-        raise refuse("rng", code="A3", message=message, fix=f"make it with {fix}") from None
-    whole = joined([_replicate(start, *batch) for batch in zip(streams, counts, strict=True)])
+    start = freeze(model, measurements, parameters, prior_precision=prior_precision)
+    spread = _prior_spread(start)
+    import calib.kernels.noisy_poses
+    import calib.kernels.replicates  # noqa: F401  # compiled before threads start
+
+    parts = in_batches(
+        lambda stream, count: _replicate(start, spread, stream, count, steps),
+        rng,
+        replicates,
+        size=BLOCKS * WIDTH,
+        threads=threads,
+    )
+    whole = joined(parts)
     return Bootstrap(
         names=parameters.free_names,
         estimates=whole.steps,
@@ -148,7 +164,9 @@ def bootstrap(
     )
 
 
-def _replicate(start: Frozen, rng: np.random.Generator, count: int) -> Refits:
+def _replicate(
+    start: Frozen, spread: Array, rng: np.random.Generator, count: int, steps: int
+) -> Refits:
     """One batch of virtual campaigns."""
     from calib.kernels.noisy_poses import noisy_poses
 
@@ -156,4 +174,20 @@ def _replicate(start: Frozen, rng: np.random.Generator, count: int) -> Refits:
     normal = rng.standard_normal((blocks, len(plan), 6, WIDTH))
     measured = np.empty((blocks, len(plan), 12, WIDTH))
     noisy_poses(normal, plan.position, plan.rotation, start.factor, measured)
-    return descend(start, measured).first(count)
+    center = np.zeros((blocks, len(spread), WIDTH))
+    if spread.any():
+        center = spread @ rng.standard_normal(center.shape)
+    return descend(start, measured, center, steps).first(count)
+
+
+def _prior_spread(start: Frozen) -> Array:
+    """G (f, f) with G G' the covariance of the prior; zero where nothing is known beforehand."""
+    if not start.prior.any():
+        return start.prior
+    factor = covariance_factor(start.prior)
+    known = np.flatnonzero(np.diagonal(start.prior))
+    spread = np.zeros_like(factor)
+    own = np.ix_(known, known)
+    # Lambda0 = L L': inv(L') scatters with inv(Lambda0)
+    spread[own] = np.linalg.solve(factor[own].T, np.eye(len(known)))
+    return frozen(spread)

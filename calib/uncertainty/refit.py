@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
 
-from calib.arrays import Array, Bool, Index, check, frozen
+from calib.arrays import Array, Bool, check, frozen
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
@@ -16,6 +16,7 @@ from calib.measurement.prediction import targets
 from calib.measurement.residual import linearize, padded_covariance, table_whiteners
 from calib.uncertainty.batch import WIDTH, Batch
 from calib.uncertainty.covariance import RANK_TOLERANCE, covariance_factor
+from calib.uncertainty.parallel import mapped
 
 BLOCKS = 16
 """Blocks of `WIDTH` replicates in a batch; part of what fixes the bits of a result."""
@@ -167,7 +168,9 @@ def refit(
     position: ArrayLike,
     rotation: ArrayLike,
     *,
+    prior_mean: ArrayLike | None = None,
     steps: int = STEPS,
+    threads: int = 1,
 ) -> Refits:
     """Fit the free numbers to each of K tables.
 
@@ -180,25 +183,34 @@ def refit(
         Positions measured, in the world: tool origin, or reflector for point rows [m].
     rotation : (K, m, 3, 3) array_like
         Rotations measured; anything for point rows.
+    prior_mean : (K, f) or (f,) array_like, optional
+        Where the prior of each replicate has its center, as a step from the model [m, rad].
     steps : int
         Steps of each fit.
+    threads : int
+        At work side by side; the result does not depend on it.
     """
-    m = len(start.measurements)
+    m, f = len(start.measurements), start.parameters.n_free
     position, rotation = check(f"k {m} 3, k {m} 3 3", position=position, rotation=rotation)
     K = len(position)
     if K == 0 or steps < 1:
         field, message = "steps" if K else "position", f"{K} tables and {steps} steps"
         raise refuse(field, allowed="at least one of each", code="A3", message=message)
+    center = np.zeros((K, f)) if prior_mean is None else np.asarray(prior_mean, dtype=np.float64)
+    (center,) = check(f"{K} {f}", prior_mean=np.broadcast_to(center, (K, f)))
     size = BLOCKS * WIDTH
+    import calib.kernels.replicates  # noqa: F401  # compiled before threads start
 
-    def work(part: Index) -> Refits:
+    def work(first: int) -> Refits:
+        part = np.arange(first, first + min(size, K - first))
         padded = np.resize(part, -(-len(part) // WIDTH) * WIDTH).reshape(-1, WIDTH)
         measured = np.empty((len(padded), m, 12, WIDTH))
         measured[:, :, :3] = np.moveaxis(position[padded], 1, -1)
         measured[:, :, 3:] = np.moveaxis(rotation.reshape(K, m, 9)[padded], 1, -1)
-        return descend(start, measured, steps).first(len(part))
+        whole = descend(start, measured, np.moveaxis(center[padded], 1, -1), steps)
+        return whole.first(len(part))
 
-    return joined([work(np.arange(first, min(first + size, K))) for first in range(0, K, size)])
+    return joined(mapped(work, range(0, K, size), threads))
 
 
 def joined(parts: Sequence[Refits]) -> Refits:
@@ -211,8 +223,8 @@ def joined(parts: Sequence[Refits]) -> Refits:
     )
 
 
-def descend(start: Frozen, measured: Array, steps: int = STEPS) -> Refits:
-    """Fit the tables of one batch: x += C (J'W r - Lambda0 x), the prior centered at the model.
+def descend(start: Frozen, measured: Array, center: Array, steps: int) -> Refits:
+    """Fit the tables of one batch: x += C (J'W r + Lambda0 (center - x)).
 
     Parameters
     ----------
@@ -220,6 +232,8 @@ def descend(start: Frozen, measured: Array, steps: int = STEPS) -> Refits:
         Model, plan, curvature.
     measured : (B, m, 12, 32) array
         Position and rotation rows measured [m].
+    center : (B, f, 32) array
+        Center of the prior, as a step from the model.
     steps : int
         Steps to take; inputs are trusted.
     """
@@ -236,7 +250,8 @@ def descend(start: Frozen, measured: Array, steps: int = STEPS) -> Refits:
             start.measurements.offset, *batch.configurations, slope, square,
         )  # fmt: skip
         own = slope[:, free]
-        step = start.covariance @ (own - start.prior @ batch.x)
+        pull = own + start.prior @ (center - batch.x)
+        step = start.covariance @ pull
         batch.move(step)
     data = start.precision - start.prior
     chi_square = square - np.einsum("bfl,bfl->bl", step, 2 * own - data @ step)

@@ -5,12 +5,15 @@ import pytest
 from scipy import stats
 
 from calib.errors import InputError
+from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_terms
+from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.measurement import tables
 from calib.uncertainty.bootstrap import Bootstrap, bootstrap
+from calib.uncertainty.parallel import in_batches
 from calib.uncertainty.refit import freeze, refit
-from tests.reference import READABLE30, WEN24, pool_r, rigid_truth, tx60
+from tests.reference import DEG, READABLE30, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
 
 Q = pool_r()[:29]
@@ -73,21 +76,56 @@ def test_the_bootstrap_scatters_as_the_covariance_says():
     assert abs(np.corrcoef(squares, result.chi_square)[0, 1]) < 4 / np.sqrt(N)
 
 
-def test_what_one_batch_draws_never_moves_another_and_a_new_call_draws_anew():
+def test_bits_do_not_depend_on_threads_and_a_new_call_draws_anew():
     table, fit = identified()
     args = (fit.model, table, fit.parameters)
+    runs = [
+        bootstrap(*args, np.random.default_rng(5), replicates=1100, threads=threads)
+        for threads in (1, 2, 3)
+    ]
+    for run in runs[1:]:
+        assert np.array_equal(run.estimates, runs[0].estimates)
+        assert np.array_equal(run.chi_square, runs[0].chi_square)
+    assert len(runs[0].estimates) == 1100
     rng = np.random.default_rng(5)
     first, second = (bootstrap(*args, rng, replicates=100) for _ in range(2))
     assert not np.array_equal(first.estimates, second.estimates)
-    more = bootstrap(*args, np.random.default_rng(5), replicates=1100)
-    assert len(more.estimates) == 1100
-    assert np.array_equal(first.estimates, more.estimates[:100])  # same first stream
+    assert np.array_equal(first.estimates, runs[0].estimates[:100])  # same first chunk stream
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_what_one_chunk_draws_never_moves_another(threads):
+    def work(stream, count):
+        stream.standard_normal(7 * count)
+        return count, stream.standard_normal()
+
+    got = in_batches(work, np.random.default_rng(2), 25, size=10, threads=threads)
+    assert [count for count, _ in got] == [10, 10, 5]
+    for (count, value), stream in zip(got, np.random.default_rng(2).spawn(3), strict=True):
+        assert value == stream.standard_normal(7 * count + 1)[-1]
 
 
 def test_no_two_replicates_are_alike():
     table, fit = identified()
     run = bootstrap(fit.model, table, fit.parameters, np.random.default_rng(5), replicates=1100)
     assert len(np.unique(run.estimates[:, 0])) == 1100
+
+
+def test_joint_terms_under_a_prior_scatter_as_data_and_prior_together_say():
+    terms = (*gravity_terms(6), *harmonic_terms(6))
+    model = RobotModel(tx60().chain, JointErrors(terms, np.full(len(terms), 2e-3 * DEG)))
+    free = [*WEN24, *model.joint_errors.names]
+    parameters = parameters_of(model, free)
+    table = tables.poses(Q, model.poses(Q), sd=(17.5e-6, 0.011 * DEG))
+    sd = np.array([0.6e-3 if length else 0.1 * DEG for length in np.array(model.is_length)])
+    sd[-27:] = 0.02 * DEG
+    prior = np.diag(1 / sd[parameters.free_index] ** 2)
+    run = bootstrap(
+        model, table, parameters, np.random.default_rng(1), replicates=3000, prior_precision=prior
+    )
+    assert run.agrees, run.sentence
+    # many of the 51 numbers are known from the prior alone: without its scatter they would not move
+    assert (np.sqrt(np.diag(run.covariance))[-27:] > 0.1 * 0.02 * DEG).any()
 
 
 def test_a_covariance_twice_too_small_is_noticed():
@@ -122,5 +160,9 @@ def test_bad_requests_are_refused():
     args = (fit.model, table, fit.parameters, np.random.default_rng(0))
     with pytest.raises(InputError, match="replicates is 99"):
         bootstrap(*args, replicates=99)
+    with pytest.raises(InputError, match="threads is 0"):
+        bootstrap(*args, threads=0)
+    with pytest.raises(InputError, match="eigenvalue"):
+        bootstrap(*args, prior_precision=-np.eye(24))
     with pytest.raises(InputError, match="rank 30"):
         bootstrap(fit.model, table, parameters_of(tx60()), np.random.default_rng(0))

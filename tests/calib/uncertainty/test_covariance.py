@@ -10,10 +10,11 @@ from calib.uncertainty.covariance import (
     common_input_covariance,
     correlation,
     covariance_factor,
+    estimator,
     matrix_row_weights,
+    sandwich,
     standard_uncertainty,
 )
-from tests.calib.uncertainty.weighted import estimator, sandwich
 from tests.reference import SIGMA_POSITION, SIGMA_ROTATION, WEN24, pool_r, tx60
 
 MODEL = tx60()
@@ -131,8 +132,14 @@ def test_a_prior_with_the_right_weights_gives_the_posterior_covariance():
     weight = inverse_of(sigma)
     prior = np.diag(np.where([MODEL.is_length[i] for i in FREE], 0.6e-3, np.deg2rad(0.1)) ** -2.0)
     M = np.einsum("mrf,mrs,msg->fg", J, weight, J) + prior
-    C = sandwich(J, weight, sigma, prior)
+    C = sandwich(J, weight, sigma, prior_precision=prior)
     np.testing.assert_allclose(C @ M, np.eye(24), atol=1e-7)
+
+
+def test_rows_that_cannot_tell_the_numbers_apart_are_refused_with_their_rank():
+    J, sigma = problem(3)
+    with pytest.raises(InputError, match="rank 18, with 24 free numbers"):
+        sandwich(J, inverse_of(sigma), sigma)
 
 
 def test_a_shared_offset_does_not_average_out():
@@ -208,6 +215,16 @@ def test_the_factor_does_not_care_about_units():
 def test_a_matrix_that_is_no_covariance_is_refused_by_its_eigenvalue(C, message):
     with pytest.raises(InputError, match=message):
         covariance_factor(np.array(C))
+
+
+def test_weights_that_are_not_positive_name_the_pose():
+    J, sigma = problem(6)
+    weight = np.array(inverse_of(sigma))
+    weight[4, 2, 2] = -1.0
+    with pytest.raises(InputError, match=r"weight\[4\] has the eigenvalue -1"):
+        sandwich(J, weight, sigma)
+    with pytest.raises(InputError, match=r"covariance\[4\]"):
+        sandwich(J, inverse_of(sigma), weight)
 
 
 def test_a_fixed_number_is_correlated_with_itself_only():

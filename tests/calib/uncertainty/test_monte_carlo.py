@@ -10,6 +10,7 @@ from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_ter
 from calib.geometry.model import RobotModel
 from calib.information.propagation import distance_uncertainty, point_uncertainty, tool_covariance
 from calib.uncertainty import tool_point as tool_points
+from calib.uncertainty.covariance import sandwich
 from calib.uncertainty.monte_carlo import (
     correlated_draws,
     distance_spread,
@@ -19,7 +20,6 @@ from calib.uncertainty.monte_carlo import (
     propagate,
 )
 from calib.uncertainty.regions import inside
-from tests.calib.uncertainty.weighted import sandwich
 from tests.reference import DEG, SIGMA_POSITION, SIGMA_ROTATION, WEN24, pool_r, tx60
 
 FREE = [tx60().names.index(name) for name in WEN24]
