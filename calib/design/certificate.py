@@ -6,176 +6,13 @@ from math import ceil, floor
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, frozen
 from calib.design.problem import Problem
-from calib.errors import refuse
+from calib.design.relaxation import ITERATIONS, TOLERANCE, relaxation
 from calib.information.criteria.base import Certifiable, Criterion
 from calib.information.criteria.d import D
-from calib.information.criteria.whitened import grams
 
 CERTAIN = 1e-9
 """Part below which a difference is none."""
-ITERATIONS = 400
-"""Most steps at each order of sharpness."""
-PATIENCE = 20
-TOLERANCE = 1e-4
-"""Stop when the bound is reached but for this part of the figure, or falls by less than a fifth of
-it in `PATIENCE` steps."""
-LEAST = 1e-9
-"""Least weight, of the mean: a goal may need few of the numbers, M(w) must still see them all."""
-PACKED_AT_ONCE = 2000
-"""Blocks whose products are formed at once."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Weights:
-    """Weights on a pool that stand for m poses, and what no set of m poses can exceed."""
-
-    w: Array
-    """(N,) weights, none negative, summing to m; none above one unless poses may repeat."""
-    M: Array
-    """(p, p) information of those weights, with all that is known before."""
-    bound: float
-    """No set of m poses has a larger value of the criterion; with room for rounding."""
-    figure: float
-    """The figure that belongs to `bound`."""
-    trace: Array
-    """(t,) least bound known after each step."""
-
-    def __repr__(self) -> str:
-        return f"Weights({len(self.w)} poses, {len(self.trace)} steps, limit {self.figure:.4g})"
-
-
-class Grams:
-    """B_j'B_j of many blocks, packed, so that sums over the pool are products with one matrix."""
-
-    def __init__(self, blocks: Array) -> None:
-        p = blocks.shape[2]
-        self.upper = np.triu_indices(p)
-        self.twice = np.where(self.upper[0] == self.upper[1], 1.0, 2.0)
-        self.packed = np.empty((len(blocks), len(self.twice)))
-        for start in range(0, len(blocks), PACKED_AT_ONCE):
-            some = slice(start, start + PACKED_AT_ONCE)
-            self.packed[some] = grams(blocks[some])[:, self.upper[0], self.upper[1]]
-
-    def weighted_sum(self, w: Array) -> Array:
-        """Sum (p, p) of w_j B_j'B_j."""
-        p = int(self.upper[0][-1]) + 1
-        M = np.zeros((p, p))
-        M[self.upper] = w @ self.packed
-        return np.asarray(M + M.T - np.diag(np.diagonal(M)))
-
-    def traces(self, S: Array) -> Array:
-        """tr(S B_j'B_j) (N,) for a symmetric S (p, p)."""
-        return np.asarray(self.packed @ (S[self.upper] * self.twice))
-
-
-def relaxation(
-    problem: Problem,
-    *,
-    packed: Grams | None = None,
-    iterations: int = ITERATIONS,
-    tolerance: float = TOLERANCE,
-) -> Weights:
-    """Best weights on the pool, and a bound on every set of m poses.
-
-    With M(w) = M0 + sum w_j G_j, G_j = B_j'B_j and any w >= 0, d_j = tr(S G_j) and
-    top = tr(S M0) + the m largest d_j, no set without repeats exceeds
-
-    - D: log det M(w) + p log(top / p), with S = M(w)^-1;
-    - A, V: -phi^2 / top, with S = M^-1 C M^-1 and phi = tr(C M^-1);
-    - G: the same, with any weighted mean C of the goal poses;
-    - E: top, with any S = Z of trace one.
-
-    With repeats the m largest become m times the largest. The weights follow w_j d_j^e, e = 1 for
-    D and 1/2 for A and V, rescaled to sum m, and the least bound is kept. O2, O4, O5 are refused.
-
-    Parameters
-    ----------
-    problem : Problem
-        What to choose.
-    packed : Grams, optional
-        Products of the poses that may be chosen, if already at hand: they do not depend on m.
-    iterations : int
-        Most steps (per order of sharpness, for E and G); the bound holds after any number.
-    tolerance : float
-        Part of the figure by which bound and weights may differ at the end.
-
-    References
-    ----------
-    Silvey, Titterington and Torsney 1978 (the step); Joshi and Boyd 2009 (bounds from duals).
-    """
-    criterion = problem.criterion
-    if not isinstance(criterion, Certifiable):
-        raise refuse(
-            "criterion",
-            criterion.name,
-            "D, A, V, G or E",
-            code="A4",
-            message=f"{criterion.name} has no relaxation: it is not concave",
-        )
-    places, m, p = np.flatnonzero(problem.open), problem.m, problem.p
-    products = Grams(problem.blocks[places]) if packed is None else packed
-    cap = np.inf if problem.repeats else 1.0
-    bound, trace = np.inf, list[float]()
-
-    def weights(w: Array, M: Array) -> Weights:
-        """The result, on the whole pool."""
-        full = np.zeros(len(problem.pool))
-        full[places] = w
-        figure = criterion.figure_of_value(bound, p, problem.n_poses)
-        return Weights(frozen(full), frozen(M), bound, figure, frozen(trace))
-
-    w = best = np.full(len(places), m / len(places))
-    for order in criterion.sharpness:
-        recent = bound
-        for step in range(1, iterations + 1):
-            # sensitivity of the criterion to each pose
-            M = problem.base + products.weighted_sum(w)
-            S = criterion.dual(M, order)
-            d = np.maximum(products.traces(S), 0.0)  # S has no negative eigenvalue: rounding
-            # bound on every set
-            top = float(np.einsum("ij,ij->", S, problem.base)) + _top(d, m, problem.repeats)
-            proven = criterion.with_rounding(criterion.ceiling(M, S, top), M)
-            if proven < bound:
-                bound, best = proven, w
-            trace.append(bound)
-            # reached, stalled, or nothing to gain
-            if criterion.efficiency(float(criterion.value(M)), bound, p) > 1 - tolerance:
-                return weights(w, M)
-            if step % PATIENCE == 0:
-                if criterion.efficiency(bound, recent, p) > 1 - tolerance / 5:
-                    break
-                recent = bound
-            if not d.any():
-                break  # no pose adds anything at this M: every choice of weights is as good
-            # multiplicative step
-            w = _cap(w * d ** criterion.exponent(order), m, cap)
-    return weights(best, problem.base + products.weighted_sum(best))
-
-
-def _top(d: Array, m: int, repeats: bool) -> float:
-    """Largest sum of m of the values d (N,), each once unless they may repeat."""
-    if repeats:
-        return m * float(d.max())
-    return float(np.partition(d, len(d) - m)[len(d) - m :].sum())
-
-
-def _cap(w: Array, m: int, cap: float) -> Array:
-    """Weights proportional to w (N,), none above `cap`, summing to m."""
-    w = np.maximum(w, LEAST * w.mean())
-    w = w * (m / w.sum())
-    # clip at the cap, share out what that leaves among the others, and again
-    for _ in range(20):
-        over = w >= cap
-        free = w[~over].sum()
-        if not over.any() or free <= 0:
-            break
-        factor = (m - cap * over.sum()) / free
-        w = np.where(over, cap, w * factor)
-        if factor <= 1 + 1e-12:
-            break
-    return np.asarray(w)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -222,9 +59,20 @@ def certify(
 
     References
     ----------
-    The bounds are those of `relaxation`.
+    The bounds are those of `calib.design.relaxation.relaxation`.
     """
     chosen = problem.require_set(indices, "indices")
+    return certificate_of(problem, chosen, iterations=iterations, tolerance=tolerance)
+
+
+def certificate_of(
+    problem: Problem,
+    chosen: ArrayLike,
+    *,
+    iterations: int = ITERATIONS,
+    tolerance: float = TOLERANCE,
+) -> Certificate | None:
+    """Certificate of a set (m,); None where no bound is known or M is singular."""
     criterion = problem.criterion
     M = problem.information(chosen)
     value = float(criterion.value(M))

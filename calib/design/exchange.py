@@ -1,21 +1,21 @@
-"""Exchange of poses: local searches from one start, after shakes (DETMAX), or from many starts."""
+"""Exchange of poses from many starts; Fedorov's step takes the best of all pairs."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Bool, Index
+from calib.arrays import Index
 from calib.design.greedy import grow
+from calib.design.local import add_and_drop, best_pairs
 from calib.design.problem import Problem
 from calib.design.random import nonsingular_set, starting_set
 from calib.design.selection import Selection, selection_of
 from calib.errors import refuse
 from calib.information.criteria.d import D
 from calib.information.criteria.g import G
-from calib.information.criteria.lazy import best_swap
 from calib.information.criteria.linear import Linear
 
 RESTARTS = 6
@@ -24,146 +24,6 @@ RESTARTS_OF_D = 2
 """Local searches of that search for D."""
 PAIRS_OF_G = 5000
 """Exchanges of two poses that G tries at most: each needs every goal pose."""
-SHAKES = 100
-"""Shakes tried before a nonsingular set is drawn anew."""
-
-
-class LocalOptimum(NamedTuple):
-    """End of one local search."""
-
-    chosen: Index
-    value: float
-    evaluated: int
-
-
-def add_and_drop(problem: Problem, chosen: Index) -> LocalOptimum:
-    """Add the best and drop the worst until they are the same pose or the value stops rising.
-
-    The set stays in ascending order and its information is summed afresh each round, so that a
-    value belongs to a set and not to the way to it.
-
-    References
-    ----------
-    Mitchell 1974.
-    """
-    criterion, blocks = problem.criterion, problem.blocks
-
-    def move(M: Array, chosen: Index, allowed: Bool) -> tuple[Index | None, int]:
-        added = criterion.best_add(M, problem.pool, allowed)
-        larger = np.sort(np.append(chosen, added.place))
-        B = blocks[added.place]
-        dropped = criterion.best_drop(M + B.T @ B, blocks[larger])
-        same = larger[dropped.place] == added.place
-        after = None if same else np.delete(larger, dropped.place)
-        return after, added.evaluated + dropped.evaluated
-
-    return _climb(problem, chosen, move)
-
-
-def best_pairs(problem: Problem, chosen: Index) -> LocalOptimum:
-    """Take the best of all exchanges of one pose for another until the value stops rising.
-
-    References
-    ----------
-    Fedorov 1972.
-    """
-
-    def move(M: Array, chosen: Index, allowed: Bool) -> tuple[Index | None, int]:
-        swap = best_swap(problem.criterion, M, problem.blocks[chosen], problem.pool, allowed)
-        if swap.leaving < 0:
-            return None, swap.evaluated
-        after = np.sort(np.append(np.delete(chosen, swap.leaving), swap.entering))
-        return after, swap.evaluated
-
-    return _climb(problem, chosen, move)
-
-
-def _climb(
-    problem: Problem,
-    chosen: Index,
-    move: Callable[[Array, Index, Bool], tuple[Index | None, int]],
-) -> LocalOptimum:
-    """Change a set (m,) by a move until it offers none or the value stops rising."""
-    criterion, evaluated = problem.criterion, 0
-    M = problem.information(chosen)
-    value = float(criterion.value(M))
-    while (allowed := problem.addable(chosen)).any():
-        after, tried = move(M, chosen, allowed)
-        evaluated += tried
-        if after is None:
-            break
-        M = problem.information(after)
-        reached = float(criterion.value(M))
-        if not criterion.rises(reached, value):
-            break
-        chosen, value = after, reached
-    return LocalOptimum(chosen, value, evaluated)
-
-
-def detmax(
-    problem: Problem,
-    rng: np.random.Generator,
-    *,
-    a: int = 40,
-    b: int = 2,
-    c: int = 1,
-    d: int = 80,
-    start: ArrayLike | None = None,
-) -> Selection:
-    """Pose set that maximizes a criterion, by the paper's exchange.
-
-    Each local search adds the pose, of all those outside, that lifts the value most, and drops the
-    one that lowers it least. After it, b poses of the current set are swapped for random ones (c,
-    once a searches in a row brought nothing); after d such searches the best set is returned.
-
-    Parameters
-    ----------
-    problem : Problem
-        What to choose.
-    rng : numpy.random.Generator
-        Draws the first set and the swaps.
-    a, b, c, d : int
-        The paper's constants.
-    start : (m,) array of int, optional
-        First set, instead of a random one; the result is never worse.
-
-    References
-    ----------
-    Wen et al. 2022, section 2.3, with candidates 1..X in step 4 and the root 1/p in O1;
-    Mitchell 1974.
-    """
-    for name, constant, lowest in (("a", a, 0), ("b", b, 1), ("c", c, 1), ("d", d, 1)):
-        if constant < lowest:  # it would never shake, or never stop
-            raise refuse(name, constant, f"at least {lowest}", code="A3")
-    chosen, criterion = starting_set(problem, rng, start), problem.criterion
-    best, winner, trace = -np.inf, chosen, list[float]()
-    fails = evaluated = 0
-    while fails < d:
-        end = add_and_drop(problem, chosen)
-        evaluated += end.evaluated
-        if not trace or criterion.rises(end.value, best):
-            best, winner, fails = end.value, end.chosen, 0
-            figure = criterion.figure(problem.information(winner), problem.n_poses)
-        else:
-            fails += 1
-        trace.append(figure)
-        if not problem.addable(end.chosen).any():
-            break  # the whole pool: nothing to exchange
-        chosen = shake(problem, end.chosen, c if fails >= a else b, rng)
-    return selection_of(problem, winner, "detmax", trace, evaluated)
-
-
-def shake(problem: Problem, chosen: Index, swaps: int, rng: np.random.Generator) -> Index:
-    """Exchange `swaps` poses of a set for others of the pool; the result is nonsingular."""
-    outside = np.flatnonzero(problem.addable(chosen))
-    swaps = min(swaps, len(chosen), len(outside))
-    for _ in range(SHAKES):
-        leaving = rng.choice(len(chosen), swaps, replace=False)
-        entering = rng.choice(outside, swaps, replace=False)
-        changed = np.sort(np.concatenate([np.delete(chosen, leaving), entering]))
-        if not problem.is_singular(changed):
-            return np.asarray(changed, dtype=np.int64)
-    return nonsingular_set(problem, rng)
 
 
 class Best(NamedTuple):

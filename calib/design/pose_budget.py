@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from calib.arrays import Array, Index, frozen
-from calib.design.certificate import Grams, certificate_of_bound, relaxation
+from calib.design.certificate import certificate_of_bound
 from calib.design.exchange import best_exchange
 from calib.design.problem import Problem
+from calib.design.relaxation import Grams, relaxation
 from calib.errors import refuse
 from calib.information.criteria.base import Certifiable
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, frozen
-from calib.design.certificate import Certificate, certify, no_proof
+from calib.design.certificate import Certificate, certificate_of, no_proof
 from calib.design.problem import NO_POSES, Problem
 from calib.information.criteria.base import Criterion
 from calib.information.observability import index_of_singular
@@ -75,7 +75,7 @@ def selection_of(
         method=method,
         searches=len(trace),
         evaluations=evaluations,
-        certificate=certify(problem, indices),
+        certificate=certificate_of(problem, indices),
         given=problem.given,
         prior=problem.prior,
     )

@@ -9,7 +9,7 @@ import pytest
 from calib.arrays import Array
 from calib.design import Problem, certify, detmax, exchange, greedy, pose_count, relaxation
 from calib.design.blocks import information
-from calib.design.exchange import add_and_drop
+from calib.design.local import add_and_drop
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH, parameters_of
 from calib.information.criteria.base import Pool
 from calib.information.criteria.lazy import best_swap

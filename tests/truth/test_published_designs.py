@@ -8,7 +8,7 @@ import pytest
 
 from calib.arrays import Array
 from calib.design import Problem, exchange, relaxation
-from calib.design.exchange import best_pairs
+from calib.design.local import best_pairs
 from calib.design.random import nonsingular_set
 from calib.information.criteria.named import criterion_named
 from calib.information.goals import Goals

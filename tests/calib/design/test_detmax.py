@@ -148,7 +148,7 @@ def test_it_stops_after_d_searches_in_a_row_without_gain():
 
 
 def test_a_smaller_shake_follows_after_a_searches_without_gain(monkeypatch):
-    module = import_module("calib.design.exchange")
+    module = import_module("calib.design.detmax")
     shakes, shake = [], module.shake
 
     def watch(problem, chosen, swaps, rng):

@@ -7,7 +7,7 @@ import pytest
 
 from calib.design import Problem, relaxation
 from calib.design.blocks import information
-from calib.design.certificate import Grams
+from calib.design.relaxation import Grams
 from calib.errors import InputError
 from calib.information.criteria.named import criterion_named
 from calib.information.goals import Goals

@@ -1,0 +1,65 @@
+"""What to measure next, beside poses already measured: a ranking of the pool."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, Index, frozen
+from calib.design.problem import Problem
+from calib.errors import refuse
+
+SHOWN = 10
+"""Poses in a ranking by default."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ranking:
+    """The best next poses, best first; each alone, not together."""
+
+    indices: Index
+    """(k,) places in the pool."""
+    gain: Array
+    """(k,) what each adds to the value of the criterion."""
+    figure: Array
+    """(k,) figure with that pose added."""
+    before: float
+    """Figure without it."""
+
+    def __repr__(self) -> str:
+        best = f"pose {self.indices[0]} takes {self.before:.4g} to {self.figure[0]:.4g}"
+        return f"Ranking({len(self.indices)} next poses; {best})"
+
+
+def best_next(problem: Problem, *, shown: int = SHOWN) -> Ranking:
+    """The poses that would each add most to those already measured, best first.
+
+    To choose several that are best together, solve the problem by `exchange`.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the poses already measured in `given` or `prior`; its number of poses plays no part.
+    shown : int
+        Poses to list at most.
+    """
+    if problem.is_singular(()):
+        raise refuse(
+            "given",
+            code="M28",
+            message="the poses already measured leave a direction unseen: each next pose is as "
+            "good as any",
+            fix="choose several poses at once (calib.design.exchange)",
+        )
+    M = problem.base
+    places = np.flatnonzero(problem.open)
+    gains = problem.criterion.add(M, problem.blocks[places])
+    # from the best down; of equal gains the lowest place first
+    order = np.lexsort((places, -gains))[: max(shown, 1)]
+    chosen, n = places[order], len(problem.given)
+    after = [problem.criterion.figure(M + B.T @ B, n + 1) for B in problem.blocks[chosen]]
+    return Ranking(
+        frozen(chosen, np.int64),
+        frozen(gains[order]),
+        frozen(after),
+        problem.criterion.figure(M, max(n, 1)),
+    )

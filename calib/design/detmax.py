@@ -1,0 +1,63 @@
+"""DETMAX: add the best pose, drop the worst, until nothing improves; shake the set and repeat."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.design.local import add_and_drop, shake
+from calib.design.problem import Problem
+from calib.design.random import starting_set
+from calib.design.selection import Selection, selection_of
+from calib.errors import refuse
+
+
+def detmax(
+    problem: Problem,
+    rng: np.random.Generator,
+    *,
+    a: int = 40,
+    b: int = 2,
+    c: int = 1,
+    d: int = 80,
+    start: ArrayLike | None = None,
+) -> Selection:
+    """Pose set that maximizes a criterion, by the paper's exchange.
+
+    Each local search adds the pose, of all those outside, that lifts the value most, and drops the
+    one that lowers it least. After it, b poses of the current set are swapped for random ones (c,
+    once a searches in a row brought nothing); after d such searches the best set is returned.
+
+    Parameters
+    ----------
+    problem : Problem
+        What to choose.
+    rng : numpy.random.Generator
+        Draws the first set and the swaps.
+    a, b, c, d : int
+        The paper's constants.
+    start : (m,) array of int, optional
+        First set, instead of a random one; the result is never worse.
+
+    References
+    ----------
+    Wen et al. 2022, section 2.3, with candidates 1..X in step 4 and the root 1/p in O1;
+    Mitchell 1974.
+    """
+    for name, constant, lowest in (("a", a, 0), ("b", b, 1), ("c", c, 1), ("d", d, 1)):
+        if constant < lowest:  # it would never shake, or never stop
+            raise refuse(name, constant, f"at least {lowest}", code="A3")
+    chosen, criterion = starting_set(problem, rng, start), problem.criterion
+    best, winner, trace = -np.inf, chosen, list[float]()
+    fails = evaluated = 0
+    while fails < d:
+        end = add_and_drop(problem, chosen)
+        evaluated += end.evaluated
+        if not trace or criterion.rises(end.value, best):
+            best, winner, fails = end.value, end.chosen, 0
+            figure = criterion.figure(problem.information(winner), problem.n_poses)
+        else:
+            fails += 1
+        trace.append(figure)
+        if not problem.addable(end.chosen).any():
+            break  # the whole pool: nothing to exchange
+        chosen = shake(problem, end.chosen, c if fails >= a else b, rng)
+    return selection_of(problem, winner, "detmax", trace, evaluated)
