@@ -9,6 +9,8 @@ from calib.errors import refuse
 from testbed.cli.app import Debug, Json, Run, app
 from testbed.cli.exit_codes import SOME_FAILED, exit_codes, say, warn
 
+Trial = Annotated[str | None, typer.Option(metavar="NAME", help="Of this trial [the first].")]
+
 
 @app.command()
 def scenes(
@@ -100,14 +102,18 @@ def report(folder: Run, debug: Debug = False) -> None:
 
 
 @app.command()
-def record(folder: Run, debug: Debug = False) -> None:
-    """Write the recording again from the records."""
+def record(folder: Run, trial: Trial = None, debug: Debug = False) -> None:
+    """Write the recording again from the records, or that of another trial."""
     with exit_codes(debug=debug) as end:
+        from testbed.run.play import record_trial
         from testbed.store.layout import RECORDING
 
         end.folder = folder
-        derive_again(folder, (RECORDING,))
-        say(str(folder / RECORDING))
+        if trial is None:
+            derive_again(folder, (RECORDING,))
+            say(str(folder / RECORDING))
+        else:
+            say(str(record_trial(folder, trial)))
 
 
 def derive_again(folder: Path, names: tuple[str, ...]) -> None:
@@ -127,6 +133,7 @@ def derive_again(folder: Path, names: tuple[str, ...]) -> None:
 @app.command()
 def view(
     folder: Run,
+    trial: Trial = None,
     picture: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Make a picture, open no window.")
     ] = None,
@@ -141,7 +148,7 @@ def view(
         from testbed.cli import viewer
         from testbed.run.play import recording_of
 
-        file = recording_of(folder)
+        file = recording_of(folder, trial)
         check_view(picture, html, step)
         if picture is not None:
             viewer.picture(file, picture, step=step)

@@ -4,19 +4,22 @@ Each is a loop over the studies that made the records; the last study of them wi
 question of the scene has the first screen.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
+from calib.errors import refuse
 from testbed.report.page import PARTS, SIMULATED, Page, record_section, render
 from testbed.scenario.read import dump_scenario
 from testbed.scenario.scenario import Scenario
 from testbed.store import npz
-from testbed.store.layout import ARRAYS, FORMAT, REPORT, RESULT
+from testbed.store.layout import ARRAYS, FORMAT, OF_TRIAL, RECORDING, REPORT, RESULT
 from testbed.store.quantities import as_arrays, as_json
+from testbed.strict import did_you_mean
 from testbed.studies import all_studies
 from testbed.studies.protocol import Answer, Records, Study
+from testbed.studies.trial.study import STUDY as GROUND
 from testbed.units import sentence, typeset
 from testbed.versions import all_versions
 
@@ -55,8 +58,34 @@ def derived_file(name: str, played: Played, path: Path) -> bytes | None:
         return npz.to_bytes({"format": FORMAT}, arrays(campaign, played.studies))
     if name == REPORT:
         return render(page_of(campaign, all_versions(), played.studies)).encode()
+    if name != RECORDING:
+        before, after = OF_TRIAL
+        campaign = led_by(campaign, name.removeprefix(before).removesuffix(after))
     write_recording(campaign, played.robot, path, played.studies)
     return None
+
+
+def led_by(campaign: "Campaign", trial: str) -> "Campaign":
+    """The campaign with the trial of this name first: the one that its recording shows.
+
+    Raises
+    ------
+    InputError
+        C41: there is no such trial, or it failed.
+    """
+    require_trial(trial, [one.name for one in campaign.trials], campaign.records.failed)
+    return replace(campaign, trials=tuple(sorted(campaign.trials, key=lambda t: t.name != trial)))
+
+
+def require_trial(name: str, known: Collection[str], failed: Mapping[str, str]) -> None:
+    """Refuse the name of no trial, or of one that failed; C41."""
+    if name in known:
+        return
+    message = f'there is no trial "{name}"'
+    if name in failed:
+        message = f'the trial "{name}" failed and cannot be shown ({failed[name]})'
+    allowed, fix = f"one of {', '.join(known)}", did_you_mean(name, known)
+    raise refuse("--trial", name, allowed, code="C41", message=message, fix=fix)
 
 
 def headline_answer(
@@ -153,6 +182,8 @@ def write_recording(
 ) -> None:
     """Write the first trial of a campaign, with its default estimator, as a Rerun recording.
 
+    `led_by` puts another trial first.
+
     Parameters
     ----------
     campaign : Campaign
@@ -173,14 +204,17 @@ def write_recording(
     from testbed.recording.write import write_story
     from testbed.studies.trial import recording as trial
     from testbed.studies.trial.recording_cell import show
+    from testbed.studies.trial.verdict import trial_verdict
 
     scenario, setting = campaign.scenario, campaign.setting
     shown = show(setting, campaign.trials[0])
-    _, answer = headline_answer(campaign, studies)
+    asked, answer = headline_answer(campaign, studies)
+    # where trials are the question, the answer is that of the trial which is shown
+    verdict = trial_verdict(campaign) if asked.name == GROUND.name else answer.verdict
     story = Story(
-        identity=f"{scenario.name}-{scenario.seed}",
-        name=f"{scenario.name}, seed {scenario.seed}",
-        summary=trial.summary(scenario, campaign.trials, answer.verdict.sentence),
+        identity=f"{scenario.name}-{scenario.seed}-{shown.trial.name}",
+        name=f"{scenario.name}, seed {scenario.seed}, {shown.trial.name}",
+        summary=trial.summary(campaign, verdict.sentence),
         robot=robot,
         chain=setting.nominal.chain,
         reach=setting.pool_nominal[:, :3, 3],
@@ -194,11 +228,16 @@ def write_recording(
 def chapters_of(
     campaign: "Campaign", studies: Sequence[Study] | None = None
 ) -> tuple["Chapter", ...]:
-    """What every study shows, in its turn."""
+    """What every study shows, in its turn: the ground study the first trial of the campaign."""
+    scenario, records, first = campaign.scenario, campaign.records, campaign.trials[0].name
     return tuple(
         chapter
         for study in _studies(campaign, studies)
-        for chapter in study.recording(campaign.scenario, campaign.records)
+        for chapter in (
+            GROUND.recording(scenario, records, first)
+            if study.name == GROUND.name
+            else study.recording(scenario, records)
+        )
     )
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from calib.errors import InputError
 from testbed.progress import Progress
-from testbed.run.derive import Derive, derived_file
+from testbed.run.derive import Derive, derived_file, led_by, require_trial
 from testbed.run.work import Work
 from testbed.scenario.checks import check_robot
 from testbed.scenario.read import dump_scenario
@@ -144,6 +144,19 @@ def robot_of(scenario: Scenario, where: str) -> "Robot":
     return robot
 
 
+def record_trial(path: str | Path, trial: str, *, studies: Sequence[Study] | None = None) -> Path:
+    """Write the recording of one trial of a run from its records; the file's path.
+
+    Raises
+    ------
+    InputError
+        C41: there is no such trial, or it failed; else as `load_run`.
+    """
+    led_by(load_run(path, studies=studies), trial)  # refused before anything is written
+    name = recording_name(trial)
+    return rederive(path, (name,), studies=studies) / name
+
+
 def load_run(path: str | Path, *, studies: Sequence[Study] | None = None) -> "Campaign":
     """The campaign in a run folder; nothing is computed.
 
@@ -211,21 +224,30 @@ def equal_runs(paths: Sequence[Path]) -> list[list[Path]]:
     return [group for group in groups.values() if len(group) > 1]
 
 
-def recording_of(path: str | Path) -> Path:
-    """The recording of a run folder, or the recording itself if a .rrd is given."""
+def recording_of(path: str | Path, trial: str | None = None) -> Path:
+    """The recording of a run folder, of its first trial or the one named; or the .rrd given."""
     given = Path(path)
-    if given.suffix == ".rrd" and given.is_file():
+    if given.suffix == layout.RECORDING_ENDING and given.is_file() and trial is None:
         return given
-    read_manifest(given)
-    file = given / layout.RECORDING
+    manifest = read_manifest(given)
+    if trial is not None:
+        require_campaign(given, manifest)
+        known = [one.name for one in load_scenario(given / layout.SCENARIO).trial]
+        require_trial(trial, known, {})
+    file = given / recording_name(trial)
     if not file.is_file():
         raise InputError(
-            f"has no {layout.RECORDING}",
+            f"has no {file.name}",
             code="D42",
             where=str(path),
-            fix=f"write it by `truebed record {path}`",
+            fix=f"write it by `truebed record {path}{f' --trial {trial}' if trial else ''}`",
         )
     return file
+
+
+def recording_name(trial: str | None) -> str:
+    """File name of the recording of a trial; of the first one without a name."""
+    return layout.RECORDING if trial is None else trial.join(layout.OF_TRIAL)
 
 
 def _open(path: Path, studies: Sequence[Study] | None, derive: Derive | None = None) -> Work:

@@ -167,7 +167,7 @@ class Work:
 
     def _write(self, name: str, played: Played, folder: RunFolder) -> None:
         """Write one derived file."""
-        if name == layout.RECORDING:
+        if name.endswith(layout.RECORDING_ENDING):
             with atomic_path(folder.path / name) as temporary:
                 self._derive(name, played, temporary)
             return

@@ -9,6 +9,9 @@ SCENARIO, MANIFEST, TRIALS = "scenario.toml", "manifest.json", "trials"
 RESULT, ARRAYS, REPORT, RECORDING = "result.json", "arrays.npz", "report.html", "campaign.rrd"
 DERIVED = (RESULT, ARRAYS, REPORT, RECORDING)
 """Derived files, in the order in which they are written."""
+RECORDING_ENDING = ".rrd"
+OF_TRIAL = ("campaign-", RECORDING_ENDING)
+"""What stands about the name of a trial in the name of its recording; RECORDING shows the first."""
 PARTS = "parts"
 """Pieces of records that are not whole yet."""
 TIMING, LOG, UNFINISHED = "timing.json", "log.jsonl", "UNFINISHED.txt"

@@ -15,7 +15,7 @@ from testbed.scenario.scenario import Scenario
 from testbed.studies.trial import recording_cell as cell
 from testbed.studies.trial.compare import measured_distance
 from testbed.studies.trial.recording_cell import ShownTrial
-from testbed.studies.trial.records import RandomSets, Trial
+from testbed.studies.trial.records import Campaign, RandomSets
 
 SELECT_FRAMES, IDENTIFY_FRAMES = 144, 72
 """Length of the phases in which the robot does not have to be anywhere."""
@@ -120,7 +120,7 @@ def _measure(shown: ShownTrial) -> Chapter:
         text=(
             "#### 2 Measure",
             f"- the tracker measures {measurements.n_poses} poses",
-            "- dots: poses measured, dark to bright with growing error",
+            "- dots: where the target was seen, dark to bright with growing error",
             f"- red arrows: seen minus nominal, drawn {shown.arrows} times",
             f"- red ghost: the true robot, its deviation drawn {shown.ghost} times",
         ),
@@ -192,11 +192,12 @@ def _evaluate(shown: ShownTrial) -> Chapter:
     )
 
 
-def summary(scenario: Scenario, trials: Sequence[Trial], verdict: str) -> str:
-    """Verdict first, then one row per trial and estimator."""
+def summary(campaign: Campaign, verdict: str) -> str:
+    """Verdict first, then one row per trial and estimator; the first trial is the one shown."""
+    scenario, trials = campaign.scenario, campaign.trials
     lines = [
         f"#### {scenario.title or scenario.name}",
-        f"**{SIMULATED}** ({scenario.name}, seed {scenario.seed})",
+        f"**{SIMULATED}** ({scenario.name}, seed {scenario.seed}, trial {trials[0].name})",
         "",
         verdict,
         "",
@@ -217,5 +218,9 @@ def summary(scenario: Scenario, trials: Sequence[Trial], verdict: str) -> str:
     lines += [
         "",
         "before, after: mean error on held-out poses [mm]; 95 %: regions that hold the truth",
+        "",
+        f"shown: {trials[0].name}, {trials[0].estimates[0].mode}",
     ]
+    if len(trials) > 1:
+        lines[-1] += "; other trials by `truebed record RUN --trial NAME`"
     return "\n".join(lines)

@@ -7,8 +7,10 @@ import numpy as np
 from calib.arrays import Array
 from calib.geometry.chain import Chain
 from calib.geometry.jacobian import pose_and_jacobian
+from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from calib.measurement.accuracy import target_points
+from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predicted_positions
 from calib.uncertainty.regions import ellipsoid
 from testbed.laboratory.truth.laboratory import Setting
@@ -147,14 +149,33 @@ def draw_measured(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
 
     setting, factor = shown.setting, shown.arrows
     draw_beam(pen, phase, setting.T_world_tracker, tracked(setting, pen.timeline.q))
-    points = predicted_positions(setting.nominal, shown.trial.measurements)
-    vectors = shown.trial.measurements.position - points
+    seen, points = seen_and_predicted(setting.nominal, shown.trial.measurements)
+    vectors = seen - points
     size = np.linalg.norm(vectors, axis=1)
     cloud, arrows = "world/measured", f"world/error_nominal_x{factor}"
-    dots = {"positions": points, "colors": style.viridis(size, float(size.max()))}
+    dots = {"positions": seen, "colors": style.viridis(size, float(size.max()))}
     pen.grow(cloud, phase, rr.Points3D, dots, {"radii": 0.012})
     pen.grow_arrows(arrows, phase, points, factor * vectors, style.BEFORE_COLOR, 0.0032)
     pen.clear(pen.timeline.phase("identify").stop, cloud, arrows)
+
+
+def seen_and_predicted(model: RobotModel, table: Measurements) -> tuple[Array, Array]:
+    """Where each row's target was seen (m, 3), and where the model has it, both in the world [m].
+
+    Further stations stand where the model has them. A distance tells no direction: its target is
+    shown at the measured distance from the anchor, on the line to where the model has it.
+    """
+    S = model.fixtures.station_frames[table.station]
+    seen, points = (
+        (S[:, :3, :3] @ places[:, :, None])[:, :, 0] + S[:, :3, 3]
+        for places in (table.position, predicted_positions(model, table))
+    )
+    far = table.is_distance
+    anchor = model.fixtures.anchors[table.anchor[far]]
+    line = points[far] - anchor
+    away = np.linalg.norm(line, axis=1)
+    seen[far] = anchor + (table.distance[far] / away)[:, None] * line
+    return seen, points
 
 
 def draw_held_out(shown: ShownTrial, pen: Pen, phase: Phase) -> None:

@@ -109,13 +109,16 @@ class TrialStudy:
             report_accuracy.parameter_section(campaign),
         )
 
-    def recording(self, scenario: Scenario, records: Records) -> Sequence["Chapter"]:
-        """Select, measure, identify, evaluate: the first trial with its first estimator."""
+    def recording(
+        self, scenario: Scenario, records: Records, trial: str | None = None
+    ) -> Sequence["Chapter"]:
+        """Select, measure, identify, evaluate: one trial, or the first, by its first estimator."""
         from testbed.studies.trial.recording import chapters
         from testbed.studies.trial.recording_cell import show
 
         campaign = campaign_of(scenario, records)
-        return chapters(show(campaign.setting, campaign.trials[0]), campaign.random_sets)
+        shown = campaign.trials[0] if trial is None else records.get(trial, Trial)
+        return chapters(show(campaign.setting, shown), campaign.random_sets)
 
 
 def campaign_part(scenario: Scenario) -> dict[str, Any]:

@@ -1,0 +1,178 @@
+"""A recording shows what was measured, and any trial of a campaign can be shown."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from calib.errors import InputError
+from calib.geometry.fixtures import Fixtures
+from calib.geometry.frames import step_transform
+from calib.measurement import tables
+from calib.measurement.observations import joined
+from testbed.cli import app
+from testbed.robots.catalog import load_robot
+from testbed.run.derive import led_by
+from testbed.run.play import load_run, play_run
+from testbed.scenario.read import changed
+from testbed.studies import load_scenario
+from testbed.studies.protocol import Records
+from testbed.studies.trial.recording_cell import seen_and_predicted
+from tests import recorded, viewed
+from tests.recorded import column, properties, record, small_campaign, store, structure
+from tests.reference import pool_r
+from tests.reported import SMALL, played
+
+SINGLE = 2e-7
+"""Scene geometry is float32: 6e-8 of about 2 m."""
+TWO = {
+    "pool.size": 60,
+    "test.poses": 12,
+    "uncertainty.repeats": 2,
+    "uncertainty.replications": 0,
+    "studies.random_sets": 0,
+    "identification.estimators": ["whitened"],
+    "trial": [
+        {"name": "one", "poses": 14, "method": "random"},
+        {"name": "other", "poses": 16, "method": "random"},
+    ],
+}
+
+
+def point_campaign():
+    """Another scene: one reflector off the tool instead of full poses."""
+    trial = [{"name": "only", "poses": 20, "method": "random"}]
+    return played("position_only", {**SMALL, "uncertainty.replications": 0, "trial": trial})
+
+
+@pytest.mark.parametrize("make", [small_campaign, point_campaign])
+def test_the_measured_cloud_is_the_measured_points(make, tmp_path):
+    campaign = make()
+    shown = recorded.shown(campaign)
+    opened = store(record(tmp_path / "campaign.rrd", campaign))
+    measured = shown.trial.measurements.position
+    last = np.array(column(opened, "/world/measured", "Points3D:positions")[1][-1])
+    assert np.array_equal(last, measured.astype(np.float32))
+    # by plain matrices, where the nominal robot has the target: not what is drawn
+    T = shown.setting.nominal.poses(shown.trial.measurements.q)
+    nominal = np.array([A[:3, :3] @ shown.setting.target + A[:3, 3] for A in T])
+    assert np.linalg.norm(last - nominal, axis=1).max() > 1e-4
+    path = f"/world/error_nominal_x{shown.arrows}"
+    origins, vectors = (
+        np.array(column(opened, path, f"Arrows3D:{name}")[1][-1]) for name in ("origins", "vectors")
+    )
+    assert np.abs(origins - nominal).max() < SINGLE
+    assert np.abs(vectors / shown.arrows - (measured - nominal)).max() < SINGLE
+
+
+def test_rows_of_all_kinds_are_shown_where_they_were_seen_in_the_world():
+    """A second station, a reflector with a number and distances, by hand, row for row."""
+    rng, q = np.random.default_rng(5), pool_r(4)
+    station = step_transform(np.array([0.5, 3.0, 0.2, 0.1, -0.2, 1.0]))
+    anchor, place = np.array([2.0, -1.0, 0.5]), np.array([0.03, -0.02, 0.07])
+    fixtures = Fixtures(place[None], anchor[None], station[None])
+    model = replace(load_robot("staubli_tx60").model, fixtures=fixtures)
+    T = model.poses(q)
+    target = np.array([A[:3, :3] @ place + A[:3, 3] for A in T])
+    away = np.linalg.norm(target - anchor, axis=1)
+    # what is seen lies 1 mm beside, in the axes of the station, or along the line
+    beside, longer = 1e-3 * rng.normal(size=(4, 3)), 1e-3 * rng.normal(size=4)
+    local = np.array([station[:3, :3].T @ (p - station[:3, 3]) for p in target]) + beside
+    table = joined(
+        [
+            tables.points(q, local, sd=1e-5, reflector=0, station=1),
+            tables.distances(q, away + longer, sd=1e-5, anchor=0, offset=place),
+            tables.points(q, T[:, :3, 3] + beside, sd=1e-5),
+        ]
+    )
+    seen, predicted = seen_and_predicted(model, table)
+    np.testing.assert_allclose(predicted, [*target, *target, *T[:, :3, 3]], atol=1e-14)
+    for k in range(4):
+        turned = target[k] + station[:3, :3] @ beside[k]
+        np.testing.assert_allclose(seen[k], turned, atol=1e-14)
+        on_the_line = anchor + (away[k] + longer[k]) * (target[k] - anchor) / away[k]
+        np.testing.assert_allclose(seen[4 + k], on_the_line, atol=1e-14)
+    assert np.array_equal(seen[8:], table.position[8:])  # the world itself: no rounding
+
+
+def test_another_trial_is_shown_like_the_first(tmp_path):
+    campaign = small_campaign()
+    name = campaign.trials[1].name
+    other = led_by(campaign, name)
+    assert [trial.name for trial in other.trials] == [name, campaign.trials[0].name]
+    first, second = (record(tmp_path / f"{k}.rrd", one) for k, one in enumerate((campaign, other)))
+    opened = store(second)
+    trial = campaign.trials[1]
+    last = np.array(column(opened, "/world/measured", "Points3D:positions")[1][-1])
+    assert np.array_equal(last, trial.measurements.position.astype(np.float32))
+    assert properties(opened)["trial"] == [name]
+    assert np.array_equal(properties(opened)["step"], trial.estimates[0].identification.step)
+    text = column(opened, "/summary", "TextDocument:text", "step")
+    assert not len(text[0])  # static
+    assert not viewed.compare(first, second)
+    assert viewed.compare(first, record(tmp_path / "2.rrd", led_by(other, campaign.trials[0].name)))
+    # the parts that do not hang on the method are all there
+    index = {f"/select/{t.selection.criterion}" for t in campaign.trials} | {"/select/random"}
+    lines = [
+        {line for line in structure(store(path)) if line.split()[0] not in index}
+        for path in (first, second)
+    ]
+    assert lines[0] == lines[1]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("trials") / "run"
+    play_run(changed(load_scenario("quick"), TWO), out)
+    return out
+
+
+def truebed(*words):
+    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+
+
+def test_the_command_writes_the_recording_of_a_trial_beside_that_of_the_first(folder, tmp_path):
+    before = (folder / "campaign.rrd").read_bytes()
+    done = truebed("record", folder, "--trial", "other")
+    assert (done.exit_code, done.stdout) == (0, f"{folder / 'campaign-other.rrd'}\n")
+    campaign = load_run(folder)
+    again = record(tmp_path / "again.rrd", led_by(campaign, "other"))
+    assert viewed.compare(folder / "campaign-other.rrd", again)
+    assert (folder / "campaign.rrd").read_bytes() == before
+    truebed("record", folder, "--trial", "one")
+    assert viewed.compare(folder / "campaign-one.rrd", folder / "campaign.rrd")
+
+
+def test_a_recording_that_view_does_not_find_is_asked_for_by_its_command(folder):
+    (folder / "campaign-one.rrd").unlink(missing_ok=True)
+    result = truebed("view", folder, "--trial", "one", "--picture", folder / "x.png")
+    assert result.exit_code == 2
+    assert f"write it by `truebed record {folder} --trial one`" in result.stderr
+
+
+@pytest.mark.parametrize("verb", [("record",), ("view", "--picture", "x.png")])
+@pytest.mark.parametrize("name", ["othr", "../run", ""])
+def test_a_wrong_name_is_told_with_the_names_there_are(folder, verb, name):
+    before = sorted(folder.parent.rglob("*"))
+    result = truebed(verb[0], folder, "--trial", name, *verb[1:])
+    close = '; did you mean "other"?' if name == "othr" else "."
+    assert result.exit_code == 2
+    assert result.stderr.startswith(f'there is no trial "{name}"; one of one, other{close}')
+    assert sorted(folder.parent.rglob("*")) == before
+
+
+def test_a_trial_that_failed_cannot_be_shown():
+    campaign = small_campaign()
+    name = campaign.trials[1].name
+    failed = replace(
+        campaign,
+        trials=campaign.trials[:1],
+        records=Records(campaign.records.values, {name: "its poses are too few"}),
+    )
+    with pytest.raises(InputError) as caught:
+        led_by(failed, name)
+    assert str(caught.value) == (
+        f'the trial "{name}" failed and cannot be shown (its poses are too few); '
+        f"one of {campaign.trials[0].name}. [C41]"
+    )
