@@ -3,6 +3,11 @@
 What the paper makes of repeats, of random sets and of their number and place is computed here from
 the raw arrays of the run, or from its seed by visits measured and calibrated anew.
 
+The ratio of the protocol is the mean over the 24 numbers of u_best / u_random: u_best the scatter
+of the ten repeats on one designed set by the paper's estimator, u_random the root sum of squares of
+u_r, u_p and u_w. Repeats against repeats is the mean of u_best / u_r. Neither is a ratio of means,
+which would mix m and rad.
+
     python -m tests.truth.wen2022_script RUN_FOLDER
 """
 
@@ -78,6 +83,7 @@ def type_a(estimates):
 
 
 def root_sum_square(*parts):
+    """Combined u (24,) of contributors that know nothing of each other (eqs. 8 and 9)."""
     return np.sqrt(sum(np.square(part) for part in parts))
 
 
