@@ -14,7 +14,6 @@ from testbed.studies.wen2022.finding import Finding, NotPlayedError, played
 from testbed.studies.wen2022.records import ToolPointStudy, pool_sets_of, tool_point_of
 from testbed.units import MM, fixed, significant
 
-BEST, RANDOM = "table 3 best", "table 3 random"
 PROBED = 60
 """Pool poses from which ranks are judged."""
 
@@ -34,9 +33,10 @@ def zero_pose(campaign: Campaign) -> Finding:
 def printed_sources(campaign: Campaign) -> tuple[ToolPointStudy, list[int]]:
     """The tool-point study, and its rows of the printed uncertainties, optimal and random."""
     study = played(tool_point_of(campaign))
-    if not {BEST, RANDOM} <= set(study.source):
+    pair = (paper.TABLE3_BEST, paper.TABLE3_RANDOM)
+    if not set(pair) <= set(study.source):
         raise NotPlayedError
-    return study, [study.source.index(name) for name in (BEST, RANDOM)]
+    return study, [study.source.index(name) for name in pair]
 
 
 def zero_pose_uncertainty(campaign: Campaign) -> Finding:

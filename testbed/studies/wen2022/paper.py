@@ -59,6 +59,11 @@ ZERO_POSE_MM = (0.0, 20.0, 670.0)
 """Nominal tool point at zero joint angles [mm]."""
 POSE_NUMBER = {"O1": 61, "O2": 29}
 """Number of poses at which the mean index of random sets is called stable."""
+TABLE3_INDEX = "O2"
+"""Index that chose the optimal set of Table 3 and of the tool point, with 29 poses; the random side
+has 50 poses and more."""
+TABLE3_BEST, TABLE3_RANDOM = "table 3 best", "table 3 random"
+"""Names of its two columns of combined uncertainties where they are carried to the tool."""
 DRAWS = 10_000
 """Of the Monte Carlo of the tool point."""
 

@@ -20,7 +20,14 @@ from testbed.report.svg import DARK, FAINT, INK, LIGHT, MIDDLE, SOFT, drawing, s
 from testbed.studies.many_robots import percent_of
 from testbed.studies.trial.plots import LOOKS
 from testbed.studies.wen2022 import paper
-from testbed.studies.wen2022.records import ESTIMATORS, STATEMENTS, PaperBudget, ToolPointStudy
+from testbed.studies.wen2022.records import (
+    ESTIMATORS,
+    OURS_BEST,
+    OURS_RANDOM,
+    STATEMENTS,
+    PaperBudget,
+    ToolPointStudy,
+)
 from testbed.studies.wen2022.summary import PRINTED, Errors, Held, Predicted, Split
 from testbed.units import MM, UM, in_units
 
@@ -167,7 +174,7 @@ def parameter_budget(budget: PaperBudget) -> str:
             x = np.arange(len(names))
             series = (
                 ("random protocol, ours", budget.random, "^", MIDDLE, 3.8, MIDDLE),
-                ("optimal set, ours", budget.best, "o", DARK, 3.8, DARK),
+                ("optimal set, ours", budget.best[0], "o", DARK, 3.8, DARK),
                 ("random, Table 3", printed("u_random"), "^", MIDDLE, 5.5, "none"),
                 ("optimal, Table 3", printed("u_best"), "o", DARK, 5.5, "none"),
             )
@@ -187,12 +194,12 @@ def zero_pose_regions(study: ToolPointStudy) -> str:
     with drawing(1, 3, height=2.75) as (figure, axes):
         axis = "xyz"
         for ax, (i, j) in zip(axes, ((0, 1), (0, 2), (1, 2)), strict=True):
-            full = study.covariance[0][np.ix_([i, j], [i, j])]
+            full = study.covariance[0, 0][np.ix_([i, j], [i, j])]
             factor = k * np.linalg.cholesky(full) * UM
             _ellipse(ax, factor, color=DARK, label="full covariance, 3-D")
             for source, label, style in (
-                ("ours best", "independent draws, ours", "--"),
-                ("table 3 best", "independent draws, Table 3", ":"),
+                (OURS_BEST, "independent draws, ours", "--"),
+                (paper.TABLE3_BEST, "independent draws, Table 3", ":"),
             ):
                 if source in study.source:
                     spread = study.spread[study.source.index(source), 0][[i, j]]
@@ -211,16 +218,19 @@ def zero_pose_regions(study: ToolPointStudy) -> str:
 def held_out_uncertainty(study: ToolPointStudy) -> str:
     """Tool-point uncertainty over the held-out poses: |P| and 3-D, optimal against random."""
     groups = {
-        title: [source for source in study.source if source.startswith(prefix)]
-        for prefix, title in (("table 3", "u from Table 3"), ("ours", "u of this campaign"))
-        if any(source.startswith(prefix) for source in study.source)
+        title: pair
+        for pair, title in (
+            ((paper.TABLE3_BEST, paper.TABLE3_RANDOM), "u from Table 3"),
+            ((OURS_BEST, OURS_RANDOM), "u of this campaign"),
+        )
+        if pair[0] in study.source
     }
     x = np.arange(1, study.distance_sd.shape[1])
-    full = np.sqrt(np.trace(study.covariance[1:], axis1=1, axis2=2))
+    full = np.sqrt(np.trace(study.covariance[0, 1:], axis1=1, axis2=2))
     with drawing(1, len(groups), height=2.9, sharey=True) as (figure, axes):
         for ax, (title, sources) in zip(axes, groups.items(), strict=True):
             for source in sources:
-                at, best = study.source.index(source), source.endswith("best")
+                at, best = study.source.index(source), source == sources[0]
                 color, name = (DARK, "optimal") if best else (MIDDLE, "random")
                 marker = "o" if best else "^"
                 look: Look = {"color": color, "linestyle": "none", "markersize": 3.2}

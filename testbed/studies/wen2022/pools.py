@@ -21,6 +21,7 @@ from testbed.streams import stream
 from testbed.studies.many_robots import alone, together
 from testbed.studies.trial.play import SPARE_POSES, criterion_of, select
 from testbed.studies.wen2022.budget import RANDOM_BUDGET_POSES
+from testbed.studies.wen2022.paper_set import by_paper
 from testbed.studies.wen2022.records import PoolSets, TrialSets
 
 RANDOM_SETS = 200
@@ -138,7 +139,7 @@ def trial_sets(own: Laboratory, noise: Noise, trial: TrialSettings | None, pool:
         trial=BUDGET_SET if trial is None else trial.name,
         poses=size,
         designed=designed,
-        by_paper=trial is not None and trial.method == "detmax" and trial.rows == "paper",
+        by_paper=trial is not None and by_paper(trial),
         criterion="" if trial is None else trial.criterion,
         **alone(SET_AXES, indices=chosen, u=u.mean(axis=0), tool_u=tool_u.mean(axis=0)),
     )

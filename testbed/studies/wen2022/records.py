@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 PAPER_BUDGET, TOOL_POINT = "paper_budget", "tool_point"
 """Records on the one robot of the campaign."""
+OURS_BEST, OURS_RANDOM = "ours best", "ours random"
+"""Sources of the tool point from this campaign's budget: the paper's set, and the random side."""
 ESTIMATORS: tuple["Mode", ...] = ("paper", "whitened")
 """Order of the estimators: the paper's unweighted rows, and rows whitened by their covariance.
 Both move the paper's 24 numbers."""
@@ -104,12 +106,18 @@ class Reexamined:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PaperBudget:
-    """The paper's uncertainties per parameter: contributors and their combination [m, rad]."""
+    """The paper's uncertainties per parameter: contributors and their combination [m, rad].
+
+    Each designed trial stands on the optimal side in turn; the random side is one for all.
+    """
 
     names: tuple[str, ...]
     """(f,) parameter names."""
+    trials: tuple[str, ...]
+    """(d,) designed trials, the one that stands for the paper's set first (`designed_trials`)."""
     best_repeatability: Array
-    """(f,) u_r of the optimal set."""
+    """(d, f) u_r of each designed set: standard deviation (n - 1) of its v repeated estimates by
+    the paper's estimator, `Estimate.repeated`."""
     repeatability: Array
     """(f,) u_r of 50 random poses, v repeats."""
     pose_number: Array
@@ -117,9 +125,19 @@ class PaperBudget:
     location: Array
     """(f,) u_w over four regions."""
     best: Array
-    """(f,) u_best = RSS(u_r, u_c), eq. (8)."""
+    """(d, f) u_best = RSS(u_r, u_c), eq. (8)."""
     random: Array
     """(f,) u_rand = RSS(u_r, u_c, u_p, u_w), eq. (9)."""
+
+    @property
+    def ratio(self) -> Array:
+        """(d,) mean over the numbers of u_best / u_rand, as the last row of Table 3."""
+        return np.asarray((self.best / self.random).mean(axis=1))
+
+    @property
+    def repeats_ratio(self) -> Array:
+        """(d,) mean over the numbers of u_r of the designed set / u_r of the random one."""
+        return np.asarray((self.best_repeatability / self.repeatability).mean(axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,19 +149,21 @@ class ToolPointStudy:
     """
 
     source: tuple[str, ...]
-    """(s,) whose uncertainties: "table 3 best", "table 3 random", "ours best", "ours random"."""
+    """(s,) whose uncertainties: "table 3 best", "table 3 random", "ours best" (the set that stands
+    for the paper's), "ours random", then "ours, NAME" for the other designed trials."""
     distance_sd: Array
     """(s, 1 + t) sd of |P|, paper form [m]."""
     distance_range: Array
     """(s, 2) smallest and largest of |P| minus its mean at the zero pose [m]."""
     spread: Array
     """(s, 1 + t, 3) sd of x, y, z with the same independent draws [m]."""
-    trial: str
-    """Trial whose full covariance the correct form uses."""
+    trials: tuple[str, ...]
+    """(d,) trials whose full covariance (default estimator) the correct form uses: the designed
+    ones, that of "ours best" first; the first trial where none is designed."""
     covariance: Array
-    """(1 + t, 3, 3) Monte Carlo covariance of the tool point, correct form [m^2]."""
+    """(d, 1 + t, 3, 3) Monte Carlo covariance of the tool point, correct form [m^2]."""
     linear: Array
-    """(1 + t, 3, 3) closed form J C J' [m^2]."""
+    """(d, 1 + t, 3, 3) closed form J C J' [m^2]."""
     draws: int
 
     @property

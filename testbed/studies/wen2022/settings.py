@@ -8,6 +8,7 @@ from pydantic import Field
 from testbed.scenario.laboratory import At960Tracker
 from testbed.scenario.scenario import Scenario
 from testbed.studies.many_robots import TRUTHS, ManyRobots, TruthName, keys_of
+from testbed.studies.wen2022.paper_set import by_paper
 
 SETS_KEY = "reexamined.sets"
 """Record of the pools and the pose sets chosen from them, which all kinds of robots share."""
@@ -43,7 +44,7 @@ class ReexaminedSettings(ManyRobots):
                 "[reexamined] asks what the paper's statements hold, which know no systematic "
                 "part; [tracker] systematic is true; write systematic = false, or robots = 0"
             )
-        if not any(trial.method == "detmax" and trial.rows == "paper" for trial in scenario.trial):
+        if not any(map(by_paper, scenario.trial)):
             yield (
                 "[reexamined] plays the protocol of the paper, and no [[trial]] chooses its set as "
                 'there; write method = "detmax" and rows = "paper" in one, or robots = 0'

@@ -11,6 +11,7 @@ from testbed.studies.many_robots import block_of, kind_of, pieces_of, played_key
 from testbed.studies.protocol import Answer, Record, Records, Task
 from testbed.studies.trial.records import campaign_of
 from testbed.studies.trial.study import SETTING, campaign_part
+from testbed.studies.wen2022.paper_set import designed_trials, tool_trials
 from testbed.studies.wen2022.records import (
     PAPER_BUDGET,
     TOOL_POINT,
@@ -35,12 +36,13 @@ class Wen2022Study:
     def records(self, scenario: Scenario) -> tuple[Record, ...]:
         """The paper's budget and tool point; its pools and sets, and one record per kind."""
         found, everything = [], campaign_part(scenario)
-        budgeted = scenario.studies.paper_budget
+        designed, budgeted = designed_trials(scenario), scenario.studies.paper_budget
+        everything |= {"sets": designed}
         if budgeted:
-            best = next(t.name for t in scenario.trial if t.method != "random")
-            found.append(Record(PAPER_BUDGET, PaperBudget, everything, needs=(SETTING, best)))
+            needs = (SETTING, *designed)
+            found.append(Record(PAPER_BUDGET, PaperBudget, everything, needs=needs))
         if scenario.studies.tool_point:
-            needs = (SETTING, scenario.trial[0].name, *((PAPER_BUDGET,) if budgeted else ()))
+            needs = (SETTING, *tool_trials(scenario), *((PAPER_BUDGET,) if budgeted else ()))
             found.append(Record(TOOL_POINT, ToolPointStudy, everything, needs=needs))
         table = scenario.table(ReexaminedSettings)
         if not table.robots:

@@ -17,6 +17,7 @@ from testbed.store.quantities import METRE
 from testbed.studies.many_robots import Outcome, family_confidence, mean_over_robots, outcome_of
 from testbed.studies.trial.records import Campaign
 from testbed.studies.wen2022 import paper
+from testbed.studies.wen2022.paper_set import designed_trials
 from testbed.studies.wen2022.records import (
     ESTIMATORS,
     PoolSets,
@@ -121,6 +122,7 @@ class PaperRow:
 
 
 T = TypeVar("T", Split, Errors, Held)
+S = TypeVar("S", Split, Held)
 
 
 def over(values: Array, pool: Index, *, probability: float = 0.95) -> Mean:
@@ -179,6 +181,11 @@ def of_kind(found: Sequence[T], kind: Reexamined) -> list[T]:
     return [one for one in found if one.truth == kind.truth]
 
 
+def first_of(found: Sequence[S], trial: str) -> list[S]:
+    """The same with one trial in front."""
+    return sorted(found, key=lambda one: one.trial != trial)
+
+
 @dataclass(frozen=True, eq=False)
 class Reexamination:
     """The paper's protocol on many robots: its records, and what they show."""
@@ -188,6 +195,8 @@ class Reexamination:
     sets: PoolSets
     repeats: int
     """Of each optimal set, and of the random one."""
+    paper_set: str
+    """Trial that stands for the paper's optimal set, that of Table 3."""
 
     @property
     def robots(self) -> int:
@@ -290,6 +299,7 @@ class Reexamination:
 def reexamination_of(campaign: Campaign) -> Reexamination | None:
     """What a campaign says over many robots; None where they were not played."""
     kinds, repeats = reexamined_of(campaign), campaign.scenario.uncertainty.repeats
-    return (
-        Reexamination(kinds, campaign.records.get(SETS_KEY, PoolSets), repeats) if kinds else None
-    )
+    if not kinds:
+        return None
+    first = designed_trials(campaign.scenario)[0]
+    return Reexamination(kinds, campaign.records.get(SETS_KEY, PoolSets), repeats, first)

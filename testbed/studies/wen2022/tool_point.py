@@ -9,8 +9,15 @@ from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.protocol import Records
 from testbed.studies.trial.records import Trial
-from testbed.studies.wen2022.paper import PARAMETERS, table3
-from testbed.studies.wen2022.records import PAPER_BUDGET, PaperBudget, ToolPointStudy
+from testbed.studies.wen2022.paper import PARAMETERS, TABLE3_BEST, TABLE3_RANDOM, table3
+from testbed.studies.wen2022.paper_set import tool_trials
+from testbed.studies.wen2022.records import (
+    OURS_BEST,
+    OURS_RANDOM,
+    PAPER_BUDGET,
+    PaperBudget,
+    ToolPointStudy,
+)
 
 
 def tool_point_study(scenario: Scenario, setting: Setting, needed: Records) -> ToolPointStudy:
@@ -19,34 +26,33 @@ def tool_point_study(scenario: Scenario, setting: Setting, needed: Records) -> T
     q = np.vstack([np.zeros((1, setting.test_q.shape[1])), setting.test_q])
     sources: dict[str, tuple[tuple[str, ...], Array]] = {}
     if scenario.robot == "staubli_tx60":
-        sources["table 3 best"] = (PARAMETERS, table3("u_best"))
-        sources["table 3 random"] = (PARAMETERS, table3("u_random"))
+        sources[TABLE3_BEST] = (PARAMETERS, table3("u_best"))
+        sources[TABLE3_RANDOM] = (PARAMETERS, table3("u_random"))
     if scenario.studies.paper_budget:
         budget = needed.get(PAPER_BUDGET, PaperBudget)
-        sources["ours best"] = (budget.names, budget.best)
-        sources["ours random"] = (budget.names, budget.random)
+        sources[OURS_BEST] = (budget.names, budget.best[0])
+        sources[OURS_RANDOM] = (budget.names, budget.random)
+        for name, u in zip(budget.trials[1:], budget.best[1:], strict=True):
+            sources[f"ours, {name}"] = (budget.names, u)
     spreads = []
     for source, (names, u) in sources.items():
         standard = np.zeros(nominal.n_numbers)
         standard[[nominal.names.index(name) for name in names]] = u
         rng = stream(scenario.seed, "tool_point", source)
         spreads.append(distance_spread(nominal, q, standard, rng, draws=draws))
-    trial = needed.get(scenario.trial[0].name, Trial)
-    identification = trial.estimates[0].identification
-    full = point_spread(
-        identification.model,
-        q,
-        identification.full_covariance,
-        stream(scenario.seed, "tool_point", "full"),
-        draws=draws,
-    )
+    trials = tool_trials(scenario)
+    full = []
+    for k, name in enumerate(trials):
+        found = needed.get(name, Trial).estimates[0].identification
+        rng = stream(scenario.seed, "tool_point", "full", *(() if k == 0 else (name,)))
+        full.append(point_spread(found.model, q, found.full_covariance, rng, draws=draws))
     return ToolPointStudy(
         source=tuple(sources),
         distance_sd=np.array([s.standard for s in spreads]).reshape(-1, len(q)),
         distance_range=np.array([s.extremes[0] - s.mean[0] for s in spreads]).reshape(-1, 2),
         spread=np.array([s.axis_standard for s in spreads]).reshape(-1, len(q), 3),
-        trial=trial.name,
-        covariance=full.covariance,
-        linear=full.linear,
+        trials=trials,
+        covariance=np.array([one.covariance for one in full]),
+        linear=np.array([one.linear for one in full]),
         draws=draws,
     )

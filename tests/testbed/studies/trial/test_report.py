@@ -262,8 +262,8 @@ def test_printed_tables_stand_beside_ours_in_their_places():
     assert campaign.trials[3].name == "random-29"
     assert one.rows[3][4] == f"{ours.identification_after.mean * 1e3:.3f}"
     assert two.rows[3][4] == f"{ours.accuracy_after.mean * 1e3:.3f}"
-    budget = report_paper.budget_table(paper_budget_of(campaign))
+    budget = report_paper.budget_table(paper_budget_of(campaign), "")
     theta3 = next(row for row in budget.rows if row[0] == "theta3")
     assert theta3[2].startswith("0.0015 / ")
     k = paper_budget_of(campaign).names.index("theta3")
-    assert theta3[6].endswith(f"{np.degrees(paper_budget_of(campaign).best[k]):.4f}")
+    assert theta3[6].endswith(f"{np.degrees(paper_budget_of(campaign).best[0, k]):.4f}")

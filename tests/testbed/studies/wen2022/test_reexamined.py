@@ -336,12 +336,14 @@ def test_claim_14_follows_the_uncertainties_of_the_protocol():
     tenth = np.stack([0.1 * random, 0.1 * random])
     found = claims_robots.parameter_ratio(changed_study(u_best=tenth))
     assert found.verdict == "holds"
-    assert found.ours == "mean ratio 0.10 (best-61), 0.10 (best-29)"
-    as_measured = np.stack([0.22 * random, 0.46 * random])
+    assert found.ours == "mean ratio 0.10 (best-29), 0.10 (best-61)"
+    as_measured = np.stack([0.1 * random, 0.46 * random])
     found = claims_robots.parameter_ratio(changed_study(u_best=as_measured))
     assert found.verdict == "does not hold"
-    tenth[1] = random
-    assert claims_robots.parameter_ratio(changed_study(u_best=tenth)).verdict == "in part"
+    assert found.ours == "mean ratio 0.46 (best-29), 0.10 (best-61)"
+    # Table 3 is of the set chosen by O2; the other stands beside it
+    tenth[0] = random
+    assert claims_robots.parameter_ratio(changed_study(u_best=tenth)).verdict == "holds"
 
 
 def test_claim_15_needs_smaller_uncertainty_and_smaller_error():
