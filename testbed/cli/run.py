@@ -137,6 +137,10 @@ def identify(
     program: Annotated[
         Path | None, typer.Option(metavar="CSV", help="Joint or Cartesian targets to correct.")
     ] = None,
+    package: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="ROS package that the URDF's meshes will lie in."),
+    ] = None,
     tip: Annotated[
         str | None, typer.Option(metavar="LINK", help="Last link of a URDF or MJCF with several.")
     ] = None,
@@ -164,9 +168,12 @@ def identify(
         from testbed.identify.session import with_test
         from testbed.identify.words import terminal_text
         from testbed.robots.catalog import load_robot
+        from testbed.robots.write.urdf import require_package
         from testbed.store.layout import MANIFEST, REPORT, RESULT
         from testbed.store.run_folder import check_free
 
+        if package is not None:
+            require_package(package)
         folder = out or identified_folder(data)
         check_free(folder, MANIFEST, overwrite=overwrite)
         arm = load_robot(
@@ -179,7 +186,14 @@ def identify(
         options = Options(train=train, held_out=held_out, seed=seed, model=model, loss=loss)
         with progress(quiet=quiet or as_json) as tell:
             calibration, delivered = play_calibration(
-                arm, session, folder, options, program=program, overwrite=overwrite, progress=tell
+                arm,
+                session,
+                folder,
+                options,
+                program=program,
+                package=package,
+                overwrite=overwrite,
+                progress=tell,
             )
         end.folder = folder
         sound = calibration.converged and not delivered.program_failed

@@ -116,6 +116,7 @@ def read_session(
     session = replace(
         session,
         files=(*first, *sources.files),
+        stated_reflectors=settings.stated_reflectors,
         masked=tuple(text for one in cleaned for text in one.masked),
         warnings=tuple(dict.fromkeys([*warnings, *session.warnings])),
         notes=tuple(dict.fromkeys([*session.notes, *(drift.sentence for drift in drifts)])),

@@ -10,6 +10,7 @@ from calib.geometry.fixtures import Fixtures
 from calib.measurement.observations import Measurements
 from testbed.files.session_toml import IdentificationTable
 from testbed.files.text import SourceFile
+from testbed.robots.robot import Reflector
 
 Record = TypeVar("Record", bound=Any)
 
@@ -109,6 +110,8 @@ class Session:
     anchor_names: tuple[str, ...]
     station_names: tuple[str, ...]
     """The first one is the world."""
+    stated_reflectors: tuple[Reflector, ...] = ()
+    """Those whose place in the tool frame the file gives."""
     masked: tuple[str, ...] = ()
     """Rows left out, and why."""
     drift: Drift | None = None

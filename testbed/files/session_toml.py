@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from testbed.files.refusal import refusal
 from testbed.files.text import FileText, SourceFile, read_text
+from testbed.robots.robot import Reflector
 from testbed.strict import Strict
 
 SESSION_FILE = "session.toml"
@@ -174,6 +175,17 @@ class SessionFile(Strict):
     def observed(self) -> tuple[ObservedTable, ...]:
         """The tables of readings that are there."""
         return tuple(table for table in (self.frames, self.points, self.ranges) if table)
+
+    @property
+    def stated_reflectors(self) -> tuple[Reflector, ...]:
+        """Reflectors whose place in the tool frame is given."""
+        tables = (table for table in (self.points, self.ranges) if table)
+        places = {name: place for table in tables for name, place in table.reflectors_mm.items()}
+        return tuple(
+            Reflector(name, (place[0] / 1e3, place[1] / 1e3, place[2] / 1e3))
+            for name, place in places.items()
+            if place != "free"
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -141,6 +141,8 @@ def calibrate(
         pose_names=session.pose_names,
         time=session.time,
         temperature=session.temperature,
+        reflector_names=session.reflector_names,
+        stated_reflectors=session.stated_reflectors,
         split=split,
         gross=OutlierRows(
             noise_factor=outliers.noise_factor,

@@ -20,7 +20,9 @@ from testbed.progress import Progress
 from testbed.report.page import render
 from testbed.report.text import csv_text
 from testbed.robots.catalog import ROBOT_FILE, Robot, load_robot
+from testbed.robots.robot import Reflector
 from testbed.robots.write.folder import identified_robot, write_robot_folder
+from testbed.robots.write.urdf import require_package
 from testbed.store import layout, npz
 from testbed.store.manifest import CALIBRATION, manifest_bytes, read_manifest
 from testbed.store.npz import Failure, canonical, record_bytes
@@ -41,6 +43,7 @@ def play_calibration(
     options: Options | None = None,
     *,
     program: Path | None = None,
+    package: str | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Calibration, Delivered]:
@@ -58,23 +61,29 @@ def play_calibration(
         What a user may decide.
     program : Path, optional
         CSV of targets to correct.
+    package : str, optional
+        ROS package whose root the robot's folder will be; without it the URDF names its meshes by
+        relative paths.
     overwrite : bool
         Rename an older run folder there first.
     progress : callable, optional
         Told what begins, steps done, steps in all.
     """
     check_free(out, layout.MANIFEST, overwrite=overwrite)
+    if package is not None:
+        require_package(package)
     calibration = calibrate(robot, session, options, progress=progress)
     tell = progress or (lambda *_: None)
     tell(STEPS[-1], len(STEPS) - 1, len(STEPS))
     with whole_folder(out, layout.MANIFEST, overwrite=overwrite) as folder:
-        delivered = deliver(calibration, robot, folder, program=program)
+        delivered = deliver(calibration, robot, folder, program=program, package=package)
         spec = input_hash(calibration, options or Options())
         for key, record in zip(RECORDS, (calibration, delivered), strict=True):
             RunFolder(folder).write_record(key, record_bytes(key, record, spec))
         (folder / SPLIT_TABLE).write_bytes(split_csv(calibration).encode())
+        drawn = load_robot(folder / ROBOT / ROBOT_FILE)  # the same as whenever they are made again
         for name in layout.DERIVED:
-            _derive(name, calibration, delivered, robot, folder / name)
+            _derive(name, calibration, delivered, drawn, folder / name)
         (folder / layout.MANIFEST).write_bytes(manifest_bytes(about(calibration, spec)))
     tell("", len(STEPS), len(STEPS))
     return calibration, delivered
@@ -166,18 +175,25 @@ def _record(path: Path, key: str, kind: type, spec: str) -> Any:
 
 
 def deliver(
-    calibration: Calibration, robot: Robot, folder: Path, *, program: Path | None = None
+    calibration: Calibration,
+    robot: Robot,
+    folder: Path,
+    *,
+    program: Path | None = None,
+    package: str | None = None,
 ) -> Delivered:
     """Write the identified robot, the table and the corrected program; what became of each."""
-    model, name = delivered_model(calibration, calibration.fit), identified_name(robot.name)
-    identified = identified_robot(robot, model, name=name)
-    sentences = (*write_robot_folder(identified, folder / ROBOT), *identified.notes)
+    identified = delivered_robot(calibration, robot, calibration.fit)
+    told = write_robot_folder(identified, folder / ROBOT, package=package)
+    sentences = (*told, *identified.notes)
     if calibration.choice.chosen == "extended":
         # its geometric part leans on the joint terms: alone it is worse than a geometric fit
-        plain = delivered_model(calibration, calibration.fits[0])
-        write_robot_folder(identified_robot(robot, plain, name=name), folder / GEOMETRIC)
+        plain = delivered_robot(calibration, robot, calibration.fits[0])
+        write_robot_folder(plain, folder / GEOMETRIC, package=package)
         sentences += (_geometric_words(calibration),)
-    sentences += (_frame_words(calibration),)
+    sentences += (_frame_words(calibration, identified),)
+    if package is not None:
+        sentences += (f"its URDF finds the meshes where {ROBOT}/ is the root of {package}",)
     rows = [
         (
             row.name,
@@ -191,20 +207,49 @@ def deliver(
     (folder / DH_TABLE).write_bytes(csv_text(head, rows).encode())
     if program is None:
         return Delivered(sentences, (), 0)
+    model = in_own_frames(calibration)
     result = correct_program(program, robot, model, folder / f"{program.stem}_corrected.csv")
     return Delivered(sentences, result.sentences, int((~result.corrected).sum()))
 
 
-def delivered_model(calibration: Calibration, fit: FittedModel) -> RobotModel:
-    """One fit's model as a robot: in the world of the robot's file, without the fixtures.
+def delivered_robot(calibration: Calibration, robot: Robot, fit: FittedModel) -> Robot:
+    """One fit's model as a robot: base and tool as they were found, and the reflectors on it.
 
-    Where base and tool were found from nothing they say where the tracker stood and where its
-    target was mounted; the robot handed out keeps the base and the tool of its file.
+    Its world is the frame of the measurements.
     """
     model = fit.identification.model
+    return identified_robot(
+        robot,
+        RobotModel(model.chain, model.joint_errors),
+        name=identified_name(robot.name),
+        reflectors=reflectors_on(calibration, fit),
+    )
+
+
+def reflectors_on(calibration: Calibration, fit: FittedModel) -> tuple[Reflector, ...]:
+    """Every reflector that has a name, where it was stated or found, in the tool frame of a fit."""
+    places = fit.identification.model.fixtures.reflectors.tolist()
+    found = (
+        Reflector(name, (x, y, z))
+        for name, (x, y, z) in zip(calibration.reflector_names, places, strict=True)
+    )
+    named: dict[str, Reflector] = {}
+    for one in (*calibration.stated_reflectors, *found):
+        name = "".join(c for c in one.name if c.isprintable()) or "reflector"
+        while name in named:
+            name += "_"
+        named[name] = replace(one, name=name)
+    return tuple(named.values())
+
+
+def in_own_frames(calibration: Calibration) -> RobotModel:
+    """The chosen model in the base and with the tool of the robot's file: what its programs know.
+
+    Found from nothing, both say only where the tracker stood and where its target was mounted.
+    """
+    model, own = calibration.fit.identification.model, calibration.nominal.chain
     if calibration.own_frames:
         return RobotModel(model.chain, model.joint_errors)
-    own = calibration.nominal.chain
     chain = replace(model.chain, T_world_base=own.T_world_base, T_flange_tool=own.T_flange_tool)
     return RobotModel(chain, model.joint_errors)
 
@@ -226,11 +271,10 @@ def _geometric_words(calibration: Calibration) -> str:
     )
 
 
-def _frame_words(calibration: Calibration) -> str:
-    """In which frames the robot is handed out."""
-    if calibration.own_frames:
-        return "its base and tool are the identified ones"
-    return (
-        "its base and tool are those of the robot's file: where the measuring frame and the target "
-        "were is in the table of parameters only"
-    )
+def _frame_words(calibration: Calibration, identified: Robot) -> str:
+    """In which frames the robot is handed out, and what is mounted on it."""
+    words = "its base and tool are the identified ones"
+    if not calibration.own_frames:
+        words += ", and its world is the frame that the measurements are in"
+    names = [reflector.name for reflector in identified.reflectors]
+    return words + f"; on its tool are the reflectors {', '.join(names)}" * bool(names)

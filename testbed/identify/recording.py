@@ -83,15 +83,17 @@ def calibration_story(calibration: Calibration, robot: Robot) -> Story:
     calibration : Calibration
         Finished; nothing is computed again but poses of known models.
     robot : Robot
-        Whose parts are drawn.
+        The identified one, as its folder holds it: its links and parts are drawn.
     """
     source, shown = calibration.source, show(calibration)
+    # a robot whose numbers were chosen anew may count from another base
+    base = shown.station @ robot.model.chain.T_world_base
     return Story(
         identity=f"{source.name}-calibration-{calibration.split.seed}",
         name=f"{source.name}, calibration of {source.robot}",
         summary=summary(calibration),
         robot=robot,
-        chain=replace(robot.model.chain, T_world_base=np.eye(4)),
+        chain=replace(robot.model.chain, T_world_base=base),
         reach=shown.seen,
         station=shown.station[:3, 3] if shown.has_tracker else AHEAD,
         draw=lambda pen: draw_cell(shown, robot.base_offset, pen),

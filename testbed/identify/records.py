@@ -12,6 +12,7 @@ from calib.identification.identify import Identification, Status
 from calib.measurement.accuracy import Accuracy
 from calib.measurement.observations import Measurements
 from calib.uncertainty.judgement import Judgement
+from testbed.robots.robot import Reflector
 
 ModelName = Literal["geometric", "extended"]
 
@@ -150,6 +151,10 @@ class Calibration:
     """(m,) [s]"""
     temperature: Array | None
     """(m,) [degC]"""
+    reflector_names: tuple[str, ...]
+    """Of the reflectors whose place was identified, as the session calls them."""
+    stated_reflectors: tuple[Reflector, ...]
+    """Those whose place in the tool frame the session states."""
     split: HeldOutSplit
     gross: OutlierRows
     before_misses: RowErrors

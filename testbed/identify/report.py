@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from calib.arrays import Array
+from calib.geometry.fixtures import POINT_AXES
 from calib.geometry.frames import log_so3
 from testbed.identify.records import Calibration, Delivered
 from testbed.identify.report_errors import (
@@ -188,11 +189,16 @@ def fixture_table(calibration: Calibration) -> Table:
     stations = [np.concatenate([T[:3, 3], log_so3(T[None, :3, :3])[0]]) for T in fixtures.stations]
     values = np.concatenate([fixtures.reflectors.ravel(), fixtures.anchors.ravel(), *stations])
     first = result.model.first_fixture
+    called = {
+        f"reflector{k + 1}.{axis}": f"reflector{k + 1}.{axis} ({name})"
+        for k, name in enumerate(calibration.reflector_names)
+        for axis in POINT_AXES
+    }
     return Table(
         caption="What stood beside the robot",
         head=("number", "unit", "value", "U (k = 2)"),
         rows=tuple(
-            _row(name, float(value), float(u[first + k]), length)
+            _row(called.get(name, name), float(value), float(u[first + k]), length)
             for k, (name, value, length) in enumerate(
                 zip(fixtures.names, values, fixtures.is_length, strict=True)
             )

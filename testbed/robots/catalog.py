@@ -17,11 +17,13 @@ from testbed.robots.file import (
     Drawn,
     Frame,
     PrismaticLink,
+    ReflectorEntry,
     RevoluteLink,
     RobotFile,
     TrackerFile,
     WorkspaceBox,
 )
+from testbed.robots.robot import Reflector
 from testbed.robots.robot import Robot as Robot
 from testbed.robots.robot import Visual as Visual
 from testbed.robots.robot import Workspace as Workspace
@@ -103,6 +105,7 @@ def load_robot(
         free_sets=MappingProxyType(dict(data.free_sets)),
         sources=MappingProxyType(dict(data.sources)),
         workspace=_workspace(data.workspace),
+        reflectors=tuple(_reflector(entry) for entry in data.reflectors),
         notes=data.notes,
     )
 
@@ -196,6 +199,12 @@ def _workspace(data: WorkspaceBox | None) -> Workspace | None:
     (cx, cy, cz), (sx, sy, sz), (x, y, z) = data.box_center_mm, data.box_size_mm, data.station_mm
     ranges = tuple((low, high) for low, high in data.joint_ranges_deg)
     return Workspace((cx, cy, cz), (sx, sy, sz), (x, y, z), ranges)
+
+
+def _reflector(entry: ReflectorEntry) -> Reflector:
+    """A reflector of a robot file [m]."""
+    x, y, z = entry.position_mm
+    return Reflector(entry.name, (x / 1e3, y / 1e3, z / 1e3))
 
 
 def _transform(frame: Frame) -> Array:

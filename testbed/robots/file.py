@@ -94,6 +94,13 @@ class WorkspaceBox(Strict):
     ] = ()
 
 
+class ReflectorEntry(Strict):
+    """[[reflectors]]: a target that is mounted on the tool, place in the tool frame."""
+
+    name: Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")]
+    position_mm: Vector
+
+
 class JointTermEntry(Strict):
     """[[joint_terms]]: one wave of a joint's error, wave(weights . q) times its coefficient."""
 
@@ -163,7 +170,16 @@ class RobotFile(Drawn):
     never_collide: tuple[Annotated[tuple[int, ...], Field(min_length=2, max_length=2)], ...] = ()
     free_sets: dict[str, tuple[str, ...]] = Field(default_factory=dict)
     joint_terms: tuple[JointTermEntry, ...] = ()
+    reflectors: tuple[ReflectorEntry, ...] = ()
     notes: tuple[str, ...] = ()
+
+    @model_validator(mode="after")
+    def _reflectors_differ(self) -> "RobotFile":
+        """No name stands for two reflectors."""
+        names = [reflector.name for reflector in self.reflectors]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"reflector {twice[0]} is there twice")
+        return self
 
     @model_validator(mode="after")
     def _links_exist(self) -> "RobotFile":

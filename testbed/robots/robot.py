@@ -53,6 +53,16 @@ class Visual:
 
 
 @dataclass(frozen=True, slots=True)
+class Reflector:
+    """A target that is mounted on the tool."""
+
+    name: str
+    """As people call it."""
+    place: tuple[float, float, float]
+    """Its center in the tool frame [m]."""
+
+
+@dataclass(frozen=True, slots=True)
 class Workspace:
     """Where an arm is at work and a tracker sees it, base frame [mm], as in scenarios."""
 
@@ -102,6 +112,8 @@ class Robot:
     """Where each group of numbers comes from."""
     workspace: Workspace | None = None
     """Where it works unless the scenario states it; None: derived from its reach."""
+    reflectors: tuple[Reflector, ...] = ()
+    """Targets on its tool, if it was calibrated with any."""
     joint_names: tuple[str, ...] = ()
     """(n,) names of the joints in its URDF or MJCF; empty if it does not come from one."""
     notes: tuple[str, ...] = ()
@@ -113,6 +125,21 @@ class Robot:
 def body_name(link: int) -> str:
     """Name of a body in MuJoCo: ``base``, ``link1`` ... ``linkn``."""
     return f"link{link}" if link else "base"
+
+
+def reflector_frames(robot: Robot) -> tuple[str, ...]:
+    """What each reflector is called in URDF and MJCF: as people call it, if nothing else is."""
+    n = robot.model.chain.n_joints
+    taken = {"world", "base", "flange", "tool", "tool0"}
+    taken |= {name for k in range(1, n + 1) for name in (f"link{k}", f"link_{k}")}
+    frames: list[str] = []
+    for reflector in robot.reflectors:
+        name = reflector.name
+        while name in taken:
+            name = f"reflector_{name}"
+        taken.add(name)
+        frames.append(name)
+    return tuple(frames)
 
 
 def workspace(robot: Robot) -> Workspace:

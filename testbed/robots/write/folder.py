@@ -11,7 +11,7 @@ import numpy as np
 from calib.arrays import Array, frozen
 from calib.errors import refuse
 from calib.geometry.chain import Chain, forward
-from calib.geometry.frames import inverse
+from calib.geometry.frames import inverse, slide
 from calib.geometry.inverse import spread
 from calib.geometry.model import RobotModel
 from testbed.disk import TEMPORARY, flush_file, flush_folder, write_error
@@ -20,10 +20,10 @@ from testbed.robots.describe.axes import reach, regauged
 from testbed.robots.describe.urdf import load_urdf, urdf_poses, way_to
 from testbed.robots.meshes.files import Mesh, part_mesh
 from testbed.robots.placements import LIMIT, difference, link_poses
-from testbed.robots.robot import IN_PLACE, Robot, Visual
+from testbed.robots.robot import IN_PLACE, Reflector, Robot, Visual, reflector_frames
 from testbed.robots.write.mjcf import frames_of, load_mjcf, mjcf_poses, mjcf_text
 from testbed.robots.write.toml import robot_toml
-from testbed.robots.write.urdf import urdf_bytes
+from testbed.robots.write.urdf import require_package, urdf_bytes
 from testbed.units import MM
 
 SHIFT, TURN = 0.01, np.radians(1.0)
@@ -34,7 +34,9 @@ PROOFS, SAMPLES = 65, 1001
 MESHES = "meshes"
 
 
-def identified_robot(robot: Robot, model: RobotModel, *, name: str) -> Robot:
+def identified_robot(
+    robot: Robot, model: RobotModel, *, name: str, reflectors: tuple[Reflector, ...] = ()
+) -> Robot:
     """The robot with an identified model, under a new name.
 
     What is drawn and what has mass stays where it was at joint zero. If a length came out larger
@@ -48,6 +50,8 @@ def identified_robot(robot: Robot, model: RobotModel, *, name: str) -> Robot:
         Identified geometry and joint errors; reflectors and stations are not part of a robot.
     name : str
         Small letters, digits, underscores.
+    reflectors : tuple of Reflector
+        What was mounted on the tool, in the tool frame of the model.
     """
     require_name(name)
     nominal = robot.model.chain
@@ -76,6 +80,7 @@ def identified_robot(robot: Robot, model: RobotModel, *, name: str) -> Robot:
         model=RobotModel(chain, model.joint_errors),
         sources=MappingProxyType(sources),
         notes=notes,
+        reflectors=reflectors,
         agreement=None,
     )
 
@@ -122,7 +127,9 @@ def _rehung(robot: Robot, new: Chain) -> Robot:
     )
 
 
-def write_robot_folder(robot: Robot, folder: Path, *, overwrite: bool = False) -> tuple[str, ...]:
+def write_robot_folder(
+    robot: Robot, folder: Path, *, overwrite: bool = False, package: str | None = None
+) -> tuple[str, ...]:
     """Write robot.toml, NAME.urdf, NAME.xml and the meshes, each read again and proven first.
 
     robot.toml has the full model with its joint terms; URDF and MJCF have its geometric part, which
@@ -136,6 +143,8 @@ def write_robot_folder(robot: Robot, folder: Path, *, overwrite: bool = False) -
         Made if it is not there; other files in it are left alone.
     overwrite : bool
         Whether files of these names may be replaced.
+    package : str, optional
+        ROS package whose root the folder will be: so the URDF names its meshes.
 
     Returns
     -------
@@ -145,13 +154,15 @@ def write_robot_folder(robot: Robot, folder: Path, *, overwrite: bool = False) -
     Raises
     ------
     InputError
-        C40: a file is there already, or nothing can be written there.
+        C40: a file is there already, or nothing can be written there; C41: no name of a package.
     MachineError
         The disk is full.
     RuntimeError
         A file does not describe the robot that was written: a defect of this program.
     """
     require_name(robot.name)
+    if package is not None:
+        require_package(package)
     names = [ROBOT_FILE, f"{robot.name}.urdf", f"{robot.name}.xml"]
     names += [f"{MESHES}/{visual.name}.obj" for visual in robot.visuals]
     _require_free(folder, names, overwrite=overwrite)
@@ -162,7 +173,9 @@ def write_robot_folder(robot: Robot, folder: Path, *, overwrite: bool = False) -
             (draft.folder / names[0]).write_text(
                 robot_toml(draft, comment=_head(robot)), encoding="utf-8", newline="\n"
             )
-            (draft.folder / names[1]).write_bytes(urdf_bytes(draft, comment=words, for_mujoco=True))
+            (draft.folder / names[1]).write_bytes(
+                urdf_bytes(draft, comment=words, for_mujoco=True, package=package)
+            )
             (draft.folder / names[2]).write_text(
                 mjcf_text(draft, comment=words), encoding="utf-8", newline="\n"
             )
@@ -247,20 +260,34 @@ def _geometric_words(robot: Robot) -> str:
     )
 
 
+def _with_targets(robot: Robot, T: Array) -> Array:
+    """Tool poses (m, 4, 4), then those of every frame of a reflector on it [m]."""
+    places = [np.eye(4), *(slide(*reflector.place) for reflector in robot.reflectors)]
+    return np.concatenate([T @ place for place in places])
+
+
 def _proven(robot: Robot, folder: Path, names: list[str]) -> dict[str, tuple[float, float]]:
     """Distance [m] and angle [rad] between the robot and each file as each reader reads it."""
     toml, urdf, xml = (folder / name for name in names[:3])
+    read = load_robot(toml)
     q = np.vstack([np.zeros(len(robot.limits)), spread(robot.limits, PROOFS)[1:]])
-    geometry = forward(robot.model.chain, q)
+    geometry = _with_targets(robot, forward(robot.model.chain, q))
+    targets = reflector_frames(robot)
     above = {joint.child: joint for joint in load_urdf(urdf.read_bytes()).robot.joints}
     joints = list(range(len(robot.limits)))
     found: dict[str, tuple[Array, Array]] = {
-        toml.name: (load_robot(toml).model.poses(q), robot.model.poses(q)),
-        f"{urdf.name} (yourdfpy)": (urdf_poses(way_to(above, "tool0"), "tool0", q), geometry),
-    }
-    for file, tip in ((urdf, "tool0"), (xml, "tool")):
+        toml.name: (
+            _with_targets(read, read.model.poses(q)), _with_targets(robot, robot.model.poses(q))
+        ),
+        f"{urdf.name} (yourdfpy)": (
+            np.concatenate([urdf_poses(way_to(above, tip), tip, q) for tip in ("tool0", *targets)]),
+            geometry,
+        ),
+    }  # fmt: skip
+    for file, tool in ((urdf, "tool0"), (xml, "tool")):
         model = load_mjcf(file)
-        poses = mjcf_poses(model, joints, frames_of(model)[tip], q)
+        tips = [frames_of(model)[tip] for tip in (tool, *targets)]
+        poses = np.concatenate([mjcf_poses(model, joints, tip, q) for tip in tips])
         found[f"{file.name} (MuJoCo)"] = poses, geometry
     out = {name: difference(T, other) for name, (T, other) in found.items()}
     for name, (position, rotation) in out.items():

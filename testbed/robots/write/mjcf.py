@@ -9,10 +9,10 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.chain import Chain
-from calib.geometry.frames import transform
+from calib.geometry.frames import slide, transform
 from testbed.robots.meshes.files import part_mesh
 from testbed.robots.placements import placements, quaternion_wxyz
-from testbed.robots.robot import IN_PLACE, Robot, Visual, body_name
+from testbed.robots.robot import IN_PLACE, Robot, Visual, body_name, reflector_frames
 
 COLLIDES, DRAWN = 2, 1
 """Geom groups: parts whose hulls are tested for collision, parts that are only drawn."""
@@ -112,8 +112,15 @@ def always_touching(robot: Robot, q: Array) -> tuple[tuple[str, str], ...]:
 
 
 def mjcf_text(robot: Robot, *, comment: str = "") -> str:
-    """The geometry of a robot as MJCF text, every digit kept, mesh paths relative to its folder."""
-    spec = build_spec(robot.model.chain, robot)
+    """The geometry of a robot as MJCF text, every digit kept, mesh paths relative to its folder.
+
+    Reflectors are sites beside those of flange and tool.
+    """
+    chain = robot.model.chain
+    spec = build_spec(chain, robot)
+    last, tool = spec.body(body_name(chain.n_joints)), placements(chain).tool
+    for reflector, name in zip(robot.reflectors, reflector_frames(robot), strict=True):
+        last.add_site(name=name, **_pose(tool @ slide(*reflector.place)))
     spec.compile()
     head = f"<!-- {comment.replace('--', '-')} -->\n" if comment else ""
     return head + str(spec.to_xml())

@@ -10,7 +10,7 @@ from calib.arrays import Array
 from calib.geometry.chain import JointKind
 from calib.geometry.frames import transform_step
 from calib.geometry.joint_errors import JointTerm
-from testbed.robots.robot import Robot, Visual, Workspace
+from testbed.robots.robot import Reflector, Robot, Visual, Workspace
 from testbed.strict import toml_lines, toml_value
 
 Unit = Callable[[float], float]
@@ -73,6 +73,7 @@ def robot_toml(robot: Robot, *, comment: str = "") -> str:
         **({"workspace": _workspace(robot.workspace)} if robot.workspace else {}),
         "joints": [_joint(robot, i) for i in range(chain.n_joints)],
         "joint_terms": terms or None,
+        "reflectors": [_reflector(reflector) for reflector in robot.reflectors] or None,
     }
     lines = [f"# {line}" for line in comment.splitlines()] + toml_lines(head)
     if robot.notes:
@@ -91,6 +92,11 @@ def _frame(T: Array) -> dict[str, Any]:
         "position_mm": [millimeters(x) for x in step[:3]],
         "rotation_vector_deg": [degrees(x) for x in step[3:]],
     }
+
+
+def _reflector(reflector: Reflector) -> dict[str, Any]:
+    """One of [[reflectors]]."""
+    return {"name": reflector.name, "position_mm": [millimeters(x) for x in reflector.place]}
 
 
 def _workspace(box: Workspace) -> dict[str, Any]:

@@ -1,32 +1,57 @@
 """A robot as URDF, through yourdfpy; `describe.urdf` is the way back."""
 
 import io
+import re
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from calib.arrays import Array
+from calib.errors import refuse
 from calib.geometry.frames import slide
 from testbed.robots.placements import placements, tidy
-from testbed.robots.robot import Robot, Visual
+from testbed.robots.robot import Robot, Visual, reflector_frames
 
 NO_EFFORT_LIMIT = 1000.0
 """URDF wants an effort limit [N m or N]; ours is not known."""
-FOR_MUJOCO = (
-    b'\n  <mujoco><compiler discardvisual="false" fusestatic="false" strippath="false"/></mujoco>'
-)
+FOR_MUJOCO = '\n  <mujoco><compiler discardvisual="false" fusestatic="false" {}/></mujoco>'
 """Its compiler drops visuals, fixed links and the folders of meshes unless asked to keep them."""
+PACKAGE = re.compile(r"(?=..)[a-z][a-z0-9]*(_[a-z0-9]+)*")
+"""Names that ROS takes for a package: REP 144, and no underscore at the end, as rosidl asks."""
 
 
-def urdf_bytes(robot: Robot, *, comment: str = "", for_mujoco: bool = False) -> bytes:
-    """The geometry of a robot as URDF, every digit kept, mesh paths relative to its folder.
+def require_package(name: str) -> None:
+    """Refuse what ROS would not take as the name of a package; C41."""
+    if not PACKAGE.fullmatch(name):
+        allowed = (
+            "two or more small letters, digits and single underscores between them, a letter first"
+        )
+        message = f'ROS takes no package called "{name}"'
+        raise refuse("--package", name, allowed, code="C41", message=message)
 
-    With `for_mujoco` it holds what MuJoCo needs to load it as it is: meshes in their folder,
-    all links kept. Other readers skip that.
 
-    Links: world, base, link_1 ... link_n with the body frames of `placements`, flange, tool0.
+def urdf_bytes(
+    robot: Robot, *, comment: str = "", for_mujoco: bool = False, package: str | None = None
+) -> bytes:
+    """The geometry of a robot as URDF, every digit kept.
+
+    Links: world, base, link_1 ... link_n with the body frames of `placements`, flange, and on
+    it tool0 and the reflectors by their names.
+
+    Parameters
+    ----------
+    robot : Robot
+        To be written.
+    comment : str
+        Stands above it.
+    for_mujoco : bool
+        Whether it holds what MuJoCo needs to load it as it is: meshes in their folder, all links
+        kept. Other readers skip that.
+    package : str, optional
+        ROS package whose root the robot's folder will be: mesh paths begin with package:// and its
+        name. Without it they are relative to the folder. MuJoCo knows no packages and takes all
+        meshes from the folder of the first one.
     """
     from yourdfpy import urdf as y
 
@@ -55,10 +80,15 @@ def urdf_bytes(robot: Robot, *, comment: str = "", for_mujoco: bool = False) -> 
     hull = "_hull" if for_mujoco else ""
     by_name = {link.name: link for link in out.links}
     for visual in robot.visuals:
-        _add_part(by_name[_link_name(visual.link)], visual, robot.folder, palette, hull)
+        file = visual.file.relative_to(robot.folder).as_posix()
+        path = f"package://{package}/{file}" if package else file
+        _add_part(by_name[_link_name(visual.link)], visual, path, palette, hull)
     out.materials = list(palette.values())
     _add_fixed(out, _link_name(chain.n_joints), "flange", flange)
     _add_fixed(out, "flange", "tool0", tidy(chain.T_flange_tool))
+    for reflector, frame in zip(robot.reflectors, reflector_frames(robot), strict=True):
+        # beside tool0, which stays the end of the arm for who looks for one
+        _add_fixed(out, "flange", frame, tidy(chain.T_flange_tool @ slide(*reflector.place)))
     document = y.URDF(
         robot=out, build_scene_graph=False, load_meshes=False, filename_handler=str
     ).write_xml()
@@ -66,11 +96,20 @@ def urdf_bytes(robot: Robot, *, comment: str = "", for_mujoco: bool = False) -> 
     document.write(text, xml_declaration=True, encoding="UTF-8", pretty_print=True)
     if not (comment or for_mujoco):
         return text.getvalue()
-    told = FOR_MUJOCO if for_mujoco else b""
+    told = _mujoco_words(robot, package) if for_mujoco else b""
     said = f"<!-- {comment.replace('--', '-')} -->\n".encode() if comment else b""
     start, tag, rest = text.getvalue().partition(b"<robot ")
     name, close, parts = rest.partition(b">")
     return start + said + tag + name + close + told + parts
+
+
+def _mujoco_words(robot: Robot, package: str | None) -> bytes:
+    """What MuJoCo must be told about fixed links, visuals and where meshes lie."""
+    where = 'strippath="false"'
+    if package and robot.visuals:
+        folder = robot.visuals[0].file.parent.relative_to(robot.folder).as_posix()
+        where = f'strippath="true" meshdir="{folder}"'
+    return FOR_MUJOCO.format(where).encode()
 
 
 def _link_name(link: int) -> str:
@@ -97,15 +136,15 @@ def _inertial(robot: Robot, i: int) -> Any:
     )
 
 
-def _add_part(link: Any, visual: Visual, folder: Path, palette: dict[Any, Any], hull: str) -> None:
-    """A drawn part, and its mesh again as collision shape if it collides."""
+def _add_part(link: Any, visual: Visual, path: str, palette: dict[Any, Any], hull: str) -> None:
+    """A drawn part, its mesh at a path, and that again as collision shape if it collides."""
     from yourdfpy import urdf as y
 
     color = "color_" + "".join(f"{round(255 * x):02x}" for x in visual.rgb)
     material = palette.setdefault(
         visual.rgb, y.Material(name=color, color=y.Color(rgba=np.array([*visual.rgb, 1.0])))
     )
-    shape = y.Geometry(mesh=y.Mesh(filename=visual.file.relative_to(folder).as_posix()))
+    shape = y.Geometry(mesh=y.Mesh(filename=path))
     link.visuals.append(
         y.Visual(name=visual.name, origin=np.eye(4), geometry=shape, material=material)
     )

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from testbed.identify.folder import delivered_robot
 from testbed.identify.recording import calibration_story, show
 from testbed.recording.story import timeline_of
 from testbed.recording.write import write_story
@@ -10,16 +11,20 @@ from tests.calibrated import real, robot
 from tests.recorded import column, scalars, store
 
 
+def story():
+    return calibration_story(real(), delivered_robot(real(), robot(), real().fit))
+
+
 @pytest.fixture(scope="module")
 def opened(tmp_path_factory):
     path = tmp_path_factory.mktemp("recording") / "campaign.rrd"
-    write_story(calibration_story(real(), robot()), path)
+    write_story(story(), path)
     return store(path)
 
 
 @pytest.fixture(scope="module")
 def timeline():
-    return timeline_of(calibration_story(real(), robot()).chapters)
+    return timeline_of(story().chapters)
 
 
 @pytest.fixture(scope="module")

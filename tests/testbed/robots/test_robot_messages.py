@@ -186,6 +186,9 @@ CASES = {
         (folder / "out").write_text(""),
         write_robot_folder(SMALL, folder / "out" / "robot"),
     ],
+    "export for a package that ROS would not take": lambda folder: write_robot_folder(
+        SMALL, folder / "out", package="My-Robot"
+    ),
     "export under an odd name": lambda _: identified_robot(SMALL, SMALL.model, name="My Robot"),
     "term of a joint that is not there": lambda folder: toml(folder, "joint = 2", "joint = 7"),
     "term with too few weights": lambda folder: toml(folder, "[0, 1, 0, 0, 0, 0]", "[1]"),
@@ -193,9 +196,11 @@ CASES = {
     "term with two coefficients": lambda folder: toml(
         folder, "_deg = 0.01", "_deg = 0.01\ncoefficient_mm = 1"
     ),
+    "reflector that is there twice": lambda folder: toml(folder, TERM, REFLECTORS),
     "term with the name of another number": lambda folder: toml(folder, '"g"', '"d2"'),
 }
 SMALL = replace(TX60, visuals=())
+REFLECTORS = '[[reflectors]]\nname = "A"\nposition_mm = [1, 2, 3]\n' * 2
 TERM = """
 [[joint_terms]]
 name = "g"
