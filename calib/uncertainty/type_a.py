@@ -8,11 +8,6 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, Index, check, frozen
 from calib.errors import refuse
 
-POSE_NUMBERS = (30, 50, 70, 90, 110, 130, 150)
-"""Sizes of the random sets whose estimates are compared for u_p."""
-LOCATION_POSES = 50
-"""Poses in each of the four regions for u_w."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TypeA:
@@ -81,7 +76,7 @@ class ParameterBudget:
     repeatability: Array
     """(f,) u_r, from calibrations repeated on one pose set."""
     environment: Array
-    """(f,) u_c; zero, as in the paper."""
+    """(f,) u_c; the paper takes it as zero."""
     pose_number: Array
     """(f,) u_p, from random sets of several sizes; zero for an optimal set."""
     location: Array
@@ -103,25 +98,35 @@ class ParameterBudget:
         )
 
 
-def best_budget(repeats: ArrayLike) -> ParameterBudget:
+def best_budget(repeats: ArrayLike, environment: ArrayLike = 0.0) -> ParameterBudget:
     """What the paper counts for an optimal pose set: repeats and environment only.
 
     Parameters
     ----------
     repeats : (v, f) array_like
         Estimates of repeated calibrations on the optimal set [m or rad].
+    environment : (f,) array_like or float
+        u_c, which repeats cannot see [m or rad].
 
     References
     ----------
-    Wen et al. 2022, eq. (8), with u_c zero as there: u_best = sqrt(u_r^2 + u_c^2).
+    Wen et al. 2022, eq. (8): u_best = sqrt(u_r^2 + u_c^2), with u_c zero there.
     """
     scatter = type_a(repeats).standard
-    nothing = frozen(np.zeros(len(scatter)))
-    return ParameterBudget(scatter, nothing, nothing, nothing)
+    nothing, f = frozen(np.zeros(len(scatter))), len(scatter)
+    if np.ndim(environment) == 0:
+        environment = np.full(f, environment)
+    (known,) = check(f"{f}", environment=environment)
+    if (known < 0).any():
+        raise refuse("environment", known.min(), "zero or more: it is an uncertainty", code="A3")
+    return ParameterBudget(scatter, known, nothing, nothing)
 
 
 def random_budget(
-    repeats: ArrayLike, pose_numbers: ArrayLike, locations: ArrayLike
+    repeats: ArrayLike,
+    pose_numbers: ArrayLike,
+    locations: ArrayLike,
+    environment: ArrayLike = 0.0,
 ) -> ParameterBudget:
     """What the paper counts for random pose sets: two contributors more than for the optimal set.
 
@@ -130,9 +135,11 @@ def random_budget(
     repeats : (v, f) array_like
         Estimates of repeated calibrations on one random set [m or rad].
     pose_numbers : (k, f) array_like
-        One estimate per random set of 30, 50, ..., 150 poses.
+        One estimate per random set of 30, 50, ..., 150 poses in the paper.
     locations : (4, f) array_like
         One estimate per region of the workspace.
+    environment : (f,) array_like or float
+        u_c, as in `best_budget` [m or rad].
 
     Notes
     -----
@@ -143,22 +150,25 @@ def random_budget(
     ----------
     Wen et al. 2022, eq. (9): u_rand = sqrt(u_r^2 + u_c^2 + u_p^2 + u_w^2).
     """
-    known = best_budget(repeats)
+    known = best_budget(repeats, environment)
     f = len(known.repeatability)
     sized, local = check(f"k {f}, r {f}", pose_numbers=pose_numbers, locations=locations)
     return replace(known, pose_number=type_a(sized).standard, location=type_a(local).standard)
 
 
-def location_regions(position: ArrayLike) -> Index:
-    """Region 0..3 (m,) of tool positions: x below or above 0.25 m, y below or above zero.
+def location_regions(position: ArrayLike, border: ArrayLike = (0.25, 0.0)) -> Index:
+    """Region 0..3 (m,) of tool positions: x below or above its border, y below or above its own.
 
-    The paper names four regions without saying which; these quarter its workspace box.
+    The paper names four regions without saying which; by default they quarter its workspace box.
 
     Parameters
     ----------
     position : (m, 3) array_like
         Nominal tool positions in the base frame [m].
+    border : (2,) array_like
+        x and y where the regions meet [m].
     """
-    (position,) = check("m 3", position=position)
-    regions = 2 * (position[:, 0] > 0.25).astype(np.int64) + (position[:, 1] > 0)
+    position, border = check("m 3, 2", position=position, border=border)
+    x, y = border
+    regions = 2 * (position[:, 0] > x).astype(np.int64) + (position[:, 1] > y)
     return np.asarray(regions, dtype=np.int64)

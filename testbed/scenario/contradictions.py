@@ -77,6 +77,8 @@ def contradictions(scenario: Scenario) -> Iterator[str]:
             "[studies] paper_budget compares an optimal set with random ones, and every [[trial]] "
             'is random; write method = "detmax" in one, or paper_budget = false'
         )
+    if scenario.studies.paper_budget:
+        yield from of_budget(scenario)
     for table, key, value in (
         ("uncertainty", "replications", scenario.uncertainty.replications),
         ("studies", "random_sets", scenario.studies.random_sets),
@@ -93,6 +95,24 @@ def contradictions(scenario: Scenario) -> Iterator[str]:
     for settings in scenario.tables.values():
         yield from settings.contradictions(scenario)
     yield from _of_plan(scenario.plan)
+
+
+def of_budget(scenario: Scenario) -> Iterator[str]:
+    """Contradictions in [budget], and of its regions with the pool's box."""
+    budget, pool = scenario.budget, scenario.pool
+    sizes = budget.pose_numbers
+    if len(set(sizes)) < len(sizes):
+        yield "[budget] pose_numbers has a size twice; remove the copy"
+    for axis, border, center, side in zip(
+        "xy", budget.location_border_mm, pool.box_center_mm, pool.box_size_mm, strict=False
+    ):
+        low, high = center - side / 2, center + side / 2
+        if not low < border < high:
+            yield (
+                f"[budget] location_border_mm has {axis} = {border:g}; the pool's box lies between "
+                f"{low:g} and {high:g} mm there, so that two of four regions would be empty; "
+                "choose a border inside the box"
+            )
 
 
 def _of_identification(settings: IdentificationSettings) -> Iterator[str]:

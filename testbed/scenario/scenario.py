@@ -13,6 +13,7 @@ from pydantic import Field, PrivateAttr
 from calib.errors import refuse
 from testbed.scenario.laboratory import CellSettings, PaperTracker, TrackerSettings, TruthSettings
 from testbed.scenario.tables import (
+    BudgetSettings,
     HeldOutSettings,
     IdentificationSettings,
     Name,
@@ -89,6 +90,7 @@ class Scenario(Settings):
     identification: IdentificationSettings = IdentificationSettings()
     uncertainty: UncertaintySettings = UncertaintySettings()
     studies: StudySettings = StudySettings()
+    budget: BudgetSettings = BudgetSettings()
     plan: PlanSettings
     trial: Annotated[tuple[TrialSettings, ...], Field(min_length=1, max_length=MAX_TRIALS)]
     _tables: dict[str, StudyTable] = PrivateAttr(default_factory=dict)
@@ -188,7 +190,7 @@ def shared_part(scenario: Scenario) -> dict[str, Any]:
 def part(scenario: Scenario, *names: str) -> dict[str, Any]:
     """Some tables of the scenario, as they are hashed."""
     document = hashed_document(scenario)
-    return {name: document[name] for name in names}
+    return {name: document[name] for name in names if name in document}
 
 
 def goal_part(scenario: Scenario) -> dict[str, Any]:
@@ -200,6 +202,7 @@ def goal_part(scenario: Scenario) -> dict[str, Any]:
 def hashed_document(scenario: Scenario) -> dict[str, Any]:
     """The scenario for hashing: files by what is in them, with no path of this machine in it."""
     document = scenario.document()
+    _leave_out_later_keys(document)
     for table, key in (
         *((entry, "file") for entry in document["cell"]["obstacle"]),
         (document["plan"], "measured"),
@@ -214,6 +217,19 @@ def hashed_document(scenario: Scenario) -> dict[str, Any]:
                     key, table[key], code="R7", message=message, fix=fix, where=at
                 ) from error
     return document
+
+
+def _leave_out_later_keys(document: dict[str, Any]) -> None:
+    """Take away, in place, what earlier versions had no key for and did just so.
+
+    A run folder of theirs stays that of the same scenario.
+    """
+    if document["budget"] == BudgetSettings().model_dump(mode="json"):
+        del document["budget"]
+    usual = list(TrialSettings.model_fields["detmax"].default)
+    for trial in document["trial"]:
+        if trial["detmax"] == usual:
+            del trial["detmax"]
 
 
 @lru_cache(maxsize=4)

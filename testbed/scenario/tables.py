@@ -72,6 +72,40 @@ class StudySettings(Settings):
     """Further virtual robots on which every trial's set is played; 0 skips the study."""
 
 
+Poses = Annotated[int, Field(ge=6, le=5000)]
+"""Poses of a set that the paper's estimator identifies 24 numbers from: four hold them, two are
+spare."""
+MOST_SETS = 100
+
+
+class BudgetSettings(Settings):
+    """[budget]: constants of the paper's uncertainty budget; the defaults are the paper's.
+
+    Who asks for it are [studies] paper_budget and [reexamined]; [uncertainty] repeats says how
+    often a set is repeated.
+    """
+
+    poses: Poses = 50
+    """Of the random set whose repeats give u_r."""
+    pose_numbers: Annotated[tuple[Poses, ...], Field(min_length=2, max_length=MOST_SETS)] = (
+        *(30, 50, 70, 90, 110, 130, 150),
+    )
+    """Sizes of the random sets whose estimates scatter by u_p."""
+    location_poses: Poses = 50
+    """Poses in each of four regions, whose estimates scatter by u_w; in a region of fewer, all."""
+    location_border_mm: tuple[Length, Length] = (250.0, 0.0)
+    """x and y of the nominal tool position, base frame, where the four regions meet. The paper does
+    not say where its regions lie."""
+    environment_mm: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
+    """u_c, the environment's part, of each number that is a length; the paper takes it as zero."""
+    environment_deg: Annotated[float, Field(ge=0.0, le=90.0)] = 0.0
+    """The same of each angle."""
+
+
+Swaps = Annotated[int, Field(ge=1, le=5000)]
+Searches = Annotated[int, Field(ge=1, le=100_000)]
+
+
 class TrialSettings(Settings):
     """[[trial]]: one pose set."""
 
@@ -85,6 +119,10 @@ class TrialSettings(Settings):
     """Rows and units the index is computed in; "paper": 12 unweighted rows, mm and rad."""
     sets: Annotated[int, Field(ge=1, le=10_000)] = 100
     """Random sets of which best_of_random keeps the best; the other methods ignore it."""
+    detmax: tuple[Annotated[int, Field(ge=0, le=100_000)], Swaps, Swaps, Searches] = (40, 2, 1, 80)
+    """The paper's a, b, c, d of DETMAX: each search after the first starts with b poses swapped for
+    random ones, c poses once a searches in a row brought nothing; d such searches end it. The other
+    methods ignore it."""
 
 
 Spread = Annotated[float, Field(gt=0.0, le=1e4)]

@@ -76,7 +76,7 @@ class KindsStudy(Generic[R]):
         reads = {
             **shared_part(scenario),
             **part(scenario, "identification"),
-            "trial": trials[0].model_dump(mode="json"),
+            "trial": part(scenario, "trial")["trial"][0],
             "poses": [trial.poses for trial in trials],
             **goal_part(scenario),
         }

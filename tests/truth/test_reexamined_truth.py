@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from testbed.studies import load_scenario
-from testbed.studies.wen2022.summary import over_pools, reexamination_of
+from testbed.studies.wen2022.ratio import over_pools
+from testbed.studies.wen2022.summary import reexamination_of
 from tests.reported import played
 
 pytestmark = [pytest.mark.truth, pytest.mark.study]

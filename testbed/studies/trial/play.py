@@ -15,6 +15,7 @@ from calib.design import (
     Problem,
     Selection,
     best_of_random,
+    detmax,
     pose_count,
     random_sets,
 )
@@ -113,6 +114,9 @@ def select(
     problem = Problem.of_blocks(blocks, settings.poses, criterion)
     if settings.method == "best_of_random":
         return best_of_random(problem, rng, sets=settings.sets)
+    if settings.method == "detmax":
+        a, b, c, d = settings.detmax
+        return detmax(problem, rng, a=a, b=b, c=c, d=d)
     return METHODS[settings.method](problem, rng)
 
 

@@ -39,8 +39,9 @@ class TrialStudy:
             Record(SETTING, Setting, shared, vital=True),
             Record(VALIDATION, Validation, shared, needs=(SETTING,)),
         ]
-        for trial in scenario.trial:
-            reads = fitted | {"trial": trial.model_dump(mode="json")}
+        hashed = part(scenario, "trial")["trial"]
+        for trial, settings in zip(scenario.trial, hashed, strict=True):
+            reads = fitted | {"trial": settings}
             if trial.criterion in NEEDS_GOALS:
                 reads |= goal_part(scenario)
             found.append(Record(trial.name, Trial, reads, needs=(SETTING, VALIDATION)))
@@ -123,7 +124,7 @@ class TrialStudy:
 
 def campaign_part(scenario: Scenario) -> dict[str, Any]:
     """What a record reads that depends on everything but names and titles."""
-    tables = part(scenario, "identification", "uncertainty", "studies", "trial")
+    tables = part(scenario, "identification", "uncertainty", "studies", "budget", "trial")
     return shared_part(scenario) | tables | goal_part(scenario)
 
 

@@ -3,25 +3,21 @@
 import numpy as np
 
 from calib.arrays import Array, Index
+from calib.errors import refuse
 from calib.identification.identify import Identification, Mode, identify
 from calib.measurement.observations import Measurements
-from calib.uncertainty.type_a import (
-    LOCATION_POSES,
-    POSE_NUMBERS,
-    best_budget,
-    location_regions,
-    random_budget,
-)
+from calib.uncertainty.type_a import best_budget, location_regions, random_budget
 from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
 from testbed.scenario.scenario import Scenario
+from testbed.scenario.tables import BudgetSettings
 from testbed.streams import stream
 from testbed.studies.protocol import Records
 from testbed.studies.trial.records import Trial
 from testbed.studies.wen2022.paper_set import designed_trials
-from testbed.studies.wen2022.records import PaperBudget
+from testbed.studies.wen2022.records import PaperBudget, environment
 
-RANDOM_BUDGET_POSES = 50
-"""Poses of the random set whose repeats give u_r (Wen et al. 2022)."""
+FEWEST_LOCAL = 10
+"""Poses in a region below which its calibration says more of their choice than of the place."""
 
 
 def fitted(laboratory: Laboratory, seen: Measurements, mode: Mode = "paper") -> Identification:
@@ -29,10 +25,27 @@ def fitted(laboratory: Laboratory, seen: Measurements, mode: Mode = "paper") -> 
     return identify(laboratory.setting.nominal, seen, laboratory.free("paper"), mode=mode)
 
 
-def region_members(setting: Setting) -> list[Index]:
-    """Places in the pool of the poses in each of the four regions."""
-    regions = location_regions(setting.pool_nominal[:, :3, 3])
-    return [np.flatnonzero(regions == region) for region in range(4)]
+def location_sets(
+    setting: Setting, budget: BudgetSettings, rng: np.random.Generator
+) -> list[Index]:
+    """One random set from each of the four regions of the pool, whose estimates give u_w."""
+    x, y = budget.location_border_mm
+    regions, sets = location_regions(setting.pool_nominal[:, :3, 3], (x / 1e3, y / 1e3)), []
+    for region in range(4):
+        members = np.flatnonzero(regions == region)
+        if len(members) < FEWEST_LOCAL:
+            raise refuse(
+                "pool.box_size_mm",
+                len(members),
+                code="M27",
+                message=f"region {region + 1} of the pool has {len(members)} poses, too few to "
+                "calibrate there and see how the place matters",
+                fix=f"enlarge [pool] size, or let the box reach over x = {x:g} mm and y = {y:g} mm "
+                "([budget] location_border_mm)",
+            )
+        count = min(budget.location_poses, len(members))
+        sets.append(rng.choice(members, count, replace=False))
+    return sets
 
 
 def repeats_of(trial: Trial) -> Array:
@@ -52,31 +65,32 @@ def paper_budget_study(scenario: Scenario, setting: Setting, needed: Records) ->
     bench, n = open_laboratory(scenario, setting), len(setting.pool_q)
     trials = designed_trials(scenario)
     rng = stream(scenario.seed, "paper_budget", "sets")
-    one = rng.choice(n, min(RANDOM_BUDGET_POSES, n), replace=False)
-    local = [
-        rng.choice(members, min(LOCATION_POSES, len(members)), replace=False)
-        for members in region_members(setting)
-    ]
-    sized = [rng.choice(n, min(size, n), replace=False) for size in POSE_NUMBERS]
+    constants, names = scenario.budget, bench.free("paper").free_names
+    u_c = environment(constants, names)
+    one = rng.choice(n, min(constants.poses, n), replace=False)
+    local = location_sets(setting, constants, rng)
+    sized = [rng.choice(n, min(size, n), replace=False) for size in constants.pose_numbers]
 
     def estimates(sets: list[Index], name: str) -> Array:
         """Steps (k, f) of the paper's estimator, one visit of each set."""
         visits = (bench.measure_pool(p, "paper_budget", name, repeat=k) for k, p in enumerate(sets))
         return np.array([fitted(bench, seen).step for seen in visits])
 
-    best = [best_budget(repeats_of(needed.get(name, Trial))) for name in trials]
+    best = [best_budget(repeats_of(needed.get(name, Trial)), u_c) for name in trials]
     random = random_budget(
         estimates([one] * scenario.uncertainty.repeats, "repeats"),
         estimates(sized, "pose_number"),
         estimates(local, "location"),
+        u_c,
     )
     return PaperBudget(
-        names=bench.free("paper").free_names,
+        names=names,
         trials=trials,
         best_repeatability=np.array([one.repeatability for one in best]),
         repeatability=random.repeatability,
         pose_number=random.pose_number,
         location=random.location,
+        environment=random.environment,
         best=np.array([one.combined for one in best]),
         random=random.combined,
     )

@@ -11,17 +11,9 @@ import numpy as np
 from testbed.studies.many_robots import change, plus_minus, printed_change, share, signed, within
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.finding import Finding, NotPlayedError, Verdict, graded, played
+from testbed.studies.wen2022.ratio import Split, over, printed_split
 from testbed.studies.wen2022.records import STATEMENTS, Reexamined
-from testbed.studies.wen2022.summary import (
-    Errors,
-    PaperRow,
-    Reexamination,
-    Split,
-    first_of,
-    of_kind,
-    over,
-    printed_split,
-)
+from testbed.studies.wen2022.summary import Errors, PaperRow, Reexamination, first_of, of_kind
 from testbed.units import MM, NARROW, Mean, fixed
 
 LEVEL = 0.95

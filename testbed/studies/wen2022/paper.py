@@ -88,6 +88,76 @@ TOOL_RATIO = 0.106
 PARAMETER_RATIO = 0.11
 """Mean of the last column of Table 3, as stated in the text."""
 
+
+@dataclass(frozen=True, slots=True)
+class Misprint:
+    """A place where what is printed cannot be, and what is used here instead."""
+
+    what: str
+    printed: str
+    used: str
+    """The form used in this program; "as printed" where the printed one is only shown."""
+    why: str
+
+
+MISPRINTS = (
+    Misprint(
+        "index O1",
+        "root 1/m of the product, m poses",
+        "root 1/p, p numbers",
+        "the geometric mean of p singular values",
+    ),
+    Misprint(
+        "indices O3, O4, O5 against the number of poses",
+        "not divided by the root of the number of poses",
+        "both: curves as printed, and divided by that root",
+        "only per pose do they settle; O1 and O2 have no such drift, and the rule rests on these",
+    ),
+    Misprint(
+        "index O5",
+        "sum of reciprocal singular values, maximized",
+        "the reciprocal of that sum; curves as printed beside it",
+        "the printed sum is largest for the worst set",
+    ),
+    Misprint(
+        "step 4 of DETMAX",
+        "candidates 1 to m",
+        "candidates 1 to N - m, all poses outside the set",
+        "only so can every pose of the pool enter",
+    ),
+    Misprint(
+        "smallest number of poses",
+        "mu >= 2",
+        "mu >= 4",
+        "twelve rows of a pose hold six freedoms",
+    ),
+    Misprint(
+        "distance of the tool point",
+        "g = sqrt(Px + Py + Pz)",
+        "g = sqrt(Px^2 + Py^2 + Pz^2)",
+        "only that is a length, and only that gives the printed figures",
+    ),
+    Misprint(
+        "Table 3, u random of beta2",
+        "0.0036 deg",
+        "as printed where Table 3 is carried to the tool; 0.0025 deg where it is taken apart",
+        "its components add to 0.0025",
+    ),
+    Misprint(
+        "u of |P| at the zero pose, optimal set",
+        "0.0034 mm",
+        "what Table 3 gives, 0.0030 mm",
+        "0.0034 is not within reach of the printed uncertainties",
+    ),
+    Misprint(
+        "four regions of the workspace",
+        "not said where they lie",
+        "quarters of the box, [budget] location_border_mm",
+        "any others can be given",
+    ),
+)
+"""Where the printed form is not the one used."""
+
 # `COLUMNS` of each parameter; angles (theta, alpha, beta) in deg, lengths (d, a) in mm
 TABLE3 = {
     "theta1": (0, 0.0004, 0.0014, 0.001, 0.0032, 0.0004, 0.0036, 0.11),

@@ -12,21 +12,26 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.design import random_selection
-from calib.errors import refuse
 from calib.identification.identify import Identification
 from calib.information.propagation import distance_uncertainty, tool_covariance
 from calib.measurement.accuracy import point_distances
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predicted_positions
 from calib.uncertainty.regions import inside
-from calib.uncertainty.type_a import LOCATION_POSES, POSE_NUMBERS, type_a
+from calib.uncertainty.type_a import root_sum_square, type_a
 from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.many_robots import TruthName, alone, together, truth_of_kind
 from testbed.studies.trial.compare import INTERVAL, true_step
-from testbed.studies.wen2022.budget import RANDOM_BUDGET_POSES, fitted, region_members
-from testbed.studies.wen2022.records import ESTIMATORS, PoolSets, Reexamined, TrialSets
+from testbed.studies.wen2022.budget import fitted, location_sets
+from testbed.studies.wen2022.records import (
+    ESTIMATORS,
+    PoolSets,
+    Reexamined,
+    TrialSets,
+    environment,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,12 +154,9 @@ def play(visit: Visit, trial: TrialSets, pool: int) -> dict[str, Any]:
     steps = np.array([fits[0].step, *(fitted(visit.laboratory, table).step for table in others)])
     u = type_a(steps).standard
     off = np.abs(fits[0].step - true_step(visit.laboratory.setting, fits[1], seen))
-    figures |= {"u_best": u, "numbers_inside": float((off <= INTERVAL * u).mean())}
-    return figures | held(visit, fits, u)
-
-
-FEWEST_LOCAL = 10
-"""Poses in a region below which its calibration says more of their choice than of the place."""
+    combined = root_sum_square(u, environment(visit.laboratory.scenario.budget, fits[0].names))
+    figures |= {"u_best": u, "numbers_inside": float((off <= INTERVAL * combined).mean())}
+    return figures | held(visit, fits, combined)
 
 
 def held(visit: Visit, fits: tuple[Identification, ...], u: Array) -> dict[str, Any]:
@@ -185,22 +187,11 @@ def held(visit: Visit, fits: tuple[Identification, ...], u: Array) -> dict[str, 
 
 def random_parts(visit: Visit, repeats: int) -> tuple[Array, Array, Array]:
     """u_r, u_p, u_w (f,) of the random side, paper estimator [m or rad]."""
-    setting, seed = visit.laboratory.setting, visit.laboratory.scenario.seed
-    one = visit.random(RANDOM_BUDGET_POSES, "u_r")
-    sized = [visit.random(size, f"u_p {size}") for size in POSE_NUMBERS]
-    rng = stream(seed, "reexamined", "set", "u_w", visit.robot)
-    local = []
-    for region, members in enumerate(region_members(setting)):
-        if len(members) < FEWEST_LOCAL:
-            raise refuse(
-                "pool.box_size_mm",
-                len(members),
-                code="M27",
-                message=f"region {region + 1} of the pool has {len(members)} poses, too few to "
-                "calibrate there and see how the place matters",
-                fix="enlarge [pool] size, or let the box reach over x = 250 mm and y = 0",
-            )
-        local.append(rng.choice(members, min(LOCATION_POSES, len(members)), replace=False))
+    scenario, budget = visit.laboratory.scenario, visit.laboratory.scenario.budget
+    one = visit.random(budget.poses, "u_r")
+    sized = [visit.random(size, f"u_p {size}") for size in budget.pose_numbers]
+    rng = stream(scenario.seed, "reexamined", "set", "u_w", visit.robot)
+    local = location_sets(visit.laboratory.setting, budget, rng)
     u_r, u_p, u_w = (
         type_a(visit.steps(sets, name)).standard
         for sets, name in (([one] * repeats, "u_r"), (sized, "u_p"), (local, "u_w"))

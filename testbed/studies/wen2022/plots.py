@@ -20,6 +20,7 @@ from testbed.report.svg import DARK, FAINT, INK, LIGHT, MIDDLE, SOFT, drawing, s
 from testbed.studies.many_robots import percent_of
 from testbed.studies.trial.plots import LOOKS
 from testbed.studies.wen2022 import paper
+from testbed.studies.wen2022.ratio import PRINTED, Split
 from testbed.studies.wen2022.records import (
     ESTIMATORS,
     OURS_BEST,
@@ -28,7 +29,7 @@ from testbed.studies.wen2022.records import (
     PaperBudget,
     ToolPointStudy,
 )
-from testbed.studies.wen2022.summary import PRINTED, Errors, Held, Predicted, Split
+from testbed.studies.wen2022.summary import Errors, Held, Predicted
 from testbed.units import MM, UM, in_units
 
 if TYPE_CHECKING:

@@ -20,14 +20,11 @@ from testbed.scenario.tables import TrialSettings
 from testbed.streams import stream
 from testbed.studies.many_robots import alone, together
 from testbed.studies.trial.play import SPARE_POSES, criterion_of, select
-from testbed.studies.wen2022.budget import RANDOM_BUDGET_POSES
 from testbed.studies.wen2022.paper_set import by_paper
 from testbed.studies.wen2022.records import PoolSets, TrialSets
 
 RANDOM_SETS = 200
 """Random sets of each size whose predicted uncertainty is averaged, per pool."""
-BUDGET_SET = "random-50"
-"""What the random set of the paper's budget is called where no trial has its size."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,7 +121,7 @@ def trial_sets(own: Laboratory, noise: Noise, trial: TrialSettings | None, pool:
     over many of them is predicted, and they have no places in the pool.
     """
     seed, N = own.scenario.seed, len(noise.exact)
-    size = min(RANDOM_BUDGET_POSES, N) if trial is None else trial.poses
+    size = min(own.scenario.budget.poses, N) if trial is None else trial.poses
     if designed := trial is not None and trial.method != "random":
         rng = stream(seed, "reexamined", "select", trial.name, pool)
         blocks = own.design_blocks(trial.rows)
@@ -136,7 +133,7 @@ def trial_sets(own: Laboratory, noise: Noise, trial: TrialSettings | None, pool:
         sets = np.array([random_selection(N, size, rng) for _ in range(RANDOM_SETS)])
     u, tool_u = noise.predicted(sets)
     return TrialSets(
-        trial=BUDGET_SET if trial is None else trial.name,
+        trial=f"random-{own.scenario.budget.poses}" if trial is None else trial.name,
         poses=size,
         designed=designed,
         by_paper=trial is not None and by_paper(trial),

@@ -1,13 +1,16 @@
 """What the re-examination of the paper leaves behind: the sets, one record per kind of robot."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calib.arrays import Array, Index
+from testbed.scenario.tables import BudgetSettings
 from testbed.studies.many_robots import of_each_kind
 from testbed.studies.trial.records import Campaign
+from testbed.studies.wen2022.paper import is_length
 from testbed.studies.wen2022.settings import SETS_KEY, ReexaminedSettings
 
 if TYPE_CHECKING:
@@ -84,7 +87,8 @@ class Reexamined:
     error: Array
     """(s, 2, R) mean held-out error against the truth, per estimator [m]."""
     u_best: Array
-    """(d, R, f) scatter of repeated calibrations on the designed set, eq. (8) [m or rad]."""
+    """(d, R, f) scatter of repeated calibrations on the designed set, eq. (8) without u_c, which is
+    the scenario's [m or rad]."""
     u_r: Array
     """(R, f) the same on one random set of 50 poses."""
     u_p: Array
@@ -97,11 +101,6 @@ class Reexamined:
     """(d, R) share of the 24 numbers within 1.96 u_best of the truth."""
     distance_u: Array
     """(d, R) mean over held-out poses of the stated u of |P| [m]."""
-
-    @property
-    def u_rand(self) -> Array:
-        """(R, f) root sum of squares of u_r, u_p and u_w, eq. (9) [m or rad]."""
-        return np.sqrt(self.u_r**2 + self.u_p**2 + self.u_w**2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,11 +118,13 @@ class PaperBudget:
     """(d, f) u_r of each designed set: standard deviation (n - 1) of its v repeated estimates by
     the paper's estimator, `Estimate.repeated`."""
     repeatability: Array
-    """(f,) u_r of 50 random poses, v repeats."""
+    """(f,) u_r of one random set ([budget] poses), v repeats."""
     pose_number: Array
-    """(f,) u_p over sets of 30, 50, ..., 150 poses."""
+    """(f,) u_p over sets of several sizes ([budget] pose_numbers)."""
     location: Array
     """(f,) u_w over four regions."""
+    environment: Array
+    """(f,) u_c as the scenario gives it; zero in the paper."""
     best: Array
     """(d, f) u_best = RSS(u_r, u_c), eq. (8)."""
     random: Array
@@ -170,6 +171,12 @@ class ToolPointStudy:
     def spatial(self) -> Array:
         """(s, 1 + t) standard uncertainty in all three directions, independent draws [m]."""
         return np.asarray(np.sqrt((self.spread**2).sum(axis=-1)))
+
+
+def environment(budget: BudgetSettings, names: Sequence[str]) -> Array:
+    """u_c (f,) of the numbers called `names` [m or rad]."""
+    length, angle = budget.environment_mm / 1e3, np.radians(budget.environment_deg)
+    return np.array([length if is_length(name) else angle for name in names])
 
 
 def paper_budget_of(campaign: Campaign) -> PaperBudget | None:

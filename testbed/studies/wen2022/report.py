@@ -13,14 +13,9 @@ from testbed.studies.trial.records import Campaign
 from testbed.studies.trial.verdict import trial_verdict
 from testbed.studies.wen2022 import plots, tables
 from testbed.studies.wen2022.claims import Examined, examine
+from testbed.studies.wen2022.ratio import Split, printed_split
 from testbed.studies.wen2022.report_paper import claim_table
-from testbed.studies.wen2022.summary import (
-    Reexamination,
-    Split,
-    of_kind,
-    printed_split,
-    reexamination_of,
-)
+from testbed.studies.wen2022.summary import Reexamination, of_kind, reexamination_of
 from testbed.units import MM, NARROW, counted, fixed, plain
 
 CENTRAL = (14, 15, 16, 13)
@@ -180,7 +175,7 @@ NOISE_ONLY = 1.5
 
 def procedure(again: Reexamination) -> str:
     """How the study was made."""
-    sets, pools = again.sets, len(again.sets.pool_q)
+    sets, pools, budget = again.sets, len(again.sets.pool_q), again.budget
     unit = (
         f"Every pool met {counted(again.robots // pools, 'robot')} of each kind, and the unit "
         "of intervals is the pool with its robots: they hold the luck of the designed sets too."
@@ -190,8 +185,9 @@ def procedure(again: Reexamination) -> str:
     )
     return (
         f"{counted(again.robots, 'robot')} of each kind were drawn and measured by the paper's "
-        f"protocol: {again.repeats} repeats of each optimal set and of 50 random poses, random "
-        "sets of 30 to 150 poses, and 50 poses in each of four regions. "
+        f"protocol: {again.repeats} repeats of each optimal set and of {budget.poses} random "
+        f"poses, random sets of {min(budget.pose_numbers)} to {max(budget.pose_numbers)} poses, "
+        f"and {budget.location_poses} poses in each of four regions. "
         f"{counted(pools, 'pool')} of {sets.pool_q.shape[1]} poses were drawn, and every designed "
         "set was chosen anew from each; random sets were drawn anew for each robot. The error is "
         f"that of the tool point against the noise-free truth at {sets.test_q.shape[1]} held-out "

@@ -97,7 +97,7 @@ def ratio_table(budget: PaperBudget) -> Table:
         f"Mean ratio over the {len(budget.names)} numbers, for every designed set",
         columns,
         strong=(0,),
-        note="The random side is the same for all: 50 random poses repeated, and random sets of "
+        note="The random side is the same for all: one random set repeated, and random sets of "
         "other sizes and places. The first set is the one of Table 3 above.",
     )
 
@@ -201,6 +201,7 @@ def paper_section(campaign: Campaign, examined: Examined | None) -> Section | No
         )
         said = budget_table(budget, stand_in(campaign.scenario))
         blocks += [said, ratio_table(budget), Figure(caption, plots.parameter_budget(budget))]
+    blocks.append(misprint_table())
     if not examined.robots:  # else they stand first in the report
         blocks.append(claim_table(examined))
     if examined.silent:
@@ -212,6 +213,16 @@ def paper_section(campaign: Campaign, examined: Examined | None) -> Section | No
         blocks.append(Text(text))
     title = "its tables on this campaign's robot" if examined.robots else "claim by claim"
     return Section("paper", f"Wen et al. 2022, {title}", tuple(blocks), part="detail")
+
+
+def misprint_table() -> Table:
+    """Where the printed form differs from the one used here, and why."""
+    rows = [
+        {"what": one.what, "printed": one.printed, "used here": one.used, "why": one.why}
+        for one in paper.MISPRINTS
+    ]
+    caption = "Where the paper's printed form is not the one that is used"
+    return table_of(rows, caption, align="llll", size="small")
 
 
 def claim_table(examined: Examined) -> Table:

@@ -7,6 +7,7 @@ import numpy as np
 from testbed.store.quantities import METRE, Quantity, as_json, below, fields_of, in_si
 from testbed.studies.trial.records import Campaign
 from testbed.studies.wen2022.claims import Examined, examine
+from testbed.studies.wen2022.ratio import over, printed_split
 from testbed.studies.wen2022.records import (
     STATEMENTS,
     PaperBudget,
@@ -15,13 +16,7 @@ from testbed.studies.wen2022.records import (
     reexamined_of,
     tool_point_of,
 )
-from testbed.studies.wen2022.summary import (
-    Reexamination,
-    of_kind,
-    over,
-    printed_split,
-    reexamination_of,
-)
+from testbed.studies.wen2022.summary import Reexamination, of_kind, reexamination_of
 
 ARRAYS = {name: name for name in ("pool", "u_best", "u_r", "u_p", "u_w")} | {
     "held_out_error_m": "error",

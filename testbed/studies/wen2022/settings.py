@@ -5,6 +5,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
+from testbed.scenario.contradictions import of_budget
 from testbed.scenario.laboratory import At960Tracker
 from testbed.scenario.scenario import Scenario
 from testbed.studies.many_robots import TRUTHS, ManyRobots, TruthName, keys_of
@@ -49,6 +50,8 @@ class ReexaminedSettings(ManyRobots):
                 "[reexamined] plays the protocol of the paper, and no [[trial]] chooses its set as "
                 'there; write method = "detmax" and rows = "paper" in one, or robots = 0'
             )
+        if not scenario.studies.paper_budget:  # else it is said already
+            yield from of_budget(scenario)
         if scenario.pool.size < FEWEST_POSES:
             yield (
                 f"[pool] size is {scenario.pool.size}; [reexamined] calibrates in each quarter of "

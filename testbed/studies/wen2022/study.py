@@ -47,7 +47,8 @@ class Wen2022Study:
         table = scenario.table(ReexaminedSettings)
         if not table.robots:
             return tuple(found)
-        reads = shared_part(scenario) | part(scenario, "studies", "trial", "uncertainty")
+        reads = shared_part(scenario)
+        reads |= part(scenario, "studies", "budget", "trial", "uncertainty")
         reads |= {"pools": table.pools} | goal_part(scenario)
         pieces = pieces_of(table.pools)
         found.append(Record(SETS_KEY, PoolSets, reads, needs=(SETTING,), pieces=pieces))

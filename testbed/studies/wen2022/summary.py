@@ -1,8 +1,4 @@
-"""What the re-examination shows: each figure with its interval, printed figures taken apart alike.
-
-Where there are several pools, the unit of every interval is the pool with its robots, so that it
-holds the luck of the sets that were chosen from it too; with one pool the robot is the unit.
-"""
+"""What the re-examination shows, each figure with its interval over pools and robots."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,46 +8,24 @@ from typing import Annotated, TypeVar
 
 import numpy as np
 
-from calib.arrays import Array, Index
+from calib.arrays import Array
+from testbed.scenario.tables import BudgetSettings
 from testbed.store.quantities import METRE
-from testbed.studies.many_robots import Outcome, family_confidence, mean_over_robots, outcome_of
+from testbed.studies.many_robots import Outcome, family_confidence, outcome_of
 from testbed.studies.trial.records import Campaign
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.paper_set import designed_trials
+from testbed.studies.wen2022.ratio import Split, over, over_pools, split_of
 from testbed.studies.wen2022.records import (
     ESTIMATORS,
     PoolSets,
     Reexamined,
     TrialSets,
+    environment,
     reexamined_of,
 )
 from testbed.studies.wen2022.settings import SETS_KEY
 from testbed.units import MM, Mean
-
-PRINTED = "printed"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Split:
-    """The ratio of the paper's protocol and what it is made of; means over the 24 numbers."""
-
-    truth: str
-    """Kind of robots, or `PRINTED`: then intervals have no width."""
-    trial: str
-    """The optimal set."""
-    poses: int
-    ratio: Mean
-    """u_best / u_rand."""
-    repeats: Mean
-    """u_r of the optimal set over u_r of 50 random poses."""
-    counted: Mean
-    """u_r / u_rand: what the random side counts besides."""
-    geometric: tuple[float, ...]
-    """(3,) geometric means of the same: the first is the product of the others."""
-    shares: tuple[Mean, ...]
-    """(3,) of u_r, u_p, u_w in the variance of u_rand."""
-    p_over_r: Mean
-    w_over_r: Mean
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,57 +99,6 @@ T = TypeVar("T", Split, Errors, Held)
 S = TypeVar("S", Split, Held)
 
 
-def over(values: Array, pool: Index, *, probability: float = 0.95) -> Mean:
-    """Mean of one figure per robot (R,) with its interval over units.
-
-    Parameters
-    ----------
-    values : (R,) array
-        One figure per robot.
-    pool : (R,) array
-        Pool of each robot, 0 to P - 1, each as often. One pool: the robots are the units.
-    """
-    if pool.any():
-        values = np.array([values[pool == p].mean() for p in range(int(pool.max()) + 1)])
-    return mean_over_robots(values, probability=probability)
-
-
-def over_pools(values: Array) -> Mean:
-    """Mean of one figure per pool (P,); with one pool the interval is infinite."""
-    return Mean(float(values[0]), float("inf")) if len(values) < 2 else mean_over_robots(values)
-
-
-def printed_split() -> Split:
-    """Table 3 taken apart; u_rand is the root sum of squares of its printed parts."""
-    return _split(None, PRINTED, 0, [paper.table3(column)[None] for column in paper.PARTS])
-
-
-def _split(kind: Reexamined | None, trial: str, poses: int, parts: Sequence[Array]) -> Split:
-    """From u_best, u_r, u_p, u_w (R, f) each, of robots of one kind or as printed (1, f)."""
-    best, u_r, u_p, u_w = parts
-    random = np.sqrt(u_r**2 + u_p**2 + u_w**2)
-
-    def mean(figures: Array) -> Mean:
-        """Over the numbers, then over the units."""
-        each = figures.mean(axis=1)
-        return Mean(float(each[0]), 0.0) if kind is None else over(each, kind.pool)
-
-    three = (best / random, best / u_r, u_r / random)
-    ratio, repeats, counted = map(mean, three)
-    return Split(
-        PRINTED if kind is None else kind.truth,
-        trial,
-        poses,
-        ratio,
-        repeats,
-        counted,
-        geometric=tuple(float(np.exp(np.log(part).mean())) for part in three),
-        shares=tuple(mean(part**2 / random**2) for part in (u_r, u_p, u_w)),
-        p_over_r=mean(u_p / u_r),
-        w_over_r=mean(u_w / u_r),
-    )
-
-
 def of_kind(found: Sequence[T], kind: Reexamined) -> list[T]:
     """What was found on one kind of robots."""
     return [one for one in found if one.truth == kind.truth]
@@ -197,6 +120,8 @@ class Reexamination:
     """Of each optimal set, and of the random one."""
     paper_set: str
     """Trial that stands for the paper's optimal set, that of Table 3."""
+    budget: BudgetSettings
+    """Constants of the protocol."""
 
     @property
     def robots(self) -> int:
@@ -210,6 +135,11 @@ class Reexamination:
         return min(self.kinds, key=lambda kind: abs(np.log(kind.error[:, 0].mean() / printed)))
 
     @property
+    def u_c(self) -> Array:
+        """(f,) the environment's part [m or rad]."""
+        return environment(self.budget, self.sets.names)
+
+    @property
     def others(self) -> tuple[Reexamined, ...]:
         """The other kinds."""
         return tuple(kind for kind in self.kinds if kind is not self.judged)
@@ -219,7 +149,9 @@ class Reexamination:
         """Every kind of robot and optimal set of the paper, in the order of the records."""
         poses = {one.trial: one.poses for one in self.sets.sets}
         return tuple(
-            _split(kind, trial, poses[trial], (kind.u_best[i], kind.u_r, kind.u_p, kind.u_w))
+            split_of(
+                kind, trial, poses[trial], (kind.u_best[i], kind.u_r, kind.u_p, kind.u_w), self.u_c
+            )
             for kind in self.kinds
             for i, trial in enumerate(kind.best)
         )
@@ -298,8 +230,13 @@ class Reexamination:
 
 def reexamination_of(campaign: Campaign) -> Reexamination | None:
     """What a campaign says over many robots; None where they were not played."""
-    kinds, repeats = reexamined_of(campaign), campaign.scenario.uncertainty.repeats
+    scenario, kinds = campaign.scenario, reexamined_of(campaign)
     if not kinds:
         return None
-    first = designed_trials(campaign.scenario)[0]
-    return Reexamination(kinds, campaign.records.get(SETS_KEY, PoolSets), repeats, first)
+    return Reexamination(
+        kinds,
+        campaign.records.get(SETS_KEY, PoolSets),
+        scenario.uncertainty.repeats,
+        designed_trials(scenario)[0],
+        scenario.budget,
+    )

@@ -10,16 +10,9 @@ from testbed.report.page import Table, heads
 from testbed.studies.many_robots import change, plus_minus, printed_change, share, within
 from testbed.studies.trial.report_accuracy import NONE
 from testbed.studies.wen2022 import paper
+from testbed.studies.wen2022.ratio import PRINTED, combined, over, printed_split
 from testbed.studies.wen2022.records import ESTIMATORS
-from testbed.studies.wen2022.summary import (
-    PRINTED,
-    Errors,
-    Held,
-    Predicted,
-    Reexamination,
-    over,
-    printed_split,
-)
+from testbed.studies.wen2022.summary import Errors, Held, Predicted, Reexamination
 from testbed.units import DEG, MM, counted, fixed, unit_of
 
 ESTIMATOR_NAMES = {"paper": "paper", "whitened": "noise weighed"}
@@ -61,8 +54,8 @@ def split_table(again: Reexamination) -> Table:
         size="small",
         strong=(0,),
         note="Means over the 24 numbers, ± half of the 95 % interval over pools and robots. u "
-        "best: repeats of the optimal set alone; u random: repeats of 50 random poses (u_r), "
-        "number of poses (u_p) and their place (u_w). Shares are those of the variance of u "
+        f"best: repeats of the optimal set alone; u random: repeats of {again.budget.poses} random "
+        "poses (u_r), number of poses (u_p) and their place (u_w). Shares are of the variance of u "
         "random. geometric: with geometric means the ratio is exactly the product of its two "
         "parts.",
     )
@@ -86,7 +79,7 @@ def predicted_table(found: tuple[Predicted, ...]) -> Table:
         note="From measurement noise alone, by linear propagation at the nominal robot, so it is "
         "the same for every kind of robot. ± half of the 95 % interval over pools. paper: the "
         "paper's unweighted rows; noise weighed: rows whitened by their covariance. Rows with "
-        "different numbers of poses compare a set with the paper's 50 random poses.",
+        "different numbers of poses compare a set with the random poses of the paper's budget.",
     )
 
 
@@ -224,5 +217,8 @@ def parameter_table(again: Reexamination) -> Table:
         "number and place of the poses do.",
         again.sets.names,
         dict(zip(paper.PARTS, zip(*ours, strict=True), strict=True)),
-        [(u / kind.u_rand).mean(axis=0) for u, kind in zip(best, again.kinds, strict=True)],
+        [
+            (combined(again.u_c, u) / combined(again.u_c, *random)).mean(axis=0)
+            for u, *random in parts
+        ],
     )

@@ -39,6 +39,24 @@ def test_the_same_repeats_give_random_sets_the_larger_figure_by_construction():
     assert (best.combined < random.combined).all()
 
 
+def test_an_environment_is_added_once_on_either_side():
+    _, _, parts = both()
+    u_c = np.array([0.3, 0.0, 2.0])
+    for with_it, bare in (
+        (best_budget(parts[0], u_c), best_budget(parts[0])),
+        (random_budget(*parts, u_c), random_budget(*parts)),
+    ):
+        np.testing.assert_array_equal(with_it.environment, u_c)
+        np.testing.assert_allclose(with_it.combined**2, bare.combined**2 + u_c**2, rtol=1e-14)
+    np.testing.assert_array_equal(best_budget(parts[0], 0.5).environment, [0.5] * 3)
+
+
+def test_the_regions_meet_where_the_border_is():
+    position = np.random.default_rng(4).uniform(-1, 1, (50, 3))
+    x, y = (position[:, :2] > [0.1, -0.3]).T
+    np.testing.assert_array_equal(location_regions(position, (0.1, -0.3)), 2 * x + y)
+
+
 def test_the_four_regions_quarter_the_workspace():
     position = np.array([[0.2, -0.1, 0.0], [0.2, 0.1, 0.0], [0.3, -0.1, 0.0], [0.3, 0.1, 0.0]])
     np.testing.assert_array_equal(location_regions(position), [0, 1, 2, 3])
@@ -53,6 +71,8 @@ def test_the_four_regions_quarter_the_workspace():
             lambda: random_budget(*(estimates(4, 0)[:, :k] for k in (3, 2, 3))),
             "pose_numbers has shape",
         ),
+        (lambda: best_budget(estimates(4, 0), [1.0, 2.0]), "environment has shape"),
+        (lambda: best_budget(estimates(4, 0), [0.0, -1.0, 0.0]), "environment is -1"),
     ],
 )
 def test_mismatched_budgets_are_refused(call, message):

@@ -160,6 +160,10 @@ def with_prior(**prior):
     return with_table(identification={"prior": prior})
 
 
+def paper_budget(**budget):
+    return with_table(studies={"paper_budget": True}, budget=budget, trial=[TRIAL])
+
+
 def checked(**tables):
     """A scenario asked of its robot."""
     scenario = scenario_of(deepcopy(SCENARIO) | tables)
@@ -303,6 +307,16 @@ CASES = {
     "coverage of a wall robot": lambda _: check_robot(
         scenario_of(deepcopy(SCENARIO) | {"coverage": {"robots": 8}}), on_a_wall(), where="x.toml"
     ),
+    "budget of too few poses": with_table(budget={"poses": 5}),
+    "budget of one size": with_table(budget={"pose_numbers": [30]}),
+    "budget of a size too small": with_table(budget={"pose_numbers": [30, 4]}),
+    "budget of a size twice": paper_budget(pose_numbers=[30, 50, 30]),
+    "budget with regions outside the pool": paper_budget(location_border_mm=[900, 0]),
+    "budget with a negative environment": with_table(budget={"environment_mm": -0.1}),
+    "budget by a slip": with_table(budget={"location_pose": 50}),
+    "DETMAX that never ends": with_table(trial=[TRIAL | {"detmax": [40, 2, 1, 0]}]),
+    "DETMAX that never shakes": with_table(trial=[TRIAL | {"detmax": [40, 0, 1, 80]}]),
+    "DETMAX of three constants": with_table(trial=[TRIAL | {"detmax": [40, 2, 80]}]),
     "several at once": with_table(sed=3, pool={"size": 1, "altitude": 2}),
     "not UTF-8": text("name = 'ü'".encode("latin-1")),
     "not TOML": text("seed = one\n"),

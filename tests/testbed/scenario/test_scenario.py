@@ -14,7 +14,13 @@ from calib.errors import InputError
 from testbed.assets import scene_names
 from testbed.robots.catalog import load_robot
 from testbed.scenario.read import changed, dump_scenario
-from testbed.scenario.scenario import RESERVED, Scenario, robot_hash, scenario_hash
+from testbed.scenario.scenario import (
+    RESERVED,
+    Scenario,
+    hashed_document,
+    robot_hash,
+    scenario_hash,
+)
 from testbed.studies import declared_tables, load_scenario, parse_scenario, scenario_of
 from tests.campaign import record_hash
 
@@ -343,6 +349,29 @@ def test_a_record_hash_moves_with_what_the_record_depends_on_and_with_nothing_el
                    {"truth": {"preset": "rigid"}}, {"tracker": {"preset": "at960"}}):  # fmt: skip
         assert moved_by(change) == set(KEYS)
     assert len({record_hash(played(), ROBOT, key) for key in KEYS}) == len(KEYS)
+
+
+def test_keys_that_came_later_move_a_hash_only_where_they_say_something_new():
+    """Run folders of versions that did not know them stay those of the same scenario."""
+    usual = {
+        "poses": 50,
+        "pose_numbers": [30, 50, 70, 90, 110, 130, 150],
+        "location_poses": 50,
+        "location_border_mm": [250.0, 0.0],
+        "environment_mm": 0.0,
+        "environment_deg": 0.0,
+    }
+    assert small().document()["budget"] == usual
+    assert moved_by({"budget": usual}) == set()
+    hashed = hashed_document(small())
+    assert "budget" not in hashed
+    assert not any("detmax" in trial for trial in hashed["trial"])
+    studies = set(KEYS) - {"setting", "a", "b"}
+    for key, value in {"poses": 40, "environment_mm": 0.01, "pose_numbers": [30, 50]}.items():
+        assert moved_by({"budget": {key: value}}) == studies
+    first, *others = SMALL["trial"]
+    assert moved_by({"trial": [first | {"detmax": [40, 2, 1, 80]}, *others]}) == set()
+    assert moved_by({"trial": [first | {"detmax": [40, 2, 1, 9]}, *others]}) == {"a"} | studies
 
 
 def test_the_scenario_hash_moves_with_every_key():

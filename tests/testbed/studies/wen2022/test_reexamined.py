@@ -17,6 +17,7 @@ from testbed.robots.catalog import load_robot
 from testbed.run.derive import arrays, headline, headline_answer, page_of
 from testbed.scenario.checks import check_robot
 from testbed.scenario.read import changed
+from testbed.scenario.tables import BudgetSettings
 from testbed.store.codec import pack, unpack
 from testbed.studies import load_scenario
 from testbed.studies.trial import report_accuracy, report_design
@@ -27,9 +28,10 @@ from testbed.studies.wen2022 import paper, report_paper
 from testbed.studies.wen2022.claims import examine
 from testbed.studies.wen2022.play import gather, play, play_robots, random_parts, visit_robot
 from testbed.studies.wen2022.pools import noise_of
+from testbed.studies.wen2022.ratio import over, over_pools, printed_split
 from testbed.studies.wen2022.records import PoolSets, Reexamined, pool_sets_of, reexamined_of
 from testbed.studies.wen2022.report import few_repeats, procedure, verdict_of
-from testbed.studies.wen2022.summary import over, over_pools, printed_split, reexamination_of
+from testbed.studies.wen2022.summary import reexamination_of
 from testbed.studies.wen2022.tables import predicted_table
 from tests import campaign as campaigns
 from tests.campaign import record_hash, with_records, without
@@ -247,6 +249,27 @@ def test_geometric_means_multiply_and_shares_add_to_one():
         whole, repeats, counted = split.geometric
         assert whole == pytest.approx(repeats * counted, rel=1e-12)
         assert sum(part.value for part in split.shares) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_an_environment_stands_on_both_sides_of_the_ratio_and_in_no_contributor():
+    bare = again()
+    known = replace(bare, budget=BudgetSettings(environment_mm=0.01, environment_deg=0.002))
+    u_c = np.array([1e-5 if name[0] in "da" and name[1].isdigit() else np.radians(0.002)
+                    for name in bare.sets.names])  # fmt: skip
+    kind = study("wen2022")
+    i = kind.best.index("best-29")
+    squares = kind.u_r**2 + kind.u_p**2 + kind.u_w**2 + u_c**2
+    whole = np.sqrt((kind.u_best[i] ** 2 + u_c**2) / squares)
+    places = [(s.truth, s.trial) for s in bare.splits]
+    one, other = (r.splits[places.index(("wen2022", "best-29"))] for r in (known, bare))
+    assert one.ratio.value == pytest.approx(whole.mean(), rel=1e-12)
+    assert one.ratio.value != pytest.approx(other.ratio.value, rel=1e-3)
+    assert (one.repeats.value, one.p_over_r.value) == (other.repeats.value, other.p_over_r.value)
+    # what is left of the variance is the environment's
+    left = 1 - sum(part.value for part in one.shares)
+    assert left == pytest.approx((u_c**2 / squares).mean(), rel=1e-9)
+    whole, repeats, counted = one.geometric
+    assert whole == pytest.approx(repeats * counted, rel=1e-12)
 
 
 def test_the_unit_is_the_pool_with_its_robots_and_the_robot_where_there_is_one_pool():
