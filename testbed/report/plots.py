@@ -26,7 +26,7 @@ TICKS = tuple(m * 10.0**e for e in range(-3, 5) for m in (1, 2, 5))
 """Of logarithmic axes."""
 
 
-def dots(ax: "Axes", points: Array, color: str = FAINT) -> None:
+def dots(ax: "Axes", points: Array, color: str = FAINT, size: float = 1.6) -> None:
     """Many small round dots as one path: a tenth of the bytes of a marker each."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
@@ -35,7 +35,7 @@ def dots(ax: "Axes", points: Array, color: str = FAINT) -> None:
     path = Path(vertices, np.tile([Path.MOVETO, Path.LINETO], len(points)))
     # dots have no length: simplification would drop every one
     path.should_simplify = False
-    ax.add_patch(PathPatch(path, edgecolor=color, linewidth=1.6, capstyle="round", fill=False))
+    ax.add_patch(PathPatch(path, edgecolor=color, linewidth=size, capstyle="round", fill=False))
     ax.update_datalim(points)
     ax.autoscale_view()
 

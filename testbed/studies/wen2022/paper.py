@@ -80,7 +80,8 @@ TABLE2_BEFORE_MM = 0.459
 U_ZERO_BEST_MM, U_ZERO_RANDOM_MM = 0.0034, 0.031
 """Standard uncertainty of |P| at the zero pose [mm]; Table 3 gives at most 0.0031 for the first."""
 X_RANGE_ZERO_BEST_MM = (-0.0508, 0.0437)
-"""Smallest and largest x of 10 000 draws at the zero pose, optimal set [mm]."""
+"""Smallest and largest x of 10 000 draws at the zero pose, optimal set [mm]; the other five ranges
+that the paper prints are not in our sources."""
 U_MEAN_BEST_MM, U_MEAN_RANDOM_MM = 0.0069, 0.0649
 """Mean standard uncertainty of |P| over the 50 test points [mm]."""
 TOOL_RATIO = 0.106

@@ -1,71 +1,69 @@
 """The report's comparison with Wen et al. 2022: Tables 1 to 3, the tool point, claim by claim."""
 
-from collections.abc import Callable
+from collections.abc import Mapping
 
 import numpy as np
 
 from calib.information.propagation import point_uncertainty
 from testbed.report.page import Block, Figure, Section, Table, Text, table_of
-from testbed.studies.trial.records import Campaign
+from testbed.studies.trial.records import Campaign, Estimate
 from testbed.studies.trial.report_accuracy import NONE
 from testbed.studies.wen2022 import paper, plots
-from testbed.studies.wen2022.calibrated_sets.summary import OverSets, TableRow, table_rows
 from testbed.studies.wen2022.claims import CLAIMS, Examined
-from testbed.studies.wen2022.claims_one_robot import held_out_before
+from testbed.studies.wen2022.claims_one_robot import estimate_like
+from testbed.studies.wen2022.cloud.draws import Cloud, clouds_of
+from testbed.studies.wen2022.cloud.plots import zero_pose_clouds
 from testbed.studies.wen2022.paper_set import stand_in
 from testbed.studies.wen2022.records import (
+    ESTIMATORS,
     OURS_BEST,
     PaperBudget,
     ToolPointStudy,
     paper_budget_of,
     tool_point_of,
 )
-from testbed.studies.wen2022.tables import of_columns, table3
-from testbed.units import MM, counted, fixed
+from testbed.studies.wen2022.tables import of_columns, range_table, table3
+from testbed.units import MM, fixed
 
 THIS = "this campaign"
 
 
 def error_tables(campaign: Campaign) -> tuple[Table, ...]:
     """Tables 1 and 2 as printed beside ours; none if the campaign plays no set of the paper."""
-    ours = table_rows(campaign)
+    ours, default = (
+        [estimate_like(campaign, printed, mode) for printed in paper.SETS] for mode in ESTIMATORS
+    )
     if all(own is None for own in ours):
         return ()
-    kinds = [
-        printed.kind + (f", {counted(own.sets, 'set')}" if own and own.sets > 1 else "")
-        for printed, own in zip(paper.SETS, ours, strict=True)
-    ]
+    kinds = [printed.kind for printed in paper.SETS]
 
-    def cells(figure: Callable[[TableRow], OverSets | None]) -> list[str]:
-        """One figure of each row [mm]."""
-        found = [None if own is None else figure(own) for own in ours]
-        return [NONE if one is None else one.millimetres for one in found]
+    def mean(figure: str, of: list[Estimate | None]) -> list[str]:
+        """Means of one kind of errors [mm]."""
+        return [
+            NONE if one is None else fixed(getattr(one.comparison, figure).mean * MM, 3)
+            for one in of
+        ]
 
     own_poses = {
         "poses": kinds,
         "before, printed": [fixed(printed.before_mm, 3) for printed in paper.SETS],
-        "before, ours": cells(lambda row: row.own_before),
+        "before, ours": mean("identification_before", ours),
         "after, printed": [fixed(printed.after_mm, 3) for printed in paper.SETS],
-        "after, ours": cells(lambda row: row.own_after),
+        "after, ours": mean("identification_after", ours),
     }
-    before = fixed(held_out_before(campaign) * MM, 3)
     held_out = {
         "poses": kinds,
         "before, printed": [fixed(paper.TABLE2_BEFORE_MM, 3)] * len(kinds),
-        "before, ours": [NONE if own is None else before for own in ours],
+        "before, ours": mean("accuracy_before", ours),
         "after, printed": [fixed(printed.held_out_mm, 3) for printed in paper.SETS],
-        "after, ours": cells(lambda row: row.error),
-        "after, noise weighed": cells(lambda row: row.weighed),
+        "after, ours": mean("accuracy_after", ours),
+        "after, default": mean("accuracy_after", default),
     }
     unit = " [mm]; ours in paper mode on our own true robot"
-    many = any(own is not None and own.sets > 1 for own in ours)
-    spread = "; ± is the standard deviation between random sets" if many else ""
     return (
+        of_columns(f"Table 1: mean position error on the calibration poses{unit}", own_poses),
         of_columns(
-            f"Table 1: mean position error on the calibration poses{unit}{spread}", own_poses
-        ),
-        of_columns(
-            f"Table 2: mean position error on the held-out poses{unit}{spread}",
+            f"Table 2: mean position error on the held-out poses{unit}",
             held_out,
             note="The true robot is drawn, not the paper's: figures agree in kind, not in digits.",
         ),
@@ -179,6 +177,7 @@ def tool_section(campaign: Campaign) -> Section | None:
     blocks: list[Block] = [
         Text(inflation(study, campaign)),
         tool_table(study),
+        *cloud_blocks(clouds_of(campaign)),
         Figure(
             "95 % regions of the tool point at the zero pose, projected on three planes; ours of "
             f"{study.trials[0]}.",
@@ -192,6 +191,20 @@ def tool_section(campaign: Campaign) -> Section | None:
         )
         blocks.append(Figure(caption, plots.held_out_uncertainty(study)))
     return Section("tool", "Uncertainty of the tool point", tuple(blocks), part="detail")
+
+
+def cloud_blocks(clouds: Mapping[str, tuple[Cloud, Cloud]]) -> tuple[Block, ...]:
+    """The clouds of Figure 7 and their ranges; nothing where none were drawn."""
+    if not clouds:
+        return ()
+    best, _ = next(iter(clouds.values()))
+    caption = (
+        "The paper's Figure 7, drawn again: tool point at the zero pose, from nominal, when the "
+        f"24 numbers are drawn independently with the uncertainties of each budget. Dots: the "
+        f"first {len(best.shown)} of {len(best.points)} draws; boxes: smallest to largest of all. "
+        "All views have one scale."
+    )
+    return Figure(caption, zero_pose_clouds(clouds)), range_table(clouds)
 
 
 def paper_section(campaign: Campaign, examined: Examined | None) -> Section | None:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from calib.arrays import Array
+from calib.geometry.model import RobotModel
 from calib.uncertainty.monte_carlo import distance_spread, point_spread
 from testbed.laboratory.truth.laboratory import Setting
 from testbed.scenario.scenario import Scenario
@@ -20,26 +21,39 @@ from testbed.studies.wen2022.records import (
 )
 
 
-def tool_point_study(scenario: Scenario, setting: Setting, needed: Records) -> ToolPointStudy:
-    """Monte Carlo of the tool point at the zero pose and the held-out poses, in both forms."""
-    nominal, draws = setting.nominal, scenario.uncertainty.draws
-    q = np.vstack([np.zeros((1, setting.test_q.shape[1])), setting.test_q])
+def stated(scenario: Scenario, nominal: RobotModel, budget: PaperBudget | None) -> dict[str, Array]:
+    """Standard uncertainties (P,) of all numbers, by whose they are; zero where none is stated."""
     sources: dict[str, tuple[tuple[str, ...], Array]] = {}
     if scenario.robot == "staubli_tx60":
         sources[TABLE3_BEST] = (PARAMETERS, table3("u_best"))
         sources[TABLE3_RANDOM] = (PARAMETERS, table3("u_random"))
-    if scenario.studies.paper_budget:
-        budget = needed.get(PAPER_BUDGET, PaperBudget)
+    if budget is not None:
         sources[OURS_BEST] = (budget.names, budget.best[0])
         sources[OURS_RANDOM] = (budget.names, budget.random)
         for name, u in zip(budget.trials[1:], budget.best[1:], strict=True):
             sources[f"ours, {name}"] = (budget.names, u)
-    spreads = []
+    found = {}
     for source, (names, u) in sources.items():
-        standard = np.zeros(nominal.n_numbers)
-        standard[[nominal.names.index(name) for name in names]] = u
-        rng = stream(scenario.seed, "tool_point", source)
-        spreads.append(distance_spread(nominal, q, standard, rng, draws=draws))
+        found[source] = np.zeros(nominal.n_numbers)
+        found[source][[nominal.names.index(name) for name in names]] = u
+    return found
+
+
+def draws_of(seed: int, source: str) -> np.random.Generator:
+    """Random numbers behind the draws from one source, from their beginning."""
+    return stream(seed, "tool_point", source)
+
+
+def tool_point_study(scenario: Scenario, setting: Setting, needed: Records) -> ToolPointStudy:
+    """Monte Carlo of the tool point at the zero pose and the held-out poses, in both forms."""
+    nominal, draws = setting.nominal, scenario.uncertainty.draws
+    q = np.vstack([np.zeros((1, setting.test_q.shape[1])), setting.test_q])
+    budgeted = scenario.studies.paper_budget
+    sources = stated(scenario, nominal, needed.get(PAPER_BUDGET, PaperBudget) if budgeted else None)
+    spreads = [
+        distance_spread(nominal, q, standard, draws_of(scenario.seed, source), draws=draws)
+        for source, standard in sources.items()
+    ]
     trials = tool_trials(scenario)
     full = []
     for k, name in enumerate(trials):

@@ -315,8 +315,7 @@ def test_a_scenario_cannot_be_changed_in_place():
 
 
 ROBOT = load_robot("staubli_tx60")
-KEYS = ("setting", "a", "b", "pose_count", "random_sets", "paper_budget", "random_calibrations",
-        "tool_point")  # fmt: skip
+KEYS = ("setting", "a", "b", "pose_count", "random_sets", "paper_budget", "tool_point")
 
 
 ON = {"pose_count": True, "paper_budget": True, "tool_point": True}

@@ -15,6 +15,8 @@ from testbed.report.svg import DARK, FAINT, LIGHT, MIDDLE
 from testbed.studies.trial import plots, plots_uncertainty
 from testbed.studies.trial.compare import measured_distance
 from testbed.studies.wen2022 import plots as plots_paper
+from testbed.studies.wen2022.cloud.draws import clouds_of
+from testbed.studies.wen2022.cloud.plots import zero_pose_clouds
 from testbed.studies.wen2022.records import paper_budget_of, tool_point_of
 from tests.reported import bare_campaign, paper_campaign, point_campaign, rigid_campaign
 
@@ -50,6 +52,7 @@ def all_figures(campaign):
     if tool_point_of(campaign):
         out["zero"] = plots_paper.zero_pose_regions(tool_point_of(campaign))
         out["tool"] = plots_paper.held_out_uncertainty(tool_point_of(campaign))
+        out["clouds"] = zero_pose_clouds(clouds_of(campaign))
     return out
 
 

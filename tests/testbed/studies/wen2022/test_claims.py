@@ -15,7 +15,7 @@ from testbed.studies.wen2022.claims import CLAIMS, examine, is_paper_robot
 from testbed.studies.wen2022.finding import NotPlayedError
 from testbed.studies.wen2022.paper_set import designed_trials, stand_in, tool_trials
 from testbed.studies.wen2022.records import paper_budget_of, tool_point_of
-from tests.campaign import with_records, without
+from tests.campaign import with_records
 from tests.reference import tx60
 from tests.reported import bare_campaign, paper_campaign, point_campaign, rigid_campaign
 
@@ -58,9 +58,8 @@ def test_figures_from_table_3_are_those_of_linear_propagation():
     found = claims_model.zero_pose_uncertainty(campaign)
     assert found.verdict == "in part"
     assert "0.0034 mm is not within reach" in found.sentence
-    # the half width of 10 000 normal draws is 3.85 standard deviations, 15 % allowed
-    (half,) = numbers(claims_model.zero_pose_range(campaign).ours)
-    assert half == pytest.approx(3.85, rel=0.15)
+    # ranges: test_cloud
+    assert claims_model.zero_pose_range(campaign).verdict == "holds"
     # twenty poses instead of fifty: 12 % for the mean of fifty, a little more here
     assert numbers(claims_model.mean_uncertainty(campaign).ours) == pytest.approx(
         [0.0069, 0.0647], rel=0.18
@@ -122,8 +121,7 @@ def changed_after(campaign, after):
 
 
 def test_the_gain_on_held_out_poses_is_computed_from_our_own_pairs():
-    # where random sets were not calibrated: test_sets.py has the others
-    campaign = without(paper_campaign(), "random_calibrations")
+    campaign = paper_campaign()
     as_printed = changed_after(campaign, [0.097e-3, 0.127e-3, 0.098e-3, 0.132e-3])
     found = claims_accuracy.held_out_errors(as_printed)
     assert found.verdict == "holds"

@@ -1,0 +1,69 @@
+"""The figure of the clouds of the tool point at the zero pose, in three views."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from calib.arrays import Array
+from testbed.report.plots import TICKS, dots, legend_above
+from testbed.report.svg import DARK, LIGHT, MIDDLE, drawing, svg_of
+from testbed.studies.wen2022.cloud.draws import Cloud
+from testbed.units import MM
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+ROOM = 1.06
+"""Views reach so many times as far as the widest range."""
+WIDE = 2.7
+"""Width on paper of the two views beside each other [in]."""
+WORDS = 1.5
+"""Height of legend, title, ticks and names of the axes [in]."""
+
+
+def zero_pose_clouds(clouds: Mapping[str, tuple[Cloud, Cloud]]) -> str:
+    """Both clouds from above, from the front and from the side, all at one scale [mm].
+
+    The views stand as on a drawing: that of x and z below x and y, that of z and y beside it.
+    """
+    widest = np.max([np.abs(one.ends).max(axis=1) for pair in clouds.values() for one in pair], 0)
+    x, y, z = ROOM * MM * widest
+    tick = max(tick for tick in TICKS if tick < z)
+    size: dict[str, Any] = {
+        "height": WIDE * (y + z) / (x + z) + WORDS,
+        "width_ratios": [x, z] * len(clouds),
+        "height_ratios": [y, z],
+    }
+    columns = 2 * len(clouds)
+    with drawing(2, columns, sharex="col", sharey="row", **size) as (figure, axes):
+        for k, (whose, (best, random)) in enumerate(clouds.items()):
+            above, side, front, empty = (axes[2 * k + i] for i in (0, 1, columns, columns + 1))
+            above.set_title(whose)
+            for ax, shown in ((above, (0, 1)), (side, (2, 1)), (front, (0, 2))):
+                view(ax, random, shown, LIGHT, MIDDLE, "random sets")
+                view(ax, best, shown, DARK, DARK, "optimal set")
+                ax.set_aspect("equal")
+            above.set(xlim=(-x, x), ylim=(-y, y), ylabel="" if k else "y [mm]")
+            front.set(ylim=(-z, z), xlabel="x [mm]", ylabel="" if k else "z [mm]")
+            side.set(xlim=(-z, z), xlabel="z [mm]")
+            side.tick_params(labelbottom=True)
+            side.set_xticks([-tick, tick])
+            front.set_yticks([-tick, 0, tick])
+            empty.set_axis_off()
+        legend_above(figure, axes[0])
+        return svg_of(figure)
+
+
+def view(ax: "Axes", cloud: Cloud, axes: tuple[int, int], color: str, edge: str, name: str) -> None:
+    """The drawn points of a cloud along two axes, and the range of all draws around them [mm]."""
+    dots(ax, MM * cloud.shown[:, axes], color, size=0.9)
+    low, high = MM * cloud.ends[list(axes)].T
+    ax.plot(*outline(low, high), color=edge, linewidth=0.8, label=f"{name}, range of all draws")
+
+
+def outline(low: Array, high: Array) -> tuple[Array, Array]:
+    """Corners of a rectangle (5,), the first one twice."""
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]])
+    x, y = np.where(corners, high, low).T
+    return x, y
