@@ -76,11 +76,11 @@ def identify(
     Generalized least squares with known covariance; Wen et al. 2022, eqs. (3)-(5), for paper mode;
     Huber 1981 and Holland & Welsch 1977 for the losses.
     """
-    _require_match(nominal, parameters)
+    require_match(nominal, parameters)
     _require_whitened(mode, prior, loss)
     belief = None if prior is None else prior_rows(prior, nominal, parameters)
     whitening = None if mode == "paper" else table_whiteners(measurements)
-    rows = _row_source(measurements, mode, whitening)
+    rows = row_source(measurements, mode, whitening)
     first = rows(nominal)
     free = parameters.free_index
     reduction = reduce(
@@ -136,7 +136,7 @@ def _prior_sd(prior: Prior | None, parameters: Parameters) -> Array | None:
     return np.array([sd[name] for name in parameters.free_names])
 
 
-def _row_source(
+def row_source(
     measurements: Measurements, mode: Mode, whitening: Array | None
 ) -> Callable[[RobotModel], Stack]:
     """Function model -> Stack of the mode; what does not depend on the model is done once."""
@@ -175,7 +175,7 @@ def _solve(
     )
 
 
-def _require_match(nominal: RobotModel, parameters: Parameters) -> None:
+def require_match(nominal: RobotModel, parameters: Parameters) -> None:
     """Refuse a parameter table of another model, or one without a free number."""
     if parameters.names != nominal.names:
         sizes = f"{len(parameters.names)} numbers, the model has {nominal.n_numbers}"

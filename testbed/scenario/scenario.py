@@ -35,7 +35,7 @@ FORMAT = 1
 """Version of the scenario file format this program writes; it reads this one."""
 STUDY_KEYS = ("pose_count", "random_sets", "paper_budget", "tool_point", "population")
 """Records that [studies] asks for, each switched by the key of its name."""
-RESERVED = ("setting", "validation", *STUDY_KEYS)
+RESERVED = ("setting", "validation", *STUDY_KEYS, "random_calibrations")
 """Record names that no trial may take, beside those of the studies' own tables."""
 PLAIN = ("format", "name", "title", "seed", "robot")
 """Keys at the top of the file that are no tables."""

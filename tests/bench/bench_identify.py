@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from calib.geometry.parameters import parameters_of
+from calib.identification.fit_each import fit_each
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model
 from calib.identification.prior import weak_prior
@@ -41,3 +42,29 @@ def test_one_robust_fit_of_29_poses(benchmark, loss):
 
 def test_one_residual_and_jacobian_of_29_poses(benchmark):
     benchmark(linearize, tx60(), TABLE)
+
+
+SETS = [
+    measured(
+        rigid_truth(np.random.default_rng(k)),
+        pool_r()[np.random.default_rng(k).choice(1000, 61, replace=False)],
+        np.random.default_rng(k),
+    )
+    for k in range(20)
+]
+"""Tables of 61 poses of their own each, of as many robots."""
+
+
+@pytest.mark.benchmark(group="20 sets of 61 poses")
+@pytest.mark.parametrize("mode", ["paper", "whitened"])
+def test_many_sets_fitted_each(benchmark, mode):
+    """About half the time of one `identify` after the other: no reduction, no statistics."""
+    fits = benchmark(fit_each, tx60(), SETS, parameters_of(tx60(), WEN24), mode=mode)
+    assert fits.converged.all()
+
+
+@pytest.mark.benchmark(group="20 sets of 61 poses")
+@pytest.mark.parametrize("mode", ["paper", "whitened"])
+def test_many_sets_identified_one_by_one(benchmark, mode):
+    parameters = parameters_of(tx60(), WEN24)
+    benchmark(lambda: [identify(tx60(), table, parameters, mode=mode) for table in SETS])

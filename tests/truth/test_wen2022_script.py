@@ -32,9 +32,16 @@ QUICK = {
     "studies.random_sets": 0,
 }
 """What these tests do not read; the other numbers do not change by that."""
-SMALL = {**QUICK, "pool.size": 160, "test.poses": 12, "uncertainty.draws": 4000}
+SMALL = {
+    **QUICK,
+    "studies.random_sets": 12,
+    "pool.size": 160,
+    "test.poses": 12,
+    "uncertainty.draws": 4000,
+}
 DESIGNED = {"best-61": "O1", "best-29": "O2"}
 TRIALS = (*DESIGNED, "random-61", "random-29")
+CALIBRATED = ("indices", "index", "own_before", "own_after", "error")
 COVARIANCE = np.diag([SIGMA_POSITION**2] * 3 + [SIGMA_ROTATION**2] * 3)
 
 pytestmark = pytest.mark.truth
@@ -190,6 +197,37 @@ def test_every_visit_measured_and_calibrated_again_gives_the_stored_steps_and_er
                 f"{name}.comparison.{of}_{when}.mean" for of in ("identification", "accuracy")
             ]
             np.testing.assert_allclose(figures[0], [record[key] for key in errors], rtol=1e-9)
+
+
+@pytest.mark.parametrize(("place", "trial"), list(enumerate(DESIGNED)))
+def test_all_random_sets_measured_and_calibrated_again_give_the_recorded_figures(run, place, trial):
+    (links, frames), study = placed(run), f"sets.{place}"
+    record = run.records["random_calibrations"]
+    assert (record[f"{study}.trial"], record[f"{study}.failed.#"]) == (trial, 0)
+    noise = run.records[trial]["measurements.covariance"]
+    held_out = run.setting["test_q"], run.setting["test_true"][:, :3, 3]
+    designed = [run.records[trial]["selection.indices"]], "visit"
+    # drawn here again from the stream of the indices
+    rng = script.stream(run.scenario["seed"], "random_sets", trial)
+    size, N = len(designed[0][0]), len(run.setting["pool_q"])
+    count = run.scenario["studies"]["random_sets"]
+    drawn = [np.sort(rng.choice(N, size, replace=False)) for _ in range(count)]
+    for kind, (sets, name) in {
+        "designed": designed,
+        "random": (drawn, "random_calibrations"),
+    }.items():
+        seen = [script.visit(run, chosen, name, trial, repeat=k) for k, chosen in enumerate(sets)]
+        q, position, rotation = (np.array(part) for part in zip(*seen, strict=True))
+        found = arm.calibrated_sets(links, q, position, rotation, noise, *held_out, **frames)
+        stored = {key: record[f"{study}.{kind}.{key}"] for key in CALIBRATED}
+        np.testing.assert_array_equal(stored["indices"], sets)
+        np.testing.assert_allclose(stored["index"].T, found["index"], rtol=1e-9)
+        np.testing.assert_allclose(stored["own_before"], found["before"][:, 0], rtol=1e-9)
+        assert record["before"] == pytest.approx(found["before"][0, 1], rel=1e-9)
+        for k, mode in enumerate(("paper", "whitened")):
+            own_after, error = found[mode].T
+            np.testing.assert_allclose(stored["own_after"][k], own_after, rtol=1e-9)
+            np.testing.assert_allclose(stored["error"][k], error, rtol=1e-9)
 
 
 @pytest.mark.parametrize("poses", [29, 61])

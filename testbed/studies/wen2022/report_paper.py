@@ -1,21 +1,21 @@
 """The report's comparison with Wen et al. 2022: Tables 1 to 3, the tool point, claim by claim."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from calib.information.propagation import point_uncertainty
 from testbed.report.page import Block, Figure, Section, Table, Text, table_of
-from testbed.studies.trial.records import Campaign, Estimate
+from testbed.studies.trial.records import Campaign
 from testbed.studies.trial.report_accuracy import NONE
 from testbed.studies.wen2022 import paper, plots
+from testbed.studies.wen2022.calibrated_sets.summary import OverSets, TableRow, table_rows
 from testbed.studies.wen2022.claims import CLAIMS, Examined
-from testbed.studies.wen2022.claims_one_robot import estimate_like
+from testbed.studies.wen2022.claims_one_robot import held_out_before
 from testbed.studies.wen2022.cloud.draws import Cloud, clouds_of
 from testbed.studies.wen2022.cloud.plots import zero_pose_clouds
 from testbed.studies.wen2022.paper_set import stand_in
 from testbed.studies.wen2022.records import (
-    ESTIMATORS,
     OURS_BEST,
     PaperBudget,
     ToolPointStudy,
@@ -23,47 +23,51 @@ from testbed.studies.wen2022.records import (
     tool_point_of,
 )
 from testbed.studies.wen2022.tables import of_columns, range_table, table3
-from testbed.units import MM, fixed
+from testbed.units import MM, counted, fixed
 
 THIS = "this campaign"
 
 
 def error_tables(campaign: Campaign) -> tuple[Table, ...]:
     """Tables 1 and 2 as printed beside ours; none if the campaign plays no set of the paper."""
-    ours, default = (
-        [estimate_like(campaign, printed, mode) for printed in paper.SETS] for mode in ESTIMATORS
-    )
+    ours = table_rows(campaign)
     if all(own is None for own in ours):
         return ()
-    kinds = [printed.kind for printed in paper.SETS]
+    kinds = [
+        printed.kind + (f", {counted(own.sets, 'set')}" if own and own.sets > 1 else "")
+        for printed, own in zip(paper.SETS, ours, strict=True)
+    ]
 
-    def mean(figure: str, of: list[Estimate | None]) -> list[str]:
-        """Means of one kind of errors [mm]."""
-        return [
-            NONE if one is None else fixed(getattr(one.comparison, figure).mean * MM, 3)
-            for one in of
-        ]
+    def cells(figure: Callable[[TableRow], OverSets | None]) -> list[str]:
+        """One figure of each row [mm]."""
+        found = [None if own is None else figure(own) for own in ours]
+        return [NONE if one is None else one.millimetres for one in found]
 
     own_poses = {
         "poses": kinds,
         "before, printed": [fixed(printed.before_mm, 3) for printed in paper.SETS],
-        "before, ours": mean("identification_before", ours),
+        "before, ours": cells(lambda row: row.own_before),
         "after, printed": [fixed(printed.after_mm, 3) for printed in paper.SETS],
-        "after, ours": mean("identification_after", ours),
+        "after, ours": cells(lambda row: row.own_after),
     }
+    before = fixed(held_out_before(campaign) * MM, 3)
     held_out = {
         "poses": kinds,
         "before, printed": [fixed(paper.TABLE2_BEFORE_MM, 3)] * len(kinds),
-        "before, ours": mean("accuracy_before", ours),
+        "before, ours": [NONE if own is None else before for own in ours],
         "after, printed": [fixed(printed.held_out_mm, 3) for printed in paper.SETS],
-        "after, ours": mean("accuracy_after", ours),
-        "after, default": mean("accuracy_after", default),
+        "after, ours": cells(lambda row: row.error),
+        "after, noise weighed": cells(lambda row: row.weighed),
     }
     unit = " [mm]; ours in paper mode on our own true robot"
+    many = any(own is not None and own.sets > 1 for own in ours)
+    spread = "; ± is the standard deviation between random sets" if many else ""
     return (
-        of_columns(f"Table 1: mean position error on the calibration poses{unit}", own_poses),
         of_columns(
-            f"Table 2: mean position error on the held-out poses{unit}",
+            f"Table 1: mean position error on the calibration poses{unit}{spread}", own_poses
+        ),
+        of_columns(
+            f"Table 2: mean position error on the held-out poses{unit}{spread}",
             held_out,
             note="The true robot is drawn, not the paper's: figures agree in kind, not in digits.",
         ),

@@ -4,12 +4,24 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from testbed.store.quantities import METRE, Quantity, as_json, below, fields_of, in_si
+from testbed.store.quantities import (
+    METRE,
+    ONE,
+    Quantity,
+    Unit,
+    as_json,
+    below,
+    fields_of,
+    in_si,
+)
 from testbed.studies.trial.records import Campaign
+from testbed.studies.wen2022.calibrated_sets.records import random_calibrations_of
+from testbed.studies.wen2022.calibrated_sets.summary import OverSets, Rank, ranks
 from testbed.studies.wen2022.claims import Examined, examine
 from testbed.studies.wen2022.cloud.draws import clouds_of, ranges_of
 from testbed.studies.wen2022.ratio import over, printed_split
 from testbed.studies.wen2022.records import (
+    ESTIMATORS,
     STATEMENTS,
     PaperBudget,
     Reexamined,
@@ -26,6 +38,12 @@ ARRAYS = {name: name for name in ("pool", "u_best", "u_r", "u_p", "u_w")} | {
     "inside": "inside",
 }
 """Names of what each robot gave, and the fields of its record."""
+SET_ARRAYS = {name: name for name in ("indices", "index")} | {
+    "own_error_before_m": "own_before",
+    "own_error_after_m": "own_after",
+    "held_out_error_m": "error",
+}
+"""Names of what calibrated sets gave, and the fields of their record."""
 SPLIT = {name: name for name in ("ratio", "repeats", "counted", "geometric")} | {
     "variance_shares": "shares",
     "u_p_over_u_r": "p_over_r",
@@ -62,6 +80,8 @@ def published(campaign: Campaign) -> Iterator[Quantity]:
         yield Quantity(f"{key}/from_nominal_mm", one.ends, METRE)
         yield Quantity(f"{key}/half_width_in_u", one.half_width)
         yield Quantity(f"{key}/as_predicted", one.good)
+    for rank in ranks(campaign):
+        yield from below(f"random_calibrations/{rank.trial}", _rank(rank))
     if (again := reexamination_of(campaign)) is not None:
         yield from below("reexamined", _reexamined(again, examine(campaign)))
 
@@ -75,14 +95,49 @@ def _ratios(budget: PaperBudget, k: int) -> list[Quantity]:
 
 
 def published_arrays(campaign: Campaign) -> list[Quantity]:
-    """What each robot gave."""
-    return in_si(
-        {
-            f"reexamined/{study.truth}/{name}": getattr(study, field)
-            for study in reexamined_of(campaign)
-            for name, field in ARRAYS.items()
-        }
-    )
+    """What each robot gave, and each calibrated set on this one."""
+    many = {
+        f"reexamined/{study.truth}/{name}": getattr(study, field)
+        for study in reexamined_of(campaign)
+        for name, field in ARRAYS.items()
+    }
+    study = random_calibrations_of(campaign)
+    sets = {
+        f"random_calibrations/{one.trial}/{kind}/{name}": getattr(getattr(one, kind), field)
+        for one in (study.sets if study else ())
+        for kind in ("designed", "random")
+        for name, field in SET_ARRAYS.items()
+    }
+    return in_si(many | sets)
+
+
+def _rank(rank: Rank) -> Iterator[Quantity]:
+    """One designed set among random ones; what does not depend on the estimator is said once."""
+    key = rank.estimator
+    if key == ESTIMATORS[0]:
+        yield Quantity("poses", rank.poses)
+        yield Quantity("index/name", rank.index)
+        yield Quantity("index/designed", rank.designed_index)
+        yield from _spread("index/random", rank.random_index)
+        yield Quantity("own_before_mm", rank.own_before, METRE)
+        yield from _spread("random_own_before", rank.random_own_before, METRE)
+        yield Quantity("starts_lower_than", rank.starts_lower_than)
+    names = {"held_out_mm": "designed", "own_after_mm": "own_after"}
+    counts = {name: name for name in ("sets", "better_than", "own_lower_than")}
+    yield from below(key, fields_of(rank, names | counts))
+    yield from _spread(f"{key}/random_held_out", rank.random, METRE)
+    yield Quantity(f"{key}/random_held_out_smallest_mm", rank.smallest, METRE)
+    yield Quantity(f"{key}/random_held_out_largest_mm", rank.largest, METRE)
+    yield from _spread(f"{key}/random_own_after", rank.random_own_after, METRE)
+    yield Quantity(f"{key}/rank_correlation", rank.correlation)
+    yield Quantity(f"{key}/rank_correlation_ci_95", rank.correlation_ends)
+
+
+def _spread(name: str, figure: OverSets, unit: Unit = ONE) -> Iterator[Quantity]:
+    """Mean and standard deviation between sets, lengths in mm."""
+    ending = "_mm" if unit is METRE else ""
+    yield Quantity(f"{name}_mean{ending}", figure.mean, unit)
+    yield Quantity(f"{name}_sd{ending}", figure.sd, unit)
 
 
 def _reexamined(again: Reexamination, examined: Examined | None) -> Iterator[Quantity]:

@@ -11,6 +11,7 @@ from testbed.studies.many_robots import block_of, kind_of, pieces_of, played_key
 from testbed.studies.protocol import Answer, Record, Records, Task
 from testbed.studies.trial.records import campaign_of
 from testbed.studies.trial.study import SETTING, campaign_part
+from testbed.studies.wen2022.calibrated_sets.records import RANDOM_CALIBRATIONS, RandomCalibrations
 from testbed.studies.wen2022.paper_set import designed_trials, tool_trials
 from testbed.studies.wen2022.records import (
     PAPER_BUDGET,
@@ -31,7 +32,7 @@ class Wen2022Study:
 
     name = "wen2022"
     settings = ReexaminedSettings
-    keys = (PAPER_BUDGET, TOOL_POINT, *ReexaminedSettings.keys)
+    keys = (PAPER_BUDGET, RANDOM_CALIBRATIONS, TOOL_POINT, *ReexaminedSettings.keys)
 
     def records(self, scenario: Scenario) -> tuple[Record, ...]:
         """The paper's budget and tool point; its pools and sets, and one record per kind."""
@@ -44,6 +45,9 @@ class Wen2022Study:
         if scenario.studies.tool_point:
             needs = (SETTING, *tool_trials(scenario), *((PAPER_BUDGET,) if budgeted else ()))
             found.append(Record(TOOL_POINT, ToolPointStudy, everything, needs=needs))
+        if budgeted and scenario.studies.random_sets:
+            needs, key = (SETTING, *designed), RANDOM_CALIBRATIONS
+            found.append(Record(key, RandomCalibrations, everything, needs, pieces=len(designed)))
         table = scenario.table(ReexaminedSettings)
         if not table.robots:
             return tuple(found)
@@ -62,12 +66,15 @@ class Wen2022Study:
     def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
         """One record, or some robots of one; random numbers come from streams named after it."""
         from testbed.studies.wen2022 import budget, play, pools, tool_point
+        from testbed.studies.wen2022.calibrated_sets.play import random_calibrations
 
         setting, table = needed.get(SETTING, Setting), scenario.table(ReexaminedSettings)
         if task.key == PAPER_BUDGET:
             return budget.paper_budget_study(scenario, setting, needed)
         if task.key == TOOL_POINT:
             return tool_point.tool_point_study(scenario, setting, needed)
+        if task.key == RANDOM_CALIBRATIONS:
+            return random_calibrations(scenario, setting, needed, task.piece)
         if task.key == SETS_KEY:
             return pools.play_pools(scenario, setting, block_of(table.pools, task.piece))
         robots = block_of(table.robots, task.piece)
@@ -75,9 +82,12 @@ class Wen2022Study:
         return play.play_robots(scenario, setting, kind_of(task.key), sets, robots)
 
     def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> object:
-        """The pools, or the robots, of all pieces."""
+        """The designed trials, the pools, or the robots, of all pieces."""
         from testbed.studies.wen2022 import play, pools
+        from testbed.studies.wen2022.calibrated_sets import play as sets
 
+        if key == RANDOM_CALIBRATIONS:
+            return sets.gather(parts)
         return pools.gather(parts) if key == SETS_KEY else play.gather(parts)
 
     def answer(self, scenario: Scenario, records: Records) -> Answer | None:
@@ -99,8 +109,9 @@ class Wen2022Study:
         return published_arrays(campaign_of(scenario, records))
 
     def sections(self, scenario: Scenario, records: Records, *, first: bool) -> Sequence[Section]:
-        """The claims on many robots; the tool point and the paper's tables on this one."""
+        """The claims on many robots; random sets, tool point and the paper's tables on this one."""
         from testbed.studies.wen2022 import report, report_paper
+        from testbed.studies.wen2022.calibrated_sets.report import sets_section
         from testbed.studies.wen2022.claims import examine
         from testbed.studies.wen2022.summary import reexamination_of
 
@@ -108,6 +119,7 @@ class Wen2022Study:
         again, examined = reexamination_of(campaign), examine(campaign)
         found = (
             report.reexamined_section(again, examined) if again and examined else None,
+            sets_section(campaign),
             report_paper.tool_section(campaign),
             report_paper.paper_section(campaign, examined),
         )

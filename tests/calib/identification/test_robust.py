@@ -216,7 +216,7 @@ def test_the_covariance_of_a_weighted_fit_is_the_sandwich():
         J,
         weights[:, None, None] * eye,
         scatter[:, None, None] ** 2 * eye,
-        prior.T @ prior,
+        prior_precision=prior.T @ prior,
     )
     np.testing.assert_allclose(K @ K.T, expected, rtol=1e-10, atol=1e-14)
 

@@ -164,6 +164,22 @@ def test_wen2022_pose_numbers_lie_where_the_rule_scatters():
     assert 18 <= counts["O2_poses"] <= 52
 
 
+def test_the_readmes_say_where_the_sets_of_the_paper_stand_among_random_ones():
+    figures = golden("wen2022")["random_calibrations"]
+    text = (scenes() / "README.md").read_text(encoding="utf-8")
+    for trial, sets in figures.items():
+        own = sets["paper"]
+        spread = own["random_held_out_mean_mm"], own["random_held_out_sd_mm"]
+        assert f"{spread[0]:.3f} ± {spread[1]:.3f} mm ({sets['poses']} poses" in text
+        assert f"{trial} is better than {own['better_than']}" in text
+        assert f"{own['held_out_mm']:.3f} mm ({trial})" in text
+        assert own["sets"] == 100
+    front = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
+    first, second = (figures[name]["paper"]["better_than"] for name in ("best-61", "best-29"))
+    said = f"61 poses is better than {first} of them and the set of 29 poses better than {second} "
+    assert said in " ".join(front.split())
+
+
 def script(name):
     """A scenario script as a module."""
     spec = importlib.util.spec_from_file_location(name, scenes() / f"{name}.py")

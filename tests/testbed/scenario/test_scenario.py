@@ -315,7 +315,8 @@ def test_a_scenario_cannot_be_changed_in_place():
 
 
 ROBOT = load_robot("staubli_tx60")
-KEYS = ("setting", "a", "b", "pose_count", "random_sets", "paper_budget", "tool_point")
+KEYS = ("setting", "a", "b", "pose_count", "random_sets", "paper_budget", "random_calibrations",
+        "tool_point")  # fmt: skip
 
 
 ON = {"pose_count": True, "paper_budget": True, "tool_point": True}

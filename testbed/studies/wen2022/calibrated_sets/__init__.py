@@ -1,0 +1,1 @@
+"""Designed sets among random ones of their size, all calibrated: played, summed up, shown."""

@@ -1,0 +1,58 @@
+"""What calibrated pose sets leave behind: designed ones, and random ones of their size."""
+
+from dataclasses import dataclass
+
+from calib.arrays import Array, Index
+from calib.information.observability import IndexName
+from testbed.studies.trial.records import Campaign
+
+RANDOM_CALIBRATIONS = "random_calibrations"
+"""Record on the one robot of the campaign."""
+INDICES: tuple[IndexName, ...] = ("O1", "O2")
+"""Indices that the paper settles its sets by, in its own rows."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CalibratedSets:
+    """K pose sets of one size, each measured once and calibrated by both `records.ESTIMATORS`."""
+
+    indices: Index
+    """(K, m) places in the pool."""
+    index: Array
+    """(2, K) observability of each set: `INDICES`."""
+    own_before: Array
+    """(K,) mean distance to what was measured at the set's own poses, nominal model [m]."""
+    own_after: Array
+    """(2, K) the same for the identified model [m]."""
+    error: Array
+    """(2, K) mean held-out error against the truth [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AgainstRandom:
+    """The set of one designed trial, and random sets of its size, all calibrated."""
+
+    trial: str
+    poses: int
+    criterion: str
+    designed: CalibratedSets
+    """The one set, as its trial measured it."""
+    random: CalibratedSets
+    """Those that gave an estimate with both estimators."""
+    failed: tuple[str, ...]
+    """Which of the random sets gave none, and why."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RandomCalibrations:
+    """Every designed trial's set among random sets of its size, on the robot of the campaign."""
+
+    before: float
+    """Mean held-out error of the nominal model [m]."""
+    sets: tuple[AgainstRandom, ...]
+    """One per designed trial, in the order of the scenario."""
+
+
+def random_calibrations_of(campaign: Campaign) -> RandomCalibrations | None:
+    """Designed sets among random ones, all calibrated; None if nobody asked."""
+    return campaign.records.find(RANDOM_CALIBRATIONS, RandomCalibrations)
