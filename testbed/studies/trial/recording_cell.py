@@ -9,9 +9,9 @@ from calib.geometry.chain import Chain
 from calib.geometry.jacobian import pose_and_jacobian
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
-from calib.measurement.accuracy import target_points
+from calib.measurement.accuracy import point_distances, target_points
 from calib.measurement.observations import Measurements
-from calib.measurement.prediction import predicted_positions
+from calib.measurement.prediction import targets
 from calib.uncertainty.regions import ellipsoid
 from testbed.laboratory.truth.laboratory import Setting
 from testbed.recording import style
@@ -20,7 +20,6 @@ from testbed.recording.pen import Pen
 from testbed.recording.timeline import Phase, Timeline, eased
 from testbed.robots.placements import quaternion_wxyz
 from testbed.robots.robot import Robot
-from testbed.studies.trial.compare import measured_distance
 from testbed.studies.trial.records import Estimate, Trial
 
 GHOST_SIZE = 0.036
@@ -51,8 +50,9 @@ def show(setting: Setting, trial: Trial) -> ShownTrial:
     """Show a trial by its default estimator, the largest thing of each kind below its size."""
     estimate = trial.estimates[0]
     judged = estimate.comparison
-    seen = measured_distance(trial.measurements, setting.nominal)
-    before = max(float(judged.before.max()), float(seen.max()))
+    seen = seen_places(estimate.identification.model, trial.measurements)
+    away = point_distances(seen, predicted_places(setting.nominal, trial.measurements))
+    before = max(float(judged.before.max()), float(away.max()))
     axes, _ = ellipsoid(judged.covariance[:, :3, :3])
     return ShownTrial(
         setting,
@@ -149,7 +149,8 @@ def draw_measured(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
 
     setting, factor = shown.setting, shown.arrows
     draw_beam(pen, phase, setting.T_world_tracker, tracked(setting, pen.timeline.q))
-    seen, points = seen_and_predicted(setting.nominal, shown.trial.measurements)
+    seen = seen_places(shown.estimate.identification.model, shown.trial.measurements)
+    points = predicted_places(setting.nominal, shown.trial.measurements)
     vectors = seen - points
     size = np.linalg.norm(vectors, axis=1)
     cloud, arrows = "world/measured", f"world/error_nominal_x{factor}"
@@ -159,23 +160,31 @@ def draw_measured(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
     pen.clear(pen.timeline.phase("identify").stop, cloud, arrows)
 
 
-def seen_and_predicted(model: RobotModel, table: Measurements) -> tuple[Array, Array]:
-    """Where each row's target was seen (m, 3), and where the model has it, both in the world [m].
+def predicted_places(model: RobotModel, table: Measurements) -> Array:
+    """Where (m, 3) the model has the target of each row, in the world [m]."""
+    T = model.poses(table.q)
+    return _placed(T, targets(model.fixtures, table))
 
-    Further stations stand where the model has them. A distance tells no direction: its target is
-    shown at the measured distance from the anchor, on the line to where the model has it.
+
+def seen_places(model: RobotModel, table: Measurements) -> Array:
+    """Where (m, 3) the target of each row was seen, in the world [m].
+
+    What rows do not tell is taken from the model, the identified one: where further stations and
+    anchors stand, of which a first guess may be millimeters off, and in which direction from its
+    anchor a distance was measured.
     """
-    S = model.fixtures.station_frames[table.station]
-    seen, points = (
-        (S[:, :3, :3] @ places[:, :, None])[:, :, 0] + S[:, :3, 3]
-        for places in (table.position, predicted_positions(model, table))
-    )
-    far = table.is_distance
+    seen = _placed(model.fixtures.station_frames[table.station], table.position)
+    far = np.flatnonzero(table.is_distance)
     anchor = model.fixtures.anchors[table.anchor[far]]
-    line = points[far] - anchor
+    line = predicted_places(model, table)[far] - anchor
     away = np.linalg.norm(line, axis=1)
     seen[far] = anchor + (table.distance[far] / away)[:, None] * line
-    return seen, points
+    return seen
+
+
+def _placed(T: Array, points: Array) -> Array:
+    """Points (m, 3), each in its own frame (m, 4, 4), in the world [m]."""
+    return np.asarray((T[:, :3, :3] @ points[:, :, None])[:, :, 0] + T[:, :3, 3])
 
 
 def draw_held_out(shown: ShownTrial, pen: Pen, phase: Phase) -> None:

@@ -18,7 +18,7 @@ from testbed.run.play import load_run, play_run
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from testbed.studies.protocol import Records
-from testbed.studies.trial.recording_cell import seen_and_predicted
+from testbed.studies.trial.recording_cell import predicted_places, seen_places
 from tests import recorded, viewed
 from tests.recorded import column, properties, record, small_campaign, store, structure
 from tests.reference import pool_r
@@ -86,7 +86,7 @@ def test_rows_of_all_kinds_are_shown_where_they_were_seen_in_the_world():
             tables.points(q, T[:, :3, 3] + beside, sd=1e-5),
         ]
     )
-    seen, predicted = seen_and_predicted(model, table)
+    seen, predicted = seen_places(model, table), predicted_places(model, table)
     np.testing.assert_allclose(predicted, [*target, *target, *T[:, :3, 3]], atol=1e-14)
     for k in range(4):
         turned = target[k] + station[:3, :3] @ beside[k]
