@@ -3,7 +3,7 @@
 import json
 import math
 import tomllib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -17,6 +17,8 @@ MOST = 20
 """Faults of one file that are told at once."""
 KeyPath = tuple[str | int, ...]
 """Keys and list positions that lead to a value of the document."""
+Values = dict[KeyPath, Any]
+"""The values of a document by where they stand; an empty table is a value too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +96,38 @@ def place(path: KeyPath, document: Mapping[str, Any], tables: Collection[str]) -
     for part in path[len(table) :]:
         key += f"[{part}]" if isinstance(part, int) else f".{part}" if key else part
     return f"{words} {key}".strip()
+
+
+def flat(document: Mapping[str, Any]) -> Values:
+    """The values of a document by where they stand."""
+    return {
+        path: value
+        for path, value in nodes(document)
+        if not isinstance(value, Mapping) or not value
+    }
+
+
+def nodes(document: Mapping[str, Any], above: KeyPath = ()) -> Iterator[tuple[KeyPath, Any]]:
+    """Every value and table of a document."""
+    for key, value in document.items():
+        yield (*above, key), value
+        if isinstance(value, Mapping):
+            yield from nodes(value, (*above, key))
+
+
+def nested(values: Values) -> dict[str, Any]:
+    """The document that has these values."""
+    document: dict[str, Any] = {}
+    for path, value in values.items():
+        *tables, key = path
+        table = document
+        for name in tables:
+            table = table.setdefault(str(name), {})
+        if value == {}:
+            table.setdefault(str(key), {})
+        else:
+            table[str(key)] = value
+    return document
 
 
 def foreign_values(
@@ -231,7 +265,7 @@ def toml_lines(table: Mapping[str, Any], name: str = "") -> list[str]:
     inner = {k: v for k, v in table.items() if isinstance(v, dict)}
     rows = {k: v for k, v in table.items() if isinstance(v, list) and v and isinstance(v[0], dict)}
     plain = {k: v for k, v in table.items() if k not in inner and k not in rows and v is not None}
-    lines = [f"{_toml_key(k)} = {toml_value(v)}" for k, v in plain.items()]
+    lines = [f"{toml_key(k)} = {toml_value(v)}" for k, v in plain.items()]
     dot = f"{name}." if name else ""
     for key, value in inner.items():
         lines += ["", f"[{dot}{key}]", *toml_lines(value, f"{dot}{key}")]
@@ -241,7 +275,7 @@ def toml_lines(table: Mapping[str, Any], name: str = "") -> list[str]:
     return lines
 
 
-def _toml_key(name: str) -> str:
+def toml_key(name: str) -> str:
     """A key as TOML: in quotes where it is not one bare word."""
     bare = name.replace("_", "").replace("-", "").isalnum() and name.isascii()
     return name if bare else toml_value(name)

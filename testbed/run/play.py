@@ -255,7 +255,7 @@ def _open(path: Path, studies: Sequence[Study] | None, derive: Derive | None = N
     manifest = read_manifest(path)
     require_campaign(path, manifest)
     file = path / layout.SCENARIO
-    scenario, where = load_scenario(file), str(file)
+    scenario, where = load_scenario(file, finished=True), str(file)
     robot = robot_of(scenario, where)
     if scenario_hash(scenario, robot) != manifest["scenario_sha256"]:
         raise InputError(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from calib.errors import CalibError
 from testbed.scenario.tables import DEFAULT_POSES, PAPER_SET
+from testbed.strict import KeyPath, flat, nested
 
 if TYPE_CHECKING:
     from testbed.robots.catalog import Robot
@@ -162,3 +163,23 @@ def resolved(document: Mapping[str, Any]) -> dict[str, Any]:
             # a file made for planning can be played too, as one designed set
             out["trial"] = [{"name": "designed", "poses": poses, "method": "detmax"}]
     return out
+
+
+REPEATABILITY: KeyPath = ("truth", "joint_repeatability_mdeg")
+"""Null in a scenario, "robot" in its file: TOML has no null."""
+ROWS: tuple[KeyPath, ...] = (("trial",), ("cell", "obstacle"))
+"""Lists of tables, given as a whole: nothing decides their defaults."""
+
+
+def written(document: Mapping[str, Any]) -> dict[str, Any]:
+    """A document without nulls, which TOML does not have."""
+    values = flat(document)
+    if REPEATABILITY in values and values[REPEATABILITY] is None:
+        values[REPEATABILITY] = "robot"
+    return nested({path: value for path, value in values.items() if value is not None})
+
+
+def given_in(document: Mapping[str, Any], filled: Mapping[str, Any]) -> dict[str, Any]:
+    """What a checked document gave; lists of tables as the filled one has them, with defaults."""
+    values, there = flat(written(document)), flat(filled)
+    return nested(values | {path: there[path] for path in ROWS if path in values})

@@ -3,6 +3,7 @@
 import json
 import tomllib
 from collections.abc import Callable, Collection, Mapping
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,23 @@ from pydantic import ValidationError
 from calib.errors import refuse
 from testbed.assets import scene_names, scenes
 from testbed.scenario.contradictions import contradictions
+from testbed.scenario.laboratory import TruthSettings
 from testbed.scenario.messages import sentences
-from testbed.scenario.presets import resolved
+from testbed.scenario.origin import ORIGIN, OriginTable, differing, filled_in, origin_lines
+from testbed.scenario.presets import given_in, resolved, written
 from testbed.scenario.scenario import FORMAT, Scenario, ScenarioFile, StudyTable
-from testbed.strict import Fault, did_you_mean, foreign_values, one_error, toml_lines, toml_value
+from testbed.scenario.stale import copied_fault, filled_scenario, stale
+from testbed.strict import (
+    Fault,
+    KeyPath,
+    did_you_mean,
+    flat,
+    foreign_values,
+    nested,
+    one_error,
+    toml_lines,
+    toml_value,
+)
 
 MAX_BYTES = 1_000_000
 
@@ -44,8 +58,12 @@ Declared = Callable[[Collection[str]], Mapping[str, type[StudyTable]]]
 """Takes the keys of a document and returns the tables of studies it may have, by name."""
 
 
-def load_scenario(name_or_path: str | Path, declared: Declared) -> Scenario:
+def load_scenario(
+    name_or_path: str | Path, declared: Declared, *, finished: bool = False
+) -> Scenario:
     """A scenario from a shipped scene's name, a file, or a run folder.
+
+    With `finished` it is that of a finished run, see `scenario_of`.
 
     Raises
     ------
@@ -63,20 +81,22 @@ def load_scenario(name_or_path: str | Path, declared: Declared) -> Scenario:
         message, allowed = f"is {size / 1e6:.1f} MB", "a scenario has at most 1 MB"
         fix = "give a scenario file"
         raise refuse("", size, allowed, code="S38", message=message, fix=fix, where=where)
-    return parse_scenario(data, declared, where=where, folder=path.parent)
+    return parse_scenario(data, declared, where=where, folder=path.parent, finished=finished)
 
 
 def parse_scenario(
-    data: bytes | str, declared: Declared, *, where: str, folder: Path | None = None
+    data: bytes | str,
+    declared: Declared,
+    *,
+    where: str,
+    folder: Path | None = None,
+    finished: bool = False,
 ) -> Scenario:
     """A scenario from the content of a file; `folder` is what a relative robot path starts from."""
     document = _document(data, where)
-    robot = document.get("robot")
-    if folder is not None and isinstance(robot, str) and _is_path(robot):
-        document["robot"] = str((folder / robot).resolve())
     if folder is not None:
         _place_files(document, folder.resolve(), where)
-    return scenario_of(document, declared, where=where)
+    return scenario_of(document, declared, where=where, finished=finished)
 
 
 def _document(data: bytes | str, where: str) -> dict[str, Any]:
@@ -99,7 +119,10 @@ def _document(data: bytes | str, where: str) -> dict[str, Any]:
 
 
 def _place_files(document: dict[str, Any], folder: Path, where: str) -> None:
-    """Make the file names of obstacles and of measured poses absolute, in place."""
+    """Make the paths of robot, obstacles and measured poses absolute, in place."""
+    for _, table in _tables([document, document.get(ORIGIN)]):
+        if isinstance(robot := table.get("robot"), str) and _is_path(robot):
+            table["robot"] = str((folder / robot).resolve())
     cell, plan = document.get("cell"), document.get("plan")
     obstacles = cell.get("obstacle") if isinstance(cell, dict) else None
     entries = [
@@ -132,53 +155,112 @@ def _is_path(robot: str) -> bool:
 
 
 def scenario_of(
-    document: Mapping[str, Any], declared: Declared, *, where: str = "scenario"
+    document: Mapping[str, Any],
+    declared: Declared,
+    *,
+    where: str = "scenario",
+    finished: bool = False,
 ) -> Scenario:
-    """A scenario from nested mappings, as a TOML reader gives them; presets are applied."""
+    """A scenario from nested mappings, as a TOML reader gives them; presets are applied.
+
+    With `finished` it is that of a finished run, whose hash guards it: its numbers count as they
+    are, whatever preset stands beside them.
+    """
     version = document.get("format")
     if isinstance(version, int) and not isinstance(version, bool) and version > FORMAT:
         message, allowed = f"has format {version}", f"this version reads format {FORMAT}"
         fix = "install a newer truebed"
         raise refuse("format", version, allowed, code="D42", message=message, fix=fix, where=where)
-    file = ScenarioFile(document, declared(document.keys()))
-    faults, clean = foreign_values(document, file.tables)
+    kinds = declared(document.keys())
+    if ORIGIN in document:
+        try:
+            origin = OriginTable.model_validate_json(json.dumps(document[ORIGIN]))
+        except (ValidationError, TypeError):
+            # among its other faults
+            _checked(ScenarioFile(document, {**kinds, ORIGIN: OriginTable}), where)
+            raise
+        rest = {key: value for key, value in document.items() if key != ORIGIN}
+        return _read_back(ScenarioFile(rest, kinds), origin, where, finished=finished)
+    scenario = _checked(ScenarioFile(document, kinds), where)
+    by_program = set(scenario.given.get("truth", ())) == set(TruthSettings.model_fields)
+    # people give a few numbers of a preset, and may; who gives all of them has copied them
+    fault = copied_fault(scenario) if by_program and not finished else None
+    if fault:
+        raise one_error([fault], where)
+    return scenario
+
+
+def _checked(file: ScenarioFile, where: str) -> Scenario:
+    """The scenario of what was given, or one error with all its faults."""
+    faults, clean = foreign_values(file.document, file.tables)
     told = {fault.path for fault in faults}
+    given = dict(clean)
     own = {name: clean.pop(name, {}) for name in file.kinds}
     tables: dict[str, StudyTable] = {}
     for name, kind in file.kinds.items():
         try:
-            tables[name] = kind.model_validate_json(json.dumps(own[name]))
+            table = kind.model_validate_json(json.dumps(own[name]))
         except ValidationError as error:
             faults += sentences(error, file, skip=told, table=(name,))
+        else:
+            tables |= {name: table} if isinstance(table, StudyTable) else {}
     try:
         core = Scenario.model_validate_json(json.dumps(resolved(clean)))
     except ValidationError as error:
         faults += sentences(error, file, skip=told)
         raise one_error(file.in_order(faults), where) from None
+    scenario = core.with_tables(tables)
     if len(tables) == len(file.kinds):
-        scenario = core.with_tables(tables)
         faults += [Fault((), line) for line in contradictions(scenario)]
     if faults:
         raise one_error(file.in_order(faults), where)
-    return scenario
+    return scenario.with_given(given_in(given, scenario.document()))
+
+
+def _read_back(file: ScenarioFile, origin: OriginTable, where: str, *, finished: bool) -> Scenario:
+    """The scenario of a written file, where only some keys were given and others filled in.
+
+    A number that was filled in and edited since then counts as given.
+    """
+    values, given = flat(file.document), origin.given_in(file.document)
+    try:
+        then = filled_scenario(nested(given | origin.deciders(given)), file.kinds)
+        filled = filled_in(values, then)
+    except (ValidationError, TypeError):
+        return _checked(file, where)  # which says what is wrong
+
+    def without(paths: Collection[KeyPath]) -> Scenario:
+        kept = {path: value for path, value in values.items() if path not in paths}
+        return _checked(ScenarioFile(nested(given | kept), file.kinds), where)
+
+    scenario = without(filled)
+    moved = differing(values, filled, scenario)
+    fault = None if finished else stale(moved, scenario, then)
+    if fault:
+        raise one_error([fault], where)
+    return without(set(filled) - set(moved)) if moved else scenario
 
 
 def changed(scenario: Scenario, changes: Mapping[str, Any], *, where: str = "") -> Scenario:
-    """The scenario with some keys changed, checked again: ``{"tracker.position_um": 5.0}``."""
-    document = scenario.document()
-    for dotted, value in changes.items():
-        *tables, key = dotted.split(".")
-        table = document
+    """The scenario with some keys changed, checked again: ``{"tracker.position_um": 5.0}``.
+
+    As if its author had written them so: another preset or robot decides anew what nobody gave.
+    """
+    document = scenario.given
+    for dotted_key, value in changes.items():
+        *tables, key = dotted_key.split(".")
+        table: Any = document
         for name in tables:
             table = table.setdefault(name, {})
-        table[key] = value
+            if not isinstance(table, dict):
+                message = f'"{dotted_key}" cannot be changed: {name} is no table'
+                fix = f"give all of {name}"
+                raise refuse(dotted_key, value, code="S37", message=message, fix=fix)
+        table[key] = deepcopy(value)
     kinds = {name: type(table) for name, table in scenario.tables.items()}
     return scenario_of(document, lambda _: kinds, where=where or scenario.name)
 
 
 def dump_scenario(scenario: Scenario) -> str:
     """The scenario as TOML text, every default written out; reading it back gives an equal one."""
-    document = scenario.document()
-    if document["truth"]["joint_repeatability_mdeg"] is None:
-        document["truth"]["joint_repeatability_mdeg"] = "robot"
-    return "\n".join(toml_lines(document)) + "\n"
+    return "\n".join([*toml_lines(written(scenario.document())), *origin_lines(scenario)]) + "\n"

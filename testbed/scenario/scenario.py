@@ -2,11 +2,12 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 from pydantic import Field, PrivateAttr
 
@@ -94,6 +95,7 @@ class Scenario(Settings):
     plan: PlanSettings
     trial: Annotated[tuple[TrialSettings, ...], Field(min_length=1, max_length=MAX_TRIALS)]
     _tables: dict[str, StudyTable] = PrivateAttr(default_factory=dict)
+    _given: dict[str, Any] = PrivateAttr(default_factory=dict)
 
     def trial_named(self, name: str) -> TrialSettings:
         """The trial with this name."""
@@ -111,10 +113,30 @@ class Scenario(Settings):
             raise TypeError(f"[{kind.table}] is {type(table).__name__}, not {kind.__name__}")
         return table
 
+    @property
+    def given(self) -> dict[str, Any]:
+        """What somebody wrote of it, as a document; presets, robot and defaults decide the rest."""
+        return deepcopy(self._given) or self.document()
+
     def with_tables(self, tables: Mapping[str, StudyTable]) -> "Scenario":
         """The same scenario with these tables of studies."""
         copy = self.model_copy()
         copy._tables = dict(tables)
+        return copy
+
+    def with_given(self, document: Mapping[str, Any]) -> "Scenario":
+        """The same scenario, as what came of this document."""
+        copy = self.model_copy()
+        copy._given = dict(document)
+        return copy
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy; tables in `update` count as given."""
+        copy = super().model_copy(update=update, deep=deep)
+        if update and self._given:
+            document = copy.document()
+            kept = {key: value for key, value in self._given.items() if key not in update}
+            copy._given = kept | {key: document[key] for key in update if key in document}
         return copy
 
     def document(self) -> dict[str, Any]:
@@ -132,8 +154,8 @@ class ScenarioFile:
     """A scenario document as its messages speak of it: its values, and the tables it may have."""
 
     document: Mapping[str, Any]
-    kinds: Mapping[str, type[StudyTable]]
-    """Tables of studies, by name."""
+    kinds: Mapping[str, type[Settings]]
+    """Tables that are no part of every scenario, by name: those of studies, and [origin]."""
 
     @property
     def keys(self) -> tuple[str, ...]:

@@ -71,8 +71,11 @@ def declared_tables(keys: Collection[str]) -> dict[str, "type[StudyTable]"]:
     return tables
 
 
-def load_scenario(name_or_path: str | Path) -> "Scenario":
+def load_scenario(name_or_path: str | Path, *, finished: bool = False) -> "Scenario":
     """A scenario from a shipped scene's name, a file, or a run folder.
+
+    With `finished` it is that of a finished run, whose hash guards it: its numbers count as they
+    are, whatever preset stands beside them.
 
     Raises
     ------
@@ -81,7 +84,7 @@ def load_scenario(name_or_path: str | Path) -> "Scenario":
     """
     from testbed.scenario import read
 
-    return read.load_scenario(name_or_path, declared_tables)
+    return read.load_scenario(name_or_path, declared_tables, finished=finished)
 
 
 def parse_scenario(data: bytes | str, *, where: str, folder: Path | None = None) -> "Scenario":

@@ -32,6 +32,8 @@ from testbed.plan.plan import plan
 from testbed.robots.catalog import load_robot
 from testbed.run.play import play_run, read_result, recording_of
 from testbed.scenario.checks import check_robot
+from testbed.scenario.origin import COMMENT
+from testbed.scenario.read import changed, dump_scenario
 from testbed.store import layout
 from testbed.store.run_folder import RunFolder, check_free
 from testbed.streams import stream
@@ -58,6 +60,12 @@ def without(key):
 
 def text(content):
     return lambda _: parse_scenario(content, where="scenes/mine.toml")
+
+
+def edited(before, after, *, old=False, **tables):
+    """A written scenario, edited by hand; an old one says nothing of which keys were given."""
+    content = dump_scenario(scenario_of(deepcopy(SCENARIO) | tables)).replace(before, after, 1)
+    return text(content.split(COMMENT)[0] if old else content)
 
 
 def begun(path):
@@ -391,6 +399,20 @@ CASES = {
         (path / "thesis.tex").write_text(""),
         check_free(path, layout.PLAN, overwrite=True),
     ),
+    "preset beside the numbers of another": edited('"wen2022"', '"rigid"'),
+    "preset beside the numbers of another, in an old file": edited(
+        '"wen2022"', '"soft"', old=True
+    ),
+    "tracker beside the numbers of another": edited(
+        '"at960"', '"paper"', tracker={"preset": "at960"}
+    ),
+    "robot beside the numbers of another": edited("staubli_tx60", "universal_ur10"),
+    "robot beside the numbers of another, in an old file": edited(
+        "staubli_tx60", "kuka_iiwa7", old=True
+    ),
+    "origin by a slip": with_table(origin={"givn": ["seed"], "truth": 3}),
+    "origin in one word": with_table(origin={"given": "seed"}, pool={"size": 5}),
+    "change of a key in a list": lambda _: changed(scenario_of(SCENARIO), {"trial.0.poses": 9}),
     "no noise": with_table(tracker={"position_um": 0}),
     "no noise along the beam": with_table(tracker={"preset": "at960", "range_um": [0, 0.15]}),
     "outliers at every held-out pose": with_table(

@@ -175,7 +175,7 @@ def test_seed_versions_and_the_whole_scenario_are_printed():
     assert f"seed {campaign.scenario.seed}" in text
     assert "truebed 0.0.0" in text
     for line in dump_scenario(campaign.scenario).splitlines():
-        assert line in text
+        assert line.strip() in text
 
 
 def test_a_contradicted_model_says_not_to_quote_u_and_an_honest_one_gives_it():
