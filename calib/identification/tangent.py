@@ -58,7 +58,8 @@ class Tangent:
         if self.exact:
             return self.offset
         n, p = self.A.shape
-        outside = max(self.cost - self.offset**2, np.finfo(np.float64).tiny)
+        # on the way to an exact fit nothing but rounding is left outside
+        outside = max(self.cost - self.offset**2, np.finfo(np.float64).eps * self.cost)
         return float(np.sqrt((self.offset**2 / p) / (outside / (n - p))))
 
     @property

@@ -1,6 +1,6 @@
 """What a model predicts for each row of a table, and how that follows its numbers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -116,6 +116,23 @@ def predicted_positions(model: RobotModel, measurements: Measurements) -> Array:
         return p
     S = model.fixtures.station_frames[measurements.station]
     return np.asarray((np.swapaxes(S[:, :3, :3], 1, 2) @ (p - S[:, :3, 3])[:, :, None])[:, :, 0])
+
+
+def perfect(model: RobotModel, measurements: Measurements) -> Measurements:
+    """The table with what the model predicts in place of what was measured."""
+    p = predicted_positions(model, measurements)
+    pose, far = measurements.is_pose, measurements.is_distance
+    S = model.fixtures.station_frames[measurements.station][:, :3, :3]
+    R = np.swapaxes(S, 1, 2) @ model.poses(measurements.q)[:, :3, :3]
+    distance = np.zeros(len(p))
+    from_anchor = p[far] - model.fixtures.anchors[measurements.anchor[far]]
+    distance[far] = np.linalg.norm(from_anchor, axis=1)
+    return replace(
+        measurements,
+        position=np.where(far[:, None], 0.0, p),
+        rotation=np.where(pose[:, None, None], R, np.eye(3)),
+        distance=distance,
+    )
 
 
 def require_fixtures(fixtures: Fixtures, measurements: Measurements) -> None:

@@ -13,7 +13,16 @@ from calib.measurement.observations import Measurements
 from calib.uncertainty.batch import WIDTH
 from calib.uncertainty.covariance import covariance_factor, standard_uncertainty
 from calib.uncertainty.parallel import in_batches
-from calib.uncertainty.refit import BLOCKS, STEPS, Frozen, Refits, descend, freeze, joined
+from calib.uncertainty.refit import (
+    BLOCKS,
+    STEPS,
+    Frozen,
+    Refits,
+    descend,
+    freeze,
+    joined,
+    require_loops,
+)
 
 REPLICATES = 1000
 """Virtual campaigns; they leave 2 % in each standard deviation."""
@@ -142,6 +151,7 @@ def bootstrap(
         allowed = f"{FEWEST} or more: fewer leave a standard deviation unknown by 7 %"
         raise refuse("replicates", replicates, allowed, code="A3")
     start = freeze(model, measurements, parameters, prior_precision=prior_precision)
+    require_loops(start)
     spread = _prior_spread(start)
     import calib.kernels.noisy_poses
     import calib.kernels.replicates  # noqa: F401  # compiled before threads start

@@ -12,7 +12,7 @@ from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.measurement.observations import GIVEN, Measurements
-from calib.measurement.prediction import targets
+from calib.measurement.prediction import perfect, targets
 from calib.measurement.residual import linearize, padded_covariance, table_whiteners
 from calib.uncertainty.batch import WIDTH, Batch
 from calib.uncertainty.covariance import RANK_TOLERANCE, covariance_factor
@@ -64,7 +64,7 @@ class Frozen:
     measurements: Measurements
     """The plan: joints, covariances and kinds of rows; measured are the model's own predictions."""
     weight: Array
-    """(m, 6, 6) inverse covariances; zero for the rotation of point rows."""
+    """(m, 6, 6) inverse covariances; zero where a row has no entries."""
     factor: Array
     """(m, 6, 6) lower factors of the covariances; zero likewise."""
     precision: Array
@@ -87,7 +87,7 @@ def freeze(
     *,
     prior_precision: ArrayLike | None = None,
 ) -> Frozen:
-    """Take the curvature of a fit at a model, for use in `refit`.
+    """Take the curvature of a fit at a model, for use in `refit` and in budgets.
 
     Parameters
     ----------
@@ -103,16 +103,19 @@ def freeze(
     Raises
     ------
     InputError
-        Rows that cannot tell all free numbers; a covariance or prior that is not positive;
-        distances, several stations or free fixtures, which the compiled loops do not know.
+        Rows that cannot tell all free numbers; a covariance or prior that is not positive.
     """
     f = parameters.n_free
-    measurements = _plain(model, measurements, parameters)
-    T = model.poses(measurements.q)
-    arm = (T[:, :3, :3] @ measurements.offset[:, :, None])[..., 0]
-    perfect = replace(measurements, position=T[:, :3, 3] + arm, rotation=T[:, :3, :3])
+    if unknown_to_loops(model, measurements, parameters) is None:
+        own = targets(model.fixtures, measurements)
+        measurements = replace(measurements, offset=own, reflector=np.full(len(own), GIVEN))
+        T = model.poses(measurements.q)
+        arm = (T[:, :3, :3] @ measurements.offset[:, :, None])[..., 0]
+        plan = replace(measurements, position=T[:, :3, 3] + arm, rotation=T[:, :3, :3])
+    else:
+        plan = perfect(model, measurements)
     N = table_whiteners(measurements)
-    A = linearize(model, perfect, whitening=N).A[:, parameters.free_index]
+    A = linearize(model, plan, whitening=N).A[:, parameters.free_index]
     prior, rows = np.zeros((f, f)), A
     if prior_precision is not None:
         (prior,) = check(f"{f} {f}", prior_precision=prior_precision)
@@ -129,14 +132,14 @@ def freeze(
             fix="free only what was identified (Identification.parameters), or give a prior",
         )  # fmt: skip
     root = solve_triangular(R, np.eye(f)) / scale[:, None]
-    N = N.copy()
-    N[~measurements.is_pose, 3:] = 0
+    N, missing = N.copy(), np.arange(6) >= measurements.equations[:, None]
+    N[missing] = 0
     factor = np.linalg.cholesky(padded_covariance(measurements))
-    factor[~measurements.is_pose, 3:] = 0
+    factor[missing] = 0
     return Frozen(
         model,
         parameters,
-        perfect,
+        plan,
         frozen(np.swapaxes(N, -1, -2) @ N),
         frozen(factor),
         frozen(rows.T @ rows),
@@ -145,8 +148,10 @@ def freeze(
     )
 
 
-def _plain(model: RobotModel, measurements: Measurements, parameters: Parameters) -> Measurements:
-    """The table with known reflectors as offsets; refuses what the compiled loops do not know."""
+def unknown_to_loops(
+    model: RobotModel, measurements: Measurements, parameters: Parameters
+) -> tuple[str, str] | None:
+    """Field and words of what the compiled loops of virtual calibrations do not know, if any."""
     free = [name for name in parameters.free_names if name in model.fixtures.names]
     for wrong, field, what in (
         (measurements.is_distance.any(), "kind", "distances"),
@@ -154,13 +159,20 @@ def _plain(model: RobotModel, measurements: Measurements, parameters: Parameters
         (bool(free), "parameters", f"free fixtures ({', '.join(free[:3])})"),
     ):
         if wrong:
-            raise refuse(
-                field, code="A3", message=f"virtual calibrations know no {what}",
-                allowed="poses and points seen from one station, fixtures held",
-                fix="use the covariance of the identification, or hold what was set up",
-            )  # fmt: skip
-    own = targets(model.fixtures, measurements)
-    return replace(measurements, offset=own, reflector=np.full(len(own), GIVEN))
+            return field, what
+    return None
+
+
+def require_loops(start: Frozen) -> None:
+    """Refuse a plan with distances, several stations or free fixtures."""
+    found = unknown_to_loops(start.model, start.measurements, start.parameters)
+    if found is not None:
+        field, what = found
+        raise refuse(
+            field, code="A3", message=f"virtual calibrations know no {what}",
+            allowed="poses and points seen from one station, fixtures held",
+            fix="use the covariance of the identification, or hold what was set up",
+        )  # fmt: skip
 
 
 def refit(
@@ -190,6 +202,7 @@ def refit(
     threads : int
         At work side by side; the result does not depend on it.
     """
+    require_loops(start)
     m, f = len(start.measurements), start.parameters.n_free
     position, rotation = check(f"k {m} 3, k {m} 3 3", position=position, rotation=rotation)
     K = len(position)

@@ -1,173 +1,21 @@
 """Joints and readings that were matched, from all files, into one `Session` with its targets."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from calib.arrays import Array, Bool, Index, frozen
-from calib.geometry.fixtures import Fixtures
-from calib.measurement.observations import GIVEN, Measurements
-from testbed.files.joints import Joints
-from testbed.files.matching import numbered, pose_numbers, poses_of_joints, visits_of
-from testbed.files.readings import Readings
+from calib.measurement.observations import Measurements
+from testbed.files.matching import pose_numbers, poses_of_joints, visits_of
 from testbed.files.refusal import refusal
 from testbed.files.session import Session, Stated
-from testbed.files.session_toml import ObservedTable, Place, PointsTable, RangesTable, SessionFile
+from testbed.files.session_toml import SessionFile
+from testbed.files.targets import TargetPart, targets_of, texts_of
 from testbed.robots.robot import Robot
-from testbed.strict import choice_of
 
 SAME_JOINTS = 1e-6
 """Commanded joints of one pose differ by rounding only [rad, m]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TargetPart:
-    """Rows of one file with their joints."""
-
-    joints: Joints
-    readings: Readings
-    section: ObservedTable
-
-    def __len__(self) -> int:
-        return len(self.readings)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Targets:
-    """Where the reflectors, anchors and stations of all rows are."""
-
-    reflector: Index
-    offset: Array
-    anchor: Index
-    station: Index
-    fixtures: Fixtures
-    fixed: tuple[str, ...]
-    reflector_names: tuple[str, ...]
-    anchor_names: tuple[str, ...]
-    station_names: tuple[str, ...]
-
-
-def texts_of(parts: Sequence[TargetPart], name: str) -> tuple[str, ...]:
-    """A column of texts of all readings."""
-    return tuple(text for part in parts for text in getattr(part.readings, name))
-
-
-def targets_of(parts: Sequence[TargetPart]) -> Targets:
-    """Numbers and places of everything that was measured, and from where."""
-    station, station_names = numbered(texts_of(parts, "station"))
-    anchors = texts_of(parts, "anchor")
-    anchor_names = tuple(dict.fromkeys(name for name in anchors if name))
-    anchor = {name: k for k, name in enumerate(anchor_names)}
-    known = _anchor_places(parts, anchor_names)
-    places: dict[str, Array | None] = {}
-    for part in parts:
-        places |= _reflector_places(part)
-    free = _free_reflectors(parts, places)
-    at = {name: k for k, name in enumerate(free)}
-    reflector, offset = [], []
-    for part in parts:
-        readings = part.readings
-        is_pose = readings.kind == "pose"
-        given = [None] * len(part) if readings.offset is None else readings.offset
-        for name, xyz in zip(readings.target, given, strict=True):
-            is_free = not is_pose and xyz is None and name in at
-            place = places.get(name) if xyz is None else xyz
-            reflector.append(at[name] if is_free else GIVEN)
-            offset.append(np.zeros(3) if is_pose or is_free or place is None else place)
-    far = [part.readings.kind == "distance" for part in parts for _ in range(len(part))]
-    return Targets(
-        reflector=np.array(reflector, dtype=np.int64),
-        offset=np.array(offset).reshape(-1, 3),
-        anchor=np.array([anchor.get(name, GIVEN) for name in anchors], dtype=np.int64),
-        station=np.where(far, 0, station),
-        fixtures=Fixtures(
-            np.zeros((len(free), 3)),
-            np.array([np.zeros(3) if xyz is None else xyz for xyz in known]).reshape(-1, 3),
-            np.tile(np.eye(4), (max(len(station_names) - 1, 0), 1, 1)),
-        ),
-        fixed=tuple(
-            f"anchor{k + 1}.{axis}"
-            for k, xyz in enumerate(known)
-            if xyz is not None
-            for axis in "xyz"
-        ),
-        reflector_names=free,
-        anchor_names=anchor_names,
-        station_names=station_names,
-    )
-
-
-def _free_reflectors(
-    parts: Sequence[TargetPart], places: Mapping[str, Array | None]
-) -> tuple[str, ...]:
-    """Reflectors whose place in the tool frame is to be identified.
-
-    A single one that nothing is stated of is the tool itself.
-    """
-    optical = [part.readings for part in parts if part.readings.kind != "pose"]
-    names = list(dict.fromkeys(name for readings in optical for name in readings.target))
-    stated = {name for part in parts for name in _stated_places(part)}
-    lone = len(names) < 2 and {part.readings.kind for part in parts} == {"point"}
-    return tuple(n for n in names if places.get(n) is None and not (lone and n not in stated))
-
-
-def _stated_places(part: TargetPart) -> dict[str, Place]:
-    """[points] or [ranges] reflectors_mm."""
-    section = part.section
-    return section.reflectors_mm if isinstance(section, PointsTable | RangesTable) else {}
-
-
-def _reflector_places(part: TargetPart) -> dict[str, Array | None]:
-    """Place of each reflector in the tool frame [m], None where it is to be found.
-
-    Raises
-    ------
-    InputError
-        S37: some places are stated, and one is missing.
-    """
-    stated = _stated_places(part)
-    out: dict[str, Array | None] = {}
-    for name in dict.fromkeys(part.readings.target if part.readings.kind != "pose" else ()):
-        if stated and name not in stated:
-            raise refusal(
-                part.readings.where, "reflectors_mm",
-                f'reflectors_mm says nothing of the target "{name}"', code="S37", value=name,
-                allowed='give its place in the tool frame [mm], or "free"',
-                fix=choice_of(name, stated),
-            )  # fmt: skip
-        out[name] = _meters(stated.get(name, "free"))
-    return out
-
-
-def _anchor_places(parts: Sequence[TargetPart], names: Sequence[str]) -> list[Array | None]:
-    """Place of each anchor in the world [m], None where it is to be found.
-
-    Raises
-    ------
-    InputError
-        S37: nothing is stated of one.
-    """
-    stated: dict[str, Place] = {}
-    for part in parts:
-        if isinstance(part.section, RangesTable):
-            stated |= part.section.anchors_mm
-    ranged = (part.readings.where for part in parts if part.readings.kind == "distance")
-    where = next(ranged, "")
-    for name in names:
-        if name not in stated:
-            raise refusal(
-                where, "ranges.anchors_mm", f'nothing says where the anchor "{name}" is',
-                code="S37", value=name,
-                allowed='give its place in the world [mm], or "free" where it is to be found',
-                fix=f'write anchors_mm = {{ "{name}" = "free" }} under [ranges]',
-            )  # fmt: skip
-    return [_meters(stated[name]) for name in names]
-
-
-def _meters(place: Place) -> Array | None:
-    """A stated place in SI units [m]; None where it is to be identified."""
-    return None if place == "free" else np.array(place, dtype=np.float64) / 1e3
 
 
 def assemble(
@@ -185,7 +33,7 @@ def assemble(
         raise refusal(where, "measurements", "no row is left", code="M27", fix=fix)
     q = np.concatenate([part.joints.q for part in parts])
     place = texts_of(parts, "place")
-    target = targets_of(parts)
+    target = targets_of(parts, settings.start)
     # joints number the poses
     named = _joined([part.joints.extras.pose for part in parts])
     if named is not None:
@@ -223,13 +71,15 @@ def assemble(
         is_test=is_test,
         split_stated=split,
         read_back=_stacked([part.joints.read_back for part in parts]),
-        time=_stacked([_extra(part, "time") for part in parts]),
+        # several files begin their clocks at different times
+        time=_stacked([_extra(part, "time") for part in parts]) if len(parts) == 1 else None,
         temperature=_stacked([_extra(part, "temperature") for part in parts]),
         approach=_joined([_extra(part, "approach") for part in parts]),
         joint_source=source,
         uncertainty="; ".join(dict.fromkeys(part.readings.uncertainty for part in parts)),
         joint_scatter=frozen(np.zeros(q.shape[1]) if included else robot.repeatability),
         fixtures=target.fixtures,
+        placed=settings.start is not None and target.placed,
         fixed=target.fixed,
         reflector_names=target.reflector_names,
         anchor_names=target.anchor_names,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from calib.errors import InputError
-from testbed.files.assembly import TargetPart, assemble
+from testbed.files.assembly import assemble
 from testbed.files.drift import without_drift
 from testbed.files.frames_fit import mismatched_rows
 from testbed.files.joints import read_joints
@@ -30,6 +30,7 @@ from testbed.files.session_toml import (
 )
 from testbed.files.spatial_analyzer import read_sa
 from testbed.files.table import DataTable, table_of
+from testbed.files.targets import TargetPart
 from testbed.files.text import MAX_MB, FileText, SourceFile, read_sheet, read_text
 from testbed.robots.robot import Robot
 from testbed.strict import read_toml

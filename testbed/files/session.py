@@ -104,6 +104,8 @@ class Session:
     by `calib.measurement.noise.with_joint_noise` once base and tool are known."""
     fixtures: Fixtures
     """Reflectors, anchors and stations the rows refer to; zero where nothing is known yet."""
+    placed: bool = False
+    """Whether the file says about where all that is free among them is."""
     fixed: tuple[str, ...]
     """Names of the numbers of `fixtures` that the file gives; they are not identified."""
     reflector_names: tuple[str, ...]

@@ -109,6 +109,21 @@ class RangesTable(ObservedTable):
     reflectors_mm: dict[Name, Place] = Field(default_factory=dict)
 
 
+class StartTable(Strict):
+    """[start]: about where free reflectors and anchors and further stations are, by name.
+
+    Stations have axes about parallel to the world's. Where frames fitted from there are as good as
+    those found from nothing, identification begins there.
+    """
+
+    reflectors_mm: dict[Name, Point] = Field(default_factory=dict)
+    """In the tool frame."""
+    anchors_mm: dict[Name, Point] = Field(default_factory=dict)
+    """In the world."""
+    stations_mm: dict[Name, Point] = Field(default_factory=dict)
+    """Beam origins in the world, which is the first station's frame."""
+
+
 class DriftTable(Strict):
     """[drift]: nests that stay on the floor."""
 
@@ -167,6 +182,7 @@ class SessionFile(Strict):
     frames: FramesTable | None = None
     points: PointsTable | None = None
     ranges: RangesTable | None = None
+    start: StartTable | None = None
     drift: DriftTable | None = None
     uncertainty: UncertaintyTable = UncertaintyTable()
     identification: IdentificationTable = IdentificationTable()

@@ -50,17 +50,22 @@ def frames_of(robot: Robot, session: Session, train: Measurements) -> StartFrame
         said = ("base and tool are those of the robot's file, and held there",)
         return StartFrames(own, own, True, parameters, said)
     start = own
-    sentences: tuple[str, ...] = ("base and tool start from the robot's file, which fits",)
+    where = "the robot's file" + ", fixtures from [start]" * bool(session.fixtures.n_numbers)
+    fit = "fit" if session.fixtures.n_numbers else "fits"
+    sentences: tuple[str, ...] = (f"base and tool start from {where}, which {fit}",)
     if wanted.base == "free" and not _fits(robot, session, own, train):
         free_tool = wanted.tool == "free"
         found = start_frames(own, train, free_tool=free_tool, free_anchors=session.free_anchors)
         start, sentences = found.model, found.notes
     parameters = free_numbers(start, robot, session)
-    frames = [name for name in parameters.free_names if "." in name and _is_frame(name)]
-    before = start
-    if frames:
-        before = identify(start, train, parameters.freeing(frames)).model
+    before = fitted_frames(start, train, parameters)
     return StartFrames(start, before, start is own, parameters, sentences)
+
+
+def fitted_frames(start: RobotModel, train: Measurements, parameters: Parameters) -> RobotModel:
+    """The model with base, tool and fixtures fitted as far as they are free; links as they were."""
+    frames = [name for name in parameters.free_names if "." in name and _is_frame(name)]
+    return identify(start, train, parameters.freeing(frames)).model if frames else start
 
 
 def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameters:
@@ -93,9 +98,15 @@ def _is_frame(name: str) -> bool:
 
 
 def _fits(robot: Robot, session: Session, own: RobotModel, train: Measurements) -> bool:
-    """Whether the frames of the robot's file explain the rows about as well as fitted ones."""
+    """Whether the frames of the robot's file explain the rows about as well as fitted ones.
+
+    Fixtures need a [start], and are fitted from there: they never are where it has them.
+    """
+    model, free_tool = own, session.wanted.tool == "free"
     if session.fixtures.n_numbers:
-        return False
-    best = start_frames(robot.model, train, free_tool=session.wanted.tool == "free")
-    missed = float(np.sqrt(np.mean(predict(own, train).misses ** 2)))
+        if not session.placed:
+            return False
+        model = fitted_frames(own, train, free_numbers(own, robot, session))
+    best = start_frames(own, train, free_tool=free_tool, free_anchors=session.free_anchors)
+    missed = float(np.sqrt(np.mean(predict(model, train).misses ** 2)))
     return missed <= AS_GOOD * best.position_rms

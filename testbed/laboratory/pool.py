@@ -84,6 +84,9 @@ class Candidates:
     acceptance: float = np.pi
     """Half angle of the cone about the tool's z axis in which the tracker must stand, seen from the
     target [rad]; pi: anywhere."""
+    others: tuple[tuple[Array, Array], ...] = ()
+    """Further places (3,) with their targets (3,): what one of all faces and sees can be measured
+    [m]."""
 
     def draw(
         self, rng: np.random.Generator, *, size: int | None = None, exclude: Array | None = None
@@ -165,17 +168,42 @@ class Candidates:
         return reason
 
     def faces(self, q: Array) -> Bool:
-        """Whether (m,) the tracker stands in the cone about the tool's z axis."""
+        """Whether (m,) a tracker stands in the cone about the tool's z axis."""
         if self.acceptance >= np.pi:
             return np.ones(len(q), dtype=bool)
         T = self.robot.model.poses(q)
-        beam = np.asarray(self.station) - (T[:, :3, 3] + T[:, :3, :3] @ np.asarray(self.aim))
-        along = np.einsum("mi,mi->m", T[:, :3, 2], beam)
-        return np.asarray(along >= np.cos(self.acceptance) * np.linalg.norm(beam, axis=1))
+        return np.asarray(np.any([self._in_cone(T, *view) for view in self._views], axis=0))
 
     def sees(self, q: Array) -> Bool:
-        """Whether (m,) nothing stands between the tracker and the target."""
-        return self.simulator.sees(q, self.station, self.aim)
+        """Whether (m,) nothing stands between a tracker and the target that faces it."""
+        if not self.others:
+            return self.simulator.sees(q, self.station, self.aim)
+        out, T = np.zeros(len(q), dtype=bool), self.robot.model.poses(q)
+        for view in self._views:
+            left = np.flatnonzero(~out & self._in_cone(T, *view))
+            out[left] = self.simulator.sees(q[left], *view)
+        return out
+
+    def measurable(self, q: Array) -> Bool:
+        """Whether (m,) a tracker faces its target, and sees it where sight is tested."""
+        out = self.faces(q)
+        if self.settings.line_of_sight:
+            left = np.flatnonzero(out)
+            out[left] = self.sees(q[left])
+        return out
+
+    @property
+    def _views(self) -> tuple[tuple[ArrayLike, ArrayLike], ...]:
+        """Every place with its target."""
+        return ((self.station, self.aim), *self.others)
+
+    def _in_cone(self, T: Array, station: ArrayLike, aim: ArrayLike) -> Bool:
+        """Whether (m,) a place is in the cone of its target on tools T (m, 4, 4)."""
+        if self.acceptance >= np.pi:
+            return np.ones(len(T), dtype=bool)
+        beam = np.asarray(station) - (T[:, :3, 3] + T[:, :3, :3] @ np.asarray(aim))
+        along = np.einsum("mi,mi->m", T[:, :3, 2], beam)
+        return np.asarray(along >= np.cos(self.acceptance) * np.linalg.norm(beam, axis=1))
 
     def _in_box(self, q: Array) -> Bool:
         """Whether (m,) the nominal tool lies in the box, which is fixed to the base frame."""

@@ -75,6 +75,7 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     """`plan`, with errors that do not name the scenario yet."""
     tell(STEPS[0], 0, len(STEPS))
     check_tested(scenario)
+    check_one_target(scenario)
     bench = open_bench(scenario, clearance=scenario.plan.clearance_mm / 1e3)
     check_robot(scenario, bench.robot, where=where)
     check_stations(bench)
@@ -172,6 +173,16 @@ def check_tested(scenario: Scenario) -> None:
             "pool.self_collision", False, code="S37", fix="remove that key",
             message="[pool] self_collision is false, and a plan is for a real robot: its poses and "
             "moves must be tested",
+        )  # fmt: skip
+
+
+def check_one_target(scenario: Scenario) -> None:
+    """Refuse a scenario with further targets and stations: a plan is for one of each."""
+    if scenario.fixtures is not None:
+        raise refuse(
+            "fixtures", code="S37",
+            message="[fixtures] is there, and a plan is for one target seen from one station",
+            fix="remove that table, or play the scenario with `truebed run`",
         )  # fmt: skip
 
 

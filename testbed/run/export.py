@@ -1,19 +1,25 @@
 """A campaign's virtual measurements as files that are read like real ones, bit for bit."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.arrays import Array, Bool, Index
-from calib.measurement.observations import POSE, Measurements, joined
+from calib.measurement.observations import DISTANCE, POSE, Measurements, joined
 from testbed.files.columns import covariance_names
 from testbed.files.session_toml import SESSION_FILE
+from testbed.laboratory.tracker.rounds import world_mm
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory, validation_start
 from testbed.robots.robot import Robot
+from testbed.scenario.fixtures import targets_mm
 from testbed.store.run_folder import whole_folder
 from testbed.studies.trial.play import visits_of
 from testbed.studies.trial.records import Campaign, Trial
+
+Labels = NDArray[np.str_]
 
 
 def export_campaign(
@@ -45,10 +51,13 @@ def export_campaign(
     with whole_folder(Path(folder), SESSION_FILE, overwrite=overwrite) as inside:
         for k, trial in enumerate(campaign.trials):
             table, is_test, time = exported_rows(bench, trial)
-            rows = session_csv(robot, table, is_test, time)
-            (inside / f"{trial.name}.csv").write_bytes(rows.encode())
+            names = targets_in(bench, table)
+            for file, rows in _files(trial, table).items():
+                part = names[rows] if names is not None else None
+                text = session_csv(robot, table.rows(rows), is_test[rows], time[rows], part)
+                (inside / file).write_bytes(text.encode())
             name = SESSION_FILE if k == 0 else f"{trial.name}.toml"
-            text = _session_toml(campaign, robot, trial, table)
+            text = _session_toml(bench, trial, table)
             (inside / name).write_bytes(text.encode())
 
 
@@ -66,13 +75,13 @@ def exported_rows(bench: Laboratory, trial: Trial) -> tuple[Measurements, Bool, 
     """
     scenario, setting = bench.scenario, bench.setting
     chosen, name = trial.selection.indices, trial.name
-    span = len(chosen) * bench.tracker.pose_time
+    span = bench.visit_time(len(chosen))
     visits = visits_of(bench, name, chosen)
     if not np.array_equal(visits[0].position, trial.measurements.position):
         raise RuntimeError(f"the visits of {name} could not be made again from their streams")
     ids = len(setting.pool_q) + np.arange(len(setting.test_q))
     start = validation_start(scenario)
-    test = bench.measure(setting.test_q, ids, "export", "test", name, start=start)
+    test = bench.measure(setting.test_q, ids, "export", "test", name, start=start, distances=False)
     times = [_times(visit, chosen, k * span, bench) for k, visit in enumerate(visits)]
     times.append(_times(test, ids, start, bench))
     table = joined([trial.measurements, *visits[1:], test])
@@ -80,31 +89,61 @@ def exported_rows(bench: Laboratory, trial: Trial) -> tuple[Measurements, Bool, 
     return table, is_test, np.concatenate(times)
 
 
-def session_csv(robot: Robot, table: Measurements, is_test: Bool, time: Array) -> str:
-    """The rows of a session as CSV in the project's own layout, 17 digits, SI units."""
-    is_pose = bool(table.is_pose.all())
+def targets_in(bench: Laboratory, table: Measurements) -> Labels | None:
+    """Name (m,) of the target of each row, with the place it was seen from; None without rounds."""
+    if not bench.rounds:
+        return None
+    names = np.empty((len(table), 2), dtype="<U64")
+    for one in bench.rounds:
+        names[one.rows_in(table)] = one.target, one.place
+    return names
+
+
+def _files(trial: Trial, table: Measurements) -> dict[str, Index]:
+    """The files of a trial and their rows: what the tracker saw, and distances."""
+    far = table.is_distance
+    files = {f"{trial.name}.csv": np.flatnonzero(~far)}
+    return files | ({f"{trial.name}-ranges.csv": np.flatnonzero(far)} if far.any() else {})
+
+
+def session_csv(
+    robot: Robot, table: Measurements, is_test: Bool, time: Array, names: Labels | None = None
+) -> str:
+    """The rows of a session as CSV in the project's own layout, 17 digits, SI units.
+
+    All rows are of one kind; `names` (m, 2) are the target of each and where it was seen from.
+    """
+    is_pose, far = bool(table.is_pose.all()), bool(table.is_distance.all())
     units = ("m" if kind == "prismatic" else "rad" for kind in robot.model.chain.kinds)
     head = [
         "pose_id",
         "repeat",
         "split",
-        "station",
+        "anchor" if far else "station",
+        *(["target"] if names is not None and not is_pose else []),
         "time_s",
         *(f"q{j + 1}_{unit}" for j, unit in enumerate(units)),
-        *("x_m", "y_m", "z_m"),
+        *(["distance_m"] if far else ["x_m", "y_m", "z_m"]),
         *(f"r{i}{j}" for i in "123" for j in "123" if is_pose),
-        *(f"reflector_{axis}_m" for axis in "xyz" if not is_pose),
+        *(f"reflector_{axis}_m" for axis in "xyz" if not is_pose and names is None),
         *covariance_names(),
     ]
     # the triangle that whitening reads: the two may differ in the last bit
     i, j = np.triu_indices(6)
+    seen = table.distance[:, None] if far else table.position
     last = table.rotation.reshape(-1, 9) if is_pose else table.offset
-    numbers = np.column_stack([time, table.q, table.position, last, table.covariance[:, j, i]])
+    if names is not None and not is_pose:
+        last = last[:, :0]
+    numbers = np.column_stack([time, table.q, seen, last, table.covariance[:, j, i]])
+    places = [str(station + 1) for station in table.station]
+    if names is not None and not is_pose:
+        at = names[:, 1] if far else places
+        places = [f"{place},{target}" for place, target in zip(at, names[:, 0], strict=True)]
     rows = [
-        f"{pose},{repeat},{'test' if test else 'identify'},{station + 1},"
+        f"{pose},{repeat},{'test' if test else 'identify'},{place},"
         + ",".join(f"{value:.17g}" for value in row)
-        for pose, repeat, test, station, row in zip(
-            table.pose_id, table.repeat, is_test, table.station, numbers, strict=True
+        for pose, repeat, test, place, row in zip(
+            table.pose_id, table.repeat, is_test, places, numbers, strict=True
         )
     ]
     return "\n".join([",".join(head), *rows, ""])
@@ -114,31 +153,35 @@ def _times(visit: Measurements, poses: Index, start: float, bench: Laboratory) -
     """When each row of a visit was measured [s]; missed shots took their time too."""
     at = {int(pose): k for k, pose in enumerate(poses)}
     turn = np.array([at[int(pose)] for pose in visit.pose_id], dtype=np.float64)
+    for k, one in enumerate(bench.rounds):
+        turn[one.rows_in(visit)] += k * len(poses)
     return np.asarray(start + bench.tracker.pose_time * turn)
 
 
-def _session_toml(campaign: Campaign, robot: Robot, trial: Trial, table: Measurements) -> str:
+def _session_toml(bench: Laboratory, trial: Trial, table: Measurements) -> str:
     """What the CSV does not say."""
-    scenario = campaign.scenario
+    scenario = bench.scenario
     wanted = scenario.identification
     free = wanted.free if isinstance(wanted.free, str) else list(wanted.free)
     kind = "frames" if table.kind[0] == POSE else "points"
-    file = json.dumps(f"{trial.name}.csv", ensure_ascii=False)
+    file = _text(f"{trial.name}.csv")
     visits = scenario.uncertainty.repeats
+    several = bool(bench.rounds)
     return "\n".join(
         [
             "# SIMULATED - measurements of a virtual robot by a virtual tracker",
             "format = 1",
-            f"name = {json.dumps(f'{scenario.name} {trial.name}', ensure_ascii=False)}",
-            f"robot = {json.dumps(robot.name, ensure_ascii=False)}",
+            f"name = {_text(f'{scenario.name} {trial.name}')}",
+            f"robot = {_text(bench.robot.name)}",
             "simulated = true",
             "",
             "[joints]",
-            f"file = {file}",
+            *([] if several else [f"file = {file}"]),
             'source = "commanded"',
             "",
             f"[{kind}]",
             f"file = {file}",
+            *(_fixture_lines(bench, trial, table, kind) if several else []),
             "",
             "[uncertainty]",
             "# the 21 columns cov_... hold what the joints scatter, too",
@@ -146,10 +189,56 @@ def _session_toml(campaign: Campaign, robot: Robot, trial: Trial, table: Measure
             "",
             "[identification]",
             'model = "geometric"',
-            f"free = {json.dumps(free, ensure_ascii=False)}",
+            f"free = {_text(free)}",
             f'base = "{wanted.base}"',
             f'tool = "{wanted.tool}"',
             f'visits = "first"  # of {visits}; the others show the repeatability',
             "",
         ]
     )
+
+
+def _fixture_lines(bench: Laboratory, trial: Trial, table: Measurements, kind: str) -> list[str]:
+    """Where reflectors and anchors are or start from, as far as rows speak of them."""
+    settings, chain = bench.scenario.fixtures, bench.robot.model.chain
+    assert settings is not None  # there are rounds
+    seen = [one for one in bench.rounds if len(one.rows_in(table))]
+    targets = {name: list(xyz) for name, xyz in targets_mm(bench.scenario).items()}
+    targets = {one.target: targets[one.target] for one in seen if one.kind != POSE}
+    world = world_mm(settings.anchors_mm.values(), chain).tolist()
+    anchors = dict(zip(settings.anchors_mm, world, strict=True))
+    anchors = {one.place: anchors[one.place] for one in seen if one.kind == DISTANCE}
+    # a station is placed as the laboratory has it, not as the base frame has it
+    stations = {str(one.station + 1): one.station - 1 for one in seen if one.station}
+    places = world_mm(settings.stations_mm, chain).tolist()
+
+    def places_of(known: dict[str, list[float]]) -> str:
+        return _inline({n: "free" if n in settings.free else xyz for n, xyz in known.items()})
+
+    def start_of(known: dict[str, list[float]]) -> str:
+        return _inline({n: xyz for n, xyz in known.items() if n in settings.free})
+
+    reflectors = [f"reflectors_mm = {places_of(targets)}"]
+    lines = reflectors if kind == "points" else []
+    if anchors:
+        file = f"file = {_text(f'{trial.name}-ranges.csv')}"
+        lines += ["", "[ranges]", file, *reflectors, f"anchors_mm = {places_of(anchors)}"]
+    return [
+        *lines,
+        "",
+        "[start]",
+        "# about where those are that have to be found",
+        f"reflectors_mm = {start_of(targets)}",
+        f"anchors_mm = {start_of(anchors)}",
+        f"stations_mm = {_inline({name: places[k] for name, k in stations.items()})}",
+    ]
+
+
+def _inline(table: Mapping[str, object]) -> str:
+    """An inline table of TOML."""
+    return f"{{ {', '.join(f'{_text(key)} = {_text(value)}' for key, value in table.items())} }}"
+
+
+def _text(value: object) -> str:
+    """A text, number or list as TOML writes it."""
+    return json.dumps(value, ensure_ascii=False)

@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator
 
 from calib.information.criteria.named import NEEDS_GOALS
+from testbed.scenario.fixtures import fixture_contradictions
 from testbed.scenario.laboratory import At960Tracker, TruthSettings
 from testbed.scenario.scenario import RESERVED, Scenario
 from testbed.scenario.tables import (
@@ -92,6 +93,7 @@ def contradictions(scenario: Scenario) -> Iterator[str]:
     yield from _of_identification(scenario.identification)
     yield from _of_truth(scenario.truth)
     yield from _of_tracker(scenario)
+    yield from fixture_contradictions(scenario)
     for settings in scenario.tables.values():
         yield from settings.contradictions(scenario)
     yield from _of_plan(scenario.plan)

@@ -140,6 +140,40 @@ class At960Tracker(Settings):
 
 
 TrackerSettings = Annotated[PaperTracker | At960Tracker, Field(discriminator="preset")]
+MAX_FIXTURES = 30
+"""Reflectors, anchors or further stations of one campaign."""
+Places = Annotated[dict[str, Point], Field(max_length=MAX_FIXTURES)]
+
+
+class FixtureSettings(Settings):
+    """[fixtures]: further targets and stations, and distances from fixed points.
+
+    The robot runs its program once for each target from each place: one reflector is followed at a
+    time, and every run approaches the poses anew.
+    """
+
+    reflectors_mm: Places = Field(default_factory=dict)
+    """Reflectors in the tool frame, by name. Where points are measured the first one is the tool
+    point: its place is known, and the calibration is judged there. None: the target of
+    [tracker]."""
+    stations_mm: Annotated[tuple[Point, ...], Field(max_length=MAX_FIXTURES)] = ()
+    """Where the tracker stands a second, third ... time: beam origins in the base frame, axes about
+    parallel to the world's. The first is [tracker] station_mm; its frame is the world."""
+    anchors_mm: Places = Field(default_factory=dict)
+    """Fixed points in the base frame, by name, that distances are measured from."""
+    ranged: tuple[str, ...] = ()
+    """Reflectors whose distance from every anchor is measured; empty: the first one."""
+    distance_um: tuple[Noise, Micrometres] = (5.0, 1.0)
+    """Standard deviation of a distance: constant, per metre."""
+    free: tuple[str, ...] = ()
+    """Reflectors and anchors whose places the calibration finds; all others are known. Further
+    stations always are found."""
+    place_sd_mm: LengthSd = 0.5
+    """How far what is found really lies from the places above, per axis."""
+    turn_sd_deg: AngleSd = 0.05
+    """How far further stations are really turned, per axis."""
+
+
 MAX_OBSTACLES = 100
 
 

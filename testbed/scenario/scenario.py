@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeV
 from pydantic import Field, PrivateAttr
 
 from calib.errors import refuse
-from testbed.scenario.laboratory import CellSettings, PaperTracker, TrackerSettings, TruthSettings
+from testbed.scenario.laboratory import (
+    CellSettings,
+    FixtureSettings,
+    PaperTracker,
+    TrackerSettings,
+    TruthSettings,
+)
 from testbed.scenario.tables import (
     BudgetSettings,
     HeldOutSettings,
@@ -49,6 +55,8 @@ NESTED = (
     "plan.stations",
     "plan.stations.grid",
     "plan.goal",
+    "fixtures.reflectors_mm",
+    "fixtures.anchors_mm",
 )
 """Lists of tables, and tables inside tables."""
 MAX_TRIALS = 200
@@ -85,6 +93,7 @@ class Scenario(Settings):
     """Name of a shipped robot, or path of a robot.toml or its folder."""
     truth: TruthSettings
     tracker: TrackerSettings = PaperTracker()
+    fixtures: FixtureSettings | None = None
     pool: PoolSettings = PoolSettings()
     cell: CellSettings = CellSettings()
     test: HeldOutSettings = HeldOutSettings()
@@ -143,7 +152,8 @@ class Scenario(Settings):
         """Plain JSON values of everything, in the order in which a file has it."""
         out: dict[str, Any] = {}
         for key, value in self.model_dump(mode="json").items():
-            out[key] = value
+            if value is not None:  # a table that is not there
+                out[key] = value
             if key == "studies":
                 out |= {name: table.model_dump(mode="json") for name, table in self.tables.items()}
         return out
@@ -203,6 +213,10 @@ def shared_part(scenario: Scenario) -> dict[str, Any]:
     It depends on no trial and no study, so that adding one leaves every other file byte-identical.
     """
     kept = part(scenario, *SETTING_TABLES)
+    if scenario.fixtures is not None:
+        kept |= part(scenario, "fixtures")
+        # which comes first counts, and hashed tables have no order
+        kept["targets"] = [*scenario.fixtures.reflectors_mm, *scenario.fixtures.anchors_mm]
     if kept["truth"]["thermal_k"]:
         # what the robot grows into until the held-out poses depends on the largest trial
         kept["poses_before"] = max(trial.poses for trial in scenario.trial)

@@ -12,6 +12,7 @@ SCENES = (
     "iiwa",
     "wen2022",
     "position_only",
+    "stations",
     "pose_sets",
     "pose_sets_rigid",
     "coverage",

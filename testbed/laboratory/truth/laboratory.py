@@ -5,13 +5,14 @@ from typing import Self
 
 import numpy as np
 
-from calib.arrays import Array, Index
+from calib.arrays import Array, Bool, Index
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
-from calib.measurement.observations import Measurements
+from calib.measurement.observations import DISTANCE, Measurements, joined
 from testbed.laboratory.bench import Bench, open_bench
-from testbed.laboratory.tracker.tracker import tracker_from
+from testbed.laboratory.tracker.rounds import Round, first_tracker, true_fixtures
 from testbed.laboratory.truth.robot import TrueRobot, draw_truth, unmodelled_terms
+from testbed.scenario.fixtures import rounds_per_visit
 from testbed.scenario.laboratory import At960Tracker, TruthSettings
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
@@ -64,12 +65,25 @@ class Laboratory(Bench):
         *names: str | int,
         repeat: int = 0,
         start: float = 0.0,
+        distances: bool = True,
     ) -> Measurements:
         """Approach and measure poses q (m, n) once; random numbers from streams under `names`.
 
         The poses are visited in the order given, from joint zero on, the first one at `start`
-        after the campaign began [s]. Missed observations leave no row.
+        after the campaign began [s]. Missed observations leave no row. Where there are rounds, the
+        poses are visited once in each, `distances` among them unless they are not wanted.
         """
+        if self.rounds:
+            kept = [k for k, one in enumerate(self.rounds) if distances or one.kind != DISTANCE]
+            seen, span = self.visible(q), self.tracker.pose_time * len(q)
+            return joined(
+                [
+                    self._in_round(
+                        self.rounds[k], q, pose_id, seen[:, k], names, repeat, start + i * span
+                    )
+                    for i, k in enumerate(kept)
+                ]
+            )
         seed = self.scenario.seed
         time, previous = journey(q, start, self.tracker.pose_time)
         T = self.truth.poses(
@@ -83,6 +97,32 @@ class Laboratory(Bench):
             covariance=self.covariance(q),
             rng=stream(seed, "tracker", *names, repeat),
             time=time,
+        )
+
+    def _in_round(
+        self,
+        one: Round,
+        q: Array,
+        pose_id: Index,
+        seen: Bool,
+        names: tuple[str | int, ...],
+        repeat: int,
+        start: float,
+    ) -> Measurements:
+        """One run of the program through poses q (m, n): the rows of those `seen` (m,)."""
+        seed = self.scenario.seed
+        time, previous = journey(q, start, self.tracker.pose_time)
+        rng = stream(seed, "approach", *names, repeat, one.name)
+        T = self.truth.poses(q, rng=rng, time=time, previous=previous)
+        return one.measure(
+            self.truth.model.fixtures,
+            T[seen],
+            q[seen],
+            pose_id[seen],
+            repeat,
+            one.covariance(self.robot.model, q[seen], self.sigma_q),
+            stream(seed, "tracker", *names, repeat, one.name),
+            time[seen],
         )
 
     def measure_pool(
@@ -114,7 +154,7 @@ class Laboratory(Bench):
             truth=drawn,
             sigma_q=sigma_q,
             setting=replace(self.setting, true=drawn.model, joint_repeatability=sigma_q),
-            tracker=tracker_from(self.scenario.tracker, self.robot.model.chain, seed=seed),
+            tracker=first_tracker(self.scenario, self.robot.model.chain, seed=seed),
         )
 
 
@@ -125,12 +165,13 @@ def open_laboratory(scenario: Scenario, setting: Setting) -> Laboratory:
     return Laboratory(
         scenario,
         robot,
-        tracker_from(scenario.tracker, robot.model.chain, seed=scenario.seed),
+        first_tracker(scenario, robot.model.chain, seed=scenario.seed),
         bench.cell,
         bench.simulator,
         bench.touching,
         setting.joint_repeatability,
         setting.pool_q,
+        bench.rounds,
         setting,
         TrueRobot(
             setting.true, setting.joint_repeatability, unmodelled_terms(robot, scenario.truth)
@@ -146,7 +187,8 @@ def journey(q: Array, start: float, pose_time: float) -> tuple[Array, Array]:
 
 def validation_start(scenario: Scenario) -> float:
     """When held-out poses are visited: after one visit of the largest trial [s]."""
-    return scenario.tracker.pose_s * max(trial.poses for trial in scenario.trial)
+    poses = max(trial.poses for trial in scenario.trial)
+    return scenario.tracker.pose_s * poses * rounds_per_visit(scenario)
 
 
 def held_out_poses(truth: TrueRobot, scenario: Scenario, q: Array) -> Array:
@@ -161,10 +203,11 @@ def make_setting(scenario: Scenario) -> Setting:
     truth = draw_truth(bench.robot, scenario.truth, scenario.seed)
     candidates = bench.candidates()
     pool = candidates.draw(stream(scenario.seed, "pool"))
+    bench.check_views(pool.q)
     test = candidates.draw(stream(scenario.seed, "test"), size=scenario.test.poses, exclude=pool.q)
     setting = Setting(
         nominal=bench.robot.model,
-        true=truth.model,
+        true=replace(truth.model, fixtures=true_fixtures(scenario, bench.robot.model.fixtures)),
         joint_repeatability=truth.joint_repeatability,
         pool_q=pool.q,
         pool_nominal=pool.T,
@@ -184,7 +227,7 @@ def make_setting(scenario: Scenario) -> Setting:
 
 def require_poses(bench: Bench) -> None:
     """Refuse a trial with too few poses before anything is played: M27, and how many it needs."""
-    rows = 6 if bench.scenario.tracker.measures == "pose" else 3
+    rows = bench.equations
     most = max(
         bench.kept().n_free if mode == "whitened" else bench.free(mode).n_free
         for mode in bench.scenario.identification.estimators

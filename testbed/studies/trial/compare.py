@@ -16,7 +16,7 @@ from calib.identification.identify import Identification, identify
 from calib.measurement import accuracy
 from calib.measurement.accuracy import point_distances, target_points
 from calib.measurement.observations import Measurements
-from calib.measurement.prediction import predicted_positions
+from calib.measurement.prediction import perfect, predict, predicted_positions
 from calib.uncertainty.regions import coverage_factor, inside, mahalanobis_squared
 from calib.uncertainty.tool_point import ToolStatement
 from testbed.laboratory.truth.laboratory import Setting
@@ -42,13 +42,26 @@ def target_prediction(
 
 
 def measured_distance(seen: Measurements, model: RobotModel) -> Array:
-    """Distance (m,) [m] between the points that were measured and those that `model` predicts."""
+    """Distance (m,) [m] between the points that were measured and those that `model` predicts.
+
+    Of a distance row, by how much that distance is missed.
+    """
+    if seen.is_distance.any():
+        return predict(model, seen).misses
     return point_distances(seen.position, predicted_positions(model, seen))
 
 
 def noise_free(model: RobotModel, like: Measurements, q: Array) -> Measurements:
-    """Measurements of `model` without noise at q (m, n), of the kind of the first row of `like`."""
+    """Measurements of `model` without noise at q (m, n), of the kind of the first row of `like`.
+
+    Where `like` sees several targets from several places, every pose has a row of each.
+    """
     T, m = model.poses(q), len(q)
+    kinds = np.unique(like.target_key, axis=0, return_index=True)[1]
+    if len(kinds) > 1:
+        each = np.tile(np.arange(m), len(kinds))
+        table = like.rows(np.repeat(kinds, m))
+        return perfect(model, replace(table, q=q[each], pose_id=each, repeat=0 * each))
     table = like.rows(np.zeros(m, dtype=np.int64))
     return replace(
         table,
@@ -72,7 +85,7 @@ def true_step(setting: Setting, identification: Identification, like: Measuremen
     if identification.prior is not None:
         return drawn_step(setting, identification)
     # what the nominal model knows of joint errors belongs to the comparison
-    geometry = RobotModel(setting.true.chain, setting.nominal.joint_errors)
+    geometry = replace(setting.true, joint_errors=setting.nominal.joint_errors)
     table = noise_free(geometry, like, setting.pool_q[:REFIT_POSES])
     exact = identify(setting.nominal, table, identification.parameters)
     if exact.parameters.free_names != identification.parameters.free_names:
@@ -87,6 +100,8 @@ def drawn_step(setting: Setting, identification: Identification) -> Array:
     """
     nominal, true = setting.nominal, setting.true
     values = dict(zip(nominal.names, nominal.chain.step_to(true.chain), strict=False))
+    placed = nominal.fixtures.step_to(true.fixtures)
+    values |= dict(zip(nominal.fixtures.names, placed, strict=True))
     for model, sign in ((true, 1.0), (nominal, -1.0)):
         for name, value in zip(
             model.joint_errors.names, model.joint_errors.coefficients, strict=True

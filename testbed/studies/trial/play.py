@@ -76,7 +76,7 @@ def play_trial(scenario: Scenario, setting: Setting, validation: Validation, nam
     )
     chosen = selection.indices
     visits = visits_of(bench, name, chosen)
-    rows = "paper" if scenario.tracker.measures == "pose" else "whitened"
+    rows = bench.usual_rows
     return Trial(
         name=name,
         method=settings.method,
@@ -94,7 +94,7 @@ def play_trial(scenario: Scenario, setting: Setting, validation: Validation, nam
 
 def visits_of(bench: Laboratory, name: str, chosen: Index) -> list[Measurements]:
     """All visits of the poses of the trial called `name`, the same ones whenever they are made."""
-    span = len(chosen) * bench.tracker.pose_time
+    span = bench.visit_time(len(chosen))
     return [
         bench.measure_pool(chosen, "visit", name, repeat=k, start=k * span)
         for k in range(bench.scenario.uncertainty.repeats)
@@ -171,9 +171,12 @@ def replicate(
     if not count or first.prior is not None:
         return None
     p_true = target_points(setting.test_true, setting.target)
+    # each pose once, in the order in which it was visited first
+    once = np.sort(np.unique(visited.pose_id, return_index=True)[1])
+    q, pose_id = visited.q[once], visited.pose_id[once]
     played = []
     for k in range(count):
-        seen = bench.measure(visited.q, visited.pose_id, "replication", name, repeat=k)
+        seen = bench.measure(q, pose_id, "replication", name, repeat=k)
         found = estimator.fit(seen, first.parameters)
         point, _, covariance = target_prediction(
             found.model, setting.test_q, setting.target, found.full_covariance
@@ -221,9 +224,8 @@ def validation_visit(scenario: Scenario, setting: Setting) -> Validation:
     """
     bench = open_laboratory(scenario, setting)
     start = validation_start(scenario)
-    seen = bench.measure(
-        setting.test_q, np.arange(len(setting.test_q)), "validation", "visit", start=start
-    )
+    ids = np.arange(len(setting.test_q))
+    seen = bench.measure(setting.test_q, ids, "validation", "visit", start=start, distances=False)
     judges = bench.candidates().draw(
         stream(scenario.seed, "validation", "judges"),
         size=JUDGES,
@@ -251,7 +253,7 @@ SPARE_POSES = 2
 def pose_count_study(scenario: Scenario, setting: Setting) -> PoseCountStudy:
     """Mean index of random sets against their size, in the paper's rows where poses are full."""
     bench = open_laboratory(scenario, setting)
-    rows = "paper" if scenario.tracker.measures == "pose" else "whitened"
+    rows = bench.usual_rows
     blocks = bench.design_blocks(rows)
     largest = min(scenario.studies.pose_count_max, len(blocks))
     # with fewer poses some random sets are singular to rounding, and the printed O5 is infinite

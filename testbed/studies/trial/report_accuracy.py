@@ -6,6 +6,8 @@ from calib.arrays import Array
 from calib.geometry.model import RobotModel
 from calib.measurement.accuracy import Accuracy
 from testbed.report.page import Block, Figure, Points, Section, Table, Text, heads
+from testbed.scenario.fixtures import targets_mm
+from testbed.scenario.scenario import Scenario
 from testbed.studies.trial import plots, plots_uncertainty
 from testbed.studies.trial.records import Campaign, Estimate, Trial
 from testbed.studies.trial.verdict import judge, tested
@@ -248,7 +250,9 @@ def parameter_section(campaign: Campaign) -> Section:
             "true value lies in the stated 95 % interval. Base and tool rows are displacements "
             "from the nominal frame, along and about its own axes. The true column is the truth "
             "seen through the parameters that were estimated: what redundant parameters really "
-            "did is carried by the ones that stand for them." + elsewhere * (left > 0)
+            "did is carried by the ones that stand for them."
+            + fixture_names(campaign.scenario)
+            + elsewhere * (left > 0)
         )
     ]
     blocks += [
@@ -259,13 +263,29 @@ def parameter_section(campaign: Campaign) -> Section:
     return Section("parameters", "Parameters", tuple(blocks), part="detail")
 
 
+def fixture_names(scenario: Scenario) -> str:
+    """What the scenario calls the reflectors and anchors that are numbered; empty without any."""
+    settings = scenario.fixtures
+    if settings is None:
+        return ""
+    free = [name for name in targets_mm(scenario) if name in settings.free]
+    named = [f"reflector{k + 1} is {name}" for k, name in enumerate(free)]
+    named += [f"anchor{k + 1} is {name}" for k, name in enumerate(settings.anchors_mm)]
+    stations = " Station rows are displacements like those of base and tool."
+    return f" In [fixtures] {', '.join(named)}." * bool(named) + stations * bool(
+        settings.stations_mm
+    )
+
+
 def parameter_table(nominal: RobotModel, trial: Trial, estimate: Estimate) -> Table:
     """Nominal, identified, true, error, U and inside for every parameter of one estimate."""
     found, seen = estimate.identification, estimate.comparison
     is_length = found.parameters.is_length[found.parameters.free_index]
-    # base and tool are displacements: nominal is zero
+    # base, tool and stations are displacements: nominal is zero
     links, errors = nominal.chain.links.ravel(), nominal.joint_errors.coefficients
-    start_values = np.concatenate([np.zeros(6), links, np.zeros(6), errors])
+    points = [nominal.fixtures.reflectors.ravel(), nominal.fixtures.anchors.ravel()]
+    stations = np.zeros(6 * len(nominal.fixtures.stations))
+    start_values = np.concatenate([np.zeros(6), links, np.zeros(6), errors, *points, stations])
     known = dict(zip(nominal.names, start_values, strict=True))
     at = np.array([known.get(name, 0.0) for name in found.names])
     values = (at, found.step, seen.true_step, found.standard_uncertainty, estimate.type_a)

@@ -16,7 +16,8 @@ def index_table(campaign: Campaign) -> Table:
     """Observability indices of every trial's set, in two kinds of rows; of many, in one."""
     rows = []
     few = len(campaign.trials) <= plots.MOST_PANELS
-    poses = campaign.scenario.tracker.measures == "pose" and few
+    scenario = campaign.scenario
+    poses = scenario.tracker.measures == "pose" and scenario.fixtures is None and few
     for trial in campaign.trials:
         kinds = [("whitened, L = 0.3 m", trial.whitened_observability, "per_pose")]
         if poses:

@@ -12,15 +12,18 @@ from calib.geometry.frames import inverse
 from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
+from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model, extended_parameters
 from calib.identification.prior import step_derivative
 from calib.information.propagation import tool_covariance
 from calib.information.rank import weak_prior_sd
 from calib.measurement.observations import DISTANCE, POINT, joined
-from calib.measurement.prediction import predict, predicted_positions
-from calib.measurement.residual import linearize, paper_stack
+from calib.measurement.prediction import perfect, predict, predicted_positions
+from calib.measurement.residual import linearize, padded_covariance, paper_stack
+from calib.uncertainty.bootstrap import bootstrap
+from calib.uncertainty.budget import RowNoise, budget
 from calib.uncertainty.held_out import held_out
-from calib.uncertainty.refit import freeze
+from calib.uncertainty.refit import freeze, refit
 from calib.uncertainty.tool_point import propagate
 from tests.calib.kinds import NOISE, distances, everything, places, points, poses, true_robot
 from tests.reference import BASE6, pool_r, tx60
@@ -271,8 +274,48 @@ def test_virtual_calibrations_take_known_reflectors_and_refuse_the_rest_in_words
         (points(true, q, rng, station=1), ("theta2",), "stations"),
         (points(true, q, rng, reflector=0), ("theta2", "reflector1.x"), "reflector1.x"),
     ):
+        start = freeze(true, table, parameters_of(true, names))
         with pytest.raises(InputError, match=f"virtual calibrations know no .*{said}"):
-            freeze(true, table, parameters_of(true, names))
+            refit(start, table.position[None], table.rotation[None])
+        with pytest.raises(InputError, match=f"virtual calibrations know no .*{said}"):
+            bootstrap(true, table, parameters_of(true, names), rng)
+
+
+def test_budgets_take_rows_of_every_kind():
+    """The covariance that `identify` states, and the sum over sources, for mixed rows."""
+    rng, true = np.random.default_rng(21), full_model()
+    q = pool_r(60)
+    table = joined(
+        [
+            poses(true, q, rng),
+            points(true, q, rng, reflector=0, station=1),
+            points(true, q, rng, reflector=1),
+            distances(true, q, rng),
+        ]
+    )
+    found = identify(true, table, parameters_of(true))
+    start = freeze(found.model, table, found.parameters)
+    # one is the curvature where the fit ended, the other that of perfect readings there
+    np.testing.assert_allclose(start.covariance, found.covariance, rtol=1e-3, atol=1e-16)
+    half = RowNoise("half", 0.5 * padded_covariance(table))
+    whole = budget(start, [half, RowNoise("other half", half.covariance)])
+    # F Sigma F' = inv(A'A) A'N Sigma N'A inv(A'A) = inv(A'A)
+    np.testing.assert_allclose(whole.covariance, start.covariance, rtol=1e-8, atol=1e-20)
+
+
+def test_a_perfect_table_leaves_no_residual():
+    rng, true = np.random.default_rng(22), full_model()
+    table = joined(
+        [
+            poses(true, pool_r(4), rng, station=1),
+            points(true, pool_r(4), rng, reflector=1, station=1),
+            distances(true, pool_r(4), rng),
+        ]
+    )
+    seen = perfect(true, table)
+    assert np.abs(predict(true, seen).residual).max() < 1e-14
+    for name in ("q", "kind", "station", "reflector", "anchor", "covariance", "pose_id"):
+        np.testing.assert_array_equal(getattr(seen, name), getattr(table, name))
 
 
 def test_held_out_positions_may_come_from_any_station_but_distances_are_refused():

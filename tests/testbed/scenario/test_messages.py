@@ -27,6 +27,7 @@ from calib.uncertainty.held_out import HeldOut, held_out
 from testbed.files.program import correct_program
 from testbed.laboratory.joint_lists import read_joints
 from testbed.laboratory.simulator import Simulator
+from testbed.laboratory.truth.laboratory import make_setting
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.plan.plan import plan
 from testbed.robots.catalog import load_robot
@@ -46,11 +47,20 @@ from tests.testbed.studies.trial.fake_campaign import SCENARIO, Fake
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "messages.txt"
 POINT = {"tracker.measures": "point", "identification.estimators": ["whitened"]}
+WHITENED = {"identification": {"estimators": ["whitened"]}}
+ONLY_WHITENED = {"identification.estimators": ["whitened"]}
+FIXTURES = {"reflectors_mm": {"A": [60, 0, 90], "B": [-30, 52, 90]}}
 TRIAL = {"name": "best", "poses": 29, "method": "detmax"}
 
 
 def with_table(**tables):
     return lambda _: scenario_of(deepcopy(SCENARIO) | tables, where="scenes/mine.toml")
+
+
+def seen_by(fixtures):
+    """A laboratory set up with these fixtures, points measured."""
+    small = POINT | {"pool.size": 40, "fixtures": fixtures}
+    return lambda _: make_setting(scenario(**small))
 
 
 def without(key):
@@ -276,6 +286,51 @@ CASES = {
     "uncertainty in paper rows": with_table(trial=[TRIAL | {"criterion": "V", "rows": "paper"}]),
     "reflector without points": with_table(tracker={"reflector_mm": [1, 2, 3]}),
     "points and the paper": with_table(tracker={"measures": "point"}),
+    "fixtures that say nothing": with_table(fixtures={}, **WHITENED),
+    "fixtures and the paper": with_table(fixtures=FIXTURES),
+    "a free reflector nobody knows": with_table(
+        fixtures=FIXTURES | {"free": ["C", "A"]}, tracker={"measures": "point"}, **WHITENED
+    ),
+    "a reflector twice": with_table(
+        fixtures=FIXTURES | {"anchors_mm": {"A": [1500, 0, 0]}, "free": ["B", "B"]},
+        tracker={"measures": "point"},
+        **WHITENED,
+    ),
+    "a reflector with a comma": with_table(
+        fixtures={"reflectors_mm": {"A,B": [0, 0, 60]}}, tracker={"measures": "point"}, **WHITENED
+    ),
+    "distances from nowhere": with_table(
+        fixtures=FIXTURES | {"ranged": ["B"]}, tracker={"measures": "point"}, **WHITENED
+    ),
+    "distances to nowhere": with_table(
+        fixtures=FIXTURES | {"anchors_mm": {"P1": [1500, 0, 0]}, "ranged": ["P1"]},
+        tracker={"measures": "point"},
+        **WHITENED,
+    ),
+    "reflectors nothing measures": with_table(fixtures=FIXTURES, **WHITENED),
+    "reflectors given twice": with_table(
+        fixtures=FIXTURES, tracker={"measures": "point", "reflector_mm": [1, 2, 3]}, **WHITENED
+    ),
+    "two stations wrong the same way": with_table(
+        fixtures={"stations_mm": [[3000, 2000, 300]]},
+        tracker={"preset": "at960", "systematic": True},
+        **WHITENED,
+    ),
+    "studies of one station": with_table(
+        fixtures={"stations_mm": [[3000, 2000, 300]]},
+        studies={"population": 20, "tool_point": True},
+        coverage={"robots": 8},
+        trial=[TRIAL | {"rows": "paper"}],
+        **WHITENED,
+    ),
+    "a plan for two stations": lambda _: plan(
+        scenario(fixtures={"stations_mm": [[3000, 2000, 300]]}, **ONLY_WHITENED)
+    ),
+    "a station that sees nothing": seen_by({"stations_mm": [[2200, 2400, -3000]]}),
+    "an anchor that sees nothing": seen_by({"anchors_mm": {"P1": [0, 0, -3000]}}),
+    "a reflector hidden from all stations": seen_by(
+        {"reflectors_mm": {"A": [0, 0, 90], "B": [0, 0, -50]}}
+    ),
     "an estimator twice": with_table(identification={"estimators": ["whitened", "whitened"]}),
     "obstacle without a kind": with_table(cell={"obstacle": [{"size_mm": [1, 2, 3]}]}),
     "wrong kind": with_table(plan={"goal": {"kind": "lst"}}),

@@ -97,17 +97,9 @@ def row_noise(
 ) -> list[RowNoise]:
     """What scatters anew in every row: the tracker, the joints, and gross errors where named."""
     setting, m = bench.setting, len(measured)
-    T = setting.nominal.poses(measured.q)
-    own = bench.tracker.own_covariance(bench.tracker.targets(T), T[:, :3, :3])
+    own, joints = (in_rounds if bench.rounds else of_the_target)(bench, measured)
     noise = [RowNoise("tracker noise", own)]
     if setting.joint_repeatability.any():
-        joints = with_joint_noise(
-            setting.nominal,
-            measured.q,
-            np.zeros((m, 6, 6)),
-            setting.joint_repeatability,
-            offset=np.broadcast_to(setting.target, (m, 3)),
-        )
         noise.append(RowNoise("joint repeatability", joints))
     if len(outliers):
         size = sizes(result.residual, np.repeat(np.arange(m), measured.equations))
@@ -115,6 +107,33 @@ def row_noise(
         excess[outliers] = np.maximum(size[outliers], 1.0) ** 2 - 1.0
         noise.append(RowNoise("gross errors", excess[:, None, None] * measured.covariance))
     return noise
+
+
+def of_the_target(bench: Laboratory, measured: Measurements) -> tuple[Array, Array]:
+    """Covariances (m, 6, 6) of tracker and joints in rows of the one target."""
+    setting, m = bench.setting, len(measured)
+    T = setting.nominal.poses(measured.q)
+    own = bench.tracker.own_covariance(bench.tracker.targets(T), T[:, :3, :3])
+    joints = with_joint_noise(
+        setting.nominal,
+        measured.q,
+        np.zeros((m, 6, 6)),
+        setting.joint_repeatability,
+        offset=np.broadcast_to(setting.target, (m, 3)),
+    )
+    return own, joints
+
+
+def in_rounds(bench: Laboratory, measured: Measurements) -> tuple[Array, Array]:
+    """The same of rows that rounds brought, each with its own place and target."""
+    model, sigma_q = bench.setting.nominal, bench.setting.joint_repeatability
+    own, joints = np.zeros((2, len(measured), 6, 6))
+    for one in bench.rounds:
+        rows = one.rows_in(measured)
+        q = measured.q[rows]
+        own[rows] = one.own_covariance(model, q)
+        joints[rows] = one.joint_covariance(model, q, sigma_q)
+    return own, joints
 
 
 def systematic_inputs(bench: Laboratory, measured: Measurements) -> tuple[CommonInput, ...]:
