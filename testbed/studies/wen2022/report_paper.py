@@ -181,7 +181,7 @@ def tool_section(campaign: Campaign) -> Section | None:
     blocks: list[Block] = [
         Text(inflation(study, campaign)),
         tool_table(study),
-        *cloud_blocks(clouds_of(campaign)),
+        *cloud_blocks(clouds_of(campaign), study.trials[0]),
         Figure(
             "95 % regions of the tool point at the zero pose, projected on three planes; ours of "
             f"{study.trials[0]}.",
@@ -197,16 +197,16 @@ def tool_section(campaign: Campaign) -> Section | None:
     return Section("tool", "Uncertainty of the tool point", tuple(blocks), part="detail")
 
 
-def cloud_blocks(clouds: Mapping[str, tuple[Cloud, Cloud]]) -> tuple[Block, ...]:
-    """The clouds of Figure 7 and their ranges; nothing where none were drawn."""
+def cloud_blocks(clouds: Mapping[str, tuple[Cloud, Cloud]], trial: str) -> tuple[Block, ...]:
+    """The clouds of Figure 7 and their ranges, ours of one trial; nothing where none were drawn."""
     if not clouds:
         return ()
     best, _ = next(iter(clouds.values()))
     caption = (
         "The paper's Figure 7, drawn again: tool point at the zero pose, from nominal, when the "
-        f"24 numbers are drawn independently with the uncertainties of each budget. Dots: the "
-        f"first {len(best.shown)} of {len(best.points)} draws; boxes: smallest to largest of all. "
-        "All views have one scale."
+        "numbers are drawn independently with the uncertainties of each budget. Dots: the first "
+        f"{len(best.shown)} of {len(best.points)} draws; boxes: smallest to largest of all. All "
+        f"views have one scale; ours of {trial}."
     )
     return Figure(caption, zero_pose_clouds(clouds)), range_table(clouds)
 

@@ -17,6 +17,7 @@ from testbed.recording.style import Color
 from testbed.recording.timeline import Motion, Phase, glide, spread
 from testbed.studies.trial.records import Campaign
 from testbed.studies.wen2022.cloud.draws import SHOWN, Cloud, clouds_of, mean_half_width
+from testbed.studies.wen2022.records import tool_point_of
 from testbed.units import MM, fixed
 
 
@@ -51,10 +52,10 @@ GO, REST, FRAMES = 14, 10, 96
 
 def chapter(campaign: Campaign) -> Chapter | None:
     """The draws at the zero pose, for each pair of budgets in turn; None where none were drawn."""
-    clouds = clouds_of(campaign)
-    if not clouds:
+    clouds, study = clouds_of(campaign), tool_point_of(campaign)
+    if not clouds or study is None:
         return None
-    times, draws = factor(clouds), len(next(iter(clouds.values()))[0].points)
+    times = factor(clouds)
     fill = spread(STAGES * len(clouds), FRAMES * len(clouds))
     way = to_the_zero_pose_and_aside(campaign.setting)
     at_rest = np.repeat(way[-1:], fill.steps, axis=0)
@@ -69,9 +70,9 @@ def chapter(campaign: Campaign) -> Chapter | None:
         motion=Motion(len(way) + fill.steps, len(way) + fill.at, np.vstack([way, at_rest])),
         text=(
             "#### Draw: the tool point at the zero pose",
-            f"- {draws} draws of independent numbers, as in Figure 7 of the paper",
+            f"- {study.draws} draws of independent numbers, as in Figure 7 of the paper",
             f"- blue: optimal set, orange: random sets, both drawn {times} times larger than life",
-            f"- dots: the first {SHOWN} draws; boxes: ranges so far",
+            f"- dots: the first {SHOWN} draws; boxes: ranges so far; ours of {study.trials[0]}",
             *spreads,
             "- plot: a range grows with the draws, as that of normal numbers (gray)",
         ),
