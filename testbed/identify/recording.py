@@ -236,7 +236,7 @@ def _tool(shown: ShownCalibration, pen: Pen) -> Array:
 def draw_sight(shown: ShownCalibration, pen: Pen, phase: Phase) -> None:
     """The beam while poses are measured, where a tracker stands."""
     if shown.has_tracker:
-        draw_beam(pen, phase, shown.station, _tool(shown, pen)[:, :3, 3])
+        draw_beam(pen, phase, shown.station[:3, 3], _tool(shown, pen)[:, :3, 3])
 
 
 def draw_measured(shown: ShownCalibration, pen: Pen, phase: Phase) -> None:

@@ -289,7 +289,7 @@ def draw_tour(plan: Plan, pen: Pen, phase: Phase) -> None:
     """The way of the tool as it grows, and the beam."""
     import rerun as rr
 
-    draw_beam(pen, phase, plan.T_world_tracker, _target(plan, pen.timeline.q))
+    draw_beam(pen, phase, plan.T_world_tracker[:3, 3], _target(plan, pen.timeline.q))
     path = _points(plan, pen.timeline.q[phase.start : phase.stop])
     strips = rr.LineStrips3D.columns(strips=[[path[: k + 1]] for k in range(len(path))])
     pen.every_step("world/path", strips, phase.steps)

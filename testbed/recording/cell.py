@@ -78,23 +78,25 @@ def _draw_parts(
         )
 
 
-def draw_station(pen: Pen, station: Array, target: Array, floor: float) -> None:
+def draw_station(
+    pen: Pen, station: Array, target: Array, floor: float, path: str = "world/tracker"
+) -> None:
     """A tracker at its station (4, 4), its head on a target (s, 3) at every step [m]."""
     import rerun as rr
 
     x, y, z = (target @ station[:3, :3] - station[:3, 3] @ station[:3, :3]).T
     azimuth, elevation = np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
-    pen.transforms("world/tracker", station)
-    pen.transforms("world/tracker/yoke", np.array([rot_z(angle) for angle in azimuth]))
-    pen.transforms("world/tracker/yoke/head", np.array([rot_y(-angle) for angle in elevation]))
+    pen.transforms(path, station)
+    pen.transforms(f"{path}/yoke", np.array([rot_z(angle) for angle in azimuth]))
+    pen.transforms(f"{path}/yoke/head", np.array([rot_y(-angle) for angle in elevation]))
     visuals = load_tracker_visuals()
-    names = ("world/tracker/stand", "world/tracker/yoke", "world/tracker/yoke/head")
+    names = (f"{path}/stand", f"{path}/yoke", f"{path}/yoke/head")
     _draw_parts(pen, names, visuals)
     foot = min(float(mesh(visual).vertices[:, 2].min()) for visual in visuals)
     height = station[2, 3] + foot - floor
     if height > 1e-3:  # a station above the stand's own height needs something to stand on
         pen.static(
-            "world/tracker/plinth",
+            f"{path}/plinth",
             rr.Boxes3D(
                 centers=[0, 0, foot - height / 2],
                 sizes=[0.6, 0.6, height],
@@ -104,11 +106,13 @@ def draw_station(pen: Pen, station: Array, target: Array, floor: float) -> None:
         )
 
 
-def draw_beam(pen: Pen, phase: Phase, station: Array, target: Array) -> None:
-    """The beam from the station (4, 4) to the target (s, 3) of every step, during a phase [m]."""
+def draw_beam(pen: Pen, phase: Phase, start: Array, target: Array) -> None:
+    """The beam to the target (s, 3) of every step, during a phase; its start (3,) or (s, 3) [m]."""
     import rerun as rr
 
-    strips = [[[station[:3, 3], point]] for point in target[phase.start : phase.stop]]
+    starts = np.broadcast_to(start, target.shape)
+    part = slice(phase.start, phase.stop)
+    strips = [[[a, b]] for a, b in zip(starts[part], target[part], strict=True)]
     pen.every_step("world/beam", rr.LineStrips3D.columns(strips=strips), phase.steps)
     pen.static("world/beam", rr.LineStrips3D.from_fields(radii=0.0022, colors=BEAM_COLOR))
     pen.clear(phase.stop, "world/beam")

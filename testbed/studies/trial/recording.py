@@ -33,7 +33,9 @@ def draw_scene(shown: ShownTrial, scenario: Scenario, robot: Robot, pen: Pen) ->
     chain = setting.nominal.chain
     cell.draw_ghost(shown, robot, pen)
     target = cell.tracked(setting, pen.timeline.q)
-    draw_station(pen, setting.T_world_tracker, target, floor_height(chain, robot))
+    floor = floor_height(chain, robot)
+    draw_station(pen, setting.T_world_tracker, target, floor)
+    cell.draw_fixtures(shown, floor, pen)
     center, size = np.array(pool.box_center_mm) / 1e3, np.array(pool.box_size_mm) / 1e3
     draw_box(pen, "world/box", chain, center, size)
     _send_properties(shown, scenario, pen)

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, Index
 from calib.geometry.chain import Chain
+from calib.geometry.fixtures import Fixtures
 from calib.geometry.jacobian import pose_and_jacobian
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
@@ -15,7 +16,7 @@ from calib.measurement.prediction import targets
 from calib.uncertainty.regions import ellipsoid
 from testbed.laboratory.truth.laboratory import Setting
 from testbed.recording import style
-from testbed.recording.cell import draw_arm, draw_beam
+from testbed.recording.cell import draw_arm, draw_beam, draw_station
 from testbed.recording.pen import Pen
 from testbed.recording.timeline import Phase, Timeline, eased
 from testbed.robots.placements import quaternion_wxyz
@@ -26,6 +27,7 @@ GHOST_SIZE = 0.036
 """Mean drawn deviation of the ghost before calibration [m]: seen, and still a robot."""
 GHOST_COLOR = (222, 60, 50, 110)
 POOL_COLOR, REJECTED_COLOR, CHOSEN_COLOR = (120, 132, 146), (206, 150, 146), (28, 92, 190)
+ANCHOR_COLOR = (110, 70, 150)
 REGION_SIZE = 0.07
 """Longest drawn error or semi-axis of a stated region [m]."""
 INSIDE_COLOR, OUTSIDE_COLOR = (66, 112, 214, 120), (238, 136, 28, 150)
@@ -148,7 +150,9 @@ def draw_measured(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
     import rerun as rr
 
     setting, factor = shown.setting, shown.arrows
-    draw_beam(pen, phase, setting.T_world_tracker, tracked(setting, pen.timeline.q))
+    found = shown.estimate.identification.model.fixtures
+    station, table = setting.T_world_tracker[:3, 3], shown.trial.measurements
+    draw_beam(pen, phase, *beam(setting.nominal, found, station, table, phase.at, pen.timeline.q))
     seen = seen_places(shown.estimate.identification.model, shown.trial.measurements)
     points = predicted_places(setting.nominal, shown.trial.measurements)
     vectors = seen - points
@@ -158,6 +162,48 @@ def draw_measured(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
     pen.grow(cloud, phase, rr.Points3D, dots, {"radii": 0.012})
     pen.grow_arrows(arrows, phase, points, factor * vectors, style.BEFORE_COLOR, 0.0032)
     pen.clear(pen.timeline.phase("identify").stop, cloud, arrows)
+
+
+def beam(
+    model: RobotModel, fixtures: Fixtures, station: Array, table: Measurements, at: Index, q: Array
+) -> tuple[Array, Array]:
+    """Where (s, 3) what measures at every step stands, and the target (s, 3) it looks for [m].
+
+    On the way to a pose it is that of the row to come.
+
+    Parameters
+    ----------
+    model : RobotModel
+        The robot that is drawn, with the reflectors on it.
+    fixtures : Fixtures
+        Where further stations and anchors stand.
+    station : (3,) array
+        The first station [m].
+    table : Measurements
+        What was measured, m rows.
+    at : (m,) array of int
+        Step of each row.
+    q : (s, n) array
+        Drawn joint values [rad, m].
+    """
+    row = np.minimum(np.searchsorted(at, np.arange(len(q))), len(at) - 1)
+    starts = np.vstack([station, fixtures.stations[:, :3, 3]])[table.station]
+    far = table.is_distance
+    starts[far] = fixtures.anchors[table.anchor[far]]
+    return starts[row], _placed(model.poses(q), targets(model.fixtures, table)[row])
+
+
+def draw_fixtures(shown: ShownTrial, floor: float, pen: Pen) -> None:
+    """Further stations and the anchors of distances, where they were found."""
+    import rerun as rr
+
+    fixtures = shown.estimate.identification.model.fixtures
+    target = tracked(shown.setting, pen.timeline.q)
+    for k, station in enumerate(fixtures.stations):
+        draw_station(pen, station, target, floor, f"world/tracker{k + 2}")
+    if len(fixtures.anchors):
+        points = rr.Points3D(fixtures.anchors, radii=0.03, colors=ANCHOR_COLOR)
+        pen.static("world/anchors", points)
 
 
 def predicted_places(model: RobotModel, table: Measurements) -> Array:

@@ -18,7 +18,7 @@ from testbed.run.play import load_run, play_run
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from testbed.studies.protocol import Records
-from testbed.studies.trial.recording_cell import predicted_places, seen_places
+from testbed.studies.trial.recording_cell import beam, predicted_places, seen_places
 from tests import recorded, viewed
 from tests.recorded import column, properties, record, small_campaign, store, structure
 from tests.reference import pool_r
@@ -94,6 +94,30 @@ def test_rows_of_all_kinds_are_shown_where_they_were_seen_in_the_world():
         on_the_line = anchor + (away[k] + longer[k]) * (target[k] - anchor) / away[k]
         np.testing.assert_allclose(seen[4 + k], on_the_line, atol=1e-14)
     assert np.array_equal(seen[8:], table.position[8:])  # the world itself: no rounding
+
+
+def test_the_beam_comes_from_what_measures_and_ends_on_the_target_of_the_row():
+    """First station, second one, anchor; reflectors at places of their own: by hand."""
+    q, rng = pool_r(3), np.random.default_rng(6)
+    station, second = np.array([3.0, -2.0, 0.4]), step_transform(np.array([0.5, 3.0, 0.2, 0, 0, 1]))
+    anchor, places = np.array([2.0, -1.0, 0.5]), 0.1 * rng.normal(size=(2, 3))
+    fixtures = Fixtures(places[:1], anchor[None], second[None])
+    model = replace(load_robot("staubli_tx60").model, fixtures=fixtures)
+    table = joined(
+        [
+            tables.points(q[:1], np.zeros((1, 3)), sd=1e-5, offset=places[1]),
+            tables.points(q[1:2], np.zeros((1, 3)), sd=1e-5, reflector=0, station=1),
+            tables.distances(q[2:], np.ones(1), sd=1e-5, anchor=0, offset=places[1]),
+        ]
+    )
+    at, drawn = np.array([2, 5, 6]), pool_r(9, seed=8)
+    starts, ends = beam(model, fixtures, station, table, at, drawn)
+    T = model.poses(drawn)
+    for step, row in enumerate([0, 0, 0, 1, 1, 1, 2, 2, 2]):
+        assert np.array_equal(starts[step], (station, second[:3, 3], anchor)[row])
+        place = (places[1], places[0], places[1])[row]
+        expected = T[step, :3, :3] @ place + T[step, :3, 3]
+        np.testing.assert_allclose(ends[step], expected, atol=1e-14)
 
 
 def test_another_trial_is_shown_like_the_first(tmp_path):
