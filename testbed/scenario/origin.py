@@ -58,8 +58,9 @@ def origin_lines(scenario: Scenario) -> list[str]:
     values = flat(written(scenario.given))
     by = {name: values[path] for name, path in DECIDERS.items() if path in values}
     tables: dict[str, list[str]] = {}
-    for path in values:
-        tables.setdefault(str(path[0]) if path[1:] else "", []).append(dotted(path))
+    for path, _ in nodes(written(scenario.document())):
+        if path in values:
+            tables.setdefault(str(path[0]) if path[1:] else "", []).append(dotted(path))
     return [
         "",
         COMMENT,

@@ -230,8 +230,10 @@ def _read_back(file: ScenarioFile, origin: OriginTable, where: str, *, finished:
         return _checked(file, where)  # which says what is wrong
 
     def without(paths: Collection[KeyPath]) -> Scenario:
-        kept = {path: value for path, value in values.items() if path not in paths}
-        return _checked(ScenarioFile(nested(given | kept), file.kinds), where)
+        # in the order of the file: which reflector comes first counts
+        kept = {path: v for path, v in values.items() if path in given or path not in paths}
+        empty = {path: table for path, table in given.items() if table == {}}
+        return _checked(ScenarioFile(nested(empty | kept), file.kinds), where)
 
     scenario = without(filled)
     moved = differing(values, filled, scenario)

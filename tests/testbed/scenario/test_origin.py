@@ -321,6 +321,17 @@ def test_numbers_of_a_file_are_what_is_played_even_if_presets_have_changed_since
     assert of_text(having(("truth.preset", "soft"))).truth.gravity_mdeg == (1.0, 2.0, 3.0)
 
 
+def test_targets_keep_the_order_of_the_file():
+    scenario = load_scenario("stations")
+    names = list(scenario.fixtures.reflectors_mm)
+    text = dump_scenario(scenario)
+    assert list(parse_scenario(text, where="x").fixtures.reflectors_mm) == names
+    more = edited(
+        text, ("[fixtures.reflectors_mm]", "[fixtures.reflectors_mm]\nnew = [9.0, 9.0, 90.0]")
+    )
+    assert list(parse_scenario(more, where="x").fixtures.reflectors_mm) == ["new", *names]
+
+
 def test_tables_put_into_a_scenario_count_as_given():
     base = of_text(BASE)
     quiet = base.tracker.model_copy(update={"position_um": 5.0})
