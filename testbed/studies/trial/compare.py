@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, Bool
 from calib.geometry.frames import transform
 from calib.geometry.jacobian import reflector_rows
 from calib.geometry.model import RobotModel
@@ -20,7 +20,7 @@ from calib.measurement.prediction import perfect, predict, predicted_positions
 from calib.uncertainty.regions import coverage_factor, inside, mahalanobis_squared
 from calib.uncertainty.tool_point import ToolStatement
 from testbed.laboratory.truth.laboratory import Setting
-from testbed.studies.trial.records import Comparison, Validation
+from testbed.studies.trial.records import Comparison, Estimate, Validation
 
 INTERVAL = coverage_factor(1)
 """Half width of a 95 % interval in standard uncertainties."""
@@ -165,6 +165,18 @@ def compare(
         parameter_inside=np.abs(wrong) <= INTERVAL * stated.standard_uncertainty,
         nees=float(mahalanobis_squared(wrong, stated.covariance)),
     )
+
+
+def held_by_repeats(setting: Setting, estimate: Estimate) -> tuple[Bool, Bool]:
+    """Whether 95 % statements of type A hold: each number (f,), and each held-out tool point (t,).
+
+    Stated is the scatter of repeated calibrations, `Estimate.type_a`, with independent numbers.
+    """
+    found, seen, u = estimate.identification, estimate.comparison, estimate.type_a
+    covariance = np.diag(found.parameters.expand(u**2))
+    _, _, stated = target_prediction(found.model, setting.test_q, setting.target, covariance)
+    numbers = np.abs(found.step - seen.true_step) <= INTERVAL * u
+    return numbers, inside(seen.error, stated[:, :3, :3])
 
 
 def attained(

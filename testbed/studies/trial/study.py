@@ -94,7 +94,7 @@ class TrialStudy:
 
     def sections(self, scenario: Scenario, records: Records, *, first: bool) -> Sequence[Section]:
         """What is believed, errors, intervals, designs, numbers and the secret."""
-        from testbed.studies.trial import report_accuracy, report_design
+        from testbed.studies.trial import report_accuracy, report_design, report_parameters
         from testbed.studies.trial.statement import report as statement
 
         campaign = campaign_of(scenario, records)
@@ -107,7 +107,7 @@ class TrialStudy:
             report_design.identifiable_section(campaign),
             report_design.design_section(campaign),
             statement.secret_section(campaign),
-            report_accuracy.parameter_section(campaign),
+            report_parameters.parameter_section(campaign),
         )
 
     def recording(

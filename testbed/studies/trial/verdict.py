@@ -97,7 +97,10 @@ def judge(trial: Trial, estimate: Estimate) -> Verdict:
         f"{trial.name} brings the mean tool error on held-out poses from "
         f"{seen.accuracy_before.mean * MM:.3f} to {seen.accuracy_after.mean * MM:.3f} mm"
     )
-    stated = f"its stated uncertainty (rms u {seen.stated_u * MM:.4f} mm)"
+    u = f"(rms u {seen.stated_u * MM:.4f} mm)"
+    stated = f"its stated uncertainty {u}"
+    if found.mode == "paper":  # the paper states the scatter of repeats
+        stated = f"the uncertainty that the covariance of its unweighted fit claims {u}"
     believable = played is not None and not failed
     valid = estimate.statement is None or estimate.statement.trust.model_valid
     if estimate.statement is not None and not valid:

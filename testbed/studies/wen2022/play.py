@@ -13,11 +13,9 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.design import random_selection
 from calib.identification.identify import Identification
-from calib.information.propagation import distance_uncertainty, tool_covariance
 from calib.measurement.accuracy import point_distances
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predicted_positions
-from calib.uncertainty.regions import inside
 from calib.uncertainty.type_a import root_sum_square, type_a
 from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
 from testbed.scenario.scenario import Scenario
@@ -32,6 +30,7 @@ from testbed.studies.wen2022.records import (
     TrialSets,
     environment,
 )
+from testbed.studies.wen2022.stated import held_by_covariance, held_by_type_a
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,27 +159,14 @@ def play(visit: Visit, trial: TrialSets, pool: int) -> dict[str, Any]:
 
 
 def held(visit: Visit, fits: tuple[Identification, ...], u: Array) -> dict[str, Any]:
-    """Share of held-out points inside each of `STATEMENTS` (4,), and the mean stated u of |P|.
+    """Share of held-out points inside each of `STATEMENTS` (5,), and the mean stated u of |P|.
 
-    The first three are made from standard uncertainties u (f,) of independent numbers, as in the
-    paper; propagation is linear, which claim 17 shows to be enough.
+    The first three are of type A, from standard uncertainties u (f,) of independent numbers.
     """
-    q, (found, other) = visit.laboratory.setting.test_q, fits
-    independent = np.diag(found.parameters.expand(u**2))
-    sigma = tool_covariance(found.model, q, independent)[:, :3, :3]
-    origin = visit.laboratory.setting.nominal.chain.T_world_base[:3, 3]
-    point = found.model.poses(q)[:, :3, 3]
-    u_distance = distance_uncertainty(sigma, point - origin)
-    error = visit.true - point
-    radial = np.linalg.norm(visit.true - origin, axis=1) - np.linalg.norm(point - origin, axis=1)
-    own = tool_covariance(other.model, q, other.full_covariance)[:, :3, :3]
-    wrong = visit.true - other.model.poses(q)[:, :3, 3]
-    shares = (
-        np.abs(radial) <= INTERVAL * u_distance,
-        np.linalg.norm(error, axis=1) <= INTERVAL * u_distance,
-        inside(error, sigma),
-        inside(wrong, own),
-    )
+    setting, true = visit.laboratory.setting, visit.true
+    origin = setting.nominal.chain.T_world_base[:3, 3]
+    by_type_a, u_distance = held_by_type_a(fits[0], u, setting.test_q, true, origin)
+    shares = (*by_type_a, *(held_by_covariance(fit, setting.test_q, true) for fit in fits))
     inside_each = tuple(float(np.mean(share)) for share in shares)
     return {"inside": inside_each, "distance_u": float(u_distance.mean())}
 

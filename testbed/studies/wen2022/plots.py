@@ -37,10 +37,11 @@ if TYPE_CHECKING:
 
 PARTS = (("repeats u_r", DARK), ("number of poses u_p", LIGHT), ("place of poses u_w", MIDDLE))
 TITLES = {
-    "distance": "|P| within 1.96 u",
-    "point": "point within 1.96 u",
-    "region": "point in region of u best",
-    "covariance": "point in region of the fit",
+    "distance": "type A: |P|\nwithin 1.96 u",
+    "point": "type A: point\nwithin 1.96 u",
+    "region": "type A: point\nin region of u best",
+    "unweighted": "point in region of\nthe unweighted fit",
+    "covariance": "point in region of\nthe weighted fit",
 }
 APART = 0.16
 """Between the rows of one set, in rows."""

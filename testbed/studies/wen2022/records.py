@@ -23,10 +23,11 @@ OURS_BEST, OURS_RANDOM = "ours best", "ours random"
 ESTIMATORS: tuple["Mode", ...] = ("paper", "whitened")
 """Order of the estimators: the paper's unweighted rows, and rows whitened by their covariance.
 Both move the paper's 24 numbers."""
-STATEMENTS = ("distance", "point", "region", "covariance")
-"""What is said at 95 %: |P| within 1.96 u of |P|; the point itself within that; the ellipsoid of
-independent numbers with u_best; and, beside the paper, the ellipsoid of the whitened fit's own full
-covariance."""
+TYPE_A = ("distance", "point", "region")
+STATEMENTS = (*TYPE_A, "unweighted", "covariance")
+"""What is said at 95 %. Of type A, as the paper's uncertainty is: |P| within 1.96 u of |P|; the
+point itself within that; the ellipsoid of independent numbers with u_best. Beside the paper, the
+ellipsoid of the full covariance that a fit claims of itself: unweighted, and whitened."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,7 +97,7 @@ class Reexamined:
     u_w: Array
     """(R, f) scatter over the four regions of the pool."""
     inside: Array
-    """(d, 4, R) share of held-out points inside each of `STATEMENTS`."""
+    """(d, 5, R) share of held-out points inside each of `STATEMENTS`."""
     numbers_inside: Array
     """(d, R) share of the 24 numbers within 1.96 u_best of the truth."""
     distance_u: Array

@@ -104,8 +104,9 @@ def reexamined_section(again: Reexamination, examined: Examined) -> Section:
         tables.error_table(again.errors),
         Figure(
             f"Share of the truth inside 95{NARROW}% statements, with 95 % intervals; the line is "
-            "the promise. Open: the interval does not reach it. The first three are made from the "
-            "paper's u best, the last from the full covariance of a fit.",
+            "the promise. Open: the interval does not reach it. The first three are of type A, "
+            "as the paper's u best is; the others are what the covariance of a fit claims, which "
+            "the paper does not state.",
             plots.what_u_best_holds(again.statements),
         ),
         tables.held_table(again.statements),

@@ -1,6 +1,6 @@
 """The report's comparison with Wen et al. 2022: Tables 1 to 3, the tool point, claim by claim."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -22,8 +22,9 @@ from testbed.studies.wen2022.records import (
     paper_budget_of,
     tool_point_of,
 )
+from testbed.studies.wen2022.stated import Judged, judged_statements
 from testbed.studies.wen2022.tables import of_columns, range_table, table3
-from testbed.units import MM, counted, fixed
+from testbed.units import MM, counted, fixed, percent
 
 THIS = "this campaign"
 
@@ -224,6 +225,9 @@ def paper_section(campaign: Campaign, examined: Examined | None) -> Section | No
         )
         said = budget_table(budget, stand_in(campaign.scenario))
         blocks += [said, ratio_table(budget), Figure(caption, plots.parameter_budget(budget))]
+    stated = [one for trial in campaign.trials if (one := judged_statements(campaign, trial))]
+    if stated:
+        blocks.append(statement_table(stated))
     blocks.append(misprint_table())
     if not examined.robots:  # else they stand first in the report
         blocks.append(claim_table(examined))
@@ -236,6 +240,33 @@ def paper_section(campaign: Campaign, examined: Examined | None) -> Section | No
         blocks.append(Text(text))
     title = "its tables on this campaign's robot" if examined.robots else "claim by claim"
     return Section("paper", f"Wen et al. 2022, {title}", tuple(blocks), part="detail")
+
+
+def statement_table(found: Sequence[Judged]) -> Table:
+    """What is stated at 95 % of each set, and what of it holds on this robot."""
+    columns = {
+        "set": [one.trial for one in found],
+        "mean error mm": [fixed(one.error * MM, 3) for one in found],
+        "type A: u of |P| mm": [fixed(one.distance_u * MM, 4) for one in found],
+        "type A: |P| in 1.96 u": [percent(one.type_a[0]) for one in found],
+        "type A: point in 1.96 u": [percent(one.type_a[1]) for one in found],
+        "type A: point in region": [percent(one.type_a[2]) for one in found],
+        "type A: numbers in 1.96 u": [percent(one.numbers) for one in found],
+        "unweighted fit: point in region": [percent(one.unweighted) for one in found],
+        "unweighted fit: numbers inside": [percent(one.unweighted_numbers) for one in found],
+    }
+    runs = found[0].replications
+    over = f"{runs} replications" if runs else "this one calibration"
+    return of_columns(
+        "What the paper states, and what its fit claims: shares that hold the truth, of 95 % "
+        "promised",
+        columns,
+        size="small",
+        note="type A is what the paper states: the standard deviation of repeated calibrations, "
+        "with independent numbers, judged on this one calibration and its held-out poses. The "
+        "covariance that the unweighted fit claims, s² inv(J'WJ) with s² = RSS / (12 m − f), is "
+        f"not in the paper; we judge it beside, over {over}. Neither can see what the model lacks.",
+    )
 
 
 def misprint_table() -> Table:

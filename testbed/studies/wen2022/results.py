@@ -23,12 +23,14 @@ from testbed.studies.wen2022.ratio import over, printed_split
 from testbed.studies.wen2022.records import (
     ESTIMATORS,
     STATEMENTS,
+    TYPE_A,
     PaperBudget,
     Reexamined,
     paper_budget_of,
     reexamined_of,
     tool_point_of,
 )
+from testbed.studies.wen2022.stated import Judged, judged_statements
 from testbed.studies.wen2022.summary import Reexamination, of_kind, reexamination_of
 
 ARRAYS = {name: name for name in ("pool", "u_best", "u_r", "u_p", "u_w")} | {
@@ -62,6 +64,9 @@ def published(campaign: Campaign) -> Iterator[Quantity]:
         yield from below("paper_budget", _ratios(budget, 0))
         for k, name in enumerate(budget.trials):
             yield from below(f"paper_budget/trials/{name}", _ratios(budget, k))
+            trial = next(trial for trial in campaign.trials if trial.name == name)
+            if (stated := judged_statements(campaign, trial)) is not None:
+                yield from below(f"paper_budget/trials/{name}/inside_95", _inside(stated))
     if tool is not None:
         for source, distance, u in zip(tool.source, tool.distance_sd, tool.spatial, strict=True):
             key = f"tool_point/{source}"
@@ -91,6 +96,16 @@ def _ratios(budget: PaperBudget, k: int) -> list[Quantity]:
     return [
         Quantity("mean_u_ratio_best_to_random", budget.ratio[k]),
         Quantity("mean_u_r_ratio_best_to_random", budget.repeats_ratio[k]),
+    ]
+
+
+def _inside(stated: Judged) -> list[Quantity]:
+    """What the paper's type A statements hold, and what the covariance of its fit holds."""
+    return [
+        *map(Quantity, (f"type_a_{name}" for name in TYPE_A), stated.type_a),
+        Quantity("type_a_numbers", stated.numbers),
+        Quantity("unweighted_fit_region", stated.unweighted),
+        Quantity("unweighted_fit_numbers", stated.unweighted_numbers),
     ]
 
 

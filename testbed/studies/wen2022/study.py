@@ -15,6 +15,7 @@ from testbed.studies.wen2022.calibrated_sets.records import RANDOM_CALIBRATIONS,
 from testbed.studies.wen2022.paper_set import designed_trials, tool_trials
 from testbed.studies.wen2022.records import (
     PAPER_BUDGET,
+    STATEMENTS,
     TOOL_POINT,
     PaperBudget,
     PoolSets,
@@ -54,11 +55,12 @@ class Wen2022Study:
         reads = shared_part(scenario)
         reads |= part(scenario, "studies", "budget", "trial", "uncertainty")
         reads |= {"pools": table.pools} | goal_part(scenario)
+        judged = {"statements": STATEMENTS}
         pieces = pieces_of(table.pools)
         found.append(Record(SETS_KEY, PoolSets, reads, needs=(SETTING,), pieces=pieces))
         for key in played_keys(table):
             truth = truth_of_kind(scenario, kind_of(key)).model_dump(mode="json")
-            kind = reads | {"robots": table.robots, "kind": truth}
+            kind = reads | judged | {"robots": table.robots, "kind": truth}
             pieces = pieces_of(table.robots)
             found.append(Record(key, Reexamined, kind, needs=(SETTING, SETS_KEY), pieces=pieces))
         return tuple(found)

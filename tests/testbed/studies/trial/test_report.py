@@ -9,7 +9,7 @@ import pytest
 from testbed.report.page import SIMULATED, Table, render
 from testbed.run.derive import page_of
 from testbed.scenario.read import dump_scenario
-from testbed.studies.trial import report_accuracy, report_design, verdict
+from testbed.studies.trial import report_accuracy, report_design, report_parameters, verdict
 from testbed.studies.trial.report_accuracy import intervals_in_words
 from testbed.studies.wen2022 import report_paper
 from testbed.studies.wen2022.records import paper_budget_of
@@ -29,6 +29,7 @@ EVERY = [paper_campaign, rigid_campaign, bare_campaign, point_campaign]
 COUNTED = re.compile(  # columns whose numbers count, compare or index, and so have no unit
     r"inside|χ²/dof|^p$|cond\.|rank|NEES|gain|replications|band|coverage|stated / true|^#$"
     r"|^O[1-5]$|number|share|^u_?|ratio|parameters inside|/ u$"
+    r"|^type A: (\|P\||point) in|point in region"
 )
 
 
@@ -95,13 +96,14 @@ def test_parameter_rows_hold_identified_minus_nominal_and_the_stated_uncertainty
     trial = campaign.trials[0]
     estimate = trial.estimates[0]
     found = estimate.identification
-    table = report_accuracy.parameter_table(campaign.setting.nominal, trial, estimate)
+    table = report_parameters.parameter_table(campaign.setting.nominal, trial, estimate)
     assert tuple(row[0] for row in table.rows) == found.names
     start = {"theta3": 90.0, "d4": 310.0, "alpha1": -90.0, "a2": 290.0, "base.x": 0.0}
-    for row, step, u, true in zip(
+    for row, step, u, scatter, true in zip(
         table.rows,
         found.step,
         found.standard_uncertainty,
+        estimate.repeated.std(axis=0, ddof=1),
         estimate.comparison.true_step,
         strict=True,
     ):
@@ -114,7 +116,8 @@ def test_parameter_rows_hold_identified_minus_nominal_and_the_stated_uncertainty
         assert number(truth) - number(nominal) == pytest.approx(true * scale, abs=half)
         assert number(error) == pytest.approx((true - step) * scale, abs=half)
         assert number(expanded) == pytest.approx(2 * u * scale, abs=half)
-        assert (row[-1] == "yes") == (abs(true - step) <= 1.959964 * u)
+        assert (row[-2] == "yes") == (abs(true - step) <= 1.959964 * u)
+        assert (row[-1] == "yes") == (abs(true - step) <= 1.959964 * scatter)
 
 
 @pytest.mark.parametrize("make", EVERY)
@@ -223,7 +226,7 @@ def test_paper_mode_intervals_are_reported_as_failing_on_a_rigid_robot():
     campaign = rigid_campaign()
     for trial in campaign.trials:
         said = intervals_in_words(trial, trial.estimates[1])
-        assert "paper mode: the intervals fail" in said
+        assert "paper mode, covariance of the unweighted fit: the intervals fail" in said
 
 
 def test_dropped_parameters_are_explained_by_the_sentences_of_the_reduction():

@@ -5,16 +5,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from testbed.run.derive import headline
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
+from testbed.studies.trial.compare import held_by_repeats
 from testbed.studies.wen2022 import claims_model
 from testbed.studies.wen2022 import claims_one_robot as claims_accuracy
 from testbed.studies.wen2022.claims import CLAIMS, examine, is_paper_robot
 from testbed.studies.wen2022.finding import NotPlayedError
 from testbed.studies.wen2022.paper_set import designed_trials, stand_in, tool_trials
 from testbed.studies.wen2022.records import paper_budget_of, tool_point_of
+from testbed.studies.wen2022.stated import judged_statements
 from tests.campaign import with_records, without
 from tests.reference import tx60
 from tests.reported import bare_campaign, paper_campaign, point_campaign, rigid_campaign
@@ -246,29 +249,91 @@ def test_like_for_like_compares_sets_of_the_same_size_only():
         claims_accuracy.like_for_like(bare_campaign())
 
 
-def test_two_u_of_the_optimal_set_does_not_hold_the_error_of_a_robot_that_sags():
+def with_paper_mode(campaign, name, **changes):
+    """The campaign with another estimate by the paper's estimator in one trial."""
+    trials = tuple(
+        replace(trial, estimates=(trial.estimates[0], replace(trial.estimates[1], **changes)))
+        if trial.name == name
+        else trial
+        for trial in campaign.trials
+    )
+    return replace(campaign, trials=trials)
+
+
+def test_claim_16_is_judged_by_the_scatter_of_repeats_and_not_by_the_covariance_of_the_fit():
     campaign = paper_campaign()
     found = claims_accuracy.coverage(campaign)
     assert found.verdict == "does not hold"
-    study = tool_point_of(campaign)
-    # with u a hundred times larger every error lies inside, but the region of the fit stays small
-    wide = with_records(campaign, tool_point=replace(study, distance_sd=100 * study.distance_sd))
-    assert claims_accuracy.coverage(wide).verdict == "in part"
-    # one lucky calibration is no evidence where replications say what its region holds
-    first, *rest = rigid_campaign().trials
+    assert found.sentence.startswith("This campaign, best-29: by repeats (type A")
+    estimate = next(t for t in campaign.trials if t.name == "best-29").estimates[1]
+    # with u a hundred times larger every error lies inside, whatever the fit claims of itself
+    wide = with_paper_mode(campaign, "best-29", type_a=100 * estimate.type_a)
+    assert claims_accuracy.coverage(wide).verdict == "holds"
+    assert numbers(claims_accuracy.coverage(wide).ours)[0] == 100
+    every = np.ones(len(campaign.setting.test_q), dtype=bool)
+    sure = replace(estimate.replications, tool_coverage=every.astype(float))
+    proud = with_paper_mode(campaign, "best-29", replications=sure)
+    assert claims_accuracy.coverage(proud).verdict == "does not hold"
+    assert (
+        "unweighted fit claims holds the point at 100" in claims_accuracy.coverage(proud).sentence
+    )
+    assert claims_accuracy.claim_16(0.7) == "holds"
+    assert claims_accuracy.claim_16(0.69) == "does not hold"
+
+
+def test_the_statements_of_both_kinds_are_counted_at_the_held_out_poses():
+    """Type A by differences of |P| itself; the covariance of the fit by what it claims."""
+    campaign = paper_campaign()
+    setting = campaign.setting
+    for trial in campaign.trials:
+        estimate, seen = trial.estimates[1], judged_statements(campaign, trial)
+        found, u = estimate.identification, estimate.type_a
+        steps = 0.5 * np.diag(u)
+        shift = [found.parameters.expand(step) for step in steps]
+        columns = np.array([
+            found.model.moved(one).poses(setting.test_q)[:, :3, 3]
+            - found.model.moved(-one).poses(setting.test_q)[:, :3, 3]
+            for one in shift
+        ])  # fmt: skip
+        p = found.model.poses(setting.test_q)[:, :3, 3]
+        true = setting.test_true[:, :3, 3]
+        radial = p / np.linalg.norm(p, axis=1, keepdims=True)
+        stated = np.linalg.norm(np.einsum("fmi,mi->mf", columns, radial), axis=1)
+        assert seen.distance_u == pytest.approx(stated.mean(), rel=1e-5)
+        k = stats.norm.ppf(0.975)
+        off = np.abs(np.linalg.norm(true, axis=1) - np.linalg.norm(p, axis=1))
+        far = np.linalg.norm(true - p, axis=1)
+        sigma = np.einsum("fmi,fmj->mij", columns, columns)
+        square = np.einsum("mi,mij,mj->m", true - p, np.linalg.inv(sigma), true - p)
+        held = (off <= k * stated, far <= k * stated, square <= stats.chi2.ppf(0.95, 3))
+        assert seen.type_a == pytest.approx([share.mean() for share in held])
+        wrong = np.abs(found.step - estimate.comparison.true_step)
+        assert seen.numbers == pytest.approx((wrong <= k * u).mean())
+        inside_numbers, inside_points = held_by_repeats(setting, estimate)
+        np.testing.assert_array_equal(inside_numbers, wrong <= k * u)
+        np.testing.assert_array_equal(inside_points, held[2])
+        assert seen.unweighted == pytest.approx(estimate.replications.tool_coverage.mean())
+        covered = estimate.replications.parameter_coverage.mean()
+        assert seen.unweighted_numbers == pytest.approx(covered)
+        assert seen.replications == 10
+    published = headline(campaign)["paper_budget"]["trials"]["best-61"]["inside_95"]
+    first = judged_statements(campaign, campaign.trials[0])
+    assert published["type_a_point"] == first.type_a[1]
+    assert published["unweighted_fit_region"] == first.unweighted
+
+
+def test_one_lucky_calibration_is_no_evidence_where_replications_say_what_its_region_holds():
+    first = rigid_campaign().trials[0]
     paper_mode = first.estimates[1]
     shares = paper_mode.replications.tool_coverage
-    lucky = replace(
-        paper_mode,
-        comparison=replace(paper_mode.comparison, inside=np.ones(len(shares), dtype=bool)),
-    )
-    trial = replace(first, estimates=(first.estimates[0], lucky))
-    found = claims_accuracy.coverage(replace(rigid_campaign(), trials=(trial, *rest)))
+    lucky = replace(paper_mode.comparison, inside=np.ones(len(shares), dtype=bool))
+    told = with_paper_mode(rigid_campaign(), first.name, comparison=lucky)
     assert shares.mean() < 0.6
-    assert found.verdict == "does not hold"
-    assert numbers(found.ours)[0] == pytest.approx(100 * shares.mean(), abs=0.5)
-    assert claims_accuracy.claim_16(0.7, 0.95) == "holds"
-    assert claims_accuracy.claim_16(0.69, 0.69) == "does not hold"
+    assert judged_statements(told, told.trials[0]).unweighted == pytest.approx(shares.mean())
+    bare = with_paper_mode(rigid_campaign(), first.name, replications=None)
+    seen = judged_statements(bare, bare.trials[0])
+    assert (seen.replications, seen.unweighted) == (0, paper_mode.comparison.inside.mean())
+    assert judged_statements(point_campaign(), point_campaign().trials[0]) is None
 
 
 def test_linear_propagation_is_enough_unless_monte_carlo_differs():

@@ -1,0 +1,101 @@
+"""The report's section on the parameters: identified, true, and inside what was stated."""
+
+import numpy as np
+
+from calib.geometry.model import RobotModel
+from testbed.report.page import Block, Section, Table, Text, heads
+from testbed.scenario.fixtures import targets_mm
+from testbed.scenario.scenario import Scenario
+from testbed.studies.trial import plots
+from testbed.studies.trial.compare import INTERVAL
+from testbed.studies.trial.records import Campaign, Estimate, Trial
+from testbed.units import (
+    counted,
+    in_units,
+    unit_of,
+    with_uncertainty,
+)
+
+
+def parameter_section(campaign: Campaign) -> Section:
+    """Every parameter: nominal, identified, true, error, uncertainty."""
+    left = len(campaign.trials) - plots.MOST_PANELS
+    elsewhere = (
+        f" Shown are the first {plots.MOST_PANELS} trials; the numbers of the other {left} are in "
+        "arrays.npz."
+    )
+    blocks: list[Block] = [
+        Text(
+            "Angles in deg, lengths in mm. Values are rounded to the second digit of their own "
+            "standard uncertainty. error = true minus identified. U = 2 u (k = 2) by the "
+            "covariance of the fit; s: scatter of repeated calibrations (type A, what Wen et al. "
+            "2022 state). inside: the true value lies in the 95 % interval of the one or the "
+            "other. Base and tool rows are displacements "
+            "from the nominal frame, along and about its own axes. The true column is the truth "
+            "seen through the parameters that were estimated: what redundant parameters really "
+            "did is carried by the ones that stand for them."
+            + fixture_names(campaign.scenario)
+            + elsewhere * (left > 0)
+        )
+    ]
+    blocks += [
+        parameter_table(campaign.setting.nominal, trial, estimate)
+        for trial in plots.shown(campaign)
+        for estimate in trial.estimates
+    ]
+    return Section("parameters", "Parameters", tuple(blocks), part="detail")
+
+
+def fixture_names(scenario: Scenario) -> str:
+    """What the scenario calls the reflectors and anchors that are numbered; empty without any."""
+    settings = scenario.fixtures
+    if settings is None:
+        return ""
+    free = [name for name in targets_mm(scenario) if name in settings.free]
+    named = [f"reflector{k + 1} is {name}" for k, name in enumerate(free)]
+    named += [f"anchor{k + 1} is {name}" for k, name in enumerate(settings.anchors_mm)]
+    stations = " Station rows are displacements like those of base and tool."
+    return f" In [fixtures] {', '.join(named)}." * bool(named) + stations * bool(
+        settings.stations_mm
+    )
+
+
+def parameter_table(nominal: RobotModel, trial: Trial, estimate: Estimate) -> Table:
+    """Nominal, identified, true, error, U and inside for every parameter of one estimate."""
+    found, seen = estimate.identification, estimate.comparison
+    is_length = found.parameters.is_length[found.parameters.free_index]
+    # base, tool and stations are displacements: nominal is zero
+    links, errors = nominal.chain.links.ravel(), nominal.joint_errors.coefficients
+    points = [nominal.fixtures.reflectors.ravel(), nominal.fixtures.anchors.ravel()]
+    stations = np.zeros(6 * len(nominal.fixtures.stations))
+    start_values = np.concatenate([np.zeros(6), links, np.zeros(6), errors, *points, stations])
+    known = dict(zip(nominal.names, start_values, strict=True))
+    at = np.array([known.get(name, 0.0) for name in found.names])
+    values = (at, found.step, seen.true_step, found.standard_uncertainty, estimate.type_a)
+    start, step, true, u, type_a = (in_units(numbers, is_length) for numbers in values)
+    held = np.abs(found.step - seen.true_step) <= INTERVAL * estimate.type_a
+    rows = []
+    for k, name in enumerate(found.names):
+        written = with_uncertainty(
+            start[k] + step[k], u[k], start[k] + true[k], true[k] - step[k], 2 * u[k]
+        )
+        identified, _, truth, error, expanded = written
+        unit = unit_of(bool(is_length[k]))
+        repeated = with_uncertainty(0.0, type_a[k])[1]
+        inside = "yes" if seen.parameter_inside[k] else "NO"
+        at_start = f"{start[k]:g}".replace("-", "−")
+        by_repeats = "yes" if held[k] else "NO"
+        cells = (identified, truth, error, expanded, repeated, inside, by_repeats)
+        rows.append((name, unit, at_start, *cells))
+    return Table(
+        caption=f"{trial.name}, {plots.NAMES[estimate.mode]}: "
+        f"{int(seen.parameter_inside.sum())} of {len(rows)} inside by the fit's covariance, "
+        f"{int(held.sum())} by the scatter of repeats (type A)",
+        head=heads(
+            "parameter, unit, nominal, identified, true, error, U of fit (k = 2), "
+            f"s of {counted(len(estimate.repeated), 'repeat')}, inside fit, inside type A"
+        ),
+        rows=tuple(rows),
+        align="llrrrrrrll",
+        size="small",
+    )

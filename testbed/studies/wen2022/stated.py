@@ -1,0 +1,110 @@
+"""What 95 % statements hold of the truth: the paper's, of type A, and the covariances of fits.
+
+The paper states the scatter of repeated calibrations (type A), as an uncertainty of the distance of
+the tool point to the base. The covariance that its unweighted fit claims, s^2 inv(J'WJ) with
+s^2 = RSS / (12 m - f), is not in the paper: it is judged beside, and never in its place.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, Bool
+from calib.identification.identify import Identification
+from calib.information.propagation import distance_uncertainty, tool_covariance
+from calib.uncertainty.regions import inside
+from calib.uncertainty.type_a import root_sum_square
+from testbed.studies.trial.compare import INTERVAL
+from testbed.studies.trial.records import Campaign, Trial
+from testbed.studies.wen2022.records import environment
+
+
+def held_by_type_a(
+    found: Identification, u: Array, q: Array, true: Array, origin: Array
+) -> tuple[Bool, Array]:
+    """Whether each of the statements "distance", "point" and "region" holds, and u of |P|.
+
+    Parameters
+    ----------
+    found : Identification
+        By the paper's estimator.
+    u : (f,) array
+        u_best: scatter of repeats with u_c, taken as independent, as in the paper [m or rad].
+    q, true : (t, n), (t, 3) arrays
+        Held-out poses, and the secret: the noise-free tool points there [rad, m; m].
+    origin : (3,) array
+        Where distances are taken from [m].
+
+    Returns
+    -------
+    (3, t) bool, and (t,) standard uncertainty of the distance [m]. Propagation is linear, which
+    claim 17 shows to be enough.
+    """
+    sigma = tool_covariance(found.model, q, np.diag(found.parameters.expand(u**2)))[:, :3, :3]
+    point = found.model.poses(q)[:, :3, 3]
+    u_distance, error = distance_uncertainty(sigma, point - origin), true - point
+    radial = np.linalg.norm(true - origin, axis=1) - np.linalg.norm(point - origin, axis=1)
+    shares = (
+        np.abs(radial) <= INTERVAL * u_distance,
+        np.linalg.norm(error, axis=1) <= INTERVAL * u_distance,
+        inside(error, sigma),
+    )
+    return np.array(shares), u_distance
+
+
+def held_by_covariance(found: Identification, q: Array, true: Array) -> Bool:
+    """Whether the 95 % region from the fit's own full covariance holds each true point (t,)."""
+    sigma = tool_covariance(found.model, q, found.full_covariance)[:, :3, :3]
+    return inside(true - found.model.poses(q)[:, :3, 3], sigma)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judged:
+    """What one set's statements hold of this robot; shares of its held-out poses."""
+
+    trial: str
+    distance_u: float
+    """Mean stated u of |P|, type A [m]."""
+    type_a: tuple[float, ...]
+    """|P| in 1.96 u, the point in 1.96 u, the point in the region of u_best (`TYPE_A`)."""
+    numbers: float
+    """Share of the numbers within 1.96 u_best of the truth, type A."""
+    unweighted: float
+    """Point in the region of the covariance that the unweighted fit claims: not in the paper."""
+    unweighted_numbers: float
+    """Numbers in its intervals."""
+    replications: int
+    """Of the calibration behind the last two; 0: this one calibration."""
+    error: float
+    """Mean held-out position error [m]."""
+
+
+def judged_statements(campaign: Campaign, trial: Trial) -> Judged | None:
+    """Judge what the paper states of one set, and what its unweighted fit claims.
+
+    None where the paper's estimator was not played.
+    """
+    estimate = next((one for one in trial.estimates if one.mode == "paper"), None)
+    if estimate is None:
+        return None
+    found, seen, runs = estimate.identification, estimate.comparison, estimate.replications
+    setting = campaign.setting
+    u = root_sum_square(estimate.type_a, environment(campaign.scenario.budget, found.names))
+    origin, true = setting.nominal.chain.T_world_base[:3, 3], setting.test_true[:, :3, 3]
+    held, u_distance = held_by_type_a(found, u, setting.test_q, true, origin)
+    # one calibration's poses share its error; replications say what a region holds on average
+    points, numbers = (
+        (seen.inside, seen.parameter_inside)
+        if runs is None
+        else (runs.tool_coverage, runs.parameter_coverage)
+    )
+    return Judged(
+        trial=trial.name,
+        distance_u=float(u_distance.mean()),
+        type_a=tuple(map(float, held.mean(axis=1))),
+        numbers=float((np.abs(found.step - seen.true_step) <= INTERVAL * u).mean()),
+        unweighted=float(np.mean(points)),
+        unweighted_numbers=float(np.mean(numbers)),
+        replications=0 if runs is None else runs.count,
+        error=seen.accuracy_after.mean,
+    )
