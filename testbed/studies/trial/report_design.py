@@ -9,6 +9,7 @@ from testbed.report.page import Block, Figure, Points, Section, Table, Text, hea
 from testbed.studies.trial import plots
 from testbed.studies.trial.records import Campaign, PoseCountStudy, RandomSets
 from testbed.studies.trial.report_accuracy import set_in_words
+from testbed.studies.trial.report_rounds import round_tables
 from testbed.units import counted, micrometres, sentence, significant
 
 
@@ -59,6 +60,7 @@ def design_section(campaign: Campaign) -> Section:
             f"vermilion triangles{plots.only(campaign.trials, plots.MOST_VIEWS)}.",
             plots.pose_space(campaign),
         ),
+        *round_tables(campaign),
         index_table(campaign),
     ]
     searched = [t for t in campaign.trials if t.method == "detmax"]

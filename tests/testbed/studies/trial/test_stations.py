@@ -19,6 +19,7 @@ from testbed.run.export import export_campaign, exported_rows
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from testbed.studies.trial.compare import true_step
+from testbed.studies.trial.report_rounds import round_tables
 from tests import campaign
 
 SMALL = {
@@ -178,3 +179,23 @@ def test_where_to_begin_is_a_help_and_no_more(tmp_path, monkeypatch):
     file.write_text(text.replace("stations_mm = {", 'stations_mm = { "3" = [0.0, 0.0, 0.0], '))
     with pytest.raises(InputError, match=r'\[start\] stations_mm has "3"; free ones are 2'):
         read_session(tmp_path / "out", robot)
+
+
+def test_the_report_says_what_was_seen_from_where():
+    run = played()
+    (table,) = round_tables(run)
+    seen = run.trials[0].measurements
+    assert table.rows[0][:4] == ("station 1", "A", "point", "")
+    assert table.rows[4][:4] == ("station 2", "B", "point", "B, station 2")
+    assert table.rows[-1][:4] == ("P2", "A", "distance", "P2")
+    # the counts by hand: three reflectors from two stations, then the two anchors
+    counts = [
+        *(
+            int(((seen.station == s) & (seen.reflector == r) & ~seen.is_distance).sum())
+            for s in (0, 1)
+            for r in (-1, 0, 1)
+        ),
+        *(int((seen.anchor == a).sum()) for a in (0, 1)),
+    ]
+    assert [int(row[4]) for row in table.rows] == counts
+    assert sum(counts) == len(seen)
