@@ -307,6 +307,16 @@ CASES = {
         without("rx_deg", "ry_deg", "rz_deg", "euler") | {"target": ["R2"] * 29},
         "[points]\nreflectors_mm = { R1 = [1.0, 2.0, 3.0] }\n",
     ),
+    "session: a start of what is known": read(
+        without("rx_deg", "ry_deg", "rz_deg", "euler") | {"target": ["R1"] * 29},
+        "[points]\nreflectors_mm = { R1 = [1.0, 2.0, 3.0] }\n"
+        "[start]\nreflectors_mm = { R1 = [1.0, 2.0, 3.0] }\n",
+    ),
+    "session: a start of an unknown anchor": read(
+        without("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg", "euler")
+        | {"distance_mm": [1.0] * 29, "anchor": ["A"] * 29, "u_distance_mm": [0.1] * 29},
+        '[ranges]\nanchors_mm = { A = "free" }\n[start]\nanchors_mm = { a = [1.0, 2.0, 3.0] }\n',
+    ),
     "session: an endless number": read(table(), "format = " + "1" * 5000),
     "session: not TOML": read(table(), "joints\n"),
     "session: a file elsewhere": read(table(), '[joints]\nfile = "../../etc/passwd"\n[frames]\n'),
