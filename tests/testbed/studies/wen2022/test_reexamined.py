@@ -29,7 +29,13 @@ from testbed.studies.wen2022.claims import examine
 from testbed.studies.wen2022.play import gather, play, play_robots, random_parts, visit_robot
 from testbed.studies.wen2022.pools import noise_of
 from testbed.studies.wen2022.ratio import over, over_pools, printed_split
-from testbed.studies.wen2022.records import PoolSets, Reexamined, pool_sets_of, reexamined_of
+from testbed.studies.wen2022.records import (
+    STATEMENTS,
+    PoolSets,
+    Reexamined,
+    pool_sets_of,
+    reexamined_of,
+)
 from testbed.studies.wen2022.report import few_repeats, procedure, verdict_of
 from testbed.studies.wen2022.summary import reexamination_of
 from testbed.studies.wen2022.tables import predicted_table
@@ -199,17 +205,27 @@ def test_what_u_best_holds_is_counted_at_the_held_out_poses():
     square = np.einsum("mi,mi->m", wrong, np.linalg.solve(sigma, wrong[:, :, None])[..., 0])
     assert record.inside[0, 2, 1] == pytest.approx((square <= stats.chi2.ppf(0.95, 3)).mean())
     assert record.error[0, 0, 1] == pytest.approx(far.mean(), rel=1e-4)
-    # the covariance that the unweighted fit claims: s^2 inv(J'WJ), s^2 = RSS / (12 m - 24)
-    seen = at.measure(chosen, "best-61")
-    claimed, T = unweighted_covariance(model, seen, free), model.poses_and_jacobian(own.test_q)
-    J = T[1][:, :3, free.free]
-    sigma = J @ claimed @ J.swapaxes(1, 2)
-    square = np.einsum("mi,mi->m", wrong, np.linalg.solve(sigma, wrong[:, :, None])[..., 0])
-    assert record.inside[0, 3, 1] == pytest.approx((square <= stats.chi2.ppf(0.95, 3)).mean())
     truth = own.true.chain.links - own.nominal.chain.links
     places = [own.nominal.names[6:36].index(name) for name in free.free_names]
     held = np.abs(step - truth.ravel()[places]) <= k * u
     assert record.numbers_inside[0, 1] == pytest.approx(held.mean())
+
+
+def test_the_covariance_that_the_unweighted_fit_claims_is_judged_beside():
+    """s^2 inv(J'WJ) with s^2 = RSS / (12 m - 24), on a rigid robot, where it holds some points."""
+    at, record = visit(truth="rigid"), study("rigid")
+    own, free = at.laboratory.setting, at.laboratory.free("paper")
+    seen = at.measure(pool_sets_of(campaign()).sets[0].indices[1], "best-61")
+    model = own.nominal.moved(free.expand(paper_fit(seen, own.nominal, free)))
+    T, J = model.poses_and_jacobian(own.test_q)
+    J = J[:, :3, free.free]
+    sigma = J @ unweighted_covariance(model, seen, free) @ J.swapaxes(1, 2)
+    wrong = at.true - T[:, :3, 3]
+    square = np.einsum("mi,mi->m", wrong, np.linalg.solve(sigma, wrong[:, :, None])[..., 0])
+    share = (square <= stats.chi2.ppf(0.95, 3)).mean()
+    assert record.inside[0, STATEMENTS.index("unweighted"), 1] == pytest.approx(share)
+    # the fit that weighs its noise holds others
+    assert record.inside[0, STATEMENTS.index("covariance"), 1] != pytest.approx(share)
 
 
 def test_number_and_place_scatter_more_than_repeats_only_where_the_model_lacks_something():
