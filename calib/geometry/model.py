@@ -1,6 +1,6 @@
 """The robot model: a chain, its joint errors, and the fixtures it is measured with."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,14 +11,16 @@ from calib.geometry.fixtures import Fixtures
 from calib.geometry.jacobian import joint_columns, pose_and_jacobian
 from calib.geometry.joint_errors import JointErrors
 
+NO_ERRORS, NO_FIXTURES = JointErrors(), Fixtures()
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotModel:
     """Geometry and joint errors, T(q) = forward(chain, q + dq(q)), and what stands beside them."""
 
     chain: Chain
-    joint_errors: JointErrors = field(default_factory=JointErrors)
-    fixtures: Fixtures = field(default_factory=Fixtures)
+    joint_errors: JointErrors = NO_ERRORS
+    fixtures: Fixtures = NO_FIXTURES
     """Reflectors, anchors and stations: they move no pose, but what is measured of it."""
 
     def __repr__(self) -> str:

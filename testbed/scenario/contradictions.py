@@ -93,7 +93,8 @@ def contradictions(scenario: Scenario) -> Iterator[str]:
     yield from _of_identification(scenario.identification)
     yield from _of_truth(scenario.truth)
     yield from _of_tracker(scenario)
-    yield from fixture_contradictions(scenario)
+    if scenario.fixtures is not None:
+        yield from fixture_contradictions(scenario, scenario.fixtures)
     for settings in scenario.tables.values():
         yield from settings.contradictions(scenario)
     yield from _of_plan(scenario.plan)

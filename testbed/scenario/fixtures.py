@@ -41,11 +41,8 @@ def rounds_per_visit(scenario: Scenario) -> int:
     return optical * (1 + len(fixtures.stations_mm)) + ranged
 
 
-def fixture_contradictions(scenario: Scenario) -> Iterator[str]:
+def fixture_contradictions(scenario: Scenario, fixtures: FixtureSettings) -> Iterator[str]:
     """What [fixtures] may not say, alone or beside the other tables."""
-    fixtures = scenario.fixtures
-    if fixtures is None:
-        return
     if not (fixtures.reflectors_mm or fixtures.stations_mm or fixtures.anchors_mm):
         yield (
             "[fixtures] has no reflectors_mm, stations_mm or anchors_mm; give one of them, or "
