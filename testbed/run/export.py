@@ -14,7 +14,7 @@ from testbed.files.session_toml import SESSION_FILE
 from testbed.laboratory.tracker.rounds import world_mm
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory, validation_start
 from testbed.robots.robot import Robot
-from testbed.scenario.fixtures import targets_mm
+from testbed.scenario.fixtures import RANGES, targets_mm
 from testbed.store.run_folder import whole_folder
 from testbed.studies.trial.play import visits_of
 from testbed.studies.trial.records import Campaign, Trial
@@ -103,7 +103,7 @@ def _files(trial: Trial, table: Measurements) -> dict[str, Index]:
     """The files of a trial and their rows: what the tracker saw, and distances."""
     far = table.is_distance
     files = {f"{trial.name}.csv": np.flatnonzero(~far)}
-    return files | ({f"{trial.name}-ranges.csv": np.flatnonzero(far)} if far.any() else {})
+    return files | ({f"{trial.name}{RANGES}.csv": np.flatnonzero(far)} if far.any() else {})
 
 
 def session_csv(
@@ -221,7 +221,7 @@ def _fixture_lines(bench: Laboratory, trial: Trial, table: Measurements, kind: s
     reflectors = [f"reflectors_mm = {places_of(targets)}"]
     lines = reflectors if kind == "points" else []
     if anchors:
-        file = f"file = {_text(f'{trial.name}-ranges.csv')}"
+        file = f"file = {_text(f'{trial.name}{RANGES}.csv')}"
         lines += ["", "[ranges]", file, *reflectors, f"anchors_mm = {places_of(anchors)}"]
     return [
         *lines,

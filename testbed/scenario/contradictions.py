@@ -10,6 +10,7 @@ from testbed.scenario.scenario import RESERVED, Scenario
 from testbed.scenario.tables import (
     MAX_STATIONS,
     BoxGoal,
+    BudgetSettings,
     IdentificationSettings,
     ListGoal,
     PathGoal,
@@ -106,6 +107,16 @@ def of_budget(scenario: Scenario) -> Iterator[str]:
     sizes = budget.pose_numbers
     if len(set(sizes)) < len(sizes):
         yield "[budget] pose_numbers has a size twice; remove the copy"
+    usual = BudgetSettings()
+    for key in ("poses", "pose_numbers", "location_poses") if scenario.studies.paper_budget else ():
+        asked = getattr(budget, key)
+        largest = max(asked) if isinstance(asked, tuple) else asked
+        # the paper's own sizes shrink with a small pool
+        if largest > pool.size and asked != getattr(usual, key):
+            yield (
+                f"[budget] {key} asks for {largest} poses; the pool has {pool.size}; choose at "
+                "most so many, or enlarge [pool] size"
+            )
     for axis, border, center, side in zip(
         "xy", budget.location_border_mm, pool.box_center_mm, pool.box_size_mm, strict=False
     ):

@@ -13,6 +13,8 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,31}")
 """What reflectors and anchors may be called: their names stand in files."""
 ALONE = {"pose": "tool", "point": "reflector"}
 """What the one target of [tracker] is called among several."""
+RANGES = "-ranges"
+"""What the file of a trial's distances adds to its name in an export."""
 
 
 def targets_mm(scenario: Scenario) -> dict[str, Point]:
@@ -54,6 +56,13 @@ def fixture_contradictions(scenario: Scenario, fixtures: FixtureSettings) -> Ite
     )
     yield from _of_the_tracker(scenario, fixtures)
     yield from _of_estimators_and_studies(scenario)
+    trials = [trial.name for trial in scenario.trial]
+    for name in trials if fixtures.anchors_mm else ():
+        if f"{name}{RANGES}" in trials:
+            yield (
+                f'[[trial]] "{name}{RANGES}" is what the distances of "{name}" are called in an '
+                "export; rename it"
+            )
 
 
 def _of_names(
@@ -68,6 +77,13 @@ def _of_names(
                     f'[fixtures] {key} has "{name}"; a name has up to 32 letters, digits, "_", '
                     '"." or "-", the first a letter or digit; rename it'
                 )
+    stand: dict[Point, str] = {}
+    for name, place in fixtures.reflectors_mm.items():
+        if stand.setdefault(place, name) != name:
+            yield (
+                f'[fixtures] the reflectors "{stand[place]}" and "{name}" are at one place; move '
+                "or remove one of them"
+            )
     for name in fixtures.anchors_mm:
         if name in targets:
             yield f'[fixtures] "{name}" is a reflector and an anchor; rename one of them'

@@ -158,7 +158,7 @@ def pose_count(study: PoseCountStudy) -> str:
             if chosen is not None:
                 look: Look = {"color": MIDDLE, "linestyle": "--", "linewidth": 1.0}
                 marked_line(ax, chosen, f"the rule: {chosen} poses", 4, height=0.08, **look)
-            title = f"{name}: mean and standard deviation of 50 random sets"
+            title = f"{name}: mean ± sd of 50 random sets"
             ax.set(title=title, xlabel="poses per set", ylabel=name)
             short_ticks(ax)
         forms = (

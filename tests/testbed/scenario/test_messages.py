@@ -307,6 +307,19 @@ CASES = {
         tracker={"measures": "point"},
         **WHITENED,
     ),
+    "two reflectors at one place": with_table(
+        fixtures={"reflectors_mm": {"A": [0, 0, 60], "B": [0, 0, 60]}},
+        tracker={"measures": "point"},
+        **WHITENED,
+    ),
+    "a trial called like distances": with_table(
+        fixtures={"anchors_mm": {"P1": [1500, 0, 0]}},
+        trial=[TRIAL, TRIAL | {"name": f"{TRIAL['name']}-ranges"}],
+        **WHITENED,
+    ),
+    "a budget larger than the pool": with_table(
+        pool={"size": 100}, budget={"pose_numbers": [50, 3000]}, studies={"paper_budget": True}
+    ),
     "reflectors nothing measures": with_table(fixtures=FIXTURES, **WHITENED),
     "reflectors given twice": with_table(
         fixtures=FIXTURES, tracker={"measures": "point", "reflector_mm": [1, 2, 3]}, **WHITENED
