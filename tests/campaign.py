@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from testbed.scenario.scenario import record_hash as hash_of
+from testbed.scenario.hashes import record_hash as hash_of
 from testbed.studies import all_studies
 from testbed.studies.protocol import Records, Task
 from testbed.studies.trial.records import campaign_of

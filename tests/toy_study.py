@@ -15,7 +15,8 @@ from testbed.recording.story import Chapter
 from testbed.recording.timeline import Phase, spread
 from testbed.report.page import Section, Table, Text, Verdict
 from testbed.robots.robot import Robot
-from testbed.scenario.scenario import Scenario, StudyTable, part, shared_part
+from testbed.scenario.hashes import part, shared_part
+from testbed.scenario.scenario import Scenario, StudyTable
 from testbed.store.quantities import METRE, Quantity
 from testbed.streams import stream
 from testbed.strict import Fault

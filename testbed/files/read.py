@@ -10,14 +10,8 @@ from testbed.files.drift import without_drift
 from testbed.files.frames_fit import mismatched_rows
 from testbed.files.joints import read_joints
 from testbed.files.matching import Match, by_cycle, by_order, by_pose, by_row
-from testbed.files.readings import (
-    Readings,
-    copied_rows,
-    lost_readings,
-    read_observed,
-    section_of,
-    unused_columns,
-)
+from testbed.files.observed import read_observed, section_of, unused_columns
+from testbed.files.readings import Readings, copied_rows, lost_readings
 from testbed.files.session import Drift, Session
 from testbed.files.session_toml import (
     SESSION_FILE,

@@ -15,7 +15,8 @@ from calib.arrays import Array
 from testbed.files.columns import ANGLES, LENGTHS, is_known
 from testbed.files.joints import Extras
 from testbed.files.matching import visits_of
-from testbed.files.readings import Readings, inverse_poses, plain_readings, polar
+from testbed.files.observed import inverse_poses, polar
+from testbed.files.readings import Readings, plain_readings
 from testbed.files.refusal import refusal
 from testbed.files.rotations import MATRIX, QUATERNION, checked_rotations, sequence_of
 from testbed.files.session import Stated

@@ -17,7 +17,7 @@ from testbed.files.probe import Probe
 from testbed.files.session import Session, Stated
 from testbed.identify.records import HeldOutSplit, Origin
 from testbed.robots.catalog import Robot
-from testbed.scenario.scenario import robot_hash
+from testbed.scenario.hashes import robot_hash
 from testbed.streams import stream
 from testbed.units import counted
 

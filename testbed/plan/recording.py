@@ -1,18 +1,24 @@
 """The recording of a plan: candidates by leverage, the number of poses, the tour, the goal."""
 
 from dataclasses import replace
-from itertools import cycle
 
 import numpy as np
 
 from calib.arrays import Array
+from testbed.plan.recording_cell import (
+    draw_candidates,
+    draw_cell,
+    draw_chosen,
+    draw_goal,
+    draw_tour,
+    reasons_shown,
+)
 from testbed.plan.records import Plan
 from testbed.plan.words import PROMISED, certificate_word, headline_rows, minutes, promise
 from testbed.recording import style
-from testbed.recording.cell import draw_beam, draw_box, draw_station
 from testbed.recording.curves import draw_curve, draw_level
 from testbed.recording.pen import Pen
-from testbed.recording.story import Chapter, Story, floor_height
+from testbed.recording.story import Chapter, Story
 from testbed.recording.style import Color
 from testbed.recording.timeline import Phase, along, evenly, leaf, spread, visit
 from testbed.report.page import SIMULATED
@@ -23,21 +29,6 @@ VERMILION, AMBER = (232, 100, 60), (232, 163, 61)
 CANDIDATE_FRAMES, BUDGET_FRAMES = 144, 60
 MOST_GOALS = 30
 """Goal postures the robot goes to; the others are drawn as points."""
-REASONS: tuple[tuple[str, Color], ...] = (
-    ("red", (220, 60, 50)),
-    ("orange", (245, 150, 40)),
-    ("black", (40, 40, 40)),
-    ("pink", (240, 120, 200)),
-    ("brown", (130, 80, 40)),
-    ("white", (255, 255, 255)),
-)
-"""Colors of rejected candidates by reason after the box; none of them is a color of the pool."""
-CHOSEN, HELD_OUT = (90, 170, 255), (255, 180, 60)
-"""Light: their numbers are written in the same colors on dark labels."""
-OBSTACLE_COLOR = (150, 140, 128, 255)
-GOAL_BOX_COLOR = (58, 140, 72, 200)
-LABELLED = 60
-"""More poses than this are not numbered."""
 
 
 def plan_story(plan: Plan, robot: Robot) -> Story:
@@ -201,113 +192,3 @@ def _draw_below(pen: Pen, path: str, phase: Phase, values: Array, top: float, co
     """A curve without what is far too large or not there."""
     shown = np.flatnonzero(values <= top)
     draw_curve(pen, path, phase, values[shown], color, local=shown)
-
-
-def draw_cell(plan: Plan, robot: Robot, pen: Pen) -> None:
-    """Tracker, obstacles and the two boxes, at all times."""
-    import rerun as rr
-
-    chain, pool, goal = plan.nominal.chain, plan.scenario.pool, plan.scenario.plan.goal
-    target = _target(plan, pen.timeline.q)
-    draw_station(pen, plan.T_world_tracker, target, floor_height(chain, robot))
-    center, size = np.array(pool.box_center_mm) / 1e3, np.array(pool.box_size_mm) / 1e3
-    draw_box(pen, "world/box", chain, center, size)
-    if goal.kind == "box":
-        center = np.array(goal.center_mm or pool.box_center_mm) / 1e3
-        size = np.array(goal.size_mm or pool.box_size_mm) / 1e3
-        draw_box(pen, "world/goal_box", chain, center, size, GOAL_BOX_COLOR)
-    for k, obstacle in enumerate(plan.obstacles):
-        path = f"world/obstacle{k + 1}"
-        pen.transforms(path, obstacle.T_world_obstacle)
-        if obstacle.mesh is None:
-            box = rr.Boxes3D(
-                centers=[0, 0, 0],
-                sizes=obstacle.size,
-                colors=OBSTACLE_COLOR,
-                fill_mode="transparentfillmajorwireframe",  # what is behind it stays in sight
-            )
-            pen.static(f"{path}/body", box)
-        else:
-            body = rr.Mesh3D(
-                vertex_positions=obstacle.mesh.vertices,
-                triangle_indices=obstacle.mesh.faces,
-                albedo_factor=OBSTACLE_COLOR,
-            )
-            pen.static(f"{path}/body", body)
-
-
-def _target(plan: Plan, q: Array) -> Array:
-    """What the beam goes to (s, 3), the last target of the predicted readings [m]."""
-    first = plan.nominal.poses(plan.tour.q[:1])[0]
-    seen = plan.T_world_tracker[:3, :3] @ plan.readings[-1].position[0]
-    offset = first[:3, :3].T @ (seen + plan.T_world_tracker[:3, 3] - first[:3, 3])
-    T = plan.nominal.poses(q)
-    return np.asarray(T[:, :3, 3] + T[:, :3, :3] @ offset)
-
-
-def draw_candidates(plan: Plan, pen: Pen, phase: Phase) -> None:
-    """The pool by leverage until the tour begins; rejected candidates by reason at first."""
-    import rerun as rr
-
-    low, high = np.quantile(plan.leverage, (0.02, 0.98))
-    colors = style.viridis(plan.leverage - low, float(high - low))
-    pool = rr.Points3D(plan.pool.T[:, :3, 3], radii=0.0045, colors=colors)
-    pen.at(phase.start, "world/pool", pool)
-    pen.clear(pen.timeline.phase("tour").start, "world/pool")
-    for name, (_, color) in reasons_shown(plan).items():
-        q = plan.pool.rejected_q[[reason == name for reason in plan.pool.rejected_reason]]
-        path = f"world/rejected/{name.replace(' ', '_')}"
-        pen.at(phase.start, path, rr.Points3D(_points(plan, q), radii=0.006, colors=color))
-        pen.clear(phase.stop, path)
-
-
-def reasons_shown(plan: Plan) -> dict[str, tuple[str, Color]]:
-    """Name and value of the color of each reason that rejected candidates are shown for."""
-    pool = plan.pool
-    names = [name for name in pool.rejection_names[1:] if name in pool.rejected_reason]
-    return dict(zip(names, cycle(REASONS), strict=False))
-
-
-def draw_chosen(plan: Plan, pen: Pen, phase: Phase) -> None:
-    """Chosen poses with their numbers, until the tour has passed them."""
-    import rerun as rr
-
-    tour, numbered = plan.tour, len(plan.tour) <= LABELLED
-    test = np.array([role == "test" for role in tour.roles])
-    chosen = rr.Points3D(
-        _points(plan, tour.q),
-        radii=0.010,
-        colors=np.where(test[:, None], HELD_OUT, CHOSEN).astype(np.uint8),
-        labels=[str(k + 1) for k in range(len(tour))] if numbered else None,
-        show_labels=numbered,
-    )
-    pen.at(phase.start, "world/chosen", chosen)
-    pen.clear(pen.timeline.phase("tour").stop, "world/chosen")
-
-
-def draw_tour(plan: Plan, pen: Pen, phase: Phase) -> None:
-    """The way of the tool as it grows, and the beam."""
-    import rerun as rr
-
-    draw_beam(pen, phase, plan.T_world_tracker[:3, 3], _target(plan, pen.timeline.q))
-    path = _points(plan, pen.timeline.q[phase.start : phase.stop])
-    strips = rr.LineStrips3D.columns(strips=[[path[: k + 1]] for k in range(len(path))])
-    pen.every_step("world/path", strips, phase.steps)
-    pen.static("world/path", rr.LineStrips3D.from_fields(radii=0.0018, colors=(28, 92, 190)))
-    pen.clear(phase.stop, "world/path")
-
-
-def draw_goal(plan: Plan, pen: Pen, phase: Phase) -> None:
-    """The goal's tool points by uncertainty, when the goal is looked at."""
-    import rerun as rr
-
-    T = plan.nominal.poses(plan.goal.q)
-    points = T[:, :3, 3] + T[:, :3, :3] @ plan.goal.point
-    low = 0.6 * float(plan.u.min())
-    colors = style.viridis(plan.u - low, float(plan.u.max()) - low)
-    pen.at(phase.start, "world/goal", rr.Points3D(points, radii=0.009, colors=colors))
-
-
-def _points(plan: Plan, q: Array) -> Array:
-    """Nominal tool positions (m, 3) [m]."""
-    return np.asarray(plan.nominal.poses(q)[:, :3, 3])

@@ -14,7 +14,7 @@ from testbed.plan.words import station_words, untested
 from testbed.report.page import SIMULATED
 from testbed.report.text import csv_text
 from testbed.robots.catalog import Robot
-from testbed.scenario.scenario import scenario_hash
+from testbed.scenario.hashes import scenario_hash
 from testbed.store.quantities import AS_NAMED, METRE, SECOND, Quantity, as_json
 from testbed.units import DEG, MM, UM
 from testbed.versions import number_versions

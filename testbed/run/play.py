@@ -15,8 +15,9 @@ from testbed.progress import Progress
 from testbed.run.derive import Derive, derived_file, led_by, require_trial
 from testbed.run.work import Work
 from testbed.scenario.checks import check_robot
+from testbed.scenario.hashes import scenario_hash
 from testbed.scenario.read import dump_scenario
-from testbed.scenario.scenario import Scenario, scenario_hash
+from testbed.scenario.scenario import Scenario
 from testbed.store import layout
 from testbed.store.manifest import read_manifest, require_campaign
 from testbed.store.npz import strict_json

@@ -9,7 +9,8 @@ from calib.errors import CalibError, MachineError, refuse
 from testbed.disk import atomic_path
 from testbed.progress import Clock, Progress
 from testbed.run.derive import Derive, Played
-from testbed.scenario.scenario import Scenario, record_hash
+from testbed.scenario.hashes import record_hash
+from testbed.scenario.scenario import Scenario
 from testbed.store import layout, npz
 from testbed.store.npz import DONE, FAILED, Failure, record_bytes, record_from
 from testbed.store.run_folder import RunFolder

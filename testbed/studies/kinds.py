@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
 
 from testbed.laboratory.truth.laboratory import Setting
 from testbed.report.page import Section
-from testbed.scenario.scenario import Scenario, goal_part, part, shared_part
+from testbed.scenario.hashes import goal_part, part, shared_part
+from testbed.scenario.scenario import Scenario
 from testbed.store.quantities import Quantity, below
 from testbed.studies.many_robots import (
     ManyRobots,

@@ -20,7 +20,8 @@ from calib.measurement.prediction import perfect, predict, predicted_positions
 from calib.uncertainty.regions import coverage_factor, inside, mahalanobis_squared
 from calib.uncertainty.tool_point import ToolStatement
 from testbed.laboratory.truth.laboratory import Setting
-from testbed.studies.trial.records import Comparison, Estimate, Validation
+from testbed.studies.trial.records import Comparison, Estimate
+from testbed.studies.trial.statement.records import Validation
 
 INTERVAL = coverage_factor(1)
 """Half width of a 95 % interval in standard uncertainties."""

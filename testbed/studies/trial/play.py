@@ -2,7 +2,7 @@
 
 Only a laboratory that knows the truth can ask whether intervals hold it. The same robot visits the
 same poses K times with fresh noise; every replication states its intervals and regions anew. Beside
-the trials stand the validation visit, with the judging poses, and the indices of random sets.
+the trials stands the validation visit, with the judging poses.
 """
 
 import numpy as np
@@ -11,18 +11,15 @@ from scipy.special import bdtr, chdtri
 from calib.arrays import Array, Index
 from calib.design import (
     METHODS,
-    PoseCount,
     Problem,
     Selection,
     best_of_random,
     detmax,
-    pose_count,
-    random_sets,
 )
 from calib.identification.identify import Identification, Mode
 from calib.information.criteria.base import Criterion
 from calib.information.criteria.named import NEEDS_GOALS, criterion_named
-from calib.information.observability import CRITERIA, Form, Observability, indices
+from calib.information.observability import Observability, indices
 from calib.information.rank import singular_values
 from calib.measurement.accuracy import point_distances, target_points
 from calib.measurement.observations import Measurements
@@ -41,18 +38,10 @@ from testbed.laboratory.truth.laboratory import (
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import TrialSettings
 from testbed.streams import stream
-from testbed.studies.protocol import Records
 from testbed.studies.trial.compare import INTERVAL, compare, target_prediction, true_step
 from testbed.studies.trial.estimator import Estimator, estimator_for
-from testbed.studies.trial.records import (
-    Estimate,
-    PoseCountStudy,
-    RandomSets,
-    RandomSetsStudy,
-    Replications,
-    Trial,
-    Validation,
-)
+from testbed.studies.trial.records import Estimate, Replications, Trial
+from testbed.studies.trial.statement.records import Validation
 from testbed.studies.trial.statement.state import state
 
 
@@ -244,59 +233,3 @@ def validation_visit(scenario: Scenario, setting: Setting) -> Validation:
         together_rms=budget.together_rms_mm / 1e3,
         interaction_rms=budget.interaction_mm / 1e3,
     )
-
-
-SPARE_POSES = 2
-"""Poses beyond the fewest where the curves begin."""
-
-
-def pose_count_study(scenario: Scenario, setting: Setting) -> PoseCountStudy:
-    """Mean index of random sets against their size, in the paper's rows where poses are full."""
-    bench = open_laboratory(scenario, setting)
-    rows = bench.usual_rows
-    blocks = bench.design_blocks(rows)
-    largest = min(scenario.studies.pose_count_max, len(blocks))
-    # with fewer poses some random sets are singular to rounding, and the printed O5 is infinite
-    problem = Problem.of_blocks(blocks, len(blocks), "D")
-    sizes = range(problem.fewest + SPARE_POSES, largest + 1)
-
-    def curves(form: Form) -> tuple[PoseCount, ...]:
-        rng = stream(scenario.seed, "pose_count")  # the same random sets in every form
-        return pose_count(problem, rng, counts=sizes, form=form)
-
-    printed, per_pose = curves("printed"), curves("per_pose")
-    return PoseCountStudy(
-        counts=printed[0].counts,
-        names=CRITERIA,
-        mean=np.array([curve.mean for curve in printed]),
-        mean_per_pose=np.array([curve.mean for curve in per_pose]),
-        spread=np.array([curve.sd for curve in printed]),
-        chosen=tuple(curve.chosen for curve in per_pose[:2]),
-    )
-
-
-def random_sets_study(scenario: Scenario, setting: Setting, needed: Records) -> RandomSetsStudy:
-    """Each designed trial's figure beside that of random sets of the same size."""
-    bench, sets = open_laboratory(scenario, setting), []
-    for settings in scenario.trial:
-        if settings.method == "random":
-            continue
-        blocks, criterion = bench.design_blocks(settings.rows), criterion_of(bench, settings)
-        drawn = random_sets(
-            Problem.of_blocks(blocks, settings.poses, criterion),
-            stream(scenario.seed, "random_sets", settings.name),
-            sets=scenario.studies.random_sets,
-        )
-        trial = needed.get(settings.name, Trial)
-        sets.append(
-            RandomSets(
-                trial=settings.name,
-                criterion=settings.criterion,
-                unit=criterion.unit if settings.rows == "whitened" else "1",
-                larger_is_better=criterion.larger_is_better,
-                n_poses=settings.poses,
-                chosen_value=trial.selection.value,
-                values=drawn.values,
-            )
-        )
-    return RandomSetsStudy(tuple(sets))

@@ -11,7 +11,8 @@ from testbed.report.plots import label, legend_above
 from testbed.report.svg import DARK, INK, MIDDLE, SOFT, drawing, svg_of
 from testbed.studies.trial.compare import INTERVAL
 from testbed.studies.trial.plots import LOOKS, NAMES
-from testbed.studies.trial.records import Campaign, Statement, Trial
+from testbed.studies.trial.records import Campaign, Trial
+from testbed.studies.trial.statement.records import Statement
 from testbed.units import MM, UM
 
 if TYPE_CHECKING:

@@ -4,7 +4,8 @@ import numpy as np
 
 from calib.measurement.accuracy import Accuracy
 from testbed.store.quantities import METRE, RADIAN, Quantity, below, fields_of, in_si
-from testbed.studies.trial.records import LEVEL, Campaign, Estimate, Statement, Trial, Validation
+from testbed.studies.trial.records import Campaign, Estimate, Trial
+from testbed.studies.trial.statement.records import LEVEL, Statement, Validation
 from testbed.studies.trial.verdict import judge
 
 

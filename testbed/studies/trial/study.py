@@ -6,16 +6,12 @@ from typing import TYPE_CHECKING, Any
 from calib.information.criteria.named import NEEDS_GOALS
 from testbed.laboratory.truth.laboratory import Setting
 from testbed.report.page import Section
-from testbed.scenario.scenario import Scenario, goal_part, part, shared_part
+from testbed.scenario.hashes import goal_part, part, shared_part
+from testbed.scenario.scenario import Scenario
 from testbed.store.quantities import Quantity
 from testbed.studies.protocol import Answer, Record, Records, Task
-from testbed.studies.trial.records import (
-    PoseCountStudy,
-    RandomSetsStudy,
-    Trial,
-    Validation,
-    campaign_of,
-)
+from testbed.studies.trial.records import PoseCountStudy, RandomSetsStudy, Trial, campaign_of
+from testbed.studies.trial.statement.records import Validation
 
 if TYPE_CHECKING:
     from testbed.recording.story import Chapter
@@ -55,7 +51,7 @@ class TrialStudy:
 
     def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
         """One record; random numbers come from streams named after it."""
-        from testbed.studies.trial import play
+        from testbed.studies.trial import play, random_sets
 
         if task.key == SETTING:
             return play.campaign_setting(scenario)
@@ -63,9 +59,9 @@ class TrialStudy:
         if task.key == VALIDATION:
             return play.validation_visit(scenario, setting)
         if task.key == POSE_COUNT:
-            return play.pose_count_study(scenario, setting)
+            return random_sets.pose_count_study(scenario, setting)
         if task.key == RANDOM_SETS:
-            return play.random_sets_study(scenario, setting, needed)
+            return random_sets.random_sets_study(scenario, setting, needed)
         return play.play_trial(scenario, setting, needed.get(VALIDATION, Validation), task.key)
 
     def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> object:

@@ -10,7 +10,8 @@ from calib.identification.identify import Identification, Status
 from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.regions import coverage_factor
 from testbed.report.page import Verdict
-from testbed.studies.trial.records import LEVEL, Campaign, Comparison, Estimate, Statement, Trial
+from testbed.studies.trial.records import Campaign, Comparison, Estimate, Trial
+from testbed.studies.trial.statement.records import LEVEL, Statement
 from testbed.units import (
     MM,
     NARROW,

@@ -19,7 +19,8 @@ from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import TrialSettings
 from testbed.streams import stream
 from testbed.studies.many_robots import alone, together
-from testbed.studies.trial.play import SPARE_POSES, criterion_of, select
+from testbed.studies.trial.play import criterion_of, select
+from testbed.studies.trial.random_sets import SPARE_POSES
 from testbed.studies.wen2022.paper_set import by_paper
 from testbed.studies.wen2022.records import PoolSets, TrialSets
 

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 from testbed.laboratory.truth.laboratory import Setting
 from testbed.report.page import Section
-from testbed.scenario.scenario import Scenario, goal_part, part, shared_part
+from testbed.scenario.hashes import goal_part, part, shared_part
+from testbed.scenario.scenario import Scenario
 from testbed.store.quantities import Quantity
 from testbed.studies.many_robots import block_of, kind_of, pieces_of, played_keys, truth_of_kind
 from testbed.studies.protocol import Answer, Record, Records, Task
@@ -112,7 +113,7 @@ class Wen2022Study:
 
     def sections(self, scenario: Scenario, records: Records, *, first: bool) -> Sequence[Section]:
         """The claims on many robots; random sets, tool point and the paper's tables on this one."""
-        from testbed.studies.wen2022 import report, report_paper
+        from testbed.studies.wen2022 import report, report_paper, report_tool_point
         from testbed.studies.wen2022.calibrated_sets.report import sets_section
         from testbed.studies.wen2022.claims import examine
         from testbed.studies.wen2022.summary import reexamination_of
@@ -122,7 +123,7 @@ class Wen2022Study:
         found = (
             report.reexamined_section(again, examined) if again and examined else None,
             sets_section(campaign),
-            report_paper.tool_section(campaign),
+            report_tool_point.tool_section(campaign),
             report_paper.paper_section(campaign, examined),
         )
         return tuple(section for section in found if section is not None)

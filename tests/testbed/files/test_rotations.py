@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from testbed.files.columns import close_to, covariance_names, is_known
-from testbed.files.readings import polar
+from testbed.files.observed import polar
 from testbed.files.rotations import EULER, MAKERS, MATRIX, QUATERNION, VECTOR, rotations
 
 ANGLES = np.random.default_rng(0).uniform(-3, 3, (50, 3))

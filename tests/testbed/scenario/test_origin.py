@@ -13,10 +13,10 @@ from testbed.cli.run import scenario_of as scenario_of_command
 from testbed.robots.catalog import load_robot, robot_names
 from testbed.run.play import load_run, play_run, rederive
 from testbed.scenario import read
+from testbed.scenario.hashes import scenario_hash
 from testbed.scenario.origin import COMMENT
 from testbed.scenario.presets import TRUTH_PRESETS
 from testbed.scenario.read import changed, dump_scenario
-from testbed.scenario.scenario import scenario_hash
 from testbed.store import layout
 from testbed.strict import toml_lines
 from testbed.studies import declared_tables, load_scenario, parse_scenario, scenario_of

@@ -13,14 +13,9 @@ from hypothesis import strategies as st
 from calib.errors import InputError
 from testbed.assets import scene_names
 from testbed.robots.catalog import load_robot
+from testbed.scenario.hashes import hashed_document, robot_hash, scenario_hash
 from testbed.scenario.read import changed, dump_scenario
-from testbed.scenario.scenario import (
-    RESERVED,
-    Scenario,
-    hashed_document,
-    robot_hash,
-    scenario_hash,
-)
+from testbed.scenario.scenario import RESERVED, Scenario
 from testbed.studies import declared_tables, load_scenario, parse_scenario, scenario_of
 from tests.campaign import record_hash
 

@@ -7,8 +7,8 @@ import pytest
 
 from calib.errors import InputError
 from testbed.robots.catalog import load_robot
+from testbed.scenario.hashes import scenario_hash
 from testbed.scenario.read import changed, dump_scenario
-from testbed.scenario.scenario import scenario_hash
 from testbed.studies import load_scenario, parse_scenario, scenario_of
 from tests.campaign import record_hash
 

@@ -7,7 +7,8 @@ import numpy as np
 from calib.uncertainty.discrepancy import Discrepancy
 from testbed.report.page import Block, Figure, Points, Section, Table, Text
 from testbed.studies.trial import plots, plots_uncertainty
-from testbed.studies.trial.records import LEVEL, Campaign, Statement, Trial
+from testbed.studies.trial.records import Campaign, Trial
+from testbed.studies.trial.statement.records import LEVEL, Statement
 from testbed.units import (
     NARROW,
     counted,

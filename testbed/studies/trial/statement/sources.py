@@ -16,7 +16,7 @@ from calib.uncertainty.type_b import CommonInput, common_inputs, type_b_covarian
 from testbed.laboratory.tracker.tracker import bias_size
 from testbed.laboratory.truth.laboratory import Laboratory
 from testbed.scenario.laboratory import At960Tracker
-from testbed.studies.trial.records import LEVEL
+from testbed.studies.trial.statement.records import LEVEL
 
 SYSTEMATIC = (
     "range offset",

@@ -9,7 +9,8 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.errors import CalibError
-from testbed.scenario.scenario import Scenario, part, shared_part
+from testbed.scenario.hashes import part, shared_part
+from testbed.scenario.scenario import Scenario
 from testbed.store import layout, npz
 from testbed.streams import stream
 from testbed.studies import scenario_of

@@ -23,14 +23,10 @@ from testbed.studies.trial.estimator import estimator_for
 from testbed.studies.trial.play import validation_visit
 from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.results import statement_headline, truth_headline
+from testbed.studies.trial.statement.linear_check import moved_targets, moving_axes
 from testbed.studies.trial.statement.report import reasons, secret_section, statement_section
 from testbed.studies.trial.statement.sources import drift_left
-from testbed.studies.trial.statement.state import (
-    moved_targets,
-    moving_axes,
-    state,
-    without_gross_errors,
-)
+from testbed.studies.trial.statement.state import state, without_gross_errors
 from testbed.studies.trial.verdict import (
     BAD,
     INVALID,

@@ -24,7 +24,7 @@ from testbed.studies.trial import report_accuracy, report_design, report_paramet
 from testbed.studies.trial.statement import report as report_statement
 from testbed.studies.trial.verdict import trial_verdict
 from testbed.studies.wen2022 import claims_many_robots as claims_robots
-from testbed.studies.wen2022 import paper, report_paper
+from testbed.studies.wen2022 import paper, report_tool_point
 from testbed.studies.wen2022.claims import examine
 from testbed.studies.wen2022.play import gather, play, play_robots, random_parts, visit_robot
 from testbed.studies.wen2022.pools import noise_of
@@ -458,7 +458,7 @@ def test_the_page_opens_with_the_verdict_on_the_paper_and_shows_each_claim_once(
         (report_accuracy, "accuracy_section"),
         (report_accuracy, "belief_section"),
         (report_design, "design_section"),
-        (report_paper, "tool_section"),
+        (report_tool_point, "tool_section"),
         (report_parameters, "parameter_section"),
         (report_statement, "statement_section"),
         (report_statement, "secret_section"),

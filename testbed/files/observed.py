@@ -1,0 +1,197 @@
+"""A table as readings: what each column states, in which unit and which convention."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from calib.arrays import Array, Bool
+from calib.geometry.frames import inverse, transform
+from testbed.files.columns import close_to, is_known, misspelling
+from testbed.files.joints import extras_of
+from testbed.files.readings import Readings, plain_readings
+from testbed.files.refusal import refusal
+from testbed.files.rotations import checked_rotations, stated_in
+from testbed.files.session import Stated
+from testbed.files.session_toml import (
+    FramesTable,
+    ObservedTable,
+    PointsTable,
+    RangesTable,
+    UncertaintyTable,
+)
+from testbed.files.table import Columns, DataTable, together, valid_rows
+from testbed.files.uncertainty import spread_of
+
+
+def section_of(table: DataTable) -> ObservedTable:
+    """The table of session.toml that a CSV in the project's own layout belongs to.
+
+    Raises
+    ------
+    InputError
+        M35: it holds no readings.
+    """
+    if table.find("length", "distance"):
+        return RangesTable()
+    if any(name in table for name in ("qw", "r11")) or any(
+        table.find("angle", stem) for stem in ("rx", "e1", "rvx")
+    ):
+        return FramesTable()
+    if any(table.find("length", stem) for stem in ("x", "range")):
+        return PointsTable()
+    hint = misspelling(table.names)
+    raise refusal(
+        table.where, "columns", "has no readings", value=", ".join(table.names)[:200],
+        allowed="needed: x_mm y_mm z_mm (also _m), with qw qx qy qz, rx_deg ry_deg rz_deg or r11 "
+        f"... r33 for poses, or distance_mm; {table.found(120)}",
+        fix=hint or "name the columns so, or map them with --config session.toml",
+    )  # fmt: skip
+
+
+def read_observed(
+    table: DataTable, section: ObservedTable, uncertainty: UncertaintyTable, *, drop: bool
+) -> Readings:
+    """Readings of one CSV.
+
+    Parameters
+    ----------
+    table : DataTable
+        Of the file.
+    section : ObservedTable
+        Its table in session.toml: what it holds.
+    uncertainty : UncertaintyTable
+        What session.toml states of it.
+    drop : bool
+        Leave out rows that are no numbers.
+
+    Raises
+    ------
+    InputError
+        Names the file, the line and the column.
+    """
+    m = len(table)
+    position, distance, rotation = np.zeros((m, 3)), np.zeros(m), np.tile(np.eye(3), (m, 1, 1))
+    stated, turned, used = Stated(), Columns((), ()), Columns((), ())
+    if isinstance(section, FramesTable):
+        stated, turned = _stated(table, section)
+    if isinstance(section, RangesTable):
+        distance, used = _distances(table)
+    else:
+        position, used = _positions(table)
+    good, warnings = valid_rows(table, (*used.names, *turned.names), drop=drop)
+    if isinstance(section, FramesTable):
+        rotation, odd = checked_rotations(stated, table, good)
+        rotation = np.where(good[:, None, None], rotation, np.eye(3))
+        warnings += odd
+    position = np.where(good[:, None], position, 0.0)
+    spread = spread_of(section.kind, table, position, good, uncertainty)
+    if spread.columns:
+        fine, more = valid_rows(table, spread.columns, drop=drop)
+        good, warnings = good & fine, warnings + more
+    if stated.inverted:
+        if spread.columns:
+            message = 'columns of uncertainties do not fit gives = "T_tool_tracker"'
+            fix = "state position_um and rotation_mdeg under [uncertainty] in session.toml"
+            raise refusal(table.where, "frames.gives", message, code="M32", fix=fix)
+        position, rotation = inverse_poses(position, rotation)
+    extras = extras_of(table)
+    plain = plain_readings(table, section.kind, position, spread)
+    whole = replace(
+        plain,
+        rotation=rotation,
+        distance=np.where(good, distance, 0.0),
+        target=table.texts_of("target") or plain.target,
+        anchor=table.texts_of("anchor") or plain.anchor,
+        station=table.texts_of("station") or plain.station,
+        offset=_offsets(table, good),
+        stated=stated,
+        extras=extras,
+        warnings=(*warnings, *spread.warnings, *extras.warnings),
+        notes=(_dialect(table),),
+    )
+    return whole.rows(good)
+
+
+def unused_columns(table: DataTable) -> list[str]:
+    """Warnings of columns that look like a name of this program but are none."""
+    hints = {name: close_to(name) for name in table.names if not is_known(name)}
+    return [
+        f'{table.where}: column "{name}" is not used; {hint}'
+        for name, hint in hints.items()
+        if hint
+    ]
+
+
+def inverse_poses(position: Array, rotation: Array) -> tuple[Array, Array]:
+    """Positions (m, 3) and rotations (m, 3, 3) of the inverse transforms."""
+    T = inverse(transform(rotation, position))
+    return T[:, :3, 3], T[:, :3, :3]
+
+
+def polar(r: Array, azimuth: Array, elevation: Array) -> Array:
+    """Positions (m, 3) from range [m], azimuth from x toward y and elevation above xy [rad]."""
+    flat = r * np.cos(elevation)
+    return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), r * np.sin(elevation)], 1)
+
+
+def _stated(table: DataTable, section: FramesTable) -> tuple[Stated, Columns]:
+    """How the rotations stand in the table."""
+    found = stated_in(table, section.euler)
+    if found is None:
+        raise refusal(
+            table.where, "frames", "has no rotations",
+            allowed=f"qw qx qy qz, rx_deg ry_deg rz_deg, or r11 ... r33; {table.found()}",
+            fix="map them under [frames] columns, or write [points] if there are none",
+        )  # fmt: skip
+    stated, columns = found
+    return replace(stated, inverted=section.gives == "T_tool_tracker"), columns
+
+
+def _positions(table: DataTable) -> tuple[Array, Columns]:
+    """Positions (m, 3) [m], Cartesian or polar, and their columns."""
+    found = table.find("length", "x", "y", "z")
+    if found:
+        return table.values(found), found
+    reach = table.find("length", "range")
+    azimuth = table.find("angle", "azimuth")
+    up, down = table.find("angle", "elevation"), table.find("angle", "zenith")
+    height = up or down
+    if not (reach and azimuth and height):
+        raise refusal(
+            table.where, "columns", "has no positions",
+            allowed="x_mm y_mm z_mm, or range_mm azimuth_deg elevation_deg (or zenith_deg); "
+            + table.found(),
+            fix=misspelling(table.names),
+        )  # fmt: skip
+    used = together((reach, azimuth, height))
+    r, a, e = table.values(used).T
+    return polar(r, a, e if up else np.pi / 2 - e), used
+
+
+def _distances(table: DataTable) -> tuple[Array, Columns]:
+    """Distances (m,) [m] and their column."""
+    found = table.find("length", "distance")
+    if found is None or "anchor" not in table:
+        missing = "anchor" if found else "distance_mm"
+        fix = "name the fixed point of each distance in a column anchor" if found else ""
+        message = f"has no column {missing}"
+        raise refusal(table.where, missing, message, allowed=table.found(), fix=fix)
+    return table.values(found)[:, 0], found
+
+
+def _offsets(table: DataTable, good: Bool) -> Array | None:
+    """Places (m, 3) of the reflectors in the tool frame, where the file gives them [m]."""
+    found = table.find("length", "reflector_x", "reflector_y", "reflector_z")
+    if found is None:
+        return None
+    valid_rows(table, found.names, drop=False)
+    return np.where(good[:, None], table.values(found), 0.0)
+
+
+def _dialect(table: DataTable) -> str:
+    """How the file is written."""
+    mark = "comma" if table.decimal == "," else "point"
+    return (
+        f"{table.where}: {table.sheet.encoding}, {table.sheet.separator} between cells, decimal "
+        f"{mark}, {len(table)} rows"
+    )

@@ -1,0 +1,103 @@
+"""What is stated of a calibration, and the visit of the held-out poses on which that rests."""
+
+from dataclasses import dataclass
+
+from calib.arrays import Array, Index
+from calib.identification.lack_of_fit import LackOfFit
+from calib.measurement.observations import Measurements
+from calib.uncertainty.conformal import Conformal
+from calib.uncertainty.discrepancy import Discrepancy
+from calib.uncertainty.held_out import HeldOut
+from calib.uncertainty.trust import Trust
+from calib.uncertainty.validation import LinearCheck
+
+LEVEL = 0.95
+"""Content that every statement promises."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Validation:
+    """The held-out poses, measured once after the trials; and the secret that judges statements."""
+
+    seen: Measurements
+    """One visit of the held-out poses, in their order; missed shots have no row."""
+    judge_q: Array
+    """(j, n) further poses drawn as the pool is, never measured [rad, m]."""
+    judge_true: Array
+    """(j, 3) secret: noise-free true points there of the tool point that is judged [m]."""
+    terms: tuple[str, ...]
+    """Terms of the truth that are switched on."""
+    term_rms: Array
+    """(k,) secret: root mean square displacement of the tool at the held-out poses by each term
+    alone [m]."""
+    together_rms: float
+    """The same by all of them at once [m]."""
+    interaction_rms: float
+    """Of what they do together beyond the sum of each alone [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """What the end-to-end bootstrap said."""
+
+    replicates: int
+    """Virtual calibrations of the identified robot."""
+    agrees: bool
+    """Whether they scatter as the stated covariance says."""
+    worst: float
+    """Ratio of replicated to stated standard deviation that is farthest from 1."""
+    bias: float
+    """Largest mean error in stated standard deviations."""
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Statement:
+    """What the default estimator's result may be trusted with, and why."""
+
+    model: str
+    """geometric or extended: what was fitted."""
+    why: str
+    """Which model and why, in words."""
+    log_evidence: float
+    """Log odds of the extended model; nan where the evidence was not asked."""
+    outliers: tuple[str, ...]
+    """Shots of the calibration that do not fit the others, by name of the pose."""
+    outlier_poses: Index
+    """Their poses in the pool."""
+    set_aside: Index
+    """Held-out poses whose shot is grossly wrong and was set aside; only under a robust loss."""
+    lack_of_fit: LackOfFit | None
+    """All visits fitted together: misfit against the scatter of repeats; None without repeats or
+    with a robust loss."""
+    held_out: HeldOut
+    """Errors of the measured held-out poses, and what was predicted for them."""
+    discrepancy: Discrepancy | None
+    conformal: Conformal | None
+    bootstrap: Replayed | None
+    """None with a robust loss or a prior, which it does not play."""
+    linear: LinearCheck
+    """Whether first-order propagation holds, at the held-out pose with the largest stated u."""
+    linear_pose: int
+    """That pose, from 0."""
+    sources: tuple[str, ...]
+    """Sources of uncertainty."""
+    source_u: Array
+    """(s,) 3-D standard uncertainty that each leaves at the tool, RMS over held-out poses [m]."""
+    combined_u: float
+    """All of them together [m]."""
+    discrepancy_u: float
+    """What held-out poses show beyond that [m]; nan where it was not estimated."""
+    systematic: Array
+    """(f, f) covariance that the tracker's systematic errors leave in the estimate; zero where it
+    states none [m, rad]."""
+    trust: Trust
+    names: tuple[str, ...]
+    """(w,) statements made: model, bootstrap, discrepancy, conformal."""
+    radius: Array
+    """(w,) mean radius of the ball with the region's volume, at the judging poses; the conformal
+    one with what the tracker hides from the held-out poses [m]."""
+    attained: Array
+    """(w,) secret: share of true tool points inside, at the judging poses."""
+    warnings: tuple[str, ...]
+    """What could not be stated, and what to do about it."""
