@@ -7,14 +7,16 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Annotated, Any, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from calib.errors import InputError
 
 MOST = 20
 """Faults of one file that are told at once."""
+PlainText = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f\ufffe\uffff]*$")]
+"""One line without control characters: XML and terminals cannot show these."""
 KeyPath = tuple[str | int, ...]
 """Keys and list positions that lead to a value of the document."""
 Values = dict[KeyPath, Any]
@@ -217,6 +219,8 @@ def _sentence(schema: type[Strict], mistake: dict[str, Any]) -> str:
     if mistake["type"] == "missing":
         return f'{table} needs the key "{key}"'
     reason = mistake["msg"].removeprefix("Value error, ").removeprefix("Input ")
+    if mistake["type"] == "string_pattern_mismatch" and not str(mistake["input"]).isprintable():
+        reason = "should be one line without control characters"
     if not key:
         return f"{table}: {reason}"
     shown = str(mistake["input"])

@@ -34,6 +34,7 @@ HOMES = {
     "rich": ("testbed/cli/terminal.py", "testbed/report/text.py"),
     "typer": ("testbed/cli/",),
     "pydantic": (
+        "testbed/bounds.py",
         "testbed/strict.py",
         "testbed/scenario/",
         "testbed/robots/",
@@ -45,7 +46,7 @@ HOMES = {
 """Where a package may be imported: a folder or file from the top, or how a file's name begins."""
 FLOORS = {
     "testbed": (
-        ("assets", "disk", "progress", "streams", "strict", "units", "versions"),
+        ("assets", "bounds", "disk", "progress", "streams", "strict", "units", "versions"),
         ("robots", "store", "report"),
         ("scenario", "recording"),
         ("laboratory", "studies/protocol"),

@@ -4,10 +4,10 @@ import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-import numpy as np
+from testbed.bounds import FACTORS
 
-LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
-ANGLES = {"rad": 1.0, "deg": float(np.pi / 180), "mdeg": float(np.pi / 180e3), "urad": 1e-6}
+LENGTHS = {unit: FACTORS[unit] for unit in ("m", "mm", "um", "in")}
+ANGLES = {unit: FACTORS[unit] for unit in ("rad", "deg", "mdeg", "urad")}
 UNITS = {"length": LENGTHS, "angle": ANGLES}
 QUATERNION_COLUMNS = ("qw", "qx", "qy", "qz")
 MATRIX_COLUMNS = tuple(f"r{i}{j}" for i in "123" for j in "123")

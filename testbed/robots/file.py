@@ -5,11 +5,28 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from calib.geometry.chain import chain_names
-from testbed.strict import Strict, choice_of
+from testbed.bounds import (
+    ANGLE,
+    CELL,
+    COORDINATE,
+    INERTIA,
+    LINK,
+    MASS,
+    SCATTER,
+    SLIDE_SPEED,
+    TURN_SPEED,
+)
+from testbed.strict import PlainText, Strict, choice_of
 
-Vector = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
+Length = Annotated[float, LINK.signed("mm")]
+Angle = Annotated[float, ANGLE.signed("deg")]
+Vector = Annotated[tuple[Length, ...], Field(min_length=3, max_length=3)]
+Angles = Annotated[tuple[Angle, ...], Field(min_length=3, max_length=3)]
+Place = Annotated[
+    tuple[Annotated[float, COORDINATE.signed("mm")], ...], Field(min_length=3, max_length=3)
+]
+"""Of a frame: an identified robot stands in the frame that it was measured in."""
+Moment = Annotated[float, INERTIA.size("kg m2")]
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=64)]
 Color = Annotated[
     tuple[Annotated[float, Field(ge=0, le=1)], ...], Field(min_length=3, max_length=3)
@@ -23,20 +40,20 @@ def _inside(file: str) -> str:
     return file
 
 
-ModelFile = Annotated[str, AfterValidator(_inside)]
+ModelFile = Annotated[PlainText, AfterValidator(_inside)]
 
 
 class Link(Strict):
     """What revolute and prismatic joints share: the link product and the body they move."""
 
-    theta_deg: float
-    d_mm: float
-    a_mm: float
-    alpha_deg: float
-    beta_deg: float = 0.0
-    mass_kg: Positive
+    theta_deg: Angle
+    d_mm: Length
+    a_mm: Length
+    alpha_deg: Angle
+    beta_deg: Angle = 0.0
+    mass_kg: Annotated[float, MASS.size("kg")]
     center_mm: Vector
-    inertia_kg_m2: Annotated[tuple[Positive, ...], Field(min_length=3, max_length=3)]
+    inertia_kg_m2: Annotated[tuple[Moment, ...], Field(min_length=3, max_length=3)]
 
     @model_validator(mode="after")
     def _inertia_can_exist(self) -> "Link":
@@ -60,44 +77,46 @@ class RevoluteLink(Link):
     """A turning joint."""
 
     kind: Literal["revolute"]
-    lower_deg: float
-    upper_deg: float
-    max_speed_deg_s: Positive
-    repeatability_urad: NotNegative
+    lower_deg: Angle
+    upper_deg: Angle
+    max_speed_deg_s: Annotated[float, TURN_SPEED.size("deg/s")]
+    repeatability_urad: Annotated[float, SCATTER.or_zero("urad")]
 
 
 class PrismaticLink(Link):
     """A sliding joint."""
 
     kind: Literal["prismatic"]
-    lower_mm: float
-    upper_mm: float
-    max_speed_mm_s: Positive
-    repeatability_um: NotNegative
+    lower_mm: Length
+    upper_mm: Length
+    max_speed_mm_s: Annotated[float, SLIDE_SPEED.size("mm/s")]
+    repeatability_um: Annotated[float, SCATTER.or_zero("um")]
 
 
 class Frame(Strict):
     """A fixed frame: place and rotation vector."""
 
-    position_mm: Vector = (0.0, 0.0, 0.0)
-    rotation_vector_deg: Vector = (0.0, 0.0, 0.0)
+    position_mm: Place = (0.0, 0.0, 0.0)
+    rotation_vector_deg: Angles = (0.0, 0.0, 0.0)
 
 
 class WorkspaceBox(Strict):
     """[workspace]: where the arm is at work and a tracker sees it, base frame."""
 
     box_center_mm: Vector
-    box_size_mm: Annotated[tuple[Positive, ...], Field(min_length=3, max_length=3)]
-    station_mm: Vector
+    box_size_mm: Annotated[
+        tuple[Annotated[float, LINK.size("mm")], ...], Field(min_length=3, max_length=3)
+    ]
+    station_mm: Place
     joint_ranges_deg: tuple[
-        Annotated[tuple[float, ...], Field(min_length=2, max_length=2)], ...
+        Annotated[tuple[Angle, ...], Field(min_length=2, max_length=2)], ...
     ] = ()
 
 
 class ReflectorEntry(Strict):
     """[[reflectors]]: a target that is mounted on the tool, place in the tool frame."""
 
-    name: Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")]
+    name: Annotated[PlainText, Field(min_length=1, max_length=200)]
     position_mm: Vector
 
 
@@ -107,9 +126,9 @@ class JointTermEntry(Strict):
     name: Annotated[str, Field(pattern=r"^[a-z][A-Za-z0-9_.]*$", max_length=64)]
     joint: Annotated[int, Field(ge=1)]
     wave: Literal["sin", "cos"]
-    weights: tuple[int, ...]
-    coefficient_deg: float | None = None
-    coefficient_mm: float | None = None
+    weights: tuple[Annotated[int, Field(ge=-1000, le=1000)], ...]
+    coefficient_deg: Angle | None = None
+    coefficient_mm: Length | None = None
 
     @model_validator(mode="after")
     def _has_one_coefficient(self) -> "JointTermEntry":
@@ -125,7 +144,7 @@ class Part(Strict):
     name: Name
     link: Annotated[int, Field(ge=0)]
     file: ModelFile
-    color: str
+    color: PlainText
     collides: bool = False
 
 
@@ -134,11 +153,11 @@ class Drawn(Strict):
 
     format: Literal[1]
     name: Name
-    title: str
-    drawing: str = ""
-    colors: dict[str, Color] = Field(default_factory=dict)
+    title: PlainText
+    drawing: PlainText = ""
+    colors: dict[PlainText, Color] = Field(default_factory=dict)
     parts: tuple[Part, ...] = ()
-    sources: dict[str, str]
+    sources: dict[PlainText, PlainText]
 
     @model_validator(mode="after")
     def _parts_are_sound(self) -> "Drawn":
@@ -159,7 +178,7 @@ class Drawn(Strict):
 class RobotFile(Drawn):
     """A robot model, ``robot.toml``."""
 
-    floor_mm: float = 0.0
+    floor_mm: Length = 0.0
     base: Frame = Frame()
     tool: Frame = Frame()
     workspace: WorkspaceBox | None = None
@@ -168,10 +187,10 @@ class RobotFile(Drawn):
         Field(min_length=1),
     ]
     never_collide: tuple[Annotated[tuple[int, ...], Field(min_length=2, max_length=2)], ...] = ()
-    free_sets: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    free_sets: dict[PlainText, tuple[str, ...]] = Field(default_factory=dict)
     joint_terms: tuple[JointTermEntry, ...] = ()
     reflectors: tuple[ReflectorEntry, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[PlainText, ...] = ()
 
     @model_validator(mode="after")
     def _reflectors_differ(self) -> "RobotFile":
@@ -220,4 +239,4 @@ class RobotFile(Drawn):
 class TrackerFile(Drawn):
     """A drawn instrument, ``tracker.toml``: link 0 stands, 1 turns about z, 2 tilts about y."""
 
-    beam_height_mm: Positive
+    beam_height_mm: Annotated[float, CELL.size("mm")]

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from testbed.scenario.tables import MAX_JOINTS, PlainText, Point, RotationVector, Settings, Side
+from testbed.scenario.tables import MAX_JOINTS, Point, RotationVector, Settings, Side, Text
 
 AngleSd = Annotated[float, Field(ge=0.0, le=5.0)]
 LengthSd = Annotated[float, Field(ge=0.0, le=50.0)]
@@ -193,7 +193,7 @@ class MeshObstacle(Settings):
     """[[cell.obstacle]] kind "mesh": it collides as its convex hull and blocks beams as it is."""
 
     kind: Literal["mesh"] = "mesh"
-    file: Annotated[PlainText, Field(min_length=1)]
+    file: Annotated[Text, Field(min_length=1)]
     """OBJ or STL, relative to the scenario file and below its folder."""
     unit: Literal["mm", "m"] = "mm"
     """Of the file's coordinates, which name none themselves."""

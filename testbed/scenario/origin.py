@@ -11,7 +11,7 @@ from typing import Any
 
 from testbed.scenario.presets import written
 from testbed.scenario.scenario import Scenario
-from testbed.scenario.tables import PlainText, Settings
+from testbed.scenario.tables import Settings, Text
 from testbed.strict import KeyPath, Values, flat, nodes, toml_key, toml_value
 
 ORIGIN = "origin"
@@ -28,12 +28,12 @@ COMMENT = (
 class OriginTable(Settings):
     """[origin]: keys that were given, and what filled in the others when the file was written."""
 
-    robot: PlainText = ""
-    truth: PlainText = ""
+    robot: Text = ""
+    truth: Text = ""
     """Preset, if one was given."""
-    tracker: PlainText = ""
+    tracker: Text = ""
     """Preset, if one was given."""
-    given: tuple[PlainText, ...] = ()
+    given: tuple[Text, ...] = ()
     """Keys with their tables: "truth.preset"."""
 
     def given_in(self, document: Mapping[str, Any]) -> Values:

@@ -20,15 +20,15 @@ from testbed.scenario.tables import (
     HeldOutSettings,
     IdentificationSettings,
     Name,
-    PlainText,
     PlanSettings,
     PoolSettings,
     Settings,
     StudySettings,
+    Text,
     TrialSettings,
     UncertaintySettings,
 )
-from testbed.strict import Fault, KeyPath, place
+from testbed.strict import Fault, KeyPath, PlainText, place
 
 if TYPE_CHECKING:
     from testbed.robots.robot import Robot
@@ -82,9 +82,9 @@ class Scenario(Settings):
 
     format: Literal[1]
     name: Name
-    title: Annotated[str, Field(max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")] = ""
+    title: Annotated[PlainText, Field(max_length=200)] = ""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    robot: Annotated[PlainText, Field(min_length=1)]
+    robot: Annotated[Text, Field(min_length=1)]
     """Name of a shipped robot, or path of a robot.toml or its folder."""
     truth: TruthSettings
     tracker: TrackerSettings = PaperTracker()

@@ -4,10 +4,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from testbed.strict import Strict
+from testbed.strict import PlainText, Strict
 
 Name = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_.-]{0,63}$")]
-PlainText = Annotated[str, Field(max_length=4096, pattern=r"^[^\x00-\x1f\x7f]*$")]
+Text = Annotated[PlainText, Field(max_length=4096)]
 Length = Annotated[float, Field(ge=-50_000.0, le=50_000.0)]
 Point = tuple[Length, Length, Length]
 JointRange = tuple[Length, Length]
@@ -277,7 +277,7 @@ class PlanSettings(Settings):
     """Point in the tool frame whose uncertainty counts."""
     held_out: Annotated[int, Field(ge=0, le=1000)] = 10
     """Poses that check the calibration afterwards and take no part in it."""
-    measured: PlainText = ""
+    measured: Text = ""
     """CSV of joint targets measured already (deg, mm where a joint slides); "": none."""
     speed_share: Annotated[float, Field(gt=0.0, le=1.0)] = 0.3
     """Joint speed of the moves, as a share of the robot's largest."""

@@ -176,7 +176,11 @@ def test_an_unknown_robot_is_answered_with_the_likely_one():
         ("theta_deg = -90.0", "theta_deg = true", r"\[joints 2\] theta_deg = True: should be"),
         ("theta_deg = -90.0", "theta_deg = nan", r"\[joints 2\] theta_deg = nan"),
         ("theta_deg = -90.0", "theta_deg = 12:30:45", r"\[joints 2\] theta_deg = 12:30:45"),
-        ("mass_kg = 11.0", "mass_kg = -1", r"\[joints 2\] mass_kg = -1: should be greater than 0"),
+        (
+            "mass_kg = 11.0",
+            "mass_kg = -1",
+            r"\[joints 2\] mass_kg = -1: should be greater than or equal to 0.000000001",
+        ),
         ("lower_deg = -127.5", "lower_deg = 127.5", "lower_deg 127.5 is not below upper_deg 127.5"),
         ("[0.04, 0.16, 0.16]", "[0.04, 0.16, 0.5]", "largest moment exceeds the sum"),
         ("[135.0, 0.0, 178.0]", "[135.0, 0.0]", "center_mm"),

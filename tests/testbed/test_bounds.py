@@ -1,0 +1,87 @@
+"""No number beyond sense is read: every number of a robot, and the table of what makes sense."""
+
+import tomllib
+from math import inf
+
+import pytest
+
+from calib.errors import InputError
+from testbed import assets, bounds
+from testbed.bounds import Bound
+from testbed.robots.file import RobotFile
+from testbed.strict import flat, validated
+
+TX60 = tomllib.loads((assets.models() / "staubli_tx60" / "robot.toml").read_text("utf-8"))
+TABLE = [each for each in vars(bounds).values() if isinstance(each, Bound)]
+
+
+def leaves(value, path=()):
+    """Every number of a document that has a fraction, and where it stands."""
+    if isinstance(value, dict | list):
+        pairs = value.items() if isinstance(value, dict) else enumerate(value)
+        for key, inner in pairs:
+            yield from leaves(inner, (*path, key))
+    elif isinstance(value, float):
+        yield path
+
+
+def with_value(document, path, value):
+    """The document with another value at a place."""
+    key, *rest = path
+    inner = with_value(document[key], rest, value) if rest else value
+    if isinstance(document, dict):
+        return document | {key: inner}
+    return [*document[:key], inner, *document[key + 1 :]]
+
+
+def test_every_bound_keeps_squares_and_inverses_numbers():
+    assert len(TABLE) > 10
+    for bound in TABLE:
+        assert 0 <= bound.least < bound.most <= 1e12
+        assert bound.least == 0 or 1 / bound.least**4 < 1e300
+        if bound.usual != (0.0, inf):
+            assert bound.least < bound.usual[0] < bound.usual[1] < bound.most
+
+
+def test_a_range_is_told_in_the_unit_of_the_file():
+    assert bounds.MASS.allowed("kg") == "a mass is 1e-09 to 1000000 kg"
+    assert bounds.LINK.allowed("mm") == "a length of a robot is at most 1000000 mm"
+    assert bounds.LENGTH_SD.allowed("um", usual=True) == (
+        "a standard uncertainty of a length is usually 0.01 to 10000 um"
+    )
+
+
+@pytest.mark.parametrize("value", [1e300, -1e300, 1e308])
+def test_no_number_of_a_robot_is_read_beyond_its_range(value):
+    places = list(leaves(TX60))
+    assert len(places) > 100
+    for path in places:
+        with pytest.raises(InputError, match=r"\[S37\]"):
+            validated(with_value(TX60, path, value), RobotFile, "robot.toml")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "says"),
+    [
+        ("mass_kg", 1e308, r"mass_kg = 1e\+308: should be less than or equal to 1000000\. \[S37\]"),
+        ("mass_kg", 1e-300, r"mass_kg = 1e-300: should be greater than or equal to 0.000000001"),
+        ("max_speed_deg_s", 1e300, r"max_speed_deg_s = 1e\+300: should be less than or .* 1000000"),
+        ("max_speed_deg_s", 1e-300, r"max_speed_deg_s = 1e-300: should be greater than or equal"),
+        ("a_mm", 1e300, r"a_mm = 1e\+300: should be less than or equal to 1000000"),
+        ("repeatability_urad", 1e300, r"repeatability_urad = 1e\+300: should be less than"),
+    ],
+)
+def test_a_robot_file_says_how_much_is_allowed(key, value, says):
+    with pytest.raises(InputError, match=rf"^robot.toml: \[joints 2\] {says}"):
+        validated(with_value(TX60, ("joints", 1, key), value), RobotFile, "robot.toml")
+
+
+@pytest.mark.parametrize("mark", ["\x00", "\x1b", "\x07", "\n", "\x7f", "\ufffe"])
+def test_a_control_character_in_a_text_of_a_robot_is_refused_at_reading(mark):
+    texts = [path for path, value in flat(TX60).items() if isinstance(value, str)]
+    assert ("title",) in texts
+    for path in texts:
+        with pytest.raises(InputError, match=r"\[S37\]") as caught:
+            validated(with_value(TX60, path, f"a{mark}b"), RobotFile, "robot.toml")
+        if path == ("title",):
+            assert "should be one line without control characters" in str(caught.value)
