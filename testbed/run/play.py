@@ -10,7 +10,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from calib.errors import InputError
+from calib.errors import InputError, refuse
 from testbed.progress import Progress
 from testbed.run.derive import Derive, derived_file, led_by, require_trial
 from testbed.run.work import Work
@@ -226,15 +226,29 @@ def equal_runs(paths: Sequence[Path]) -> list[list[Path]]:
 
 
 def recording_of(path: str | Path, trial: str | None = None) -> Path:
-    """The recording of a run folder, of its first trial or the one named; or the .rrd given."""
+    """The recording of a run folder, of its first trial or the one named; or the .rrd given.
+
+    Raises
+    ------
+    InputError
+        There is no such recording or trial, or the trial failed.
+    """
     given = Path(path)
-    if given.suffix == layout.RECORDING_ENDING and given.is_file() and trial is None:
-        return given
+    if given.suffix == layout.RECORDING_ENDING and not given.is_dir():
+        if trial is None:
+            return given
+        raise refuse(
+            "--trial", trial, code="C41",
+            message=f"--trial is {trial}, and {given} is one recording, which has its trial",
+            fix="give the run folder, or leave --trial out",
+        )  # fmt: skip
     manifest = read_manifest(given)
     if trial is not None:
         require_campaign(given, manifest)
-        known = [one.name for one in load_scenario(given / layout.SCENARIO).trial]
-        require_trial(trial, known, {})
+        result = read_result(given)
+        require_trial(trial, list(result["trials"]), result.get("failed", {}))
+        if trial == next(iter(result["trials"])) and not (given / recording_name(trial)).is_file():
+            trial = None  # the recording of the run shows it
     file = given / recording_name(trial)
     if not file.is_file():
         raise InputError(

@@ -1,5 +1,7 @@
 """A recording shows what was measured, and any trial of a campaign can be shown."""
 
+import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +16,8 @@ from calib.measurement.observations import joined
 from testbed.cli import app
 from testbed.robots.catalog import load_robot
 from testbed.run.derive import led_by
-from testbed.run.play import load_run, play_run
+from testbed.run.play import load_run, play_run, recording_of
+from testbed.scenario.origin import COMMENT
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from testbed.studies.protocol import Records
@@ -169,10 +172,50 @@ def test_the_command_writes_the_recording_of_a_trial_beside_that_of_the_first(fo
 
 
 def test_a_recording_that_view_does_not_find_is_asked_for_by_its_command(folder):
-    (folder / "campaign-one.rrd").unlink(missing_ok=True)
-    result = truebed("view", folder, "--trial", "one", "--picture", folder / "x.png")
+    (folder / "campaign-other.rrd").unlink(missing_ok=True)
+    result = truebed("view", folder, "--trial", "other", "--picture", folder / "x.png")
     assert result.exit_code == 2
-    assert f"write it by `truebed record {folder} --trial one`" in result.stderr
+    assert f"write it by `truebed record {folder} --trial other`" in result.stderr
+
+
+def test_the_trial_that_the_recording_of_the_run_shows_needs_none_of_its_own(folder):
+    own = folder / "campaign-one.rrd"
+    own.unlink(missing_ok=True)
+    assert recording_of(folder, "one") == recording_of(folder) == folder / "campaign.rrd"
+    truebed("record", folder, "--trial", "one")
+    assert recording_of(folder, "one") == own
+
+
+def test_the_recording_of_the_run_shows_its_first_trial_that_did_not_fail(folder, tmp_path):
+    """Also where an older version wrote the scenario, whose preset is a mere label."""
+    copy = shutil.copytree(folder, tmp_path / "run")
+    (copy / "campaign-other.rrd").unlink(missing_ok=True)
+    result = json.loads((copy / "result.json").read_text())
+    result["failed"] = {"one": "its poses are too few"}
+    del result["trials"]["one"]
+    (copy / "result.json").write_text(json.dumps(result))
+    text = (copy / "scenario.toml").read_text().split(COMMENT)[0]
+    (copy / "scenario.toml").write_text(text.replace('preset = "rigid"', 'preset = "wen2022"'))
+    assert recording_of(copy, "other") == copy / "campaign.rrd"
+    with pytest.raises(InputError, match=r"failed and cannot be shown \(its poses are too few\)"):
+        recording_of(copy, "one")
+    (copy / "result.json").unlink()
+    with pytest.raises(InputError, match=r"the run is not finished; give the `truebed run`"):
+        recording_of(copy, "other")
+
+
+def test_a_recording_has_one_trial(folder, tmp_path):
+    file = folder / "campaign.rrd"
+    picture = tmp_path / "x.png"
+    result = truebed("view", file, "--trial", "other", "--picture", picture)
+    assert (result.exit_code, picture.exists()) == (2, False)
+    assert result.stderr == (
+        f"--trial is other, and {file} is one recording, which has its trial; give the run folder, "
+        "or leave --trial out. [C41]\n"
+    )
+    result = truebed("view", tmp_path / "none.rrd", "--picture", picture)
+    assert (result.exit_code, picture.exists()) == (2, False)
+    assert result.stderr == f"{tmp_path}/none.rrd: no such recording; truebed record RUN. [F3]\n"
 
 
 @pytest.mark.parametrize("verb", [("record",), ("view", "--picture", "x.png")])
