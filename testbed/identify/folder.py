@@ -7,7 +7,6 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from testbed.disk import atomic_path
 from testbed.files.program import correct_program
@@ -25,8 +24,8 @@ from testbed.robots.write.folder import identified_robot, write_robot_folder
 from testbed.robots.write.urdf import require_package
 from testbed.store import layout, npz
 from testbed.store.manifest import CALIBRATION, manifest_bytes, read_manifest
-from testbed.store.npz import Failure, canonical, record_bytes
-from testbed.store.run_folder import RunFolder, check_free, whole_folder
+from testbed.store.npz import canonical, record_bytes
+from testbed.store.run_folder import AGAIN, RunFolder, check_free, whole_folder
 from testbed.versions import all_versions, own_version
 
 RECORDS: dict[str, type] = {"calibration": Calibration, "delivered": Delivered}
@@ -120,13 +119,13 @@ def load_calibration(path: Path) -> tuple[Calibration, Delivered]:
     Raises
     ------
     InputError
-        It is no such folder, or a record is missing or damaged.
+        It is no such folder, or a record is missing, damaged or of another version.
     """
-    document = read_manifest(path)
-    calibration, delivered = (
-        _record(path, key, kind, document["input_sha256"]) for key, kind in RECORDS.items()
-    )
-    return calibration, delivered
+    spec, folder = read_manifest(path)["input_sha256"], RunFolder(path)
+    records: list[Any] = [  # none is a failure: these are written together, and only when made
+        folder.require_record(key, kind, spec, fix=AGAIN) for key, kind in RECORDS.items()
+    ]
+    return records[0], records[1]
 
 
 def rederive_calibration(path: Path, names: Iterable[str] = layout.DERIVED) -> Path:
@@ -158,20 +157,6 @@ def _derive(
         from testbed.identify.report import page_of
 
         path.write_bytes(render(page_of(calibration, delivered, all_versions())).encode())
-
-
-def _record(path: Path, key: str, kind: type, spec: str) -> Any:
-    """One record of the folder."""
-    record = RunFolder(path).read_record(key, kind, spec)
-    if record is None or isinstance(record, Failure):
-        raise refuse(
-            key,
-            code="D42",
-            message=f"the record {key} is missing or damaged",
-            fix="give the `truebed identify` command again with another --out",
-            where=str(path),
-        )
-    return record
 
 
 def deliver(

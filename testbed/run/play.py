@@ -24,6 +24,7 @@ from testbed.store.npz import strict_json
 from testbed.store.run_folder import RunFolder
 from testbed.studies import all_studies, load_scenario
 from testbed.studies.protocol import Records, Study
+from testbed.versions import own_version
 
 if TYPE_CHECKING:
     from testbed.robots.robot import Robot
@@ -164,7 +165,8 @@ def load_run(path: str | Path, *, studies: Sequence[Study] | None = None) -> "Ca
     Raises
     ------
     InputError
-        It is not a run folder, its scenario was changed, or a record is missing or damaged.
+        It is not a run folder, its scenario was changed, or a record is missing, damaged or of
+        another version.
     """
     from testbed.studies.trial.records import campaign_of
 
@@ -273,8 +275,10 @@ def _open(path: Path, studies: Sequence[Study] | None, derive: Derive | None = N
     scenario, where = load_scenario(file, finished=True), str(file)
     robot = robot_of(scenario, where)
     if scenario_hash(scenario, robot) != manifest["scenario_sha256"]:
+        theirs, ours = manifest["versions"].get("truebed"), own_version()
+        other = "" if theirs == ours else f", or truebed {theirs} read it otherwise than {ours}"
         raise InputError(
-            "was changed since the run, or the robot's files were",
+            f"was changed since the run, or the robot's files were{other}",
             code="D42",
             where=where,
             fix="undo the change, or run it again with another --out",

@@ -20,6 +20,9 @@ from testbed.versions import all_versions, own_version
 if TYPE_CHECKING:
     from testbed.robots.robot import Robot
 
+LOST = "give the `truebed run` command again with --resume"
+"""The way to a record that is not there."""
+
 
 class Work:
     """One scenario being played: the records made or kept so far."""
@@ -71,7 +74,11 @@ class Work:
             return
         study, record = self.planned[key]
         spec = record_hash(record.reads, self.robot, key)
-        stored: object = self.folder.read_record(key, record.kind, spec) if self.folder else None
+        stored: object = None
+        if self.folder and self.only_stored:
+            stored = self.folder.require_record(key, record.kind, spec, fix=LOST)
+        elif self.folder:
+            stored = self.folder.read_record(key, record.kind, spec)
         if stored is None:
             stored = self._make(study, record, spec)
         else:
@@ -84,12 +91,6 @@ class Work:
     def _make(self, study: Study, record: Record, spec: str) -> object:
         """Compute one record, keep it, and hand over what a later reader would read."""
         key = record.key
-        if self.only_stored:
-            raise refuse(
-                key, code="D42", message=f"the record {key} is missing or damaged",
-                where=str(self.folder.path) if self.folder else "",
-                fix="give the `truebed run` command again with --resume",
-            )  # fmt: skip
         if key in self._making:
             raise RuntimeError(f"{key} asks for itself: {' -> '.join([*self._making, key])}")
         self._report(key)

@@ -26,6 +26,10 @@ class DamagedError(Exception):
     """A file does not hold what its own checksum promises."""
 
 
+class OtherVersionError(DamagedError):
+    """A whole file does not hold what this version of the program writes."""
+
+
 def digest(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]) -> str:
     """Hex sha256 over the meta data and each array's name, type, shape and bytes."""
     total = sha256(canonical({k: v for k, v in meta.items() if k != "sha256"}))
@@ -96,19 +100,22 @@ def record_from(data: bytes, key: str, cls: type[T], spec: str) -> T | Failure:
     Raises
     ------
     DamagedError
-        Its checksum does not hold, or it is another record's, scenario's or format's.
+        Its checksum does not hold, or it is another record's.
+    OtherVersionError
+        It is whole, and of another format, scenario or class.
     """
     meta, arrays = from_bytes(data)
-    wanted = {"format": FORMAT, "key": key, "spec_sha256": spec}
-    for name, value in wanted.items():
+    if meta.get("key") != key:
+        raise DamagedError(f"key is {meta.get('key')!r} instead of {key!r}")
+    for name, value in (("format", FORMAT), ("spec_sha256", spec)):
         if meta.get(name) != value:
-            raise DamagedError(f"{name} is {meta.get(name)!r} instead of {value!r}")
+            raise OtherVersionError(f"{name} is {meta.get(name)!r} instead of {value!r}")
     if meta.get("status") == FAILED:
         return Failure(str(meta.get("reason")))
     try:
         return unpack(cls, {**meta["values"], **arrays})
     except (ValueError, TypeError, KeyError, InputError) as error:
-        raise DamagedError(str(error)) from error
+        raise OtherVersionError(str(error)) from error
 
 
 def strict_json(text: bytes | str) -> dict[str, Any]:

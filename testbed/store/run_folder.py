@@ -23,7 +23,7 @@ from testbed.disk import (
 )
 from testbed.store import layout
 from testbed.store.manifest import check_same_run, manifest_bytes, read_manifest
-from testbed.store.npz import DamagedError, Failure, record_from
+from testbed.store.npz import DamagedError, Failure, OtherVersionError, record_from
 
 T = TypeVar("T")
 UNFINISHED_NOTE = (
@@ -31,6 +31,7 @@ UNFINISHED_NOTE = (
     "To go on, give the same command again with --resume.\n"
 )
 ANOTHER = "choose another --out"
+AGAIN = "give the command that wrote this folder again, with another --out"
 
 
 class RunFolder:
@@ -128,11 +129,35 @@ class RunFolder:
         self, key: str, cls: type[T], spec: str, *, piece: int | None = None
     ) -> T | Failure | None:
         """A record or piece; None if it is missing, damaged or belongs to another scenario."""
-        path = self._record_path(key, piece)
+        with suppress(OSError, DamagedError):
+            return self._read(self._record_path(key, piece), cls, spec)
+        return None
+
+    def require_record(self, key: str, cls: type[T], spec: str, *, fix: str) -> T | Failure:
+        """A record that must be there; `fix` says how one is had that is lost.
+
+        Raises
+        ------
+        InputError
+            D42: it is missing or damaged, or whole and of another version of the program.
+        """
         try:
-            return record_from(path.read_bytes(), path.stem, cls, spec)
-        except (OSError, DamagedError):
-            return None
+            return self._read(self._record_path(key, None), cls, spec)
+        except FileNotFoundError:
+            told = "is missing"
+        except OSError as error:
+            told = f"cannot be read: {error.strerror}"
+        except OtherVersionError:
+            told, fix = "was written by another version of truebed", AGAIN
+        except DamagedError:
+            told = "is damaged"
+        message = f"the record {key} {told}"
+        raise refuse(key, code="D42", message=message, fix=fix, where=str(self.path))
+
+    @staticmethod
+    def _read(path: Path, cls: type[T], spec: str) -> T | Failure:
+        """The record in a file."""
+        return record_from(path.read_bytes(), path.stem, cls, spec)
 
     def remove_pieces(self, key: str, pieces: int) -> None:
         """Remove the pieces of a record that is whole; the folder too when it is empty."""

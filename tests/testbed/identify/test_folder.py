@@ -184,4 +184,4 @@ def test_a_damaged_record_is_told_by_name(out, tmp_path, name):
     (copy / layout.TRIALS / name).write_bytes(bytes(data))
     with pytest.raises(InputError) as caught:
         load_calibration(copy)
-    assert f"the record {Path(name).stem} is missing or damaged" in str(caught.value)
+    assert f"the record {Path(name).stem} is damaged" in str(caught.value)

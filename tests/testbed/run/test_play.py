@@ -10,7 +10,8 @@ import pytest
 from calib.errors import CalibError, InputError, MachineError
 from testbed.run.derive import derived_file
 from testbed.run.play import equal_runs, load_run, play_run, read_result, recording_of, rederive
-from testbed.store import layout
+from testbed.run.work import LOST
+from testbed.store import layout, npz
 from testbed.studies import scenario_of
 from tests import campaign
 from tests.testbed.studies.trial.fake_campaign import SCENARIO, Fake, campaign_of, content, scenario
@@ -195,10 +196,44 @@ def test_an_unfinished_run_says_so_and_how_to_go_on(tmp_path):
     assert not (tmp_path / layout.RESULT).exists()
     with pytest.raises(InputError, match=r"has no result\.json: the run is not finished"):
         read_result(tmp_path)
-    with pytest.raises(InputError, match="the record trial-b is missing or damaged"):
+    with pytest.raises(InputError, match=r"trial-b is missing; give the `truebed run` .* --resume"):
         load_run(tmp_path, studies=(Fake(),))
     play(tmp_path, resume=True)
     assert not (tmp_path / layout.UNFINISHED).exists()
+
+
+def test_a_record_that_cannot_be_used_is_told_by_what_is_wrong_with_it(tmp_path):
+    """Missing, damaged, or whole and of a version with other fields, hashes or formats."""
+    play(tmp_path)
+    file = tmp_path / layout.TRIALS / "trial-b.npz"
+    whole = file.read_bytes()
+    meta, arrays = npz.from_bytes(whole)
+    others = (
+        meta | {"values": meta["values"] | {"new": 1.0}},
+        meta | {"values": {k: v for k, v in meta["values"].items() if k != "mean"}},
+        meta | {"spec_sha256": "0" * 64},
+        meta | {"format": 2},
+    )
+    again = "give the command that wrote this folder again, with another --out"
+    cases = [
+        *((npz.to_bytes(one, arrays), "was written by another version of truebed", again)
+          for one in others),
+        (npz.to_bytes(meta | {"key": "trial-a"}, arrays), "is damaged", LOST),
+        (whole[:-1], "is damaged", LOST),
+        (None, "is missing", LOST),
+    ]  # fmt: skip
+    for data, told, fix in cases:
+        if data is None:
+            file.unlink()
+        else:
+            file.write_bytes(data)
+        with pytest.raises(InputError) as caught:
+            load_run(tmp_path, studies=(Fake(),))
+        assert str(caught.value) == f"{tmp_path}: the record trial-b {told}; {fix}. [D42]"
+    # what the sentences advise helps, also where another version wrote it
+    file.write_bytes(npz.to_bytes(others[0], arrays))
+    assert "trial-b" not in play(tmp_path, resume=True).kept
+    assert file.read_bytes() == whole
 
 
 def test_derived_files_are_made_again_from_the_records(tmp_path):
@@ -217,7 +252,12 @@ def test_a_scenario_changed_behind_the_records_is_refused(tmp_path):
     play(tmp_path)
     file = tmp_path / layout.SCENARIO
     file.write_text(file.read_text().replace("seed = 5", "seed = 6"))
-    with pytest.raises(InputError, match="was changed since the run"):
+    with pytest.raises(InputError, match=r"was changed since the run, or the robot's files were; "):
+        load_run(tmp_path, studies=(Fake(),))
+    manifest = json.loads((tmp_path / layout.MANIFEST).read_text())
+    manifest["versions"]["truebed"] = "0.0.1"
+    (tmp_path / layout.MANIFEST).write_text(json.dumps(manifest))
+    with pytest.raises(InputError, match=r"files were, or truebed 0\.0\.1 read it otherwise than "):
         load_run(tmp_path, studies=(Fake(),))
 
 
