@@ -9,14 +9,17 @@ from calib.design.random import starting_set
 from calib.design.selection import Selection, selection_of
 from calib.errors import refuse
 
+SWAPS = (2, 1)
+"""The paper's b and c; in a set or pool too small for them, as many as there are."""
+
 
 def detmax(
     problem: Problem,
     rng: np.random.Generator,
     *,
     a: int = 40,
-    b: int = 2,
-    c: int = 1,
+    b: int = SWAPS[0],
+    c: int = SWAPS[1],
     d: int = 80,
     start: ArrayLike | None = None,
 ) -> Selection:
@@ -33,7 +36,7 @@ def detmax(
     rng : numpy.random.Generator
         Draws the first set and the swaps.
     a, b, c, d : int
-        The paper's constants.
+        The paper's constants; b and c at most the poses of the set, and of the pool beside it.
     start : (m,) array of int, optional
         First set, instead of a random one; the result is never worse.
 
@@ -45,6 +48,12 @@ def detmax(
     for name, constant, lowest in (("a", a, 0), ("b", b, 1), ("c", c, 1), ("d", d, 1)):
         if constant < lowest:  # it would never shake, or never stop
             raise refuse(name, constant, f"at least {lowest}", code="A3")
+    others = int(problem.open.sum()) - (0 if problem.repeats else problem.m)
+    for name, constant, usual in zip("bc", (b, c), SWAPS, strict=True):
+        if others and constant > min(problem.m, others) and constant != usual:
+            allowed = f"at most {min(problem.m, others)}"
+            here = f"the set has {problem.m} poses to swap, the pool {others} others"
+            raise refuse(name, constant, allowed, code="A3", fix=here)
     chosen, criterion = starting_set(problem, rng, start), problem.criterion
     best, winner, trace = -np.inf, chosen, list[float]()
     fails = evaluated = 0

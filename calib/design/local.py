@@ -87,7 +87,7 @@ def _climb(
 
 
 def shake(problem: Problem, chosen: Index, swaps: int, rng: np.random.Generator) -> Index:
-    """Exchange `swaps` poses of a set for others of the pool; the result is nonsingular."""
+    """Exchange `swaps` poses of a set, or all it can, for others; the result is nonsingular."""
     outside = np.flatnonzero(problem.addable(chosen))
     swaps = min(swaps, len(chosen), len(outside))
     for _ in range(SHAKES):

@@ -15,6 +15,7 @@ from testbed.scenario.tables import (
     ListGoal,
     PathGoal,
     PlanSettings,
+    TrialSettings,
 )
 from testbed.units import counted
 
@@ -38,6 +39,7 @@ def contradictions(scenario: Scenario) -> Iterator[str]:
                 f"{place} poses is {trial.poses}; [pool] size is {scenario.pool.size}; "
                 "choose fewer poses or a larger pool"
             )
+        yield from _of_detmax(trial, place, scenario.pool.size - trial.poses)
         if trial.rows == "paper" and trial.criterion in NEEDS_GOALS:
             yield (
                 f'{place} criterion is "{trial.criterion}" and rows is "paper"; unweighted rows '
@@ -99,6 +101,19 @@ def contradictions(scenario: Scenario) -> Iterator[str]:
     for settings in scenario.tables.values():
         yield from settings.contradictions(scenario)
     yield from _of_plan(scenario.plan)
+
+
+def _of_detmax(trial: TrialSettings, place: str, others: int) -> Iterator[str]:
+    """Contradictions of a trial's swaps with its poses, and with the others of the pool."""
+    most, usual = min(trial.poses, others), TrialSettings.model_fields["detmax"].default
+    for k, name in ((1, "b"), (2, "c")):
+        swaps = trial.detmax[k]
+        # the paper's own shrink with a small set
+        if trial.method == "detmax" and 0 < most < swaps != usual[k]:
+            yield (
+                f"{place} detmax swaps {name} = {counted(swaps, 'pose')} of {trial.poses} for "
+                f"others of the pool, which has {others}; write at most {most}"
+            )
 
 
 def of_budget(scenario: Scenario) -> Iterator[str]:

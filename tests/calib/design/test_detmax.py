@@ -213,6 +213,25 @@ def test_constants_that_never_stop_are_refused(constant: str):
         )
 
 
+@pytest.mark.parametrize("constant", ["b", "c"])
+@pytest.mark.parametrize(("m", "most"), [(5, 5), (75, 5), (40, 40)])
+def test_more_swaps_than_there_are_poses_are_refused(constant: str, m: int, most: int):
+    """More than the set has, or than the pool has beside it; nothing is clipped in silence."""
+    problem = Problem.of_blocks(whitened_pool(80), m, "O1")
+    with pytest.raises(InputError, match=rf"{constant} is {most + 1}; at most {most}; the set has"):
+        detmax(problem, np.random.default_rng(0), **{constant: most + 1})
+    found = detmax(problem, np.random.default_rng(0), a=1, d=2, **{constant: most})
+    assert len(found.indices) == m
+
+
+def test_the_paper_s_swaps_shrink_with_a_small_pool_and_repeats_need_none_beside():
+    blocks = whitened_pool(80)
+    found = detmax(Problem.of_blocks(blocks, 79, "O1"), np.random.default_rng(0), d=2)
+    assert len(found.indices) == 79
+    again = Problem.of_blocks(blocks, 78, "O1", repeats=True)
+    assert len(detmax(again, np.random.default_rng(0), b=78, d=2).indices) == 78
+
+
 def test_an_unknown_index_is_refused():
     with pytest.raises(InputError, match="O9"):
         detmax(Problem.of_blocks(whitened_pool(80), 5, "O9"), np.random.default_rng(0))

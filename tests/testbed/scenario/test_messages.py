@@ -392,6 +392,12 @@ CASES = {
     "budget by a slip": with_table(budget={"location_pose": 50}),
     "DETMAX that never ends": with_table(trial=[TRIAL | {"detmax": [40, 2, 1, 0]}]),
     "DETMAX that never shakes": with_table(trial=[TRIAL | {"detmax": [40, 0, 1, 80]}]),
+    "DETMAX that swaps more than the set has": with_table(
+        trial=[TRIAL | {"detmax": [40, 30, 1, 80]}]
+    ),
+    "DETMAX that swaps more than the pool has": with_table(
+        pool={"size": 32}, trial=[TRIAL | {"detmax": [40, 2, 4, 80]}]
+    ),
     "DETMAX of three constants": with_table(trial=[TRIAL | {"detmax": [40, 2, 80]}]),
     "several at once": with_table(sed=3, pool={"size": 1, "altitude": 2}),
     "not UTF-8": text("name = 'ü'".encode("latin-1")),
