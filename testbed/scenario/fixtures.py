@@ -135,6 +135,17 @@ def _of_the_tracker(scenario: Scenario, fixtures: FixtureSettings) -> Iterator[s
 
 def _of_estimators_and_studies(scenario: Scenario) -> Iterator[str]:
     """Contradictions with estimators and studies that know one target from one station."""
+    if scenario.tracker.measures == "pose":  # else it is told that they cannot have points
+        yield from _of_full_poses(scenario)
+    if population := scenario.studies.population:
+        yield (
+            f"[studies] population is {counted(population, 'robot')}, each seen from one "
+            "station; remove [fixtures], or write population = 0"
+        )
+
+
+def _of_full_poses(scenario: Scenario) -> Iterator[str]:
+    """Contradictions with what knows full poses from one station."""
     if "paper" in scenario.identification.estimators:
         yield (
             '[identification] estimators has "paper", which knows full poses from one station; '
@@ -146,19 +157,8 @@ def _of_estimators_and_studies(scenario: Scenario) -> Iterator[str]:
                 f'[[trial]] "{trial.name}" rows is "paper", which knows full poses from one '
                 'station; remove [fixtures], or write rows = "whitened"'
             )
-    studies = scenario.studies
-    if studies.tool_point:
+    if scenario.studies.tool_point:
         yield (
             "[studies] tool_point knows full poses from one station; remove [fixtures], or write "
             "tool_point = false"
         )
-    if studies.population:
-        yield (
-            f"[studies] population is {counted(studies.population, 'robot')}, each seen from one "
-            "station; remove [fixtures], or write population = 0"
-        )
-    for name, table in scenario.tables.items():
-        if getattr(table, "robots", 0):
-            yield (
-                f"[{name}] robots are seen from one station; remove [fixtures], or write robots = 0"
-            )

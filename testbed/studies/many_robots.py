@@ -67,6 +67,10 @@ class ManyRobots(StudyTable):
             found.append(
                 f'[{name}] robots needs full poses; [tracker] measures is "point"; write robots = 0'
             )
+        elif scenario.fixtures is not None:
+            found.append(
+                f"[{name}] robots are seen from one station; remove [fixtures], or write robots = 0"
+            )
         if identification.loss != "squared" or identification.prior is not None:
             key = "loss" if identification.prior is None else "prior"
             found.append(

@@ -336,6 +336,13 @@ CASES = {
         trial=[TRIAL | {"rows": "paper"}],
         **WHITENED,
     ),
+    "studies of full poses and points from two stations": with_table(
+        fixtures={"stations_mm": [[3000, 2000, 300]]},
+        tracker={"measures": "point"},
+        studies={"tool_point": True},
+        coverage={"robots": 8},
+        trial=[TRIAL | {"rows": "paper"}],
+    ),
     "a plan for two stations": lambda _: plan(
         scenario(fixtures={"stations_mm": [[3000, 2000, 300]]}, **ONLY_WHITENED)
     ),
