@@ -1,7 +1,9 @@
 """[fixtures]: what its targets and rounds are, and what it may not say beside other tables."""
 
+import math
 import re
 from collections.abc import Iterator, Mapping
+from itertools import combinations
 
 from testbed.scenario.laboratory import At960Tracker, FixtureSettings
 from testbed.scenario.scenario import Scenario
@@ -13,6 +15,8 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,31}")
 """What reflectors and anchors may be called: their names stand in files."""
 ALONE = {"pose": "tool", "point": "reflector"}
 """What the one target of [tracker] is called among several."""
+APART_MM = 100.0
+"""Stations stand at least so far apart: a tracker is wider, and directions hardly change."""
 RANGES = "-ranges"
 """What the file of a trial's distances adds to its name in an export."""
 
@@ -54,6 +58,7 @@ def fixture_contradictions(scenario: Scenario, fixtures: FixtureSettings) -> Ite
     yield from _of_names(
         fixtures, targets_mm(scenario), points=scenario.tracker.measures == "point"
     )
+    yield from _of_places(fixtures, scenario.tracker.station_mm)
     yield from _of_the_tracker(scenario, fixtures)
     yield from _of_estimators_and_studies(scenario)
     trials = [trial.name for trial in scenario.trial]
@@ -77,13 +82,6 @@ def _of_names(
                     f'[fixtures] {key} has "{name}"; a name has up to 32 letters, digits, "_", '
                     '"." or "-", the first a letter or digit; rename it'
                 )
-    stand: dict[Point, str] = {}
-    for name, place in fixtures.reflectors_mm.items():
-        if stand.setdefault(place, name) != name:
-            yield (
-                f'[fixtures] the reflectors "{stand[place]}" and "{name}" are at one place; move '
-                "or remove one of them"
-            )
     for name in fixtures.anchors_mm:
         if name in targets:
             yield f'[fixtures] "{name}" is a reflector and an anchor; rename one of them'
@@ -107,6 +105,26 @@ def _of_names(
     for key, names in (("free", fixtures.free), ("ranged", fixtures.ranged)):
         if len(set(names)) < len(names):
             yield f"[fixtures] {key} names one twice; remove the copy"
+
+
+def _of_places(fixtures: FixtureSettings, station: Point) -> Iterator[str]:
+    """Two of a kind at one place, of which the second tells nothing new."""
+    for kind, places in (("reflectors", fixtures.reflectors_mm), ("anchors", fixtures.anchors_mm)):
+        for (one, at), (other, same) in combinations(places.items(), 2):
+            if at == same:
+                yield (
+                    f'[fixtures] the {kind} "{one}" and "{other}" are at one place; move or remove '
+                    "one of them"
+                )
+    stations = enumerate((station, *fixtures.stations_mm), 1)
+    for (k, at), (later, beside) in combinations(stations, 2):
+        if math.dist(at, beside) < APART_MM:
+            which = "that of [tracker]" if k == 1 else f"entry {k - 1}"
+            yield (
+                f"[fixtures] stations_mm entry {later - 1} is {math.dist(at, beside):.3g} mm from "
+                f"{which}; a tracker sees nothing new from less than {APART_MM:g} mm beside; move "
+                "or remove it"
+            )
 
 
 def _of_the_tracker(scenario: Scenario, fixtures: FixtureSettings) -> Iterator[str]:

@@ -312,6 +312,13 @@ CASES = {
         tracker={"measures": "point"},
         **WHITENED,
     ),
+    "two anchors at one place": with_table(
+        fixtures={"anchors_mm": {"P1": [1500, 0, 0], "P2": [1500, 0, 0]}}, **WHITENED
+    ),
+    "stations where one stands": with_table(
+        fixtures={"stations_mm": [[2600, -2000, 300], [3000, 2000, 300], [3000, 2000, 399.9]]},
+        **WHITENED,
+    ),
     "a trial called like distances": with_table(
         fixtures={"anchors_mm": {"P1": [1500, 0, 0]}},
         trial=[TRIAL, TRIAL | {"name": f"{TRIAL['name']}-ranges"}],
