@@ -1,9 +1,14 @@
-"""Files written whole or not at all, and one process per folder by a lock the system frees."""
+"""Files and folders written whole or not at all, and one process per folder by a lock.
+
+Locks are the system's, which frees them when a process dies. What is made gets the permissions that
+the user's umask leaves, and a symbolic link is never followed where a file of ours is expected.
+"""
 
 import errno
 import os
+import re
+import shutil
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
@@ -15,7 +20,19 @@ from calib.errors import MachineError
 LOCK = "run.lock"
 """File whose lock says that a process writes into this folder."""
 TEMPORARY = ".tmp"
-"""Ending of a file that is being written."""
+"""Ending of a file or folder that is being written."""
+_BEING_WRITTEN = re.compile(rf"\.(.+)\.[a-z0-9_]{{8}}{re.escape(TEMPORARY)}", re.DOTALL)
+
+
+def beside(path: Path) -> Path:
+    """A new name in the same folder for what will become `path`: ``.NAME.1a2b3c4d.tmp``."""
+    return path.with_name(f".{path.name}.{os.urandom(4).hex()}{TEMPORARY}")
+
+
+def becomes(name: str) -> str:
+    """Name of what a file or folder named by `beside` was to become; empty for any other."""
+    found = _BEING_WRITTEN.fullmatch(name)
+    return found[1] if found else ""
 
 
 @contextmanager
@@ -30,22 +47,18 @@ def atomic_path(path: Path) -> Iterator[Path]:
     MachineError
         The disk is full or the folder cannot be written.
     """
-    temporary: Path | None = None
+    temporary = beside(path)
     try:
-        handle, name = tempfile.mkstemp(TEMPORARY, f".{path.name}.", path.parent)
-        temporary = Path(name)
-        os.close(handle)
+        temporary.touch(exist_ok=False)
         yield temporary
         flush_file(temporary)
-        temporary.chmod(0o644)
         temporary.replace(path)
         flush_folder(path.parent)
     except OSError as error:
         raise write_error(path, error) from error
     finally:
-        if temporary is not None:
-            with suppress(OSError):
-                temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
 
 
 def atomic_write(path: Path, data: bytes) -> None:
@@ -82,15 +95,79 @@ def flush_folder(folder: Path) -> None:
 
 
 def remove_leftovers(folder: Path) -> None:
-    """Remove temporary files that a killed process left behind."""
+    """Remove the files that a killed process was writing in a folder of ours."""
     for path in folder.glob(f".*{TEMPORARY}"):
         with suppress(OSError):
-            path.unlink()
+            if becomes(path.name):
+                path.unlink()
+
+
+@contextmanager
+def passing_folder(path: Path) -> Iterator[Path]:
+    """A new folder beside `path`, to become it; removed with the block unless it was renamed.
+
+    What killed processes were filling to become `path` is removed first: folders of that kind which
+    no process holds locked.
+    """
+    for left in path.parent.glob(f".*{TEMPORARY}"):
+        if becomes(left.name) == path.name and left.is_dir() and not left.is_symlink():
+            lock = _lock_folder(left)
+            if lock is not None:
+                shutil.rmtree(left, ignore_errors=True)
+                os.close(lock)
+    folder = beside(path)
+    folder.mkdir()
+    lock = _lock_folder(folder)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        if lock is not None:
+            os.close(lock)
+
+
+def _lock_folder(folder: Path) -> int | None:
+    """Handle that keeps a folder locked; None if another process does, or no lock is to be had.
+
+    Windows locks no folders: what a killed process leaves there stays.
+    """
+    if sys.platform == "win32":
+        return None
+    import fcntl
+
+    handle = None
+    try:
+        handle = os.open(folder, os.O_RDONLY)
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        if handle is not None:
+            os.close(handle)
+        return None
+    return handle
+
+
+def unfollowed(path: str, flags: int) -> int:
+    """Opener of a file that shall be ours: what a symbolic link points at is not opened.
+
+    Nor is it waited for at the end of a pipe that nobody reads.
+    """
+    ours = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    try:
+        return os.open(path, flags | ours, 0o666)
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            error.strerror = f"{Path(path).name} there is a symbolic link"
+        raise
+
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+SCARCE = (errno.EMFILE, errno.ENFILE, errno.ENOMEM)
+"""What the system says where a disk is full, and where files or memory have run out."""
 
 
 def write_error(path: Path, error: OSError) -> MachineError:
     """What to tell about a write that failed."""
-    full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+    full = error.errno in FULL
     reason = error.strerror or str(error)
     return MachineError(
         f"{path.name} cannot be written: {reason}",
@@ -110,7 +187,7 @@ def acquire(folder: Path) -> IO[str]:
     MachineError
         Another process holds it: its pid and since when.
     """
-    file = (folder / LOCK).open("a+", encoding="utf-8")
+    file = open(folder / LOCK, "a+", encoding="utf-8", opener=unfollowed)  # noqa: SIM115
     try:
         _lock(file)
     except OSError as error:

@@ -42,7 +42,7 @@ def run(
         words += [] if seed is None else ["--seed", str(seed)]
         if export is not None:
             from testbed.files.session_toml import SESSION_FILE
-            from testbed.store.run_folder import check_free
+            from testbed.store.whole_folder import check_free
 
             check_free(export, SESSION_FILE, overwrite=overwrite)
             words += ["--export", str(export)]
@@ -170,7 +170,7 @@ def identify(
         from testbed.robots.catalog import load_robot
         from testbed.robots.write.urdf import require_package
         from testbed.store.layout import MANIFEST, REPORT, RESULT
-        from testbed.store.run_folder import check_free
+        from testbed.store.whole_folder import check_free
 
         if package is not None:
             require_package(package)

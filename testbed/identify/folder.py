@@ -25,7 +25,8 @@ from testbed.robots.write.urdf import require_package
 from testbed.store import layout, npz
 from testbed.store.manifest import CALIBRATION, manifest_bytes, read_manifest
 from testbed.store.npz import canonical, record_bytes
-from testbed.store.run_folder import AGAIN, RunFolder, check_free, whole_folder
+from testbed.store.run_folder import AGAIN, RunFolder
+from testbed.store.whole_folder import check_free, whole_folder
 from testbed.versions import all_versions, own_version
 
 RECORDS: dict[str, type] = {"calibration": Calibration, "delivered": Delivered}

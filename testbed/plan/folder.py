@@ -19,7 +19,7 @@ from testbed.scenario.read import dump_scenario
 from testbed.scenario.scenario import Scenario
 from testbed.store.layout import PLAN, SCENARIO
 from testbed.store.npz import pretty_json
-from testbed.store.run_folder import check_free, whole_folder
+from testbed.store.whole_folder import check_free, whole_folder
 from testbed.units import counted
 from testbed.versions import all_versions
 

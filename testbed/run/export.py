@@ -15,7 +15,7 @@ from testbed.laboratory.tracker.rounds import world_mm
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory, validation_start
 from testbed.robots.robot import Robot
 from testbed.scenario.fixtures import RANGES, targets_mm
-from testbed.store.run_folder import whole_folder
+from testbed.store.whole_folder import whole_folder
 from testbed.studies.trial.play import visits_of
 from testbed.studies.trial.records import Campaign, Trial
 

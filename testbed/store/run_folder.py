@@ -1,36 +1,29 @@
-"""Folders a verb writes, never over another one in silence.
+"""The folder of a run: filled record by record under a lock, and a stopped run goes on in it."""
 
-A `RunFolder` is filled record by record under a lock, and a stopped run goes on in it; a
-`whole_folder` appears with all of its files or not at all.
-"""
-
-import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, Self, TypeVar
 
-from calib.errors import InputError, refuse
+from calib.errors import refuse
 from testbed.disk import (
-    TEMPORARY,
     acquire,
     atomic_write,
-    flush_file,
-    flush_folder,
+    becomes,
     keep_or_write,
     remove_leftovers,
-    write_error,
+    unfollowed,
 )
 from testbed.store import layout
 from testbed.store.manifest import check_same_run, manifest_bytes, read_manifest
 from testbed.store.npz import DamagedError, Failure, OtherVersionError, record_from
+from testbed.store.whole_folder import check_movable, make_way, real_folder, writing
 
 T = TypeVar("T")
 UNFINISHED_NOTE = (
     "This run is not finished. What lies in trials/ is whole.\n"
     "To go on, give the same command again with --resume.\n"
 )
-ANOTHER = "choose another --out"
 AGAIN = "give the command that wrote this folder again, with another --out"
 
 
@@ -61,16 +54,17 @@ class RunFolder:
         MachineError
             Another process is writing there.
         """
-        with _writing(path):
+        with writing(path):
+            real = real_folder(path)
             if path.exists() and not is_unused(path):
-                _check_movable(path, layout.MANIFEST, overwrite=overwrite, resumable=True)
-                _make_way(path)
-        return cls._locked(path, fresh=True)
+                check_movable(path, layout.MANIFEST, overwrite=overwrite, resumable=True)
+                make_way(real)
+        return cls._locked(real, fresh=True)
 
     @classmethod
     def resume(cls, path: Path, scenario_hash: str) -> "RunFolder":
         """The folder of a run of the same scenario and versions; a new one if none began."""
-        with _writing(path):
+        with writing(path):
             if not path.exists() or is_unused(path):
                 return cls.create(path)
         check_same_run(path, scenario_hash)
@@ -85,7 +79,7 @@ class RunFolder:
     @classmethod
     def _locked(cls, path: Path, *, fresh: bool = False) -> "RunFolder":
         """The folder, made if need be, under its lock and without what a killed process left."""
-        with _writing(path):
+        with writing(path):
             (path / layout.TRIALS).mkdir(parents=True, exist_ok=True)
             lock = acquire(path)
         remove_leftovers(path)
@@ -172,60 +166,9 @@ class RunFolder:
 
     def log(self, line: bytes) -> None:
         """Append one line to the log; a log that cannot be written never stops a run."""
-        with suppress(OSError), (self.path / layout.LOG).open("ab") as file:
+        path = self.path / layout.LOG
+        with suppress(OSError), open(path, "ab", opener=unfollowed) as file:
             file.write(line)
-
-
-@contextmanager
-def whole_folder(path: Path, marker: str, *, overwrite: bool = False) -> Iterator[Path]:
-    """A folder beside `path` to be filled, which becomes `path` when the block ends well.
-
-    With `overwrite` an old one there, known by its `marker`, is renamed, never removed. On any
-    exception nothing is left.
-
-    Raises
-    ------
-    InputError
-        `path` cannot be used.
-    MachineError
-        The disk is full, or another process is writing there.
-    """
-    check_free(path, marker, overwrite=overwrite)
-    try:
-        with tempfile.TemporaryDirectory(
-            TEMPORARY, f".{path.name}.", path.parent, ignore_cleanup_errors=True
-        ) as made:
-            temporary = Path(made)
-            yield temporary
-            for file in temporary.rglob("*"):
-                if file.is_file():
-                    flush_file(file)
-            temporary.chmod(0o755)
-            check_free(path, marker, overwrite=overwrite)
-            if path.exists():
-                _make_way(path)
-            temporary.rename(path)
-            flush_folder(path.parent)
-    except OSError as error:
-        raise write_error(path, error) from error
-
-
-def check_free(path: Path, marker: str, *, overwrite: bool) -> None:
-    """Refuse a folder that cannot be written as a whole, before anything is computed.
-
-    Raises
-    ------
-    InputError
-        Something is there that is not ours to move, or nothing can be written there.
-    MachineError
-        Another process is writing there.
-    """
-    with _writing(path):
-        if path.exists() and not _is_empty(path):
-            _check_movable(path, marker, overwrite=overwrite)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(suffix=TEMPORARY, dir=path.parent):
-            pass
 
 
 def is_unused(path: Path) -> bool:
@@ -234,56 +177,6 @@ def is_unused(path: Path) -> bool:
         return False
     trials = path / layout.TRIALS
     return all(
-        entry.name in layout.OURS or entry.name.endswith(TEMPORARY) or entry == trials
+        entry.name in layout.OURS or becomes(entry.name) or entry == trials
         for entry in path.iterdir()
     ) and not (trials.is_dir() and any(trials.iterdir()))
-
-
-def _is_empty(path: Path) -> bool:
-    """Whether it is a folder with nothing in it."""
-    return path.is_dir() and not any(path.iterdir())
-
-
-def _check_movable(path: Path, marker: str, *, overwrite: bool, resumable: bool = False) -> None:
-    """Refuse anything but an old folder of its kind that may be renamed."""
-    if (path / layout.LOCK).is_file():
-        with suppress(OSError):
-            acquire(path).close()  # MachineError while another process is writing there
-    if not path.is_dir():
-        allowed = "the run folder must be new" if resumable else ""
-        raise _unusable(path, "is a file", allowed)
-    if not overwrite:
-        ways = (
-            ", go on with --resume, or rename the old one with --overwrite"
-            if resumable
-            else ", or rename the old one by --overwrite"
-        )
-        raise _unusable(path, "exists already", fix=ANOTHER + ways)
-    if not (path / marker).is_file():
-        raise _unusable(path, f"is not {layout.OWNERS[marker]} and will not be renamed")
-
-
-def _make_way(path: Path) -> None:
-    """Remove an empty folder; rename an old one to the first free ``<name>.old-<k>``."""
-    if _is_empty(path):
-        path.rmdir()
-        return
-    number = 1
-    while (new := path.with_name(f"{path.name}.old-{number}")).exists():
-        number += 1
-    path.rename(new)
-
-
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    """A block whose errors say that nothing can be written at --out."""
-    try:
-        yield
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        reason = getattr(error, "strerror", None) or error
-        raise _unusable(path, f"cannot be written: {reason}") from error
-
-
-def _unusable(path: Path, message: str, allowed: str = "", *, fix: str = ANOTHER) -> InputError:
-    """The error for a --out that cannot be used."""
-    return refuse("--out", None, allowed, code="C40", message=message, fix=fix, where=str(path))

@@ -1,7 +1,6 @@
 """A robot out of a calibration: its folder with robot.toml, URDF and MJCF, each proven equal."""
 
 import re
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -14,7 +13,7 @@ from calib.geometry.chain import Chain, forward
 from calib.geometry.frames import inverse, slide
 from calib.geometry.inverse import spread
 from calib.geometry.model import RobotModel
-from testbed.disk import TEMPORARY, flush_file, flush_folder, write_error
+from testbed.disk import flush_file, flush_folder, passing_folder, write_error
 from testbed.robots.catalog import ROBOT_FILE, load_robot
 from testbed.robots.describe.axes import reach, regauged
 from testbed.robots.describe.urdf import load_urdf, urdf_poses, way_to
@@ -167,8 +166,8 @@ def write_robot_folder(
     names += [f"{MESHES}/{visual.name}.obj" for visual in robot.visuals]
     _require_free(folder, names, overwrite=overwrite)
     try:
-        with tempfile.TemporaryDirectory(TEMPORARY, f".{folder.name}.", folder.parent) as made:
-            draft = _with_meshes(robot, Path(made))
+        with passing_folder(folder) as made:
+            draft = _with_meshes(robot, made)
             words = _geometric_words(robot)
             (draft.folder / names[0]).write_text(
                 robot_toml(draft, comment=_head(robot)), encoding="utf-8", newline="\n"

@@ -271,10 +271,9 @@ def test_f8_a_second_process_in_the_same_folder_is_told_the_first_one_s_pid(tmp_
 
 
 STEPS = [
-    ("tempfile", "mkstemp"),
+    ("Path", "touch"),
     ("Path", "open"),
     ("os", "fsync"),
-    ("Path", "chmod"),
     ("Path", "replace"),
     ("os", "open"),
     ("Path", "unlink"),
@@ -292,7 +291,7 @@ def test_f11_a_process_that_dies_at_any_step_of_a_write_leaves_old_or_new(
     atomic_write(path, b"old" * 10**5)
 
     def dying():
-        owner = {"tempfile": atomic.tempfile, "os": os, "Path": type(path)}[module]
+        owner = {"os": os, "Path": type(path)}[module]
         real = getattr(owner, name)
 
         def last(*args, **options):

@@ -36,7 +36,8 @@ from testbed.scenario.checks import check_robot
 from testbed.scenario.origin import COMMENT
 from testbed.scenario.read import changed, dump_scenario
 from testbed.store import layout
-from testbed.store.run_folder import RunFolder, check_free
+from testbed.store.run_folder import RunFolder
+from testbed.store.whole_folder import check_free
 from testbed.streams import stream
 from testbed.studies import load_scenario, parse_scenario, scenario_of
 from testbed.studies.compensation.play import cube_joints, cube_poses

@@ -13,7 +13,8 @@ from testbed.disk import acquire
 from testbed.store import layout, npz
 from testbed.store.manifest import manifest_bytes, read_manifest
 from testbed.store.npz import Failure, record_bytes, record_from
-from testbed.store.run_folder import RunFolder, check_free
+from testbed.store.run_folder import RunFolder
+from testbed.store.whole_folder import check_free
 from tests.testbed.studies.trial.fake_campaign import FakeTrial
 
 SPEC = "0" * 64
@@ -164,7 +165,7 @@ def test_unicode_names_are_fine(tmp_path):
 
 def test_a_folder_that_died_before_it_began_is_used_again(tmp_path):
     (tmp_path / "run" / "trials").mkdir(parents=True)
-    (tmp_path / "run" / ".scenario.toml.abc.tmp").write_text("half")
+    (tmp_path / "run" / ".scenario.toml.0a1b2c3d.tmp").write_text("half")
     acquire(tmp_path / "run").close()
     with RunFolder.resume(tmp_path / "run", SPEC) as folder:
         folder.begin("x = 1\n", {"scenario_sha256": SPEC})
