@@ -7,7 +7,7 @@ import numpy as np
 
 from testbed.recording.story import timeline_of
 from testbed.robots.catalog import load_robot
-from testbed.run.derive import chapters_of, write_recording
+from testbed.run.derive import chapters_of, recording_bytes
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from testbed.studies.trial.recording_cell import show
@@ -47,7 +47,7 @@ def small_campaign():
 def record(path, played=None):
     """Write the recording of a campaign; returns its path."""
     played = played or small_campaign()
-    write_recording(played, load_robot(played.scenario.robot), path)
+    path.write_bytes(recording_bytes(played, load_robot(played.scenario.robot)))
     return path
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from calib.geometry.model import RobotModel
-from testbed.disk import atomic_path
+from testbed.disk import atomic_write
 from testbed.files.program import correct_program
 from testbed.files.session import Session
 from testbed.identify.calibrate import STEPS, Options, calibrate
@@ -83,7 +83,7 @@ def play_calibration(
         (folder / SPLIT_TABLE).write_bytes(split_csv(calibration).encode())
         drawn = load_robot(folder / ROBOT / ROBOT_FILE)  # the same as whenever they are made again
         for name in layout.DERIVED:
-            _derive(name, calibration, delivered, drawn, folder / name)
+            (folder / name).write_bytes(_derived(name, calibration, delivered, drawn))
         (folder / layout.MANIFEST).write_bytes(manifest_bytes(about(calibration, spec)))
     tell("", len(STEPS), len(STEPS))
     return calibration, delivered
@@ -135,29 +135,24 @@ def rederive_calibration(path: Path, names: Iterable[str] = layout.DERIVED) -> P
     robot = load_robot(path / ROBOT / ROBOT_FILE)
     with RunFolder.reopen(path):
         for name in names:
-            with atomic_path(path / name) as temporary:
-                _derive(name, calibration, delivered, robot, temporary)
+            atomic_write(path / name, _derived(name, calibration, delivered, robot))
     return path
 
 
-def _derive(
-    name: str, calibration: Calibration, delivered: Delivered, robot: Robot, path: Path
-) -> None:
-    """Write one derived file."""
+def _derived(name: str, calibration: Calibration, delivered: Delivered, robot: Robot) -> bytes:
+    """Content of one derived file."""
     if name == layout.RECORDING:
         from testbed.identify.recording import calibration_story
-        from testbed.recording.write import write_story
+        from testbed.recording.write import story_bytes
 
-        write_story(calibration_story(calibration, robot), path)
-    elif name == layout.RESULT:
-        document = {**headline(calibration, delivered), "truebed": own_version()}
-        path.write_bytes(npz.pretty_json(document))
-    elif name == layout.ARRAYS:
-        path.write_bytes(npz.to_bytes({"format": layout.FORMAT}, arrays(calibration)))
-    else:
-        from testbed.identify.report import page_of
+        return story_bytes(calibration_story(calibration, robot))
+    if name == layout.RESULT:
+        return npz.pretty_json({**headline(calibration, delivered), "truebed": own_version()})
+    if name == layout.ARRAYS:
+        return npz.to_bytes({"format": layout.FORMAT}, arrays(calibration))
+    from testbed.identify.report import page_of
 
-        path.write_bytes(render(page_of(calibration, delivered, all_versions())).encode())
+    return render(page_of(calibration, delivered, all_versions())).encode()
 
 
 def deliver(

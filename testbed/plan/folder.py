@@ -12,7 +12,7 @@ from testbed.plan.records import Plan
 from testbed.plan.report import plan_report_html
 from testbed.plan.results import Stop, plan_csv, plan_numbers, stops_of
 from testbed.progress import Progress
-from testbed.recording.write import write_story
+from testbed.recording.write import story_bytes
 from testbed.report.page import SIMULATED
 from testbed.robots.catalog import Robot, load_robot
 from testbed.scenario.read import dump_scenario
@@ -162,5 +162,5 @@ def write_plan(plan: Plan, robot: Robot, out: Path, *, overwrite: bool = False) 
         }
         for name, text in texts.items():
             (folder / name).write_bytes(text.encode())
-        write_story(plan_story(plan, robot), folder / RECORDING)
+        (folder / RECORDING).write_bytes(story_bytes(plan_story(plan, robot)))
         (folder / PLAN).write_bytes(pretty_json(plan_numbers(plan, robot)))

@@ -1,15 +1,14 @@
-"""Write a story as the file that Rerun plays, with the layout of its screen."""
+"""A story as the file that Rerun plays, with the layout of its screen."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from datetime import timedelta
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from calib.arrays import Array
-from calib.errors import MachineError
 from calib.geometry.frames import rot_z
 from testbed.recording.cell import draw_arm
 from testbed.recording.pen import Pen
@@ -19,41 +18,64 @@ from testbed.recording.timeline import Phase, Timeline
 APPLICATION = "truebed"
 
 
-def write_story(story: Story, path: str | Path) -> None:
-    """Write a story as a Rerun recording.
+def story_bytes(story: Story) -> bytes:
+    """A story as the content of a Rerun recording (.rrd).
 
     The same story gives the same content each time, though not the same bytes: the format gives
-    every row an identifier of its own.
+    every row an identifier of its own. Rerun itself opens no file, so that a full disk is noticed
+    where the bytes are written.
 
     Parameters
     ----------
     story : Story
         Of finished things; nothing is computed again but poses of known models.
-    path : path
-        File to write, replaced if it is there.
-
-    Raises
-    ------
-    MachineError
-        If the file cannot be written.
     """
+    with strict_mode(), ended_streams():
+        return _drawn(story, timeline_of(story.chapters))
+
+
+def _drawn(story: Story, timeline: Timeline) -> bytes:
+    """Everything a story tells, drawn from its first row to the footer of the file."""
     import rerun as rr
 
-    timeline = timeline_of(story.chapters)
-    with strict_mode(), open_stream(Path(path), story, blueprint(story, timeline)) as stream:
-        pen, markdown = Pen(stream, timeline), rr.MediaType.MARKDOWN
-        pen.static("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-        pen.static("summary", rr.TextDocument(story.summary, media_type=markdown))
-        names = [chapter.name for chapter in story.chapters]
-        colors = [chapter.color for chapter in story.chapters]
-        pen.static("phase", rr.StateConfiguration(values=names, colors=colors))
-        draw_arm(pen, "world/robot", story.robot, timeline.q, (story.chain,))
-        story.draw(pen)
-        for chapter, phase in zip(story.chapters, timeline.phases, strict=True):
-            text = "\n".join(line for line in chapter.text if line)
-            pen.at(phase.start, "now", rr.TextDocument(text, media_type=markdown))
-            pen.at(phase.start, "phase", rr.StateChange(state=chapter.name))
-            chapter.draw(pen, phase)
+    # batches by size alone: the same content in the same chunks, however long drawing takes
+    batches = rr.ChunkBatcherConfig(flush_tick=timedelta(days=1))
+    stream = rr.RecordingStream(APPLICATION, recording_id=story.identity, batcher_config=batches)
+    stream.set_log_time_enabled(False)  # no clock of this machine gets in
+    stream.set_log_tick_enabled(False)
+    layout = _Layout(blueprint(story, timeline))
+    # before the first row: what comes earlier would not be in the bytes
+    content = stream.binary_stream()
+    try:
+        stream.send_blueprint(layout, make_active=False)
+        stream.send_recording_name(story.name)
+        stream.send_recording_start_time_nanos(0)
+        _draw(story, Pen(stream, timeline))
+    finally:
+        # read once, for every reading ends in a footer; and always, for Rerun logs what is dropped
+        data = content.read() or b""
+        stream.disconnect()
+        layout.close()
+    return bytes(data)
+
+
+def _draw(story: Story, pen: Pen) -> None:
+    """The rows of a story."""
+    import rerun as rr
+
+    timeline, markdown = pen.timeline, rr.MediaType.MARKDOWN
+    pen.static("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+    pen.static("summary", rr.TextDocument(story.summary, media_type=markdown))
+    names = [chapter.name for chapter in story.chapters]
+    colors = [chapter.color for chapter in story.chapters]
+    pen.static("phase", rr.StateConfiguration(values=names, colors=colors))
+    draw_arm(pen, "world/robot", story.robot, timeline.q, (story.chain,))
+    story.draw(pen)
+    for chapter, phase in zip(story.chapters, timeline.phases, strict=True):
+        text = "\n".join(line for line in chapter.text if line)
+        pen.at(phase.start, "now", rr.TextDocument(text, media_type=markdown))
+        pen.at(phase.start, "phase", rr.StateChange(state=chapter.name))
+        chapter.draw(pen, phase)
 
 
 @contextmanager
@@ -70,40 +92,46 @@ def strict_mode() -> Iterator[None]:
 
 
 @contextmanager
-def open_stream(path: Path, story: Story, screen: object) -> Iterator[Any]:
-    """A stream into a file, closed with its footer; no clock of this machine gets in.
+def ended_streams() -> Iterator[None]:
+    """Rerun lets go of the streams that were closed inside; each would keep its threads.
 
-    Parameters
-    ----------
-    path : Path
-        File to write, replaced if it is there.
-    story : Story
-        Gives the recording its identity and name.
-    screen : rerun.blueprint.Blueprint
-        Layout to begin with.
+    It does so when it is initialized, which also takes away the caller's own global recording:
+    that one comes back.
     """
     import rerun as rr
 
-    # batches by size alone: the same content in the same chunks, however long drawing takes
-    batches = rr.ChunkBatcherConfig(flush_tick=timedelta(days=1))
-    stream = rr.RecordingStream(APPLICATION, recording_id=story.identity, batcher_config=batches)
-    stream.set_log_time_enabled(False)
-    stream.set_log_tick_enabled(False)
     try:
-        path.unlink(missing_ok=True)
-        # before the first row: what comes earlier would not be in the file
-        stream.save(path, default_blueprint=screen)
-    except (OSError, RuntimeError) as error:
-        raise MachineError(
-            f"the recording cannot be written ({error})", code="F3", where=str(path), field="path"
-        ) from error
-    try:
-        stream.send_recording_name(story.name)
-        stream.send_recording_start_time_nanos(0)
-        yield stream
+        yield
     finally:
-        stream.flush()
-        stream.disconnect()
+        before = rr.get_global_data_recording()
+        try:
+            with suppress(RuntimeError):  # a stream of the caller's own that cannot be flushed
+                rr.init(APPLICATION, init_logging=False)
+        finally:
+            rr.set_global_data_recording(before)
+
+
+@dataclass(slots=True)
+class _Layout:
+    """A layout that closes the stream which Rerun draws it into, and would leave open."""
+
+    screen: Any
+    """`rerun.blueprint.Blueprint`."""
+    stream: Any = None
+
+    def to_blueprint(self) -> "_Layout":
+        """What Rerun asks for."""
+        return self
+
+    def _log_to_stream(self, stream: Any) -> None:
+        """What Rerun does with it."""
+        self.stream = stream
+        self.screen._log_to_stream(stream)
+
+    def close(self) -> None:
+        """End the stream if there was one."""
+        if self.stream is not None:
+            self.stream.disconnect()
 
 
 FRAMES_PER_SECOND = 24.0

@@ -6,7 +6,7 @@ question of the scene has the first screen.
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path, PurePath
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from calib.errors import refuse
@@ -42,13 +42,12 @@ class Played:
     records: Records
 
 
-Derive = Callable[[str, Played, Path], bytes | None]
-"""Takes the name of a derived file, what was played and a path, and returns the content of the
-file; None if it was written to the path instead."""
+Derive = Callable[[str, Played], bytes]
+"""Takes the name of a derived file and what was played, and returns the content of the file."""
 
 
-def derived_file(name: str, played: Played, path: Path) -> bytes | None:
-    """Content of a derived file; the recording is written to `path`."""
+def derived_file(name: str, played: Played) -> bytes:
+    """Content of a derived file."""
     from testbed.studies.trial.records import campaign_of
 
     campaign = campaign_of(played.scenario, played.records)
@@ -61,8 +60,7 @@ def derived_file(name: str, played: Played, path: Path) -> bytes | None:
     if name != RECORDING:
         before, after = OF_TRIAL
         campaign = led_by(campaign, name.removeprefix(before).removesuffix(after))
-    write_recording(campaign, played.robot, path, played.studies)
-    return None
+    return recording_bytes(campaign, played.robot, played.studies)
 
 
 def led_by(campaign: "Campaign", trial: str) -> "Campaign":
@@ -177,10 +175,10 @@ def page_of(
     )
 
 
-def write_recording(
-    campaign: "Campaign", robot: "Robot", path: str | Path, studies: Sequence[Study] | None = None
-) -> None:
-    """Write the first trial of a campaign, with its default estimator, as a Rerun recording.
+def recording_bytes(
+    campaign: "Campaign", robot: "Robot", studies: Sequence[Study] | None = None
+) -> bytes:
+    """The first trial of a campaign, with its default estimator, as a Rerun recording.
 
     `led_by` puts another trial first.
 
@@ -190,18 +188,11 @@ def write_recording(
         Finished; nothing is computed again but poses of known models.
     robot : Robot
         Whose parts are drawn.
-    path : path
-        File to write, replaced if it is there.
     studies : sequence of Study, optional
         Those that made the records; by default the registered ones.
-
-    Raises
-    ------
-    MachineError
-        If the file cannot be written.
     """
     from testbed.recording.story import Story
-    from testbed.recording.write import write_story
+    from testbed.recording.write import story_bytes
     from testbed.studies.trial import recording as trial
     from testbed.studies.trial.recording_cell import show
     from testbed.studies.trial.verdict import trial_verdict
@@ -222,7 +213,7 @@ def write_recording(
         draw=lambda pen: trial.draw_scene(shown, scenario, robot, pen),
         chapters=chapters_of(campaign, studies),
     )
-    write_story(story, path)
+    return story_bytes(story)
 
 
 def chapters_of(

@@ -6,7 +6,6 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from calib.errors import CalibError, MachineError, refuse
-from testbed.disk import atomic_path
 from testbed.progress import Clock, Progress
 from testbed.run.derive import Derive, Played
 from testbed.scenario.hashes import record_hash
@@ -169,11 +168,7 @@ class Work:
 
     def _write(self, name: str, played: Played, folder: RunFolder) -> None:
         """Write one derived file."""
-        if name.endswith(layout.RECORDING_ENDING):
-            with atomic_path(folder.path / name) as temporary:
-                self._derive(name, played, temporary)
-            return
-        data = self._derive(name, played, folder.path / name) or b""
+        data = self._derive(name, played)
         if name == layout.RESULT:
             document = npz.strict_json(data)
             failed = dict(sorted(self.failed.items()))

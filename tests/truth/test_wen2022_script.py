@@ -50,8 +50,8 @@ pytestmark = pytest.mark.truth
 def played(folder, changes):
     """The run folder of the paper's scene with some keys changed, without report and recording."""
 
-    def derive(name, records, path):
-        return derived_file(name, records, path) if name in (RESULT, ARRAYS) else b""
+    def derive(name, records):
+        return derived_file(name, records) if name in (RESULT, ARRAYS) else b""
 
     play_run(changed(load_scenario("wen2022"), changes), folder, derive=derive)
     return script.read_run(folder)

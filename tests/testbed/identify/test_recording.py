@@ -6,7 +6,7 @@ import pytest
 from testbed.identify.folder import delivered_robot
 from testbed.identify.recording import calibration_story, show
 from testbed.recording.story import timeline_of
-from testbed.recording.write import write_story
+from testbed.recording.write import story_bytes
 from tests.calibrated import real, robot
 from tests.recorded import column, scalars, store
 
@@ -18,7 +18,7 @@ def story():
 @pytest.fixture(scope="module")
 def opened(tmp_path_factory):
     path = tmp_path_factory.mktemp("recording") / "campaign.rrd"
-    write_story(story(), path)
+    path.write_bytes(story_bytes(story()))
     return store(path)
 
 

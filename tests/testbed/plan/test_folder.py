@@ -241,7 +241,7 @@ def test_overwrite_renames_the_old_plan_and_another_seed_gives_another(folder, t
     assert tomllib.loads((out / "scenario.toml").read_text())["seed"] == 8
 
 
-@pytest.mark.parametrize("stage", ["plan_report_html", "write_story"])
+@pytest.mark.parametrize("stage", ["plan_report_html", "story_bytes"])
 def test_nothing_is_left_when_a_file_cannot_be_written(monkeypatch, tmp_path, stage):
     def full(*_, **__):
         raise OSError(28, "No space left on device")

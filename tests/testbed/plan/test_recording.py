@@ -9,7 +9,7 @@ from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.plan.recording import plan_story, summary
 from testbed.recording.story import timeline_of
 from testbed.recording.timeline import evenly
-from testbed.recording.write import write_story
+from testbed.recording.write import story_bytes
 from tests import viewed
 from tests.planned import ROBOT, quick_plan, small_plan
 from tests.recorded import column, scalars, store
@@ -36,7 +36,7 @@ def timeline(story):
 @pytest.fixture(scope="module")
 def path(story, tmp_path_factory):
     file = tmp_path_factory.mktemp("plan") / "plan.rrd"
-    write_story(story, file)
+    file.write_bytes(story_bytes(story))
     return file
 
 
@@ -174,7 +174,7 @@ def test_the_summary_promises_what_the_plan_promises(made):
 
 def test_a_plan_without_target_station_or_obstacle_is_recorded_too(tmp_path):
     file = tmp_path / "plan.rrd"
-    write_story(plan_story(quick_plan(), ROBOT), file)
+    file.write_bytes(story_bytes(plan_story(quick_plan(), ROBOT)))
     assert viewed.verify(file)
     summary_lines = store(file).summary()
     assert "/budget/target" not in summary_lines
@@ -182,7 +182,7 @@ def test_a_plan_without_target_station_or_obstacle_is_recorded_too(tmp_path):
 
 
 def test_recording_twice_gives_the_same_content(path, made, tmp_path):
-    write_story(plan_story(made, ROBOT), tmp_path / "again.rrd")
+    (tmp_path / "again.rrd").write_bytes(story_bytes(plan_story(made, ROBOT)))
     assert viewed.compare(path, tmp_path / "again.rrd")
 
 

@@ -1,14 +1,17 @@
 """Chapters end to end: any of them can be added, and none has to know the others."""
 
+import re
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pytest
 
 from testbed.recording.curves import draw_curve
 from testbed.recording.story import Chapter, Panel, Story, timeline_of
 from testbed.recording.timeline import evenly, leaf, spread, visit
-from testbed.recording.write import blueprint, write_story
+from testbed.recording.write import blueprint, story_bytes
 from testbed.robots.catalog import load_robot
 from tests import viewed
 from tests.recorded import column, scalars, store
@@ -30,13 +33,22 @@ def story(*chapters):
     return Story("toy-1", "toy", "sum", robot, robot.model.chain, reach, station, nothing, chapters)
 
 
+def held():
+    """Threads and memory [kB] of this process, as Linux counts them."""
+    status = Path("/proc/self/status")
+    if not status.exists():
+        pytest.skip("this system does not say what a process holds")
+    pairs = (line.split(":") for line in status.read_text(encoding="utf-8").splitlines())
+    return {name: int(value.split()[0]) for name, value in pairs if name in ("Threads", "VmRSS")}
+
+
 def test_a_chapter_brings_its_place_on_the_timeline_its_curve_and_its_words(tmp_path):
     values = np.array([3.0, 1.0, 2.0])
     toy = chapter(
         "toy", visit(STOPS), lambda pen, phase: draw_curve(pen, "toy/u", phase, values, (9, 9, 9))
     )
     whole = story(chapter("first", visit(STOPS[:2])), replace(toy, plots={"toy/u": "u"}))
-    write_story(whole, tmp_path / "toy.rrd")
+    (tmp_path / "toy.rrd").write_bytes(story_bytes(whole))
     assert viewed.verify(tmp_path / "toy.rrd")
     opened = store(tmp_path / "toy.rrd")
     phase = timeline_of(whole.chapters).phase("toy")
@@ -57,7 +69,7 @@ def test_slow_drawing_gives_the_same_content(tmp_path):
             chapter("first", visit(STOPS), lambda *_, pause=pause: time.sleep(pause)),
             chapter("second", visit(STOPS)),
         )
-        write_story(story(*chapters), tmp_path / f"{name}.rrd")
+        (tmp_path / f"{name}.rrd").write_bytes(story_bytes(story(*chapters)))
     assert viewed.compare(tmp_path / "quick.rrd", tmp_path / "slow.rrd")
 
 
@@ -119,3 +131,59 @@ def test_the_panel_of_the_last_chapter_lies_on_top():
         views = beside.contents if isinstance(beside, Tabs) else [beside]
         assert [view.name for view in views] == names
         assert list(top.column_shares) == widths
+
+
+def test_recordings_leave_no_thread_and_no_memory_behind():
+    """Rerun kept four threads and 20 MB of each (V28); what a process needs once, it needs once."""
+    one = story(chapter("first", visit(STOPS)))
+    story_bytes(one)
+    before = held()
+    for _ in range(10):
+        assert len(story_bytes(one)) > 1e5
+    after = held()
+    assert after["Threads"] == before["Threads"]
+    assert after["VmRSS"] - before["VmRSS"] < 5e3  # kB
+
+
+def test_what_failed_is_let_go_of_with_the_next_recording(capfd):
+    def fail(*_):
+        raise KeyError("drawing")
+
+    story_bytes(story(chapter("first", visit(STOPS))))
+    before = held()["Threads"]
+    for _ in range(3):
+        with pytest.raises(KeyError, match="drawing"):
+            story_bytes(story(chapter("first", visit(STOPS), fail)))
+    story_bytes(story(chapter("first", visit(STOPS))))
+    assert held()["Threads"] == before
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_recording_of_the_callers_own_goes_on(tmp_path):
+    import rerun as rr
+
+    rr.init("mine", recording_id="mine")
+    rr.save(tmp_path / "mine.rrd")
+    try:
+        rr.log("before", rr.TextLog("before"))
+        story_bytes(story(chapter("first", visit(STOPS))))
+        rr.log("after", rr.TextLog("after"))
+        assert rr.get_recording_id() == "mine"
+    finally:
+        rr.disconnect()
+        rr.set_global_data_recording(None)
+    summary = store(tmp_path / "mine.rrd").summary()
+    assert {"/before", "/after"} <= set(re.findall(r"/\w+", summary))
+    assert "/world" not in summary
+
+
+def test_a_full_disk_is_none_of_reruns_business(capfd):
+    resource = pytest.importorskip("resource")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
+    try:
+        data = story_bytes(story(chapter("first", visit(STOPS))))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert len(data) > 1e5
+    assert capfd.readouterr() == ("", "")

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.errors import MachineError
 from calib.geometry.chain import forward
 from calib.measurement.accuracy import position_errors
 from calib.uncertainty.regions import coverage_factor
@@ -288,11 +287,6 @@ def test_strict_mode_is_given_back_also_after_an_error():
     with pytest.raises(KeyError):
         fail()
     assert rr.strict_mode() == before
-
-
-def test_an_unwritable_place_is_the_machines_fault_and_named(tmp_path):
-    with pytest.raises(MachineError, match="missing"):
-        record(tmp_path / "missing" / "campaign.rrd")
 
 
 def test_a_glide_starts_and_rests_at_its_stops():
