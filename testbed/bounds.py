@@ -15,6 +15,7 @@ FACTORS: dict[str, float] = {
     "m": 1.0, "mm": 1e-3, "um": 1e-6, "in": 0.0254,
     "rad": 1.0, "deg": DEG, "mdeg": pi / 180e3, "urad": 1e-6,
     "deg/s": DEG, "mm/s": 1e-3, "kg": 1.0, "kg m2": 1.0, "degC": 1.0, "s": 1.0, "": 1.0,
+    "m2": 1.0, "m rad": 1.0, "rad2": 1.0,
 }  # fmt: skip
 """Units that files have, and their factors to SI (temperatures stay in degC)."""
 
@@ -38,6 +39,10 @@ class Bound:
             return f"{self.what} is usually {least:.9g} to {most:.9g} {unit}".rstrip()
         span = f"{least:.9g} to {most:.9g}" if least else f"at most {most:.9g}"
         return f"{self.what} is {span} {unit}".rstrip()
+
+    def is_usual(self, size: Any) -> Any:
+        """Whether an SI size, or each of an array, is usual."""
+        return (size >= self.usual[0]) & (size <= self.usual[1])
 
     @property
     def _range(self) -> tuple[float, float]:
@@ -81,6 +86,9 @@ LENGTH_SD = Bound("a standard uncertainty of a length", 1.0, 1e-12, (1e-8, 0.01)
 ANGLE_SD = Bound(
     "a standard uncertainty of an angle", 100 * DEG, 1e-9 * DEG, (1e-5 * DEG, 10 * DEG)
 )
+LENGTH_VARIANCE = Bound("a variance of a length", LENGTH_SD.most**2, LENGTH_SD.least**2)
+ANGLE_VARIANCE = Bound("a variance of an angle", ANGLE_SD.most**2, ANGLE_SD.least**2)
+COVARIANCE = Bound("a covariance", max(LENGTH_VARIANCE.most, ANGLE_VARIANCE.most))
 TEMPERATURE = Bound("a temperature", 1000.0)
 TIME = Bound("a time", 1e12)
 COUNT = Bound("a number of a visit", 1e9)

@@ -205,10 +205,28 @@ def validated(document: Mapping[str, Any], schema: type[Schema], where: str) -> 
         return schema.model_validate_json(json.dumps(document, default=str))
     except ValidationError as error:
         faults: dict[str, Fault] = {}
-        for mistake in error.errors():
+        for mistake in _of_one_branch(error.errors()):
             told = _sentence(schema, dict(mistake))
             faults.setdefault(told, Fault(mistake["loc"], told, value=mistake["input"]))
         raise one_error(list(faults.values()), where) from None
+
+
+def _of_one_branch(mistakes: Sequence[Any]) -> Sequence[dict[str, Any]]:
+    """Mistakes in a key that takes a word or a list: those of what it holds, as the file has it."""
+    kept = []
+    for mistake in mistakes:
+        tags = [str(part).partition("[") for part in mistake["loc"]]
+        word, rows = (any(tag[:2] == (name, "[") for tag in tags) for name in ("literal", "tuple"))
+        if (word and isinstance(mistake["input"], list)) or (
+            rows and mistake["type"] == "tuple_type"
+        ):
+            continue
+        branches = (("literal", "["), ("tuple", "["))
+        loc = tuple(
+            p for p, tag in zip(mistake["loc"], tags, strict=True) if tag[:2] not in branches
+        )
+        kept.append({**mistake, "loc": loc})
+    return kept or list(mistakes)
 
 
 def _sentence(schema: type[Strict], mistake: dict[str, Any]) -> str:

@@ -4,7 +4,21 @@ import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-from testbed.bounds import FACTORS
+from testbed.bounds import (
+    ANGLE,
+    ANGLE_SD,
+    ANGLE_VARIANCE,
+    COORDINATE,
+    COUNT,
+    COVARIANCE,
+    DIRECTION,
+    FACTORS,
+    LENGTH_SD,
+    LENGTH_VARIANCE,
+    TEMPERATURE,
+    TIME,
+    Bound,
+)
 
 LENGTHS = {unit: FACTORS[unit] for unit in ("m", "mm", "um", "in")}
 ANGLES = {unit: FACTORS[unit] for unit in ("rad", "deg", "mdeg", "urad")}
@@ -33,6 +47,26 @@ def covariance_names() -> tuple[str, ...]:
     units = {2: "m2", 3: "m_rad", 4: "rad2"}  # by the letters of both axes
     pairs = ((a, b) for i, a in enumerate(AXES) for b in AXES[i:])
     return tuple(f"cov_{a}_{b}_{units[len(a) + len(b)]}" for a, b in pairs)
+
+
+def unit_of(name: str) -> str:
+    """Unit that the name of a column of numbers carries; empty if none."""
+    unit = name.rpartition("_")[2]
+    return "m rad" if name.endswith("_m_rad") else unit if unit in FACTORS else ""
+
+
+def bound_of(name: str) -> Bound:
+    """Which numbers a column of a name may hold; those without a unit are directions."""
+    unit = unit_of(name)
+    if name.startswith("cov_"):
+        _, a, b, _ = name.split("_", 3)
+        return (LENGTH_VARIANCE if unit == "m2" else ANGLE_VARIANCE) if a == b else COVARIANCE
+    if name.startswith(("u", "U95")):
+        return LENGTH_SD if unit in LENGTHS else ANGLE_SD
+    plain = {"repeat": COUNT, "temperature_degC": TEMPERATURE, "time_s": TIME}
+    if name in plain:
+        return plain[name]
+    return COORDINATE if unit in LENGTHS else ANGLE if unit in ANGLES else DIRECTION
 
 
 def is_known(name: str) -> bool:

@@ -9,15 +9,18 @@ import numpy as np
 from calib.arrays import Array, Index, frozen
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3, log_so3, skew
-from testbed.files.readings import Readings
+from testbed.files.readings import SHOWN, Readings
 from testbed.files.refusal import refusal
 from testbed.files.session import Drift
 from testbed.files.session_toml import DriftTable
+from testbed.units import counted
 
 TIMES = 2.0
 """A drift counts if it is larger than so many of its standard uncertainties."""
 FLAT = 0.02
 """Nests are in line if their second principal extent is below this part of the first."""
+MOST_LOST = 0.1
+"""Part of the rounds that may be lost; one always may."""
 
 
 def split_nests(readings: Readings, nests: Sequence[str]) -> tuple[Readings, Readings]:
@@ -28,12 +31,12 @@ def split_nests(readings: Readings, nests: Sequence[str]) -> tuple[Readings, Rea
 
 def judge_drift(
     readings: Readings, nests: Sequence[str], middle: Array, *, limit: float
-) -> tuple[Drift, Index]:
+) -> tuple[Drift, Index, list[str]]:
     """How the station moved, from its readings of the nests, and where each round begins.
 
     The k-th reading of a nest belongs to the k-th round. One farther than `limit` from the median
-    of its nest is wrong and does not count. Each round is fitted to the first by a rotation and a
-    translation (Procrustes).
+    of its nest is wrong and does not count, nor does a round with fewer than
+    three others. Each round is fitted to the first by a rotation and a translation (Procrustes).
 
     Parameters
     ----------
@@ -52,29 +55,28 @@ def judge_drift(
         Not corrected yet, but judged.
     begins : (r,) array
         Place of each round in the file, as `Readings.order` counts.
+    warnings : list of str
+        Name the shots and rounds that do not count.
 
     Raises
     ------
     InputError
-        M27: fewer than three nests, or nests in line; M35: a nest was not measured, or not as often
-        as the others.
+        M27: fewer than three nests, nests in line, or too many rounds without three good shots;
+        M35: a nest was not measured, or not as often as the others.
     """
-    rounds, begins, wrong = _rounds(readings, nests, limit)
+    rows, rounds, wrong = _rounds(readings, nests, limit)
     _require_nests(rounds, nests, readings.where)
+    kept, warnings = _whole_rounds(readings, rows, rounds)
+    rounds, begins = rounds[kept], readings.order[rows[kept]].mean(axis=1)
     steps, squares, freedom = [], 0.0, 0
     first = rounds[0]
     for k, now in enumerate(rounds):
         both = np.isfinite(now[:, 0]) & np.isfinite(first[:, 0])
-        count = int(both.sum())
-        if count < 3:
-            message = f"a round over the nests has {count} good shots"
-            fix = "raise limit_mm under [drift], or leave the drift out"
-            raise _too_few(readings.where, message, allowed="at least 3", fix=fix)
         R, t = best_fit(first[both], now[both])
         steps.append(np.concatenate([t, log_so3(R)]))
         if k:
             squares += float(np.square(now[both] - first[both] @ R.T - t).sum())
-            freedom += 3 * count - 6
+            freedom += 3 * int(both.sum()) - 6
     # the residual holds the scatter of two rounds: the first and this one
     stated = np.diagonal(readings.covariance[:, :3, :3], axis1=1, axis2=2)
     scatter = np.sqrt(squares / freedom) if freedom > 0 else np.sqrt(stated.mean()) * 2**0.5
@@ -89,7 +91,7 @@ def judge_drift(
         corrected=bool(shift.max(initial=0.0) > TIMES * u),
         wrong=tuple(wrong),
     )
-    return drift, begins
+    return drift, begins, warnings
 
 
 def correct_drift(readings: Readings, drift: Drift, begins: Index) -> Readings:
@@ -120,8 +122,8 @@ def best_fit(a: Array, b: Array) -> tuple[Array, Array]:
 
 def _rounds(
     readings: Readings, nests: Sequence[str], limit: float
-) -> tuple[Array, Index, list[str]]:
-    """Places (r, k, 3) by round, nan where wrong; where rounds begin; wrong readings in words."""
+) -> tuple[Index, Array, list[str]]:
+    """Rows (r, k) of the shots by round, their places (r, k, 3), nan where wrong, and these."""
     counts = Counter(readings.target)
     if not all(counts[nest] for nest in nests) or len(set(counts.values())) > 1:
         shown = ", ".join(f"{nest} {counts[nest]}" for nest in nests)
@@ -131,13 +133,37 @@ def _rounds(
     names = np.array(readings.target)
     rows = np.stack([np.flatnonzero(names == nest) for nest in nests], axis=1)
     place = readings.position[rows]
-    off = np.linalg.norm(place - np.median(place, axis=0), axis=2)
+    missed = np.asarray((place == 0).all(axis=2))
+    middle = [np.median(at[~lost] if not lost.all() else at, axis=0)
+              for at, lost in zip(place.swapaxes(0, 1), missed.T, strict=True)]  # fmt: skip
+    off = np.linalg.norm(place - np.array(middle), axis=2)
     wrong = [
-        f"{readings.place[rows[r, k]]}: nest {nests[k]} is {off[r, k] * 1e3:.3f} mm from its median"
-        for r, k in np.argwhere(off > limit)
+        f"{readings.place[rows[r, k]]}: nest {nests[k]} "
+        + ("was missed" if missed[r, k] else f"is {off[r, k] * 1e3:.3f} mm from its median")
+        for r, k in np.argwhere(missed | (off > limit))
     ]
-    place[off > limit] = np.nan
-    return place, readings.order[rows].mean(axis=1), wrong
+    place[missed | (off > limit)] = np.nan
+    return rows, place, wrong
+
+
+def _whole_rounds(readings: Readings, rows: Index, rounds: Array) -> tuple[Index, list[str]]:
+    """Rounds that share three good shots with the first such one, and a warning of the others."""
+    good = np.isfinite(rounds[:, :, 0])
+    first = int(np.argmax(good.sum(axis=1) >= 3))
+    lost = np.flatnonzero((good & good[first]).sum(axis=1) < 3)
+    if not len(lost):
+        return np.arange(len(rounds)), []
+    lines = ", ".join(readings.place[rows[r, 0]].rpartition(":")[2] for r in lost[:SHOWN])
+    more = f" and {len(lost) - SHOWN} more" if len(lost) > SHOWN else ""
+    lines = f"line{'s' * (len(lost) > 1)} {lines}{more}"
+    which = f"{counted(len(lost), 'round')} over the nests (from {lines})"
+    if len(lost) > max(1, MOST_LOST * len(rounds)) or len(rounds) < 3:
+        has = "has" if len(lost) == 1 else "have"
+        message = f"{which} of {len(rounds)} {has} fewer than three good shots"
+        fix = "raise limit_mm under [drift], or leave the drift out"
+        raise _too_few(readings.where, message, allowed="at least 3", fix=fix)
+    warning = f"{readings.where}: {which} left out: fewer than three good shots"
+    return np.setdiff1d(np.arange(len(rounds)), lost), [warning]
 
 
 def _require_nests(rounds: Array, nests: Sequence[str], where: str) -> None:
@@ -200,11 +226,11 @@ def without_drift(
     if apart is not None:
         _, nests = split_nests(apart, settings.nests)
     middle = robot.position.mean(axis=0)
-    drift, begins = judge_drift(nests, settings.nests, middle, limit=settings.limit_mm / 1e3)
+    drift, begins, lost = judge_drift(nests, settings.nests, middle, limit=settings.limit_mm / 1e3)
     if apart is None or not drift.corrected:
-        return correct_drift(robot, drift, begins), drift, []
+        return correct_drift(robot, drift, begins), drift, lost
     warning = (
         f"{nests.where}: does not say between which poses the nests were shot; the drift is "
         "reported, not taken off"
     )
-    return robot, replace(drift, corrected=False), [warning]
+    return robot, replace(drift, corrected=False), [*lost, warning]

@@ -11,7 +11,8 @@ from calib.errors import InputError
 from testbed.files.columns import UNITS
 from testbed.files.refusal import refusal
 from testbed.files.session import rows_of
-from testbed.files.table import Columns, DataTable, together, valid_rows
+from testbed.files.table import Columns, DataTable, together
+from testbed.files.valid import valid_rows
 from testbed.robots.robot import Robot
 from testbed.strict import choice_of
 
@@ -19,6 +20,8 @@ SPLITS = ("identify", "test")
 BEYOND = 0.05
 """Part of the joint values outside the limits above which the unit is wrong."""
 OTHER_UNIT = {"rad": "deg", "deg": "rad", "m": "mm", "mm": "m"}
+EXTRAS = ("repeat", "temperature_degC", "time_s")
+"""Columns of numbers that any table may have."""
 Source = Literal["commanded", "read-back"]
 
 
@@ -40,8 +43,13 @@ class Extras:
         return rows_of(self, index, columns)
 
 
-def extras_of(table: DataTable) -> Extras:
-    """The columns of a table that say when, how and what for.
+def extra_columns(table: DataTable) -> Columns:
+    """The columns of a table that say when and how, in numbers."""
+    return Columns(tuple(name for name in EXTRAS if name in table))
+
+
+def extras_of(table: DataTable, good: Bool) -> Extras:
+    """The columns of a table that say when, how and what for, of rows (m,) whose numbers are good.
 
     Raises
     ------
@@ -56,11 +64,11 @@ def extras_of(table: DataTable) -> Extras:
                 table.place(row), "split", f'split is "{word[:20]}"', value=word[:20],
                 allowed="it is identify or test", fix=fix,
             )  # fmt: skip
-    time, warnings = _times(table)
+    time, warnings = _times(table, good)
     name = "temperature_degC"
     return Extras(
         pose=table.texts_of("pose_id"),
-        repeat=_repeats(table) if "repeat" in table else None,
+        repeat=_repeats(table, good) if "repeat" in table else None,
         split=split,
         approach=table.texts_of("approach"),
         temperature=table.numbers([name])[:, 0] if name in table else None,
@@ -69,10 +77,10 @@ def extras_of(table: DataTable) -> Extras:
     )
 
 
-def _repeats(table: DataTable) -> Index:
+def _repeats(table: DataTable, good: Bool) -> Index:
     """Which visit each row is."""
-    values = table.numbers(["repeat"])[:, 0]
-    wrong = ~(np.isfinite(values) & (values >= 0) & (values == np.floor(values)) & (values < 1e9))
+    values = np.where(good, table.numbers(["repeat"])[:, 0], 0.0)
+    wrong = (values < 0) | (values != np.floor(values))
     if wrong.any():
         row = int(np.argmax(wrong))
         message = f'repeat is "{table.texts("repeat")[row][:20]}"'
@@ -81,7 +89,7 @@ def _repeats(table: DataTable) -> Index:
     return values.astype(np.int64)
 
 
-def _times(table: DataTable) -> tuple[Array | None, tuple[str, ...]]:
+def _times(table: DataTable, good: Bool) -> tuple[Array | None, tuple[str, ...]]:
     """Times [s], or why there are none: a clock that stands still orders nothing."""
     if "time_s" in table:
         times = table.numbers(["time_s"])[:, 0]
@@ -89,12 +97,12 @@ def _times(table: DataTable) -> tuple[Array | None, tuple[str, ...]]:
         times = _clock(table)
     else:
         return None, ()
-    if not np.isfinite(times).all():
+    if not np.isfinite(times[good]).all():
         return None, (f"{table.where}: the times cannot be read and are not used",)
-    count = len(np.unique(times))
-    if len(times) > 2 and count < len(times) / 2:
+    count = len(np.unique(times[good]))
+    if good.sum() > 2 and count < good.sum() / 2:
         return None, (f"{table.where}: the times are rounded to {count} values and are not used",)
-    return times - times[:1], ()
+    return times - times[good][:1], ()
 
 
 def _clock(table: DataTable) -> Array:
@@ -144,7 +152,9 @@ class Joints:
         return replace(some, extras=self.extras.rows(index))
 
 
-def read_joints(table: DataTable, robot: Robot, source: Source | None, *, drop: bool) -> Joints:
+def read_joints(
+    table: DataTable, robot: Robot, source: Source | None, *, drop: bool | None
+) -> Joints:
     """Joint vectors of a table.
 
     Raises
@@ -164,21 +174,17 @@ def read_joints(table: DataTable, robot: Robot, source: Source | None, *, drop: 
     chosen, other = (read, commanded) if source == "read-back" else (commanded, read)
     if not chosen:
         raise _missing(table, robot, "_read" if source == "read-back" else "")
-    good, warnings = valid_rows(table, chosen.names, drop=drop)
+    used = together(chosen, other, extra_columns(table))
+    good, warnings = valid_rows(table, used, drop=drop)
     q = table.values(chosen)
     _check_limits(table, robot, chosen.names, q, good)
-    read_back = None
-    if other:
-        fine, more = valid_rows(table, other.names, drop=drop)
-        good, warnings = good & fine, warnings + more
-        read_back = table.values(other)
-    extras = extras_of(table)
+    extras = extras_of(table, good)
     whole = Joints(
         where=table.where,
         place=table.places,
         row=np.arange(len(table)),
         q=q,
-        read_back=read_back,
+        read_back=table.values(other) if other else None,
         source=source,
         extras=extras,
         columns=chosen,
@@ -195,7 +201,7 @@ def joint_columns(table: DataTable, robot: Robot, tail: str = "") -> Columns | N
         return None
     if len(there) < len(found):
         raise _missing(table, robot, tail)
-    return together(there)
+    return together(*there)
 
 
 def _stems(robot: Robot) -> list[tuple[str, str]]:

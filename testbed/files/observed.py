@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.arrays import Array, Bool
+from calib.arrays import Array
 from calib.geometry.frames import inverse, transform
 from testbed.files.columns import close_to, is_known, misspelling
-from testbed.files.joints import extras_of
+from testbed.files.joints import extra_columns, extras_of
 from testbed.files.readings import Readings, plain_readings
 from testbed.files.refusal import refusal
 from testbed.files.rotations import checked_rotations, stated_in
@@ -19,8 +19,9 @@ from testbed.files.session_toml import (
     RangesTable,
     UncertaintyTable,
 )
-from testbed.files.table import Columns, DataTable, together, valid_rows
-from testbed.files.uncertainty import spread_of
+from testbed.files.table import Columns, DataTable, together
+from testbed.files.uncertainty import spread_columns, spread_of
+from testbed.files.valid import valid_rows
 
 
 def section_of(table: DataTable) -> ObservedTable:
@@ -71,30 +72,30 @@ def read_observed(
     """
     m = len(table)
     position, distance, rotation = np.zeros((m, 3)), np.zeros(m), np.tile(np.eye(3), (m, 1, 1))
-    stated, turned, used = Stated(), Columns((), ()), Columns((), ())
+    stated, turned = Stated(), Columns()
     if isinstance(section, FramesTable):
         stated, turned = _stated(table, section)
     if isinstance(section, RangesTable):
         distance, used = _distances(table)
     else:
         position, used = _positions(table)
-    good, warnings = valid_rows(table, (*used.names, *turned.names), drop=drop)
+    offset = table.find("length", "reflector_x", "reflector_y", "reflector_z")
+    scatter = spread_columns(section.kind, table, uncertainty)
+    columns = together(used, turned, offset, scatter, extra_columns(table))
+    good, warnings = valid_rows(table, columns, drop=drop)
     if isinstance(section, FramesTable):
         rotation, odd = checked_rotations(stated, table, good)
         rotation = np.where(good[:, None, None], rotation, np.eye(3))
         warnings += odd
     position = np.where(good[:, None], position, 0.0)
     spread = spread_of(section.kind, table, position, good, uncertainty)
-    if spread.columns:
-        fine, more = valid_rows(table, spread.columns, drop=drop)
-        good, warnings = good & fine, warnings + more
     if stated.inverted:
-        if spread.columns:
+        if scatter.names:
             message = 'columns of uncertainties do not fit gives = "T_tool_tracker"'
             fix = "state position_um and rotation_mdeg under [uncertainty] in session.toml"
             raise refusal(table.where, "frames.gives", message, code="M32", fix=fix)
         position, rotation = inverse_poses(position, rotation)
-    extras = extras_of(table)
+    extras = extras_of(table, good)
     plain = plain_readings(table, section.kind, position, spread)
     whole = replace(
         plain,
@@ -103,7 +104,7 @@ def read_observed(
         target=table.texts_of("target") or plain.target,
         anchor=table.texts_of("anchor") or plain.anchor,
         station=table.texts_of("station") or plain.station,
-        offset=_offsets(table, good),
+        offset=np.where(good[:, None], table.values(offset), 0.0) if offset else None,
         stated=stated,
         extras=extras,
         warnings=(*warnings, *spread.warnings, *extras.warnings),
@@ -132,6 +133,17 @@ def polar(r: Array, azimuth: Array, elevation: Array) -> Array:
     """Positions (m, 3) from range [m], azimuth from x toward y and elevation above xy [rad]."""
     flat = r * np.cos(elevation)
     return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), r * np.sin(elevation)], 1)
+
+
+def cartesian(system: str, values: Array) -> Array:
+    """Positions (m, 3) [m] of coordinates that are Cartesian, cylindrical or spherical [m, rad]."""
+    if system == "CARTESIAN":
+        return values
+    r, theta, last = values.T
+    if system == "SPHERICAL":
+        return polar(r, theta, np.pi / 2 - last)
+    flat = polar(r, theta, np.zeros(len(r)))
+    return np.column_stack([flat[:, :2], last])
 
 
 def _stated(table: DataTable, section: FramesTable) -> tuple[Stated, Columns]:
@@ -163,7 +175,7 @@ def _positions(table: DataTable) -> tuple[Array, Columns]:
             + table.found(),
             fix=misspelling(table.names),
         )  # fmt: skip
-    used = together((reach, azimuth, height))
+    used = together(reach, azimuth, height)
     r, a, e = table.values(used).T
     return polar(r, a, e if up else np.pi / 2 - e), used
 
@@ -177,15 +189,6 @@ def _distances(table: DataTable) -> tuple[Array, Columns]:
         message = f"has no column {missing}"
         raise refusal(table.where, missing, message, allowed=table.found(), fix=fix)
     return table.values(found)[:, 0], found
-
-
-def _offsets(table: DataTable, good: Bool) -> Array | None:
-    """Places (m, 3) of the reflectors in the tool frame, where the file gives them [m]."""
-    found = table.find("length", "reflector_x", "reflector_y", "reflector_z")
-    if found is None:
-        return None
-    valid_rows(table, found.names, drop=False)
-    return np.where(good[:, None], table.values(found), 0.0)
 
 
 def _dialect(table: DataTable) -> str:

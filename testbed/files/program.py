@@ -22,8 +22,9 @@ from testbed.disk import atomic_write
 from testbed.files.joints import joint_columns, read_joints
 from testbed.files.refusal import refusal
 from testbed.files.rotations import VECTOR, axes_of, checked_rotations, in_form, stated_in
-from testbed.files.table import Columns, DataTable, table_of, together, valid_rows
+from testbed.files.table import Columns, DataTable, table_of, together
 from testbed.files.text import SEPARATORS, FileText, read_sheet, read_text
+from testbed.files.valid import valid_rows
 from testbed.robots.catalog import Robot
 from testbed.units import DEG
 
@@ -132,7 +133,7 @@ def _correct_joints(
     table: DataTable, robot: Robot, identified: RobotModel
 ) -> tuple[ProgramResult, _Targets]:
     """Joint targets corrected."""
-    joints, nominal = read_joints(table, robot, "commanded", drop=False), robot.model
+    joints, nominal = read_joints(table, robot, "commanded", drop=None), robot.model
     correction = compensate(nominal, identified, joints.q, robot.limits)
     q = np.where(correction.corrected[:, None], correction.q, joints.q)
     T, here = nominal.poses(joints.q), identified.poses(q)
@@ -161,8 +162,8 @@ def _correct_poses(
             fix="a target needs its orientation: add the columns",
         )  # fmt: skip
     stated, turned = found
-    columns = together((place, turned))
-    good, _ = valid_rows(table, columns.names, drop=False)
+    columns = together(place, turned)
+    good, _ = valid_rows(table, columns, drop=None)
     R, odd = checked_rotations(stated, table, good)
     base = nominal.chain.T_world_base
     T = base @ transform(R, table.values(place))
@@ -190,7 +191,7 @@ def _configurations(table: DataTable, robot: Robot, T: Array) -> tuple[Array, tu
     """Joints (m, n) near which the controller reaches its targets, and where they come from."""
     nominal = robot.model
     if joint_columns(table, robot):
-        return read_joints(table, robot, "commanded", drop=False).q, ()
+        return read_joints(table, robot, "commanded", drop=None).q, ()
     seeds = np.empty((len(T), nominal.chain.n_joints))
     everywhere = spread(robot.limits, STARTS)
     before = robot.limits.mean(axis=1)

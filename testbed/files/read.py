@@ -103,7 +103,8 @@ def read_session(
     session = assemble(
         [part for part, _ in joined], robot, settings, name=settings.name or file.stem
     )
-    warnings = [text for one in cleaned for text in one.warnings]
+    warnings = [f"{toml}: {text}" for text in settings.uncertainty.odd]
+    warnings += [text for one in cleaned for text in one.warnings]
     warnings += [text for _, match in joined for text in match.warnings]
     if settings.robot and settings.robot != robot.name:
         warnings.append(f'the session names the robot "{settings.robot}", not {robot.name}')
@@ -203,7 +204,7 @@ def _nests(sources: Sources, settings: SessionFile) -> Readings | None:
 def _table(text: FileText, settings: SessionFile, *sections: FileTable | None) -> DataTable:
     """The table of a CSV under our column names."""
     dialect = settings.dialect
-    sheet = read_sheet(text, separator=dialect.separator or "")
+    sheet = read_sheet(text, separator=dialect.separator or "", header=dialect.header)
     # what the first section maps must be there; the others may mean other files
     mapping = {
         own: theirs

@@ -235,4 +235,4 @@ def _plain_columns(table: DataTable, names: tuple[str, ...]) -> Columns | None:
         return None
     if len(there) < len(names):
         raise table.incomplete(there[0], [name for name in names if name not in table])
-    return Columns(names, (1.0,) * len(names))
+    return Columns(names)

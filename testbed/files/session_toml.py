@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from testbed.bounds import ANGLE_SD, CELL, COORDINATE, FACTORS, LENGTH_SD, shown
 from testbed.files.refusal import refusal
 from testbed.files.text import FileText, SourceFile, read_text
 from testbed.robots.robot import Reflector
@@ -13,9 +14,11 @@ from testbed.strict import Strict
 
 SESSION_FILE = "session.toml"
 Name = Annotated[str, Field(min_length=1, max_length=200)]
-Point = tuple[float, float, float]
-Positive = Annotated[float, Field(gt=0.0, le=1e9)]
-Floor = Annotated[float, Field(ge=0.0, le=1e9)]
+Coordinate = Annotated[float, COORDINATE.signed("mm")]
+Point = tuple[Coordinate, Coordinate, Coordinate]
+LengthSd = Annotated[float, LENGTH_SD.size("um")]
+AngleSd = Annotated[float, ANGLE_SD.size("mdeg")]
+Floor = Annotated[float, LENGTH_SD.or_zero("um")]
 Euler = Annotated[str, Field(min_length=1, max_length=20)]
 Place = Point | Literal["free"]
 
@@ -23,6 +26,9 @@ Place = Point | Literal["free"]
 class DialectTable(Strict):
     """[dialect]: how cells are written, where the file leaves a doubt."""
 
+    header: bool | None = None
+    """Whether the first line names the columns; false: they are called "1", "2" ... and named by
+    the tables `columns`. Left out: it does, and is refused where it holds numbers."""
     separator: Literal["comma", "semicolon", "tab", "space"] | None = None
     decimal: Literal[".", ","] | None = None
 
@@ -128,7 +134,7 @@ class DriftTable(Strict):
     """[drift]: nests that stay on the floor."""
 
     nests: Annotated[tuple[Name, ...], Field(min_length=1)]
-    limit_mm: Positive = 0.2
+    limit_mm: Annotated[float, CELL.size("mm")] = 0.2
     file: Name | None = None
     """Their shots; the file of the points if left out."""
 
@@ -136,14 +142,14 @@ class DriftTable(Strict):
 class UncertaintyTable(Strict):
     """[uncertainty]: standard uncertainties (k = 1) of one reading, per axis."""
 
-    position_um: Positive | None = None
-    rotation_mdeg: Positive | None = None
-    distance_um: Positive | None = None
+    position_um: LengthSd | None = None
+    rotation_mdeg: AngleSd | None = None
+    distance_um: LengthSd | None = None
     mpe_um: tuple[Floor, Floor] | None = None
     """Maximum permissible error across the beam: constant, and per meter of range."""
     mpe_rule: Literal["rectangular", "two_sigma", "typical"] = "typical"
     at_least_position_um: Floor = 0.0
-    at_least_rotation_mdeg: Floor = 0.0
+    at_least_rotation_mdeg: Annotated[float, ANGLE_SD.or_zero("mdeg")] = 0.0
     at_least_distance_um: Floor = 0.0
     joint_repeatability: Literal["robot", "included"] = "robot"
     """Whether the scatter of the joints comes on top, or is in the stated numbers already."""
@@ -153,7 +159,24 @@ class UncertaintyTable(Strict):
         """One source of the position."""
         if self.position_um is not None and self.mpe_um is not None:
             raise ValueError("write either position_um or mpe_um")
+        least = shown(LENGTH_SD.least, "um")
+        if self.mpe_um is not None and max(self.mpe_um) < least:
+            raise ValueError(f"one number of mpe_um must be {least:g} um or more")
         return self
+
+    @property
+    def odd(self) -> tuple[str, ...]:
+        """Sentences on numbers that are hardly meant."""
+        stated = {"position_um": self.position_um, "distance_um": self.distance_um}
+        constant, slope = self.mpe_um or (None, None)
+        stated |= {"rotation_mdeg": self.rotation_mdeg, "mpe_um": max(constant or 0, slope or 0)}
+        return tuple(
+            f"[uncertainty] {key} is {value:g}; {bound.allowed(unit, usual=True)}"
+            for key, value in stated.items()
+            for unit in [key.rpartition("_")[2]]
+            for bound in [ANGLE_SD if unit == "mdeg" else LENGTH_SD]
+            if value and not bound.is_usual(value * FACTORS[unit])
+        )
 
 
 class IdentificationTable(Strict):

@@ -11,27 +11,31 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.arrays import Array
-from testbed.files.columns import ANGLES, LENGTHS, is_known
+from testbed.files.columns import ANGLES, LENGTHS, MATRIX_COLUMNS, QUATERNION_COLUMNS, is_known
 from testbed.files.joints import Extras
 from testbed.files.matching import visits_of
-from testbed.files.observed import inverse_poses, polar
+from testbed.files.observed import cartesian, inverse_poses
 from testbed.files.readings import Readings, plain_readings
 from testbed.files.refusal import refusal
-from testbed.files.rotations import MATRIX, QUATERNION, checked_rotations, sequence_of
+from testbed.files.rotations import checked_rotations, sequence_of
 from testbed.files.session import Stated
 from testbed.files.session_toml import FramesTable, OpticalTable, PointsTable, UncertaintyTable
-from testbed.files.table import DataTable, number_of, table_of, unknown_column, valid_rows
+from testbed.files.table import Columns, DataTable, number_of, table_of, together, unknown_column
 from testbed.files.text import FileText, Sheet
-from testbed.files.uncertainty import spread_of
+from testbed.files.uncertainty import spread_columns, spread_of
+from testbed.files.valid import valid_rows
 
 AXES = re.compile(r"AXES\s*=\s*(\w+)\s*:(.*)", re.IGNORECASE)
 UNIT = re.compile(r"\((mm|m|meters|millimeters|inches|in|degrees|deg|radians|rad)\)", re.IGNORECASE)
 UNITS = {"meters": "m", "millimeters": "mm", "inches": "in", "degrees": "deg", "radians": "rad"}
-SYSTEMS = ("CARTESIAN", "CYLINDRICAL", "SPHERICAL")
+SYSTEMS = {
+    "CARTESIAN": ("x", "y", "z"),
+    "CYLINDRICAL": ("range", "azimuth", "z"),
+    "SPHERICAL": ("range", "azimuth", "zenith"),
+}
+"""Our names of the coordinates of each system; the polar angle of a sphere is that from z."""
 NAMES = ("target", "group", "collection")
 """What the fields before the coordinates are, the last one first."""
-COORDINATES = ("c1", "c2", "c3")
 CYCLING = "the k-th shot at a target belongs to the k-th pose"
 
 
@@ -161,14 +165,18 @@ def _read_points(
     room = min(len(fields) for fields in lines.fields) - k - 3
     _check_after(section.after, room, lines.where)
     after = [own or f"unused{j}" for j, own in enumerate(section.after)]
-    table = _table(lines, [*reversed(NAMES[:k]), *COORDINATES, *after])
-    good, warnings = valid_rows(table, COORDINATES, drop=drop)
-    numbers = np.where(good[:, None], table.numbers(COORDINATES), 0.0)
-    position = _cartesian(lines, numbers, length, section.angle)
+    units = {"azimuth": "", "zenith": ""}
+    if lines.system != "CARTESIAN":
+        angle = unit_of(lines, lines.angle, section.angle, "points.angle", ANGLES)
+        units = dict.fromkeys(units, angle)
+    columns = Columns(tuple(f"{x}_{units.get(x, length)}" for x in SYSTEMS[lines.system]))
+    table = _table(lines, [*reversed(NAMES[:k]), *columns.names, *after])
+    scatter = spread_columns("point", table, uncertainty)
+    good, warnings = valid_rows(table, together(columns, scatter), drop=drop)
+    position = cartesian(lines.system, np.where(good[:, None], table.values(columns), 0.0))
     spread = spread_of("point", table, position, good, uncertainty)
     pose, target, rule = _poses(table, k, section)
-    system = lines.system.lower()
-    note = f"Spatial Analyzer points, {system}, {length}, {k} name fields; {rule}"
+    note = f"Spatial Analyzer points, {lines.system.lower()}, {length}, {k} name fields; {rule}"
     whole = replace(
         plain_readings(table, "point", position, spread),
         target=target,
@@ -202,14 +210,19 @@ def _read_frames(
             allowed=f"a name and {count} numbers for {form}; found: {lines.separator} between them",
             fix="check [frames] in session.toml",
         )  # fmt: skip
-    names = [f"n{j}" for j in range(count + 3 * full)]
-    table = _table(lines, ["pose_id", *names])
-    good, warnings = valid_rows(table, names, drop=drop)
-    numbers = np.where(good[:, None], table.numbers(names), 0.0)[:, 3 * full :]
-    position, stated = _frames(lines, form, numbers, section)
+    place = Columns(tuple(f"{axis}_{length}" for axis in "xyz"))
+    turned, head = _turned(form, place, lines, section)
+    table = _table(lines, ["pose_id", *(f"unused{k}" for k in range(3 * full)), *head])
+    good, warnings = valid_rows(table, together(place, turned), drop=drop)
+    position = np.where(good[:, None], table.values(place), 0.0)
+    numbers = np.where(good[:, None], table.values(turned), 0.0)
+    stated = Stated(
+        sequence_of(section.euler, lines.where) if form == "euler" else form.partition("_")[0],
+        numbers,
+        section.gives == "T_tool_tracker",
+    )
     rotation, odd = checked_rotations(stated, table, good)
     rotation = np.where(good[:, None, None], rotation, np.eye(3))
-    position = position * LENGTHS[length]
     spread = spread_of("pose", None, position, good, uncertainty)
     if stated.inverted:
         position, rotation = inverse_poses(position, rotation)
@@ -224,19 +237,20 @@ def _read_frames(
     return whole.rows(good)
 
 
-def _frames(lines: Lines, form: str, numbers: Array, section: FramesTable) -> tuple[Array, Stated]:
-    """Positions (m, 3) as in the file and rotations as they stand."""
-    inverted = section.gives == "T_tool_tracker"
-    if form == "matrix":
-        T = numbers.reshape(-1, 4, 4)
-        return T[:, :3, 3], Stated(MATRIX, T[:, :3, :3].reshape(-1, 9), inverted)
-    position, rest = numbers[:, :3], numbers[:, 3:]
+def _turned(
+    form: str, place: Columns, lines: Lines, section: FramesTable
+) -> tuple[Columns, list[str]]:
+    """Columns of rotations in a form of [frames] rotation, and all of a frame as they stand."""
     if form == "euler":
         angle = unit_of(lines, lines.angle, section.angle, "frames.angle", ANGLES)
-        sequence = sequence_of(section.euler, lines.where)
-        return position, Stated(sequence, rest * ANGLES[angle], inverted)
-    order = [0, 1, 2, 3] if form == "quaternion_scalar_first" else [3, 0, 1, 2]
-    return position, Stated(QUATERNION, rest[:, order], inverted)
+        turned = Columns(tuple(f"e{k}_{angle}" for k in (1, 2, 3)))
+        return turned, [*place.names, *turned.names]
+    if form == "matrix":
+        (x, y, z), r = place.names, MATRIX_COLUMNS
+        return Columns(r), [*r[:3], x, *r[3:6], y, *r[6:], z]
+    w, *xyz = QUATERNION_COLUMNS
+    order = [w, *xyz] if form == "quaternion_scalar_first" else [*xyz, w]
+    return Columns(QUATERNION_COLUMNS), [*place.names, *order]
 
 
 def _check_after(after: Sequence[str], room: int, where: str) -> None:
@@ -255,20 +269,6 @@ def _table(lines: Lines, head: Sequence[str]) -> DataTable:
     rows = tuple(fields[: len(head)] for fields in lines.fields)
     sheet = Sheet(lines.where, tuple(head), rows, lines.lines, lines.separator, lines.encoding)
     return table_of(sheet, {}, decimal=".")
-
-
-def _cartesian(lines: Lines, numbers: Array, length: str, angle: str | None) -> Array:
-    """Positions (m, 3) [m] of coordinates in the system of the export."""
-    unit, system = LENGTHS[length], lines.system
-    if system == "CARTESIAN":
-        return numbers * unit
-    turn = ANGLES[unit_of(lines, lines.angle, angle, "points.angle", ANGLES)]
-    r, theta, last = numbers.T
-    if system == "CYLINDRICAL":
-        flat = polar(r * unit, theta * turn, np.zeros(len(r)))
-        return np.column_stack([flat[:, :2], last * unit])
-    # the third coordinate is the angle from the z axis
-    return polar(r * unit, theta * turn, np.pi / 2 - last * turn)
 
 
 def _poses(

@@ -6,31 +6,33 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.arrays import Array, Bool
+from calib.arrays import Array
 from calib.errors import InputError
-from testbed.files.columns import TEXTS, UNITS, close_to, is_known, misspelling
+from testbed.bounds import FACTORS
+from testbed.files.columns import TEXTS, UNITS, close_to, is_known, misspelling, unit_of
 from testbed.files.refusal import refusal
 from testbed.files.text import Sheet
 from testbed.strict import choice_of
 
-SHOWN = 10
-"""Cells named in one message."""
 GROUPED = re.compile(r"\d[ '\u00a0\u202f\u2019]\d")
 THREE = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Columns of a table that belong together, and their factors to SI."""
+    """Columns of numbers that belong together; their own names carry the units."""
 
-    names: tuple[str, ...]
-    factors: tuple[float, ...]
+    names: tuple[str, ...] = ()
+
+    @property
+    def factors(self) -> tuple[float, ...]:
+        """Of each unit, to SI."""
+        return tuple(FACTORS[unit_of(name)] for name in self.names)
 
 
-def together(parts: Sequence[Columns]) -> Columns:
-    """All columns of some."""
-    names = tuple(name for part in parts for name in part.names)
-    return Columns(names, tuple(factor for part in parts for factor in part.factors))
+def together(*parts: Columns | None) -> Columns:
+    """All columns of some; None has none."""
+    return Columns(tuple(name for part in parts if part for name in part.names))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,7 +112,7 @@ class DataTable:
         if missing:
             fix = misspelling(self.names) or "give all of them or none"
             raise self.incomplete(found[0], missing, fix)
-        return Columns(found, tuple(units[name.rpartition("_")[2]] for name in found))
+        return Columns(found)
 
     def incomplete(
         self, there: str, missing: Sequence[str], fix: str = "give all of them or none"
@@ -191,34 +193,6 @@ def unknown_column(where: str, key: str, own: str, fix: str) -> InputError:
     """The error of a name under a key of session.toml that is none of ours; a likely one first."""
     message = f'{key.rpartition(".")[2]}: "{own}" is no column of this program'
     return refusal(where, key, message, code="S37", value=own, fix=close_to(own) or fix)
-
-
-def valid_rows(table: DataTable, names: Sequence[str], *, drop: bool) -> tuple[Bool, list[str]]:
-    """Rows (m,) whose cells are all numbers, and the warning that names the others.
-
-    Raises
-    ------
-    InputError
-        M25: there are others, unless `drop`.
-    """
-    numeric = np.isfinite(table.numbers(names))
-    good = np.asarray(numeric.all(axis=1))
-    count = int((~good).sum())
-    if not count:
-        return good, []
-    bad = [(int(row), names[k]) for row, k in np.argwhere(~numeric)[: SHOWN + 1]]
-    lines = [
-        f'line {table.sheet.lines[row]} {table.names[name]} "{table.texts(name)[row][:20]}"'
-        for row, name in bad[:SHOWN]
-    ]
-    message = (
-        f"{count} of {len(table)} rows {'has' if count == 1 else 'have'} cells that are not "
-        f"numbers ({', '.join(lines)}{' ...' * (len(bad) > SHOWN)})"
-    )
-    if not drop:
-        column, fix = table.names[bad[0][1]], "mend them or add --drop-invalid"
-        raise refusal(table.where, column, message, code="M25", value=count, fix=fix)
-    return good, [f"{table.where}: {message}; left out"]
 
 
 def _decimal_mark(table: DataTable, numeric: Sequence[str]) -> str:

@@ -13,6 +13,7 @@ MAX_MB = 100.0
 MAX_ROWS = 1_000_000
 MAX_LINE = 65_536
 """Bytes."""
+NUMBER = re.compile(r"[+-]?\d[\d.,]*([eE][+-]?\d+)?")
 SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "space": " "}
 """In the order in which they are looked for."""
 FOREIGN = (
@@ -138,7 +139,7 @@ def _bytes(path: Path, where: str, max_mb: float) -> bytes:
     return data
 
 
-def read_sheet(text: FileText, *, separator: str = "") -> Sheet:
+def read_sheet(text: FileText, *, separator: str = "", header: bool | None = None) -> Sheet:
     """Cells of a table whose first line names the columns; lines that begin with # do not count.
 
     Parameters
@@ -147,22 +148,30 @@ def read_sheet(text: FileText, *, separator: str = "") -> Sheet:
         From `read_text`.
     separator : str
         One of `SEPARATORS`; found in the first line if empty.
+    header : bool, optional
+        Whether the first line names the columns; without it they are called by their numbers, from
+        "1". None: it does, and most of it is no numbers.
 
     Raises
     ------
     InputError
-        M35: a row is longer or shorter than the head, a name comes twice, a quote stays open.
+        M35: the first line holds numbers, a row is longer or shorter than the head, a name comes
+        twice, a quote stays open.
     """
     content = text.content("#")
     if not content:
         raise refusal(text.where, "file", "has no table")
     separator = separator or separator_of(content[0][1])
     cells = split_cells(content, separator, text.where)
-    head = _trimmed(cells[0])
+    head, first = _trimmed(cells[0]), 1
+    if header is False:
+        head, first = tuple(str(k + 1) for k in range(len(head))), 0
+    elif header is None:
+        _require_names(head, f"{text.where}:{content[0][0]}")
     _check_head(head, text.where)
     width = len(head)
-    rows = tuple(tuple(row if any(row[width:]) else row[:width]) for row in cells[1:])
-    lines = tuple(number for number, _ in content[1:])
+    rows = tuple(tuple(row if any(row[width:]) else row[:width]) for row in cells[first:])
+    lines = tuple(number for number, _ in content[first:])
     sheet = Sheet(text.where, head, rows, lines, separator, text.encoding)
     _check_lengths(sheet)
     return sheet
@@ -193,6 +202,18 @@ def split_cells(content: Sequence[tuple[int, str]], separator: str, where: str) 
 def _trimmed(cells: Sequence[str]) -> tuple[str, ...]:
     """Cells without the empty ones that separators at the end of a line leave."""
     return tuple(cells[: max((k + 1 for k, cell in enumerate(cells) if cell), default=0)])
+
+
+def _require_names(head: Sequence[str], where: str) -> None:
+    """Refuse a first line that holds data."""
+    numbers = [cell[:20] for cell in head if NUMBER.fullmatch(cell)]
+    if 2 * len(numbers) >= len(head) > 0:
+        line = where.rpartition(":")[2]
+        raise refusal(
+            where, "file", f'line {line} holds numbers ("{numbers[0]}")', value=numbers[0],
+            allowed="the first line names the columns: pose_id, q1_deg ..., x_mm ...",
+            fix="name the columns, or say header = false under [dialect] in session.toml",
+        )  # fmt: skip
 
 
 def _check_head(head: tuple[str, ...], where: str) -> None:

@@ -6,10 +6,11 @@ import numpy as np
 
 from calib.arrays import Array, Bool
 from calib.measurement.noise import spherical_covariance
+from testbed.bounds import LENGTH_SD
 from testbed.files.columns import AXES, covariance_names
 from testbed.files.refusal import refusal
 from testbed.files.session_toml import UncertaintyTable
-from testbed.files.table import Columns, DataTable
+from testbed.files.table import Columns, DataTable, together
 
 MPE_RULES = {"rectangular": 3**-0.5, "two_sigma": 0.5, "typical": 0.25}
 """Standard uncertainty as a part of the maximum permissible error."""
@@ -25,9 +26,27 @@ class Spread:
     covariance: Array
     """(m, 6, 6) of [position (m); rotation (rad)], one where a reading states nothing."""
     source: str
-    columns: tuple[str, ...] = ()
-    """Of the file, if they come from there."""
     warnings: tuple[str, ...] = ()
+
+
+def spread_columns(kind: str, table: DataTable, settings: UncertaintyTable) -> Columns:
+    """The columns of a table that its covariances come from; none if session.toml states them."""
+    if not _is_stated(settings) and (full := _full_columns(table)):
+        return Columns(full)
+    stated = {"position": settings.mpe_um or settings.position_um}
+    stated |= {"rotation": settings.rotation_mdeg, "distance": settings.distance_um}
+    return together(*(_columns(part, table) for part in _parts(kind) if stated[part] is None))
+
+
+def _is_stated(settings: UncertaintyTable) -> bool:
+    """Whether session.toml states any uncertainty."""
+    given = (settings.position_um, settings.rotation_mdeg, settings.distance_um, settings.mpe_um)
+    return any(value is not None for value in given)
+
+
+def _parts(kind: str) -> tuple[str, ...]:
+    """What a reading of a kind measures."""
+    return ("distance",) if kind == "distance" else ("position", "rotation")[: SIZE[kind] // 3]
 
 
 def spread_of(
@@ -55,22 +74,19 @@ def spread_of(
     InputError
         M33: nothing is stated, or something below zero; M34: a covariance is none.
     """
-    given = (settings.position_um, settings.rotation_mdeg, settings.distance_um, settings.mpe_um)
-    if table is not None and all(value is None for value in given):
+    if table is not None and not _is_stated(settings):
         full = _full_columns(table)
         if full:
             covariance = _from_entries(table, full, good, SIZE[kind])
-            return Spread(covariance, f"the covariances of {table.where}", full)
+            return Spread(covariance, f"the covariances of {table.where}")
     covariance = np.tile(np.eye(6), (len(position), 1, 1))
-    parts = ("distance",) if kind == "distance" else ("position", "rotation")[: SIZE[kind] // 3]
-    spreads = [_part(part, table, position, good, settings) for part in parts]
+    spreads = [_part(part, table, position, good, settings) for part in _parts(kind)]
     for k, spread in enumerate(spreads):
         own = slice(3 * k, 3 * k + spread.covariance.shape[1])
         covariance[:, own, own] = spread.covariance
     return Spread(
         covariance,
         " and ".join(dict.fromkeys(spread.source for spread in spreads)),
-        tuple(name for spread in spreads for name in spread.columns),
         tuple(warning for spread in spreads for warning in spread.warnings),
     )
 
@@ -109,7 +125,7 @@ def _part(
     u = np.maximum(u * (0.5 if expanded else 1.0), least)
     source = f"columns {', '.join(table.names[name] for name in found.names)}"
     at_least = f", at least {least * 1e6:g} {'urad' if turns else 'um'}"
-    return Spread(_diagonal(u), source + at_least * bool(least), found.names, tuple(warnings))
+    return Spread(_diagonal(u), source + at_least * bool(least), tuple(warnings))
 
 
 def _without_zeros(table: DataTable, columns: Columns, good: Bool) -> tuple[Array, list[str]]:
@@ -161,11 +177,12 @@ def _from_mpe(position: Array, good: Bool, settings: UncertaintyTable) -> Spread
     constant, slope = settings.mpe_um or (0.0, 0.0)
     part = MPE_RULES[settings.mpe_rule]
     sd = (constant * 1e-6 * part, slope * 1e-6 * part)
-    at = np.where(good[:, None], position, 1.0)
+    # a missed shot, 0 0 0, has no direction: it is left out later
+    at = np.where((good & position.any(axis=1))[:, None], position, 1.0)
     covariance = spherical_covariance(
         at, np.eye(4), range_sd=sd, transverse_sd=sd, rotation_sd=(1.0, 1.0, 1.0)
     )[:, :3, :3]
-    least = settings.at_least_position_um * 1e-6
+    least = max(settings.at_least_position_um * 1e-6, LENGTH_SD.least)
     u = np.maximum(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), least)
     source = f"MPE {constant:g} um + {slope:g} um/m, read as {settings.mpe_rule}"
     return Spread(_diagonal(u), source)

@@ -19,7 +19,19 @@ DATA = made(8, 40, 0.0)
 ARM = np.array([0.05, 0.03, 0.08])
 
 
-def measured(folder, *, drift, noise, rng, rounds=5, nests=NESTS, limit=0.2, spoil=None):
+def measured(
+    folder,
+    *,
+    drift,
+    noise,
+    rng,
+    rounds=5,
+    nests=NESTS,
+    limit=0.2,
+    spoil=None,
+    missed=(),
+    stated="position_um = 5",
+):
     """Rounds over the nests among the poses, by a station that moves in proportion."""
     rows = {k: [] for k in ("pose_id", "target", *(f"q{j + 1}_rad" for j in range(N)))}
     rows |= {f"{a}_m": [] for a in "xyz"}
@@ -39,12 +51,14 @@ def measured(folder, *, drift, noise, rng, rounds=5, nests=NESTS, limit=0.2, spo
         seen = T[:3, :3] @ p + T[:3, 3] + noise * rng.standard_normal(3)
         if spoil == n:
             seen[0] += 0.4e-3
+        if n in missed:
+            seen[:] = 0.0
         q = DATA.q[k] if k >= 0 else np.zeros(N)
         for key, value in zip(rows, (str(max(k, 0)), name, *q, *seen), strict=True):
             rows[key].append(value)
     (folder / "a.csv").write_text(csv(rows, form="{:.17g}"))
     (folder / "s.toml").write_text(
-        f"[points]\n[uncertainty]\nposition_um = 5\n[drift]\nnests = {list(nests)}\n"
+        f"[points]\n[uncertainty]\n{stated}\n[drift]\nnests = {list(nests)}\n"
         f"limit_mm = {limit}\n".replace("'", '"')
     )
     return read_session(folder / "a.csv", ROBOT, config=folder / "s.toml"), np.array(true)
@@ -125,3 +139,51 @@ def test_a_nest_that_is_never_in_its_place_is_named(tmp_path):
             limit=0.15,
             spoil=second_round_b2,
         )
+
+
+THREE = {name: NESTS[name] for name in ("B1", "B2", "B3")}
+STILL = {"drift": np.zeros(6), "noise": 3e-6, "nests": THREE}
+
+
+def rng():
+    return np.random.default_rng(5)
+
+
+@pytest.mark.parametrize("bad", [*range(11)])
+def test_a_round_without_three_good_shots_is_named_and_left_out(tmp_path, bad):
+    shot = bad * (3 + 4) + 1
+    for spoiled in ({"spoil": shot}, {"missed": [shot]}):
+        session, _ = measured(tmp_path, rounds=11, rng=rng(), **STILL, **spoiled)
+        line = 2 + shot - 1
+        told = f"1 round over the nests (from line {line}) left out: fewer than three good shots"
+        assert [text for text in session.warnings if text == f"{tmp_path / 'a.csv'}: {told}"]
+        assert len(session.drift.steps) == 10
+        assert np.isfinite(session.measurements.position).all()
+        assert session.drift.wrong[0].startswith(f"{tmp_path / 'a.csv'}:{line + 1}: nest B2 ")
+
+
+def test_the_drift_is_found_without_the_first_round(tmp_path):
+    step = [80e-6, -50e-6, 30e-6, 0.0, 0.0, 0.0]
+    session, _ = measured(tmp_path, drift=step, noise=1e-6, rng=rng(), nests=THREE, missed=[2])
+    assert session.drift.corrected
+    assert len(session.drift.steps) == 4
+
+
+def test_too_many_lost_rounds_are_refused_with_their_lines(tmp_path):
+    with pytest.raises(
+        InputError, match=r"2 rounds over the nests \(from lines 2, 15\) of 5"
+    ) as caught:
+        measured(tmp_path, rng=rng(), **STILL, missed=[1, 14])
+    assert caught.value.code == "M27"
+    assert caught.value.where == str(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("missed", [[1], [5]])
+def test_a_missed_shot_needs_no_direction_for_an_mpe(tmp_path, missed):
+    """Shot 1 is at a nest, shot 5 at the robot: 0 0 0 lies at the tracker's own origin."""
+    session, true = measured(tmp_path, rng=rng(), **STILL, missed=missed, stated="mpe_um = [15, 6]")
+    assert len(session.measurements) == len(true) - (missed == [5])
+    assert np.isfinite(session.measurements.covariance).all()
+    left_out = session.drift.wrong if missed == [1] else session.masked
+    line = f"{tmp_path / 'a.csv'}:3" if missed == [1] else "line 7"
+    assert any(line in text for text in left_out)

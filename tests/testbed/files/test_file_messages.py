@@ -33,6 +33,9 @@ def table(**changes):
     return with_spread(columns(made())) | {"euler": ["XYZ"] * 29} | changes
 
 
+SIGMA_COLUMNS = ("ux_mm", "uy_mm", "uz_mm", "urx_deg", "ury_deg", "urz_deg")
+
+
 def without(*names, **changes):
     return {k: v for k, v in table(**changes).items() if k not in names}
 
@@ -185,6 +188,24 @@ CASES = {
     ),
     "M27 three poses": identified(made(m=3)),
     "M27 two poses": identified(made(m=2)),
+    "V6 an empty temperature": read(table(temperature_degC=["20.1"] * 28 + [""])),
+    "V9 a coordinate of 1e300": read(wrong("x_mm", 15, "1e300")),
+    "V9 a joint of 1e308": read(wrong("q2_deg", 15, "-1e308")),
+    "V9 an uncertainty of 1e-300": read(wrong("uy_mm", 4, "1e-300")),
+    "V9 covariances of 1e308": read(
+        without(*SIGMA_COLUMNS) | dict.fromkeys(covariance_names(), ["1e308"] * 29)
+    ),
+    "V9 a reflector at 1e300": read(
+        table(), "[points]\nreflectors_mm = { A = [0, 0, 1e300] }\n"
+    ),
+    "V10 an uncertainty of 1e-12": read(
+        table(), "[frames]\n[uncertainty]\nposition_um = 1e-12\n"
+    ),
+    "V10 an uncertainty of 1e9": read(
+        table(), "[frames]\n[uncertainty]\nposition_um = 1e9\nrotation_mdeg = 1e9\n"
+    ),
+    "V10 an MPE of nothing": read(table(), "[frames]\n[uncertainty]\nmpe_um = [0, 1e-300]\n"),
+    "V31 no names": read("\n".join(csv(table()).split("\n")[1:])),
     "M27 nothing left": read(some(table(x_mm=[0] * 29, y_mm=[0] * 29, z_mm=[0] * 29), slice(0, 5))),
     "M31 readings without joints": apart(some(JOINTS, slice(0, 25)), SEEN),
     "M31 joints without readings": apart(JOINTS, some(SEEN, slice(0, 27))),
@@ -263,7 +284,7 @@ CASES = {
                  for j in range(N)},
               split=["test", *["identify"] * 28])
     ),
-    "M35 a repeat that is none": read(wrong("pose_id", 0, "1") | {"repeat": ["a"] * 29}),
+    "M35 a repeat that is none": read(wrong("pose_id", 0, "1") | {"repeat": ["0.5"] * 29}),
     "M35 a mapped column is missing": read(table(), '[frames]\n[frames.columns]\nx_mm = "X"\n'),
     "M36 too large": read(table(), max_mb=0.001),
     "M36 too many rows": read("a\n" * 1_000_001),
@@ -346,6 +367,13 @@ SAID = {
     ),
     "M23 rounded matrices": lambda f: told(read(MATRIX | {"r11": R["r11"] + 1e-5})(f)),
     "M25 left out": lambda f: told(read(wrong("x_mm", 15, ""), drop_invalid=True)(f)),
+    "V6 a temperature left out": lambda f: told(
+        read(table(temperature_degC=["20.1"] * 28 + ["warm"]), drop_invalid=True)(f)
+    ),
+    "V9 left out": lambda f: told(read(wrong("x_mm", 15, "1e300"), drop_invalid=True)(f)),
+    "V10 odd uncertainties": lambda f: told(read(
+        table(), "[frames]\n[uncertainty]\nposition_um = 1e-3\nrotation_mdeg = 2e4\n")(f)),
+    "V10 odd uncertainties in the table": lambda f: told(read(wrong("uy_mm", 4, "1e-9"))(f)),
     "M26 copied rows": lambda f: told(read(some(table(), [*range(29), 3, 4]) | {
         "pose_id": [*range(31)]})(f)),
     "M28 a joint that never moves": reduced(identified(frozen_joint(made(), 2))),

@@ -1,0 +1,135 @@
+"""Every number of a measurement file is looked at before anything is computed."""
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from testbed.files.columns import bound_of, covariance_names, unit_of
+from testbed.files.program import correct_program
+from testbed.files.read import ReadOptions, read_session
+from tests.testbed.files.made import ROBOT, N, columns, csv, made, with_spread
+
+OPTIONAL = {
+    "temperature_degC": 20.0,
+    "time_s": 1.7e9 + np.arange(29),
+    "repeat": 0,
+    "reflector_x_mm": 10.0,
+    **{f"q{j + 1}_read_deg": np.degrees(made().q[:, j]) for j in range(N)},
+}
+NO_NUMBERS = ("", "nan", "-inf", "warm")
+BEYOND = ("1e300", "-1e308")
+SOURCE = '[joints]\nsource = "commanded"\n'
+CONFIG = SOURCE + '[frames]\neuler = "XYZ"\n'
+
+
+def whole():
+    """Full poses with every optional column."""
+    out = with_spread(columns(made())) | OPTIONAL | {"reflector_y_mm": 0.0, "reflector_z_mm": 0.0}
+    return {name: np.broadcast_to(value, 29) for name, value in out.items()}
+
+
+def covariances():
+    """The same with full covariances instead of uncertainties."""
+    table = {name: values for name, values in whole().items() if not name.startswith("u")}
+    entries = {name: np.full(29, 1e-10 * (name.split("_")[1] == name.split("_")[2]))
+               for name in covariance_names()}  # fmt: skip
+    return table | entries
+
+
+def spoiled(table, name, cell, row=16):
+    """Text of a table with another cell in a row; line 18 of the file by default."""
+    cells = [f"{value:.15g}" for value in table[name]]
+    cells[row] = cell
+    return csv(table | {name: cells})
+
+
+def read(folder, text, config=CONFIG, **options):
+    (folder / "a.csv").write_text(text)
+    (folder / "s.toml").write_text(config)
+    return read_session(
+        folder / "a.csv", ROBOT, config=folder / "s.toml", options=ReadOptions(**options)
+    )
+
+
+NUMBERS = [name for name in whole() if name != "pose_id"]
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_a_cell_that_is_no_number_is_named_whatever_its_column(name, tmp_path):
+    for cell in NO_NUMBERS:
+        with pytest.raises(InputError) as caught:
+            read(tmp_path, spoiled(whole(), name, cell))
+        error = caught.value
+        assert (error.code, error.where, error.field) == ("M25", str(tmp_path / "a.csv"), name)
+        assert f'1 of 29 rows has cells that are not numbers (line 18 {name} "{cell}"' in str(error)
+        assert str(error).endswith("mend them or add --drop-invalid. [M25]")
+
+
+@pytest.mark.parametrize("name", [*NUMBERS, *covariance_names()])
+def test_a_number_beyond_sense_is_refused_with_the_largest_allowed(name, tmp_path):
+    table = covariances() if name.startswith("cov") else whole()
+    for cell in BEYOND:
+        with pytest.raises(InputError) as caught:
+            read(tmp_path, spoiled(table, name, cell))
+        error = caught.value
+        assert (error.code, error.where, error.field) == ("V9", str(tmp_path / "a.csv"), name)
+        assert f'line 18 {name} "{cell}"' in str(error)
+        assert bound_of(name).allowed(unit_of(name)) in str(error)
+
+
+@pytest.mark.parametrize("cell", ["", "1e300"])
+def test_rows_with_such_cells_are_left_out_on_request_and_named(cell, tmp_path):
+    for name in ("temperature_degC", "time_s", "repeat", "x_mm", "q3_deg", "ux_mm"):
+        session = read(tmp_path, spoiled(whole(), name, cell), drop_invalid=True)
+        table = session.measurements
+        assert len(table) == 28
+        assert [text for text in session.warnings if f'(line 18 {name} "{cell}")' in text]
+        for values in (table.q, table.position, table.covariance, session.time):
+            assert np.isfinite(values).all()
+        assert np.isfinite(session.temperature).all()
+
+
+def test_a_time_in_words_is_a_warning_still(tmp_path):
+    session = read(tmp_path, csv(whole() | {"time": ["noon"] * 29, "time_s": np.arange(29.0)}))
+    assert session.time is not None
+
+
+@pytest.mark.parametrize("cell", BEYOND)
+def test_a_target_beyond_sense_never_reaches_a_corrected_program(cell, tmp_path):
+    targets = columns(made())
+    joints = {name: values for name, values in targets.items() if name[0] == "q"}
+    frames = {name: values for name, values in targets.items() if name[0] in "xyzr"}
+    for table, name in ((joints, "q2_deg"), (frames | {"euler": ["XYZ"] * 29}, "x_mm")):
+        program, out = tmp_path / "p.csv", tmp_path / "out.csv"
+        program.write_text(spoiled(table, name, cell))
+        with pytest.raises(InputError, match=rf"^p.csv: 1 of 29 rows .*line 18 {name}") as caught:
+            correct_program(program, ROBOT, ROBOT.model, out)
+        assert caught.value.code == "V9"
+        assert "is at most" in str(caught.value)
+        assert "--drop-invalid" not in str(caught.value)
+        assert not out.exists()
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_a_table_without_names_is_refused_or_read_by_number(separator, tmp_path):
+    lines = csv(whole(), separator=separator).split("\n")
+    with pytest.raises(InputError, match="name the columns, or say header = false") as caught:
+        read(tmp_path, "# measured by hand\n" + "\n".join(lines[1:]))
+    assert caught.value.where == f"{tmp_path / 'a.csv'}:2"
+    assert 'line 2 holds numbers ("1")' in str(caught.value)
+    numbered = "\n".join(f'{name} = "{k + 1}"' for k, name in enumerate(whole()))
+    config = CONFIG + f"[dialect]\nheader = false\n[frames.columns]\n{numbered}\n"
+    session = read(tmp_path, "\n".join(lines[1:]), config)
+    named = read(tmp_path, "\n".join(lines))
+    np.testing.assert_array_equal(session.measurements.q, named.measurements.q)
+    assert len(session.measurements) == 29
+    assert session.place[0].endswith("a.csv:1")
+
+
+def test_a_program_without_names_is_refused(tmp_path):
+    joints = {name: values for name, values in columns(made()).items() if name[0] == "q"}
+    program, out = tmp_path / "p.csv", tmp_path / "out.csv"
+    program.write_text("\n".join(csv(joints).split("\n")[1:]))
+    with pytest.raises(InputError, match=r"^p.csv:1: line 1 holds numbers"):
+        correct_program(program, ROBOT, ROBOT.model, out)
+    assert not out.exists()
