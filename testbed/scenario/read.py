@@ -17,7 +17,7 @@ from testbed.scenario.messages import sentences
 from testbed.scenario.origin import ORIGIN, OriginTable, differing, filled_in, origin_lines
 from testbed.scenario.presets import given_in, resolved, written
 from testbed.scenario.scenario import FORMAT, Scenario, ScenarioFile, StudyTable
-from testbed.scenario.stale import copied_fault, filled_scenario, stale
+from testbed.scenario.stale import CALLED, OLD, copied_fault, filled_scenario, stale
 from testbed.strict import (
     Fault,
     KeyPath,
@@ -160,11 +160,13 @@ def scenario_of(
     *,
     where: str = "scenario",
     finished: bool = False,
+    way_out: str = OLD,
 ) -> Scenario:
     """A scenario from nested mappings, as a TOML reader gives them; presets are applied.
 
     With `finished` it is that of a finished run, whose hash guards it: its numbers count as they
-    are, whatever preset stands beside them.
+    are, whatever preset stands beside them. `way_out` is told where they do not, and no [origin]
+    says what was given.
     """
     version = document.get("format")
     if isinstance(version, int) and not isinstance(version, bool) and version > FORMAT:
@@ -184,7 +186,7 @@ def scenario_of(
     scenario = _checked(ScenarioFile(document, kinds), where)
     by_program = set(scenario.given.get("truth", ())) == set(TruthSettings.model_fields)
     # people give a few numbers of a preset, and may; who gives all of them has copied them
-    fault = copied_fault(scenario) if by_program and not finished else None
+    fault = copied_fault(scenario, way_out) if by_program and not finished else None
     if fault:
         raise one_error([fault], where)
     return scenario
@@ -260,7 +262,7 @@ def changed(scenario: Scenario, changes: Mapping[str, Any], *, where: str = "") 
                 raise refuse(dotted_key, value, code="S37", message=message, fix=fix)
         table[key] = deepcopy(value)
     kinds = {name: type(table) for name, table in scenario.tables.items()}
-    return scenario_of(document, lambda _: kinds, where=where or scenario.name)
+    return scenario_of(document, lambda _: kinds, where=where or scenario.name, way_out=CALLED)
 
 
 def dump_scenario(scenario: Scenario) -> str:

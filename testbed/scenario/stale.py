@@ -10,7 +10,6 @@ from pydantic import ValidationError
 from testbed.scenario.laboratory import At960Tracker, PaperTracker
 from testbed.scenario.origin import (
     DECIDERS,
-    ORIGIN,
     ROBOT,
     TRACKER,
     TRUTH,
@@ -25,6 +24,13 @@ MOST_NAMED = 13
 """Keys that one sentence names; once these are gone it names the others."""
 
 
+WRITTEN = "remove {them}, write {theirs} again, or name what is meant in [origin] given"
+OLD = "remove {them}, write {theirs} again, or add [origin] and list in its given what is meant"
+"""Ways out for a file that has no [origin]."""
+CALLED = "change {them} too, or leave {theirs}"
+"""Ways out where no file is edited."""
+
+
 def filled_scenario(document: Mapping[str, Any], kinds: Mapping[str, type[Settings]]) -> Scenario:
     """The scenario of a document, presets applied, with no check between its tables."""
     clean = dict(document)
@@ -34,7 +40,9 @@ def filled_scenario(document: Mapping[str, Any], kinds: Mapping[str, type[Settin
     return core.with_tables({k: v for k, v in tables.items() if isinstance(v, StudyTable)})
 
 
-def stale(paths: Collection[KeyPath], now: Scenario, then: Scenario) -> Fault | None:
+def stale(
+    paths: Collection[KeyPath], now: Scenario, then: Scenario, fix: str = WRITTEN
+) -> Fault | None:
     """The fault of keys that were filled in by another preset or robot; None if both are one."""
     here, before = flat(now.document()), flat(then.document())
     others = [path for path in DECIDERS.values() if here[path] != before[path]]
@@ -48,7 +56,7 @@ def stale(paths: Collection[KeyPath], now: Scenario, then: Scenario) -> Fault | 
     return Fault(
         others[0],
         f"{said}, but {_place(beside, after=others[-1])} beside {it} {are} of {theirs}",
-        fix=f"remove {them}, write {theirs} again, or name what is meant in [{ORIGIN}] given",
+        fix=fix.format(them=them, theirs=theirs),
         value=here[others[0]],
     )
 
@@ -95,7 +103,7 @@ def copied(scenario: Scenario, now: Scenario, then: Scenario, of: KeyPath) -> li
     return [] if kept or 2 * len(theirs) <= len(asked) else theirs
 
 
-def copied_fault(scenario: Scenario) -> Fault | None:
+def copied_fault(scenario: Scenario, fix: str) -> Fault | None:
     """The fault of numbers that another preset or robot filled in, without a word of it."""
     given, found = scenario.given, None
     plain = {key: given[key] for key in ("format", "name", "robot", "trial") if key in given}
@@ -110,4 +118,4 @@ def copied_fault(scenario: Scenario) -> Fault | None:
         theirs = copied(scenario, now, then, path)
         if theirs and (found is None or len(theirs) > len(found[0])):
             found = theirs, now, then
-    return stale(*found) if found else None
+    return stale(*found, fix) if found else None

@@ -234,6 +234,21 @@ def test_an_edited_preset_beside_the_numbers_of_another_is_refused(first, other,
     assert parse_scenario(marked, where="x").document() == kept.document()
 
 
+def test_the_way_out_is_one_that_there_is():
+    """[origin] is named where it stands, asked for in a file without it, and left out of a call."""
+    text = dump_scenario(of_text(BASE))
+    lie = edited(text, (preset("rigid"), preset("soft")))
+    assert refused(lie).endswith("or name what is meant in [origin] given. [S37]")
+    assert refused(old(lie)).endswith("or add [origin] and list in its given what is meant. [S37]")
+    before = read.parse_scenario(old(text), declared_tables, where="old", finished=True)
+    with pytest.raises(InputError, match=r'those of "rigid"; change them too, or leave "rigid"\.'):
+        changed(before, {"truth.preset": "soft"})
+    soft = of_text(having(("truth.preset", "soft"))).document()["truth"]
+    meant = {f"truth.{key}": value for key, value in soft.items()}
+    assert changed(before, meant).document()["truth"] == soft
+    assert changed(before, {"truth": {"preset": "soft"}}).document()["truth"] == soft
+
+
 @pytest.mark.parametrize("first", TRACKERS)
 def test_an_edited_tracker_beside_the_numbers_of_another_is_refused(first):
     (other,) = {*TRACKERS} - {first}
