@@ -1,6 +1,6 @@
 """Numbers for people: units, digits, intervals in words; quantities that carry their unit."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import floor, isfinite, log10
 
@@ -172,6 +172,17 @@ def sentence(text: str, *, keep_name: bool = False) -> str:
 def sentences(texts: Iterable[str]) -> tuple[str, ...]:
     """Texts as sentences; the names of numbers that some begin with stay as they are."""
     return tuple(sentence(text, keep_name=True) for text in texts)
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words with commas and a last "and".
+
+    Examples
+    --------
+    >>> listed(["a", "b", "c"]), listed(["a"])
+    ('a, b and c', 'a')
+    """
+    return " and ".join([", ".join(words[:-1]), words[-1]] if words[1:] else words)
 
 
 def counted(number: int, noun: str) -> str:

@@ -32,7 +32,7 @@ from testbed.scenario.checks import free_parameters
 from testbed.scenario.laboratory import TruthSettings
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import PAPER_SET, PoolSettings
-from testbed.units import counted
+from testbed.units import counted, listed
 
 PROBED_POSES = 200
 """Pool poses from which identifiability is judged before anything is selected."""
@@ -171,7 +171,7 @@ class Bench:
         way = hidden @ np.linalg.svd(effect, full_matrices=False)[2][0]
         order = np.argsort(-np.abs(way), kind="stable")[:4]
         names = [free.free_names[k] for k in order if abs(way[k]) > 0.05 * abs(way[order[0]])]
-        together = " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
+        together = listed(names)
         message = (
             f"{together} can change together so that the tool point at the goal moves, and no pose "
             "of the pool shows it"

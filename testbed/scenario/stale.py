@@ -19,6 +19,7 @@ from testbed.scenario.presets import TRUTH_PRESETS, resolved, written
 from testbed.scenario.scenario import Scenario, StudyTable
 from testbed.scenario.tables import Settings
 from testbed.strict import Fault, KeyPath, flat, nested, place, toml_value
+from testbed.units import listed
 
 MOST_NAMED = 13
 """Keys that one sentence names; once these are gone it names the others."""
@@ -70,7 +71,7 @@ def _place(paths: Sequence[KeyPath], *, after: KeyPath = ()) -> str:
         words.append(key.removeprefix(f"[{table}] ") if last[1:] and last[0] == table else key)
     if len(words) > MOST_NAMED:
         words[MOST_NAMED:] = [f"{len(words) - MOST_NAMED} more"]
-    return " and ".join([*([", ".join(words[:-1])] if words[1:] else []), words[-1]])
+    return listed(words)
 
 
 def copies(scenario: Scenario) -> Iterator[tuple[KeyPath, str]]:

@@ -92,7 +92,8 @@ class BudgetSettings(Settings):
     )
     """Sizes of the random sets whose estimates scatter by u_p."""
     location_poses: Poses = 50
-    """Poses in each of four regions, whose estimates scatter by u_w; in a region of fewer, all."""
+    """Poses in each of four regions, whose estimates scatter by u_w; of the paper's 50, in a region
+    of fewer, all."""
     location_border_mm: tuple[Length, Length] = (250.0, 0.0)
     """x and y of the nominal tool position, base frame, where the four regions meet. The paper does
     not say where its regions lie."""

@@ -16,7 +16,7 @@ from testbed.studies.coverage.tables import (
 from testbed.studies.many_robots import mean_over_robots
 from testbed.studies.protocol import Answer
 from testbed.studies.trial.records import Campaign
-from testbed.units import NARROW, counted, micrometres, percent, plain
+from testbed.units import NARROW, counted, listed, micrometres, percent, plain
 
 NAMES = {
     "model": "the model-based region",
@@ -79,12 +79,7 @@ def on(kept: list[str], truths: list[str]) -> str:
         return "on no robot"
     if kept == truths:
         return "on every robot" if len(truths) > 1 else f"on {truths[0]} robots"
-    return f"on {joined(kept)} robots" + (" only" if len(kept) == 1 else "")
-
-
-def joined(words: list[str]) -> str:
-    """a, b and c."""
-    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else words[0]
+    return f"on {listed(kept)} robots" + (" only" if len(kept) == 1 else "")
 
 
 def consequences(studies: tuple[CoverageStudy, ...], found: tuple[Cell, ...]) -> tuple[str, ...]:
@@ -100,7 +95,7 @@ def consequences(studies: tuple[CoverageStudy, ...], found: tuple[Cell, ...]) ->
         if rows:
             said.append(
                 f"The model-based region of the {model} model falls short on "
-                f"{joined([c.truth for c in rows])} robots: it holds "
+                f"{listed([c.truth for c in rows])} robots: it holds "
                 f"{span([c.share.value for c in rows])} of the true points. The program itself "
                 "says so, from residuals and validation poses, on "
                 f"{span([warned[c.truth, model] for c in rows])} of these robots."
@@ -134,7 +129,7 @@ def climbing(studies: tuple[CoverageStudy, ...]) -> str:
     kinds: dict[str, list[str]] = {}
     for study in studies:
         kinds.setdefault(percent(float(study.extended.mean())), []).append(study.truth)
-    each = " and on ".join(f"{share} of {joined(truths)}" for share, truths in kinds.items())
+    each = " and on ".join(f"{share} of {listed(truths)}" for share, truths in kinds.items())
     return f"The evidence asks for the extended model on {each} robots."
 
 
@@ -150,7 +145,7 @@ def obeyed(studies: tuple[CoverageStudy, ...]) -> str:
             each.append(f"nothing to believe ({study.truth})")
     return (
         "Whoever uses the chosen model and the statement that the program says to believe finds "
-        f"{joined(each)} of the points inside."
+        f"{listed(each)} of the points inside."
     )
 
 

@@ -15,6 +15,7 @@ from testbed.studies.protocol import Records
 from testbed.studies.trial.records import Trial
 from testbed.studies.wen2022.paper_set import designed_trials
 from testbed.studies.wen2022.records import PaperBudget, environment
+from testbed.units import counted, listed
 
 FEWEST_LOCAL = 10
 """Poses in a region below which its calibration says more of their choice than of the place."""
@@ -25,27 +26,51 @@ def fitted(laboratory: Laboratory, seen: Measurements, mode: Mode = "paper") -> 
     return identify(laboratory.setting.nominal, seen, laboratory.free("paper"), mode=mode)
 
 
+def regions_of(setting: Setting, budget: BudgetSettings) -> list[Index]:
+    """Places in the pool of the poses in each of the four regions."""
+    x, y = budget.location_border_mm
+    regions = location_regions(setting.pool_nominal[:, :3, 3], (x / 1e3, y / 1e3))
+    return [np.flatnonzero(regions == region) for region in range(4)]
+
+
 def location_sets(
     setting: Setting, budget: BudgetSettings, rng: np.random.Generator
 ) -> list[Index]:
-    """One random set from each of the four regions of the pool, whose estimates give u_w."""
-    x, y = budget.location_border_mm
-    regions, sets = location_regions(setting.pool_nominal[:, :3, 3], (x / 1e3, y / 1e3)), []
-    for region in range(4):
-        members = np.flatnonzero(regions == region)
-        if len(members) < FEWEST_LOCAL:
+    """One random set from each of the four regions of the pool, whose estimates give u_w.
+
+    Of the paper's own 50 poses there are as many as the region has.
+    """
+    (x, y), wanted, sets = budget.location_border_mm, budget.location_poses, list[Index]()
+    usual = BudgetSettings().location_poses
+    for region, members in enumerate(regions_of(setting, budget), 1):
+        count, why, lower = len(members), "", ""
+        if count < FEWEST_LOCAL:
+            why = "too few to calibrate there and see how the place matters"
+        elif count < wanted != usual:
+            why, lower = f"and [budget] location_poses asks for {wanted}", "choose fewer, "
+        if why:
             raise refuse(
                 "pool.box_size_mm",
-                len(members),
+                count,
                 code="M27",
-                message=f"region {region + 1} of the pool has {len(members)} poses, too few to "
-                "calibrate there and see how the place matters",
-                fix=f"enlarge [pool] size, or let the box reach over x = {x:g} mm and y = {y:g} mm "
-                "([budget] location_border_mm)",
+                message=f"region {region} of the pool has {counted(count, 'pose')}, {why}",
+                fix=f"{lower}enlarge [pool] size, or let the box reach over x = {x:g} mm and "
+                f"y = {y:g} mm ([budget] location_border_mm)",
             )
-        count = min(budget.location_poses, len(members))
-        sets.append(rng.choice(members, count, replace=False))
+        sets.append(rng.choice(members, min(wanted, count), replace=False))
     return sets
+
+
+def fewer_than_usual(setting: Setting, budget: BudgetSettings) -> str:
+    """Which of the paper's random sets a small pool cannot have, in words; empty if none."""
+    n, told = len(setting.pool_q), list[str]()
+    if large := sorted(size for size in {budget.poses, *budget.pose_numbers} if size > n):
+        told.append(f"sets of {listed([str(size) for size in large])} poses are all {n} of it")
+    counts = [len(members) for members in regions_of(setting, budget)]
+    if min(counts) < budget.location_poses:
+        have = listed([str(min(count, budget.location_poses)) for count in counts])
+        told.append(f"the regions have {have} poses instead of {budget.location_poses}")
+    return f"The pool is small: {' and '.join(told)}." if told else ""
 
 
 def repeats_of(trial: Trial) -> Array:

@@ -176,7 +176,7 @@ NOISE_ONLY = 1.5
 
 def procedure(again: Reexamination) -> str:
     """How the study was made."""
-    sets, pools, budget = again.sets, len(again.sets.pool_q), again.budget
+    sets, budget, (pools, n, _) = again.sets, again.budget, again.sets.pool_q.shape
     unit = (
         f"Every pool met {counted(again.robots // pools, 'robot')} of each kind, and the unit "
         "of intervals is the pool with its robots: they hold the luck of the designed sets too."
@@ -187,9 +187,9 @@ def procedure(again: Reexamination) -> str:
     return (
         f"{counted(again.robots, 'robot')} of each kind were drawn and measured by the paper's "
         f"protocol: {again.repeats} repeats of each optimal set and of {budget.poses} random "
-        f"poses, random sets of {min(budget.pose_numbers)} to {max(budget.pose_numbers)} poses, "
-        f"and {budget.location_poses} poses in each of four regions. "
-        f"{counted(pools, 'pool')} of {sets.pool_q.shape[1]} poses were drawn, and every designed "
+        f"poses, random sets of {min(budget.pose_numbers)} to {min(max(budget.pose_numbers), n)} "
+        f"poses, and {budget.location_poses} poses, or all there are, in each of four regions. "
+        f"{counted(pools, 'pool')} of {n} poses were drawn, and every designed "
         "set was chosen anew from each; random sets were drawn anew for each robot. The error is "
         f"that of the tool point against the noise-free truth at {sets.test_q.shape[1]} held-out "
         "poses of the pool. Robots of all kinds come from the same random numbers and meet the "

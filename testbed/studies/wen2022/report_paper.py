@@ -6,6 +6,7 @@ from testbed.report.page import Block, Figure, Section, Table, Text, table_of
 from testbed.studies.trial.records import Campaign
 from testbed.studies.trial.report_accuracy import NONE
 from testbed.studies.wen2022 import paper, plots
+from testbed.studies.wen2022.budget import fewer_than_usual
 from testbed.studies.wen2022.calibrated_sets.summary import OverSets, TableRow, table_rows
 from testbed.studies.wen2022.claims import CLAIMS, Examined
 from testbed.studies.wen2022.claims_one_robot import held_out_before
@@ -67,13 +68,13 @@ def error_tables(campaign: Campaign) -> tuple[Table, ...]:
     )
 
 
-def budget_table(budget: PaperBudget, instead: str) -> Table:
+def budget_table(budget: PaperBudget, unlike: str) -> Table:
     """Table 3: contributors and combined uncertainty of each parameter, printed and ours."""
     return table3(
         f"Table 3: parameter uncertainties, printed / ours with {budget.trials[0]} as optimal set",
         "u_r: repeats; u_p: number of poses; u_w: place of the poses. u best combines u_r of the "
         "optimal set alone, u random all three: not like for like. The printed u random of beta2 "
-        f"(0.0036) is not the root sum of squares of its components (0.0025). {instead}".rstrip(),
+        f"(0.0036) is not the root sum of squares of its components (0.0025). {unlike}".rstrip(),
         budget.names,
         {
             "u_r_best": [budget.best_repeatability[0]],
@@ -114,7 +115,8 @@ def paper_section(campaign: Campaign, examined: Examined | None) -> Section | No
             f"Combined parameter uncertainties of the optimal set, ours {budget.trials[0]}, and of "
             "the random protocol."
         )
-        said = budget_table(budget, stand_in(campaign.scenario))
+        fewer = fewer_than_usual(campaign.setting, campaign.scenario.budget)
+        said = budget_table(budget, f"{fewer} {stand_in(campaign.scenario)}".strip())
         blocks += [said, ratio_table(budget), Figure(caption, plots.parameter_budget(budget))]
     stated = [one for trial in campaign.trials if (one := judged_statements(campaign, trial))]
     if stated:

@@ -8,9 +8,17 @@ from calib.errors import InputError
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.scenario.read import changed
 from testbed.studies.trial.play import criterion_of, select
-from testbed.studies.wen2022.budget import location_sets, paper_budget_study
+from testbed.studies.wen2022.budget import (
+    fewer_than_usual,
+    location_sets,
+    paper_budget_study,
+)
+from testbed.studies.wen2022.claims import examine
 from testbed.studies.wen2022.records import paper_budget_of
+from testbed.studies.wen2022.report_paper import paper_section
 from tests.reported import assert_same, paper_campaign
+
+QUARTERS = ((False, False), (False, True), (True, False), (True, True))
 
 
 def budget_with(**keys):
@@ -66,6 +74,42 @@ def test_regions_meet_at_the_border_and_have_the_poses_that_are_asked_for():
 def test_a_region_with_too_few_poses_is_refused_with_its_border():
     with pytest.raises(InputError, match=r"region 3 of the pool has \d poses.*x = 690 mm"):
         budget_with(location_border_mm=[690.0, 0.0])
+
+
+def test_a_region_with_fewer_poses_than_asked_for_is_refused_or_told():
+    """The paper's own number shrinks with the region, and the report says so; another does not."""
+    campaign = paper_campaign()
+    setting, budget = campaign.setting, campaign.scenario.budget
+    x, y = setting.pool_nominal[:, :2, 3].T
+    counts = [int((((x > 0.25) == a) & ((y > 0.0) == b)).sum()) for a, b in QUARTERS]
+
+    def sizes(wanted):
+        own, rng = budget.model_copy(update={"location_poses": wanted}), np.random.default_rng(1)
+        return [len(places) for places in location_sets(setting, own, rng)]
+
+    found = sizes(50)
+    assert found == [min(50, count) for count in counts]
+    least, k = min(counts), counts.index(min(counts)) + 1
+    assert least < 50
+    assert sizes(least) == [least] * 4
+    told = rf"region {k} of the pool has {least} poses, and .* asks for {least + 1}; choose fewer, "
+    with pytest.raises(InputError, match=told):
+        sizes(least + 1)
+    a, b, c, d = found
+    n = len(setting.pool_q)
+    (note,) = [
+        block.note
+        for block in paper_section(campaign, examine(campaign)).blocks
+        if "Table 3" in getattr(block, "caption", "")
+    ]
+    large = [size for size in budget.pose_numbers if size > n]
+    assert f"the regions have {a}, {b}, {c} and {d} poses instead of 50." in note
+    assert ("are all" in note) == bool(large)
+    one = budget.model_copy(update={"location_poses": least, "pose_numbers": (30, n + 1, n + 2)})
+    assert fewer_than_usual(setting, one) == (
+        f"The pool is small: sets of {n + 1} and {n + 2} poses are all {n} of it."
+    )
+    assert not fewer_than_usual(setting, one.model_copy(update={"pose_numbers": (30, n)}))
 
 
 def test_the_constants_of_detmax_are_those_of_the_trial():
