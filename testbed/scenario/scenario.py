@@ -106,6 +106,11 @@ class Scenario(Settings):
         return next(trial for trial in self.trial if trial.name == name)
 
     @property
+    def designed(self) -> tuple[TrialSettings, ...]:
+        """The trials whose sets are chosen, not drawn, in the order of the file."""
+        return tuple(trial for trial in self.trial if trial.method != "random")
+
+    @property
     def tables(self) -> Mapping[str, StudyTable]:
         """The tables of the studies, by name, in the order of the register."""
         return self._tables

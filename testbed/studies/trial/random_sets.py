@@ -43,9 +43,7 @@ def pose_count_study(scenario: Scenario, setting: Setting) -> PoseCountStudy:
 def random_sets_study(scenario: Scenario, setting: Setting, needed: Records) -> RandomSetsStudy:
     """Each designed trial's figure beside that of random sets of the same size."""
     bench, sets = open_laboratory(scenario, setting), []
-    for settings in scenario.trial:
-        if settings.method == "random":
-            continue
+    for settings in scenario.designed:
         blocks, criterion = bench.design_blocks(settings.rows), criterion_of(bench, settings)
         drawn = random_sets(
             Problem.of_blocks(blocks, settings.poses, criterion),

@@ -44,8 +44,7 @@ class TrialStudy:
         if scenario.studies.pose_count:
             found.append(Record(POSE_COUNT, PoseCountStudy, everything, needs=(SETTING,)))
         if scenario.studies.random_sets:
-            designed = tuple(t.name for t in scenario.trial if t.method != "random")
-            needs = (SETTING, *designed)
+            needs = (SETTING, *(trial.name for trial in scenario.designed))
             found.append(Record(RANDOM_SETS, RandomSetsStudy, everything, needs=needs))
         return tuple(found)
 

@@ -28,7 +28,7 @@ def designed_trials(scenario: Scenario) -> tuple[str, ...]:
         sized = trial.poses == POSE_NUMBER[TABLE3_INDEX]
         return not by_paper(trial), not is_paper_set(trial), not (is_paper_set(trial) and sized)
 
-    designed = [trial for trial in scenario.trial if trial.method != "random"]
+    designed = scenario.designed
     if not designed:
         return ()
     first = min(designed, key=distance)

@@ -32,16 +32,11 @@ from testbed.studies.wen2022.calibrated_sets.records import (
 from testbed.studies.wen2022.records import ESTIMATORS
 
 
-def designed_trials(scenario: Scenario) -> list[TrialSettings]:
-    """The trials whose sets are designed; each is one piece of the record."""
-    return [trial for trial in scenario.trial if trial.method != "random"]
-
-
 def random_calibrations(
     scenario: Scenario, setting: Setting, needed: Records, piece: int
 ) -> RandomCalibrations:
-    """One designed trial's set, as its trial measured it, among random ones."""
-    bench, settings = open_laboratory(scenario, setting), designed_trials(scenario)[piece]
+    """One designed trial's set, as its trial measured it, among random ones; a piece each."""
+    bench, settings = open_laboratory(scenario, setting), scenario.designed[piece]
     name, trial = settings.name, needed.get(settings.name, Trial)
     sets = drawn_sets(scenario, settings, len(setting.pool_q))
     visits = [
