@@ -65,7 +65,8 @@ class StudySettings(Settings):
     pose_count: bool = False
     pose_count_max: Annotated[int, Field(ge=30, le=1000)] = 150
     random_sets: Annotated[int, Field(ge=0, le=10_000)] = 100
-    """Random sets each designed set is compared with; 0 skips the study."""
+    """Random sets each designed set is compared with; 0 skips the study. With paper_budget they are
+    calibrated too, and at most 1000."""
     paper_budget: bool = False
     tool_point: bool = False
     population: Annotated[int, Field(ge=0, le=10_000)] = 0
