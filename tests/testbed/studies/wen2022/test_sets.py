@@ -158,8 +158,15 @@ def test_the_rank_correlation_is_that_of_scipy_and_its_interval_holds_what_it_sh
     x, y = rng.normal(size=(2, 60))
     y[:9] = y[9]  # ties too
     assert rank_correlation(x, y)[0] == pytest.approx(spearmanr(x, y).statistic, abs=1e-12)
+    for _ in range(300):  # few values each, so that most are tied
+        values = rng.integers(2, 9, 2)
+        x, y = rng.integers(0, values[:, None], (2, rng.integers(4, 40))) * [[1.0], [-0.1]]
+        if np.ptp(x) and np.ptp(y):
+            expected = spearmanr(x, y).statistic
+            assert rank_correlation(x, y)[0] == pytest.approx(expected, abs=1e-12)
+    x = rng.normal(size=60)
     assert rank_correlation(x, np.exp(x))[0] == pytest.approx(1.0)
-    assert rank_correlation(x, np.zeros(60)) == rank_correlation(x[:3], y[:3]) == (0.0, -1.0, 1.0)
+    assert rank_correlation(x, np.zeros(60)) == rank_correlation(x[:3], x[:3]) == (0.0, -1.0, 1.0)
     # 1000 unrelated pairs: 95 % of the intervals hold zero, +- 3 sd of a share of 1000
     ends = [rank_correlation(*rng.normal(size=(2, 100)))[1:] for _ in range(1000)]
     assert np.mean([low <= 0 <= high for low, high in ends]) == pytest.approx(0.95, abs=0.021)
