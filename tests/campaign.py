@@ -40,6 +40,25 @@ def record_hash(scenario, robot, key):
     return hash_of(planned(scenario)[key][1].reads, robot, key)
 
 
+def made(scenario, order=None):
+    """Records by key, made in `order`; by default all in their own."""
+    records = {}
+
+    def get(key):
+        if key not in records:
+            records[key] = compute(scenario, key, get)
+        return records[key]
+
+    for key in order or record_keys(scenario):
+        get(key)
+    return records
+
+
+def played(scenario):
+    """The campaign of a scenario, played in memory."""
+    return gather(scenario, made(scenario).__getitem__)
+
+
 def gather(scenario, get):
     """The campaign of all records."""
     return campaign_of(scenario, Records({key: get(key) for key in record_keys(scenario)}, {}))

@@ -39,14 +39,7 @@ POINTS = {
 @cache
 def played(points=False):
     scenario = changed(load_scenario("quick"), SMALL | (POINTS if points else {}))
-    records = {}
-
-    def get(key):
-        if key not in records:
-            records[key] = campaign.compute(scenario, key, get)
-        return records[key]
-
-    return campaign.gather(scenario, get)
+    return campaign.played(scenario)
 
 
 @pytest.mark.parametrize("points", [False, True])

@@ -33,20 +33,6 @@ def small():
     )
 
 
-def played(scenario, order=None):
-    """All records, made in `order`."""
-    records = {}
-
-    def get(key):
-        if key not in records:
-            records[key] = campaign.compute(scenario, key, get)
-        return records[key]
-
-    for key in order or campaign.record_keys(scenario):
-        get(key)
-    return records
-
-
 def same(a, b):
     """Bit for bit."""
     a, b = pack(a), pack(b)
@@ -61,8 +47,8 @@ def equal(a, b):
 
 
 def test_records_do_not_depend_on_the_order_in_which_they_are_made(small):
-    forward = played(small)
-    backward = played(small, reversed(campaign.record_keys(small)))
+    forward = campaign.made(small)
+    backward = campaign.made(small, reversed(campaign.record_keys(small)))
     assert all(same(forward[key], backward[key]) for key in campaign.record_keys(small))
 
 
@@ -70,7 +56,7 @@ def test_a_new_trial_moves_no_number_of_another(small):
     document = small.model_dump(mode="json")["trial"]
     extra = {"name": "extra-20", "poses": 20, "method": "random"}
     more = changed(small, {"trial": [extra, *document]})
-    one, other = played(small), played(more)
+    one, other = campaign.made(small), campaign.made(more)
     assert "extra-20" in other
     for trial in small.trial:
         assert same(one[trial.name], other[trial.name])
@@ -91,7 +77,7 @@ def test_held_out_poses_are_not_in_the_pool(small):
 
 def test_planning_and_identification_never_see_the_truth(small, monkeypatch):
     """The same readings under a falsified truth: same selection, same estimate, other judgment."""
-    records = played(small, ["setting", "validation"])
+    records = campaign.made(small, ["setting", "validation"])
     honest = campaign.compute(small, "designed-29", records.__getitem__)
     setting, visit = records["setting"], records["validation"]
     shifted = setting.test_true.copy()
@@ -120,7 +106,7 @@ def test_planning_and_identification_never_see_the_truth(small, monkeypatch):
 
 
 def test_the_campaign_gathers_what_was_asked_for(small):
-    records = played(small)
+    records = campaign.made(small)
     whole = campaign.gather(small, records.__getitem__)
     assert [trial.name for trial in whole.trials] == ["designed-29", "random-29"]
     assert whole.pose_count is not None

@@ -127,7 +127,7 @@ def rank_correlation(x: Array, y: Array) -> tuple[float, float, float]:
     """Spearman's rank correlation of two figures (n,), with its 95 % interval.
 
     Without spread in either figure, or with fewer than four pairs, nothing is told: 0 (-1 to 1).
-    It is that of `scipy.stats`, whose import takes longer than a whole report: tests compare them.
+    It is that of `scipy.stats`, whose import alone takes a second; tests compare the two.
 
     References
     ----------

@@ -56,14 +56,7 @@ def played(poses: int = 29, **changes: Any) -> Campaign:
     keys = {name.replace("__", "."): value for name, value in changes.items()}
     trial = [{"name": "one", "poses": poses, "method": "random"}]
     scenario = changed(load_scenario("quick"), {**SMALL, "trial": trial, **keys})
-    records: dict[str, Any] = {}
-
-    def get(key: str) -> Any:
-        if key not in records:
-            records[key] = campaign.compute(scenario, key, get)
-        return records[key]
-
-    return campaign.gather(scenario, get)
+    return campaign.played(scenario)
 
 
 @cache

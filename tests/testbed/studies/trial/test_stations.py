@@ -49,14 +49,7 @@ QUIET = {
 @cache
 def played(poses=False):
     scenario = changed(load_scenario("stations"), SMALL | (POSES if poses else {}))
-    records = {}
-
-    def get(key):
-        if key not in records:
-            records[key] = campaign.compute(scenario, key, get)
-        return records[key]
-
-    return campaign.gather(scenario, get)
+    return campaign.played(scenario)
 
 
 def test_with_hardly_any_noise_everything_is_found_where_it_is():
