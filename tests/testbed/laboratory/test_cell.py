@@ -12,7 +12,7 @@ from calib.geometry.frames import inverse, rot_z, slide, step_transform
 from testbed.laboratory.cell import Obstacle, cell_from
 from testbed.laboratory.pool import OBSTACLE, REASONS, Candidates, PosePool
 from testbed.laboratory.simulator import Simulator
-from testbed.robots.catalog import Robot, load_robot
+from testbed.robots.catalog import Robot
 from testbed.scenario.laboratory import BoxObstacle, CellSettings, MeshObstacle
 from testbed.scenario.tables import PoolSettings
 from tests.reference import TX60_LIMITS
@@ -21,11 +21,6 @@ STATION, AIM = np.array([2.6, -2.0, 0.3]), np.array([0.0, 0.0, 0.06])
 PLACE = {"position_mm": (450.0, -200.0, 100.0), "rotation_vector_deg": (10.0, -20.0, 30.0)}
 SIZE = np.array([300.0, 200.0, 400.0])
 BOX = BoxObstacle(size_mm=tuple(SIZE), **PLACE)
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("staubli_tx60")
 
 
 def simulator(robot: Robot, *obstacles: BoxObstacle | MeshObstacle) -> Simulator:

@@ -13,23 +13,13 @@ from calib.geometry.model import RobotModel
 from testbed.laboratory.pool import CONE, OBSTACLE, PATIENCE, SAMPLE, Candidates, PosePool
 from testbed.laboratory.pool import REASONS as ALL
 from testbed.laboratory.simulator import Simulator
-from testbed.robots.catalog import Robot, load_robot
+from testbed.robots.catalog import Robot
 from testbed.scenario.tables import PoolSettings
 from tests.reference import TX60_LIMITS, pool_r, tx60
 
 REASONS = tuple(name for k, name in enumerate(ALL) if k not in (CONE, OBSTACLE))
 """Without obstacles and with a probe that is seen from anywhere."""
 STATION, AIM = (2.6, -2.0, 0.3), (0.0, 0.0, 0.06)
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("staubli_tx60")
-
-
-@pytest.fixture(scope="module")
-def simulator(robot: Robot) -> Simulator:
-    return Simulator(robot, robot.model.chain)
 
 
 @pytest.fixture(scope="module")

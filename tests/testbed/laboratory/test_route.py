@@ -14,7 +14,7 @@ from testbed.laboratory.route import moves
 from testbed.laboratory.route.moves import RESOLUTION, Mover, spread, travel_times
 from testbed.laboratory.route.route import Route, best_tour, length, measuring_route
 from testbed.laboratory.simulator import Simulator
-from testbed.robots.catalog import Robot, load_robot
+from testbed.robots.catalog import Robot
 from testbed.robots.meshes.files import load_mesh
 from testbed.robots.placements import link_poses
 from testbed.scenario.laboratory import BoxObstacle, CellSettings
@@ -26,11 +26,6 @@ CLUTTER = (
     BoxObstacle(size_mm=(100.0, 1500.0, 600.0), position_mm=(420.0, 0.0, -100.0)),
     BoxObstacle(size_mm=(800.0, 40.0, 1600.0), position_mm=(500.0, 250.0, 500.0)),
 )
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("staubli_tx60")
 
 
 def cluttered(robot: Robot, *obstacles: BoxObstacle) -> Simulator:

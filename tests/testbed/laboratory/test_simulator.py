@@ -13,22 +13,12 @@ from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.chain import Chain, forward
 from testbed.laboratory.simulator import Simulator, _log_warning
-from testbed.robots.catalog import Robot, load_robot
+from testbed.robots.catalog import Robot
 from testbed.robots.meshes.files import load_mesh
 from testbed.robots.placements import link_poses
 from tests.reference import TX60_LIMITS, tx60
 
 STATION = np.array([2.6, -2.0, 0.3])
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("staubli_tx60")
-
-
-@pytest.fixture(scope="module")
-def simulator(robot: Robot) -> Simulator:
-    return Simulator(robot, robot.model.chain)
 
 
 def anywhere(m: int, seed: int = 0) -> Array:

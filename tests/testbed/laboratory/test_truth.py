@@ -14,7 +14,6 @@ from calib.geometry.jacobian import joint_columns
 from calib.geometry.model import RobotModel
 from calib.identification.joint_models import gravity_is_closed
 from testbed.laboratory.truth.robot import TrueRobot, draw_truth, joint_repeatability
-from testbed.robots.catalog import Robot, load_robot
 from testbed.scenario.laboratory import TruthSettings
 from testbed.streams import stream
 from tests.reference import DEG, WEN24, pool_r, tx60
@@ -35,11 +34,6 @@ def truth(preset: str = "wen2022", **changes: Any) -> TruthSettings:
         "joint_repeatability_mdeg": 0.0,
     }
     return TruthSettings(**(values | changes))
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("staubli_tx60")
 
 
 @pytest.fixture(scope="module")

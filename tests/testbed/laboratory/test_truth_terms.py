@@ -13,7 +13,7 @@ from testbed.laboratory.simulator import grown
 from testbed.laboratory.truth.budget import truth_budget
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.laboratory.truth.terms import GRAVITY, TERM_KEYS, gravity_loads, only, terms_of
-from testbed.robots.catalog import Robot, load_robot
+from testbed.robots.catalog import Robot
 from testbed.robots.placements import link_poses
 from testbed.streams import stream
 from tests.reference import DEG, pool_r, tx60
@@ -31,11 +31,6 @@ ALL = {
     "joint_repeatability_mdeg": 0.8,
 }
 """Every term at once, but for the springs, which take the place of gravity."""
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("staubli_tx60")
 
 
 def offsets(robot: Robot, seed: int = 7, **changes):

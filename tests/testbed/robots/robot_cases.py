@@ -14,6 +14,18 @@ AGREE = 1e-12
 """Required agreement of independent kinematics [m, 1]; about 5000 roundings of 2e-16."""
 
 
+def yourdfpy_poses(path, q, tip="tool0"):
+    """Tool poses (m, 4, 4) by yourdfpy's scene graph."""
+    import yourdfpy
+
+    model = yourdfpy.URDF.load(str(path), load_meshes=False)
+    out = []
+    for row in q:
+        model.update_cfg(row)
+        out.append(model.get_transform(tip))
+    return np.array(out)
+
+
 def joint_vectors(count: int = 1000, seed: int = 1, robot: Robot = TX60):
     """Joint vectors inside the limits."""
     rng = np.random.default_rng(seed)

@@ -5,7 +5,6 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 import pytest
-import yourdfpy
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -27,22 +26,13 @@ from tests.testbed.robots.described_cases import (
     block,
     urdf,
 )
-from tests.testbed.robots.robot_cases import AGREE, TX60, joint_vectors
+from tests.testbed.robots.robot_cases import AGREE, TX60, joint_vectors, yourdfpy_poses
 
 
 def written(text, folder, name="arm.urdf"):
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return path
-
-
-def by_yourdfpy(path, q, tip):
-    model = yourdfpy.URDF.load(str(path), load_meshes=False)
-    out = []
-    for row in q:
-        model.update_cfg(row)
-        out.append(model.get_transform(tip))
-    return np.array(out)
 
 
 TIPS = {"ur": "tool0_link", "iiwa": "ee_link", "scara": "spin_link", "gantry": "tip_link"}
@@ -54,7 +44,7 @@ def test_an_arm_of_any_build_has_the_poses_of_its_urdf(arm, tmp_path):
     robot = load_robot(path)
     q = joint_vectors(50, robot=robot)
     np.testing.assert_allclose(
-        robot.model.poses(q), by_yourdfpy(path, q, TIPS[arm]), rtol=0, atol=AGREE
+        robot.model.poses(q), yourdfpy_poses(path, q, TIPS[arm]), rtol=0, atol=AGREE
     )
     assert robot.agreement < AGREE
     assert f"{robot.agreement:.1g}" in robot.sources["geometry"]
@@ -99,7 +89,7 @@ def test_centers_of_mass_stay_where_the_urdf_has_them(tmp_path):
     bodies = link_poses(robot.model.chain, q)
     for i, name in enumerate(robot.joint_names):
         own = bodies[:, i + 1, :3, :3] @ robot.centers[i] + bodies[:, i + 1, :3, 3]
-        T = by_yourdfpy(path, q, f"{name}_link")
+        T = yourdfpy_poses(path, q, f"{name}_link")
         np.testing.assert_allclose(own, (T @ [0, 0, 0.1, 1])[:, :3], rtol=0, atol=AGREE)
 
 
@@ -160,7 +150,7 @@ def test_meshes_are_drawn_where_the_urdf_puts_them(height, tmp_path):
     corners = np.unique(np.array([[x, y, z] for x in (0, 0.1) for y in (0, 0.05)
                                   for z in (0, 200 * height)]), axis=0)  # fmt: skip
     placed = corners @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T + [0.1, 0, 0]
-    theirs = by_yourdfpy(path, q, "tool0_link")
+    theirs = yourdfpy_poses(path, q, "tool0_link")
     for own, other in zip(T, theirs, strict=True):
         mine = found.vertices @ own[:3, :3].T + own[:3, 3]
         want = placed @ other[:3, :3].T + other[:3, 3]

@@ -14,19 +14,16 @@ from calib.geometry.model import RobotModel
 from testbed.robots.describe.urdf import describe_urdf
 from testbed.robots.describe.xml_gate import FileOptions
 from testbed.robots.write.urdf import urdf_bytes
-from tests.testbed.robots.robot_cases import AGREE, TX60, joint_vectors, perturbed, slider
+from tests.testbed.robots.robot_cases import (
+    AGREE,
+    TX60,
+    joint_vectors,
+    perturbed,
+    slider,
+    yourdfpy_poses,
+)
 
 SHIPPED = TX60.folder / "staubli_tx60.urdf"
-
-
-def yourdfpy_poses(path, q, tip="tool0"):
-    """Tool poses (m, 4, 4) by yourdfpy's scene graph."""
-    model = yourdfpy.URDF.load(str(path), load_meshes=False)
-    out = []
-    for row in q:
-        model.update_cfg(row)
-        out.append(model.get_transform(tip))
-    return np.array(out)
 
 
 def bare(chain):
