@@ -8,6 +8,7 @@ import errno
 import os
 import re
 import shutil
+import stat
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -75,6 +76,26 @@ def keep_or_write(path: Path, data: bytes) -> None:
         same = False
     if not same:
         atomic_write(path, data)
+
+
+def read_bounded(path: Path, most: int) -> bytes:
+    """The content of an ordinary file of at most `most` bytes; its size is seen before it is read.
+
+    Raises
+    ------
+    OSError
+        It cannot be read, is no ordinary file, or larger; `strerror` says which in words.
+    """
+    state = path.stat()
+    if not stat.S_ISREG(state.st_mode):  # to open a pipe would wait for ever
+        raise OSError(errno.EINVAL, "it is not an ordinary file")
+    if state.st_size <= most:
+        with path.open("rb") as file:
+            data = file.read(state.st_size + 1)  # a byte more if it grows meanwhile
+        if len(data) <= most:
+            return data
+    found, allowed = (f"{size / 1e6:.6g} MB" for size in (state.st_size, most))
+    raise OSError(errno.EFBIG, f"it has {found}, and at most {allowed} are read")
 
 
 def flush_file(path: Path) -> None:

@@ -2,11 +2,9 @@
 
 import json
 import math
-import tomllib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -14,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from calib.errors import InputError
 
 MOST = 20
-"""Faults of one file that are told at once."""
+"""Faults of one file that are told at once; those after them are counted, not put into words."""
 PlainText = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f\ufffe\uffff]*$")]
 """One line without control characters: XML and terminals cannot show these."""
 KeyPath = tuple[str | int, ...]
@@ -53,13 +51,13 @@ def one_error(faults: Sequence[Fault], where: str) -> InputError:
             fault.message, code=fault.code, where=where, value=fault.value,
             field=".".join(map(str, fault.path)), allowed=fault.allowed, fix=fault.fix,
         )
-        for fault in faults
+        for fault in faults[:MOST]
     ]  # fmt: skip
-    if len(errors) == 1:
+    if len(faults) == 1:
         return errors[0]
-    lines = [str(error) for error in errors[:MOST]]
-    if len(errors) > MOST:
-        lines.append(f"{where}: and {len(errors) - MOST} more faults")
+    lines = [str(error) for error in errors]
+    if len(faults) > MOST:
+        lines.append(f"{where}: and {len(faults) - MOST} more faults")
     return SeveralInputError(lines, errors[0])
 
 
@@ -139,7 +137,8 @@ def foreign_values(
     faults: list[Fault] = []
 
     def refuse(path: KeyPath, value: object, wanted: str, fix: str) -> None:
-        message = f"{place(path, document, tables)} is {value}"
+        at = place(path, document, tables) if len(faults) < MOST else ""
+        message = f"{at} is {value}"
         faults.append(Fault(path, message, "S38", f"it must be {wanted}", fix, value))
 
     def clean(value: Any, path: KeyPath) -> Any:
@@ -167,47 +166,17 @@ class Strict(BaseModel):
 Schema = TypeVar("Schema", bound=Strict)
 
 
-def read_toml(path: Path, schema: type[Schema]) -> Schema:
-    """Read and validate a TOML file.
-
-    Raises
-    ------
-    InputError
-        Lists every mistake by table and key; the file is named in `where`.
-    """
-    where = str(path)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        message = f"cannot be read ({error.strerror})"
-        raise InputError(message, code="S37", where=where, field="file") from error
-    return validated(toml_document(data, where), schema, where)
-
-
-def toml_document(data: bytes, where: str) -> dict[str, Any]:
-    """The tables of a TOML file, which `where` names in errors."""
-    try:
-        return tomllib.loads(data.decode("utf-8-sig"))
-    except UnicodeDecodeError as error:
-        message, fix = f"byte {error.start} is not UTF-8", "save the file as UTF-8"
-    except tomllib.TOMLDecodeError as error:
-        message, fix = f"not valid TOML: {error}", ""
-    except (RecursionError, ValueError):
-        # tomllib recurses once per bracket; int() refuses numbers of thousands of digits
-        message, fix = "not valid TOML: nested too deeply, or an endless number", ""
-    raise InputError(message, code="S38", where=where, field="file", fix=fix)
-
-
 def validated(document: Mapping[str, Any], schema: type[Schema], where: str) -> Schema:
     """A document in its schema, or one error with all its faults."""
     try:
         # JSON mode: lists become tuples, but true is no number and 1 is no text
         return schema.model_validate_json(json.dumps(document, default=str))
     except ValidationError as error:
-        faults: dict[str, Fault] = {}
-        for mistake in _of_one_branch(error.errors()):
-            told = _sentence(schema, dict(mistake))
-            faults.setdefault(told, Fault(mistake["loc"], told, value=mistake["input"]))
+        faults: dict[object, Fault] = {}
+        for mistake in _of_one_branch(error.errors(include_url=False)):
+            loc, many = mistake["loc"], len(faults) >= MOST
+            told = "" if many else _sentence(schema, dict(mistake))
+            faults.setdefault(loc if many else told, Fault(loc, told, value=mistake["input"]))
         raise one_error(list(faults.values()), where) from None
 
 

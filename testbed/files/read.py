@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 
 from calib.errors import InputError
@@ -25,9 +26,10 @@ from testbed.files.session_toml import (
 from testbed.files.spatial_analyzer import read_sa
 from testbed.files.table import DataTable, table_of
 from testbed.files.targets import TargetPart
-from testbed.files.text import MAX_MB, FileText, SourceFile, read_sheet, read_text
+from testbed.files.text import MAX_MB, FileText, SourceFile, read_sheet
+from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.robots.robot import Robot
-from testbed.strict import read_toml
+from testbed.strict import validated
 
 BEGINNING = 1000
 """Lines that show whether the columns of a long file make sense."""
@@ -90,8 +92,9 @@ def read_session(
     toml = file if config is None and file.suffix.lower() == ".toml" else config
     settings, first = SessionFile(), list[SourceFile]()
     if toml is not None:
-        first.append(read_text(Path(toml), str(toml), max_mb=1.0).source)
-        settings = read_toml(Path(toml), SessionFile)
+        content = read_toml_bytes(Path(toml), str(toml))
+        first.append(SourceFile(Path(toml), sha256(content).hexdigest()))
+        settings = validated(toml_document(content, str(toml)), SessionFile, str(toml))
     root = file.parent if toml is None else Path(toml).parent
     sources = Sources(root, None if toml == file else file, options.max_mb, {})
     drop = options.drop_invalid

@@ -13,6 +13,7 @@ from calib.geometry.frames import step_transform
 from calib.geometry.joint_errors import JointErrors, JointTerm
 from calib.geometry.model import RobotModel
 from testbed import assets
+from testbed.gates.toml import read_toml
 from testbed.robots.file import (
     Drawn,
     Frame,
@@ -28,7 +29,7 @@ from testbed.robots.robot import Robot as Robot
 from testbed.robots.robot import Visual as Visual
 from testbed.robots.robot import Workspace as Workspace
 from testbed.robots.robot import body_name as body_name
-from testbed.strict import choice_of, read_toml
+from testbed.strict import choice_of
 
 ROBOT_FILE, TRACKER_FILE = "robot.toml", "tracker.toml"
 TRACKER = "laser_tracker"

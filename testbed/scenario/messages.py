@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from testbed.scenario.scenario import Scenario, ScenarioFile
 from testbed.scenario.tables import PRIOR
-from testbed.strict import Fault, KeyPath, Strict, did_you_mean, models_in
+from testbed.strict import MOST, Fault, KeyPath, Strict, did_you_mean, models_in
 from testbed.units import counted
 
 UNIONS = ((1, ("tracker",)), (2, ("plan", "goal")), (3, ("cell", "obstacle")))
@@ -80,6 +80,9 @@ def sentences(
     """One fault per place, below `table` if one is given; none at a place in `skip`."""
     faults: dict[object, Fault] = {}
     for item in error.errors(include_url=False):
+        if len(faults) >= MOST:  # only counted
+            faults.setdefault(item["loc"], Fault((*table, *item["loc"]), ""))
+            continue
         path = _path((*table, *item["loc"]))
         context = item.get("ctx", {})
         if item["type"] == "too_short" and len(item["input"]) >= context["min_length"]:

@@ -1,7 +1,6 @@
 """The scenario file: read strictly, checked against its robot, written with every default."""
 
 import json
-import tomllib
 from collections.abc import Callable, Collection, Mapping
 from copy import deepcopy
 from pathlib import Path
@@ -11,6 +10,7 @@ from pydantic import ValidationError
 
 from calib.errors import refuse
 from testbed.assets import scene_names, scenes
+from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.scenario.contradictions import contradictions
 from testbed.scenario.laboratory import TruthSettings
 from testbed.scenario.messages import sentences
@@ -29,8 +29,6 @@ from testbed.strict import (
     toml_lines,
     toml_value,
 )
-
-MAX_BYTES = 1_000_000
 
 
 def scenario_path(name_or_path: str | Path) -> tuple[Path, str]:
@@ -71,16 +69,7 @@ def load_scenario(
         All faults of the file at once (up to 20), each with table, key, value and likely fix.
     """
     path, where = scenario_path(name_or_path)
-    try:
-        size = path.stat().st_size
-        data = path.read_bytes() if size <= MAX_BYTES else b""
-    except OSError as error:
-        message = f"cannot be read: {error.strerror}"
-        raise refuse("", code="S38", message=message, where=where) from error
-    if size > MAX_BYTES:
-        message, allowed = f"is {size / 1e6:.1f} MB", "a scenario has at most 1 MB"
-        fix = "give a scenario file"
-        raise refuse("", size, allowed, code="S38", message=message, fix=fix, where=where)
+    data = read_toml_bytes(path, where)
     return parse_scenario(data, declared, where=where, folder=path.parent, finished=finished)
 
 
@@ -93,29 +82,10 @@ def parse_scenario(
     finished: bool = False,
 ) -> Scenario:
     """A scenario from the content of a file; `folder` is what a relative robot path starts from."""
-    document = _document(data, where)
+    document = toml_document(data.encode() if isinstance(data, str) else data, where)
     if folder is not None:
         _place_files(document, folder.resolve(), where)
     return scenario_of(document, declared, where=where, finished=finished)
-
-
-def _document(data: bytes | str, where: str) -> dict[str, Any]:
-    """The tables of a file, before any check."""
-    allowed = ""
-    try:
-        text = data if isinstance(data, str) else data.decode("utf-8-sig")
-        return tomllib.loads(text.removeprefix("\ufeff"))
-    except UnicodeDecodeError as error:
-        message, fix = f"byte {error.start} is not UTF-8", "save the file as UTF-8"
-        allowed = "a scenario is UTF-8 text"
-    except tomllib.TOMLDecodeError as error:
-        message = f"is not TOML: {error}"
-        fix = "mend that line; strings need quotes, numbers and true/false do not"
-    except (RecursionError, ValueError):
-        # tomllib recurses once per bracket; int() refuses numbers of thousands of digits
-        message = "is nested too deeply or holds an endless number"
-        fix = "a scenario has tables one level deep and ordinary numbers"
-    raise refuse("", None, allowed, code="S38", message=message, fix=fix, where=where)
 
 
 def _place_files(document: dict[str, Any], folder: Path, where: str) -> None:

@@ -36,7 +36,7 @@ def study_named(name: str) -> "Study":
     if name in SHIPPED:
         study: Study = import_module(f"testbed.studies.{name}.study").STUDY
         return study
-    found = _entries(name)
+    found = [entry for entry in _entries() if entry.name == name]
     if len(found) != 1:
         brought = ", ".join(_distribution(entry) for entry in found) or "none"
         raise refuse(
@@ -63,8 +63,10 @@ def declared_tables(keys: Collection[str]) -> dict[str, "type[StudyTable]"]:
     from testbed.scenario.scenario import Scenario
 
     tables = dict(_shipped_tables())
-    for key in keys:
-        if key not in tables and key not in Scenario.model_fields and _entries(key):
+    others = [key for key in keys if key not in tables and key not in Scenario.model_fields]
+    brought = {entry.name for entry in _entries()} if others else ()
+    for key in others:
+        if key in brought:
             settings = study_named(key).settings
             if settings is not None:
                 tables[key] = settings
@@ -126,9 +128,9 @@ WITH_TABLE = ("coverage", "wen2022", "compensation")
 """Shipped studies with a table of their own, in the order of a written scenario."""
 
 
-def _entries(name: str) -> list[EntryPoint]:
-    """What installed distributions offer under a name."""
-    return list(entry_points(group=GROUP, name=name))
+def _entries() -> list[EntryPoint]:
+    """What installed distributions offer."""
+    return list(entry_points(group=GROUP))
 
 
 def _distribution(entry: EntryPoint) -> str:

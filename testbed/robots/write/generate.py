@@ -16,6 +16,7 @@ from calib.arrays import Array
 from calib.errors import CalibError, refuse
 from calib.geometry.frames import inverse
 from testbed import assets
+from testbed.gates.toml import read_toml
 from testbed.robots.catalog import (
     ROBOT_FILE,
     TRACKER,
@@ -31,7 +32,7 @@ from testbed.robots.meshes.solids import Solid, moved, write_obj
 from testbed.robots.placements import link_poses
 from testbed.robots.write.mjcf import mjcf_text
 from testbed.robots.write.urdf import urdf_bytes
-from testbed.strict import choice_of, read_toml
+from testbed.strict import choice_of
 
 
 def generate(name: str, out: Path) -> None:

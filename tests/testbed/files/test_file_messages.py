@@ -254,7 +254,7 @@ CASES = {
     ),
     "M35 covariance not whole": read(table(cov_x_x_m2=[1e-10] * 29)),
     "M35 does not exist": lambda folder: read_session(folder / "a.csv", ROBOT),
-    "M35 a folder without session.toml": lambda folder: read_session(folder, ROBOT),
+    "session: a folder without session.toml": lambda folder: read_session(folder, ROBOT),
     "M35 empty": read("\n\n"),
     "M35 no joints": read(NO_JOINTS),
     "M35 a joint is missing": read(without("q4_deg")),

@@ -12,6 +12,7 @@ from calib.geometry.joint_errors import gravity_terms
 from calib.geometry.model import RobotModel
 from calib.identification.joint_models import extended_model, gravity_quarters
 from testbed import assets
+from testbed.gates.toml import read_toml
 from testbed.laboratory.pool import Candidates, joint_ranges
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.tracker.tracker import tracker_from
@@ -26,7 +27,6 @@ from testbed.run.play import play_run
 from testbed.scenario.checks import check_robot
 from testbed.scenario.presets import TRUTH_PRESETS
 from testbed.scenario.read import dump_scenario
-from testbed.strict import read_toml
 from testbed.studies import parse_scenario, scenario_of
 
 TX60, UR10, IIWA = (load_robot(n) for n in ("staubli_tx60", "universal_ur10", "kuka_iiwa7"))

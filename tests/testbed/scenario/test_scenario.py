@@ -240,8 +240,8 @@ def test_a_newer_format_is_refused_before_anything_else_is_read():
         ("name = 'Prüfstand'".encode("latin-1"), "byte 10 is not UTF-8"),
         (b"seed = ", "is not TOML: Invalid value "),
         (b"seed = 1\nseed = 2", "is not TOML: Cannot overwrite a value "),
-        (b"a = " + b"[" * 2000, "nested too deeply"),
-        (b"seed = " + b"9" * 5000, "nested too deeply or holds an endless number"),
+        (b"a = " + b"[" * 2000, "x.toml:1: is nested 2001 deep; at most 16 levels are allowed"),
+        (b"seed = " + b"9" * 5000, "is not TOML: it holds an endless number"),
         (b"[tracker]\nposition_um = 12:30:45", "[tracker] position_um is 12:30:45"),
         (b"[tracker]\nposition_um = 1e400", "[tracker] position_um is inf"),
         (b"", "format is missing"),
@@ -253,14 +253,6 @@ def test_a_file_that_is_no_scenario_is_refused_in_one_sentence(tmp_path, data, m
     with pytest.raises(InputError) as caught:
         load_scenario(file)
     assert message in str(caught.value)
-
-
-def test_a_huge_file_is_refused_unread(tmp_path):
-    file = tmp_path / "x.toml"
-    with file.open("wb") as out:
-        out.truncate(10**10)  # sparse
-    with pytest.raises(InputError, match=r"is 10000\.0 MB; a scenario has at most 1 MB"):
-        load_scenario(file)
 
 
 @pytest.mark.parametrize("name", ["wen2202", "no/such/file.toml", "x" * 5000, "a\0b", ""])

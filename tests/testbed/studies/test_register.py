@@ -2,6 +2,7 @@
 
 import re
 from importlib.metadata import EntryPoint
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -37,9 +38,7 @@ def toys(monkeypatch):
     """The toy study, as if its distribution were installed."""
     entry = EntryPoint("toy", "tests.toy_study:STUDY", studies.GROUP)
     offered = {"toy": [entry]}
-    monkeypatch.setattr(
-        studies, "entry_points", lambda *, group, name: offered.get(name, []) if group else []
-    )
+    monkeypatch.setattr(studies, "_entries", lambda: [*chain.from_iterable(offered.values())])
     studies.study_named.cache_clear()
     monkeypatch.setattr(toy_study.STUDY, "played", [])
     monkeypatch.setattr(toy_study.STUDY, "interrupted_at", None)
