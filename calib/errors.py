@@ -1,6 +1,38 @@
 """The errors this project raises: what is wrong, where, what was allowed and the likely fix."""
 
+import re
 from typing import Self
+
+STEERING = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+"""What steers a terminal, ends a line or turns the direction of writing, and stray surrogates."""
+
+
+def visible(text: str) -> str:
+    r"""A text with its control characters written out; line ends and tabs stay.
+
+    Examples
+    --------
+    >>> print(visible("a\x1b[31m, b\u2028c"))
+    a\x1b[31m, b\u2028c
+    """
+    return STEERING.sub(_written, text)
+
+
+def one_line(text: str) -> str:
+    r"""The same where a line end or a tab would be one too many.
+
+    Examples
+    --------
+    >>> print(one_line("a\nb"))
+    a\x0ab
+    """
+    return re.sub(r"[\n\t]", _written, visible(text))
+
+
+def _written(found: re.Match[str]) -> str:
+    """A character as Python's strings may write it."""
+    number = ord(found[0])
+    return f"\\x{number:02x}" if number < 256 else f"\\u{number:04x}"
 
 
 class CalibError(Exception):
@@ -48,7 +80,7 @@ class CalibError(Exception):
         body = "; ".join(part for part in (self.message, self.allowed, self.fix) if part)
         place = f"{self.where}: " if self.where else ""
         stop = "" if body.endswith(("?", ".", "!")) else "."
-        return f"{place}{body}{stop} [{self.code}]"
+        return one_line(f"{place}{body}{stop} [{self.code}]")
 
     def located(self, where: str) -> Self:
         """The same error with its place in front; itself if it has one."""

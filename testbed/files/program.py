@@ -13,6 +13,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool
 from calib.compensation import compensate, corrected_poses, status_sentences
+from calib.errors import visible
 from calib.geometry.frames import inverse as inverse_transform
 from calib.geometry.frames import transform
 from calib.geometry.inverse import InverseStatus, inverse_kinematics, spread
@@ -25,6 +26,7 @@ from testbed.files.rotations import VECTOR, axes_of, checked_rotations, in_form,
 from testbed.files.table import Columns, DataTable, table_of, together
 from testbed.files.text import SEPARATORS, FileText, read_sheet, read_text
 from testbed.files.valid import valid_rows
+from testbed.report.text import guarded
 from testbed.robots.catalog import Robot
 from testbed.units import DEG
 
@@ -239,7 +241,7 @@ def _rewritten(
             word = value if isinstance(value, str) else _number(float(f"{value:.6g}"), comma)
             cells.append(word.replace(" ", "_") if mark == " " else word)
         lines[number - 1] = mark.join(_cell(cell, mark) for cell in cells)
-    return "\n".join(lines)
+    return visible("\n".join(lines))
 
 
 def _number(value: float, comma: bool) -> str:
@@ -249,7 +251,8 @@ def _number(value: float, comma: bool) -> str:
 
 
 def _cell(cell: str, mark: str) -> str:
-    """A cell, quoted where it must be."""
+    """A cell, quoted where it must be, and guarded where a spreadsheet would run it."""
+    cell = guarded(cell)
     if mark in cell or '"' in cell:
         return '"' + cell.replace('"', '""') + '"'
     return cell

@@ -8,6 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from testbed.files.refusal import refusal
+from testbed.report.text import unguarded
 
 MAX_MB = 100.0
 MAX_ROWS = 1_000_000
@@ -184,7 +185,14 @@ def separator_of(line: str) -> str:
 
 
 def split_cells(content: Sequence[tuple[int, str]], separator: str, where: str) -> list[list[str]]:
-    """Cells of each numbered line, stripped; quotes as in CSV."""
+    """Cells of each numbered line, stripped; quotes as in CSV, and `guarded` ones as they were."""
+    rows = _split(content, separator, where)
+    quoted = any("'" in line for _, line in content)
+    return [list(map(unguarded, row)) for row in rows] if quoted else rows
+
+
+def _split(content: Sequence[tuple[int, str]], separator: str, where: str) -> list[list[str]]:
+    """The same with the apostrophe of cells that a spreadsheet must not run."""
     lines = [line for _, line in content]
     if separator == "space":
         return [line.split() for line in lines]

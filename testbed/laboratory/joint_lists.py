@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, frozen
 from calib.errors import refuse
+from testbed.report.text import unguarded
 from testbed.robots.catalog import Robot
 from testbed.units import DEG, MM, counted, unit_of
 
@@ -84,7 +85,7 @@ def read_joints(robot: Robot, path: str | Path) -> Array:
     if size > MAX_BYTES:
         message = f"is {size / 1e6:.0f} MB"
         raise refuse("", None, "at most 10 MB", code="M36", message=message, where=str(path))
-    rows = list(csv.reader(io.StringIO(text, newline="")))
+    rows = [list(map(unguarded, row)) for row in csv.reader(io.StringIO(text, newline=""))]
     head = [cell.strip() for cell in rows[0]] if rows else []
     places, scale = _columns(robot, head, str(path))
     role = head.index("role") if "role" in head else None

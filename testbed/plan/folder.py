@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.arrays import Array
+from calib.errors import one_line
 from testbed.plan.plan import plan as make_plan
 from testbed.plan.recording import plan_story
 from testbed.plan.records import Plan
@@ -40,7 +41,9 @@ def programs(plan: Plan) -> dict[str, str]:
     if len(kinds) != JOINTS or "prismatic" in kinds or plan.tour.blocked:
         return {}
     stops = stops_of(plan)
-    return {name: "\n".join(write(plan, stops)) + "\n" for name, write in WRITERS.items()}
+    return {
+        name: "\n".join(map(one_line, write(plan, stops))) + "\n" for name, write in WRITERS.items()
+    }
 
 
 def _notes(plan: Plan, mark: str) -> list[str]:

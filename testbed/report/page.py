@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal, get_args
 
 from calib.arrays import Index
+from calib.errors import visible
 
 SIMULATED = "SIMULATED - not a calibration certificate"
 """On everything that was made from a virtual robot."""
@@ -121,7 +122,7 @@ def render(page: Page) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template("report.html.j2").render(page=page)
+    return visible(environment.get_template("report.html.j2").render(page=page))
 
 
 def record_section(text: str, versions: Mapping[str, str], scenario: str = "") -> Section:

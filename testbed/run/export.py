@@ -13,6 +13,7 @@ from testbed.files.columns import covariance_names
 from testbed.files.session_toml import SESSION_FILE
 from testbed.laboratory.tracker.rounds import world_mm
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory, validation_start
+from testbed.report.text import csv_text
 from testbed.robots.robot import Robot
 from testbed.scenario.fixtures import RANGES, targets_mm
 from testbed.store.whole_folder import whole_folder
@@ -135,18 +136,18 @@ def session_csv(
     if names is not None and not is_pose:
         last = last[:, :0]
     numbers = np.column_stack([time, table.q, seen, last, table.covariance[:, j, i]])
-    places = [str(station + 1) for station in table.station]
+    places = [[str(station + 1)] for station in table.station]
     if names is not None and not is_pose:
-        at = names[:, 1] if far else places
-        places = [f"{place},{target}" for place, target in zip(at, names[:, 0], strict=True)]
-    rows = [
-        f"{pose},{repeat},{'test' if test else 'identify'},{place},"
-        + ",".join(f"{value:.17g}" for value in row)
+        at = names[:, 1] if far else [place for (place,) in places]
+        places = [[str(place), str(target)] for place, target in zip(at, names[:, 0], strict=True)]
+    rows = (
+        [str(pose), str(repeat), "test" if test else "identify", *place]
+        + [f"{value:.17g}" for value in row]
         for pose, repeat, test, place, row in zip(
             table.pose_id, table.repeat, is_test, places, numbers, strict=True
         )
-    ]
-    return "\n".join([",".join(head), *rows, ""])
+    )
+    return csv_text(head, rows)
 
 
 def _times(visit: Measurements, poses: Index, start: float, bench: Laboratory) -> Array:

@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from calib.arrays import Array, frozen
-from calib.errors import refuse
+from calib.errors import one_line, refuse
 from calib.geometry.chain import Chain, forward
 from calib.geometry.frames import inverse, slide
 from calib.geometry.inverse import spread
@@ -239,7 +239,7 @@ def _obj(mesh: Mesh, name: str) -> str:
 def _head(robot: Robot) -> str:
     """First lines of robot.toml."""
     return (
-        f"{robot.title}\n"
+        f"{one_line(robot.title)}\n"
         "All terms of the model; angles and lengths read back to the last bit or the one before."
     )
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from calib.arrays import Array
+from calib.errors import one_line
 from calib.geometry.chain import JointKind
 from calib.geometry.frames import transform_step
 from calib.geometry.joint_errors import JointTerm
@@ -75,7 +76,8 @@ def robot_toml(robot: Robot, *, comment: str = "") -> str:
         "joint_terms": terms or None,
         "reflectors": [_reflector(reflector) for reflector in robot.reflectors] or None,
     }
-    lines = [f"# {line}" for line in comment.splitlines()] + toml_lines(head)
+    lines = [f"# {one_line(line)}" for line in comment.split("\n")] if comment else []
+    lines += toml_lines(head)
     if robot.notes:
         notes = (f"    {toml_value(_text(note))}," for note in robot.notes)
         lines += ["notes = [", *notes, "]"]

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from calib.errors import InputError
 from calib.identification.start.start import start_frames
+from testbed.files.text import read_sheet, read_text
 from testbed.identify.calibrate import Options
 from testbed.identify.folder import (
     identified_name,
@@ -18,6 +20,7 @@ from testbed.identify.folder import (
     play_calibration,
     rederive_calibration,
 )
+from testbed.identify.results import split_csv
 from testbed.robots.catalog import load_robot
 from testbed.store import layout
 from testbed.store.codec import pack
@@ -132,6 +135,17 @@ def test_the_split_table_has_every_row_with_its_errors(out):
     errors = np.array([float(row["error_after_mm"]) for row in rows])
     # written to a nanometer
     np.testing.assert_allclose(errors, found.fit.misses.position * 1e3, atol=5.1e-7)
+
+
+def test_pose_names_that_a_spreadsheet_would_run_come_back_from_the_split_table(tmp_path):
+    names = ("=cmd|x", "-a", "@b", "'=c", "+d", "'e", "-1.5")
+    told = replace(real(), pose_names=(*names, *real().pose_names[len(names) :]))
+    path = tmp_path / "split.csv"
+    path.write_text(split_csv(told), encoding="utf-8")
+    written = [line.split(",")[0] for line in path.read_text(encoding="utf-8").splitlines()]
+    assert written[1:8] == ["'=cmd|x", "'-a", "'@b", "''=c", "'+d", "'e", "-1.5"]
+    sheet = read_sheet(read_text(path, path.name))
+    assert {row[0] for row in sheet.rows} == set(told.pose_names)
 
 
 def test_the_corrected_program_sends_the_identified_robot_where_it_was_meant(out):

@@ -3,12 +3,13 @@
 import json
 import re
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from calib.errors import MachineError
+from calib.errors import MachineError, one_line, visible
 from testbed.cli import app
 from testbed.plan import folder as plan_files
 from testbed.plan.folder import play_plan, programs
@@ -170,6 +171,16 @@ def test_a_program_goes_to_every_target_in_order_and_waits_at_the_measured_ones(
     assert "First bring the robot by hand to the start" in text
     assert lines[0].endswith("start")
     assert text.isascii()
+
+
+@pytest.mark.parametrize("one", "\n\r\x0b\x0c\x1c\x1d\x1e\x85\u2028\u2029\x1b\u202e")
+def test_what_breaks_a_line_is_written_out_in_the_comments_of_a_program(one):
+    made = small_plan()
+    ours = made.scenario.model_copy(update={"robot": f"/models/arm{one}MOVE/robot.toml"})
+    for name, text in programs(replace(made, scenario=ours)).items():
+        assert len(text.splitlines()) == len(programs(made)[name].splitlines())
+        assert f"robot {one_line(f'arm{one}MOVE')}, not of this controller" in text
+        assert text == visible(text)
 
 
 def test_urscript_moves_keep_every_joint_at_or_below_its_share_and_the_slowest_at_it():
