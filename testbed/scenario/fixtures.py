@@ -17,6 +17,8 @@ ALONE = {"pose": "tool", "point": "reflector"}
 """What the one target of [tracker] is called among several."""
 APART_MM = 100.0
 """Stations stand at least so far apart: a tracker is wider, and directions hardly change."""
+SAME_MM = 1.0
+"""Reflectors and anchors nearer than this are at one place: none is as small."""
 RANGES = "-ranges"
 """What the file of a trial's distances adds to its name in an export."""
 
@@ -86,7 +88,7 @@ def _of_names(
         if name in targets:
             yield f'[fixtures] "{name}" is a reflector and an anchor; rename one of them'
     first = next(iter(targets))
-    known = (*targets, *fixtures.anchors_mm)
+    known = tuple(dict.fromkeys((*targets, *fixtures.anchors_mm)))
     for name in fixtures.free:
         if name not in known:
             hint = did_you_mean(name, known) or f"known are {', '.join(known)}"
@@ -111,7 +113,7 @@ def _of_places(fixtures: FixtureSettings, station: Point) -> Iterator[str]:
     """Two of a kind at one place, of which the second tells nothing new."""
     for kind, places in (("reflectors", fixtures.reflectors_mm), ("anchors", fixtures.anchors_mm)):
         for (one, at), (other, same) in combinations(places.items(), 2):
-            if at == same:
+            if math.dist(at, same) < SAME_MM:
                 yield (
                     f'[fixtures] the {kind} "{one}" and "{other}" are at one place; move or remove '
                     "one of them"

@@ -17,10 +17,13 @@ PerJoint = Amplitude | Annotated[tuple[Amplitude, ...], Field(min_length=1, max_
 Springs = Annotated[tuple[Stiffness, ...], Field(max_length=MAX_JOINTS)]
 
 
+TruthPreset = Literal["rigid", "wen2022", "soft", "unmodelled", "elastic"]
+
+
 class TruthSettings(Settings):
     """[truth]: how far the true robot lies from the nominal one; each term is switched alone."""
 
-    preset: Literal["rigid", "wen2022", "soft", "unmodelled", "elastic"]
+    preset: TruthPreset
     perturb: str | tuple[str, ...]
     """Numbers that differ: a free set of the robot, "links" for all link numbers, or names."""
     angle_sd_deg: AngleSd

@@ -89,8 +89,9 @@ def sentences(
             continue  # counts only sound entries; the others have their own fault
         if path in NUMBERS and _other_branch(item):
             continue
-        if path not in skip and path not in faults:
-            faults[path] = _sentence(path, item["type"], context, item["input"], file)
+        if path not in skip:
+            fault = _sentence(path, item["type"], context, item["input"], file)
+            faults.setdefault(fault.path, fault)
     return list(faults.values())
 
 
@@ -135,7 +136,7 @@ def _sentence(
     if kind in ("too_short", "too_long"):
         wanted = context.get("min_length", context.get("max_length"))
         bound = "at least" if kind == "too_short" else "at most"
-        found = len(value) if isinstance(value, list) else context["actual_length"]
+        found = len(value) if isinstance(value, list | Mapping) else context["actual_length"]
         belong = f"belong{'s' if wanted == 1 else ''} there"
         allowed = f"{bound} {counted(wanted, 'entry')} {belong}"
         message = f"{at} has {counted(found, 'entry')}"

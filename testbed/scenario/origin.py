@@ -6,13 +6,24 @@ another one is seen, and reading gives back the scenario that was written.
 """
 
 import json
-from collections.abc import Collection, Mapping
-from typing import Any
+from collections.abc import Collection, Iterator, Mapping
+from typing import Any, Literal
 
+from testbed.scenario.laboratory import TruthPreset
 from testbed.scenario.presets import written
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import Settings, Text
-from testbed.strict import KeyPath, Values, flat, nodes, toml_key, toml_value
+from testbed.strict import (
+    Fault,
+    KeyPath,
+    Values,
+    choice_of,
+    did_you_mean,
+    flat,
+    nodes,
+    toml_key,
+    toml_value,
+)
 
 ORIGIN = "origin"
 ROBOT: KeyPath = ("robot",)
@@ -29,9 +40,9 @@ class OriginTable(Settings):
     """[origin]: keys that were given, and what filled in the others when the file was written."""
 
     robot: Text = ""
-    truth: Text = ""
+    truth: TruthPreset | None = None
     """Preset, if one was given."""
-    tracker: Text = ""
+    tracker: Literal["paper", "at960"] | None = None
     """Preset, if one was given."""
     given: tuple[Text, ...] = ()
     """Keys with their tables: "truth.preset"."""
@@ -46,6 +57,32 @@ class OriginTable(Settings):
         """What decided the other keys when the file was written; what it does not say, as now."""
         then = {path: getattr(self, name) for name, path in DECIDERS.items()}
         return {path: then[path] or given[path] for path in then if then[path] or path in given}
+
+
+def unknown(origin: OriginTable, keys: Mapping[str, Collection[str]]) -> Iterator[Fault]:
+    """Faults of names in [origin] that nothing has; `keys` are those of each table.
+
+    A key may be gone from the file since it was written, but it must belong somewhere.
+    """
+    from testbed.robots.catalog import robot_names
+
+    name = origin.robot
+    if name and not is_path(name) and name not in robot_names():
+        message = f'[{ORIGIN}] robot is "{name}", which is no robot'
+        yield Fault((ORIGIN, "robot"), message, fix=choice_of(name, robot_names()), value=name)
+    for k, given in enumerate(origin.given):
+        table, _, rest = given.partition(".")
+        key, known = rest.partition(".")[0], keys.get(table, ())
+        if table not in keys[""] or (key and key not in known):
+            every = (*keys[""], *(f"{table}.{one}" for one in known))
+            fix = did_you_mean(given, every) or "remove it"
+            message = f'[{ORIGIN}] given has "{given}", which is no key of a scenario'
+            yield Fault((ORIGIN, "given", k), message, fix=fix, value=given)
+
+
+def is_path(robot: str) -> bool:
+    """Whether a robot is named by a path: it has a separator or ends in .toml."""
+    return "/" in robot or "\\" in robot or robot.endswith(".toml")
 
 
 def dotted(path: KeyPath) -> str:

@@ -13,8 +13,16 @@ from testbed.assets import scene_names, scenes
 from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.scenario.contradictions import contradictions
 from testbed.scenario.laboratory import TruthSettings
-from testbed.scenario.messages import sentences
-from testbed.scenario.origin import ORIGIN, OriginTable, differing, filled_in, origin_lines
+from testbed.scenario.messages import keys_by_table, sentences
+from testbed.scenario.origin import (
+    ORIGIN,
+    OriginTable,
+    differing,
+    filled_in,
+    is_path,
+    origin_lines,
+    unknown,
+)
 from testbed.scenario.presets import given_in, resolved, written
 from testbed.scenario.scenario import FORMAT, Scenario, ScenarioFile, StudyTable
 from testbed.scenario.stale import CALLED, OLD, copied_fault, filled_scenario, stale
@@ -91,7 +99,7 @@ def parse_scenario(
 def _place_files(document: dict[str, Any], folder: Path, where: str) -> None:
     """Make the paths of robot, obstacles and measured poses absolute, in place."""
     for _, table in _tables([document, document.get(ORIGIN)]):
-        if isinstance(robot := table.get("robot"), str) and _is_path(robot):
+        if isinstance(robot := table.get("robot"), str) and is_path(robot):
             table["robot"] = str((folder / robot).resolve())
     cell, plan = document.get("cell"), document.get("plan")
     obstacles = cell.get("obstacle") if isinstance(cell, dict) else None
@@ -117,11 +125,6 @@ def _tables(entries: object) -> list[tuple[int, dict[str, Any]]]:
     """The tables in a list, with their positions; nothing if it is no list."""
     rows = enumerate(entries) if isinstance(entries, list) else ()
     return [(k, entry) for k, entry in rows if isinstance(entry, dict)]
-
-
-def _is_path(robot: str) -> bool:
-    """Whether a robot is named by a path: it has a separator or ends in .toml."""
-    return "/" in robot or "\\" in robot or robot.endswith(".toml")
 
 
 def scenario_of(
@@ -152,7 +155,15 @@ def scenario_of(
             _checked(ScenarioFile(document, {**kinds, ORIGIN: OriginTable}), where)
             raise
         rest = {key: value for key, value in document.items() if key != ORIGIN}
-        return _read_back(ScenarioFile(rest, kinds), origin, where, finished=finished)
+        file = ScenarioFile(rest, kinds)
+        keys = {
+            table: [key for own in branches.values() for key in own]
+            for table, branches in keys_by_table(file).items()
+            if table != "trial"  # given as a whole
+        }
+        if not finished and (faults := [*unknown(origin, keys)]):
+            raise one_error(faults, where)
+        return _read_back(file, origin, where, finished=finished)
     scenario = _checked(ScenarioFile(document, kinds), where)
     by_program = set(scenario.given.get("truth", ())) == set(TruthSettings.model_fields)
     # people give a few numbers of a preset, and may; who gives all of them has copied them

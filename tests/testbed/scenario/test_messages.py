@@ -313,8 +313,12 @@ CASES = {
         tracker={"measures": "point"},
         **WHITENED,
     ),
+    "too many reflectors": with_table(
+        fixtures={"reflectors_mm": {f"R{k}": [k, 0, 60] for k in range(31)}}, **WHITENED
+    ),
+    "an anchor with one coordinate": with_table(fixtures={"anchors_mm": {"P1": [1]}}, **WHITENED),
     "two anchors at one place": with_table(
-        fixtures={"anchors_mm": {"P1": [1500, 0, 0], "P2": [1500, 0, 0]}}, **WHITENED
+        fixtures={"anchors_mm": {"P1": [1500, 0, 0], "P2": [1500, 0, 0.9]}}, **WHITENED
     ),
     "stations where one stands": with_table(
         fixtures={"stations_mm": [[2600, -2000, 300], [3000, 2000, 300], [3000, 2000, 399.9]]},
@@ -498,6 +502,12 @@ CASES = {
     "robot beside the numbers of another": edited("staubli_tx60", "universal_ur10"),
     "robot beside the numbers of another, in an old file": edited(
         "staubli_tx60", "kuka_iiwa7", old=True
+    ),
+    "origin of what there is not": with_table(
+        origin={
+            "robot": "staubli_tx6",
+            "given": ["truth.presett", "trial.0.poses", "trail", "name.x", "plan.goal.nearby"],
+        }
     ),
     "origin by a slip": with_table(origin={"givn": ["seed"], "truth": 3}),
     "origin in one word": with_table(origin={"given": "seed"}, pool={"size": 5}),

@@ -285,6 +285,22 @@ def test_an_edited_robot_beside_the_numbers_of_another_is_refused(first):
             assert f'those of "{first}"; ' in line
 
 
+def test_a_key_that_is_gone_may_still_be_named_and_a_run_opens_whatever_is_named():
+    scenario = load_scenario("stations")
+    text = dump_scenario(scenario)
+    assert '"fixtures.reflectors_mm.C"' in text
+    gone = "\n".join(row for row in text.splitlines() if not row.startswith("C = "))
+    gone = edited(gone, ('free = ["B", "C", "P2"]', 'free = ["B", "P2"]'))
+    assert list(parse_scenario(gone, where="x").fixtures.reflectors_mm) == ["A", "B"]
+    slip = edited(text, ('"fixtures.reflectors_mm.C"', '"fixtures.reflector_mm.C"'))
+    assert refused(slip).endswith(
+        'given has "fixtures.reflector_mm.C", which is no key of a scenario; did you mean '
+        '"fixtures.reflectors_mm"? [S37]'
+    )
+    opened = read.parse_scenario(slip, declared_tables, where="x", finished=True)
+    assert opened.document() == scenario.document()
+
+
 def test_two_edits_are_told_in_one_sentence():
     text = dump_scenario(of_text(BASE))
     lie = edited(text, (preset("rigid"), preset("soft")))
