@@ -2,6 +2,10 @@
 
 import os
 import sys
+from contextlib import suppress
+
+from calib.errors import MachineError
+from testbed.machine import LOOKING, require_room
 
 ENVIRONMENT = {
     # one BLAS thread: sums keep their order, so the same scenario gives the same bytes
@@ -19,15 +23,22 @@ MACHINE = 3
 def main() -> None:
     """Run the command line and end the process with its exit code."""
     os.environ.update(ENVIRONMENT)
-    from testbed.cli import app
-
     try:
+        require_room(LOOKING)
+        from testbed.cli import app
+        from testbed.cli.output import open_streams
+
+        open_streams()
         app(prog_name="truebed", windows_expand_args=False)
-    except OSError as error:  # the help text itself could not be written
+    except (OSError, MachineError) as error:  # help and version end here, every verb by itself
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        if not isinstance(error, BrokenPipeError):
-            os.write(2, f"stdout: cannot be written: {error.strerror}. [F3]\n".encode())
-            sys.exit(MACHINE)
+        if isinstance(error, BrokenPipeError):
+            return
+        if isinstance(error, OSError):
+            error = MachineError(f"cannot be written: {error.strerror}", code="F3", where="stdout")
+        with suppress(OSError):
+            os.write(2, f"{error}\n".encode())
+        sys.exit(MACHINE)
 
 
 if __name__ == "__main__":

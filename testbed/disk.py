@@ -182,8 +182,7 @@ def unfollowed(path: str, flags: int) -> int:
 
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-SCARCE = (errno.EMFILE, errno.ENFILE, errno.ENOMEM)
-"""What the system says where a disk is full, and where files or memory have run out."""
+"""What the system says where a disk is full."""
 
 
 def write_error(path: Path, error: OSError) -> MachineError:

@@ -48,7 +48,8 @@ HOMES = {
 """Where a package may be imported: a folder or file from the top, or how a file's name begins."""
 FLOORS = {
     "testbed": (
-        ("assets", "bounds", "disk", "progress", "streams", "strict", "units", "versions"),
+        ("assets", "bounds", "disk", "machine", "progress", "streams", "strict", "units",
+         "versions"),
         ("gates",),
         ("robots", "store", "report"),
         ("scenario", "recording"),
@@ -384,7 +385,9 @@ def test_help_loads_nothing_but_typer_and_the_verbs():
     assert {name for name in more if not name.startswith("testbed.cli")} == {
         "calib",
         "calib.errors",
+        "mmap",  # of Python itself, to ask for room
         "testbed",
+        "testbed.machine",
     }
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from testbed.cli.exit_codes import say
+from testbed.cli.output import say
 
 app = typer.Typer(
     no_args_is_help=True,

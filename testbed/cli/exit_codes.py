@@ -1,6 +1,5 @@
 """How a verb ends: its exit code, one sentence per error, no traceback."""
 
-import os
 import signal
 import sys
 import traceback
@@ -12,13 +11,15 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from calib.errors import CalibError, InputError, MachineError
+from testbed.cli.output import drop_stdout, say_json, warn
+from testbed.machine import Room, ran_out, require_room
 
 GOOD, SOME_FAILED, BAD_INPUT, MACHINE, DEFECT, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 70, 130, 143
 Handler = Callable[[int, FrameType | None], Any] | int | None
 
 
 class Terminated(BaseException):
-    """SIGTERM arrived: no error, the system asks us to end."""
+    """SIGTERM or SIGHUP arrived: no error, the system asks us to end."""
 
 
 @dataclass(slots=True)
@@ -36,20 +37,24 @@ class Exit:
 
 
 @contextmanager
-def exit_codes(*, debug: bool = False, as_json: bool = False) -> Iterator[Exit]:
+def exit_codes(
+    *, debug: bool = False, as_json: bool = False, room: Room | None = None
+) -> Iterator[Exit]:
     """Run a verb; whatever it raises becomes one sentence on stderr and an exit code.
 
     0 good; 1 finished, some trial failed; 2 bad input; 3 machine; 70 our defect; 130 SIGINT; 143
-    SIGTERM. A closed pipe ends quietly.
+    SIGTERM, or SIGHUP when the terminal closes. A closed pipe ends quietly.
     """
     end = Exit(debug=debug, as_json=as_json)
-    old = _catch_sigterm()
+    old = _catch_stops()
     try:
+        if room is not None:
+            require_room(room)
         yield end
     except (KeyboardInterrupt, Terminated) as stop:
         leave(_stopped(end, stop))
     except BrokenPipeError:
-        _close_stdout()
+        drop_stdout()
         leave(end.code)
     except CalibError as error:
         if debug:
@@ -59,30 +64,16 @@ def exit_codes(*, debug: bool = False, as_json: bool = False) -> Iterator[Exit]:
     except Exception as error:
         if debug:
             traceback.print_exc()
+        scarce = ran_out(error)
+        if scarce is not None:
+            _report(end, str(scarce), scarce.code)
+            leave(MACHINE)
         _report(end, _defect(end, error), "X70")
         leave(DEFECT)
     finally:
-        if old is not None:
-            signal.signal(signal.SIGTERM, old)
+        for number, handler in old.items():
+            signal.signal(number, handler)
     leave(end.code)
-
-
-def say(text: str = "") -> None:
-    """Print a line on stdout; a reader that went away (``| head``) is no error."""
-    try:
-        print(text, flush=True)  # noqa: T201  # the one place that prints
-    except BrokenPipeError:
-        _close_stdout()
-    except OSError as error:
-        _close_stdout()
-        message = f"cannot be written: {error.strerror}"
-        raise MachineError(message, code="F3", where="stdout", fix="free some space") from error
-
-
-def warn(text: str) -> None:
-    """Print a line on stderr, if anyone still reads it."""
-    with suppress(OSError, ValueError):
-        print(text, file=sys.stderr, flush=True)  # noqa: T201  # the one place that prints
 
 
 def leave(code: int) -> NoReturn:
@@ -95,8 +86,8 @@ def leave(code: int) -> NoReturn:
 
 
 def _code(error: CalibError) -> int:
-    """Exit code of one of our errors."""
-    if isinstance(error, MachineError):
+    """Exit code of one of our errors; a file that could not be opened for lack of room is good."""
+    if isinstance(error, MachineError) or ran_out(error) is not None:
         return MACHINE
     return BAD_INPUT if isinstance(error, InputError) else SOME_FAILED
 
@@ -106,7 +97,7 @@ def _report(end: Exit, text: str, code: str) -> None:
     if end.as_json:
         import json
 
-        say(json.dumps({"error": {"code": code, "message": text}}, ensure_ascii=False))
+        say_json(json.dumps({"error": {"code": code, "message": text}}, ensure_ascii=False))
     else:
         warn(text)
 
@@ -126,27 +117,31 @@ def _defect(end: Exit, error: Exception) -> str:
     """Keep the traceback of a defect of ours in crash.txt and say where."""
     text = f"this is a defect of truebed: {type(error).__name__}: {error}"
     if end.folder is not None and end.folder.is_dir():
+        from testbed.disk import atomic_write
         from testbed.store.layout import CRASH
 
-        with suppress(OSError):
-            (end.folder / CRASH).write_text(traceback.format_exc(), encoding="utf-8")
+        with suppress(OSError, MachineError):
+            atomic_write(end.folder / CRASH, traceback.format_exc().encode(errors="replace"))
             return f"{text}; please report it with {end.folder / CRASH}. [X70]"
     return f"{text}; --debug shows more. [X70]"
 
 
-def _catch_sigterm() -> Handler:
-    """Turn SIGTERM into an exception that unwinds; the handler there was before."""
+def _catch_stops() -> dict[int, Handler]:
+    """Turn SIGTERM and SIGHUP into an exception that unwinds; the handlers there were before.
+
+    What the process was started to ignore stays ignored: so does SIGHUP under nohup. A closing
+    terminal sends it twice; the second one does not disturb the unwinding.
+    """
 
     def stop(_number: int, _frame: FrameType | None) -> NoReturn:
+        for number in old:
+            signal.signal(number, signal.SIG_IGN)
         raise Terminated
 
-    try:
-        return signal.signal(signal.SIGTERM, stop)
-    except ValueError:  # not in the main thread
-        return None
-
-
-def _close_stdout() -> None:
-    """Point stdout nowhere, so that flushing at exit does not complain."""
-    with suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    old: dict[int, Handler] = {}
+    with suppress(ValueError):  # not in the main thread
+        for number in numbers:
+            if signal.getsignal(number) != signal.SIG_IGN:
+                old[number] = signal.signal(number, stop)
+    return old

@@ -7,7 +7,8 @@ import typer
 
 from calib.errors import refuse
 from testbed.cli.app import Debug, Json, Run, app
-from testbed.cli.exit_codes import SOME_FAILED, exit_codes, say, warn
+from testbed.cli.exit_codes import SOME_FAILED, exit_codes
+from testbed.cli.output import say, say_json, warn
 
 Trial = Annotated[str | None, typer.Option(metavar="NAME", help="Of this trial [the first].")]
 
@@ -75,7 +76,7 @@ def compare(
 
             document = {str(path): result for path, result in zip(runs, results, strict=True)}
             groups = [[str(path) for path in group] for group in equal]
-            say(json.dumps({"runs": document, "equal_bytes": groups}, ensure_ascii=False))
+            say_json(json.dumps({"runs": document, "equal_bytes": groups}, ensure_ascii=False))
             return
         rows = [
             [str(path), result["scenario"], str(result["seed"]), *row]

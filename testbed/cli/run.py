@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from testbed.cli.app import Debug, Json, Quiet, app
-from testbed.cli.exit_codes import SOME_FAILED, exit_codes, say
+from testbed.cli.exit_codes import SOME_FAILED, exit_codes
+from testbed.cli.output import say, say_json
+from testbed.machine import COMPUTING
 
 if TYPE_CHECKING:
     from testbed.scenario.scenario import Scenario
@@ -34,7 +36,7 @@ def run(
     debug: Debug = False,
 ) -> None:
     """Play a whole virtual campaign and write its run folder."""
-    with exit_codes(debug=debug, as_json=as_json) as end:
+    with exit_codes(debug=debug, as_json=as_json, room=COMPUTING) as end:
         scenario, where = scenario_of(scene, seed)
         folder = out or default_folder(scenario)
         end.folder = folder
@@ -61,7 +63,7 @@ def run(
             arm = robot_of(scenario, where)
             export_campaign(outcome.campaign, arm, export, overwrite=overwrite)
         if as_json:
-            say((folder / "result.json").read_text(encoding="utf-8").rstrip())
+            say_json((folder / "result.json").read_text(encoding="utf-8").rstrip())
         elif not quiet:
             say(headline(read_result(folder)))
             say()
@@ -84,7 +86,7 @@ def plan(
     debug: Debug = False,
 ) -> None:
     """Choose poses for a real robot: what to measure, in what order, what will come out."""
-    with exit_codes(debug=debug, as_json=as_json) as end:
+    with exit_codes(debug=debug, as_json=as_json, room=COMPUTING) as end:
         scenario, where = scenario_of(scene, seed)
         default = default_folder(scenario)
         folder = out or default.with_name(f"{default.name}-plan")
@@ -97,7 +99,7 @@ def plan(
             made = play_plan(scenario, folder, overwrite=overwrite, progress=tell, where=where)
         end.code = SOME_FAILED if made.tour.blocked else end.code
         if as_json:
-            say((folder / PLAN).read_text(encoding="utf-8").rstrip())
+            say_json((folder / PLAN).read_text(encoding="utf-8").rstrip())
         elif not quiet:
             say(terminal_text(made))
             say()
@@ -160,7 +162,7 @@ def identify(
     debug: Debug = False,
 ) -> None:
     """Calibrate a robot from measurements: parameters, a corrected model, proof on other poses."""
-    with exit_codes(debug=debug, as_json=as_json) as end:
+    with exit_codes(debug=debug, as_json=as_json, room=COMPUTING) as end:
         from testbed.cli.terminal import progress
         from testbed.files.read import ReadOptions, read_session
         from testbed.identify.calibrate import Options
@@ -199,7 +201,7 @@ def identify(
         sound = calibration.converged and not delivered.program_failed
         end.code = end.code if sound else SOME_FAILED
         if as_json:
-            say((folder / RESULT).read_text(encoding="utf-8").rstrip())
+            say_json((folder / RESULT).read_text(encoding="utf-8").rstrip())
         elif not quiet:
             say(terminal_text(calibration, delivered))
             say()

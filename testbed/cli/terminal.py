@@ -5,9 +5,9 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from math import pi
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, cast
 
-from testbed.cli.exit_codes import warn
+from testbed.cli.output import Stderr, warn
 from testbed.progress import Progress
 from testbed.report.text import table
 
@@ -66,7 +66,7 @@ def _bar() -> Iterator[Progress]:
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Progress(*columns, console=Console(file=cast(IO[str], Stderr())), transient=True) as bar:
         task = bar.add_task("begin", total=None)
 
         def report(name: str, done: int, steps: int) -> None:

@@ -22,6 +22,7 @@ from string import Template
 from typing import Any
 
 from calib.errors import MachineError, refuse
+from testbed.disk import atomic_write
 
 PAGE = Path(__file__).with_name("viewer.html")
 """The page for browsers: it opens from a file, fetches nothing, and inlines the viewer."""
@@ -60,7 +61,7 @@ def picture(rrd: str | Path, png: str | Path, *, step: int | None = None) -> Non
             client.set_time("step", sequence=step, play_state="paused")
         paint(client)  # and the meshes begin to load
         time.sleep(NOTES_FADE)
-        Path(png).write_bytes(client.take_screenshot(None))
+        atomic_write(Path(png), client.take_screenshot(None))
 
 
 def paint(client: Any) -> None:
@@ -131,7 +132,7 @@ def html_page(rrd: str | Path, out: str | Path) -> None:
     file = existing(rrd)
     script, binary = viewer_files()
     text = page(file.stem, file.read_bytes(), script, binary, rr.__version__)
-    Path(out).write_text(text, encoding="utf-8")
+    atomic_write(Path(out), text.encode())
 
 
 def page(title: str, rrd: bytes, script: str, binary: bytes, version: str) -> str:

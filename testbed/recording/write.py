@@ -10,6 +10,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.frames import rot_z
+from testbed.machine import RECORDING, require_room
 from testbed.recording.cell import draw_arm
 from testbed.recording.pen import Pen
 from testbed.recording.story import Panel, Story, floor_height, timeline_of
@@ -29,7 +30,13 @@ def story_bytes(story: Story) -> bytes:
     ----------
     story : Story
         Of finished things; nothing is computed again but poses of known models.
+
+    Raises
+    ------
+    MachineError
+        F10: memory or open files are limited to less than Rerun takes.
     """
+    require_room(RECORDING)
     with strict_mode(), ended_streams():
         return _drawn(story, timeline_of(story.chapters))
 

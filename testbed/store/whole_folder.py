@@ -9,13 +9,13 @@ from pathlib import Path
 from calib.errors import InputError, refuse
 from testbed.disk import (
     FULL,
-    SCARCE,
     acquire,
     flush_file,
     flush_folder,
     passing_folder,
     write_error,
 )
+from testbed.machine import SCARCE, ran_out
 from testbed.store import layout
 
 ANOTHER = "choose another --out"
@@ -131,7 +131,7 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         if isinstance(error, OSError) and error.errno in (*FULL, *SCARCE):
-            raise write_error(path, error) from error
+            raise ran_out(error) or write_error(path, error) from error
         reason = getattr(error, "strerror", None) or error
         raise _unusable(path, f"cannot be written: {reason}") from error
 

@@ -212,9 +212,9 @@ def test_a_machine_that_has_run_out_is_no_fault_of_the_input(tmp_path, monkeypat
         raise OSError(number, os.strerror(number))
 
     monkeypatch.setattr(type(tmp_path), "mkdir", fails)
-    with pytest.raises(MachineError, match=os.strerror(number)) as caught:
+    with pytest.raises(MachineError) as caught:
         write(tmp_path / "out")
-    assert caught.value.code == "F3"
+    assert caught.value.code == ("F3" if number in disk.FULL else "F10")
     assert list(tmp_path.iterdir()) == []
 
 
