@@ -1,0 +1,1 @@
+"""What may be said of a tool point: how far, with which probability, and whether it conforms."""

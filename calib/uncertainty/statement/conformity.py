@@ -1,0 +1,115 @@
+"""Whether a tool point conforms to a tolerance: pass, fail or undecided, by a stated rule."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calib.arrays import Array, check, frozen
+from calib.errors import refuse
+from calib.uncertainty.regions import require_probability
+from calib.uncertainty.statement.distance import distance_radius, probability_within
+
+Rule = Literal["guarded", "simple"]
+RULES: tuple[Rule, ...] = ("guarded", "simple")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Conformity:
+    """Decisions on N tool points against one tolerance."""
+
+    rule: Rule
+    """"guarded": a guard band of R95 on both sides of the limit; "simple": none, on request."""
+    tolerance: float
+    """Largest distance from the nominal point that conforms [m]."""
+    probability: float
+    """Content of the guard band."""
+    distance: Array
+    """(N,) length of the predicted deviation [m]."""
+    guard: Array
+    """(N,) width of the guard band, R95 of the region; zero under the simple rule [m]."""
+    risk: Array
+    """(N,) specific consumer's risk: probability that the point is out of tolerance."""
+    outcome: NDArray[np.str_]
+    """(N,) "pass", "fail" or "undecided"."""
+
+    def __repr__(self) -> str:
+        return f"Conformity({', '.join(f'{n} {word}' for word, n in self.counts.items())})"
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many of each outcome, in the order pass, undecided, fail; those that came up."""
+        found = {word: int((self.outcome == word).sum()) for word in ("pass", "undecided", "fail")}
+        return {word: count for word, count in found.items() if count}
+
+    @property
+    def sentence(self) -> str:
+        """The decisions in words; which rule, and how large the risk of a pass is."""
+        counted = ", ".join(f"{count} {word}" for word, count in self.counts.items())
+        limit = f"tolerance {1e6 * self.tolerance:.0f} um"
+        passed = self.risk[self.outcome == "pass"]
+        largest = f", largest risk of a pass {100 * passed.max():.2g} %" if len(passed) else ""
+        if self.rule == "simple":
+            return (
+                f"{counted} ({limit}, simple acceptance without a guard band: the risk of a pass "
+                f"may reach about 50 %{largest})"
+            )
+        band = f"guard band R{100 * self.probability:g}"
+        small = int((self.guard > self.tolerance).sum())
+        hopeless = (
+            f"; at {small} of {len(self.guard)} points no pass is possible: the tolerance is "
+            f"smaller than the uncertainty, {band} up to {1e6 * self.guard.max():.0f} um"
+        )
+        return f"{counted} ({limit}, {band}{largest}{hopeless if small else ''})"
+
+
+def conformity(
+    deviation: ArrayLike,
+    covariance: ArrayLike,
+    tolerance: float,
+    *,
+    rule: Rule = "guarded",
+    probability: float = 0.95,
+) -> Conformity:
+    """Decide whether points conform to a tolerance on their distance from nominal.
+
+    A guarded pass needs |d| <= T - R95: the ball that holds the point lies within the tolerance,
+    so that the risk is at most 1 - probability whatever the shape of the region. A guarded fail
+    needs |d| >= T + R95. In between nothing is decided.
+
+    Parameters
+    ----------
+    deviation : (N, 3) array_like
+        Predicted minus nominal point [m].
+    covariance : (N, 3, 3) array_like
+        Of the predicted point, its factor already in it where that is larger than chi-square's
+        [m^2].
+    tolerance : float
+        T, above zero [m].
+    rule : {"guarded", "simple"}
+        The simple rule passes |d| <= T and fails all else.
+    probability : float
+        Content of the guard band.
+
+    References
+    ----------
+    JCGM 106:2012, 7.2 and 8.3 (guard bands), 9.3 (specific risk); ILAC-G8:09/2019, 4.2.
+    """
+    require_probability(probability)
+    if rule not in RULES:
+        raise refuse("rule", rule, " or ".join(map(repr, RULES)), code="A3")
+    if not 0 < tolerance < np.inf:
+        raise refuse("tolerance", tolerance, "above zero [m]", code="A3")
+    d, S = check("n 3, n 3 3", deviation=deviation, covariance=covariance)
+    distance = np.linalg.norm(d, axis=1)
+    guarded = rule == "guarded"
+    band = distance_radius(S, probability) if guarded else np.zeros(len(S))
+    risk = 1 - probability_within(np.full(len(S), tolerance), S, d)
+    outcome = np.full(len(S), "undecided")
+    outcome[distance <= tolerance - band] = "pass"
+    outcome[distance >= tolerance + band if guarded else distance > tolerance] = "fail"
+    return Conformity(
+        rule, float(tolerance), probability, frozen(distance), frozen(band),
+        frozen(np.clip(risk, 0.0, 1.0)), frozen(outcome, np.str_),
+    )  # fmt: skip

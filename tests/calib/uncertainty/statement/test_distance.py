@@ -1,0 +1,88 @@
+"""How far a point may lie: closed forms, draws, and the factors that every U names."""
+
+import numpy as np
+import pytest
+from scipy.stats import binom, chi2, ncx2
+
+from calib.errors import InputError
+from calib.uncertainty.statement.distance import distance_radius, probability_within
+
+# R95 / u_3D of round, flat, straight and two oblong regions: reference values to 4 digits
+RATIOS = [
+    ((1, 1, 1), 1.6140),
+    ((1, 1, 0), 1.7308),
+    ((1, 0, 0), 1.9600),
+    ((4, 2, 1), 1.6783),
+    ((9, 1, 1), 1.8273),
+]
+
+
+def turned(rng, count):
+    """Covariances (count, 3, 3) of every shape and direction, some um wide [m^2]."""
+    Q = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0]
+    sd = rng.uniform(0.02, 1, (count, 1, 3)) * 20e-6
+    return (Q * sd**2) @ np.swapaxes(Q, 1, 2)
+
+
+@pytest.mark.parametrize(("variances", "ratio"), RATIOS)
+def test_radius_of_known_shapes(variances, ratio):
+    S = np.diag(np.array(variances, dtype=float))
+    assert distance_radius(S[None])[0] / np.sqrt(S.trace()) == pytest.approx(ratio, abs=5e-5)
+
+
+def test_round_regions_are_chi_square():
+    # 1e-7 is what the nodes promise
+    k = np.array([0.1, 1.0, 2.0, 4.0])
+    S = np.broadcast_to(np.eye(3), (4, 3, 3))
+    np.testing.assert_allclose(probability_within(k, S), chi2.cdf(k**2, 3), atol=1e-7)
+    for T, d in ((3, (1, 1, 0)), (8, (6, 1, 2)), (20, (17, 0, 0))):
+        expected = ncx2.cdf(T**2, 3, np.dot(d, d))
+        assert probability_within(T, np.eye(3), d)[0] == pytest.approx(expected, abs=1e-7)
+
+
+def test_flat_regions_are_chi_square_of_fewer_dimensions():
+    disk, line = np.diag([1.0, 1, 0]), np.diag([1.0, 0, 0])
+    k = np.sqrt(chi2.ppf(0.95, [2, 1]))
+    np.testing.assert_allclose(probability_within(k, np.array([disk, line])), 0.95, atol=1e-6)
+
+
+def test_twice_the_standard_uncertainty_of_a_distance_holds_at_least_95_percent():
+    S = turned(np.random.default_rng(1), 40)
+    held = probability_within(2 * np.sqrt(np.trace(S, axis1=1, axis2=2)), S)
+    assert (held > 0.9544).all()
+    assert (held < 0.9927).all()
+
+
+@pytest.mark.parametrize("probability", [0.5, 0.95, 0.999])
+def test_radius_holds_what_it_says_and_follows_units(probability):
+    S = turned(np.random.default_rng(2), 25)
+    R = distance_radius(S, probability)
+    np.testing.assert_allclose(probability_within(R, S), probability, atol=1e-6)
+    np.testing.assert_allclose(distance_radius(1e6 * S, probability), 1e3 * R, rtol=1e-9)
+
+
+def test_against_draws():
+    rng = np.random.default_rng(3)
+    (S,), d, draws = turned(rng, 1), 1e-5 * rng.normal(size=3), 200_000
+    T = 25e-6
+    e = d + rng.normal(size=(draws, 3)) @ np.linalg.cholesky(S).T
+    held = int((np.linalg.norm(e, axis=1) <= T).sum())
+    low, high = binom.ppf([1e-4, 1 - 1e-4], draws, probability_within(T, S, d)[0])
+    assert low <= held <= high
+
+
+def test_no_regions_no_radii():
+    assert distance_radius(np.zeros((0, 3, 3))).shape == (0,)
+
+
+@pytest.mark.parametrize(
+    ("bad", "sentence"),
+    [
+        (lambda: distance_radius(np.zeros((1, 3, 3))), "no variance at all"),
+        (lambda: distance_radius(np.eye(3)[None], 1.0), "probability"),
+        (lambda: probability_within(-1.0, np.eye(3)), "zero or more"),
+    ],
+)
+def test_what_is_refused(bad, sentence):
+    with pytest.raises(InputError, match=sentence):
+        bad()
