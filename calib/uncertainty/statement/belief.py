@@ -1,0 +1,149 @@
+"""The believed region of the tool point: parameters, and the largest misfit that may hide.
+
+One rule, whatever the tests say: no switch between statements at a level of significance.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import chdtri
+
+from calib.arrays import Array, check, frozen
+from calib.geometry.jacobian import reflector_rows
+from calib.geometry.model import RobotModel
+from calib.identification.identify import Identification
+from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predict
+from calib.uncertainty.conformal import fewest_poses
+from calib.uncertainty.regions import mahalanobis_squared
+from calib.uncertainty.statement.evidence import NoiseRepeats
+from calib.uncertainty.statement.misfit import (
+    DROP,
+    UNGUARDED_DROP,
+    Misfit,
+    misfit,
+    misfit_covariance,
+)
+from calib.uncertainty.tool_point import ToolStatement
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Belief:
+    """What is believed of an identified robot's tool point, wherever it is asked for."""
+
+    model: RobotModel
+    covariance: Array
+    """(P, P) of all numbers, from the noise and what else is stated [m, rad]."""
+    misfit: Misfit
+    misfit_covariance: Array
+    """(P, P) of all numbers from a misfit of 1 m per axis in the training rows."""
+    factor: float
+    """k of the regions: the chi-square factor, or more if held-out errors ask for it."""
+    n_guards: int
+    """Held-out poses that guard the factor; 0 where there were too few."""
+    probability: float
+
+    def __repr__(self) -> str:
+        return (
+            f"Belief(misfit up to {1e6 * self.misfit.upper:.3g} um per axis, factor "
+            f"{self.factor:.3g}, {self.n_guards} guards)"
+        )
+
+    def regions(
+        self, q: ArrayLike, *, target: ArrayLike = (0.0, 0.0, 0.0), growth: ArrayLike = 1.0
+    ) -> ToolStatement:
+        """Regions of the mean of many moves to joints q (N, n) [rad, m].
+
+        Parameters
+        ----------
+        q : (N, n) array_like
+            Commanded joint values.
+        target : (3,) array_like
+            Point in the tool frame that is stated [m].
+        growth : (N,) or scalar array_like
+            Factor of the misfit's variance at each posture, one or more.
+        """
+        (target,) = check("3", target=target)
+        T, J = self.model.poses_and_jacobian(q)
+        position, rows = reflector_rows(T, J, np.broadcast_to(target, (len(T), 3)))
+        sigma = _region(self, rows, np.broadcast_to(np.asarray(growth, float), (len(T),)))
+        return ToolStatement(frozen(position), frozen(sigma), self.factor, self.probability)
+
+
+def believe(
+    identification: Identification,
+    train: Measurements,
+    held_out: Measurements | None = None,
+    *,
+    shared: ArrayLike | None = None,
+    repeats: NoiseRepeats | None = None,
+    probability: float = 0.95,
+) -> Belief:
+    """State what may be believed after an identification.
+
+    Parameters
+    ----------
+    identification : Identification
+        By weighted least squares, from `train`.
+    train : Measurements
+        What was identified from.
+    held_out : Measurements, optional
+        Drawn from where the robot is used, never designed; they guard the factor.
+    shared : (P, P) array_like, optional
+        Covariance of all numbers from what all readings share (instrument, drift) [m, rad].
+    repeats : NoiseRepeats, optional
+        What repeats say of the noise.
+    probability : float
+        Content of the regions.
+
+    References
+    ----------
+    S = P + sigma_U^2 max(1, g) Q; k^2 = max(chi2_3, r-th smallest e'inv(S + N)e of n held-out
+    poses), r = ceil(p (n + 1)). Discrepancy: Kennedy & O'Hagan 2001; guard: split conformal, Vovk
+    et al. 2005.
+    """
+    points = None if held_out is None else held_out.rows(~held_out.is_distance)
+    n = 0 if points is None else points.n_poses
+    guarded = n >= fewest_poses(probability)
+    size = misfit(
+        identification, train, held_out, repeats=repeats, drop=DROP if guarded else UNGUARDED_DROP
+    )
+    covariance = identification.full_covariance
+    if shared is not None:
+        P = len(covariance)
+        covariance = covariance + check(f"{P} {P}", shared=shared)[0]
+    plain = Belief(
+        identification.model, frozen(covariance), size,
+        misfit_covariance(identification, train, size.shape),
+        float(np.sqrt(chdtri(3, 1 - probability))), n if guarded else 0, probability,
+    )  # fmt: skip
+    if not guarded or points is None or not np.isfinite(size.upper):
+        return plain
+    scores = np.sort(_scores(plain, points))
+    rank = int(np.ceil(probability * (n + 1) - 1e-9))
+    factor = max(plain.factor, float(np.sqrt(scores[rank - 1])))
+    return Belief(
+        plain.model, plain.covariance, size, plain.misfit_covariance, factor, n, probability
+    )
+
+
+def _region(belief: Belief, rows: Array, growth: Array) -> Array:
+    """Covariances (N, 3, 3) of points whose derivative is given as rows (N, 3, P) [m^2]."""
+    own = belief.misfit.shape.rows(rows)
+    spread = rows @ belief.misfit_covariance @ np.swapaxes(rows, 1, 2)
+    spread = spread + own @ np.swapaxes(own, 1, 2)
+    size = belief.misfit.upper**2 * np.maximum(1.0, growth)
+    sigma = rows @ belief.covariance @ np.swapaxes(rows, 1, 2) + size[:, None, None] * spread
+    return np.asarray((sigma + np.swapaxes(sigma, 1, 2)) / 2)
+
+
+def _scores(belief: Belief, points: Measurements) -> Array:
+    """Largest e'inv(S + N)e (n,) of each held-out pose: the rows of one are not independent."""
+    seen = predict(belief.model, points)
+    sigma = _region(belief, seen.rows[:, :3], np.ones(len(points)))
+    square = mahalanobis_squared(seen.residual[:, :3], sigma + points.covariance[:, :3, :3])
+    _, pose = np.unique(points.pose_id, return_inverse=True)
+    worst = np.zeros(points.n_poses)
+    np.maximum.at(worst, pose.ravel(), square)
+    return worst

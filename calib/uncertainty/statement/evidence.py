@@ -1,0 +1,289 @@
+"""The evidence for a misfit: position rows with noise and misfit diagonal, and their likelihood."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtri
+
+from calib.arrays import Array, Bool, Index, frozen
+from calib.geometry.jacobian import joint_columns
+from calib.geometry.model import RobotModel
+from calib.identification.identify import Identification
+from calib.information.rank import RANK_TOLERANCE, triangle
+from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predict
+
+STEP = float(np.log(1.15)) / 2
+"""Logarithmic step of the sizes that are tried: 7 %."""
+SMALLEST, LARGEST = 0.03, 1e4
+"""Sizes tried, in standard deviations of the noise per axis; zero as well."""
+DOUBT = 0.1
+"""Standard deviation of the logarithm of the noise scale, where no repeats tell it."""
+SEEN, POWER = 0.001, 0.95
+"""A misfit counts as one that would have been seen if a test at this level had this power."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MisfitShape:
+    """A misfit of 1 m per axis: half of its variance in the joints, half at the target.
+
+    Every pose has a draw of its own. Errors of the joints alone would deny what bends at the
+    target, errors at the target alone what comes from the gears.
+
+    References
+    ----------
+    D = [J_q J_q' / s2 + diag(1, 1, 1, 0, 0, 0)] / 2 with s2 the mean of tr(J_q J_q')_pp / 3.
+    """
+
+    columns: Index
+    """(k,) numbers of the model that a draw moves: the base's place, and every joint."""
+    sd: Array
+    """(k,) standard deviation of each, per metre of size [1, rad/m]."""
+
+    def rows(self, rows: Array) -> Array:
+        """Root B (..., k) of D = B B', from rows (..., P) of the model's derivative."""
+        return np.asarray(rows[..., self.columns] * self.sd)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NoiseRepeats:
+    """What repeats say of the scale of the stated noise."""
+
+    degrees_of_freedom: float
+    """nu: 3 (r - 1) for each pose read r times, each time approached anew."""
+    sum_of_squares: float
+    """Of whitened positions about the means of their poses."""
+
+    @property
+    def log_scale(self) -> float:
+        """Most likely logarithm of the factor on the stated noise."""
+        return 0.5 * float(np.log(self.sum_of_squares / self.degrees_of_freedom))
+
+    @property
+    def log_scale_sd(self) -> float:
+        """Its standard deviation."""
+        return 1 / float(np.sqrt(2 * self.degrees_of_freedom))
+
+    def against(self, log_scale: Array) -> Array:
+        """What minus the log-likelihood of these repeats adds, by scale of the noise."""
+        square = self.sum_of_squares * np.exp(-2 * log_scale)
+        return np.asarray(self.degrees_of_freedom * log_scale + square / 2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PositionRows:
+    """Position rows, each pose turned so that noise and misfit are both diagonal."""
+
+    A: Array
+    """(n, f) derivative by the free numbers, scaled columns."""
+    y: Array
+    """(n,) residual."""
+    lam: Array
+    """(n,) variance per size^2 of misfit, where that of the noise is 1 [1/m^2]."""
+    noise: float
+    """Sum of the noise variances before turning [m^2]."""
+
+    def joined(self, other: "PositionRows") -> "PositionRows":
+        """Rows of both."""
+        return PositionRows(
+            np.concatenate([self.A, other.A]),
+            np.concatenate([self.y, other.y]),
+            np.concatenate([self.lam, other.lam]),
+            self.noise + other.noise,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Likelihood:
+    """Restricted log-likelihood of sizes of misfit, the scale of the noise profiled out."""
+
+    size: Array
+    """(g,) in stated standard deviations of the noise per axis; the first is zero."""
+    value: Array
+    """(g,) logarithm, up to a constant."""
+    noise_scale: Array
+    """(g,) most likely factor on the stated noise at each size."""
+
+    def limit(self, drop: float) -> float:
+        """Largest size within `drop` of the best, straight between grid points; inf if beyond."""
+        level = self.value.max() - drop
+        last = int(np.flatnonzero(self.value >= level)[-1])
+        if last + 1 == len(self.size):
+            return float(np.inf)
+        ends = slice(last, last + 2)
+        return float(np.interp(-level, -self.value[ends], self.size[ends]))
+
+
+def misfit_shape(model: RobotModel, poses: Measurements) -> MisfitShape:
+    """Shape of a misfit, scaled over poses from where the robot is used.
+
+    A slide counts like a turning joint: its draw moves the target as far, on average.
+    """
+    seen = predict(model, poses)
+    joints = np.array(joint_columns(model.chain))
+    at = seen.filled[:, :3]
+    square = np.where(at[:, :, None], seen.rows[:, :3][:, :, joints] ** 2, 0.0).sum((0, 1))
+    square /= at.sum()
+    turning = np.array([kind == "revolute" for kind in model.chain.kinds])
+    usual = square[turning].mean() if turning.any() else square.mean()
+    # a joint that never moves the target takes no part
+    scale = np.where(turning, 1.0, np.sqrt(usual / np.where(square > 0, square, np.inf)))
+    joint_variance = float((scale**2 * square).sum())
+    if joint_variance > 0:
+        of_joints = scale / np.sqrt(2 * joint_variance)
+        of_target = np.full(3, np.sqrt(0.5))
+    else:
+        of_joints, of_target = np.zeros(len(joints)), np.ones(3)
+    return MisfitShape(
+        frozen(np.concatenate([[0, 1, 2], joints]), np.int64),
+        frozen(np.concatenate([of_target, of_joints])),
+    )
+
+
+def position_rows(
+    identification: Identification, table: Measurements, shape: MisfitShape, weights: Array
+) -> PositionRows:
+    """Turn the position rows of each pose by U' inv(L): N = L L', inv(L) D inv(L)' = U lam U'."""
+    seen = predict(identification.model, table)
+    parameters = identification.parameters
+    A = seen.rows[:, :3, parameters.free_index] * parameters.free_scale
+    B, y, at = shape.rows(seen.rows[:, :3]), seen.residual[:, :3], seen.filled[:, :3]
+    heavy = weights > 0
+    N = table.covariance[:, :3, :3] / np.where(heavy, weights, 1.0)[:, None, None]
+    _, pose = np.unique(table.pose_id, return_inverse=True)
+    found = PositionRows(np.zeros((0, A.shape[2])), np.zeros(0), np.zeros(0), 0.0)
+    for rows in _alike(pose.ravel(), at, heavy):  # (poses, rows of each)
+        some = at[rows].reshape(len(rows), -1)
+        pick = np.flatnonzero(some[0])
+
+        def stacked(X: Array, rows: Index = rows, pick: Index = pick) -> Array:
+            """Equations (poses, equations, ...) of all rows of a pose."""
+            return X[rows].reshape(len(rows), -1, *X.shape[2:])[:, pick]
+
+        noise = np.zeros((len(rows), some.shape[1], some.shape[1]))
+        for k in range(rows.shape[1]):
+            part = slice(3 * k, 3 * k + 3)
+            noise[:, part, part] = N[rows[:, k]]
+        noise = noise[:, pick][:, :, pick]
+        root = np.linalg.cholesky(noise)
+        lean = np.linalg.solve(root, stacked(B))
+        lam, U = np.linalg.eigh(lean @ np.swapaxes(lean, 1, 2))
+        turned = np.swapaxes(U, 1, 2)
+        found = found.joined(
+            PositionRows(
+                (turned @ np.linalg.solve(root, stacked(A))).reshape(-1, A.shape[2]),
+                (turned @ np.linalg.solve(root, stacked(y)[:, :, None])).ravel(),
+                np.maximum(lam, 0.0).ravel(),
+                float(np.trace(noise, axis1=1, axis2=2).sum()),
+            )
+        )
+    return found
+
+
+def believed_before(identification: Identification) -> PositionRows:
+    """The prior as rows without misfit: its widths then follow the scale of the noise."""
+    precision, free = prior_precision(identification), identification.parameters
+    expected = np.zeros(free.n_free)
+    if identification.prior is None:
+        return PositionRows(np.zeros((0, free.n_free)), np.zeros(0), np.zeros(0), 0.0)
+    at = [free.free_names.index(name) for name in identification.prior.names]
+    expected[at] = (identification.prior.mean - identification.step[at]) / free.free_scale[at]
+    root = np.linalg.cholesky(precision[np.ix_(at, at)]).T
+    A = np.zeros((len(at), free.n_free))
+    A[:, at] = root
+    return PositionRows(A, A @ expected, np.zeros(len(at)), 0.0)
+
+
+def likelihood(rows: PositionRows, unit: float, repeats: NoiseRepeats | None) -> Likelihood | None:
+    """Restricted likelihood of sizes of misfit; None where the rows show no more than the numbers.
+
+    Parameters
+    ----------
+    rows : PositionRows
+        Of all poses, with those of a prior.
+    unit : float
+        Stated noise per axis, in which sizes are counted [m].
+    repeats : NoiseRepeats or None
+        What repeats say of the scale of the noise; else it is known within `DOUBT`.
+
+    References
+    ----------
+    V = g^2 (N + t^2 D): with the size t counted in scaled noise, -2 l = ln|V| + ln|A'inv(V)A| +
+    y'Py + (what is known of g) needs one system of numbers per t, whatever g is.
+    """
+    A = _reduced(rows)
+    freedom = len(A) - A.shape[1]
+    if freedom < 1:
+        return None
+    center, sd = (0.0, DOUBT) if repeats is None else (repeats.log_scale, repeats.log_scale_sd)
+    reach = int(np.ceil(5 * sd / STEP))
+    log_g = center + STEP * np.arange(-reach, reach + 1.0)
+    count = int(np.log(LARGEST / SMALLEST) / STEP) + 1
+    t = np.concatenate([[0.0], SMALLEST * np.exp(STEP * np.arange(-reach, count + reach))])
+    lam = unit**2 * rows.lam
+    base, square = np.array([_terms(A, rows.y, lam, one) for one in t]).T
+    known = (log_g - center) ** 2 / (2 * sd**2) if repeats is None else repeats.against(log_g)
+    of_both = -0.5 * (base[:, None] + 2 * freedom * log_g + square[:, None] * np.exp(-2 * log_g))
+    of_both -= known
+    # size = t g: equal steps in both logarithms, so that every size meets every scale on the grid
+    place = np.arange(count)[:, None] + 1 + 2 * reach - np.arange(len(log_g))
+    of_size = np.concatenate([of_both[:1], of_both[place, np.arange(len(log_g))]])
+    best = of_size.argmax(axis=1)
+    return Likelihood(
+        frozen(np.concatenate([[0.0], SMALLEST * np.exp(STEP * np.arange(count) + center)])),
+        frozen(of_size.max(axis=1)),
+        frozen(np.exp(log_g[best])),
+    )
+
+
+def detectable(lam: Array, n_numbers: int) -> float:
+    """Size, in noise sd, that a score test at `SEEN` finds with `POWER`.
+
+    References
+    ----------
+    sqrt(c) t sum lam^2 = z_a sqrt(2 sum lam^2) + z_b sqrt(2 sum lam^2 (1 + t lam)^2), t = size^2
+    and c = 1 - numbers / rows.
+    """
+    t = np.geomspace(1e-4, 1e8, 2000)[:, None]
+    gain = np.sqrt(1 - n_numbers / len(lam)) * t[:, 0] * (lam**2).sum()
+    need = ndtri(1 - SEEN) * np.sqrt(2 * (lam**2).sum())
+    need = need + ndtri(POWER) * np.sqrt(2 * (lam**2 * (1 + t * lam) ** 2).sum(axis=1))
+    seen = np.flatnonzero(gain > need)
+    return float(np.sqrt(t[seen[0], 0])) if len(seen) else np.inf
+
+
+def prior_precision(identification: Identification) -> Array:
+    """Lambda0 (f, f) of the free numbers in scaled columns; zero without a prior."""
+    parameters, prior = identification.parameters, identification.prior
+    precision = np.zeros((parameters.n_free,) * 2)
+    if prior is not None:
+        at = [parameters.free_names.index(name) for name in prior.names]
+        scale = parameters.free_scale[at]
+        precision[np.ix_(at, at)] = prior.precision * scale[:, None] * scale
+    return precision
+
+
+def _alike(pose: Index, at: Bool, heavy: Bool) -> list[Index]:
+    """Rows (poses, k) of the poses that have k rows with the same equations filled."""
+    groups: dict[tuple[int, ...], list[Index]] = {}
+    for p in range(int(pose.max(initial=-1)) + 1):
+        rows = np.flatnonzero((pose == p) & heavy)
+        if len(rows):
+            groups.setdefault(tuple(at[rows].sum(axis=1)), []).append(rows)
+    return [np.array(rows) for rows in groups.values()]
+
+
+def _reduced(rows: PositionRows) -> Array:
+    """Derivative (n, p) in the directions that positions show."""
+    _, singular, directions = np.linalg.svd(triangle(rows.A), full_matrices=False)
+    return np.asarray(rows.A @ directions[singular > RANK_TOLERANCE * singular[0]].T)
+
+
+def _terms(A: Array, y: Array, lam: Array, t: float) -> tuple[float, float]:
+    """ln|V| + ln|A'inv(V)A| and the quadratic form y'Py that is left of y, V = 1 + t^2 lam."""
+    w = 1 / (1 + t**2 * lam)
+    AW = A.T * w
+    root = np.linalg.cholesky(AW @ A)
+    b = np.linalg.solve(root, AW @ y)
+    logarithms = 2 * np.log(np.diag(root)).sum() - np.log(w).sum()
+    return float(logarithms), float((w * y**2).sum() - (b**2).sum())

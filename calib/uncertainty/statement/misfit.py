@@ -1,0 +1,163 @@
+"""How much misfit may hide behind the noise: the size that the evidence allows, and what it does.
+
+A test sees a misfit only from about the size of the noise on; below it, intervals from parameters
+alone hold the truth ever less often. So the size is not tested away but estimated, from training
+and held-out rows in one likelihood, and its upper limit belongs into every region.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtrc
+
+from calib.arrays import Array, frozen
+from calib.errors import refuse
+from calib.identification.identify import Identification
+from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predict
+from calib.uncertainty.statement.evidence import (
+    MisfitShape,
+    NoiseRepeats,
+    believed_before,
+    detectable,
+    likelihood,
+    misfit_shape,
+    position_rows,
+    prior_precision,
+)
+
+DROP = 0.821
+"""Fall of the log-likelihood at the one-sided upper 90 % limit: half the 80 % point of chi2_1."""
+UNGUARDED_DROP = 1.353
+"""The same for 95 %, where too few held-out poses guard the factor of the region."""
+NO_WHITE_NOISE = 1.25
+"""What a real misfit, smooth over the poses, needs more than white noise of its size to be seen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Misfit:
+    """Sizes of a misfit, one standard deviation per axis [m], as far as the evidence goes."""
+
+    shape: MisfitShape
+    best: float
+    """Most likely size."""
+    upper: float
+    """Upper limit of its profile likelihood; infinite where the rows show nothing."""
+    detectable: float
+    """Size that a test would have seen."""
+    ratio: float
+    """Twice the log-likelihood that the best size gains over none."""
+    noise_scale: float
+    """Factor on the stated noise at the best size."""
+    noise_sd: float
+    """Stated noise of the position rows, root mean square per axis [m]."""
+    repeated: bool
+    """Whether repeats told the noise; else it is taken on trust within 10 %."""
+
+    def __repr__(self) -> str:
+        return f"Misfit(up to {1e6 * self.upper:.3g} um per axis)"
+
+    @property
+    def p_value(self) -> float:
+        """Chance of a larger likelihood ratio if there is no misfit: half of chi2_1's tail."""
+        return float(chdtrc(1, self.ratio) / 2) if self.ratio > 0 else 1.0
+
+    @property
+    def sentence(self) -> str:
+        """The result in words."""
+        if not np.isfinite(self.upper):
+            return "there are too few measurements to bound what the model may miss"
+        told = "" if self.repeated else "; the stated noise is taken on trust: no pose was repeated"
+        return (
+            f"a misfit of {1e6 * self.detectable:.1f} um per axis or more would have been seen; "
+            f"less may hide behind the noise, and {1e6 * self.upper:.1f} um is in the region{told}"
+        )
+
+
+def misfit(
+    identification: Identification,
+    train: Measurements,
+    held_out: Measurements | None = None,
+    *,
+    repeats: NoiseRepeats | None = None,
+    drop: float = DROP,
+) -> Misfit:
+    """Size of what the model misses, by the restricted likelihood of all position rows.
+
+    Parameters
+    ----------
+    identification : Identification
+        By weighted least squares, from `train`.
+    train : Measurements
+        What was identified from.
+    held_out : Measurements, optional
+        Poses, points or distances drawn from where the robot is used.
+    repeats : NoiseRepeats, optional
+        What repeats say of the noise; without them its scale is known within `DOUBT`.
+    drop : float
+        Fall of the log-likelihood at the upper limit.
+
+    References
+    ----------
+    y = A x + d + e, e ~ N(0, g^2 N), d ~ N(0, sigma^2 D) at each pose, x flat or with its prior;
+    g is profiled out. REML: Patterson & Thompson 1971. Angles are no evidence: quiet ones would
+    deny a loud position.
+    """
+    if identification.mode != "whitened":
+        raise refuse(
+            "identification", identification.mode, "an estimate by stated noise", code="A3",
+            message="the unweighted fit knows no noise behind which a misfit could hide",
+        )  # fmt: skip
+    use = train if held_out is None or not len(held_out) else held_out
+    shape = misfit_shape(identification.model, use)
+    weights = identification.weights if len(identification.weights) else np.ones(len(train))
+    rows = position_rows(identification, train, shape, weights)
+    if held_out is not None and len(held_out):
+        rows = rows.joined(position_rows(identification, held_out, shape, np.ones(len(held_out))))
+    unit = float(np.sqrt(rows.noise / len(rows.lam)))
+    found = likelihood(rows.joined(believed_before(identification)), unit, repeats)
+    if found is None:
+        return Misfit(shape, np.nan, np.inf, np.inf, 0.0, 1.0, unit, repeats is not None)
+    best = int(np.argmax(found.value))
+    return Misfit(
+        shape,
+        best=unit * float(found.size[best]),
+        upper=unit * found.limit(drop),
+        detectable=NO_WHITE_NOISE * unit * detectable(unit**2 * rows.lam, rows.A.shape[1]),
+        ratio=float(2 * (found.value[best] - found.value[0])),
+        noise_scale=float(found.noise_scale[best]),
+        noise_sd=unit,
+        repeated=repeats is not None,
+    )
+
+
+def misfit_covariance(
+    identification: Identification, train: Measurements, shape: MisfitShape
+) -> Array:
+    """Covariance (P, P) of all numbers from a misfit of 1 m per axis in the training rows.
+
+    References
+    ----------
+    F D F', F = inv(A'WA + Lambda0) A'W, D of the poses: the rows of one pose share its draw.
+    """
+    parameters = identification.parameters
+    scale = parameters.free_scale
+    seen = predict(identification.model, train)
+    A = seen.rows[:, :, parameters.free_index] * scale
+    filled = seen.filled[:, :, None]
+    A, B = np.where(filled, A, 0.0), np.where(filled, shape.rows(seen.rows), 0.0)
+    both = filled & np.swapaxes(filled, 1, 2)
+    WA = np.linalg.solve(np.where(both, train.covariance, np.eye(6)), A)
+    if len(identification.weights):
+        WA = WA * identification.weights[:, None, None]
+    AW = np.swapaxes(WA, 1, 2)
+    H = (AW @ A).sum(axis=0) + prior_precision(identification)
+    pull = AW @ B  # (m, f, k)
+    _, pose = np.unique(train.pose_id, return_inverse=True)
+    each = np.zeros((int(pose.max()) + 1, *pull.shape[1:]))
+    np.add.at(each, pose.ravel(), pull)
+    moved = scale[:, None] * np.linalg.solve(H, np.moveaxis(each, 0, 1).reshape(len(scale), -1))
+    full = np.zeros((len(parameters.names),) * 2)
+    index = parameters.free_index
+    full[np.ix_(index, index)] = moved @ moved.T
+    return frozen(full)

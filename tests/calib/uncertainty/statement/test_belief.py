@@ -1,0 +1,168 @@
+"""The believed region: it holds true points of robots that no geometric number describes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_terms
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import parameters_of
+from calib.identification.identify import identify
+from calib.measurement.observations import joined
+from calib.measurement.prediction import predict
+from calib.uncertainty.statement.belief import believe
+from calib.uncertainty.tool_point import tool_statement
+from tests.calib import kinds
+
+TX60 = RobotModel(kinds.ARMS["tx60"])
+K3 = np.sqrt(chi2.ppf(0.95, 3))
+ROBOTS, TARGETS = 24, 50
+
+
+def bent(rng, size):
+    """The TX60 with sag and waves that move its tool by about `size` [m]."""
+    terms = (*gravity_terms(6), *harmonic_terms(6))
+    draw = rng.normal(size=len(terms)) * size
+    return RobotModel(TX60.chain, JointErrors(terms, draw))
+
+
+def visit(true, rng, m, first=0):
+    """Full poses (m) of a robot, numbered from `first`."""
+    table = kinds.poses(true, kinds.joints("tx60", rng, m), rng)
+    return replace(table, pose_id=first + np.arange(m))
+
+
+def campaign(rng, size, m=40, n=20):
+    """True robot, identification, training and held-out tables."""
+    true = bent(rng, size)
+    train, held_out = visit(true, rng, m), visit(true, rng, n, first=m)
+    return true, identify(TX60, train, parameters_of(TX60)), train, held_out
+
+
+def covered(size):
+    """Shares of robots' true points (robots,) in the believed region and in that of parameters."""
+    shares = []
+    for robot in range(ROBOTS):
+        rng = np.random.default_rng([robot, 31])
+        true, fit, train, held_out = campaign(rng, size)
+        q = kinds.joints("tx60", rng, TARGETS)
+        points = true.poses(q)[:, :3, 3]
+        alone = tool_statement(fit.model, q, fit.full_covariance)
+        shares.append(
+            (believe(fit, train, held_out).regions(q).holds(points).mean(),
+             alone.holds(points).mean())
+        )  # fmt: skip
+    return np.array(shares).T
+
+
+@pytest.mark.parametrize("size", [0.0, 15e-6, 100e-6])
+def test_the_believed_region_holds_the_truth(size):
+    """Misfit of none, of about half the noise, of several times the noise; robots are the unit."""
+    believed, alone = covered(size)
+    # 24 robots: the mean must not lie below 95 % by more than its own standard error allows
+    assert believed.mean() >= 0.95 - 3 * believed.std(ddof=1) / np.sqrt(ROBOTS)
+    assert believed.mean() >= 0.94
+    if size:
+        assert alone.mean() < 0.85
+    else:
+        # parameters alone are right for a rigid arm: 95 % within three standard errors
+        spread = alone.std(ddof=1) / np.sqrt(ROBOTS)
+        assert abs(alone.mean() - 0.95) < 3 * spread
+
+
+def test_the_region_is_parameters_and_the_largest_misfit():
+    """Put together again from its parts, at a target off the flange, with growth."""
+    rng = np.random.default_rng(1)
+    _, fit, train, held_out = campaign(rng, 20e-6)
+    belief = believe(fit, train, held_out)
+    q, target, growth = kinds.joints("tx60", rng, 5), np.array([0.1, 0.0, 0.05]), np.arange(5.0)
+    region = belief.regions(q, target=target, growth=growth)
+    alone = tool_statement(fit.model, q, fit.full_covariance, target=target)
+    np.testing.assert_allclose(region.position, alone.position, rtol=0, atol=1e-15)
+    step = 1e-6
+    T = fit.model.poses(q)
+    tip = T[:, :3, 3] + T[:, :3, :3] @ target
+
+    def slopes(number):
+        """Derivative (5, 3) of the target by one number of the model."""
+        moved = np.zeros(fit.model.n_numbers)
+        moved[number] = step
+        there = fit.model.moved(moved).poses(q)
+        return (there[:, :3, 3] + there[:, :3, :3] @ target - tip) / step
+
+    J = np.stack([slopes(k) for k in range(fit.model.n_numbers)], axis=-1)
+    own = J[..., belief.misfit.shape.columns] * belief.misfit.shape.sd
+    spread = J @ belief.misfit_covariance @ np.swapaxes(J, 1, 2) + own @ np.swapaxes(own, 1, 2)
+    size = belief.misfit.upper**2 * np.maximum(growth, 1)
+    expected = alone.covariance + size[:, None, None] * spread
+    # forward differences of 1e-6 rad: five digits
+    np.testing.assert_allclose(region.covariance, expected, rtol=0, atol=3e-5 * expected.max())
+
+
+def test_held_out_errors_guard_the_factor():
+    """One pose in fifteen is grossly off: the factor follows the rank that conformal asks for."""
+    rng = np.random.default_rng(2)
+    _, fit, train, held_out = campaign(rng, 0.0)
+    off = held_out.position.copy()
+    off[[3, 8]] += 500e-6
+    held_out = replace(held_out, position=off)
+    belief = believe(fit, train, held_out)
+    assert belief.n_guards == 20
+    seen = predict(fit.model, held_out)
+    S = belief.regions(held_out.q).covariance + held_out.covariance[:, :3, :3]
+    e = seen.residual[:, :3]
+    scores = np.sort(np.einsum("ni,ni->n", e, np.linalg.solve(S, e[..., None])[..., 0]))
+    assert belief.factor == pytest.approx(np.sqrt(scores[19]), rel=1e-9)  # rank ceil(.95 * 21)
+    assert belief.factor > K3
+
+
+def test_every_row_of_a_pose_counts_in_the_guard_by_the_worst():
+    rng = np.random.default_rng(3)
+    _, fit, train, held_out = campaign(rng, 0.0)
+    again = replace(visit(fit.model, rng, 20), q=held_out.q, pose_id=held_out.pose_id)
+    again = replace(
+        again, position=held_out.position, rotation=held_out.rotation, repeat=np.ones(20, int)
+    )
+    off = held_out.position.copy()
+    off[5] += 400e-6
+    first = replace(held_out, position=off)
+    factors = [
+        believe(fit, train, joined(order)).factor for order in ([first, again], [again, first])
+    ]
+    assert factors[0] == pytest.approx(factors[1], rel=1e-9)
+    # believed size and guard both know of it: with the good row alone the factor is smaller
+    assert factors[0] > believe(fit, train, held_out).factor
+
+
+def test_without_guards_the_limit_of_the_misfit_is_stricter():
+    rng = np.random.default_rng(4)
+    _, fit, train, held_out = campaign(rng, 0.0)
+    few = held_out.rows(np.arange(18))
+    unguarded = believe(fit, train, few)
+    assert unguarded.n_guards == 0
+    assert unguarded.factor == pytest.approx(K3)
+    nineteen = believe(fit, train, held_out.rows(np.arange(19)))
+    assert nineteen.n_guards == 19
+    assert unguarded.misfit.upper > believe(fit, train, held_out).misfit.upper
+    alone = believe(fit, train)
+    assert alone.n_guards == 0
+    assert np.isfinite(alone.misfit.upper)
+
+
+def test_what_all_readings_share_is_added():
+    rng = np.random.default_rng(5)
+    _, fit, train, held_out = campaign(rng, 0.0)
+    shared = np.zeros((fit.model.n_numbers,) * 2)
+    shared[0, 0] = (50e-6) ** 2  # of the base along its x axis, here the world's
+    q = kinds.joints("tx60", rng, 4)
+    plain = believe(fit, train, held_out)
+    with_it = believe(fit, train, held_out, shared=shared)
+    grown = with_it.regions(q).covariance - plain.regions(q).covariance
+    expected = np.zeros((4, 3, 3))
+    axis = fit.model.chain.T_world_base[:3, 0]
+    expected[:] = np.outer(axis, axis) * (50e-6) ** 2
+    np.testing.assert_allclose(grown, expected, rtol=0, atol=1e-15)
+    assert with_it.factor <= plain.factor
+    assert "guards" in repr(plain)

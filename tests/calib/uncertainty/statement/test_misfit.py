@@ -1,0 +1,290 @@
+"""How much misfit may hide: against dense likelihoods, refits, white draws of known size, units."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from calib.errors import InputError
+from calib.geometry.chain import Chain
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import parameters_of
+from calib.identification.identify import identify
+from calib.measurement.observations import Measurements, joined
+from calib.measurement.prediction import predict
+from calib.uncertainty.statement.evidence import (
+    LARGEST,
+    SMALLEST,
+    NoiseRepeats,
+    PositionRows,
+    likelihood,
+    misfit_shape,
+    position_rows,
+)
+from calib.uncertainty.statement.misfit import DROP, misfit, misfit_covariance
+from tests.calib import kinds
+
+TX60 = RobotModel(kinds.ARMS["tx60"])
+
+
+def visit(rng, m, first=0):
+    """Full poses (m) of the nominal TX60 with noise, numbered from `first`."""
+    table = kinds.poses(TX60, kinds.joints("tx60", rng, m), rng)
+    return replace(table, pose_id=first + np.arange(m))
+
+
+def fitted(train):
+    """All numbers identified that the poses show."""
+    return identify(TX60, train, parameters_of(TX60))
+
+
+def calibrated(m=30, n=20, seed=1):
+    """An identification with its training and held-out tables."""
+    rng = np.random.default_rng(seed)
+    train, held_out = visit(rng, m), visit(rng, n, first=m)
+    return fitted(train), train, held_out
+
+
+def moved(table: Measurements, d) -> Measurements:
+    """The table with positions moved by d (m, 3) [m]."""
+    return replace(table, position=table.position + d)
+
+
+def dense_likelihood(fit, table, shape, unit, size, scale):
+    """Restricted log-likelihood with one covariance matrix of all position equations."""
+    seen = predict(fit.model, table)
+    at = seen.filled[:, :3].ravel()
+    A = seen.rows[:, :3][..., fit.parameters.free_index] * fit.parameters.free_scale
+    A = A.reshape(-1, A.shape[-1])[at]
+    B = shape.rows(seen.rows[:, :3]).reshape(3 * len(table), -1)[at]
+    y = seen.residual[:, :3].ravel()[at]
+    pose = np.repeat(table.pose_id, 3)[at]
+    V = np.zeros((3 * len(table),) * 2)
+    for j, N in enumerate(table.covariance[:, :3, :3]):
+        V[3 * j : 3 * j + 3, 3 * j : 3 * j + 3] = scale**2 * N
+    V = V[np.ix_(at, at)] + (size * unit) ** 2 * (B @ B.T) * (pose[:, None] == pose)
+    _, s, directions = np.linalg.svd(A / np.sqrt(np.diag(V))[:, None], full_matrices=False)
+    A = A @ directions[s > 1e-9 * s[0]].T
+    W = np.linalg.inv(V)
+    H = A.T @ W @ A
+    quadratic = y @ (W - W @ A @ np.linalg.solve(H, A.T @ W)) @ y
+    return -0.5 * (np.linalg.slogdet(V)[1] + np.linalg.slogdet(H)[1] + quadratic)
+
+
+def test_likelihood_of_mixed_rows_is_the_dense_one():
+    """Poses from two stations, reflectors and distances, several rows to a pose."""
+    rng = np.random.default_rng(3)
+    true = kinds.true_robot("tx60", rng)
+    table = kinds.everything(true, kinds.joints("tx60", rng, 9), rng)
+    # three poses of one row, the others share a pose with the row before
+    table = replace(table, pose_id=np.arange(len(table)) // 3, repeat=np.arange(len(table)) % 3)
+    nominal = replace(TX60, fixtures=true.fixtures)
+    free = [name for name in nominal.names if name.startswith(("base", "joint2", "link2"))]
+    free = free or list(nominal.names[:16])
+    fit = identify(
+        nominal.moved(np.zeros(nominal.n_numbers)),
+        kinds.poses(true, kinds.joints("tx60", rng, 12), rng),
+        parameters_of(nominal, free),
+    )
+    fit = replace(fit, model=true)
+    shape = misfit_shape(true, table)
+    rows = position_rows(fit, table, shape, np.ones(len(table)))
+    unit = 2.0 * kinds.NOISE
+    found = likelihood(rows, unit, None)
+    assert found is not None
+    pick = [0, 20, 60, 80]
+    brute = [
+        dense_likelihood(fit, table, shape, unit, found.size[k], found.noise_scale[k])
+        - np.log(found.noise_scale[k]) ** 2 / (2 * 0.1**2)
+        for k in pick
+    ]
+    ours = found.value[pick]
+    # 1e-7 of logarithms of some hundred: solves of condition 1e6 in float64
+    np.testing.assert_allclose(ours - ours[0], np.array(brute) - brute[0], rtol=1e-7, atol=1e-6)
+
+
+def test_shape_is_one_metre_per_axis_half_in_the_joints():
+    rng = np.random.default_rng(4)
+    for arm in ("tx60", "scara", "iiwa"):
+        model = RobotModel(kinds.ARMS[arm])
+        table = kinds.poses(model, kinds.joints(arm, rng, 40), rng)
+        shape = misfit_shape(model, table)
+        B = shape.rows(predict(model, table).rows[:, :3])
+        D = B @ np.swapaxes(B, 1, 2)
+        assert np.trace(D, axis1=1, axis2=2).mean() / 3 == pytest.approx(1.0, rel=1e-12)
+        base, joint = B[..., :3], B[..., 3:]
+        for part in (base, joint):
+            assert (part**2).sum((1, 2)).mean() / 3 == pytest.approx(0.5, rel=1e-12)
+
+
+def test_covariance_of_a_misfit_is_that_of_refits():
+    """Each draw moved by a small step, and the calibration done again: F D F' by differences."""
+    rng = np.random.default_rng(5)
+    first = visit(rng, 7)
+    again = kinds.poses(TX60, first.q[:2], rng)  # two poses read twice: one draw for both rows
+    train = joined([first, replace(again, pose_id=first.pose_id[:2], repeat=np.ones(2, int))])
+    names = [*TX60.names[:6], *TX60.names[11:16]]
+    fit = identify(TX60, train, parameters_of(TX60, names))
+    shape = misfit_shape(TX60, train)
+    rows = predict(fit.model, train).rows
+    B, step = shape.rows(rows), 1e-6
+    total = np.zeros((len(names),) * 2)
+    for pose in np.unique(train.pose_id):
+        here = train.pose_id == pose
+        for k in range(B.shape[-1]):
+            shift = np.where(here[:, None], step * B[:, :, k], 0.0)
+            R = kinds.exp_so3(shift[:, 3:]) @ train.rotation
+            other = identify(
+                TX60, replace(moved(train, shift[:, :3]), rotation=R), parameters_of(TX60, names)
+            )
+            slope = (other.step - fit.step) / step
+            total += np.outer(slope, slope)
+    index = fit.parameters.free_index
+    ours = misfit_covariance(fit, train, shape)
+    np.testing.assert_array_equal(np.delete(ours, index, axis=0), 0.0)
+    sd = np.sqrt(np.diag(total))
+    # differences of a fit that ends within 1e-9 of u, steps of 1e-6: four digits
+    np.testing.assert_allclose(
+        ours[np.ix_(index, index)] / np.outer(sd, sd), total / np.outer(sd, sd), atol=2e-4
+    )
+
+
+def white(rng, n, p, size):
+    """Rows of n equations with a white misfit of `size` noise sd, already turned."""
+    lam = rng.uniform(0.2, 3.0, n)
+    lam /= lam.mean()
+    A = rng.normal(size=(n, p))
+    y = A @ rng.normal(size=p) + rng.normal(size=n) * np.sqrt(1 + size**2 * lam)
+    return PositionRows(A, y, lam, float(n))
+
+
+def test_the_largest_likelihood_is_at_the_true_size():
+    # the standard deviation of the estimate is 1 / sqrt(2 n) = .9 %; the grid steps by 7 %
+    found = likelihood(white(np.random.default_rng(6), 6000, 20, 1.5), 1.0, None)
+    assert found is not None
+    assert found.size[np.argmax(found.value)] == pytest.approx(1.5, rel=0.05)
+
+
+def test_the_upper_limit_is_above_the_true_size_in_nine_of_ten_draws():
+    """Exact repeats tell the noise, so that only the misfit is in question."""
+    rng, draws, size = np.random.default_rng(7), 250, 0.9
+    above = 0
+    for _ in range(draws):
+        found = likelihood(white(rng, 120, 10, size), 1.0, NoiseRepeats(1e6, 1e6))
+        assert found is not None
+        above += found.limit(DROP) >= size
+    # the limit is asymptotic: 4 % are allowed for that
+    low, high = binom.ppf([1e-3, 1 - 1e-3], draws, [0.86, 0.94])
+    assert low <= above <= high
+
+
+def test_repeats_tell_the_scale_of_the_noise():
+    """Noise stated 1.5 times too large hides a misfit; repeats give it back."""
+    rng = np.random.default_rng(8)
+    rows = white(rng, 3000, 10, 1.0)
+    rows = PositionRows(rows.A / 1.5, rows.y / 1.5, rows.lam / 1.5**2, rows.noise)
+    nu = 2000
+    told = likelihood(rows, 1.5, NoiseRepeats(nu, rng.chisquare(nu) / 1.5**2))
+    assert told is not None
+    best = np.argmax(told.value)
+    assert told.noise_scale[best] == pytest.approx(1 / 1.5, rel=0.05)
+    assert 1.5 * told.size[best] == pytest.approx(1.0, rel=0.15)
+
+
+def test_a_misfit_below_the_noise_is_bounded_and_named():
+    fit, train, held_out = calibrated()
+    found = misfit(fit, train, held_out)
+    assert 0 <= found.best <= found.upper < found.detectable
+    assert found.noise_sd == pytest.approx(kinds.NOISE)
+    assert 0.05 < found.p_value <= 1
+    assert f"{1e6 * found.upper:.1f} um is in the region" in found.sentence
+    assert "taken on trust" in found.sentence
+    assert "on trust" not in misfit(fit, train, held_out, repeats=NoiseRepeats(90, 88.0)).sentence
+    assert repr(found).startswith("Misfit(up to")
+
+
+def test_a_misfit_well_above_the_noise_is_found():
+    _, train, held_out = calibrated(60, 40)
+    rng = np.random.default_rng(9)
+    size = 5 * kinds.NOISE
+    train, held_out = (moved(t, size * rng.normal(size=(len(t), 3))) for t in (train, held_out))
+    found = misfit(fitted(train), train, held_out)
+    # 270 free equations: the estimate scatters by 4 %
+    assert found.best == pytest.approx(size, rel=0.2)
+    assert found.best < found.upper < 1.4 * size
+    assert found.p_value < 1e-20
+
+
+def test_the_order_of_the_rows_does_not_matter():
+    fit, train, held_out = calibrated()
+    rng = np.random.default_rng(10)
+    one = misfit(fit, train, held_out)
+    two = misfit(fit, train, held_out.rows(rng.permutation(len(held_out))))
+    assert two.upper == pytest.approx(one.upper, rel=1e-9)
+    assert two.ratio == pytest.approx(one.ratio, rel=1e-6, abs=1e-6)
+
+
+def test_repeats_of_one_pose_share_its_misfit():
+    """Reading a pose ten times shows its misfit no better than the noise becomes small."""
+    fit, _, held_out = calibrated()
+    copies = joined([replace(held_out, repeat=np.full(len(held_out), k)) for k in range(10)])
+    apart = replace(copies, pose_id=1000 + np.arange(len(copies)))
+    shape = misfit_shape(fit.model, held_out)
+    ones = np.ones(len(copies))
+    together = position_rows(fit, copies, shape, ones)
+    alone = position_rows(fit, apart, shape, ones)
+    # a draw for each pose moves its ten rows as one: three directions, ten times the variance
+    assert (together.lam > 1e-6 * together.lam.max()).sum() <= 9 * len(held_out)
+    assert together.lam.max() > 5 * alone.lam.max()
+    assert together.lam.sum() == pytest.approx(alone.lam.sum(), rel=1e-9)
+
+
+def test_units_do_not_matter():
+    """The same arm in millimetres, and in metres."""
+    rng = np.random.default_rng(11)
+    train, held_out = visit(rng, 20), visit(rng, 19, first=20)
+    rng = np.random.default_rng(12)
+    train, held_out = (moved(t, 3e-5 * rng.normal(size=(len(t), 3))) for t in (train, held_out))
+    per = np.array([1, 1e3, 1e3, 1, 1])
+    in_mm = RobotModel(Chain(TX60.chain.links * per))
+
+    def mm(table):
+        S = table.covariance.copy()
+        S[:, :3] *= 1e3
+        S[:, :, :3] *= 1e3
+        return replace(table, position=table.position * 1e3, covariance=S)
+
+    one = misfit(fitted(train), train, held_out)
+    length = parameters_of(TX60, length=0.3)
+    same = parameters_of(in_mm, length=300.0)
+    assert same.n_free == length.n_free
+    two = misfit(identify(in_mm, mm(train), same), mm(train), mm(held_out))
+    assert two.upper / 1e3 == pytest.approx(one.upper, rel=1e-6)
+    assert two.ratio == pytest.approx(one.ratio, rel=1e-5)
+
+
+def test_too_few_rows_bound_nothing():
+    rng = np.random.default_rng(13)
+    train = visit(rng, 6)  # 36 equations for 30 numbers, but 18 of positions
+    fit = fitted(train)
+    found = misfit(fit, train)
+    assert found.upper == np.inf
+    assert found.p_value == 1.0
+    assert "too few measurements" in found.sentence
+
+
+def test_the_unweighted_fit_has_no_noise_to_hide_behind():
+    rng = np.random.default_rng(14)
+    train = visit(rng, 20)
+    fit = identify(TX60, train, fitted(train).parameters, mode="paper")
+    with pytest.raises(InputError, match="knows no noise"):
+        misfit(fit, train)
+
+
+def test_the_grid_reaches_from_nothing_to_centimetres():
+    found = likelihood(white(np.random.default_rng(15), 40, 4, 0.0), 1.0, None)
+    assert found is not None
+    assert found.size[0] == 0
+    assert found.size[1] == pytest.approx(SMALLEST)
+    assert found.size[-1] == pytest.approx(LARGEST, rel=0.08)
