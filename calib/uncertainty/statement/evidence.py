@@ -12,6 +12,7 @@ from calib.identification.identify import Identification
 from calib.information.rank import RANK_TOLERANCE, triangle
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
+from calib.uncertainty.statement.gain import prior_precision
 
 STEP = float(np.log(1.15)) / 2
 """Logarithmic step of the sizes that are tried: 7 %."""
@@ -250,17 +251,6 @@ def detectable(lam: Array, n_numbers: int) -> float:
     need = need + ndtri(POWER) * np.sqrt(2 * (lam**2 * (1 + t * lam) ** 2).sum(axis=1))
     seen = np.flatnonzero(gain > need)
     return float(np.sqrt(t[seen[0], 0])) if len(seen) else np.inf
-
-
-def prior_precision(identification: Identification) -> Array:
-    """Lambda0 (f, f) of the free numbers in scaled columns; zero without a prior."""
-    parameters, prior = identification.parameters, identification.prior
-    precision = np.zeros((parameters.n_free,) * 2)
-    if prior is not None:
-        at = [parameters.free_names.index(name) for name in prior.names]
-        scale = parameters.free_scale[at]
-        precision[np.ix_(at, at)] = prior.precision * scale[:, None] * scale
-    return precision
 
 
 def _alike(pose: Index, at: Bool, heavy: Bool) -> list[Index]:

@@ -23,8 +23,8 @@ from calib.uncertainty.statement.evidence import (
     likelihood,
     misfit_shape,
     position_rows,
-    prior_precision,
 )
+from calib.uncertainty.statement.gain import estimator_gain
 
 DROP = 0.821
 """Fall of the log-likelihood at the one-sided upper 90 % limit: half the 80 % point of chi2_1."""
@@ -140,24 +140,13 @@ def misfit_covariance(
     ----------
     F D F', F = inv(A'WA + Lambda0) A'W, D of the poses: the rows of one pose share its draw.
     """
-    parameters = identification.parameters
-    scale = parameters.free_scale
-    seen = predict(identification.model, train)
-    A = seen.rows[:, :, parameters.free_index] * scale
-    filled = seen.filled[:, :, None]
-    A, B = np.where(filled, A, 0.0), np.where(filled, shape.rows(seen.rows), 0.0)
-    both = filled & np.swapaxes(filled, 1, 2)
-    WA = np.linalg.solve(np.where(both, train.covariance, np.eye(6)), A)
-    if len(identification.weights):
-        WA = WA * identification.weights[:, None, None]
-    AW = np.swapaxes(WA, 1, 2)
-    H = (AW @ A).sum(axis=0) + prior_precision(identification)
-    pull = AW @ B  # (m, f, k)
+    B = shape.rows(predict(identification.model, train).rows)
+    each = estimator_gain(identification, train) @ B  # (m, f, k)
     _, pose = np.unique(train.pose_id, return_inverse=True)
-    each = np.zeros((int(pose.max()) + 1, *pull.shape[1:]))
-    np.add.at(each, pose.ravel(), pull)
-    moved = scale[:, None] * np.linalg.solve(H, np.moveaxis(each, 0, 1).reshape(len(scale), -1))
-    full = np.zeros((len(parameters.names),) * 2)
-    index = parameters.free_index
-    full[np.ix_(index, index)] = moved @ moved.T
+    moved = np.zeros((int(pose.max()) + 1, *each.shape[1:]))
+    np.add.at(moved, pose.ravel(), each)
+    root = np.moveaxis(moved, 0, 1).reshape(each.shape[1], -1)
+    full = np.zeros((len(identification.parameters.names),) * 2)
+    index = identification.parameters.free_index
+    full[np.ix_(index, index)] = root @ root.T
     return frozen(full)

@@ -1,0 +1,188 @@
+"""Where a statement applies: how much of what no model holds reaches the target there.
+
+A calibration absorbs part of an error that it has no number for. Where the held-out poses stand it
+was proven how much is left; elsewhere more may be left. Two numbers see it coming, pose by pose,
+from the kinematics alone: transfer, of errors of the joints and the foot, and leverage, of noise.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calib.arrays import Array, Bool, Index, check, frozen
+from calib.errors import refuse
+from calib.geometry.jacobian import reflector_rows
+from calib.geometry.joint_errors import JointErrors, harmonic_terms
+from calib.geometry.model import RobotModel
+from calib.identification.identify import Identification
+from calib.identification.joint_models import extended_model
+from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predict
+from calib.uncertainty.statement.gain import estimator_gain
+
+WARNED, REFUSED = 4.0, 9.0
+"""Transfer or leverage above which a target is at the edge, and above which it is outside."""
+BEYOND = np.radians(10.0)
+"""How far a joint may leave its range over the held-out poses [rad]."""
+BEYOND_SLIDE = 0.05
+"""The same for a slide [m]."""
+MOST_OUTSIDE = 0.25
+"""Share of a set's poses outside above which the statement does not reach the set."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Applicability:
+    """Whether a statement reaches N targets."""
+
+    transfer: Array
+    """(N,) g: what is left there of errors that the model cannot hold, over its mean at the
+    held-out poses; the larger of joints and foot."""
+    leverage: Array
+    """(N,) h: variance of the target from the noise, over its mean at the held-out poses."""
+    beyond: Bool
+    """(N, n) joints further than `BEYOND` outside their range over the held-out poses."""
+
+    def __repr__(self) -> str:
+        counts = {word: int((self.place == word).sum()) for word in ("inside", "edge", "outside")}
+        return f"Applicability({', '.join(f'{n} {word}' for word, n in counts.items() if n)})"
+
+    @property
+    def growth(self) -> Array:
+        """(N,) factor of the misfit's variance: transfer, never below one."""
+        return np.maximum(1.0, self.transfer)
+
+    @property
+    def place(self) -> NDArray[np.str_]:
+        """(N,) "inside", "edge" (warned, the region grown), or "outside" (no region)."""
+        worst = np.maximum(self.transfer, self.leverage)
+        place = np.where((worst > WARNED) | self.beyond.any(axis=1), "edge", "inside")
+        return np.asarray(np.where(worst > REFUSED, "outside", place), np.str_)
+
+    @property
+    def reaches(self) -> bool:
+        """Whether the statement reaches the set: at most `MOST_OUTSIDE` of it lies outside."""
+        return bool((self.place == "outside").mean() <= MOST_OUTSIDE) if len(self.place) else True
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proven:
+    """Where a calibration was proven: what other places are compared with."""
+
+    wide: RobotModel
+    """The identified model with joint terms that it has no numbers for, all zero."""
+    columns: Index
+    """(k,) their columns in its derivative."""
+    own: Index
+    """(P,) the columns of the identified model's numbers."""
+    up: Array
+    """(3,) upwards, in the axes of the base."""
+    target: Array
+    """(3,) point in the tool frame that is stated [m]."""
+    absorbed: Array
+    """(P, k + 1) how the estimate follows a unit of each term, and of a foot that yields."""
+    covariance: Array
+    """(P, P) of all numbers, from the noise."""
+    usual: Array
+    """(3,) means over the held-out poses: what is left of the terms, of the foot, of the noise."""
+    low: Array
+    """(n,) least joint values over the held-out poses [rad, m]."""
+    high: Array
+    """(n,) largest."""
+
+    def applies(self, q: ArrayLike) -> Applicability:
+        """Whether the statement reaches joints q (N, n) [rad, m]."""
+        (q,) = check(f"N {len(self.low)}", q=q)
+        of_terms, of_foot, leverage = self.left(q) / self.usual[:, None]
+        room = np.where(self.wide.chain.prismatic > 0, BEYOND_SLIDE, BEYOND)
+        return Applicability(
+            frozen(np.maximum(of_terms, of_foot)),
+            frozen(leverage),
+            frozen((q < self.low - room) | (q > self.high + room), np.bool_),
+        )
+
+    def left(self, q: Array) -> Array:
+        """(3, N) variance of the target left by a unit of every term, by the foot, by the noise."""
+        T, J = self.wide.poses_and_jacobian(q)
+        _, rows = reflector_rows(T, J, np.broadcast_to(self.target, (len(T), 3)))
+        own = rows[:, :, self.own]
+        G = unheld(self.wide, self.columns, self.up, q, rows) - own @ self.absorbed
+        noise = np.einsum("nip,pq,niq->n", own, self.covariance, own)
+        return np.stack([(G[..., :-1] ** 2).sum((1, 2)), (G[..., -1] ** 2).sum(1), noise])
+
+
+def proven_at(
+    identification: Identification,
+    train: Measurements,
+    q: ArrayLike,
+    *,
+    target: ArrayLike = (0.0, 0.0, 0.0),
+    up: ArrayLike = (0.0, 0.0, 1.0),
+) -> Proven:
+    """What a calibration was proven at, to ask where else it applies.
+
+    Parameters
+    ----------
+    identification : Identification
+        From `train`.
+    train : Measurements
+        What was identified from.
+    q : (n, j) array_like
+        Joints of the held-out poses [rad, m].
+    target : (3,) array_like
+        Point in the tool frame that is stated [m].
+    up : (3,) array_like
+        Upwards in the axes of the base: a foot yields under the weight of the arm.
+
+    References
+    ----------
+    G(q) = B(q) - J(q) F B(train); g = tr(G G') over its mean. B: every wave of a joint that the
+    model has no number for, and apart from these the turn of the arm about its foot by p x up.
+    """
+    (q, target, up) = check("m j, 3, 3", q=q, target=target, up=up)
+    if not len(q):
+        raise refuse(
+            "q", code="A3", message="no held-out pose says where this was proven",
+            allowed="one pose or more",
+        )  # fmt: skip
+    model = identification.model
+    wide = lacking(model)
+    start, more = model.first_fixture, wide.first_fixture - model.first_fixture
+    columns = np.arange(start, start + more)
+    own = np.delete(np.arange(wide.n_numbers), columns)
+    seen = predict(wide, train)
+    B = unheld(wide, columns, up, train.q, seen.rows)
+    absorbed = np.zeros((model.n_numbers, B.shape[2]))
+    gain = estimator_gain(identification, train)
+    absorbed[identification.parameters.free_index] = np.einsum("mfe,mek->fk", gain, B)
+    here = Proven(
+        wide, frozen(columns, np.int64), frozen(own, np.int64), up, target, frozen(absorbed),
+        frozen(identification.full_covariance), np.ones(3),
+        frozen(q.min(axis=0)), frozen(q.max(axis=0)),
+    )  # fmt: skip
+    return replace(here, usual=frozen(here.left(q).mean(axis=1)))
+
+
+def unheld(wide: RobotModel, columns: Index, up: Array, q: Array, rows: Array) -> Array:
+    """Columns (m, r, k + 1) of rows (m, r, P) for what no number holds: waves, then the foot."""
+    base = wide.chain.T_world_base
+    p = (wide.poses(q)[:, :3, 3] - base[:3, 3]) @ base[:3, :3]  # in the axes of the base
+    foot = rows[:, :, 3:6] @ np.cross(p, up)[:, :, None]
+    return np.concatenate([rows[:, :, columns], foot], axis=2)
+
+
+def lacking(model: RobotModel) -> RobotModel:
+    """The model with joint terms beyond it: gravity and two waves, or where it has these, more."""
+    # whatever tool it carries: the closed form of gravity is that of the arm
+    wide, order = extended_model(model, replace(model.chain, T_flange_tool=np.eye(4))), 3
+    turning = [kind == "revolute" for kind in model.chain.kinds]
+    while len(wide.joint_errors.terms) == len(model.joint_errors.terms):
+        known = set(wide.joint_errors.names)
+        more = [t for t in harmonic_terms(model.chain.n_joints, (order,)) if turning[t.joint]]
+        added = [t for t in more if t.name not in known]
+        errors = JointErrors(
+            (*wide.joint_errors.terms, *added),
+            np.concatenate([wide.joint_errors.coefficients, np.zeros(len(added))]),
+        )
+        wide, order = RobotModel(model.chain, errors, model.fixtures), order + 1
+    return wide
