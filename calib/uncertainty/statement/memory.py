@@ -1,0 +1,155 @@
+"""Noise that remembers: a test on residuals in time order, and what drift leaves in the estimate.
+
+A drift averages over its own memory, not over all rows: the base follows it, a link hardly does.
+The test needs poses in random order; on a tour the misfit of neighbors passes for drift.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, Index, check, frozen
+from calib.errors import refuse
+from calib.identification.identify import Identification
+from calib.measurement.observations import Measurements, joined
+from calib.measurement.prediction import predict
+from calib.uncertainty.statement.evidence import MisfitShape
+from calib.uncertainty.statement.gain import estimator_gain
+from calib.uncertainty.statement.misfit import DROP
+
+KERNEL_ROWS = 8.0
+"""Memory of the test's kernel [rows]."""
+PERMUTATIONS = 500
+MEMORIES = (3.0, 10.0, 30.0)
+"""Memories of a drift that are tried [rows]."""
+SIZES = (0.0, *(0.15 * 1.45 ** np.arange(9)))
+"""Standard deviations of a drift that are tried, in those of the noise."""
+REMEMBERS = 0.05
+"""A p-value below this adds what a drift leaves to the statement."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drift:
+    """The largest drift that the rows allow, and what it leaves in the estimate."""
+
+    sd: float
+    """Standard deviation per axis [m]."""
+    memory: float
+    """Rows over which it is forgotten."""
+    covariance: Array
+    """(P, P) of all numbers [m, rad]."""
+
+    def __repr__(self) -> str:
+        return f"Drift({1e6 * self.sd:.3g} um, memory {self.memory:g} rows)"
+
+
+def memory_p(residual: Array, order: Index, rng: np.random.Generator) -> float:
+    """Chance of residuals that follow their neighbors in time as these do, if noise forgets.
+
+    Parameters
+    ----------
+    residual : (m, 3) array
+        Whitened position residuals.
+    order : (m,) array
+        Place of each row in time.
+    rng : numpy.random.Generator
+        Of the permutations.
+
+    References
+    ----------
+    T = sum over j < k of exp(-|j - k| / 8) r_j'r_k, over `PERMUTATIONS` orders.
+    """
+    (residual,) = check("m 3", residual=residual)
+    products, m = residual @ residual.T, len(residual)
+    place = np.argsort(np.argsort(order))
+    kernel = np.exp(-np.abs(place[:, None] - place) / KERNEL_ROWS) - np.eye(m)
+    seen = float((kernel * products).sum())
+    orders = (rng.permutation(m) for _ in range(PERMUTATIONS))
+    larger = sum(float((kernel * products[np.ix_(k, k)]).sum()) >= seen for k in orders)
+    return (1 + larger) / (1 + PERMUTATIONS)
+
+
+def whitened_positions(identification: Identification, table: Measurements) -> Array:
+    """Position residuals (m, 3) of poses and points in units of their noise."""
+    seen = predict(identification.model, table)
+    values, axes = np.linalg.eigh(table.covariance[:, :3, :3])
+    root = (axes / np.sqrt(values)[:, None]) @ np.swapaxes(axes, 1, 2)
+    return np.asarray((root @ seen.residual[:, :3, None])[..., 0])
+
+
+def drift(
+    identification: Identification,
+    train: Measurements,
+    train_order: Index,
+    held_out: Measurements,
+    held_out_order: Index,
+    *,
+    shape: MisfitShape,
+    misfit: float,
+) -> Drift:
+    """The largest drift that the positions allow beside noise and misfit.
+
+    Parameters
+    ----------
+    identification : Identification
+        From `train`.
+    train, held_out : Measurements
+        Poses and points.
+    train_order, held_out_order : (m,) and (n,) arrays
+        Place of each row in time, one numbering for both.
+    shape : MisfitShape
+        Of a misfit of 1 m per axis.
+    misfit : float
+        Its most likely size [m].
+
+    References
+    ----------
+    V = N + misfit^2 D + s^2 exp(-|j - k| / L) x I3, x flat; the pair of largest s^2 L within `DROP`
+    of the largest restricted likelihood. In the estimate F (s^2 exp(-|j - k| / L) x I3) F'.
+    """
+    both = joined([train, held_out]) if len(held_out) else train
+    if both.is_distance.any():
+        raise refuse("train", code="A3", message="distances show no drift of the station",
+                     allowed="poses and points")  # fmt: skip
+    order = np.concatenate([train_order, held_out_order])
+    apart = np.abs(order[:, None] - order)
+    parameters = identification.parameters
+    seen, m = predict(identification.model, both), len(both)
+    A = (seen.rows[:, :3][..., parameters.free_index] * parameters.free_scale).reshape(3 * m, -1)
+    _, singular, directions = np.linalg.svd(A, full_matrices=False)
+    A = A @ directions[singular > 1e-9 * singular[0]].T
+    y = seen.residual[:, :3].ravel()
+    own = misfit * shape.rows(seen.rows[:, :3]).reshape(3 * m, -1)
+    pose = np.concatenate([train.pose_id, -1 - held_out.pose_id])
+    fixed = own @ own.T * np.repeat(np.repeat(pose[:, None] == pose, 3, axis=0), 3, axis=1)
+    for j, N in enumerate(both.covariance[:, :3, :3]):
+        fixed[3 * j : 3 * j + 3, 3 * j : 3 * j + 3] += N
+    unit = float(np.sqrt(np.trace(both.covariance[:, :3, :3], axis1=1, axis2=2).mean() / 3))
+    tried = []
+    for memory in MEMORIES:
+        kernel = np.kron(np.exp(-apart / memory), np.eye(3))
+        tried += [
+            (_likelihood(fixed + (size * unit) ** 2 * kernel, A, y), size * unit, memory)
+            for size in SIZES
+        ]
+    best = max(tried)[0]
+    _, sd, memory = max(
+        (one for one in tried if one[0] >= best - DROP), key=lambda one: one[1] ** 2 * one[2]
+    )
+    F = estimator_gain(identification, train)[:, :, :3]
+    among = sd**2 * np.exp(-apart[: len(train), : len(train)] / memory)
+    left = np.einsum("jai,jk,kbi->ab", F, among, F, optimize=True)
+    full = np.zeros((len(parameters.names),) * 2)
+    index = parameters.free_index
+    full[np.ix_(index, index)] = (left + left.T) / 2
+    return Drift(sd, memory, frozen(full))
+
+
+def _likelihood(V: Array, A: Array, y: Array) -> float:
+    """Restricted log-likelihood of y with covariance V (n, n), numbers A (n, p) flat."""
+    root = np.linalg.cholesky(V)
+    white = np.linalg.solve(root, np.column_stack([A, y]))
+    Q, R = np.linalg.qr(white[:, :-1])
+    rest = white[:, -1] - Q @ (Q.T @ white[:, -1])
+    logarithms = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(R))).sum()
+    return -float(logarithms + rest @ rest / 2)
