@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
 from calib.arrays import Array, check, frozen
-from calib.geometry.jacobian import reflector_rows
+from calib.geometry.jacobian import joint_columns, reflector_rows
 from calib.geometry.model import RobotModel
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
@@ -51,9 +51,14 @@ class Belief:
         )
 
     def regions(
-        self, q: ArrayLike, *, target: ArrayLike = (0.0, 0.0, 0.0), growth: ArrayLike = 1.0
+        self,
+        q: ArrayLike,
+        *,
+        target: ArrayLike = (0.0, 0.0, 0.0),
+        growth: ArrayLike = 1.0,
+        repeatability: ArrayLike | None = None,
     ) -> ToolStatement:
-        """Regions of the mean of many moves to joints q (N, n) [rad, m].
+        """Regions of the mean of many moves to joints q (N, n) [rad, m], or of where one move ends.
 
         Parameters
         ----------
@@ -63,11 +68,18 @@ class Belief:
             Point in the tool frame that is stated [m].
         growth : (N,) or scalar array_like
             Factor of the misfit's variance at each posture, one or more.
+        repeatability : (n,) array_like, optional
+            Standard deviation with which each joint comes back [rad, m]; given, the regions are of
+            where one move ends, at the same factor.
         """
         (target,) = check("3", target=target)
         T, J = self.model.poses_and_jacobian(q)
         position, rows = reflector_rows(T, J, np.broadcast_to(target, (len(T), 3)))
         sigma = _region(self, rows, np.broadcast_to(np.asarray(growth, float), (len(T),)))
+        if repeatability is not None:
+            (sd,) = check(f"{self.model.chain.n_joints}", repeatability=repeatability)
+            moved = rows[:, :, joint_columns(self.model.chain)] * sd
+            sigma = sigma + moved @ np.swapaxes(moved, 1, 2)
         return ToolStatement(frozen(position), frozen(sigma), self.factor, self.probability)
 
 

@@ -101,6 +101,26 @@ def test_the_region_is_parameters_and_the_largest_misfit():
     np.testing.assert_allclose(region.covariance, expected, rtol=0, atol=3e-5 * expected.max())
 
 
+def test_one_move_ends_in_its_region_and_not_in_that_of_the_mean():
+    """Joints that come back within 60 urad: 3 times the noise; robots are the unit."""
+    sd, shares = np.full(6, 60e-6), []
+    for robot in range(12):
+        rng = np.random.default_rng([robot, 32])
+        true, fit, train, held_out = campaign(rng, 15e-6)
+        belief = believe(fit, train, held_out)
+        q = kinds.joints("tx60", rng, TARGETS)
+        ends = true.poses(q + sd * rng.normal(size=q.shape))[:, :3, 3]
+        shares.append(
+            (belief.regions(q, repeatability=sd).holds(ends).mean(),
+             belief.regions(q).holds(ends).mean())
+        )  # fmt: skip
+    move, mean = np.array(shares).T
+    # bar: 95 to 99 %; 600 moves of 12 robots
+    error = 3 * move.std(ddof=1) / np.sqrt(12)
+    assert 0.95 - error <= move.mean() <= 0.99 + error
+    assert mean.mean() < 0.9
+
+
 def test_held_out_errors_guard_the_factor():
     """One pose in fifteen is grossly off: the factor follows the rank that conformal asks for."""
     rng = np.random.default_rng(2)

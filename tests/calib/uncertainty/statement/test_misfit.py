@@ -11,6 +11,8 @@ from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
+from calib.identification.joint_models import extended_model
+from calib.identification.prior import Prior
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
 from calib.uncertainty.statement.evidence import (
@@ -18,6 +20,7 @@ from calib.uncertainty.statement.evidence import (
     SMALLEST,
     NoiseRepeats,
     PositionRows,
+    believed_before,
     likelihood,
     misfit_shape,
     position_rows,
@@ -102,6 +105,46 @@ def test_likelihood_of_mixed_rows_is_the_dense_one():
     ours = found.value[pick]
     # 1e-7 of logarithms of some hundred: solves of condition 1e6 in float64
     np.testing.assert_allclose(ours - ours[0], np.array(brute) - brute[0], rtol=1e-7, atol=1e-6)
+
+
+def test_numbers_with_a_prior_are_rows_of_their_own():
+    """As if the waves were random with the prior's covariance, and the geometry alone flat."""
+    rng = np.random.default_rng(16)
+    wide = extended_model(TX60)
+    train = visit(rng, 20)
+    prior = Prior(1e-5 * rng.normal(size=27), rng.uniform(1e-4, 3e-4, 27), wide.joint_errors.names)
+    free = [*fitted(train).names, *prior.names]
+    fit = identify(wide, train, parameters_of(wide, free), prior=prior)
+    shape = misfit_shape(fit.model, train)
+    rows = position_rows(fit, train, shape, np.ones(len(train)))
+    unit = kinds.NOISE
+    # repeats without end: the noise is what was stated
+    found = likelihood(rows.joined(believed_before(fit)), unit, NoiseRepeats(1e12, 1e12))
+    assert found is not None
+    seen = predict(fit.model, train)
+    at = [fit.names.index(name) for name in prior.names]
+    J = seen.rows[:, :3][..., fit.parameters.free_index].reshape(60, -1)
+    waves, geometry = J[:, at], np.delete(J, at, axis=1)
+    y = seen.residual[:, :3].ravel() - waves @ (prior.mean - fit.step[at])
+    N = np.kron(np.eye(20), unit**2 * np.eye(3))
+    B = shape.rows(seen.rows[:, :3]).reshape(60, -1)
+    D = B @ B.T * np.kron(np.eye(20), np.ones((3, 3)))
+
+    def dense(size):
+        """Restricted log-likelihood with one covariance matrix."""
+        V = N + (size * unit) ** 2 * D + waves @ np.diag(prior.sd**2) @ waves.T
+        scaled = geometry / np.maximum(np.linalg.norm(geometry, axis=0), 1e-3)
+        _, s, directions = np.linalg.svd(scaled, full_matrices=False)
+        A = scaled @ directions[s > 1e-9 * s[0]].T
+        W = np.linalg.inv(V)
+        H = A.T @ W @ A
+        rest = y @ (W - W @ A @ np.linalg.solve(H, A.T @ W)) @ y
+        return -0.5 * (np.linalg.slogdet(V)[1] + np.linalg.slogdet(H)[1] + rest)
+
+    pick = [0, 30, 60, 90]
+    brute = np.array([dense(found.size[k]) for k in pick])
+    ours = found.value[pick]
+    np.testing.assert_allclose(ours - ours[0], brute - brute[0], rtol=1e-6, atol=1e-4)
 
 
 def test_shape_is_one_metre_per_axis_half_in_the_joints():
