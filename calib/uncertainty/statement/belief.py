@@ -21,7 +21,7 @@ from calib.uncertainty.statement.evidence import NoiseRepeats
 from calib.uncertainty.statement.misfit import (
     DROP,
     UNGUARDED_DROP,
-    Misfit,
+    HiddenMisfit,
     misfit,
     misfit_covariance,
 )
@@ -35,7 +35,7 @@ class Belief:
     model: RobotModel
     covariance: Array
     """(P, P) of all numbers, from the noise and what else is stated [m, rad]."""
-    misfit: Misfit
+    misfit: HiddenMisfit
     misfit_covariance: Array
     """(P, P) of all numbers from a misfit of 1 m per axis in the training rows."""
     factor: float

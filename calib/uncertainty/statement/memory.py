@@ -29,7 +29,7 @@ REMEMBERS = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Drift:
+class SlowDrift:
     """The largest drift that the rows allow, and what it leaves in the estimate."""
 
     sd: float
@@ -40,7 +40,7 @@ class Drift:
     """(P, P) of all numbers [m, rad]."""
 
     def __repr__(self) -> str:
-        return f"Drift({1e6 * self.sd:.3g} um, memory {self.memory:g} rows)"
+        return f"SlowDrift({1e6 * self.sd:.3g} um, memory {self.memory:g} rows)"
 
 
 def memory_p(residual: Array, order: Index, rng: np.random.Generator) -> float:
@@ -86,7 +86,7 @@ def drift(
     *,
     shape: MisfitShape,
     misfit: float,
-) -> Drift:
+) -> SlowDrift:
     """The largest drift that the positions allow beside noise and misfit.
 
     Parameters
@@ -142,7 +142,7 @@ def drift(
     full = np.zeros((len(parameters.names),) * 2)
     index = parameters.free_index
     full[np.ix_(index, index)] = (left + left.T) / 2
-    return Drift(sd, memory, frozen(full))
+    return SlowDrift(sd, memory, frozen(full))
 
 
 def _likelihood(V: Array, A: Array, y: Array) -> float:

@@ -35,7 +35,7 @@ NO_WHITE_NOISE = 1.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Misfit:
+class HiddenMisfit:
     """Sizes of a misfit, one standard deviation per axis [m], as far as the evidence goes."""
 
     shape: MisfitShape
@@ -55,7 +55,7 @@ class Misfit:
     """Whether repeats told the noise; else it is taken on trust within 10 %."""
 
     def __repr__(self) -> str:
-        return f"Misfit(up to {1e6 * self.upper:.3g} um per axis)"
+        return f"HiddenMisfit(up to {1e6 * self.upper:.3g} um per axis)"
 
     @property
     def p_value(self) -> float:
@@ -81,7 +81,7 @@ def misfit(
     *,
     repeats: NoiseRepeats | None = None,
     drop: float = DROP,
-) -> Misfit:
+) -> HiddenMisfit:
     """Size of what the model misses, by the restricted likelihood of all position rows.
 
     Parameters
@@ -117,9 +117,9 @@ def misfit(
     unit = float(np.sqrt(rows.noise / len(rows.lam)))
     found = likelihood(rows.joined(believed_before(identification)), unit, repeats)
     if found is None:
-        return Misfit(shape, np.nan, np.inf, np.inf, 0.0, 1.0, unit, repeats is not None)
+        return HiddenMisfit(shape, np.nan, np.inf, np.inf, 0.0, 1.0, unit, repeats is not None)
     best = int(np.argmax(found.value))
-    return Misfit(
+    return HiddenMisfit(
         shape,
         best=unit * float(found.size[best]),
         upper=unit * found.limit(drop),

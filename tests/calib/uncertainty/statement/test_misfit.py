@@ -244,7 +244,7 @@ def test_a_misfit_below_the_noise_is_bounded_and_named():
     assert f"{1e6 * found.upper:.1f} um is in the region" in found.sentence
     assert "taken on trust" in found.sentence
     assert "on trust" not in misfit(fit, train, held_out, repeats=NoiseRepeats(90, 88.0)).sentence
-    assert repr(found).startswith("Misfit(up to")
+    assert repr(found).startswith("HiddenMisfit(up to")
 
 
 def test_a_misfit_well_above_the_noise_is_found():
