@@ -1,5 +1,6 @@
 """Base and tool fitted to readings, and the rows that no such fit brings near their joints."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,8 +28,12 @@ TIMES, LEAST = 10.0, 0.010
 """A row is mismatched if its error is above so many medians and above so many meters."""
 FEWEST = 10
 """Rows of a kind below which nothing is judged."""
+STRETCHES, ENOUGH = (1, 2, 3, 5), 4
+"""Into how many parts the rows are cut where one fit brings few of them near; fewest of a part."""
 LARGEST_SHARE = 0.2
 """Part of the rows above which it is the reading of the file that is wrong, not some rows."""
+FAR = 0.020
+"""Error that the right reading of a file of the right robot never leaves [m]."""
 NEAR = 5
 """Rows before and after, among which the joints of a mismatched one are looked for."""
 
@@ -46,6 +51,15 @@ class Misfit:
     def score(self) -> float:
         """Both in one number [m]."""
         return float(np.hypot(self.position, LEVER * self.rotation))
+
+    @property
+    def shown(self) -> str:
+        """Both for people."""
+        size = self.position
+        if not np.isfinite(size):
+            return "no answer at all"
+        angle = f" and {_two(np.degrees(self.rotation))} deg" if self.rotation else ""
+        return (f"{_two(size * 1e3)} mm" if size < 10 else f"{_two(size)} m") + angle
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,8 +130,10 @@ def fit_frames(F: Array, position: Array, rotation: Array | None) -> Frames:
     return min(by_rotation, by_position, key=lambda fit: fit.misfit(F, position, rotation).score)
 
 
-def mismatched_rows(model: RobotModel, table: Measurements) -> tuple[Bool, dict[int, str]]:
-    """Rows (m,) that no frames bring near their joints, and why each of them does not belong.
+def mismatched_rows(
+    model: RobotModel, table: Measurements
+) -> tuple[Bool, dict[int, str], list[Index]]:
+    """Rows (m,) that no frames bring near their joints, why, and the groups that may have slipped.
 
     Parameters
     ----------
@@ -128,15 +144,18 @@ def mismatched_rows(model: RobotModel, table: Measurements) -> tuple[Bool, dict[
     """
     mismatched = np.zeros(len(table), dtype=bool)
     why: dict[int, str] = {}
+    doubtful = []
     for rows in target_groups(table):
         if len(rows) < FEWEST:
             continue
         F, position = flange_poses(model, table.q[rows]), table.position[rows]
         rotation = table.rotation[rows] if table.is_pose[rows[0]] else None
         frames, bad = _trimmed_frames(F, position, rotation)
+        errors = frames.position_errors(F, position)
+        if len(bad) > 1 or np.median(errors) > FAR:
+            doubtful.append(rows)
         if len(bad) > LARGEST_SHARE * len(rows):
             continue
-        errors = frames.position_errors(F, position)
         mismatched[rows[bad]] = True
         for k in map(int, bad):
             sentence = f"{errors[k] * 1e3:.0f} mm off"
@@ -144,13 +163,13 @@ def mismatched_rows(model: RobotModel, table: Measurements) -> tuple[Bool, dict[
             if other is not None:
                 sentence += f", fits the joints of row {other - k:+d}"
             why[int(rows[k])] = sentence
-    return mismatched, why
+    return mismatched, why, doubtful
 
 
 def _trimmed_frames(F: Array, position: Array, rotation: Array | None) -> tuple[Frames, Index]:
     """Frames from the rows that fit, and the rows that do not: gross errors do not count."""
     some = np.unique(np.linspace(0, len(F) - 1, min(len(F), MOST_FITTED)).round().astype(np.int64))
-    keep, half = some, max(6, len(some) // 2)
+    keep, half = _sound_stretch(F, position, rotation, some), max(6, len(some) // 2)
     for _ in range(10):
         frames = fit_frames(F[keep], position[keep], None if rotation is None else rotation[keep])
         errors = frames.position_errors(F[some], position[some])
@@ -165,6 +184,25 @@ def _trimmed_frames(F: Array, position: Array, rotation: Array | None) -> tuple[
     return frames, np.flatnonzero(frames.position_errors(F, position) > limit)
 
 
+def stretches(rows: Index) -> Iterator[Index]:
+    """All rows, then parts of them that hang together: gross errors hardly lie in each."""
+    for parts in STRETCHES:
+        yield from (part for part in np.array_split(rows, parts) if len(part) >= ENOUGH)
+
+
+def _sound_stretch(F: Array, position: Array, rotation: Array | None, rows: Index) -> Index:
+    """The rows if one fit brings most of them near their joints, else the best part of them."""
+    best, least = rows, np.inf
+    for part in stretches(rows):
+        frames = fit_frames(F[part], position[part], None if rotation is None else rotation[part])
+        usual = float(np.median(frames.position_errors(F[rows], position[rows])))
+        if usual < least:
+            best, least = part, usual
+        if least < LEAST:
+            break
+    return best
+
+
 def _fitting_joints(
     frames: Frames, F: Array, position: Array, k: int, ordinary: float
 ) -> int | None:
@@ -173,6 +211,11 @@ def _fitting_joints(
     errors = frames.position_errors(F[near], position[k])
     best = int(np.argmin(errors))
     return near[best] if errors[best] <= max(3 * ordinary, 1e-4) else None
+
+
+def _two(value: float) -> str:
+    """At least two digits, and never a power of ten."""
+    return f"{value:.2g}" if value < 10 else f"{value:.0f}"
 
 
 def _rms(values: Array) -> float:

@@ -8,9 +8,11 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.errors import InputError
+from calib.geometry.model import RobotModel
 from testbed.files.joints import Extras, Joints
 from testbed.files.readings import Readings
 from testbed.files.refusal import refusal
+from testbed.files.slips import parted
 
 LARGEST_ID = 100_000
 """Whole numbers up to this are kept as pose numbers."""
@@ -36,7 +38,7 @@ def by_row(joints: Joints, readings: Readings) -> Match:
     return Match(pairs[:, 0], pairs[:, 1])
 
 
-def by_order(joints: Joints, readings: Readings) -> Match:
+def by_order(joints: Joints, readings: Readings, model: RobotModel) -> Match:
     """The k-th joint vector belongs to the k-th reading.
 
     Raises
@@ -45,16 +47,20 @@ def by_order(joints: Joints, readings: Readings) -> Match:
         M31: there are not as many of both.
     """
     if len(joints) != len(readings):
+        most = Counter(readings.target).most_common(1)[0][0] if len(readings) else ""
+        rows = np.flatnonzero(np.array(readings.target) == most)
+        where, parting = parted(model, joints, readings, rows, rows)
         raise refusal(
-            readings.where, "match",
-            f"has {len(readings)} readings for {len(joints)} joint vectors in {joints.where}",
+            where, "match",
+            f"there are {len(readings)} readings for {len(joints)} joint vectors in {joints.where}"
+            + parting,
             code="M31", allowed='match = "order" needs as many of both',
             fix="remove the extra rows, or number both files in a column pose_id",
         )  # fmt: skip
     return Match(np.arange(len(joints)), np.arange(len(readings)))
 
 
-def by_cycle(joints: Joints, readings: Readings) -> Match:
+def by_cycle(joints: Joints, readings: Readings, model: RobotModel) -> Match:
     """The k-th reading of a target belongs to the k-th joint vector.
 
     Raises
@@ -67,9 +73,12 @@ def by_cycle(joints: Joints, readings: Readings) -> Match:
     # a row that was left out makes the count go on past the joints
     if set(counts.values()) != {len(joints)} or number.max() >= len(joints):
         shown = ", ".join(f"{name or 'it'} {count}" for name, count in sorted(counts.items())[:8])
+        odd = next((name for name, count in counts.items() if count != len(joints)), "")
+        rows = np.flatnonzero(np.array(readings.target) == odd)
+        where, parting = parted(model, joints, readings, number[rows], rows)
         raise refusal(
-            readings.where, "target",
-            f"targets were shot {shown} times for {len(joints)} joint vectors", code="M31",
+            where, "target",
+            f"targets were shot {shown} times for {len(joints)} joint vectors{parting}", code="M31",
             allowed="cycling names count poses only if all counts agree",
             fix="mend the export, or give each pose a group of its own",
         )  # fmt: skip

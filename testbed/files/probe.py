@@ -20,7 +20,7 @@ from testbed.files.alternatives import (
     alternatives_of,
     distance_alternatives,
 )
-from testbed.files.frames_fit import Misfit, fit_frames, flange_poses, target_groups
+from testbed.files.frames_fit import FAR, Misfit, fit_frames, flange_poses, target_groups
 from testbed.files.refusal import refusal
 from testbed.files.session import Session
 from testbed.robots.robot import Robot
@@ -31,8 +31,6 @@ FEWEST = 6
 """Poses below which nothing is tried."""
 TIMES = 5.0
 """An alternative is named if what it leaves is so many times smaller."""
-FAR = 0.020
-"""Score that the right reading of a file of the right robot never leaves [m]."""
 UNITS = (0.6, 1.6)
 """Spread of the measured positions over the nominal ones, with the right unit."""
 LEAST_SPAN, TOOL = 0.02, 1.0
@@ -84,10 +82,10 @@ class Probe:
         """The fit of the stated reading and of the best other one in words."""
         if self.stated is None:
             return f"too few poses to try other readings of the file; at least {FEWEST}"
-        sentence = f"base and tool alone leave {_shown(self.stated)}"
+        sentence = f"base and tool alone leave {self.stated.shown}"
         if self.best is None:
             return sentence
-        count, left = len(self.tried), _shown(self.best.misfit)
+        count, left = len(self.tried), self.best.misfit.shown
         return f"{sentence}; the best of {count} other readings leaves {left}"
 
     def raise_if_wrong(self) -> None:
@@ -112,13 +110,13 @@ class Probe:
             other = wrong.alternative
             raise refusal(
                 self.where, other.field,
-                f"base+tool fit leaves {_shown(stated)}; {_shown(wrong.misfit)} {other.condition}",
+                f"base+tool fit leaves {stated.shown}; {wrong.misfit.shown} {other.condition}",
                 code=other.code, value=stated.position, fix=other.fix,
             )  # fmt: skip
         elif min([stated.score, *(tried.misfit.score for tried in self.tried)]) > FAR:
             raise refusal(
                 self.where, "ROBOT",
-                f"base+tool fit leaves {_shown(stated)}, and no other reading of the file less "
+                f"base+tool fit leaves {stated.shown}, and no other reading of the file less "
                 f"than {FAR * 1e3:g} mm", code="M32",
                 value=stated.position,
                 allowed=f"a nominal {self.robot} leaves a few mm",
@@ -208,8 +206,8 @@ def _warnings(robot: Robot, session: Session, rows: Index, stated: Misfit) -> tu
         if left.position < BETTER * stated.position:
             name = "commanded" if session.joint_source == "read-back" else "read-back"
             warnings.append(
-                f"the {name} joints fit better: base+tool leave {_shown(left)} instead of "
-                f"{_shown(stated)}"
+                f"the {name} joints fit better: base+tool leave {left.shown} instead of "
+                f"{stated.shown}"
             )
     return tuple(warnings)
 
@@ -244,17 +242,3 @@ def _probe_distances(plain: Probe, robot: Robot, session: Session) -> Probe:
             break
     tried.sort(key=lambda one: one.misfit.score)
     return replace(plain, stated=stated, tried=tuple(tried))
-
-
-def _shown(misfit: Misfit) -> str:
-    """Misfit for people."""
-    size = misfit.position
-    if not np.isfinite(size):
-        return "no answer at all"
-    angle = f" and {_two(np.degrees(misfit.rotation))} deg" if misfit.rotation else ""
-    return (f"{_two(size * 1e3)} mm" if size < 10 else f"{_two(size)} m") + angle
-
-
-def _two(value: float) -> str:
-    """At least two digits, and never a power of ten."""
-    return f"{value:.2g}" if value < 10 else f"{value:.0f}"

@@ -23,6 +23,7 @@ from testbed.files.session_toml import (
     SessionFile,
     Sources,
 )
+from testbed.files.slips import raise_if_slipped
 from testbed.files.spatial_analyzer import read_sa
 from testbed.files.table import DataTable, table_of
 from testbed.files.targets import TargetPart
@@ -121,7 +122,8 @@ def read_session(
         notes=tuple(dict.fromkeys([*session.notes, *(drift.sentence for drift in drifts)])),
         drift=max(drifts, key=lambda drift: float(drift.shift.max()), default=None),
     )
-    mismatched, why = mismatched_rows(robot.model, session.measurements)
+    mismatched, why, doubtful = mismatched_rows(robot.model, session.measurements)
+    raise_if_slipped(robot.model, session.measurements, doubtful, session.place)
     if not why:
         return session
     masked = tuple(f"{session.place[row]}: left out: {why[row]}" for row in sorted(why))
@@ -237,9 +239,9 @@ def _with_joints(
     if same:
         match = by_row(joints, readings)
     elif readings.cycling:
-        match = by_cycle(joints, readings)
+        match = by_cycle(joints, readings, robot.model)
     elif settings.match == "order":
-        match = by_order(joints, readings)
+        match = by_order(joints, readings, robot.model)
     else:
         match = by_pose(joints, readings, drop=drop, elsewhere=elsewhere)
     return TargetPart(joints.rows(match.joints), readings.rows(match.readings), section), match
