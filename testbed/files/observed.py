@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, Bool
 from calib.geometry.frames import inverse, transform
 from testbed.files.columns import close_to, is_known, misspelling
 from testbed.files.joints import extra_columns, extras_of
@@ -75,7 +75,7 @@ def read_observed(
     stated, turned = Stated(), Columns()
     if isinstance(section, FramesTable):
         stated, turned = _stated(table, section)
-    if isinstance(section, RangesTable):
+    if far := isinstance(section, RangesTable):
         distance, used = _distances(table)
     else:
         position, used = _positions(table)
@@ -87,6 +87,9 @@ def read_observed(
         rotation, odd = checked_rotations(stated, table, good)
         rotation = np.where(good[:, None, None], rotation, np.eye(3))
         warnings += odd
+    for row in np.flatnonzero(good & (distance < 0.0))[:1]:
+        message, allowed = f"distance is {distance[row]:g} m", "a distance is above 0"
+        raise refusal(table.places[row], used.names[0], message, allowed=allowed, code="M25")
     position = np.where(good[:, None], position, 0.0)
     spread = spread_of(section.kind, table, position, good, uncertainty)
     if stated.inverted:
@@ -102,8 +105,8 @@ def read_observed(
         rotation=rotation,
         distance=np.where(good, distance, 0.0),
         target=table.texts_of("target") or plain.target,
-        anchor=table.texts_of("anchor") or plain.anchor,
-        station=table.texts_of("station") or plain.station,
+        anchor=_names(table, "anchor", good if far else None) or plain.anchor,
+        station=_names(table, "station", None if far else good) or plain.station,
         offset=np.where(good[:, None], table.values(offset), 0.0) if offset else None,
         stated=stated,
         extras=extras,
@@ -183,12 +186,27 @@ def _positions(table: DataTable) -> tuple[Array, Columns]:
 def _distances(table: DataTable) -> tuple[Array, Columns]:
     """Distances (m,) [m] and their column."""
     found = table.find("length", "distance")
-    if found is None or "anchor" not in table:
+    if found is None or not any(table.texts_of("anchor") or ()):
         missing = "anchor" if found else "distance_mm"
         fix = "name the fixed point of each distance in a column anchor" if found else ""
-        message = f"has no column {missing}"
+        message = f"has {'an empty' if missing in table else 'no'} column {missing}"
         raise refusal(table.where, missing, message, allowed=table.found(), fix=fix)
     return table.values(found)[:, 0], found
+
+
+def _names(table: DataTable, column: str, needed: Bool | None) -> tuple[str, ...] | None:
+    """Names (m,) of a column that may be missing; rows that need one may not leave it empty.
+
+    A column without any name is no column.
+    """
+    names = table.texts_of(column)
+    if names is None or not any(names):
+        return None
+    for row in np.flatnonzero([] if needed is None else needed):
+        if not names[row]:
+            message = f"{column} is empty, and other rows name one"
+            raise refusal(table.places[row], column, message, fix="fill the cell")
+    return names
 
 
 def _dialect(table: DataTable) -> str:

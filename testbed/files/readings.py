@@ -92,7 +92,8 @@ def lost_readings(readings: Readings, nests: Sequence[str]) -> tuple[Bool, list[
     distance = readings.kind == "distance"
     zero = readings.distance == 0 if distance else (readings.position == 0).all(axis=1)
     lost = zero & ~np.isin(readings.target, nests)
-    return ~lost, _left_out(readings.place, lost, "missed shots, written as 0 0 0")
+    written = "0" if distance else "0 0 0"
+    return ~lost, _left_out(readings.place, lost, f"missed shots, written as {written}")
 
 
 def copied_rows(readings: Readings) -> tuple[Bool, list[str]]:

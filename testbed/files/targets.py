@@ -70,9 +70,7 @@ def targets_of(parts: Sequence[TargetPart], start: StartTable | None = None) -> 
     anchor_names = tuple(dict.fromkeys(name for name in anchors if name))
     anchor = {name: k for k, name in enumerate(anchor_names)}
     known = _anchor_places(parts, anchor_names)
-    places: dict[str, Array | None] = {}
-    for part in parts:
-        places |= _reflector_places(part)
+    places = _reflector_places(parts)
     free = _free_reflectors(parts, places)
     at = {name: k for k, name in enumerate(free)}
     reflector, offset = [], []
@@ -163,9 +161,8 @@ def _free_reflectors(
     """
     optical = [part.readings for part in parts if part.readings.kind != "pose"]
     names = list(dict.fromkeys(name for readings in optical for name in readings.target))
-    stated = {name for part in parts for name in _stated_places(part)}
     lone = len(names) < 2 and {part.readings.kind for part in parts} == {"point"}
-    return tuple(n for n in names if places.get(n) is None and not (lone and n not in stated))
+    return tuple(n for n in names if places.get(n) is None and not (lone and n not in places))
 
 
 def _stated_places(part: TargetPart) -> dict[str, Place]:
@@ -174,26 +171,39 @@ def _stated_places(part: TargetPart) -> dict[str, Place]:
     return section.reflectors_mm if isinstance(section, PointsTable | RangesTable) else {}
 
 
-def _reflector_places(part: TargetPart) -> dict[str, Array | None]:
-    """Place of each reflector in the tool frame [m], None where it is to be found.
+def _reflector_places(parts: Sequence[TargetPart]) -> dict[str, Array | None]:
+    """Stated place of each reflector in the tool frame [m], None where it is to be found.
 
     Raises
     ------
     InputError
-        S37: some places are stated, and one is missing.
+        S37: two places are stated of one, or some are stated and one is missing.
     """
-    stated = _stated_places(part)
-    out: dict[str, Array | None] = {}
-    for name in dict.fromkeys(part.readings.target if part.readings.kind != "pose" else ()):
-        if stated and name not in stated:
-            raise refusal(
-                part.readings.where, "reflectors_mm",
-                f'reflectors_mm says nothing of the target "{name}"', code="S37", value=name,
-                allowed='give its place in the tool frame [mm], or "free"',
-                fix=choice_of(name, stated),
-            )  # fmt: skip
-        out[name] = _meters(stated.get(name, "free"))
-    return out
+    stated: dict[str, Place] = {}
+    for part in parts:
+        for name, place in _stated_places(part).items():
+            if stated.setdefault(name, place) != place:
+                raise refusal(
+                    "session.toml", f"{part.section.name}.reflectors_mm",
+                    f'the reflector "{name}" is {_shown(stated[name])} in one table and '
+                    f"{_shown(place)} in [{part.section.name}]",
+                    code="S37", value=name, fix="state one place of it",
+                )  # fmt: skip
+    for part in parts:
+        for name in part.readings.target if part.readings.kind != "pose" and stated else ():
+            if name not in stated:
+                raise refusal(
+                    part.readings.where, "reflectors_mm",
+                    f'reflectors_mm says nothing of the target "{name}"', code="S37", value=name,
+                    allowed='give its place in the tool frame [mm], or "free"',
+                    fix=choice_of(name, stated),
+                )  # fmt: skip
+    return {name: _meters(place) for name, place in stated.items()}
+
+
+def _shown(place: Place) -> str:
+    """A place as a sentence has it."""
+    return "free" if place == "free" else f"at ({', '.join(f'{x:g}' for x in place)}) mm"
 
 
 def _anchor_places(parts: Sequence[TargetPart], names: Sequence[str]) -> list[Array | None]:

@@ -40,6 +40,12 @@ def without(*names, **changes):
     return {k: v for k, v in table(**changes).items() if k not in names}
 
 
+def ranged(**changes):
+    """Distances from one anchor."""
+    own = {"distance_mm": [1.0] * 29, "anchor": ["A"] * 29, "u_distance_mm": [0.1] * 29}
+    return without("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg", "euler") | own | changes
+
+
 def wrong(name, row, value):
     """One cell that is another text."""
     own = [f"{v:.9g}" if not isinstance(v, str) else v for v in table()[name]]
@@ -320,9 +326,12 @@ CASES = {
     "session: two sources": read(
         table(), "[frames]\n[uncertainty]\nposition_um = 2\nmpe_um = [15, 6]\n"
     ),
-    "session: an anchor without a place": read(
-        without("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg", "euler")
-        | {"distance_mm": [1.0] * 29, "anchor": ["A"] * 29, "u_distance_mm": [0.1] * 29}
+    "session: an anchor without a place": read(ranged()),
+    "session: a distance from no anchor": read(ranged(anchor=["A"] * 3 + [""] + ["A"] * 25)),
+    "session: distances from no anchor": read(ranged(anchor=[""] * 29)),
+    "session: a distance below zero": read(ranged(distance_mm=[1.0] * 28 + [-1.0])),
+    "session: a reading from no station": read(
+        table(station=["1"] * 28 + [""]), "[frames]\n" + SIGMAS
     ),
     "session: a target without a place": read(
         without("rx_deg", "ry_deg", "rz_deg", "euler") | {"target": ["R2"] * 29},
@@ -334,8 +343,7 @@ CASES = {
         "[start]\nreflectors_mm = { R1 = [1.0, 2.0, 3.0] }\n",
     ),
     "session: a start of an unknown anchor": read(
-        without("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg", "euler")
-        | {"distance_mm": [1.0] * 29, "anchor": ["A"] * 29, "u_distance_mm": [0.1] * 29},
+        ranged(),
         '[ranges]\nanchors_mm = { A = "free" }\n[start]\nanchors_mm = { a = [1.0, 2.0, 3.0] }\n',
     ),
     "session: an endless number": read(table(), "format = " + "1" * 5000),

@@ -174,6 +174,26 @@ def test_where_to_begin_is_a_help_and_no_more(tmp_path, monkeypatch):
         read_session(tmp_path / "out", robot)
 
 
+@pytest.mark.parametrize("table", ["points", "ranges"])
+def test_a_reflector_has_one_place_whichever_table_states_it(tmp_path, table):
+    run, robot = played(), load_robot("staubli_tx60")
+    export_campaign(run, robot, tmp_path / "out")
+    file = tmp_path / "out" / "session.toml"
+    text, known = file.read_text(), '"A" = [60.0, 0.0, 90.0]'
+    before, of_it, after = text.partition(f"[{table}]\n")
+    rest = after.splitlines(keepends=True)
+    assert known in rest[1]
+    whole = read_session(tmp_path / "out", robot).measurements
+    file.write_text(before + of_it + rest[0] + "".join(rest[2:]))  # said in the other one alone
+    again = read_session(tmp_path / "out", robot).measurements
+    for name in ("reflector", "offset"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(whole, name))
+    for other, told in (("[61.0, 0.0, 90.0]", r"at \(61, 0, 90\) mm"), ('"free"', "free")):
+        file.write_text(before + of_it + after.replace(known, f'"A" = {other}', 1))
+        with pytest.raises(InputError, match=rf'reflector "A" is .*{told}.*; state one place'):
+            read_session(tmp_path / "out", robot)
+
+
 def test_the_report_says_what_was_seen_from_where():
     run = played()
     (table,) = round_tables(run)
