@@ -1,6 +1,6 @@
 """Border checks: shape and finiteness, once, where arrays enter; inside they are trusted."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +10,9 @@ from calib.errors import InputError, refuse
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 Index = NDArray[np.int64]
+MAY_BE_NAN = "nan where it does not apply"
+FloatOrNan = Annotated[float, MAY_BE_NAN]
+"""Type of the field of a result that may be nan; all others are finite, or no result."""
 
 
 def frozen(values: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:

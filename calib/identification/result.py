@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from calib.arrays import Array, frozen
+from calib.arrays import Array, FloatOrNan, frozen
 from calib.geometry.chain import Chain
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.joint_errors import JointErrors
@@ -38,12 +38,12 @@ class Identification:
     covariance: Array
     """(f, f) of `step` [m^2, m rad, rad^2]: inv(A'A + Lambda0); with a robust loss the sandwich; in
     paper mode the claimed s^2 inv(H'H)."""
-    chi_square: float
+    chi_square: FloatOrNan
     """Whitened sum of squares of the measurements; nan in paper mode, which knows no noise to
     compare with. With a robust loss, without the observations that the notes name."""
     dof: int
     """Rows minus numbers estimated; with a prior the whole number nearest to `dof_effective`."""
-    p_value: float
+    p_value: FloatOrNan
     """Chance of a larger chi-square if model and noise are right; nan in paper mode."""
     variance: float
     """Factor of the covariance: 1, or in paper mode s^2 = RSS / (12 m - f), row units squared."""
@@ -67,9 +67,9 @@ class Identification:
     loss: Loss = "squared"
     weights: Array = field(default_factory=lambda: frozen(()))
     """(m,) how much each observation counts, 0 to 1; ones for the squared loss."""
-    dof_effective: float = float("nan")
+    dof_effective: FloatOrNan = float("nan")
     """n - tr[inv(A'A + Lambda0) A'A]: rows minus numbers learned from the measurements."""
-    log_evidence: float = float("nan")
+    log_evidence: FloatOrNan = float("nan")
     """How well model and prior together foretold the measurements, up to a constant of the table:
     -(loss + x'Lambda0 x)/2 + ln|Lambda0|/2 - ln|A'A + Lambda0|/2. nan unless every number estimated
     has a prior."""

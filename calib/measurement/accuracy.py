@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, check
+from calib.arrays import Array, FloatOrNan, check
 from calib.errors import refuse
 from calib.geometry.frames import log_so3
 
@@ -16,7 +16,7 @@ class Accuracy:
 
     mean: float
     rms: float
-    sd: float
+    sd: FloatOrNan
     """Experimental standard deviation, n - 1; nan for one pose."""
     p95: float
     """95th percentile, linear between order statistics."""

@@ -67,7 +67,7 @@ def compare(
     with exit_codes(debug=debug, as_json=as_json):
         from testbed.cli.terminal import HEAD, headline_rows
         from testbed.report.text import table
-        from testbed.run.play import equal_runs, read_result
+        from testbed.run.result import equal_runs, read_result
 
         results = [read_result(path) for path in runs]
         equal = equal_runs(runs)

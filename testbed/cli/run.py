@@ -50,7 +50,8 @@ def run(
             words += ["--export", str(export)]
         end.resume = [*words, "--resume"]
         from testbed.cli.terminal import headline, progress
-        from testbed.run.play import play_run, read_result, robot_of
+        from testbed.run.play import play_run, robot_of
+        from testbed.run.result import read_result
 
         with progress(quiet=quiet or as_json) as report:
             outcome = play_run(

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from calib.arrays import Array, Bool
+from calib.arrays import Array, Bool, FloatOrNan
 from calib.geometry.model import RobotModel
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
@@ -108,7 +108,7 @@ class Choice:
     chosen: ModelName
     asked: str
     """What was asked for: geometric, extended or choose."""
-    log_evidence: float
+    log_evidence: FloatOrNan
     """Of the extended model against the geometric one; nan if only one was looked at."""
     confirmation: Array
     """(2,) trimmed mean miss of both at training poses left out in turn [m]; or empty."""

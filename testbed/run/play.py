@@ -6,13 +6,13 @@ never computed.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from calib.errors import InputError, refuse
 from testbed.progress import Progress
 from testbed.run.derive import Derive, derived_file, led_by, require_trial
+from testbed.run.result import read_result
 from testbed.run.work import Work
 from testbed.scenario.checks import check_robot
 from testbed.scenario.hashes import scenario_hash
@@ -20,7 +20,6 @@ from testbed.scenario.read import dump_scenario
 from testbed.scenario.scenario import Scenario
 from testbed.store import layout
 from testbed.store.manifest import read_manifest, require_campaign
-from testbed.store.npz import strict_json
 from testbed.store.run_folder import RunFolder
 from testbed.studies import all_studies, load_scenario
 from testbed.studies.protocol import Records, Study
@@ -187,44 +186,6 @@ def rederive(
     with RunFolder.reopen(folder) as work.folder:
         work.derive(names)
     return folder
-
-
-def read_result(path: str | Path) -> dict[str, Any]:
-    """result.json of a run folder."""
-    file = Path(path) / layout.RESULT
-    require_campaign(Path(path), read_manifest(Path(path)))
-    try:
-        document = strict_json(file.read_bytes())
-        wanted = ("notice", "scenario", "seed", "trials", "verdict")
-        if missing := [key for key in wanted if key not in document]:
-            raise ValueError(f"it has no {', '.join(missing)}")
-        return document
-    except OSError as error:
-        raise InputError(
-            f"has no {layout.RESULT}: the run is not finished",
-            code="D42",
-            where=str(path),
-            fix="give the `truebed run` command again with --resume",
-        ) from error
-    except ValueError as error:
-        raise InputError(
-            f"is damaged: {error}",
-            code="D42",
-            where=str(file),
-            fix=f"write it again by `truebed report {path}`",
-        ) from error
-
-
-def equal_runs(paths: Sequence[Path]) -> list[list[Path]]:
-    """Groups of runs whose result.json and arrays.npz are equal byte for byte."""
-    groups: dict[bytes, list[Path]] = {}
-    for path in paths:
-        total = sha256()
-        for name in (layout.RESULT, layout.ARRAYS):
-            file = path / name
-            total.update(sha256(file.read_bytes() if file.is_file() else b"").digest())
-        groups.setdefault(total.digest(), []).append(path)
-    return [group for group in groups.values() if len(group) > 1]
 
 
 def recording_of(path: str | Path, trial: str | None = None) -> Path:

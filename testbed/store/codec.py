@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from calib.arrays import MAY_BE_NAN
 from calib.errors import CalibError
 
 T = TypeVar("T")
@@ -19,6 +20,8 @@ Packed = dict[str, Any]
 LENGTH = "#"
 """``path.#`` holds the length of a tuple whose entries have their own paths."""
 SCALARS = (str, bool, int, float)
+KINDS = "biufU"
+"""Kinds of arrays that have a place on disk: no objects, which would have to be unpickled."""
 
 
 def pack(record: object) -> Packed:
@@ -27,10 +30,10 @@ def pack(record: object) -> Packed:
     Raises
     ------
     CalibError
-        A number is infinite, or an array holds a nan: no invented numbers reach the disk. A single
-        nan, "does not apply", is kept as null.
+        A number is not finite: no invented numbers reach the disk. A nan of a field that says so,
+        `calib.arrays.FloatOrNan`, is kept as null.
     """
-    return dict(_pairs(record, ""))
+    return dict(_pairs(record, "", None))
 
 
 def unpack(cls: type[T], packed: Mapping[str, Any]) -> T:
@@ -38,8 +41,8 @@ def unpack(cls: type[T], packed: Mapping[str, Any]) -> T:
 
     Raises
     ------
-    ValueError
-        The content does not fit the class.
+    ValueError, CalibError
+        The content does not fit the class, or a number is not finite.
     """
     left = dict(packed)
     record = _build(cls, "", left)
@@ -48,33 +51,43 @@ def unpack(cls: type[T], packed: Mapping[str, Any]) -> T:
     return typing.cast(T, record)
 
 
-def _pairs(value: object, path: str) -> Iterator[tuple[str, Any]]:
-    """(path, array or JSON value) of everything below `value`."""
+def _pairs(value: object, path: str, hint: Any) -> Iterator[tuple[str, Any]]:
+    """(path, array or JSON value) of everything below `value`, whose field has the type `hint`."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        for field in dataclasses.fields(value):
-            yield from _pairs(getattr(value, field.name), _join(path, field.name))
+        for name, kind in _hints(type(value)).items():
+            yield from _pairs(getattr(value, name), _join(path, name), kind)
     elif isinstance(value, Enum):
         yield path, value.name
     elif isinstance(value, tuple):
         yield _join(path, LENGTH), len(value)
         for i, item in enumerate(value):
-            yield from _pairs(item, _join(path, str(i)))
+            yield from _pairs(item, _join(path, str(i)), None)
     elif isinstance(value, np.ndarray):
-        if value.dtype.kind not in "biufU":
+        if value.dtype.kind not in KINDS:
             raise TypeError(f"{path} has dtype {value.dtype}, which has no place on disk")
-        if value.dtype.kind == "f" and not np.isfinite(value).all():
-            place = np.argwhere(~np.isfinite(value))[0]
-            raise _not_finite(f"{path}{place.tolist()}", value[tuple(place)])
+        _check_finite(value, path)
         yield path, value
     else:
         if isinstance(value, np.generic):
             value = value.item()
-        if isinstance(value, float) and math.isinf(value):
+        nan = isinstance(value, float) and math.isnan(value)
+        if isinstance(value, float) and not (math.isfinite(value) or (nan and _may_be_nan(hint))):
             raise _not_finite(path, value)
         if value is not None and not isinstance(value, SCALARS):
             raise TypeError(f"{path} is a {type(value).__name__}, which has no place on disk")
-        # a single number that does not apply; JSON has no nan
-        yield path, None if isinstance(value, float) and math.isnan(value) else value
+        yield path, None if nan else value  # JSON has no nan
+
+
+def _check_finite(array: np.ndarray[Any, Any], path: str) -> None:
+    """Refuse an array that holds a nan or an infinite number."""
+    if array.dtype.kind == "f" and not np.isfinite(array).all():
+        place = np.argwhere(~np.isfinite(array))[0]
+        raise _not_finite(f"{path}{place.tolist()}", array[tuple(place)])
+
+
+def _may_be_nan(hint: Any) -> bool:
+    """Whether the type of a field says that its number may be nan."""
+    return MAY_BE_NAN in getattr(hint, "__metadata__", ())
 
 
 def _not_finite(path: str, value: object) -> CalibError:
@@ -91,12 +104,15 @@ def _join(path: str, name: str) -> str:
 @cache
 def _hints(cls: type) -> dict[str, Any]:
     """Resolved types of a dataclass's fields."""
-    hints = typing.get_type_hints(cls)
+    hints = typing.get_type_hints(cls, include_extras=True)
     return {field.name: hints[field.name] for field in dataclasses.fields(cls)}
 
 
 def _build(hint: Any, path: str, left: dict[str, Any]) -> Any:
     """The value of type `hint` whose content starts with `path`, taken out of what is left."""
+    may_be_nan = _may_be_nan(hint)
+    if typing.get_origin(hint) is typing.Annotated:
+        hint = hint.__origin__
     origin, choices = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
         if path in left and left[path] is None:
@@ -109,7 +125,8 @@ def _build(hint: Any, path: str, left: dict[str, Any]) -> Any:
     if origin is tuple:
         length = left.pop(_join(path, LENGTH), None)
         if choices[1:] == (Ellipsis,):
-            choices = (choices[0],) * _scalar(int, length, f"the length of {path}")
+            count = _scalar(int, length, f"the length of {path}")
+            choices = (choices[0],) * min(count, len(left) + 1)  # no more than there is to take
         if length != len(choices):
             raise ValueError(f"{path} has {length} entries instead of {len(choices)}")
         return tuple(_build(kind, _join(path, str(i)), left) for i, kind in enumerate(choices))
@@ -119,12 +136,19 @@ def _build(hint: Any, path: str, left: dict[str, Any]) -> Any:
     if np.ndarray in (hint, origin):
         if not isinstance(value, np.ndarray):
             raise ValueError(f"{path} is not an array")
+        wanted, found = np.dtype(typing.get_args(choices[1])[0]), value.dtype
+        sizes = (wanted.itemsize, found.itemsize) if wanted.kind != "U" else (0, 0)
+        if found.kind != wanted.kind or sizes[0] != sizes[1] or not found.isnative:
+            raise ValueError(f"{path} holds {found}, not {wanted}")
+        _check_finite(value, path)
         value.setflags(write=False)
         return value
     if isinstance(hint, type) and issubclass(hint, Enum):
         if not isinstance(value, str) or value not in hint.__members__:
             raise ValueError(f"{path} is {value!r}, not a {hint.__name__}")
         return hint[value]
+    if may_be_nan and value is None:
+        return math.nan
     return _scalar(str if origin is typing.Literal else hint, value, path)
 
 
@@ -132,10 +156,10 @@ def _scalar(hint: Any, value: object, path: str) -> Any:
     """A number or text of exactly the type `hint`."""
     if hint not in SCALARS:
         raise TypeError(f"{path} has type {hint}, which has no place on disk")
-    if hint is float and value is None:
-        return math.nan
     if hint is float and type(value) is int:
         return float(value)
     if type(value) is not hint:
         raise ValueError(f"{path} is {value!r}, not {hint.__name__}")
+    if isinstance(value, float) and not math.isfinite(value):
+        raise _not_finite(path, value)
     return value

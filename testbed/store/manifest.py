@@ -6,7 +6,7 @@ from typing import Any
 
 from calib.errors import InputError, refuse
 from testbed.store.layout import FORMAT, MANIFEST, SCENARIO
-from testbed.store.npz import pretty_json, strict_json
+from testbed.store.npz import check_format, damaged, pretty_json, read_json
 from testbed.versions import number_versions
 
 CAMPAIGN, CALIBRATION = "campaign", "calibration"
@@ -42,27 +42,18 @@ def read_manifest(path: Path) -> dict[str, Any]:
     InputError
         It is no run folder, or one of a newer version, or damaged.
     """
+    fix = f"run {path / SCENARIO} again with another --out"
     try:
-        document = strict_json((path / MANIFEST).read_bytes())
-    except OSError as error:
+        document = read_json(path / MANIFEST, fix=fix)
+    except (FileNotFoundError, NotADirectoryError) as error:
         allowed, fix = f"a run folder holds {MANIFEST}", "give the folder that `truebed run` wrote"
         raise _unusable(path, "is not a run folder", allowed, fix=fix) from error
-    except ValueError as error:
-        raise _damaged(path, str(error)) from error
-    version = document.get("format")
-    if isinstance(version, int) and version > FORMAT:
-        raise refuse(
-            "format", version, f"this version reads format {FORMAT}", code="D42",
-            message=f"has format {version}", fix="install a newer truebed",
-            where=str(path / MANIFEST),
-        )  # fmt: skip
-    if version != FORMAT or isinstance(version, bool):
-        raise _damaged(path, f"format is {version!r}")
+    check_format(document, path / MANIFEST, fix)
     if kind_of(document) not in HASHES:
-        raise _damaged(path, f"kind is {kind_of(document)!r}")
+        raise damaged(path / MANIFEST, f"kind is {kind_of(document)!r}", fix)
     for name, kind in ((HASHES[kind_of(document)], str), ("versions", dict)):
         if not isinstance(document.get(name), kind):
-            raise _damaged(path, f"{name} is missing")
+            raise damaged(path / MANIFEST, f"{name} is missing", fix)
     return document
 
 
@@ -91,9 +82,3 @@ def _unusable(
 ) -> InputError:
     """The error for a folder whose manifest does not fit."""
     return refuse(field, None, allowed, code="D42", message=message, fix=fix, where=str(path))
-
-
-def _damaged(path: Path, reason: str) -> InputError:
-    """The manifest cannot be used."""
-    fix = f"run {path / SCENARIO} again with another --out"
-    return _unusable(path / MANIFEST, f"is damaged: {reason}", fix=fix)

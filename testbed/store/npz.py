@@ -7,18 +7,24 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from hashlib import sha256
-from typing import Any, TypeVar
+from pathlib import Path
+from typing import IO, Any, NoReturn, TypeVar
 
 import numpy as np
 
-from calib.errors import InputError
-from testbed.store.codec import pack, unpack
+from calib.errors import CalibError, InputError, refuse
+from testbed.disk import read_bounded
+from testbed.store.codec import KINDS, pack, unpack
 from testbed.store.layout import FORMAT
 
 T = TypeVar("T")
 META = "meta"
 MOST_BYTES = 2**31
-"""An archive that claims more than this is refused before it is read."""
+"""A larger archive is refused before it is read."""
+MOST_JSON = 10_000_000
+"""The same of a document; one of two hundred trials has about a tenth of this."""
+MOST_DIGITS = 300
+"""Of a whole number in a document: one of more is beyond float64."""
 DONE, FAILED = "done", "failed"
 
 
@@ -50,30 +56,58 @@ def to_bytes(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]
     return buffer.getvalue()
 
 
-def from_bytes(data: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, Any]]]:
-    """Meta data and arrays of an archive whose checksum holds.
+def from_bytes(data: bytes | IO[bytes]) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, Any]]]:
+    """Meta data and arrays of an archive whose checksum holds; of a file only what it needs.
 
     Raises
     ------
     DamagedError
-        Anything else; nothing is ever unpickled.
+        Anything else; nothing is ever unpickled, and nothing is read that is larger than its file.
     """
+    file = io.BytesIO(data) if isinstance(data, bytes) else data
+    size = file.seek(0, io.SEEK_END)
+    if size > MOST_BYTES:
+        raise DamagedError(f"it has {size / 1e6:.6g} MB, at most {MOST_BYTES / 1e6:.6g} are read")
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            entries = archive.infolist()
-        if any(entry.compress_type != zipfile.ZIP_STORED for entry in entries):
-            raise DamagedError("an entry is compressed")
-        if sum(entry.file_size for entry in entries) > min(len(data), MOST_BYTES):
-            raise DamagedError("the entries claim more bytes than the file has")
-        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-        text = arrays.pop(META).tobytes()
-        meta = strict_json(text)
-        if meta.get("sha256") != digest(meta, arrays):
-            raise DamagedError("the checksum does not hold")
-    except Exception as error:  # zip, npy and JSON readers raise almost anything
+        with zipfile.ZipFile(file) as archive:
+            arrays = _arrays(archive, size)
+    except (DamagedError, MemoryError):
+        raise
+    except Exception as error:  # zip and npy readers raise almost anything
         raise DamagedError(f"{type(error).__name__}: {error}") from error
+    if META not in arrays:
+        raise DamagedError("it has no meta data")
+    try:
+        meta = strict_json(arrays.pop(META).tobytes())
+    except ValueError as error:
+        raise DamagedError(str(error)) from error
+    if meta.get("sha256") != digest(meta, arrays):
+        raise DamagedError("the checksum does not hold")
     return meta, arrays
+
+
+def _arrays(archive: zipfile.ZipFile, size: int) -> dict[str, np.ndarray[Any, Any]]:
+    """The arrays of an archive of `size` bytes, each as large as its entry and of a plain kind."""
+    entries = archive.infolist()
+    if any(entry.compress_type != zipfile.ZIP_STORED for entry in entries):
+        raise DamagedError("an entry is compressed")
+    if sum(entry.file_size for entry in entries) > size:
+        raise DamagedError("the entries claim more bytes than the file has")
+    arrays = {}
+    for entry in entries:
+        with archive.open(entry) as member:
+            version = np.lib.format.read_magic(member)
+            read = np.lib.format.read_array_header_1_0
+            read = np.lib.format.read_array_header_2_0 if version > (1, 0) else read
+            shape, _, dtype = read(member)
+            if dtype.kind not in KINDS:
+                raise DamagedError(f"{entry.filename} holds {dtype}; allow_pickle=False")
+            if math.prod(shape) * dtype.itemsize != entry.file_size - member.tell():
+                raise DamagedError(f"{entry.filename} claims another size than it has")
+            member.seek(0)
+            array = np.lib.format.read_array(member, allow_pickle=False)
+        arrays[entry.filename.removesuffix(".npy")] = array
+    return arrays
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +128,7 @@ def record_bytes(key: str, record: object, spec: str) -> bytes:
     return to_bytes({**head, "status": DONE, "reason": "", "values": values}, arrays)
 
 
-def record_from(data: bytes, key: str, cls: type[T], spec: str) -> T | Failure:
+def record_from(data: bytes | IO[bytes], key: str, cls: type[T], spec: str) -> T | Failure:
     """The record in a file's content.
 
     Raises
@@ -116,10 +150,48 @@ def record_from(data: bytes, key: str, cls: type[T], spec: str) -> T | Failure:
         return unpack(cls, {**meta["values"], **arrays})
     except (ValueError, TypeError, KeyError, InputError) as error:
         raise OtherVersionError(str(error)) from error
+    except CalibError as error:  # a number that is not finite: no version writes one
+        raise DamagedError(str(error)) from error
+
+
+def read_json(path: Path, *, fix: str) -> dict[str, Any]:
+    """A JSON object from a file, whose size is seen first; `fix` says how a whole one is had.
+
+    Raises
+    ------
+    FileNotFoundError, NotADirectoryError
+        It is not there.
+    InputError
+        D42: it cannot be read, is too large, or no such object.
+    """
+    try:
+        return strict_json(read_bounded(path, MOST_JSON))
+    except (FileNotFoundError, NotADirectoryError):
+        raise
+    except (OSError, ValueError) as error:
+        raise damaged(path, getattr(error, "strerror", None) or str(error), fix) from error
+
+
+def check_format(document: Mapping[str, Any], path: Path, fix: str) -> None:
+    """Refuse a document of a newer version, or of none."""
+    version = document.get("format")
+    if type(version) is int and version > FORMAT:
+        message, allowed = f"has format {version}", f"this version reads format {FORMAT}"
+        newer = "install a newer truebed"
+        raise refuse(
+            "format", version, allowed, code="D42", message=message, fix=newer, where=str(path)
+        )
+    if type(version) is not int or version != FORMAT:
+        raise damaged(path, f"format is {version!r}", fix)
+
+
+def damaged(path: Path, reason: str, fix: str) -> InputError:
+    """The error for a file of ours that does not hold what we write."""
+    return refuse("", code="D42", message=f"is damaged: {reason}", fix=fix, where=str(path))
 
 
 def strict_json(text: bytes | str) -> dict[str, Any]:
-    """A JSON object without nan, infinity or duplicate keys.
+    """A JSON object without nan, numbers beyond float64, or duplicate keys.
 
     Raises
     ------
@@ -127,8 +199,15 @@ def strict_json(text: bytes | str) -> dict[str, Any]:
         It is not one.
     """
 
-    def refuse(word: str) -> None:
-        raise ValueError(f"{word} is not a JSON number")
+    def refuse(word: str) -> NoReturn:
+        raise ValueError(f"{word[:20]} is not a number that can be kept")
+
+    def number(word: str) -> float:
+        value = float(word)
+        return value if math.isfinite(value) else refuse(word)
+
+    def whole(word: str) -> int:
+        return int(word) if len(word) <= MOST_DIGITS else refuse(word)
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         keys = [key for key, _ in pairs]
@@ -137,7 +216,13 @@ def strict_json(text: bytes | str) -> dict[str, Any]:
         return dict(pairs)
 
     try:
-        value = json.loads(text, parse_constant=refuse, object_pairs_hook=unique)
+        value = json.loads(
+            text,
+            parse_constant=refuse,
+            parse_float=number,
+            parse_int=whole,
+            object_pairs_hook=unique,
+        )
     except RecursionError as error:
         raise ValueError("nested too deeply") from error
     if not isinstance(value, dict):

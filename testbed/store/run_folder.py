@@ -1,5 +1,6 @@
 """The folder of a run: filled record by record under a lock, and a stopped run goes on in it."""
 
+import stat
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -151,7 +152,10 @@ class RunFolder:
     @staticmethod
     def _read(path: Path, cls: type[T], spec: str) -> T | Failure:
         """The record in a file."""
-        return record_from(path.read_bytes(), path.stem, cls, spec)
+        if not stat.S_ISREG(path.stat().st_mode):  # to open a pipe would wait for ever
+            raise DamagedError("it is not an ordinary file")
+        with path.open("rb") as file:
+            return record_from(file, path.stem, cls, spec)
 
     def remove_pieces(self, key: str, pieces: int) -> None:
         """Remove the pieces of a record that is whole; the folder too when it is empty."""

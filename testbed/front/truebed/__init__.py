@@ -93,11 +93,13 @@ def load(folder: str | Path) -> "Campaign | Calibration | dict[str, Any]":
     from testbed.run.play import load_run
     from testbed.store.layout import PLAN
     from testbed.store.manifest import CALIBRATION, kind_of, read_manifest
-    from testbed.store.npz import strict_json
+    from testbed.store.npz import read_json
 
     path = Path(folder)
     if (path / PLAN).is_file():
-        return strict_json((path / PLAN).read_bytes())
+        return read_json(
+            path / PLAN, fix="give the `truebed plan` command again with another --out"
+        )
     return (
         load_calibration(path)[0] if kind_of(read_manifest(path)) == CALIBRATION else load_run(path)
     )

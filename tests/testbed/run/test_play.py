@@ -9,7 +9,8 @@ import pytest
 
 from calib.errors import CalibError, InputError, MachineError
 from testbed.run.derive import derived_file
-from testbed.run.play import equal_runs, load_run, play_run, read_result, recording_of, rederive
+from testbed.run.play import load_run, play_run, recording_of, rederive
+from testbed.run.result import equal_runs, read_result
 from testbed.run.work import LOST
 from testbed.store import layout, npz
 from testbed.studies import scenario_of

@@ -31,7 +31,8 @@ from testbed.laboratory.truth.laboratory import make_setting
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.plan.plan import plan
 from testbed.robots.catalog import load_robot
-from testbed.run.play import play_run, read_result, recording_of
+from testbed.run.play import play_run, recording_of
+from testbed.run.result import read_result
 from testbed.scenario.checks import check_robot
 from testbed.scenario.origin import COMMENT
 from testbed.scenario.read import changed, dump_scenario

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import pytest
@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
-from calib.arrays import Array, Bool, Index
+from calib.arrays import Array, Bool, FloatOrNan, Index
 from calib.errors import CalibError
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, identify
 from calib.identification.prior import weak_prior
 from testbed.store.codec import pack, unpack
+from testbed.store.quantities import METRE
 from tests.reference import pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
 
@@ -131,13 +132,44 @@ def test_a_nan_in_an_array_is_refused_with_its_place():
         pack(One(np.array([[0, np.nan]])))
 
 
-def test_a_single_nan_means_does_not_apply_and_survives_as_null():
+def test_a_nan_survives_as_null_where_the_field_says_that_it_may_be_one_and_nowhere_else():
     @dataclass(frozen=True)
     class One:
-        ratio: float
+        ratio: FloatOrNan
+        shown: Annotated[FloatOrNan, METRE]
+        sure: float = 1.0
 
-    assert pack(One(math.nan)) == {"ratio": None}
-    assert math.isnan(unpack(One, {"ratio": None}).ratio)
+    assert pack(One(math.nan, math.nan)) == {"ratio": None, "shown": None, "sure": 1.0}
+    back = unpack(One, {"ratio": None, "shown": None, "sure": 1.0})
+    assert math.isnan(back.ratio)
+    assert math.isnan(back.shown)
+    with pytest.raises(CalibError, match="sure is nan; a record holds finite numbers only"):
+        pack(One(0.5, 0.5, math.nan))
+    for value in (None, math.nan, math.inf):
+        with pytest.raises((ValueError, CalibError), match=r"sure is (None|nan|inf)"):
+            unpack(One, {"ratio": 0.5, "shown": 0.5, "sure": value})
+
+
+@pytest.mark.parametrize(
+    ("array", "message"),
+    [
+        (np.ones(2, complex), "holds complex128, not float64"),
+        (np.ones(2, "f4"), "holds float32, not float64"),
+        (np.ones(2, ">f8"), "holds >f8, not float64"),
+        (np.ones(2, int), "holds int64, not float64"),
+        (np.array([None]), "holds object, not float64"),
+        (np.array(["1"]), "holds <U1, not float64"),
+        (np.array([0.0, np.nan]), r"values\[1\] is nan"),
+        (np.array([[-np.inf]]), r"values\[0, 0\] is -inf"),
+    ],
+)
+def test_an_array_of_a_file_is_of_the_kind_that_the_field_declares_and_finite(array, message):
+    @dataclass(frozen=True)
+    class One:
+        values: Array
+
+    with pytest.raises((ValueError, CalibError), match=message):
+        unpack(One, {"values": array})
 
 
 @pytest.mark.parametrize("value", [{"a": 1}, [1], b"x", 1j, np.array([None])])

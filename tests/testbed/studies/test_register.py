@@ -9,7 +9,8 @@ import pytest
 
 from calib.errors import InputError
 from testbed import studies
-from testbed.run.play import load_run, play_run, read_result
+from testbed.run.play import load_run, play_run
+from testbed.run.result import read_result
 from testbed.scenario.hashes import scenario_hash
 from testbed.store import layout, npz
 from testbed.studies.protocol import Study

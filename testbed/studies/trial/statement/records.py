@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from calib.arrays import Array, Index
+from calib.arrays import Array, FloatOrNan, Index
 from calib.identification.lack_of_fit import LackOfFit
 from calib.measurement.observations import Measurements
 from calib.uncertainty.conformal import Conformal
@@ -59,7 +59,7 @@ class Statement:
     """geometric or extended: what was fitted."""
     why: str
     """Which model and why, in words."""
-    log_evidence: float
+    log_evidence: FloatOrNan
     """Log odds of the extended model; nan where the evidence was not asked."""
     outliers: tuple[str, ...]
     """Shots of the calibration that do not fit the others, by name of the pose."""
@@ -86,7 +86,7 @@ class Statement:
     """(s,) 3-D standard uncertainty that each leaves at the tool, RMS over held-out poses [m]."""
     combined_u: float
     """All of them together [m]."""
-    discrepancy_u: float
+    discrepancy_u: FloatOrNan
     """What held-out poses show beyond that [m]; nan where it was not estimated."""
     systematic: Array
     """(f, f) covariance that the tracker's systematic errors leave in the estimate; zero where it
