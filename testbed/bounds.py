@@ -14,8 +14,8 @@ DEG = pi / 180
 FACTORS: dict[str, float] = {
     "m": 1.0, "mm": 1e-3, "um": 1e-6, "in": 0.0254,
     "rad": 1.0, "deg": DEG, "mdeg": pi / 180e3, "urad": 1e-6,
-    "deg/s": DEG, "mm/s": 1e-3, "kg": 1.0, "kg m2": 1.0, "degC": 1.0, "s": 1.0, "": 1.0,
-    "m2": 1.0, "m rad": 1.0, "rad2": 1.0,
+    "rad/s": 1.0, "m/s": 1.0, "deg/s": DEG, "mm/s": 1e-3, "degC": 1.0, "s": 1.0, "": 1.0,
+    "kg": 1.0, "kg m2": 1.0, "kg/m3": 1.0, "m2": 1.0, "m rad": 1.0, "rad2": 1.0,
 }  # fmt: skip
 """Units that files have, and their factors to SI (temperatures stay in degC)."""
 
@@ -73,13 +73,19 @@ COORDINATE = Bound("a coordinate or distance", 1e5)
 LINK = Bound("a length of a robot", 1e3)
 CELL = Bound("a length in a cell", 50.0)
 ANGLE = Bound("an angle", 1e6 * DEG)
+LIMIT = Bound("a limit or angle of a joint", 1e6)
+"""Of either kind, in the unit of its file."""
 DIRECTION = Bound("a component of a direction", 1e6)
 """Of an axis, a quaternion or a rotation matrix; their lengths are another question."""
+SCALE = Bound("a scale of a mesh", 1e6, 1e-6)
 MASS = Bound("a mass", 1e6, 1e-9)
+DENSITY = Bound("a density", 1e6)
 INERTIA = Bound("a moment of inertia", 1e9, 1e-13)
 """MuJoCo refuses masses and inertias of moving bodies below 1e-15."""
 TURN_SPEED = Bound("a speed of a turning joint", 1e6 * DEG, 1e-4 * DEG)
 SLIDE_SPEED = Bound("a speed of a sliding joint", 1e3, 1e-6)
+SPEED = Bound("a speed of a joint", TURN_SPEED.most, SLIDE_SPEED.least)
+"""Of either kind."""
 SCATTER = Bound("a repeatability", 1.0)
 """Of a joint [rad or m]."""
 LENGTH_SD = Bound("a standard uncertainty of a length", 1.0, 1e-12, (1e-8, 0.01))

@@ -15,6 +15,8 @@ MOST = 20
 """Faults of one file that are told at once; those after them are counted, not put into words."""
 PlainText = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f\ufffe\uffff]*$")]
 """One line without control characters: XML and terminals cannot show these."""
+LONG = 100
+"""Letters of a name beyond which no other one is taken for it: comparing takes their square."""
 KeyPath = tuple[str | int, ...]
 """Keys and list positions that lead to a value of the document."""
 Values = dict[KeyPath, Any]
@@ -62,14 +64,20 @@ def one_error(faults: Sequence[Fault], where: str) -> InputError:
 
 
 def did_you_mean(word: str, known: Collection[str]) -> str:
-    """``did you mean "x"?`` or an empty text."""
-    close = get_close_matches(word, known, 1)
+    """``did you mean "x"?`` or an empty text; names of hundreds of letters are not compared."""
+    near = [name for name in known if max(len(name), len(word)) <= LONG]
+    close = get_close_matches(word, near, 1)
     return f'did you mean "{close[0]}"?' if close else ""
 
 
 def choice_of(word: str, known: Collection[str]) -> str:
     """``did you mean "x"?``, or what there is to choose from."""
-    return did_you_mean(word, known) or f"there is {', '.join(sorted(known)) or 'nothing'}"
+    return did_you_mean(word, known) or f"there is {some(sorted(known), 60) or 'nothing'}"
+
+
+def some(names: Sequence[str], most: int = 12) -> str:
+    """Names for people: the first ones, and how many more there are."""
+    return ", ".join(names[:most]) + f" and {len(names) - most} more" * (len(names) > most)
 
 
 def place(path: KeyPath, document: Mapping[str, Any], tables: Collection[str]) -> str:

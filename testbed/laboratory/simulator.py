@@ -77,7 +77,7 @@ class Simulator:
             _stand(spec, obstacle, clearance)
         self._chain = chain
         self.obstacles = tuple(obstacles)
-        self._model = compile_spec(spec)
+        self._model = compile_spec(spec, robot)
         self._data = mujoco.MjData(self._model)
         self._tool = self._model.site("tool").id
         self._carrier = int(self._model.site_bodyid[self._tool])

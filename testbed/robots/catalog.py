@@ -13,6 +13,7 @@ from calib.geometry.frames import step_transform
 from calib.geometry.joint_errors import JointErrors, JointTerm
 from calib.geometry.model import RobotModel
 from testbed import assets
+from testbed.gates.paths import real
 from testbed.gates.toml import read_toml
 from testbed.robots.file import (
     Drawn,
@@ -24,6 +25,7 @@ from testbed.robots.file import (
     TrackerFile,
     WorkspaceBox,
 )
+from testbed.robots.meshes.files import check_files
 from testbed.robots.robot import Reflector
 from testbed.robots.robot import Robot as Robot
 from testbed.robots.robot import Visual as Visual
@@ -164,12 +166,14 @@ def visuals(path: Path, data: Drawn) -> tuple[Visual, ...]:
     for part in data.parts:
         file = path.parent / part.file
         problem = partial(refuse, f"parts.{part.name}.file", part.file, where=str(path))
-        if not file.resolve().is_relative_to(folder):
+        found = real(file, field=f"part {part.name}: mesh", where=str(path))
+        if not found.is_relative_to(folder):
             message = f"part {part.name}: {part.file} leads out of the model's folder"
             raise problem(f"files below {folder}", code="R6", message=message)
         if not file.is_file():
             fix = f"python -m testbed.robots.write.generate {data.name}" if data.drawing else ""
             raise problem(code="R7", message=f"part {part.name}: no mesh {part.file}", fix=fix)
+        check_files(file)
         red, green, blue = data.colors[part.color]
         out.append(Visual(file, (red, green, blue), part.collides, part.link, part.name))
     return tuple(out)
@@ -180,6 +184,7 @@ def _robot_path(name_or_path: str | Path) -> Path:
     shipped = assets.models() / str(name_or_path) / ROBOT_FILE
     if str(name_or_path) in robot_names():
         return shipped
+    real(name_or_path, field="robot", code="S37")
     path = Path(name_or_path)
     if path.is_dir() and (path / ROBOT_FILE).is_file():
         return path / ROBOT_FILE

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from calib.errors import refuse
 from testbed.assets import scene_names, scenes
+from testbed.gates.paths import real
 from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.scenario.contradictions import contradictions
 from testbed.scenario.laboratory import TruthSettings
@@ -100,7 +101,7 @@ def _place_files(document: dict[str, Any], folder: Path, where: str) -> None:
     """Make the paths of robot, obstacles and measured poses absolute, in place."""
     for _, table in _tables([document, document.get(ORIGIN)]):
         if isinstance(robot := table.get("robot"), str) and is_path(robot):
-            table["robot"] = str((folder / robot).resolve())
+            table["robot"] = str(real(folder / robot, field="robot", code="S37", where=where))
     cell, plan = document.get("cell"), document.get("plan")
     obstacles = cell.get("obstacle") if isinstance(cell, dict) else None
     entries = [
@@ -111,7 +112,7 @@ def _place_files(document: dict[str, Any], folder: Path, where: str) -> None:
         name = table.get(key)
         if not isinstance(name, str) or not name or "\0" in name or Path(name).is_absolute():
             continue
-        file = (folder / name).resolve()
+        file = real(folder / name, field=at, where=where)
         if not file.is_relative_to(folder):
             message = f"{at} is {toml_value(name)}"
             allowed = "a file beside the scenario or in a folder below it"

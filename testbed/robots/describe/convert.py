@@ -13,9 +13,10 @@ from calib.geometry.chain import Chain, forward
 from calib.geometry.frames import inverse
 from calib.geometry.inverse import spread
 from calib.geometry.model import RobotModel
+from testbed import bounds
 from testbed.robots.describe.description import Body, Description, plain_name
 from testbed.robots.describe.xml_gate import FileOptions, read_xml
-from testbed.robots.meshes.files import read_mesh
+from testbed.robots.meshes.files import check_files, read_mesh
 from testbed.robots.placements import LIMIT, difference, link_poses
 from testbed.robots.robot import Robot, Visual, body_name
 
@@ -56,12 +57,18 @@ def robot_of(description: Description) -> Robot:
     chain = description.chain
     notes = list(description.notes)
     limits = _limits(description, notes)
+    turns = np.array([kind == "revolute" for kind in description.kinds])
+    speeds = _speeds(description, turns, notes)
+    _check_joints(description, turns, limits, speeds)
     agreement = _prove(description, chain, limits)
     frames = link_poses(chain, np.zeros((1, chain.n_joints)))[0]
     ends = np.vstack([description.points, description.T_world_tip[:3, 3]])
     masses, centers, inertias = _masses(description.bodies[1:], frames[1:], ends, notes)
+    for name, mass, moments in zip(description.joint_names, masses, inertias, strict=True):
+        moved = f"what joint {name} moves"
+        _check(description, moved, "mass", [mass], bounds.MASS, "kg")
+        _check(description, moved, "moment of inertia", moments, bounds.INERTIA, "kg m2")
     visuals = _visuals(description.bodies, frames, notes)
-    turns = np.array([kind == "revolute" for kind in description.kinds])
     name = plain_name(description.name or description.path.stem, default="robot")
     robot = Robot(
         name=name,
@@ -69,7 +76,7 @@ def robot_of(description: Description) -> Robot:
         folder=description.folder,
         model=RobotModel(chain),
         limits=frozen(limits),
-        speeds=frozen(_speeds(description, turns, notes)),
+        speeds=frozen(speeds),
         masses=frozen(masses),
         centers=frozen(centers),
         inertias=frozen(inertias),
@@ -95,6 +102,34 @@ def robot_of(description: Description) -> Robot:
     scatter = f"the repeatability of the joints is assumed ({TURN_SCATTER * 1e6:g} urad"
     notes.append(scatter + (f", sliding {SLIDE_SCATTER * 1e6:g} um)" if not turns.all() else ")"))
     return replace(robot, notes=tuple(notes))
+
+
+def _check_joints(description: Description, turns: Bool, limits: Array, speeds: Array) -> None:
+    """R11: lengths, limits and speeds that a robot.toml may have too."""
+    rows = zip(description.joint_names, turns, limits, speeds, strict=True)
+    for name, turning, limit, speed in rows:
+        size, unit = (bounds.ANGLE, "rad") if turning else (bounds.LINK, "m")
+        speed_of = bounds.TURN_SPEED if turning else bounds.SLIDE_SPEED
+        _check(description, f"joint {name}", "limit", limit, size, unit)
+        _check(description, f"joint {name}", "speed", [speed], speed_of, f"{unit}/s")
+    lengths = description.chain.links[:, 1:3].ravel()
+    _check(description, "the arm", "length", lengths, bounds.LINK, "m")
+
+
+def _check(
+    description: Description,
+    whose: str,
+    what: str,
+    values: Sequence[float] | Array,
+    bound: bounds.Bound,
+    unit: str,
+) -> None:
+    """R11: numbers of sensible size."""
+    for value in values:
+        if value and not bound.least <= abs(value) <= bound.most:
+            message, allowed = f"{whose} has a {what} of {value:.3g} {unit}", bound.allowed(unit)
+            where = str(description.path)
+            raise refuse(what, float(value), allowed, code="R11", message=message, where=where)
 
 
 def _prove(description: Description, chain: Chain, limits: Array) -> float:
@@ -124,7 +159,7 @@ def _limits(description: Description, notes: list[str]) -> Array:
             names = _listed(description.joint_names, without)
             notes.append(f"{names} without limits: -{words} to {words} is assumed")
         limits[without] = -size, size
-    locked = limits[:, 0] == limits[:, 1]
+    locked = np.ptp(limits, axis=1) < LOCKED
     if locked.any():
         names = _listed(description.joint_names, locked)
         notes.append(f"{names} with equal limits: a range of {2 * LOCKED:g} about them is assumed")
@@ -167,7 +202,9 @@ def _masses(
             masses[i], center = MASS_PER_LENGTH * length, (ends[i] + ends[i + 1]) / 2
         turned = frame[:3, :3].T @ body.inertia @ frame[:3, :3]
         moments = np.diagonal(turned).copy()
-        if body.mass > 0 and (moments.min() <= 0 or 2 * moments.max() > moments.sum() * (1 + 1e-9)):
+        if body.mass > 0 and (
+            moments.min() < bounds.INERTIA.least or 2 * moments.max() > moments.sum() * (1 + 1e-9)
+        ):
             odd.append(body.name)
         elif np.abs(turned - np.diag(moments)).max() > 0.1 * moments.max():
             crossed.append(body.name)
@@ -193,11 +230,12 @@ def _visuals(bodies: Sequence[Body], frames: Array, notes: list[str]) -> tuple[V
     """Every mesh in the frame of its body, checked; each with a different name."""
     visuals: list[Visual] = []
     names: set[str] = set()
+    files = dict.fromkeys(shape.file for body in bodies for shape in body.shapes)
+    check_files(*files)
+    flat = {file: _is_flat(read_mesh(file)[0]) for file in files}
     for link, (body, frame) in enumerate(zip(bodies, frames, strict=True)):
         for shape in body.shapes:
-            vertices, _, _ = read_mesh(shape.file)
-            size = np.linalg.svd(vertices - vertices.mean(axis=0), compute_uv=False)
-            if len(vertices) < 4 or size[-1] <= FLAT * size[0]:
+            if flat[shape.file]:
                 notes.append(f"mesh {shape.file.name} is flat and is left out")
                 continue
             name, count = plain_name(shape.file.stem, default="part"), 1
@@ -212,6 +250,12 @@ def _visuals(bodies: Sequence[Body], frames: Array, notes: list[str]) -> tuple[V
             rows = tuple(map(tuple, affine.tolist()))
             visuals.append(Visual(shape.file, shape.rgb, shape.collides, link, name, rows))
     return tuple(visuals)
+
+
+def _is_flat(vertices: Array) -> bool:
+    """Whether a mesh encloses nothing."""
+    size = np.linalg.svd(vertices - vertices.mean(axis=0), compute_uv=False)
+    return bool(len(vertices) < 4 or size[-1] <= FLAT * size[0])
 
 
 def _floor(visuals: Sequence[Visual], chain: Chain) -> float:

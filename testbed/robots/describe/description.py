@@ -8,13 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from calib.arrays import Array
-from calib.errors import InputError, refuse
+from calib.errors import refuse
 from calib.geometry.chain import Chain, JointKind
 from testbed.robots.describe.axes import chain_from_axes
-from testbed.strict import choice_of
+from testbed.strict import choice_of, some
 
 TOOL_NAMES = ("tool0", "tool")
 """An end of that name is the tool where the arm has several ends."""
+MOST_JOINTS = 64
+"""Of an arm, base to tip: far more than any has; what is computed grows with their square."""
 GRAY = (0.7, 0.7, 0.7)
 """Color of what has none."""
 
@@ -121,18 +123,21 @@ def choose_tip(
         return ends[0], ""
     for name in TOOL_NAMES:
         if name in ends:
-            others = ", ".join(end for end in ends if end != name)
+            others = some([end for end in ends if end != name])
             return name, f"the arm is taken to end at {name}; it also has {others}"
-    message = f"the arm has {len(ends)} ends: {', '.join(ends[:12])}{', ...' * (len(ends) > 12)}"
+    message = f"the arm has {len(ends)} ends: {some(ends)}"
     raise refuse(
         "tip", ends, "a serial arm, which ends once", code="R16", message=message,
         fix="name the end that is calibrated as the tip", where=str(path),
     )  # fmt: skip
 
 
-def nothing_moves(tip: str, path: Path) -> InputError:
-    """R16: all joints on the way to the tip are fixed."""
-    return refuse("tip", tip, code="R16", message=f"no joint moves {tip}", where=str(path))
+def check_count(moving: int, tip: str, path: Path) -> None:
+    """R16: some joints move on the way to the tip, and not endlessly many."""
+    if not 1 <= moving <= MOST_JOINTS:
+        message = f"{moving or 'no'} joint{'s' * (moving > 1)} move{'s' * (moving < 1)} {tip}"
+        allowed = f"1 to {MOST_JOINTS}" if moving else ""
+        raise refuse("tip", tip, allowed, code="R16", message=message, where=str(path))
 
 
 def plain_name(text: str, *, default: str) -> str:

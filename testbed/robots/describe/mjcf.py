@@ -2,6 +2,7 @@
 
 import logging
 import re
+from collections import defaultdict
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
@@ -9,28 +10,31 @@ from typing import Any
 
 import numpy as np
 
-from calib.errors import refuse
+from calib.errors import InputError, refuse
 from calib.geometry.chain import JointKind
 from calib.geometry.frames import inverse, transform
 from testbed.robots.describe.description import (
     Body,
     Description,
     Shape,
+    check_count,
     choose_tip,
-    nothing_moves,
 )
 from testbed.robots.describe.mjcf_gate import Gated, gate
-from testbed.robots.describe.xml_gate import FileOptions, angle_notes
+from testbed.robots.describe.xml_gate import SOURCE, FileOptions, angle_notes, place_of
+from testbed.robots.foreign import foreign
+from testbed.robots.meshes.files import read_mesh
 from testbed.robots.write.mjcf import (
     at_zero,
     called,
-    compile_spec,
     frames_of,
+    free_sites,
     joints_to,
     kind_of,
     mjcf_poses,
     pose_of,
 )
+from testbed.strict import some
 
 DRIVEN = ("joint", "jointinparent")
 """Attributes of actuators that name the joint they drive."""
@@ -38,6 +42,7 @@ HIDDEN = 3
 """Geoms of this group and above are not drawn unless a viewer is asked to."""
 PAIRED = ("connect", "weld")
 """Constraints that close a chain."""
+TAGS, LINE = re.compile(r">\s*<"), re.compile(r"line (\d+)")
 
 
 def describe_mjcf(path: Path, options: FileOptions) -> Description:
@@ -59,13 +64,12 @@ def describe_mjcf(path: Path, options: FileOptions) -> Description:
     tip, choice = choose_tip(options.tip, _ends(model, frames), frames, path)
     notes += [choice] if choice else []
     joints = joints_to(model, frames[tip][0])
-    if not joints:
-        raise nothing_moves(tip, path)
+    check_count(len(joints), tip, path)
     _refuse_coupled(model, joints, drives, path)
     places = at_zero(model, joints)
     groups, left_out = _groups(model, joints)
     if left_out:
-        notes.append(f"not on the way to {tip} and left out: {', '.join(left_out)}")
+        notes.append(f"not on the way to {tip} and left out: {some(left_out)}")
     slides = [kind_of(model, joint) == "prismatic" for joint in joints]
     kinds: list[JointKind] = ["prismatic" if one else "revolute" for one in slides]
     limits = np.where(
@@ -108,7 +112,7 @@ def _taken(root: Any, *tags: str) -> dict[str, list[Any]]:
     """Sections taken out of the tree, by tag: MuJoCo needs them not."""
     taken: dict[str, list[Any]] = {tag: [] for tag in tags}
     for section in [child for child in root if child.tag in tags]:
-        taken[section.tag] += [child for child in section if isinstance(child.tag, str)]
+        taken[section.tag] += section
         root.remove(section)
     return taken
 
@@ -118,11 +122,11 @@ def _ends(model: Any, frames: dict[str, tuple[int, int]]) -> list[str]:
     parents = set(model.body_parentid[1:].tolist())
     ends = [k for k in range(1, model.nbody) if k not in parents]
     ends = [k for k in ends if joints_to(model, k)] or ends
-    names: list[str] = []
-    for k in ends:
-        sites = [name for name, (body, site) in frames.items() if body == k and site >= 0]
-        names += sites or [called(model, "body", k)]
-    return names
+    sites: dict[int, list[str]] = defaultdict(list)
+    for name, (body, site) in frames.items():
+        if site >= 0:
+            sites[body].append(name)
+    return [name for k in ends for name in sites[k] or [called(model, "body", k)]]
 
 
 def _refuse_coupled(
@@ -160,14 +164,19 @@ def _refuse_coupled(
 
 def _groups(model: Any, joints: list[int]) -> tuple[list[list[int]], list[str]]:
     """Bodies that move together, base first, and the names of those that other joints move."""
-    groups: list[list[int]] = [[] for _ in range(len(joints) + 1)]
-    left_out = []
-    for body in range(model.nbody):
-        above = joints_to(model, body)
-        if above == joints[: len(above)]:
-            groups[len(above)].append(body)
-        else:
+    groups: list[list[int]] = [[0], *([] for _ in joints)]
+    group, left_out = [0], []
+    """How many of the joints move each body, -1 if others do too; parents come first."""
+    for body in range(1, model.nbody):
+        above = group[int(model.body_parentid[body])]
+        first = int(model.body_jntadr[body])
+        for joint in range(first, first + int(model.body_jntnum[body])):
+            above = above + 1 if 0 <= above < len(joints) and joints[above] == joint else -1
+        group.append(above)
+        if above < 0:
             left_out.append(called(model, "body", body))
+        else:
+            groups[above].append(body)
     return groups, left_out
 
 
@@ -193,7 +202,7 @@ def _body(name: str, ids: list[int], model: Any, data: Any, gated: Gated) -> Bod
             R, away = data.ximat[body].reshape(3, 3), data.xipos[body] - center
             inertia += (R * model.body_inertia[body]) @ R.T
             inertia += model.body_mass[body] * (away @ away * np.eye(3) - np.outer(away, away))
-    geoms = [k for k in range(model.ngeom) if int(model.geom_bodyid[k]) in ids]
+    geoms = np.flatnonzero(np.isin(model.geom_bodyid, ids)).tolist()
     collides = {k: bool(model.geom_contype[k] or model.geom_conaffinity[k]) for k in geoms}
     meshes = [k for k in geoms if _is_file(model, k, gated)]
     drawn = [k for k in meshes if model.geom_group[k] < HIDDEN] or meshes
@@ -232,20 +241,40 @@ def _shape(model: Any, data: Any, geom: int, collides: bool, gated: Gated) -> Sh
 
 
 def compiled(gated: Gated, path: Path) -> Any:
-    """The model, compiled by MuJoCo; its refusals in our form."""
+    """The model, compiled by MuJoCo, which opens no file; its refusals in our form."""
     import mujoco
     from lxml import etree
 
     mujoco.set_mju_user_warning(logging.getLogger(__name__).info)
-    try:
-        etree.cleanup_namespaces(gated.root)
-        text = etree.tostring(gated.root, encoding="unicode")
-        model = compile_spec(mujoco.MjSpec.from_string(text, assets=gated.assets()))
-    except (ValueError, mujoco.FatalError) as error:
-        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        said = "; ".join(line.rpartition("Error:")[2].strip() for line in lines[:2])
-        said = re.sub(r",? (id|line) \d+", "", said).replace("Element", "element")
-        code = "R15" if "repeated" in said or "already" in said else "R16"
-        message, fix = f"MuJoCo refuses it: {said[:200]}", "check it with MuJoCo's own viewer"
-        raise refuse("file", code=code, message=message, fix=fix, where=str(path)) from error
+    places = [place_of(element, path) for element in gated.root.iter("*")]
+    for element in gated.root.iter("*"):
+        element.attrib.pop(SOURCE, None)
+    etree.cleanup_namespaces(gated.root)
+    # one tag a line, so that MuJoCo's lines can be told from each other
+    text = TAGS.sub(">\n<", etree.tostring(gated.root, encoding="unicode"))
+    assets = gated.assets()
+    with foreign("MuJoCo", where=str(path), told=partial(_refusal, gated, path, places, text)):
+        model = mujoco.MjSpec.from_string(text, assets=assets).compile()
+    free_sites(model)
     return model
+
+
+def _refusal(
+    gated: Gated, path: Path, places: list[str], text: str, error: Exception
+) -> InputError:
+    """What MuJoCo says, with the file and the line of the user; a bad mesh in our own words."""
+    for file in gated.files.values():
+        read_mesh(file)
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    said = "; ".join(line.rpartition("Error:")[2].strip() for line in lines[:2])
+    told = LINE.search(said)
+    above = text.split("\n")[: int(told[1])] if told else []
+    tags = [line for line in above if line.startswith("<") and line[1:2] != "/"]
+    where = places[len(tags) - 1] if tags else str(path)
+    said = re.sub(r",? (id|line) \d+|; Element name ''", "", said).replace("Element", "element")
+    said = said.replace("mjMINVAL", "1e-15")
+    for name, file in zip(gated.asset_names(), gated.files.values(), strict=True):
+        said = said.replace(f"'{name}'", file.name)
+    code = "R15" if "repeated" in said or "already" in said else "R16"
+    message, fix = f"MuJoCo refuses it: {said[:200]}", "check it with MuJoCo's own viewer"
+    return refuse("file", code=code, message=message, fix=fix, where=where)

@@ -5,32 +5,43 @@ Includes are opened here, meshes are read here; MuJoCo gets a text and bytes and
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from calib.errors import refuse
+from testbed.bounds import COORDINATE, DENSITY, DIRECTION, INERTIA, LIMIT, LINK, MASS, SCALE
+from testbed.gates.paths import real
 from testbed.robots.describe.xml_gate import (
+    LARGEST,
     SOURCE,
     FileOptions,
+    Row,
     called,
     check_numbers,
     check_range,
+    check_scale,
     error_at,
+    mesh_path,
     missing,
     not_local,
     outside,
+    place_of,
     read_xml,
 )
+from testbed.robots.meshes.files import check_files, mesh_bytes
 
+MOMENT = replace(INERTIA, least=0.0)
 NUMBERS = {
-    **dict.fromkeys(("ref", "mass", "density"), 1),
-    **dict.fromkeys(("range",), 2),
-    **dict.fromkeys(("pos", "euler", "zaxis", "axis", "diaginertia", "scale", "refpos"), 3),
-    **dict.fromkeys(("quat", "axisangle", "refquat", "rgba"), 4),
-    **dict.fromkeys(("xyaxes", "fromto", "fullinertia"), 6),
-}
-"""How many numbers each attribute holds."""
+    "ref": Row(1, LIMIT), "range": Row(2, LIMIT), "euler": Row(3, LIMIT),
+    "mass": Row(1, MASS, "kg"), "density": Row(1, DENSITY, "kg/m3"),
+    **dict.fromkeys(("pos", "refpos"), Row(3, LINK, "m")), "fromto": Row(6, LINK, "m"),
+    **dict.fromkeys(("zaxis", "axis"), Row(3, DIRECTION)), "xyaxes": Row(6, DIRECTION),
+    **dict.fromkeys(("quat", "axisangle", "refquat"), Row(4, DIRECTION)), "rgba": Row(4),
+    "diaginertia": Row(3, MOMENT, "kg m2"), "fullinertia": Row(6, MOMENT, "kg m2"),
+    "scale": Row(3, SCALE),
+}  # fmt: skip
+"""The numbers in each attribute; MuJoCo itself asks for moments above zero."""
 CODE = ("plugin", "extension")
 UNKNOWN = ("composite", "flexcomp", "flex", "replicate", "attach", "model")
 """Elements that grow into others when compiled: nothing an arm is described with."""
@@ -39,7 +50,8 @@ UNUSED = (
     *("hfield", "skin", "deformable", "light", "camera"),
 )
 """Elements that do not matter for the place of a tool; taken out."""
-MOST_ELEMENTS, MOST_FILES = 50_000, 64
+MOST_ELEMENTS, MOST_BODIES, MOST_FILES = 10_000, 2_000, 64
+"""Far more than any arm has: MuJoCo compares all names and all bodies with each other."""
 PATHS = ("meshdir", "texturedir", "assetdir", "strippath", "discardvisual", "fusestatic")
 """Attributes of <compiler> that are settled here."""
 LOCKED = 1e-6
@@ -58,10 +70,13 @@ class Gated:
     """What is legal but odd, in sentences."""
 
     def assets(self) -> dict[str, bytes]:
-        """Bytes of the meshes under the names they have in the text."""
-        return {
-            _asset_name(k, file): file.read_bytes() for k, file in enumerate(self.files.values())
-        }
+        """Bytes of the meshes, looked at, under the names they have in the text."""
+        check_files(*self.files.values())
+        return dict(zip(self.asset_names(), map(mesh_bytes, self.files.values()), strict=True))
+
+    def asset_names(self) -> list[str]:
+        """Names of the mesh files in the text."""
+        return [_asset_name(k, file) for k, file in enumerate(self.files.values())]
 
 
 def gate(path: Path, options: FileOptions) -> Gated:
@@ -75,21 +90,24 @@ def gate(path: Path, options: FileOptions) -> Gated:
     folder = options.folder(path)
     root = _whole(path, [path], folder, set())
     elements = list(root.iter("*"))
-    if len(elements) > MOST_ELEMENTS:
-        message, allowed = f"has {len(elements)} elements", f"at most {MOST_ELEMENTS}"
-        raise refuse("elements", allowed=allowed, code="R2", message=message, where=str(path))
+    for most, what in ((MOST_ELEMENTS, elements), (MOST_BODIES, list(root.iter("body")))):
+        if len(what) > most:
+            kind = "elements" if what is elements else "bodies"
+            message, allowed = f"has {len(what)} {kind}", f"at most {most}"
+            raise refuse(kind, allowed=allowed, code="R2", message=message, where=str(path))
     gated = Gated(root)
     for element in elements:
         _check_known(element, path)
         if element.tag not in UNUSED and element.tag != "material":
             check_numbers(element, path, NUMBERS)
+            _check_size(element, path)
+    for mesh in root.iter("mesh"):
+        check_scale(mesh, path)
     for joint in root.iter("joint"):
         _check_joint(joint, path, gated.notes)
     for element in list(root.iter(*UNUSED)):
         _remove(element)
     _settle_meshes(gated, path, folder, allow_missing=options.allow_missing_meshes)
-    for element in root.iter("*"):
-        element.attrib.pop(SOURCE, None)
     return gated
 
 
@@ -99,28 +117,34 @@ def _whole(path: Path, trail: list[Path], folder: Path, seen: set[Path]) -> Any:
     seen.add(path.resolve())
     for element in list(root.iter("include")):
         name = element.get("file", "")
-        beside = [trail[0].parent / name, path.parent / name]
-        file = next((one for one in beside if one.is_file()), beside[0])
+        place = place_of(element, path)
+        beside = {
+            real(one / name, field="include", code="R8", where=place): one / name
+            for one in (trail[0].parent, path.parent)
+        }
+        found = next((one for one in beside if one.is_file()), next(iter(beside)))
+        file = beside[found]
         chain = " -> ".join([*(one.name for one in trail), name])
         problem = ""
-        if not name or not file.is_file():
+        if not name or not found.is_file():
             problem = f"include {name} is missing"
-        elif not file.resolve().is_relative_to(folder):
+        elif not found.is_relative_to(folder):
             problem = f"include {name} lies outside {folder}"
-        elif file.resolve() in seen:
+        elif found in seen:
             problem = f"include {name} is there twice, or within itself"
         elif len(seen) >= MOST_FILES:
             problem = f"more than {MOST_FILES} files are included"
+        elif sum(one.stat().st_size for one in (*seen, found)) > LARGEST:
+            problem = f"the included files have more than {LARGEST} bytes"
         if problem:
             raise error_at(element, path, "R8", f"{problem} ({chain})", "include", name)
         part = _whole(file, [*trail, file], folder, seen)
         parent = element.getparent()
         for child in list(part):
-            if isinstance(child.tag, str):
-                for one in child.iter("*"):
-                    if one.get(SOURCE) is None:
-                        one.set(SOURCE, str(file))
-                element.addprevious(child)
+            for one in child.iter("*"):
+                if one.get(SOURCE) is None:
+                    one.set(SOURCE, str(file))
+            element.addprevious(child)
         parent.remove(element)
     return root
 
@@ -138,10 +162,16 @@ def _check_known(element: Any, path: Path) -> None:
     if tag in CODE:
         message = f"<{tag}> is not allowed: plugins run code"
         raise error_at(element, path, "R8", message, tag, fix="remove it")
-    if tag in UNKNOWN:
+    if tag in UNKNOWN or element.get("builtin"):
         fix = "remove it, or let MuJoCo compile and save the model first"
         message = f"<{tag}> cannot be read as part of an arm"
         raise error_at(element, path, "R8", message, tag, fix=fix)
+
+
+def _check_size(element: Any, path: Path) -> None:
+    """R11: shapes of sensible size, whatever their count of numbers."""
+    if 1 <= (many := len(element.get("size", "").split(None, 4))) <= 3:
+        check_numbers(element, path, {"size": Row(many, COORDINATE, "m")})
 
 
 def _check_joint(joint: Any, path: Path, notes: list[str]) -> None:
@@ -170,6 +200,7 @@ def _settle_meshes(gated: Gated, path: Path, folder: Path, *, allow_missing: boo
         material.attrib.pop("texture", None)
         for layer in list(material):
             _remove(layer)
+    gone: set[str] = set()
     for mesh in list(_mesh_assets(root)):
         name = mesh.get("file")
         if name is None:
@@ -183,13 +214,14 @@ def _settle_meshes(gated: Gated, path: Path, folder: Path, *, allow_missing: boo
             if not allow_missing:
                 raise missing(mesh, path, "file", name, folder)
             gated.notes.append(f"mesh {name} is missing")
-            for geom in [geom for geom in root.iter("geom") if geom.get("mesh") == own]:
-                _remove(geom)
+            gone.add(own)
             _remove(mesh)
             continue
         mesh.set("name", own)
         mesh.set("file", _asset_name(len(gated.files), file))
         gated.files[own] = file
+    for geom in [geom for geom in root.iter("geom") if geom.get("mesh") in gone]:
+        _remove(geom)
 
 
 def _mesh_assets(root: Any) -> Iterator[Any]:
@@ -201,7 +233,7 @@ def _mesh_assets(root: Any) -> Iterator[Any]:
 def _mesh_file(mesh: Any, name: Path, path: Path, folder: Path) -> Path | None:
     """Where a mesh lies, or None; refused if that is outside the folder."""
     candidates = [folder / name, path.parent / name]
-    inside = [file for file in candidates if file.resolve().is_relative_to(folder)]
+    inside = [file for file in candidates if mesh_path(mesh, path, file).is_relative_to(folder)]
     found = next((file for file in inside if file.is_file()), None)
     if found is None and len(inside) < len(candidates):
         raise outside(mesh, path, "file", name.as_posix(), folder)

@@ -1,8 +1,9 @@
 """The URDF of any serial arm, read by yourdfpy: joint axes, bodies, shapes and poses."""
 
 import io
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,13 @@ from testbed.robots.describe.description import (
     Body,
     Description,
     Shape,
+    check_count,
     choose_tip,
-    nothing_moves,
 )
 from testbed.robots.describe.urdf_checks import check_urdf, mesh_files
 from testbed.robots.describe.xml_gate import FileOptions, read_xml
+from testbed.robots.foreign import foreign
+from testbed.strict import some
 
 UNIT = 1e-6
 """An axis that is longer or shorter than 1 by more than this is noted."""
@@ -36,26 +39,29 @@ def describe_urdf(path: Path, options: FileOptions) -> Description:
     InputError
         R1 to R7 and R11 to R17: file and line, what it has, what was expected.
     """
+    from lxml import etree
+
     root = read_xml(path, "robot")
     notes = check_urdf(root, path, options)
-    model = load_urdf(path.read_bytes())
+    with foreign("yourdfpy", where=str(path)):
+        model = load_urdf(etree.tostring(root))
     above = {joint.child: joint for joint in model.robot.joints}
-    tip, choice = choose_tip(options.tip, _ends(model, above), model.link_map, path)
+    tree = _from_the_root(model.robot)
+    tip, choice = choose_tip(options.tip, _ends(model, tree), model.link_map, path)
     notes += [choice] if choice else []
     way = way_to(above, tip)
     moving = [joint for joint in way if _moves(joint, path)]
-    if not moving:
-        raise nothing_moves(tip, path)
+    check_count(len(moving), tip, path)
     for joint in moving:
         length = float(np.linalg.norm(joint.axis))
         if abs(length - 1) > UNIT:
             notes.append(f"the axis of joint {joint.name} has length {length:.4g}; 1 is taken")
         joint.axis = np.asarray(joint.axis, dtype=np.float64) / length
-    poses = _poses_at_zero(model, above)
+    poses = _poses_at_zero(model, tree)
     places = [poses[joint.child] for joint in moving]
-    groups, left_out = _groups(model, above, moving, way)
+    groups, left_out = _groups(model, tree, moving, way)
     if left_out:
-        notes.append(f"not on the way to {tip} and left out: {', '.join(left_out)}")
+        notes.append(f"not on the way to {tip} and left out: {some(left_out)}")
     folder = options.folder(path)
     names = ["base", *(joint.name for joint in moving)]
     some_collide = any(link.collisions for link in model.robot.links)
@@ -80,9 +86,15 @@ def describe_urdf(path: Path, options: FileOptions) -> Description:
         limits=np.array([_limits(joint) for joint in moving]),
         speeds=np.array([_speed(joint) for joint in moving]),
         bodies=bodies,
-        poses=partial(urdf_poses, way, tip),
+        poses=partial(_poses, way, path),
         notes=tuple(notes),
     )
+
+
+def _poses(way: Sequence[Any], path: Path, q: Array) -> Array:
+    """`urdf_poses` of a file of somebody else."""
+    with foreign("yourdfpy", where=str(path)):
+        return urdf_poses(way, q)
 
 
 def load_urdf(data: bytes) -> Any:
@@ -94,8 +106,8 @@ def load_urdf(data: bytes) -> Any:
     )
 
 
-def urdf_poses(way: Sequence[Any], tip: str, q: Array) -> Array:
-    """Poses (m, 4, 4) of the link `tip` at q (m, n) as yourdfpy finds them [m].
+def urdf_poses(way: Sequence[Any], q: Array) -> Array:
+    """Poses (m, 4, 4) of the last link at q (m, n) as yourdfpy finds them [m].
 
     `way` are the joints from the root link to the tip (`way_to`); nothing else takes part.
     """
@@ -108,10 +120,21 @@ def urdf_poses(way: Sequence[Any], tip: str, q: Array) -> Array:
         build_scene_graph=True,
         load_meshes=False,
     )
+    fixed = {
+        joint.child: arm.get_transform(joint.child, joint.parent)
+        for joint in way
+        if joint.type == "fixed"
+    }
     out = np.empty((len(q), 4, 4))
     for k, row in enumerate(q):
         arm.update_cfg(row)
-        out[k] = arm.get_transform(tip)
+        # one by one: a whole path takes trimesh the cube of its length
+        steps = (
+            fixed[joint.child] if joint.type == "fixed"
+            else arm.get_transform(joint.child, joint.parent)
+            for joint in way
+        )  # fmt: skip
+        out[k] = reduce(np.matmul, steps)
     return out
 
 
@@ -124,12 +147,28 @@ def way_to(above: Mapping[str, Any], tip: str) -> list[Any]:
     return joints[::-1]
 
 
-def _ends(model: Any, above: dict[str, Any]) -> list[str]:
+def _from_the_root(robot: Any) -> list[Any]:
+    """All joints, each after the one above it."""
+    below: dict[str, list[Any]] = defaultdict(list)
+    for joint in robot.joints:
+        below[joint.parent].append(joint)
+    children = {joint.child for joint in robot.joints}
+    (top,) = (link.name for link in robot.links if link.name not in children)
+    tree = list(below[top])
+    for joint in tree:  # which grows meanwhile
+        tree += below[joint.child]
+    return tree
+
+
+def _ends(model: Any, tree: Sequence[Any]) -> list[str]:
     """Links without children; those that no joint moves only if there are no others."""
-    parents = {joint.parent for joint in above.values()}
+    parents = {joint.parent for joint in tree}
     ends = [link.name for link in model.robot.links if link.name not in parents]
-    moved = [end for end in ends if any(joint.type != "fixed" for joint in way_to(above, end))]
-    return moved or ends
+    moved: set[str] = set()
+    for joint in tree:
+        if joint.type != "fixed" or joint.parent in moved:
+            moved.add(joint.child)
+    return [end for end in ends if end in moved] or ends
 
 
 def _moves(joint: Any, path: Path) -> bool:
@@ -144,33 +183,31 @@ def _moves(joint: Any, path: Path) -> bool:
     return True
 
 
-def _poses_at_zero(model: Any, above: dict[str, Any]) -> dict[str, Array]:
+def _poses_at_zero(model: Any, tree: Sequence[Any]) -> dict[str, Array]:
     """Pose (4, 4) of every link in the root link, all joints at zero [m]."""
-    poses: dict[str, Array] = {}
-    for link in model.robot.links:
-        T = np.eye(4)
-        for joint in way_to(above, link.name):
-            T = T if joint.origin is None else T @ joint.origin
-        poses[link.name] = T
-    return poses
+    poses: dict[str, Array] = defaultdict(lambda: np.eye(4))
+    for joint in tree:
+        T = poses[joint.parent]
+        poses[joint.child] = T if joint.origin is None else T @ joint.origin
+    return {link.name: poses[link.name] for link in model.robot.links}
 
 
 def _groups(
-    model: Any, above: dict[str, Any], moving: Sequence[Any], way: Sequence[Any]
+    model: Any, tree: Sequence[Any], moving: Sequence[Any], way: Sequence[Any]
 ) -> tuple[list[list[str]], list[str]]:
     """Links that move together, base first, and the links other joints move."""
-    groups: list[list[str]] = [[] for _ in range(len(moving) + 1)]
-    left_out = []
     on_the_way = {joint.name for joint in way}
     number = {joint.name: i + 1 for i, joint in enumerate(moving)}
+    group: dict[str, int] = defaultdict(int)
+    """Of every link; -1 where another joint moves it."""
+    for joint in tree:
+        apart = joint.type != "fixed" and joint.name not in on_the_way
+        above = group[joint.parent]
+        group[joint.child] = -1 if apart or above < 0 else number.get(joint.name, above)
+    groups: list[list[str]] = [[] for _ in range(len(moving) + 1)]
+    left_out: list[str] = []
     for link in model.robot.links:
-        joints = way_to(above, link.name)
-        if any(joint.type != "fixed" and joint.name not in on_the_way for joint in joints):
-            left_out.append(link.name)
-        else:
-            groups[max((number.get(joint.name, 0) for joint in joints), default=0)].append(
-                link.name
-            )
+        (left_out if group[link.name] < 0 else groups[group[link.name]]).append(link.name)
     return groups, left_out
 
 

@@ -1,37 +1,60 @@
 """What a URDF must satisfy before a library sees it: numbers, names, tree, limits, mesh files."""
 
 import math
+from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from testbed.bounds import DIRECTION, INERTIA, LIMIT, LINK, MASS, SCALE, SPEED
 from testbed.robots.describe.xml_gate import (
     FileOptions,
+    Row,
     angle_notes,
     called,
     check_numbers,
     check_range,
+    check_scale,
     error_at,
+    mesh_path,
     missing,
     not_local,
     outside,
 )
-from testbed.strict import choice_of
+from testbed.strict import choice_of, some
 
+PRODUCT = replace(INERTIA, least=0.0)
 NUMBERS = {
-    "origin": {"xyz": 3, "rpy": 3},
-    "axis": {"xyz": 3},
-    "limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
-    "mass": {"value": 1},
-    "inertia": {"ixx": 1, "ixy": 1, "ixz": 1, "iyy": 1, "iyz": 1, "izz": 1},
-    "box": {"size": 3},
-    "cylinder": {"radius": 1, "length": 1},
-    "sphere": {"radius": 1},
-    "mesh": {"scale": 3},
-    "color": {"rgba": 4},
-    "mimic": {"multiplier": 1, "offset": 1},
-    "dynamics": {"damping": 1, "friction": 1},
-}
-"""How many numbers each attribute holds."""
+    "origin": {"xyz": Row(3, LINK, "m"), "rpy": Row(3, LIMIT, "rad")},
+    "axis": {"xyz": Row(3, DIRECTION)},
+    "limit": {
+        "lower": Row(1, LIMIT), "upper": Row(1, LIMIT), "effort": Row(1), "velocity": Row(1, SPEED),
+    },
+    "mass": {"value": Row(1, MASS, "kg")},
+    "inertia": {
+        "ixx": Row(1, INERTIA, "kg m2"), "iyy": Row(1, INERTIA, "kg m2"),
+        "izz": Row(1, INERTIA, "kg m2"), "ixy": Row(1, PRODUCT, "kg m2"),
+        "ixz": Row(1, PRODUCT, "kg m2"), "iyz": Row(1, PRODUCT, "kg m2"),
+    },
+    "box": {"size": Row(3)},
+    "cylinder": {"radius": Row(1), "length": Row(1)},
+    "sphere": {"radius": Row(1)},
+    "mesh": {"scale": Row(3, SCALE)},
+    "color": {"rgba": Row(4)},
+    "mimic": {"multiplier": Row(1), "offset": Row(1)},
+    "dynamics": {"damping": Row(1), "friction": Row(1)},
+    "safety_controller": dict.fromkeys(
+        ("soft_lower_limit", "soft_upper_limit", "k_position", "k_velocity"), Row(1)
+    ),
+    "calibration": dict.fromkeys(("rising", "falling"), Row(1)),
+}  # fmt: skip
+"""The numbers in each attribute."""
+SHAPES: dict[str, tuple[str, ...]] = {
+    "box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",),
+    "mesh": ("filename",),
+}  # fmt: skip
+"""What a geometry may be, and what it needs."""
+MOMENTS = ("ixx", "iyy", "izz")
 MOST_LINKS = 2000
 """Far more than any arm has; what is checked per link stays quick."""
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -54,11 +77,12 @@ def check_urdf(root: Any, path: Path, options: FileOptions) -> list[str]:
         message, allowed = f"there are {count} links", f"at most {MOST_LINKS}"
         raise error_at(root, path, "R2", message, "link", allowed=allowed)
     for element in root.iter(*NUMBERS):
-        counts = NUMBERS[element.tag]
+        rows = NUMBERS[element.tag]
         if element.tag == "mesh" and len(element.get("scale", "").split()) == 1:
-            counts = {"scale": 1}  # the same along all axes
-        check_numbers(element, path, counts)
+            rows = {"scale": rows["scale"]._replace(many=1)}  # the same along all axes
+        check_numbers(element, path, rows)
     _check_tree(root, path)
+    _check_links(root, path)
     notes = _check_limits(root, path)
     return notes + _check_meshes(root, path, options)
 
@@ -73,17 +97,18 @@ def mesh_files(name: str, folder: Path) -> list[Path]:
 
 
 def _check_tree(root: Any, path: Path) -> None:
-    """R15 and R16: unique names, known links, one root, every link below it."""
+    """R15 and R16: names that differ, known links, one root, every link below it."""
+    _need(root, path, "name")
     links, joints = root.findall("link"), root.findall("joint")
-    for kind, elements in (("link", links), ("joint", joints)):
+    for elements in (links, joints):
         seen: set[str] = set()
         for element in elements:
-            name = element.get("name")
-            if not name or name in seen:
-                problem = f"{kind} {name} is there twice" if name else f"a <{kind}> has no name"
-                raise error_at(element, path, "R15", problem, "name", name)
+            _need(element, path, "name")
+            if (name := element.get("name")) in seen:
+                message = f"{called(element)} is there twice"
+                raise error_at(element, path, "R15", message, "name", name)
             seen.add(name)
-    names = [link.get("name") for link in links]
+    names = {link.get("name"): link for link in links}
     if not names:
         raise error_at(root, path, "R2", "there is no link", "link")
     parent_of: dict[str, str] = {}
@@ -93,10 +118,17 @@ def _check_tree(root: Any, path: Path) -> None:
             message = f"link {child} is the child of two joints"
             raise error_at(joint, path, "R15", message, "child", child, "a tree")
         parent_of[child] = parent
-    _check_one_root(names, parent_of, root, path)
+    _check_one_root(list(names), parent_of, root, path)
 
 
-def _joint_end(joint: Any, end: str, names: list[str], path: Path) -> str:
+def _need(element: Any, path: Path, attribute: str) -> None:
+    """R15 and R12: what an element cannot do without."""
+    if not element.get(attribute):
+        code = "R15" if attribute == "name" else "R12"
+        raise error_at(element, path, code, f"{called(element)} has no {attribute}", attribute)
+
+
+def _joint_end(joint: Any, end: str, names: Collection[str], path: Path) -> str:
     """Link a joint begins or ends at."""
     name, kind = joint.get("name"), joint.get("type")
     if kind not in JOINT_TYPES:
@@ -116,16 +148,47 @@ def _check_one_root(names: list[str], parent_of: dict[str, str], root: Any, path
     """Exactly one link without parent, and no ring of links beside it."""
     tops = [name for name in names if name not in parent_of]
     if len(tops) > 1:
-        message = f"there are {len(tops)} root links: {', '.join(tops)}"
+        message = f"there are {len(tops)} root links: {some(tops)}"
         raise error_at(root, path, "R15", message, "link", tops, "one")
+    sound = set(tops)
     for name in names:
-        trail = [name]
-        while trail[-1] in parent_of and parent_of[trail[-1]] not in trail:
-            trail.append(parent_of[trail[-1]])
-        if trail[-1] in parent_of:
-            ring = trail[trail.index(parent_of[trail[-1]]) :]
-            message = f"links {', '.join(reversed(ring))} form a ring"
+        trail: dict[str, None] = {}  # in the order of the walk
+        while name not in sound and name not in trail:
+            trail[name] = None
+            name = parent_of[name]
+        if name in trail:
+            ring = list(trail)[list(trail).index(name) :]
+            message = f"links {some(ring[::-1])} form a ring"
             raise error_at(root, path, "R15", message, "link", ring, "a tree")
+        sound |= set(trail)
+
+
+def _check_links(root: Any, path: Path) -> None:
+    """R11 and R16: bodies that can exist, drawings of something."""
+    for inertial in root.iterfind("link/inertial"):
+        mass, inertia = inertial.find("mass"), inertial.find("inertia")
+        if mass is not None and float(mass.get("value", 0)) < 0:
+            message = f'{called(mass)} has value="{mass.get("value")}"'
+            raise error_at(mass, path, "R11", message, "mass", allowed=MASS.allowed("kg"))
+        moments = {} if inertia is None else {key: float(inertia.get(key, 1)) for key in MOMENTS}
+        smallest = min(moments, key=moments.__getitem__, default="")
+        if any(moments.values()) and moments[smallest] <= 0:
+            message = f'{called(inertia)} has {smallest}="{moments[smallest]:g}"'
+            allowed = "the three moments of a body are above zero, or all left at zero"
+            raise error_at(inertia, path, "R11", message, smallest, allowed=allowed)
+    for part in (*root.iterfind("link/visual"), *root.iterfind("link/collision")):
+        geometry = part.find("geometry")
+        shape = next(iter(geometry), None) if geometry is not None else None
+        if shape is None or shape.tag not in SHAPES:
+            problem = "has no geometry" if shape is None else f"has a geometry <{shape.tag}>"
+            allowed = f"one of {', '.join(SHAPES)}"
+            raise error_at(
+                part, path, "R16", f"{called(part)} {problem}", "geometry", None, allowed
+            )
+        for attribute in SHAPES[shape.tag]:
+            _need(shape, path, attribute)
+    for mesh in root.iter("mesh"):
+        check_scale(mesh, path)
 
 
 def _check_limits(root: Any, path: Path) -> list[str]:
@@ -135,6 +198,9 @@ def _check_limits(root: Any, path: Path) -> list[str]:
         name, kind = joint.get("name"), joint.get("type")
         axis, limit = joint.find("axis"), joint.find("limit")
         direction = axis.get("xyz", "1 0 0").split() if axis is not None else ["1"]
+        if limit is not None and float(limit.get("velocity", 0)) < 0:
+            message, allowed = f"joint {name} has a negative speed", SPEED.allowed("")
+            raise error_at(limit, path, "R11", message, "velocity", allowed=allowed)
         if kind != "fixed" and math.hypot(*map(float, direction)) < 1e-9:
             raise error_at(axis, path, "R13", f"joint {name} has a zero axis", "axis")
         if kind not in ("revolute", "prismatic"):
@@ -158,10 +224,10 @@ def _check_meshes(root: Any, path: Path, options: FileOptions) -> list[str]:
             raise not_local(mesh, path, "filename", name)
         if not name:
             raise error_at(mesh, path, "R7", f"{called(mesh)} has no filename", "filename")
-        candidates = mesh_files(name, folder)
-        if not all(file.resolve().is_relative_to(folder) for file in candidates):
+        found = [mesh_path(mesh, path, file) for file in mesh_files(name, folder)]
+        if not all(file.is_relative_to(folder) for file in found):
             raise outside(mesh, path, "filename", name, folder)
-        if not any(file.is_file() for file in candidates):
+        if not any(file.is_file() for file in found):
             if not options.allow_missing_meshes:
                 raise missing(mesh, path, "filename", name, folder)
             notes.append(f"mesh {name} is missing: {called(mesh)}")

@@ -1,16 +1,26 @@
 """The gate of every XML robot description: size, syntax, depth, document types, numbers, ranges."""
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from calib.errors import InputError, refuse
+from testbed.bounds import Bound
+from testbed.gates.paths import real
 
-LARGEST = 16 * 2**20
+LARGEST = 8 * 2**20
 """Bytes; a description of a robot has kilobytes, its meshes lie in other files."""
-DEEPEST = 256
+DEEPEST, MOST_ELEMENTS, MOST_ATTRIBUTES = 256, 50_000, 100
+LONGEST = 1000
+"""Characters of an attribute that is not a row of numbers: names and files are shown to people."""
+NUMERIC = frozenset("0123456789+-.eE \t\n")
+CONTROL = re.compile(r"[\x00-\x1f\x7f]")
+CHUNK = 2**16
+SHOWN = 60
+"""Characters of an attribute in a message."""
 SOURCE = "{truebed}file"
 """Attribute with the file that an included element comes from, while it is checked."""
 COUNTS = {
@@ -33,7 +43,7 @@ class FileOptions:
 
     def folder(self, path: Path) -> Path:
         """What holds all meshes of a file."""
-        return (self.mesh_root or path.parent).resolve()
+        return real(self.mesh_root or path.parent, field="mesh_root")
 
 
 def read_xml(path: Path, *roots: str) -> Any:
@@ -66,30 +76,67 @@ def read_xml(path: Path, *roots: str) -> Any:
     return parse_xml(data, *roots, where=where)
 
 
-def parse_xml(data: bytes, *roots: str, where: str) -> Any:
-    """`read_xml` of bytes in memory; `where` names them in errors."""
+def parse_xml(data: bytes, *roots: str, where: str, most: int = MOST_ELEMENTS) -> Any:
+    """`read_xml` of bytes in memory; `where` names them in errors, `most` is its elements.
+
+    The tree is judged while it grows. Comments and processing instructions are left out.
+    """
     from lxml import etree
 
-    wanted = f"<{'> or <'.join(roots)}>"
+    wanted = " or ".join(f"<{root.rpartition('}')[2]}>" for root in roots)
     if not data.strip():
         raise refuse(
             "file", allowed=f"XML with root {wanted}", code="R2", message="is empty", where=where
         )
-    parser = etree.XMLParser(
-        resolve_entities=False, no_network=True, huge_tree=False, recover=False, load_dtd=False
-    )
+    parser = etree.XMLPullParser(
+        ("start", "end"), resolve_entities=False, no_network=True, huge_tree=False, recover=False,
+        load_dtd=False, remove_comments=True, remove_pis=True,
+    )  # fmt: skip
+    count = depth = 0
     try:
-        element = etree.fromstring(data, parser)
-    except (etree.XMLSyntaxError, ValueError) as error:
+        for start in range(0, len(data), CHUNK):
+            parser.feed(data[start : start + CHUNK])
+            for event, element in parser.read_events():
+                depth += 1 if event == "start" else -1
+                if event == "start":
+                    count += 1
+                    _check_element(element, count, depth, most, where)
+        root = parser.close()
+    except (etree.XMLSyntaxError, ValueError, LookupError) as error:
         raise _refusal(data, error, where, wanted) from error
-    document = element.getroottree().docinfo
-    if document.doctype or document.internalDTD is not None:
-        raise _doctype(where)
-    if element.tag not in roots:
-        message = f"the root element is <{element.tag}>"
-        raise refuse("root", element.tag, wanted, code="R2", message=message, where=where)
-    _check_depth(element, where)
-    return element
+    if root.tag not in roots:
+        message = f"the root element is <{root.tag}>"
+        raise refuse("root", root.tag, wanted, code="R2", message=message, where=where)
+    return root
+
+
+def _check_element(element: Any, count: int, depth: int, most: int, where: str) -> None:
+    """Refuse a tree that grows too wide or too deep, or begins with a document type."""
+    if count == 1:
+        document = element.getroottree().docinfo
+        if document.doctype or document.internalDTD is not None:
+            raise _doctype(where)
+    if depth > DEEPEST:
+        raise _too_deep(where, element.sourceline)
+    where = f"{where}:{element.sourceline}"
+    if count > most:
+        message, allowed = f"has more than {most} elements", "a robot has far fewer"
+        raise refuse("elements", allowed=allowed, code="R2", message=message, where=where)
+    if len(element.attrib) > MOST_ATTRIBUTES:  # lxml lists them in the square of their number
+        message = f"<{element.tag}> has {len(element.attrib)} attributes"
+        allowed = f"at most {MOST_ATTRIBUTES}"
+        raise refuse("attributes", allowed=allowed, code="R2", message=message, where=where)
+    for name, text in element.attrib.items():
+        if (len(text) <= LONGEST and text.isprintable()) or set(text) <= NUMERIC:
+            continue
+        message, allowed = f"{name} of <{element.tag}> has {len(text)} characters", ""
+        if len(text) > LONGEST:
+            allowed = f"at most {LONGEST}"
+        elif CONTROL.search(text):
+            message = f"{name} of <{element.tag}> holds a control character"
+        else:
+            continue
+        raise refuse(name, allowed=allowed, code="R2", message=message, where=where)
 
 
 def _refusal(data: bytes, error: Exception, where: str, wanted: str) -> InputError:
@@ -120,14 +167,9 @@ def _too_deep(where: str, line: int) -> InputError:
     return refuse("depth", allowed=allowed, code="R17", message=message, where=f"{where}:{line}")
 
 
-def _check_depth(element: Any, where: str) -> None:
-    """Depth of the tree, without recursion."""
-    level = [element]
-    for _ in range(DEEPEST):
-        level = [child for parent in level for child in parent]
-        if not level:
-            return
-    raise _too_deep(where, level[0].sourceline)
+def place_of(element: Any, path: Path) -> str:
+    """File and line of an element."""
+    return f"{element.get(SOURCE) or path}:{element.sourceline}"
 
 
 def error_at(
@@ -141,7 +183,7 @@ def error_at(
     fix: str = "",
 ) -> InputError:
     """An error with the file and the line of the element it is about."""
-    where = f"{element.get(SOURCE) or path}:{element.sourceline}"
+    where = place_of(element, path)
     return refuse(field, value, allowed, code=code, message=message, fix=fix, where=where)
 
 
@@ -154,22 +196,44 @@ def called(element: Any) -> str:
     return f"<{element.tag}>{inside}"
 
 
-def check_numbers(element: Any, path: Path, counts: Mapping[str, int]) -> None:
-    """R11 and R12: the right count of finite numbers in each of these attributes."""
-    for attribute, count in counts.items():
+class Row(NamedTuple):
+    """The numbers of one attribute."""
+
+    many: int
+    bound: Bound | None = None
+    """Of each number; none where nothing is computed with them."""
+    unit: str = ""
+    """As the file has it; empty where it depends."""
+
+
+def check_numbers(element: Any, path: Path, rows: Mapping[str, Row]) -> None:
+    """R11 and R12: the right count of sensible numbers in each of these attributes."""
+    for attribute, (many, bound, unit) in rows.items():
         text = element.get(attribute)
         if text is None:
             continue
         try:
-            values = [float(word) for word in text.split()]
+            values = [float(word) for word in text.split(None, many + 1)[: many + 1]]
         except ValueError:
             values = []
-        shown = f'{called(element)} has {attribute}="{text}"'
-        if len(values) != count:
-            raise error_at(element, path, "R12", shown, attribute, text, COUNTS[count])
+        cut = f"{text[:SHOWN]}{'...' * (len(text) > SHOWN)}"
+        shown = f'{called(element)} has {attribute}="{cut}"'
+        if len(values) != many:
+            raise error_at(element, path, "R12", shown, attribute, text, COUNTS[many])
         if not all(math.isfinite(value) for value in values):
             allowed = "every value must be finite"
             raise error_at(element, path, "R11", shown, attribute, text, allowed)
+        if bound and not all(bound.least <= abs(v) <= bound.most for v in values if v):
+            allowed = bound.allowed(unit)
+            raise error_at(element, path, "R11", shown, attribute, text, allowed)
+
+
+def check_scale(mesh: Any, path: Path) -> None:
+    """R11: no mesh is flattened."""
+    text = mesh.get("scale", "1")
+    if not all(map(float, text.split())):
+        message = f'{called(mesh)} has scale="{text}"'
+        raise error_at(mesh, path, "R11", message, "scale", text, "no factor may be zero")
 
 
 def check_range(element: Any, path: Path, field: str, joint: str, span: tuple[float, float]) -> str:
@@ -190,6 +254,11 @@ def angle_notes(largest: list[float]) -> list[str]:
     if largest and max(largest) < 0.12:
         return [f"all joint limits are below {max(largest):.3g} rad: were radians converted twice?"]
     return []
+
+
+def mesh_path(mesh: Any, path: Path, file: Path) -> Path:
+    """Where a mesh would lie, links followed; R7 if nothing can lie there."""
+    return real(file, field="mesh", where=place_of(mesh, path))
 
 
 def not_local(mesh: Any, path: Path, field: str, name: str) -> InputError:

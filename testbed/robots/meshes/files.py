@@ -1,6 +1,7 @@
 """Mesh files in: checked before and after trimesh reads them, shaded for a viewer where need be."""
 
 import io
+import math
 import struct
 from pathlib import Path
 from typing import NamedTuple
@@ -9,12 +10,23 @@ import numpy as np
 
 from calib.arrays import Array, Index, frozen
 from calib.errors import refuse
+from testbed.bounds import SCALE
+from testbed.gates.paths import real
 from testbed.robots.describe.xml_gate import parse_xml
+from testbed.robots.foreign import foreign
 from testbed.robots.meshes.solids import corner_normals
 from testbed.robots.robot import IN_PLACE, Visual
 
 COLLADA = "{http://www.collada.org/2005/11/COLLADASchema}COLLADA"
 """Root of a DAE file."""
+
+
+FORMATS = ("stl", "obj", "ply", "dae")
+"""What is read, by the ending; archives and what else trimesh would open are not."""
+LARGEST, ALL = 20_000_000, 100_000_000
+"""Bytes of a mesh file, and of all of a model: such a text takes 2 s."""
+FARTHEST = 1e12
+"""Largest coordinate in a mesh file, whatever its unit."""
 
 
 class Mesh(NamedTuple):
@@ -29,12 +41,13 @@ class Mesh(NamedTuple):
 
 
 def load_mesh(path: str | Path) -> Mesh:
-    """Read a mesh file for a viewer (OBJ, STL, PLY, ...); normals are the file's, if it has any.
+    """Read a mesh file for a viewer (STL, OBJ, PLY, DAE); normals are the file's, if it has any.
 
     Raises
     ------
     InputError
-        If the file is missing, cannot be read, is empty, or holds values that are not finite.
+        R7, R9, R10: the file is missing, too large or of another format, cannot be read, is empty,
+        or holds values that are not finite.
     """
     vertices, faces, normals = read_mesh(Path(path))
     if normals is None:
@@ -57,6 +70,47 @@ def part_mesh(visual: Visual) -> Mesh:
     )
 
 
+def check_files(*paths: Path) -> None:
+    """Look at the mesh files of a model before one is opened.
+
+    Raises
+    ------
+    InputError
+        R7 no such file; R9 another format, or too large, this one or all together.
+    """
+    total = 0
+    for path in paths:
+        where = str(path)
+        if not real(path, field="mesh").is_file():
+            raise refuse("file", code="R7", message="no such mesh file", where=where)
+        if (kind := path.suffix.lower()[1:]) not in FORMATS:
+            message, allowed = f"is no mesh that can be read ({kind})", " or ".join(FORMATS)
+            fix = "save it in one of these formats"
+            raise refuse("file", kind, allowed, code="R9", message=message, fix=fix, where=where)
+        size = path.stat().st_size
+        total += size
+        for what, many, most in (("is", size, LARGEST), ("makes the meshes", total, ALL)):
+            if many > most:
+                message, allowed = f"{what} {many / 1e6:.1f} MB", f"at most {most / 1e6:g} MB"
+                fix = "save it with fewer facets"
+                raise refuse(
+                    "file", many, allowed, code="R9", message=message, fix=fix, where=where
+                )
+
+
+def mesh_bytes(path: Path) -> bytes:
+    """The bytes of a mesh file that has been looked at; R9, R10: a binary STL is what it claims."""
+    check_files(path)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        message = f"cannot be read ({error.strerror})"
+        raise refuse("file", code="R7", message=message, where=str(path)) from error
+    if path.suffix.lower() == ".stl":
+        _check_stl(path, data)
+    return data
+
+
 def read_mesh(path: Path) -> tuple[Array, Index, Array | None]:
     """Vertices (v, 3) and faces (f, 3) of a mesh file as they are, and its normals (v, 3), if any.
 
@@ -67,29 +121,35 @@ def read_mesh(path: Path) -> tuple[Array, Index, Array | None]:
     """
     import trimesh
 
-    if not path.is_file():
-        raise refuse("file", code="R7", message="no such mesh file", where=str(path))
-    data, kind = path.read_bytes(), path.suffix.lower().lstrip(".")
-    if kind == "stl":
-        _check_stl(path, data)
-    unit = _collada_unit(data, path) if kind == "dae" else 1.0
-    try:
+    data, kind, where = mesh_bytes(path), path.suffix.lower()[1:], str(path)
+    unit = 1.0
+    if kind == "dae":
+        data, unit = _collada(data, where)
+    with foreign("trimesh", where=where, code="R9"):
         loaded = trimesh.load(io.BytesIO(data), file_type=kind, force="mesh", process=False)
         vertices = np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3) * unit
         faces = np.asarray(loaded.faces, dtype=np.int64).reshape(-1, 3)
         own = b"\nvn " in data and kind == "obj"
         normals = np.asarray(loaded.vertex_normals, dtype=np.float64) if own else None
-    except Exception as error:  # many readers, many error classes: one of ours leaves
-        message = f"cannot be read as a mesh ({error})"
-        allowed = "OBJ, STL, PLY and what else trimesh reads"
-        where = str(path)
-        raise refuse("file", allowed=allowed, code="R9", message=message, where=where) from error
-    if not len(faces) or not np.isfinite(vertices).all():
-        problem = "has vertices that are not finite" if len(faces) else "has no faces"
-        raise refuse("file", code="R10", message=f"mesh {problem}", where=str(path))
+    _check_mesh(vertices, faces, where)
     if normals is not None and normals.shape != vertices.shape:
         normals = None
     return vertices, faces, normals
+
+
+def _check_mesh(vertices: Array, faces: Index, where: str) -> None:
+    """R10: some faces, between vertices that are there, each somewhere."""
+    problem, allowed = "", ""
+    if not len(faces):
+        problem = "has no faces"
+    elif not np.isfinite(vertices).all():
+        problem = "has vertices that are not finite"
+    elif not (faces.min() >= 0 and faces.max() < len(vertices)):
+        problem, allowed = "has faces between vertices that are not there", f"{len(vertices)} are"
+    elif np.abs(vertices).max() > FARTHEST:
+        problem, allowed = f"has a coordinate {np.abs(vertices).max():g}", f"at most {FARTHEST:g}"
+    if problem:
+        raise refuse("file", None, allowed, code="R10", message=f"mesh {problem}", where=where)
 
 
 def _shaded(vertices: Array, faces: Index) -> tuple[Array, Index, Array]:
@@ -103,13 +163,22 @@ def _shaded(vertices: Array, faces: Index) -> tuple[Array, Index, Array]:
     return unique[:, :3], split.reshape(-1, 3).astype(np.int64), unique[:, 3:]
 
 
-def _collada_unit(data: bytes, path: Path) -> float:
-    """Metres per unit of a DAE file, which trimesh leaves to others."""
-    unit = parse_xml(data, COLLADA, where=str(path)).find("{*}asset/{*}unit")
+def _collada(data: bytes, where: str) -> tuple[bytes, float]:
+    """A DAE file as plain data, and its metres per unit, which trimesh leaves to others."""
+    from lxml import etree
+
+    root = parse_xml(data, COLLADA, where=where)
+    unit = root.find("{*}asset/{*}unit")
+    text = unit.get("meter", "1") if unit is not None else "1"
     try:
-        return float(unit.get("meter", "1")) if unit is not None else 1.0
+        size = float(text)
     except ValueError:
-        return float("nan")  # refused below
+        size = math.nan
+    if not SCALE.least <= size <= SCALE.most:
+        message, allowed = f"<unit> has meter={text}", SCALE.allowed("")
+        place = f"{where}:{unit.sourceline}"
+        raise refuse("meter", text, allowed, code="R11", message=message, where=place)
+    return etree.tostring(root), size
 
 
 def _check_stl(path: Path, data: bytes) -> None:

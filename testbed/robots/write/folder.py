@@ -279,7 +279,7 @@ def _proven(robot: Robot, folder: Path, names: list[str]) -> dict[str, tuple[flo
             _with_targets(read, read.model.poses(q)), _with_targets(robot, robot.model.poses(q))
         ),
         f"{urdf.name} (yourdfpy)": (
-            np.concatenate([urdf_poses(way_to(above, tip), tip, q) for tip in ("tool0", *targets)]),
+            np.concatenate([urdf_poses(way_to(above, tip), q) for tip in ("tool0", *targets)]),
             geometry,
         ),
     }  # fmt: skip

@@ -2,15 +2,18 @@
 
 import logging
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from calib.arrays import Array
+from calib.errors import InputError, refuse
 from calib.geometry.chain import Chain
 from calib.geometry.frames import slide, transform
-from testbed.robots.meshes.files import part_mesh
+from testbed.robots.foreign import foreign
+from testbed.robots.meshes.files import part_mesh, read_mesh
 from testbed.robots.placements import placements, quaternion_wxyz
 from testbed.robots.robot import IN_PLACE, Robot, Visual, body_name, reflector_frames
 
@@ -74,11 +77,35 @@ def build_spec(chain: Chain, robot: Robot | None = None, *, meshes: bool = True)
     return spec
 
 
-def compile_spec(spec: Any) -> Any:
-    """Compile to a `mujoco.MjModel` whose sites may be edited in place."""
-    model = spec.compile()
+def compile_spec(spec: Any, robot: Robot | None = None) -> Any:
+    """Compile to a `mujoco.MjModel` whose sites may be edited in place.
+
+    Raises
+    ------
+    InputError
+        R9, R10: MuJoCo cannot use a mesh of the robot; names the file.
+    """
+    if robot is None:
+        model = spec.compile()
+    else:
+        with foreign("MuJoCo", where=str(robot.folder), told=partial(_refusal, robot)):
+            model = spec.compile()
     free_sites(model)
     return model
+
+
+def _refusal(robot: Robot, error: Exception) -> InputError:
+    """What MuJoCo says of a robot, with the file of the part that it names."""
+    said = " ".join(str(error).split())
+    for visual in robot.visuals:
+        if f"'{visual.name}'" in said:
+            read_mesh(visual.file)  # which tells more
+            where = str(visual.file)
+            message = f"MuJoCo cannot use it as part {visual.name}: {said[:200]}"
+            return refuse("file", code="R10", message=message, where=where)
+    return refuse(
+        "file", code="R10", message=f"MuJoCo refuses it: {said[:200]}", where=str(robot.folder)
+    )
 
 
 def set_geometry(model: Any, chain: Chain) -> None:
@@ -97,7 +124,7 @@ def always_touching(robot: Robot, q: Array) -> tuple[tuple[str, str], ...]:
     """Pairs of bodies whose hulls touch at every one of the joint values q (m, n) [rad, m]."""
     import mujoco
 
-    model = compile_spec(build_spec(robot.model.chain, robot))
+    model = compile_spec(build_spec(robot.model.chain, robot), robot)
     data = mujoco.MjData(model)
     common: set[tuple[int, int]] | None = None
     for row in q:
@@ -121,7 +148,7 @@ def mjcf_text(robot: Robot, *, comment: str = "") -> str:
     last, tool = spec.body(body_name(chain.n_joints)), placements(chain).tool
     for reflector, name in zip(robot.reflectors, reflector_frames(robot), strict=True):
         last.add_site(name=name, **_pose(tool @ slide(*reflector.place)))
-    spec.compile()
+    compile_spec(spec, robot)
     head = f"<!-- {comment.replace('--', '-')} -->\n" if comment else ""
     return head + str(spec.to_xml())
 

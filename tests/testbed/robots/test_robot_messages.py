@@ -1,7 +1,7 @@
 """What may not enter as a robot, and what is told: one case for each row, word for word.
 
 Rows R1 to R19 of the list of bad inputs, URDF and MJCF; the words are in golden/robot_messages.txt.
-Rewrite it with ``TRUEBED_UPDATE=1 pytest tests/testbed/test_robot_messages.py`` and read the
+Rewrite it with ``TRUEBED_UPDATE=1 pytest tests/testbed/robots/test_robot_messages.py`` and read the
 difference.
 """
 
@@ -86,7 +86,31 @@ def mesh_of(**files):
     return in_urdf(text=with_mesh("part.stl"), files={"part.stl": next(iter(files.values()))})
 
 
+def with_mesh_of(scale):
+    return in_urdf(
+        '"part.stl"', f'"part.stl" scale="{scale}"', text=with_mesh("part.stl"), files=PART
+    )
+
+
+def with_stl(data):
+    return in_mjcf(files={"assets/block.stl": data})
+
+
+def in_a_ring(text, name="arm.urdf"):
+    """Read a robot beside two links that name each other."""
+
+    def case(folder):
+        (folder / "ring.stl").symlink_to("other.stl")
+        (folder / "other.stl").symlink_to("ring.stl")
+        read(folder, name, text, None, {})
+
+    return case
+
+
+PART, LETTERS = {"part.stl": block()}, "n" * 300
+BENT = "<COLLADA xmlns='http://www.collada.org/2005/11/COLLADASchema'>"
 LOOP = '<connect body1="fore" body2="sled" anchor="0 0 0"/>'
+BOMB = b"PK\x03\x04" + bytes(60)
 NAN = block().replace(b"\x00\x00\x80\x3f", b"\x00\x00\xc0\x7f", 1)
 CASES = {
     "R1 URDF cut off": raw("arm.urdf", UR_LIKE[:700]),
@@ -98,6 +122,14 @@ CASES = {
     "R2 two thousand links": raw(
         "arm.urdf", "<robot>" + "".join(f'<link name="l{i}"/>' for i in range(2001)) + "</robot>"
     ),
+    "R2 MJCF of more elements than any arm": raw(
+        "arm.xml", "<mujoco><worldbody>" + "<geom/>" * 10_000 + "</worldbody></mujoco>"
+    ),
+    "R2 MJCF of more bodies than any arm": raw(
+        "arm.xml", "<mujoco><worldbody>" + "<body/>" * 2001 + "</worldbody></mujoco>"
+    ),
+    "R2 name of a thousand letters": in_urdf('name="one"', f'name="{LETTERS * 4}"'),
+    "R2 name with a line feed": in_urdf('name="one"', 'name="o&#10;ne"'),
     "R2 xacro": raw(
         "arm.xacro",
         "<robot xmlns:xacro='http://ros.org/wiki/xacro'><xacro:macro name='a'/></robot>",
@@ -116,6 +148,18 @@ CASES = {
     "R7 mesh on the net": in_urdf(text=with_mesh("http://x/y.stl"), allow_missing_meshes=True),
     "R7 MJCF mesh missing": in_mjcf("block.stl", "none.stl"),
     "R7 MJCF mesh on the net": in_mjcf("block.stl", "http://x/y.stl"),
+    "R7 mesh with a name of 300 letters": in_urdf(text=with_mesh(f"{LETTERS}.stl")),
+    "R7 mesh in a ring of links": in_a_ring(with_mesh("ring.stl")),
+    "R7 MJCF mesh with a name of 300 letters": in_mjcf("block.stl", f"{LETTERS}.stl"),
+    "R7 MJCF mesh in a ring of links": in_a_ring(
+        MJCF.replace('meshdir="assets"', "").replace("block.stl", "ring.stl"), "arm.xml"
+    ),
+    "R8 include with a name of 300 letters": in_mjcf(
+        "<actuator>", f'<include file="{LETTERS}.xml"/><actuator>'
+    ),
+    "R8 include in a ring of links": in_a_ring(
+        MJCF.replace("<actuator>", '<include file="ring.stl"/><actuator>'), "arm.xml"
+    ),
     "R8 include missing": in_mjcf("<actuator>", '<include file="none.xml"/><actuator>'),
     "R8 include outside": in_mjcf("<actuator>", f'<include file="{Path(__file__)}"/><actuator>'),
     "R8 include of itself": in_mjcf("<actuator>", '<include file="arm.xml"/><actuator>'),
@@ -132,11 +176,56 @@ CASES = {
         "<site ", '<replicate count="1000000000"><geom size="1"/></replicate><site '
     ),
     "R9 STL of four thousand million faces": mesh_of(a=stl([], [], claimed=4 * 10**9)),
+    "R9 STL that is cut off": mesh_of(a=block()[:-1]),
+    "R9 MJCF STL of four thousand million faces": with_stl(stl([], [], claimed=4 * 10**9)),
+    "R9 MJCF STL that is cut off": with_stl(block()[:-1]),
+    "R9 MJCF STL that is empty": with_stl(b""),
+    **{
+        f"R9 mesh in an archive, {kind}": in_urdf(
+            text=with_mesh(f"part.{kind}"), files={f"part.{kind}": BOMB}
+        )
+        for kind in ("zip", "3mf", "zae", "xaml", "glb")
+    },
+    "R9 MJCF mesh in an archive": in_mjcf(
+        "block.stl", "block.3mf", files={"assets/block.3mf": BOMB}
+    ),
+    "R10 something else in an OBJ": in_urdf(
+        text=with_mesh("part.obj"), files={"part.obj": "solid\x00\x01" * 9}
+    ),
+    "R3 document type in a DAE": in_urdf(
+        text=with_mesh("part.dae"), files={"part.dae": f"<!DOCTYPE a [{LEVELS}]>{BENT}&l19;"}
+    ),
+    "R2 archive called DAE": in_urdf(text=with_mesh("part.dae"), files={"part.dae": BOMB}),
+    "R11 DAE in units of nothing": in_urdf(
+        text=with_mesh("part.dae"),
+        files={"part.dae": f"{BENT}<asset><unit meter='0'/></asset></COLLADA>"},
+    ),
     "R10 STL with a corner nowhere": mesh_of(a=NAN),
+    "R10 MJCF STL with a corner nowhere": with_stl(NAN),
+    "R10 OBJ without faces": in_urdf(text=with_mesh("part.obj"), files={"part.obj": "v 0 0 0"}),
     "R11 nan": in_urdf('xyz="0 0 0.1"', 'xyz="nan 0 0"'),
     "R11 too large": in_urdf('lower="-1"', 'lower="-1e400"'),
     "R11 MJCF nan": in_mjcf('pos="0 0.02 0.5"', 'pos="nan 0 0"'),
     "R11 MJCF too large": in_mjcf('range="0 0.3"', 'range="0 1e400"'),
+    "R11 a coordinate beyond all sense": in_urdf('xyz="0 0 0.1"', 'xyz="1e300 0 0"'),
+    "R11 an axis beyond all sense": in_urdf('axis xyz="0 0 1"', 'axis xyz="0 0 1e300"'),
+    "R11 MJCF axis beyond all sense": in_mjcf('axis="0.6 0 0.8"', 'axis="0 0 1e300"'),
+    "R11 MJCF coordinate beyond all sense": in_mjcf('pos="0 0.02 0.5"', 'pos="1e300 0 0"'),
+    "R11 MJCF shape beyond all sense": in_mjcf('size="2 2 .1"', 'size="1e300 2 .1"'),
+    "R11 limit beyond all sense": in_urdf('lower="-1"', 'lower="-1e5"'),
+    "R11 negative speed": in_urdf('velocity="2.5"', 'velocity="-2.5"'),
+    "R11 mesh scaled to nothing": with_mesh_of("0"),
+    "R11 mesh flattened": with_mesh_of("1 1 0"),
+    "R11 mesh scaled to nearly nothing": with_mesh_of("1e-300 1 1"),
+    "R11 MJCF mesh flattened": in_mjcf("0.001 0.001 0.001", "0.001 0.001 0"),
+    "R11 tiny mass": in_urdf('mass value="2.0"', 'mass value="1e-20"'),
+    "R11 negative mass": in_urdf('mass value="2.0"', 'mass value="-1"'),
+    "R11 huge mass": in_urdf('mass value="2.0"', 'mass value="1e308"'),
+    "R11 one moment zero": in_urdf('izz="0.01"', 'izz="0"'),
+    "R11 one moment negative": in_urdf('ixx="0.02"', 'ixx="-0.02"'),
+    "R11 one moment tiny": in_urdf('izz="0.01"', 'izz="1e-20"'),
+    "R11 MJCF tiny mass": in_mjcf('mass="2"', 'mass="1e-20"'),
+    "R11 MJCF arm heavier than any": in_mjcf('angle="degree"', 'angle="degree" settotalmass="1e8"'),
     "R12 commas": in_urdf('xyz="0 0 0.1"', 'xyz="0,0,0.1"'),
     "R12 two numbers": in_urdf('xyz="0 0 0.1"', 'xyz="0 0.1"'),
     "R12 MJCF words": in_mjcf('pos="0 0.02 0.5"', 'pos="up 0 0"'),
@@ -149,6 +238,24 @@ CASES = {
     "R15 two roots": in_urdf("</robot>", '<link name="lost"/></robot>'),
     "R15 a link twice": in_urdf("</robot>", '<link name="base_link"/></robot>'),
     "R15 MJCF body twice": in_mjcf('name="sled"', 'name="fore"'),
+    "R15 robot without a name": in_urdf(' name="one"'),
+    "R15 link without a name": in_urdf(' name="base_link"'),
+    "R12 box without a size": in_urdf(
+        "</inertial>", "</inertial><visual><geometry><box/></geometry></visual>"
+    ),
+    "R16 visual without a geometry": in_urdf("</inertial>", "</inertial><visual/>"),
+    "R16 geometry without a shape": in_urdf(
+        "</inertial>", "</inertial><visual><geometry/></visual>"
+    ),
+    "R16 geometry of an unknown shape": in_urdf(
+        "</inertial>", "</inertial><collision><geometry><cone/></geometry></collision>"
+    ),
+    "R16 sixty-five joints": raw(
+        "arm.urdf",
+        urdf("row", [(f"j{i}", "revolute", "0 0 1", "0 0 0", "0 1 0", (-1, 1)) for i in range(65)]),
+    ),
+    "R16 MJCF body without a mass": in_mjcf('mass="2"', 'mass="0"'),
+    "R16 MJCF one moment zero": in_mjcf("0.02 0.02 0.01", "0.02 0.02 0"),
     "R16 unknown link": in_urdf('<parent link="base_link"/>', '<parent link="base_lnk"/>'),
     "R16 several ends": in_urdf(
         "</robot>",

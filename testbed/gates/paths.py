@@ -1,0 +1,44 @@
+"""Paths that people and their files name: what no file system can hold is refused in our words."""
+
+import errno
+from contextlib import suppress
+from pathlib import Path
+
+from calib.errors import refuse
+
+SHOWN = 60
+"""Characters, the last ones, of a path in a message about the path itself."""
+REASONS = {errno.ELOOP: "is a ring of links", errno.ENAMETOOLONG: "is too long for a path"}
+
+
+def real(path: str | Path, *, field: str, code: str = "R7", where: str = "") -> Path:
+    """The absolute path with its links followed, whether or not something is there.
+
+    What comes back may be asked for its kind, size and folder without an error.
+
+    Parameters
+    ----------
+    path : str or Path
+        As somebody wrote it.
+    field : str
+        What it stands for, for the message.
+    code, where : str
+        Of the error.
+
+    Raises
+    ------
+    InputError
+        No file can lie there: a NUL, a name of 300 characters, a ring of links, a closed folder.
+    """
+    try:
+        found = Path(path).resolve()
+        with suppress(FileNotFoundError, NotADirectoryError):
+            found.stat()
+    except (OSError, ValueError, RuntimeError) as error:
+        number = errno.ELOOP if isinstance(error, RuntimeError) else getattr(error, "errno", None)
+        reason = REASONS.get(number or 0) or getattr(error, "strerror", None)
+        text = str(path)
+        name = text if len(text) <= SHOWN else f"...{text[-SHOWN:]}"
+        message = f"{field} {name} {reason or 'holds a character that no path has'}"
+        raise refuse(field, text, code=code, message=message, where=where) from error
+    return found

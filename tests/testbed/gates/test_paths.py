@@ -1,0 +1,57 @@
+"""Paths that no file system can hold are refused in our words, wherever they are named."""
+
+import pytest
+
+from calib.errors import InputError
+from testbed.gates.paths import real
+from testbed.robots.catalog import load_robot
+from testbed.robots.meshes.files import load_mesh
+from testbed.studies import parse_scenario
+
+LETTERS = "n" * 300
+
+
+def test_a_path_is_followed_whether_or_not_something_is_there(tmp_path):
+    (tmp_path / "link").symlink_to(tmp_path)
+    assert real(tmp_path / "link" / "none.stl", field="mesh") == tmp_path.resolve() / "none.stl"
+    (tmp_path / "file").write_text("")
+    below = tmp_path / "file" / "below"
+    assert real(below, field="mesh") == below.resolve()
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        (LETTERS, "too long for a path"),
+        ("n/" * 3000, "too long for a path"),
+        ("a\0b", "a character that no path has"),
+        ("\udc00", "a character that no path has"),
+        ("ring", "a ring of links"),
+    ],
+)
+def test_what_no_path_can_be_is_one_sentence_everywhere(name, says, tmp_path):
+    """As a robot, as the root of meshes, as a mesh, and as the robot of a scenario."""
+    (tmp_path / "ring").symlink_to("gnir")
+    (tmp_path / "gnir").symlink_to("ring")
+    path = tmp_path / name
+    text = f'format = 1\nname = "a"\nrobot = "./{name}"\n'
+    (tmp_path / "arm.urdf").write_text("<robot name='a'><link name='b'/></robot>")
+    cases = [
+        lambda: load_robot(path),
+        lambda: load_robot(str(path)),
+        lambda: load_mesh(path),
+        lambda: load_robot(tmp_path / "arm.urdf", mesh_root=path),
+    ]
+    if name.isprintable():
+        cases.append(lambda: parse_scenario(text, where="mine.toml", folder=tmp_path))
+    for case in cases:
+        with pytest.raises(InputError, match=says) as caught:
+            case()
+        assert len(str(caught.value)) < 400
+
+
+def test_a_nul_in_the_robot_of_a_scenario_is_told_with_the_scenario(tmp_path):
+    text = 'format = 1\nname = "a"\nrobot = "a/\\u0000"\n'
+    with pytest.raises(InputError, match="a character that no path has") as caught:
+        parse_scenario(text, where="mine.toml", folder=tmp_path)
+    assert caught.value.where == "mine.toml"
