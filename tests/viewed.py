@@ -2,8 +2,12 @@
 
 import subprocess
 from dataclasses import dataclass
+from unittest.mock import patch
 
 from testbed.cli import viewer
+
+SMALL_WINDOW = (800, 500)
+"""Every view is painted in it, each with a quarter of the pixels of a picture."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +32,10 @@ def compare(one, other):
 def view_reports(rrd, steps=(0,)):
     """Errors and warnings of any view at any of these steps; empty for a sound recording."""
     found = {}
-    with viewer.headless(viewer.existing(rrd)) as client:
+    with (
+        patch.object(viewer, "SIZE", SMALL_WINDOW),
+        viewer.headless(viewer.existing(rrd)) as client,
+    ):
         for step in steps:
             client.set_time("step", sequence=step, play_state="paused")
             viewer.paint(client)  # reports come with painting

@@ -76,12 +76,12 @@ def svg_of(figure: "Figure") -> str:
     from matplotlib import rc_context
 
     buffer = io.StringIO()
-    with rc_context(STYLE):
+    with rc_context(STYLE | {"figure.constrained_layout.use": False}):
         engine = figure.get_layout_engine()
         if engine is not None:
-            # savefig would draw everything once more just to lay it out
+            # savefig would draw everything once more just to lay it out, for any engine but None
             engine.execute(figure)
-            figure.set_layout_engine("none")
+            figure.set_layout_engine(None)
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     return tidy(buffer.getvalue())
 

@@ -23,6 +23,8 @@ SMALLER = {"studies.population": 8, "uncertainty.replications": 4}
 """What is played less often where the whole scene takes too long to play in a test."""
 LONG = ("pose_sets", "pose_sets_rigid")
 FEWER: dict[str, dict[str, Any]] = {
+    "wen2022": {"uncertainty.replications": 8},
+    "stations": {"uncertainty.replications": 8},
     "coverage": {"coverage.robots": 8, "uncertainty.replications": 4},
     "compensate": {"compensation.robots": 6, "uncertainty.replications": 4},
     "wen2022_reexamined": {
@@ -32,7 +34,7 @@ FEWER: dict[str, dict[str, Any]] = {
         "uncertainty.replications": 0,
     },
 }
-"""The same for scenes with numbers of their own."""
+"""The same for single scenes."""
 
 
 def golden_file(scene: str) -> Path:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -95,7 +96,8 @@ FITS = {
 }
 
 
-def best_set(m: int, names: Sequence[str] = READABLE30) -> Index:
+@cache
+def best_set(m: int, names: tuple[str, ...] = READABLE30) -> Index:
     """Places (m,) in the pool of a D-optimal set for a geometric model."""
     parameters = parameters_of(NOMINAL).freeing(names)
     covariance = covariances_of_sd((SIGMA_POSITION, SIGMA_ROTATION), 6, len(POOL))

@@ -17,8 +17,9 @@ from calib.errors import MachineError
 from testbed import disk as atomic
 from testbed.disk import atomic_write
 from testbed.run.play import play_run
-from testbed.scenario.read import dump_scenario
+from testbed.scenario.read import changed, dump_scenario
 from testbed.store import layout
+from testbed.studies import load_scenario
 from tests.testbed.studies.trial.fake_campaign import Fake, content, scenario
 
 ROOT = Path(__file__).parents[3]
@@ -197,7 +198,7 @@ def test_f6_a_run_killed_while_recording_has_no_recording_and_loses_nothing(tmp_
     assert not list(out.glob(f".*{layout.TEMPORARY}"))
 
 
-def bare(words, out):
+def bare(words, out, *variables):
     """Run the command with an empty environment in a folder where nothing can be written."""
     # the kernel of the linear algebra decides last bits: where it is chosen, it stays chosen
     kernel = [f"{name}={os.environ[name]}" for name in os.environ if name.startswith("OPENBLAS")]
@@ -207,6 +208,7 @@ def bare(words, out):
             "env",
             "-i",
             *kernel,
+            *variables,
             f"PYTHONPATH={ROOT}",
             sys.executable,
             "-m",
@@ -238,15 +240,21 @@ def test_f7_no_home_no_display_no_writable_folder_and_a_clock_set_back(tmp_path,
 @pytest.mark.slow
 def test_f7_a_real_run_needs_no_home_and_writes_nothing_outside_its_folder(tmp_path):
     before = {p for top in ("models", "scenes") for p in (ROOT / top).rglob("*")}
-    done = bare(["testbed", "run", "quick"], tmp_path / "run")
+    changes = {
+        "pool.size": 60,
+        "test.poses": 10,
+        "uncertainty.replications": 2,
+        "studies.random_sets": 2,
+        "trial": [{"name": "one", "poses": 12, "method": "detmax"}],
+    }
+    scene = tmp_path / "few.toml"
+    few = changed(load_scenario("quick"), changes)
+    scene.write_text(dump_scenario(few), encoding="utf-8")
+    done = bare(["testbed", "run", str(scene)], tmp_path / "run", "OMP_NUM_THREADS=2")
     assert (done.returncode, done.stderr.splitlines()[-1][:7]) == (0, "done in")
     assert {p for top in ("models", "scenes") for p in (ROOT / top).rglob("*")} == before
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["run"]
-    again = subprocess.run(
-        [sys.executable, "-m", "testbed", "run", "quick", "--out", str(tmp_path / "again")],
-        cwd=ROOT, env={**os.environ, "OMP_NUM_THREADS": "2"}, capture_output=True, check=False,
-    )  # fmt: skip
-    assert again.returncode == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["few.toml", "run"]
+    play_run(few, tmp_path / "again")
     one, other = content(tmp_path / "run"), content(tmp_path / "again")
     different = {name for name in one if one[name] != other[name]}
     assert different <= {layout.RECORDING}  # its rows have random identifiers
