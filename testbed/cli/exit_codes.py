@@ -58,12 +58,12 @@ def exit_codes(
         leave(end.code)
     except CalibError as error:
         if debug:
-            traceback.print_exc()
+            warn(traceback.format_exc().rstrip())
         _report(end, str(error), error.code)
         leave(_code(error))
     except Exception as error:
         if debug:
-            traceback.print_exc()
+            warn(traceback.format_exc().rstrip())
         scarce = ran_out(error)
         if scarce is not None:
             _report(end, str(scarce), scarce.code)

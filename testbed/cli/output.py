@@ -1,4 +1,7 @@
-"""What a verb prints: every stream takes it, whatever its encoding, and whether anyone listens."""
+"""What a verb prints: every stream takes it, whatever its encoding, and whether anyone listens.
+
+What steers a terminal is written out: words of files are only shown.
+"""
 
 import errno
 import io
@@ -9,7 +12,7 @@ import sys
 from contextlib import suppress
 from typing import Any
 
-from calib.errors import MachineError
+from calib.errors import STEERING, MachineError, visible
 
 STREAMS = (("stdin", "r"), ("stdout", "w"), ("stderr", "w"))
 
@@ -31,7 +34,7 @@ def open_streams() -> None:
 def say(text: str = "") -> None:
     """Print a line on stdout; a reader or terminal that went away (``| head``) is no error."""
     try:
-        print(text, flush=True)  # noqa: T201  # the one place that prints
+        print(visible(text), flush=True)  # noqa: T201  # the one place that prints
     except OSError as error:
         gone = isinstance(error, BrokenPipeError) or (error.errno == errno.EIO and _is_device())
         drop_stdout()
@@ -43,18 +46,18 @@ def say(text: str = "") -> None:
 
 def say_json(text: str) -> None:
     """Print a JSON document, with escapes for what the encoding of stdout may not have."""
-    if (getattr(sys.stdout, "encoding", None) or "").lower() != "utf-8":
-        import json
+    import json
 
-        # other characters stand inside strings only
-        text = re.sub(r"[^\x00-\x7f]", lambda found: json.dumps(found[0])[1:-1], text)
-    say(text)
+    whole = (getattr(sys.stdout, "encoding", None) or "").lower() == "utf-8"
+    # these characters stand inside strings only
+    escaped = STEERING.pattern if whole else r"[^\n\x20-\x7e]"
+    say(re.sub(escaped, lambda found: json.dumps(found[0])[1:-1], text))
 
 
 def warn(text: str) -> None:
     """Print a line on stderr, if anyone still reads it."""
     with suppress(OSError, ValueError):
-        print(text, file=sys.stderr, flush=True)  # noqa: T201  # the one place that prints
+        print(visible(text), file=sys.stderr, flush=True)  # noqa: T201  # the one place that prints
 
 
 class Stderr:

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from math import pi
 from typing import IO, TYPE_CHECKING, Any, cast
 
+from calib.errors import visible
 from testbed.cli.output import Stderr, warn
 from testbed.progress import Progress
 from testbed.report.text import table
@@ -59,7 +60,7 @@ def _bar() -> Iterator[Progress]:
     )
 
     columns = (
-        TextColumn("{task.description:<24}"),
+        TextColumn("{task.description:<24}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
@@ -70,7 +71,7 @@ def _bar() -> Iterator[Progress]:
         task = bar.add_task("begin", total=None)
 
         def report(name: str, done: int, steps: int) -> None:
-            bar.update(task, description=name or "done", completed=done, total=steps)
+            bar.update(task, description=visible(name) or "done", completed=done, total=steps)
 
         yield report
 

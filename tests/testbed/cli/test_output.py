@@ -1,0 +1,129 @@
+"""What reaches the terminal: words of files are shown, and never steer it."""
+
+import io
+import json
+import sys
+from dataclasses import replace
+
+import pytest
+from typer.testing import CliRunner
+
+from calib.errors import STEERING, InputError, visible
+from testbed.cli import app
+from testbed.cli.exit_codes import exit_codes
+from testbed.cli.output import say, say_json, warn
+from testbed.cli.terminal import progress
+from testbed.robots.catalog import load_robot
+from testbed.robots.write.toml import robot_toml
+
+WILD = "a\x1b[2J\x9b31m\x07\x7f\u202e\u2066\u2028b"
+SHOWN = r"a\x1b[2J\x9b31m\x07\x7f\u202e\u2066\u2028b"
+TITLED = "a\x9b31m\u202eb"
+"""What a title may hold."""
+
+
+class Terminal(io.StringIO):
+    """A stream that says it is one."""
+
+    def isatty(self):
+        return True
+
+
+def truebed(*words):
+    """What the command printed, its exit code first."""
+    done = CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+    for text in (done.stdout, done.stderr):
+        assert not STEERING.search(text), text
+    return done.exit_code, done.stdout, done.stderr
+
+
+def test_both_streams_show_what_would_steer_a_terminal(capsys):
+    say(f"one{WILD}\n\ttwo")
+    warn(f"one{WILD}\n\ttwo")
+    assert capsys.readouterr() == (f"one{SHOWN}\n\ttwo\n", f"one{SHOWN}\n\ttwo\n")
+
+
+def test_json_stays_the_same_document(capsys):
+    everything = "".join(map(chr, range(0x2100))) + "\udc9b😀"
+    document = {everything: [everything, WILD]}
+    for indent in (None, 1):
+        say_json(json.dumps(document, ensure_ascii=False, indent=indent))
+        told = capsys.readouterr().out
+        assert json.loads(told) == document
+        assert not STEERING.search(told)
+
+
+def test_a_progress_bar_shows_names_as_they_are(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.setenv("COLUMNS", "200")
+    with progress(quiet=False) as report:
+        report(f"[red]{WILD}[/x]", 0, 2)
+    told = sys.stderr.getvalue()
+    assert f"[red]{SHOWN}[/x]" in told
+    assert not set("\x9b\x07\x7f\u202e\u2066\u2028") & set(told)
+
+
+def test_lines_of_progress_do_too(capsys):
+    with progress(quiet=False) as report:
+        report(WILD, 0, 2)
+        report("", 2, 2)
+    assert capsys.readouterr().err.startswith(f"[1/2] {SHOWN}: ")
+
+
+def test_a_traceback_does_too(capsys):
+    def fail():
+        with exit_codes(debug=True):
+            raise InputError(WILD, code="S37", where=WILD)
+
+    with pytest.raises(Exception, match="2"):
+        fail()
+    told = capsys.readouterr().err
+    assert told.startswith("Traceback")
+    assert told.endswith(f"\n{SHOWN}: {SHOWN}. [S37]\n")
+    assert not STEERING.search(told)
+
+
+SCENARIO = 'format = 1\nname = "s"\nrobot = "staubli_tx60"\n'
+FILES = {
+    "key.toml": f'{SCENARIO}"\\u001b[2J\\nkey" = 1\n',
+    "value.toml": f'{SCENARIO}title = "\\u001b[2J\\ntitle"\n',
+    "robot.toml": SCENARIO.replace("staubli_tx60", "\\u001b[2J\\nrobot"),
+    "comment.toml": f"{SCENARIO}x = \x1b[2J\n",
+    "head.csv": "pose_id,q1_deg\x1b[2J\x9b\nP1,1\n",
+    "cell.csv": "pose_id,q1_deg,x_mm,y_mm,z_mm\nP\x1b[2J\u202e1,1\x9b,1,1,1\n",
+    "arm.urdf": '<robot name="a\x85\u202eb"><link name="l\x9b\u2028"/></robot>\n',
+    "cut.urdf": '<robot name="a\u202e"><link\x9b\n',
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_faults_of_a_file_are_told_in_lines_that_only_show_them(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / f"\x1b[2J\u202e{name}"
+    file.write_text(FILES[name], encoding="utf-8")
+    words = (
+        ("run", file)
+        if name.endswith("toml")
+        else ("identify", "staubli_tx60", file, "--out", tmp_path / "out")
+    )
+    words = ("robots", file) if name.endswith("urdf") else words
+    code, told, warned = truebed(*words)
+    assert (code, told) == (2, "")
+    assert all(line.endswith("]") for line in warned.splitlines())
+    assert r"\x1b[2J\u202e" + name in warned
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_what_a_robot_says_of_itself_and_where_it_lies_is_only_shown(tmp_path, monkeypatch):
+    folder = tmp_path / "a\x1b[2Jm"
+    folder.mkdir()
+    robot = replace(load_robot("staubli_tx60"), visuals=())
+    text = robot_toml(robot).replace(f'"{robot.title}"', f'"{TITLED}"')
+    assert TITLED in text
+    (folder / "robot.toml").write_text(text, encoding="utf-8")
+    code, told, warned = truebed("robots", folder / "robot.toml")
+    assert (code, warned) == (0, "")
+    assert visible(TITLED) in told
+    code, _, warned = truebed("compare", folder, folder)
+    assert code == 2
+    assert r"a\x1b[2Jm: is not a run folder" in warned
