@@ -92,7 +92,7 @@ def with_scatter(session: Session, model: RobotModel) -> Measurements:
 
 
 def row_names(session: Session, measurements: Measurements) -> list[str]:
-    """(m,) how each row is called in sentences: pose, and visit or target where these differ."""
+    """(m,) what sentences call each row: pose, and visit, target or place where these differ."""
     several = bool((measurements.repeat > 0).any())
     names = []
     for row in range(len(measurements)):
@@ -101,6 +101,10 @@ def row_names(session: Session, measurements: Measurements) -> list[str]:
             name += f", visit {int(measurements.repeat[row]) + 1}"
         if len(session.reflector_names) > 1 and measurements.reflector[row] >= 0:
             name += f", target {session.reflector_names[int(measurements.reflector[row])]}"
+        if measurements.is_distance[row]:
+            name += f", distance from {session.anchor_names[int(measurements.anchor[row])]}"
+        elif len(session.station_names) > 1:
+            name += f", station {session.station_names[int(measurements.station[row])]}"
         names.append(name)
     return names
 

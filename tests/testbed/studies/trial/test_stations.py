@@ -13,6 +13,7 @@ from calib.identification.result import Identification
 from testbed.files.probe import probe
 from testbed.files.read import read_session
 from testbed.identify.calibrate import calibrate
+from testbed.identify.session import row_names
 from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
 from testbed.robots.catalog import load_robot
 from testbed.run.export import export_campaign, exported_rows
@@ -172,6 +173,21 @@ def test_where_to_begin_is_a_help_and_no_more(tmp_path, monkeypatch):
     file.write_text(text.replace("stations_mm = {", 'stations_mm = { "3" = [0.0, 0.0, 0.0], '))
     with pytest.raises(InputError, match=r'\[start\] stations_mm has "3"; free ones are 2'):
         read_session(tmp_path / "out", robot)
+
+
+def test_a_row_is_called_by_all_that_tells_it_from_others(tmp_path):
+    """Pose, target and station, or anchor: a wrong place of an anchor is not a wrong pose."""
+    export_campaign(played(), load_robot("staubli_tx60"), tmp_path / "out")
+    session = read_session(tmp_path / "out", load_robot("staubli_tx60"))
+    names = row_names(session, session.measurements)
+    pose = f"{session.pose_name(0)}, visit 1"
+    first = {name for name in names if name.startswith(f"pose {pose},")}
+    targets, stations = ("", ", target B", ", target C"), ("station 1", "station 2")
+    optical = {f"pose {pose}{target}, {station}" for target in targets for station in stations}
+    ranges = {f"pose {pose}, distance from {anchor}" for anchor in ("P1", "P2")}
+    assert first <= optical | ranges
+    assert first & ranges
+    assert first & {name for name in optical if name.endswith("station 2")}
 
 
 @pytest.mark.parametrize("table", ["points", "ranges"])
