@@ -24,8 +24,9 @@ from testbed.files.joints import joint_columns, read_joints
 from testbed.files.refusal import refusal
 from testbed.files.rotations import VECTOR, axes_of, checked_rotations, in_form, stated_in
 from testbed.files.table import Columns, DataTable, table_of, together
-from testbed.files.text import SEPARATORS, FileText, read_sheet, read_text
+from testbed.files.text import read_sheet
 from testbed.files.valid import valid_rows
+from testbed.gates.text import SEPARATORS, FileText, read_text
 from testbed.report.text import guarded
 from testbed.robots.catalog import Robot
 from testbed.units import DEG

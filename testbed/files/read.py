@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
-from calib.errors import InputError
+from calib.errors import InputError, refuse
 from testbed.files.assembly import assemble
 from testbed.files.drift import without_drift
 from testbed.files.frames_fit import mismatched_rows
@@ -27,11 +27,14 @@ from testbed.files.slips import raise_if_slipped
 from testbed.files.spatial_analyzer import read_sa
 from testbed.files.table import DataTable, table_of
 from testbed.files.targets import TargetPart
-from testbed.files.text import MAX_MB, FileText, SourceFile, read_sheet
+from testbed.files.text import read_sheet
+from testbed.gates.text import MAX_MB, FileText, SourceFile
 from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.robots.robot import Robot
 from testbed.strict import validated
 
+LARGEST_MB = 100_000.0
+"""What a user may allow."""
 BEGINNING = 1000
 """Lines that show whether the columns of a long file make sense."""
 
@@ -44,6 +47,13 @@ class ReadOptions:
     """Leave out rows that are no numbers and joints without readings, instead of refusing."""
     max_mb: float = MAX_MB
     """Largest file that is read [MB]."""
+
+    def __post_init__(self) -> None:
+        """Refuse a size that no file has, nan among them."""
+        if not 0.0 < self.max_mb <= LARGEST_MB:
+            allowed = f"it must be above 0 and at most {LARGEST_MB:g} MB"
+            fix = "give the size of the file in MB"
+            raise refuse("--max-mb", self.max_mb, allowed, code="C41", fix=fix)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

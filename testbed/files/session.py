@@ -9,7 +9,7 @@ from calib.arrays import Array, Bool, Index
 from calib.geometry.fixtures import Fixtures
 from calib.measurement.observations import Measurements
 from testbed.files.session_toml import IdentificationTable
-from testbed.files.text import SourceFile
+from testbed.gates.text import SourceFile
 from testbed.robots.robot import Reflector
 
 Record = TypeVar("Record", bound=Any)

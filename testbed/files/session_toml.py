@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from testbed.bounds import ANGLE_SD, CELL, COORDINATE, FACTORS, LENGTH_SD, shown
 from testbed.files.refusal import refusal
-from testbed.files.text import FileText, SourceFile, read_text
+from testbed.gates.text import FileText, SourceFile, read_text
 from testbed.robots.robot import Reflector
 from testbed.strict import Strict
 

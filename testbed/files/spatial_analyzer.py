@@ -21,9 +21,10 @@ from testbed.files.rotations import checked_rotations, sequence_of
 from testbed.files.session import Stated
 from testbed.files.session_toml import FramesTable, OpticalTable, PointsTable, UncertaintyTable
 from testbed.files.table import Columns, DataTable, number_of, table_of, together, unknown_column
-from testbed.files.text import FileText, Sheet
+from testbed.files.text import Sheet
 from testbed.files.uncertainty import spread_columns, spread_of
 from testbed.files.valid import valid_rows
+from testbed.gates.text import FileText
 
 AXES = re.compile(r"AXES\s*=\s*(\w+)\s*:(.*)", re.IGNORECASE)
 UNIT = re.compile(r"\((mm|m|meters|millimeters|inches|in|degrees|deg|radians|rad)\)", re.IGNORECASE)

@@ -1,7 +1,5 @@
 """Joint vectors that people hand in: lists of the scenario and CSV files of joint targets."""
 
-import csv
-import io
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -11,11 +9,12 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, frozen
 from calib.errors import refuse
+from testbed.gates.text import read_text, separator_of, split
 from testbed.report.text import unguarded
 from testbed.robots.catalog import Robot
 from testbed.units import DEG, MM, counted, unit_of
 
-MAX_BYTES = 10_000_000
+MAX_MB = 10.0
 UNITS = {"deg": np.pi / 180, "rad": 1.0, "mm": 1e-3, "m": 1.0}
 SAME = 1e-9
 """Joint vectors nearer than this in every joint are one pose [rad, m]."""
@@ -74,26 +73,18 @@ def read_joints(robot: Robot, path: str | Path) -> Array:
     Other columns are ignored; where there is a column ``role``, rows that a plan.csv does not
     identify from do not count: "test", "via" and "start".
     """
-    file = Path(path)
-    try:
-        size = file.stat().st_size
-        text = file.read_bytes().decode("utf-8-sig") if size <= MAX_BYTES else ""
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        message = f"cannot be read: {reason}"
-        raise refuse("plan.measured", code="M35", message=message, where=str(path)) from error
-    if size > MAX_BYTES:
-        message = f"is {size / 1e6:.0f} MB"
-        raise refuse("", None, "at most 10 MB", code="M36", message=message, where=str(path))
-    rows = [list(map(unguarded, row)) for row in csv.reader(io.StringIO(text, newline=""))]
-    head = [cell.strip() for cell in rows[0]] if rows else []
+    text = read_text(Path(path), str(path), max_mb=MAX_MB, larger="split it")
+    content = text.content("#")
+    separator = separator_of(content[0][1]) if content else ""
+    rows = [list(map(unguarded, row)) for row in split(content, separator, str(path))]
+    head = rows[0] if rows else []
     places, scale = _columns(robot, head, str(path))
     role = head.index("role") if "role" in head else None
     q, names = [], []
-    for line, row in enumerate(rows[1:], start=2):
-        if not any(cell.strip() for cell in row):
+    for (line, _), row in zip(content[1:], rows[1:], strict=True):
+        if not any(row):
             continue
-        if role is not None and len(row) > role and row[role].strip() in ("test", "via", "start"):
+        if role is not None and len(row) > role and row[role] in ("test", "via", "start"):
             continue
         q.append([_number(row, k, f"{path}:{line}", head[k]) for k in places])
         names.append(f"{path}:{line}")

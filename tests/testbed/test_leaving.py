@@ -8,7 +8,8 @@ import pytest
 from calib.errors import one_line, refuse, visible
 from testbed.files.program import correct_program
 from testbed.files.read import read_session
-from testbed.files.text import read_sheet, read_text
+from testbed.files.text import read_sheet
+from testbed.gates.text import read_text
 from testbed.laboratory.joint_lists import read_joints
 from testbed.report.page import Code, Page, Section, Table, Text, render
 from testbed.report.text import csv_text, guarded, table, unguarded

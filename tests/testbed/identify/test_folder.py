@@ -11,7 +11,8 @@ import pytest
 
 from calib.errors import InputError
 from calib.identification.start.start import start_frames
-from testbed.files.text import read_sheet, read_text
+from testbed.files.text import read_sheet
+from testbed.gates.text import read_text
 from testbed.identify.calibrate import Options
 from testbed.identify.folder import (
     identified_name,

@@ -1,0 +1,174 @@
+"""Bytes of a text file into lines and cells; sizes are bounded and nothing is ever unpacked."""
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+
+from calib.errors import InputError, refuse
+from testbed.disk import read_bounded
+
+MAX_MB = 100.0
+LARGER = "split it, or allow more with --max-mb"
+MAX_ROWS = 1_000_000
+MAX_LINE = 65_536
+"""Bytes."""
+SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "space": " "}
+"""In the order in which they are looked for."""
+FOREIGN = (
+    (b"PK\x03\x04", "an archive or a workbook (zip, npz, xlsx)"),
+    (b"\x1f\x8b", "a gzip archive"),
+    (b"BZh", "a bzip2 archive"),
+    (b"\xfd7zXZ", "an xz archive"),
+    (b"\x28\xb5\x2f\xfd", "a zstd archive"),
+    *((bytes((0x80, protocol)), "a Python pickle") for protocol in (2, 3, 4, 5)),
+    (b"\x93NUMPY", "a NumPy array"),
+    (b"MATLAB", "a MATLAB file"),
+    (b"\x89HDF", "an HDF5 or MATLAB file"),
+    (b"\xd0\xcf\x11\xe0", "an old Excel workbook"),
+    (b"%PDF", "a PDF"),
+)
+"""First bytes of what is no text, and what to call it."""
+
+
+@dataclass(frozen=True, slots=True)
+class SourceFile:
+    """A file that was read, and its hash."""
+
+    path: Path
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class FileText:
+    """The lines of a text file."""
+
+    where: str
+    """Name for messages."""
+    lines: tuple[str, ...]
+    encoding: str
+    """UTF-8, UTF-8 with BOM, or Latin-1."""
+    source: SourceFile
+
+    def content(self, *comments: str) -> list[tuple[int, str]]:
+        """Number, from 1, and text of each line that is neither empty nor a comment."""
+        numbered = enumerate(self.lines, start=1)
+        return [
+            (k, line)
+            for k, line in numbered
+            if line.strip() and not line.lstrip().startswith(comments)
+        ]
+
+
+def read_text(path: Path, where: str, *, max_mb: float = MAX_MB, larger: str = LARGER) -> FileText:
+    """Lines of a text file, refused unread if it is too large or no text.
+
+    `larger` is what to do with a file of more than `max_mb`.
+
+    Raises
+    ------
+    InputError
+        M35 it cannot be read, M36 it is too large or packed, S39 it is another program's format.
+    """
+    data = _bytes(path, where, max_mb, larger)
+    for first, name in FOREIGN:
+        if data.startswith(first):
+            raise _refused(
+                where, f"is {name}", code="M36" if "archive" in name else "S39", value=name,
+                allowed="measurements are read from text only, and nothing is unpacked",
+                fix="save the table as CSV",
+            )  # fmt: skip
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise _refused(where, "is UTF-16 text", fix="save it as UTF-8")
+    if b"\0" in data:
+        message = f"is not text: byte {data.index(0)} is zero"
+        raise _refused(where, message, code="S39", fix="save the table as CSV")
+    digest = sha256(data).hexdigest()
+    data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    count = data.count(b"\n")
+    if count > MAX_ROWS:
+        most = f"at most {MAX_ROWS} rows"
+        raise _refused(where, f"has {count} lines", code="M36", allowed=most, fix="split it")
+    raw = data.split(b"\n")
+    longest = max(range(len(raw)), key=lambda k: len(raw[k]))
+    if len(raw[longest]) > MAX_LINE:
+        line = raw[longest]
+        mark = SEPARATORS[separator_of(raw[0][:MAX_LINE].decode("latin-1"))].encode()
+        column = line.count(mark, 0, MAX_LINE) + 1  # where it is too long already
+        raise _refused(
+            f"{where}:{longest + 1}", f"has {len(line)} bytes, and too many in column {column}",
+            code="M36", value=len(line), allowed=f"at most {MAX_LINE} bytes a line",
+            fix="save one measurement a line, a number or a name in each column",
+        )  # fmt: skip
+    try:
+        text = data.decode("utf-8-sig")
+        encoding = "UTF-8 with BOM" if data.startswith(b"\xef\xbb\xbf") else "UTF-8"
+    except UnicodeDecodeError:
+        text, encoding = data.decode("latin-1"), "Latin-1"
+    if not text.strip():
+        raise _refused(where, "is empty", fix="measure something")
+    return FileText(where, tuple(text.split("\n")), encoding, SourceFile(path, digest))
+
+
+def _bytes(path: Path, where: str, max_mb: float, larger: str) -> bytes:
+    """Content of an ordinary file that is not too large."""
+    try:
+        is_file = path.is_file()
+        size = path.stat().st_size if is_file else 0
+        data = read_bounded(path, size) if is_file and size <= max_mb * 1e6 else b""
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        reason = getattr(error, "strerror", None) or "its name is not a path"
+        raise _refused(where, f"cannot be read: {reason}") from error
+    if not is_file:
+        message = "is not a file" if path.exists() else "does not exist"
+        raise _refused(where, message, fix="check the path")
+    if size > max_mb * 1e6:
+        raise _refused(
+            where, f"is {size / 1e6:.3g} MB", code="M36", value=size,
+            allowed=f"at most {max_mb:g} MB", fix=larger,
+        )  # fmt: skip
+    return data
+
+
+def separator_of(line: str) -> str:
+    """What separates the cells of a line: the first of tab, semicolon and comma it holds."""
+    outside = re.sub(r'"[^"]*"', "", line)
+    return next((name for name, mark in SEPARATORS.items() if mark in outside), "comma")
+
+
+def split(content: Sequence[tuple[int, str]], separator: str, where: str) -> list[list[str]]:
+    """Cells of each numbered line, stripped; quotes as in CSV, but each is closed in its line."""
+    lines = [line for _, line in content]
+    if separator == "space":
+        return [line.split() for line in lines]
+    mark = SEPARATORS[separator]
+    if not any('"' in line for line in lines):
+        return [[cell.strip() for cell in line.split(mark)] for line in lines]
+    # an open quote takes in the next line: the last one has an empty line after it
+    reader = csv.reader([*lines, ""], delimiter=mark, skipinitialspace=True)
+    rows: list[list[str]] = []
+    for number, line in content:
+        try:
+            row = next(reader)
+        except csv.Error:  # a cell over many lines is longer than it may be
+            row = []
+        if reader.line_num != len(rows) + 1 or line.count('"') % 2:
+            message = "a quote is not closed in its line"
+            raise _refused(f"{where}:{number}", message, fix="close or remove it")
+        rows.append([cell.strip() for cell in row])
+    return rows
+
+
+def _refused(
+    where: str,
+    message: str,
+    *,
+    code: str = "M35",
+    value: object = None,
+    allowed: str = "",
+    fix: str = "",
+) -> InputError:
+    """The error of a file, or of one of its lines."""
+    return refuse("file", value, allowed, code=code, message=message, fix=fix, where=where)
