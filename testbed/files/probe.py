@@ -135,14 +135,16 @@ def probe(robot: Robot, session: Session) -> Probe:
         As it was read.
     """
     table = session.measurements
-    plain = Probe(session.place[0].rpartition(":")[0], robot.name)
+    plain = Probe(session.where, robot.name)
     groups = target_groups(table)
     if not groups:
         return _probe_distances(plain, robot, session)
     rows = groups[0]
-    F = flange_poses(robot.model, table.q[rows])
-    plain = replace(plain, spread=_extent(table.position[rows]) / max(_extent(F[:, :3, 3]), 1e-9))
-    if len(np.unique(table.q[rows], axis=0)) < FEWEST:
+    F, poses = flange_poses(robot.model, table.q[rows]), len(np.unique(table.q[rows], axis=0))
+    if poses > 1:  # one has no spread
+        extent = max(_extent(F[:, :3, 3]), 1e-9)
+        plain = replace(plain, spread=_extent(table.position[rows]) / extent)
+    if poses < FEWEST:
         return plain
     some = rows[_spread_out(len(rows))]
     read = replace(_as_read(session, some), numbers=session.stated.rows(some).numbers)

@@ -129,6 +129,11 @@ class Session:
     place: tuple[str, ...]
     """(m,) file and line of each row, for messages."""
 
+    @property
+    def where(self) -> str:
+        """File of the first row, for messages."""
+        return self.place[0].rpartition(":")[0]
+
     def rows(self, which: Bool) -> "Session":
         """The session restricted to some rows (m,); what was left out stays named."""
         index = np.flatnonzero(which)

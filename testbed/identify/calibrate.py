@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import frozen
-from calib.errors import refuse
+from calib.errors import InputError, refuse
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model
 from calib.identification.robust import LOSSES, Loss
-from testbed.files.probe import probe
+from testbed.files.probe import Probe, probe
 from testbed.files.session import Session
 from testbed.identify.fit import (
     checked_model,
@@ -20,7 +20,7 @@ from testbed.identify.fit import (
 )
 from testbed.identify.frames import frames_of
 from testbed.identify.outliers import held_out_outliers, proof_of, training_outliers, warnings_of
-from testbed.identify.records import Calibration, OutlierRows
+from testbed.identify.records import Calibration, HeldOutSplit, OutlierRows
 from testbed.identify.session import origin_of, row_names, split_of, with_scatter
 from testbed.progress import Progress
 from testbed.robots.catalog import Robot
@@ -92,6 +92,23 @@ def calibrate(
     report(STEPS[0], 0, len(STEPS))
     probed = probe(robot, session)
     probed.raise_if_wrong()
+    try:
+        return _calibrated(robot, session, probed, split, options, model, loss, report)
+    except InputError as error:  # of arrays, which know no file
+        raise error.located(session.where) from error
+
+
+def _calibrated(
+    robot: Robot,
+    session: Session,
+    probed: Probe,
+    split: HeldOutSplit,
+    options: Options,
+    model: str,
+    loss: Loss,
+    report: Progress,
+) -> Calibration:
+    """The calibration of a session whose reading is right, from frames to the proof."""
     frames = frames_of(robot, session, session.measurements.rows(split.is_train))
     measurements = with_scatter(session, frames.before)
     report(STEPS[1], 1, len(STEPS))
