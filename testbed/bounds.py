@@ -71,7 +71,7 @@ def shown(size: float, unit: str) -> float:
 COORDINATE = Bound("a coordinate or distance", 1e5)
 """Halls have frames of their own, and a file in mm may be taken for one in m."""
 LINK = Bound("a length of a robot", 1e3)
-CELL = Bound("a length in a cell", 50.0)
+CELL = Bound("a length in a cell", 50.0, 1e-9)
 ANGLE = Bound("an angle", 1e6 * DEG)
 LIMIT = Bound("a limit or angle of a joint", 1e6)
 """Of either kind, in the unit of its file."""

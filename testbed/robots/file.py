@@ -105,7 +105,7 @@ class WorkspaceBox(Strict):
 
     box_center_mm: Vector
     box_size_mm: Annotated[
-        tuple[Annotated[float, LINK.size("mm")], ...], Field(min_length=3, max_length=3)
+        tuple[Annotated[float, CELL.size("mm")], ...], Field(min_length=3, max_length=3)
     ]
     station_mm: Place
     joint_ranges_deg: tuple[

@@ -19,6 +19,8 @@ from testbed.scenario.tables import (
 )
 from testbed.units import counted
 
+MOST_ROUNDS = 100
+"""Times that nests are measured between two poses."""
 MOST_CALIBRATED = 1000
 """Random sets of a size that are calibrated: about 15 s on one core, and a rank to one in 1000."""
 
@@ -220,6 +222,11 @@ def _of_tracker(scenario: Scenario) -> Iterator[str]:
                 f"[tracker] outliers is {tracker.outliers} and missed is {tracker.missed}; "
                 f"{name} has {counted(count, 'pose')}; no good shot is left; lower them"
             )
+    if isinstance(tracker, At960Tracker) and tracker.pose_s > MOST_ROUNDS * tracker.nests_s:
+        yield (
+            f"[tracker] nests_s is {tracker.nests_s:g} and pose_s is {tracker.pose_s:g}; the nests "
+            f"are measured {MOST_ROUNDS} times between two poses at most; raise nests_s"
+        )
 
 
 def _of_plan(plan: PlanSettings) -> Iterator[str]:

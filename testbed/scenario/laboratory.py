@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from testbed.bounds import LENGTH_SD, shown
 from testbed.scenario.tables import MAX_JOINTS, Point, RotationVector, Settings, Side, Text
 
 AngleSd = Annotated[float, Field(ge=0.0, le=5.0)]
@@ -11,7 +12,7 @@ LengthSd = Annotated[float, Field(ge=0.0, le=50.0)]
 Sag = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 Amplitude = Annotated[float, Field(ge=0.0, le=1000.0)]
 Share = Annotated[float, Field(ge=0.0, le=100.0)]
-Stiffness = Annotated[float, Field(gt=0.0, le=1e9)]
+Stiffness = Annotated[float, Field(ge=1e-3, le=1e9)]
 PerJoint = Amplitude | Annotated[tuple[Amplitude, ...], Field(min_length=1, max_length=MAX_JOINTS)]
 """One number for every joint, or one per joint."""
 Springs = Annotated[tuple[Stiffness, ...], Field(max_length=MAX_JOINTS)]
@@ -52,7 +53,7 @@ class TruthSettings(Settings):
     the closed form tanh(20 sin(q2+q3)) for joint 3 and sign(cos q4 sin q5) for joint 5."""
     thermal_k: Annotated[float, Field(ge=-100.0, le=100.0)] = 0.0
     """How much warmer the links get in the end; lengths and offsets grow with them."""
-    thermal_h: Annotated[float, Field(gt=0.0, le=1000.0)] = 1.0
+    thermal_h: Annotated[float, Field(ge=1e-6, le=1000.0)] = 1.0
     """Time after which 63 % of it is reached."""
     thermal_um_per_m_k: Annotated[float, Field(ge=0.0, le=100.0)] = 23.0
     """Expansion of the links."""
@@ -69,9 +70,10 @@ class TruthSettings(Settings):
 
 
 Micrometres = Annotated[float, Field(ge=0.0, le=10_000.0)]
-Noise = Annotated[float, Field(gt=0.0, le=10_000.0)]
-HalfAngle = Annotated[float, Field(gt=0.0, le=180.0)]
-Seconds = Annotated[float, Field(gt=0.0, le=86_400.0)]
+Noise = Annotated[float, Field(ge=shown(LENGTH_SD.least, "um"), le=10_000.0)]
+"""Standard deviation [um or mdeg]: so small that squares of it stay numbers, at least."""
+HalfAngle = Annotated[float, Field(ge=1e-3, le=180.0)]
+Seconds = Annotated[float, Field(ge=1e-3, le=86_400.0)]
 Shots = Annotated[int, Field(ge=0, le=5000)]
 
 

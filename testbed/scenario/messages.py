@@ -141,8 +141,9 @@ def _sentence(
         allowed = f"{bound} {counted(wanted, 'entry')} {belong}"
         message = f"{at} has {counted(found, 'entry')}"
         return Fault(path, message, "S37", allowed, "mend the list", value)
-    if path[:2] == PRIOR and kind == "greater_than":
-        allowed = "a prior is positive definite: every standard deviation is larger than 0"
+    if path[:2] == PRIOR and kind == "greater_than_equal":
+        least = f"{context['ge']:g}"
+        allowed = f"a prior is positive definite: every standard deviation is {least} or larger"
         fix = "hold a number fixed that is known exactly: leave it out of free"
         return Fault(path, said, "M34", allowed, fix, value)
     if kind in BOUNDS:

@@ -4,15 +4,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from testbed.bounds import CELL, LENGTH_SD, shown
 from testbed.strict import PlainText, Strict
 
 Name = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_.-]{0,63}$")]
 Text = Annotated[PlainText, Field(max_length=4096)]
-Length = Annotated[float, Field(ge=-50_000.0, le=50_000.0)]
+Length = Annotated[float, CELL.signed("mm")]
 Point = tuple[Length, Length, Length]
 JointRange = tuple[Length, Length]
 """Lower and upper value of a joint: deg, or mm where it slides."""
-Side = Annotated[float, Field(gt=0.0, le=50_000.0)]
+Side = Annotated[float, CELL.size("mm")]
 Turn = Annotated[float, Field(ge=-720.0, le=720.0)]
 RotationVector = tuple[Turn, Turn, Turn]
 PlanCriterion = Literal["D", "A", "V", "G", "E", "O1", "O2", "O3", "O4", "O5"]
@@ -127,8 +128,8 @@ class TrialSettings(Settings):
     methods ignore it."""
 
 
-Spread = Annotated[float, Field(gt=0.0, le=1e4)]
-"""Standard deviation of a prior."""
+Spread = Annotated[float, Field(ge=shown(LENGTH_SD.least, "mm"), le=1e4)]
+"""Standard deviation of a prior [deg or mm]."""
 Named = dict[str, Spread]
 PRIOR = ("identification", "prior")
 """Where the prior stands in the file."""
@@ -190,7 +191,7 @@ JointTarget = Annotated[tuple[Length, ...], Field(min_length=1, max_length=32)]
 """One number per joint: deg, or mm where a joint slides."""
 ToolPose = tuple[Length, Length, Length, Turn, Turn, Turn]
 """x, y, z in mm, then a rotation vector in deg, of the nominal tool in the base frame."""
-Weight = Annotated[float, Field(gt=0.0, le=1e9)]
+Weight = Annotated[float, Field(ge=1e-9, le=1e9)]
 Entries = Field(max_length=MAX_GOALS)
 
 
@@ -226,7 +227,7 @@ class PathGoal(Settings):
     """Corners as joint values, straight in joint space. Give these or `tool_mm_deg`."""
     tool_mm_deg: Annotated[tuple[ToolPose, ...], Entries] = ()
     """Corners as x, y, z [mm] and rotation vector [deg] of the tool, straight in space."""
-    step_mm: Annotated[float, Field(gt=0.0, le=1000.0)] = 20.0
+    step_mm: Annotated[float, Field(ge=0.01, le=1000.0)] = 20.0
     """Largest way of the tool between two goal poses on a line."""
     weights: Annotated[tuple[Weight, ...], Entries] = ()
     """How much each line counts beyond its length (one fewer than corners); empty: the same."""
@@ -281,7 +282,7 @@ class PlanSettings(Settings):
     """Poses that check the calibration afterwards and take no part in it."""
     measured: Text = ""
     """CSV of joint targets measured already (deg, mm where a joint slides); "": none."""
-    speed_share: Annotated[float, Field(gt=0.0, le=1.0)] = 0.3
+    speed_share: Annotated[float, Field(ge=1e-6, le=1.0)] = 0.3
     """Joint speed of the moves, as a share of the robot's largest."""
     settle_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 3.0
     """Rest at each pose: settling and measuring."""

@@ -9,7 +9,9 @@ from calib.errors import InputError
 from testbed import assets, bounds
 from testbed.bounds import Bound
 from testbed.robots.file import RobotFile
-from testbed.strict import flat, validated
+from testbed.scenario.presets import written
+from testbed.strict import flat, toml_lines, validated
+from testbed.studies import load_scenario, parse_scenario
 
 TX60 = tomllib.loads((assets.models() / "staubli_tx60" / "robot.toml").read_text("utf-8"))
 TABLE = [each for each in vars(bounds).values() if isinstance(each, Bound)]
@@ -58,6 +60,23 @@ def test_no_number_of_a_robot_is_read_beyond_its_range(value):
     for path in places:
         with pytest.raises(InputError, match=r"\[S37\]"):
             validated(with_value(TX60, path, value), RobotFile, "robot.toml")
+
+
+@pytest.mark.parametrize("scene", ["quick", "plan_tx60"])
+def test_no_number_of_a_scenario_is_read_beyond_its_range(scene):
+    document = load_scenario(scene).document()
+    goal = {"kind": "list", "tool_mm_deg": [[500.0, 0.0, 300.0, 0.0, 0.0, 0.0]], "weights": [1.0]}
+    document["plan"] = document["plan"] | {"goal": goal, "stations": {"list_mm": [[1.0, 0.0, 0.0]]}}
+    document = load_document(document).document()
+    places = list(leaves({key: part for key, part in document.items() if key != "origin"}))
+    assert len(places) > 60
+    for path in places:
+        with pytest.raises(InputError, match=r"\[C41\]"):
+            load_document(with_value(document, path, 1e300))
+
+
+def load_document(document):
+    return parse_scenario("\n".join(toml_lines(written(document))).encode(), where="x.toml")
 
 
 @pytest.mark.parametrize(

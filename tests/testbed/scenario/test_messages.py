@@ -514,6 +514,16 @@ CASES = {
     "origin in one word": with_table(origin={"given": "seed"}, pool={"size": 5}),
     "change of a key in a list": lambda _: changed(scenario_of(SCENARIO), {"trial.0.poses": 9}),
     "no noise": with_table(tracker={"position_um": 0}),
+    "noise of 1e-12": with_table(tracker={"position_um": 1e-12}),
+    "noise of 1e9": with_table(tracker={"position_um": 1e9}),
+    "a target at 1e300": with_table(
+        plan={"goal": {"kind": "list", "tool_mm_deg": [[1e300, 0, 0, 0, 0, 0]]}}
+    ),
+    "steps of nothing": with_table(plan={"goal": {"kind": "path", "step_mm": 1e-300}}),
+    "a mass of 1e308": with_table(truth={"payload_kg": 1e308}),
+    "nests all the time": with_table(
+        tracker={"preset": "at960", "nests_s": 1e-3, "pose_s": 86400}
+    ),
     "no noise along the beam": with_table(tracker={"preset": "at960", "range_um": [0, 0.15]}),
     "outliers at every held-out pose": with_table(
         tracker={"preset": "at960", "outliers": 3}, test={"poses": 3}
