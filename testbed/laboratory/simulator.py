@@ -15,8 +15,10 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, Bool, check
 from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.frames import slide, transform
+from testbed import assets
 from testbed.laboratory.cell import Obstacle
 from testbed.robots.catalog import Robot
+from testbed.robots.meshes.files import check_meshes
 from testbed.robots.placements import quaternion_wxyz
 
 ROBOT_BIT, FLOOR_BIT, OBSTACLE_BIT = 1, 2, 4
@@ -69,6 +71,8 @@ class Simulator:
         from testbed.robots.write.mjcf import build_spec, compile_spec
 
         mujoco.set_mju_user_warning(_log_warning)
+        if robot is not None and not robot.folder.resolve().is_relative_to(assets.models()):
+            check_meshes(*(visual.file for visual in robot.visuals))
         spec = build_spec(chain, robot)
         if robot is not None:
             T_world_floor = chain.T_world_base @ slide(0.0, 0.0, robot.base_offset)

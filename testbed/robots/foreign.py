@@ -1,11 +1,14 @@
 """The door for libraries of others: what they raise about a user's file leaves as our one error."""
 
+import logging
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from calib.errors import CalibError, InputError, refuse
 
+SILENT = logging.NullHandler()
+"""Keeps what a library logs from the terminal where nobody has asked for it."""
 LONGEST = 200
 """Characters of what a library says that are passed on."""
 
@@ -28,6 +31,7 @@ def foreign(
     InputError
         The library raised: what it said, with the file.
     """
+    logging.getLogger(library.lower()).addHandler(SILENT)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -37,6 +41,7 @@ def foreign(
         except Exception as error:
             if told is not None:
                 raise told(error) from error
-            said = " ".join(str(error).split()) or type(error).__name__
-            message = f"{library} cannot read it: {said[:LONGEST]}"
+            # others, such as TypeError, speak of the library's own code
+            said = " ".join(str(error).split()) if isinstance(error, ValueError) else ""
+            message = f"{library} cannot read it ({said[:LONGEST] or type(error).__name__})"
             raise refuse("file", code=code, message=message, where=where) from error

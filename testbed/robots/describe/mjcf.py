@@ -23,7 +23,6 @@ from testbed.robots.describe.description import (
 from testbed.robots.describe.mjcf_gate import Gated, gate
 from testbed.robots.describe.xml_gate import SOURCE, FileOptions, angle_notes, place_of
 from testbed.robots.foreign import foreign
-from testbed.robots.meshes.files import read_mesh
 from testbed.robots.write.mjcf import (
     at_zero,
     called,
@@ -262,9 +261,7 @@ def compiled(gated: Gated, path: Path) -> Any:
 def _refusal(
     gated: Gated, path: Path, places: list[str], text: str, error: Exception
 ) -> InputError:
-    """What MuJoCo says, with the file and the line of the user; a bad mesh in our own words."""
-    for file in gated.files.values():
-        read_mesh(file)
+    """What MuJoCo says, with the file and the line of the user."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     said = "; ".join(line.rpartition("Error:")[2].strip() for line in lines[:2])
     told = LINE.search(said)

@@ -29,7 +29,7 @@ from testbed.robots.describe.xml_gate import (
     place_of,
     read_xml,
 )
-from testbed.robots.meshes.files import check_files, mesh_bytes
+from testbed.robots.meshes.files import check_meshes, mesh_bytes
 
 MOMENT = replace(INERTIA, least=0.0)
 NUMBERS = {
@@ -71,7 +71,7 @@ class Gated:
 
     def assets(self) -> dict[str, bytes]:
         """Bytes of the meshes, looked at, under the names they have in the text."""
-        check_files(*self.files.values())
+        check_meshes(*self.files.values())
         return dict(zip(self.asset_names(), map(mesh_bytes, self.files.values()), strict=True))
 
     def asset_names(self) -> list[str]:

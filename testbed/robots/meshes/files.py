@@ -3,6 +3,7 @@
 import io
 import math
 import struct
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,8 +26,8 @@ FORMATS = ("stl", "obj", "ply", "dae")
 """What is read, by the ending; archives and what else trimesh would open are not."""
 LARGEST, ALL = 20_000_000, 100_000_000
 """Bytes of a mesh file, and of all of a model: such a text takes 2 s."""
-FARTHEST = 1e12
-"""Largest coordinate in a mesh file, whatever its unit."""
+FARTHEST = 1e9
+"""Largest coordinate in a mesh file, whatever its unit: a kilometer in micrometers."""
 
 
 class Mesh(NamedTuple):
@@ -132,9 +133,35 @@ def read_mesh(path: Path) -> tuple[Array, Index, Array | None]:
         own = b"\nvn " in data and kind == "obj"
         normals = np.asarray(loaded.vertex_normals, dtype=np.float64) if own else None
     _check_mesh(vertices, faces, where)
-    if normals is not None and normals.shape != vertices.shape:
+    if normals is not None and not _are_directions(normals, vertices):
         normals = None
     return vertices, faces, normals
+
+
+def _are_directions(normals: Array, vertices: Array) -> bool:
+    """Whether every vertex has a normal that points somewhere."""
+    sizes = np.abs(normals).max(axis=1)
+    return normals.shape == vertices.shape and bool(((sizes > 1e-6) & (sizes < 1e6)).all())
+
+
+def check_meshes(*paths: Path) -> None:
+    """Read mesh files once, as long as they do not change, so that others may open them too.
+
+    Raises
+    ------
+    InputError
+        As `check_files` and `load_mesh`.
+    """
+    check_files(*paths)
+    for path in paths:
+        known = path.stat()
+        _read_once(path, known.st_mtime_ns, known.st_size)
+
+
+@lru_cache(maxsize=1000)
+def _read_once(path: Path, _changed: int, _size: int) -> None:
+    """A mesh file of this age and size can be read."""
+    read_mesh(path)
 
 
 def _check_mesh(vertices: Array, faces: Index, where: str) -> None:
