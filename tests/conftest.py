@@ -17,16 +17,19 @@ settings.load_profile("patient")
 
 APART = "test_scenes.py"
 """A file of long tests that share nothing: each may run on its own."""
+TOGETHER = tuple(f"tests/testbed/{room}/" for room in ("identify", "plan", "studies"))
+"""Rooms whose files look at the same campaigns: what one of them plays, the others have."""
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Keep the tests of a file in one process: what they play together is played once."""
+    """Keep in one process the tests of a file, or of a room that shares what it plays."""
     from xdist.scheduler import LoadFileScheduling
 
     class ByFile(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
             scope = super()._split_scope(nodeid)
-            return nodeid if scope.endswith(APART) else scope
+            room = next((room for room in TOGETHER if scope.startswith(room)), scope)
+            return nodeid if scope.endswith(APART) else room
 
     return ByFile(config, log)

@@ -25,8 +25,8 @@ LONG = ("pose_sets", "pose_sets_rigid")
 FEWER: dict[str, dict[str, Any]] = {
     "wen2022": {"uncertainty.replications": 8},
     "stations": {"uncertainty.replications": 8},
-    "coverage": {"coverage.robots": 8, "uncertainty.replications": 4},
-    "compensate": {"compensation.robots": 6, "uncertainty.replications": 4},
+    "coverage": {"coverage.robots": 4, "uncertainty.replications": 4},
+    "compensate": {"compensation.robots": 3, "uncertainty.replications": 4},
     "wen2022_reexamined": {
         "reexamined.robots": 2,
         "reexamined.pools": 1,

@@ -93,10 +93,10 @@ def test_advice_followed_holds_nearly_what_it_promises(studies):
         assert shares.mean() >= 0.90
 
 
-@pytest.fixture(scope="module")
-def ranks():
-    """Of 300 truths, first among what is stated, then with two thirds of its uncertainty."""
-    return prior_ranks(300, 29, 7, 0.67)
+@pytest.fixture(scope="module", params=[150, pytest.param(1000, marks=pytest.mark.study)])
+def ranks(request):
+    """Of so many truths, first among what is stated, then with two thirds of its uncertainty."""
+    return prior_ranks(request.param, 29, 7, 0.67)
 
 
 def test_ranks_of_truths_drawn_from_the_prior_are_even(ranks):

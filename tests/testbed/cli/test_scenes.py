@@ -190,7 +190,9 @@ def script(name):
 
 @pytest.mark.slow
 def test_script_noise_sweep_error_and_statement_grow_with_the_noise():
-    rows = np.array(script("noise_sweep").sweep(replications=2))
+    made = script("noise_sweep")
+    made.NOISE_UM = made.NOISE_UM[::3]  # the smallest and the largest
+    rows = np.array(made.sweep(replications=2))
     assert (np.diff(rows[:, 1:3], axis=0) > 0).all()
     # a linear problem: u is proportional to the noise
     assert rows[:, 2] / rows[:, 0] == pytest.approx(rows[0, 2] / rows[0, 0], rel=1e-3)

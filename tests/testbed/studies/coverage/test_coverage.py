@@ -295,7 +295,7 @@ def test_the_distribution_test_is_the_textbook_one():
 
 
 def test_ranks_of_a_few_truths_drawn_from_the_prior_are_even():
-    """The full study, 300 replications, is in tests/truth; here 60 of them, all numbers pooled."""
+    """More of them are in tests/truth; here 60, with fewer poses."""
     stated, shrunk = map(evenness, prior_ranks(60, 15, 9, 0.4))
     assert stated.min() * stated.size >= 1e-3
     assert shrunk.min() < 1e-6
