@@ -17,6 +17,8 @@ PlainText = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f\ufffe\uffff]*$")]
 """One line without control characters: XML and terminals cannot show these."""
 LONG = 100
 """Letters of a name beyond which no other one is taken for it: comparing takes their square."""
+MOST_SHOWN = 1000
+"""Characters of the message of one fault."""
 KeyPath = tuple[str | int, ...]
 """Keys and list positions that lead to a value of the document."""
 Values = dict[KeyPath, Any]
@@ -50,7 +52,7 @@ def one_error(faults: Sequence[Fault], where: str) -> InputError:
     """One error that tells all faults, each on its own line."""
     errors = [
         InputError(
-            fault.message, code=fault.code, where=where, value=fault.value,
+            shortened(fault.message), code=fault.code, where=where, value=fault.value,
             field=".".join(map(str, fault.path)), allowed=fault.allowed, fix=fault.fix,
         )
         for fault in faults[:MOST]
@@ -61,6 +63,11 @@ def one_error(faults: Sequence[Fault], where: str) -> InputError:
     if len(faults) > MOST:
         lines.append(f"{where}: and {len(faults) - MOST} more faults")
     return SeveralInputError(lines, errors[0])
+
+
+def shortened(text: str) -> str:
+    """A text without the middle of what is far too long for a line, such as an endless key."""
+    return text if len(text) <= MOST_SHOWN else f"{text[: MOST_SHOWN // 2]} ... {text[-80:]}"
 
 
 def did_you_mean(word: str, known: Collection[str]) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from calib.errors import refuse
+from testbed.disk import read_bounded
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import BudgetSettings, TrialSettings
 from testbed.store.npz import canonical
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from testbed.robots.robot import Robot
 
 
+MOST_BYTES = 20_000_000
+"""Of a file that a scenario names: the largest mesh that is read, and more than any table."""
 SETTING_TABLES = ("format", "seed", "truth", "tracker", "pool", "cell", "test")
 
 
@@ -67,9 +70,11 @@ def hashed_document(scenario: Scenario) -> dict[str, Any]:
     ):
         if table.get(key):
             try:
-                table[key] = sha256(Path(table[key]).read_bytes()).hexdigest()
-            except (OSError, ValueError) as error:
-                message = f'{key} "{table[key]}" cannot be read'
+                content = read_bounded(Path(table[key]), MOST_BYTES)
+                table[key] = sha256(content).hexdigest()
+            except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+                reason = getattr(error, "strerror", None) or "its name is not a path"
+                message = f'{key} "{table[key]}" cannot be read: {reason}'
                 fix, at = "check the name; it starts from the scenario file", scenario.name
                 raise refuse(
                     key, table[key], code="R7", message=message, fix=fix, where=at

@@ -155,6 +155,14 @@ def test_what_is_no_toml_is_said_the_same_way_by_every_reader(told, verb):
     ]
 
 
+@pytest.mark.parametrize("verb", VERBS)
+def test_an_endless_key_is_not_repeated_in_full(told, verb):
+    lines = told(verb, b"a" * 900_000 + b" = 1")
+    (line,) = (line for line in lines if "aaa" in line)
+    assert 'has no key "aaaaaaaa' in line
+    assert len(line) < 1000
+
+
 def test_content_handed_over_by_a_script_passes_the_same_gate():
     with pytest.raises(InputError, match=r"x\.toml: is 2\.0 MB; a TOML file has at most 1 MB"):
         toml_document(b"#" * 2 * MOST_BYTES, "x.toml")

@@ -95,7 +95,11 @@ def test_a_mesh_counts_by_its_content_not_by_its_place(tmp_path):
         hashes.append(record_hash(scenario, robot, "setting"))
     assert hashes[0] == hashes[1] != hashes[2]
     gone = small(cell={"obstacle": [{"kind": "mesh", "file": str(tmp_path / "gone.obj")}]})
-    with pytest.raises(InputError, match=r"gone\.obj\" cannot be read"):
+    with pytest.raises(InputError, match=r"gone\.obj\" cannot be read: No such file"):
+        scenario_hash(gone, robot)
+    with (tmp_path / "gone.obj").open("wb") as sparse:
+        sparse.truncate(5 * 10**9)  # takes no room
+    with pytest.raises(InputError, match=r"gone\.obj\" cannot be read: it has 5000 MB"):
         scenario_hash(gone, robot)
 
 
