@@ -6,6 +6,9 @@ from typing import Self
 STEERING = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """What steers a terminal, ends a line or turns the direction of writing, and stray surrogates."""
 
+LONGEST = 400
+"""Characters of one part of a sentence: names and values in it may be endless."""
+
 
 def visible(text: str) -> str:
     r"""A text with its control characters written out; line ends and tabs stay.
@@ -33,6 +36,17 @@ def _written(found: re.Match[str]) -> str:
     """A character as Python's strings may write it."""
     number = ord(found[0])
     return f"\\x{number:02x}" if number < 256 else f"\\u{number:04x}"
+
+
+def short(text: str) -> str:
+    """A text of a length that people read: its beginning and its end.
+
+    Examples
+    --------
+    >>> len(short("x" * 5000))
+    405
+    """
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 100]} ... {text[-100:]}"
 
 
 class CalibError(Exception):
@@ -77,7 +91,8 @@ class CalibError(Exception):
         super().__init__(str(self))
 
     def __str__(self) -> str:
-        body = "; ".join(part for part in (self.message, self.allowed, self.fix) if part)
+        parts = (short(part) for part in (self.message, self.allowed, self.fix) if part)
+        body = "; ".join(parts)
         place = f"{self.where}: " if self.where else ""
         stop = "" if body.endswith(("?", ".", "!")) else "."
         return one_line(f"{place}{body}{stop} [{self.code}]")

@@ -15,6 +15,8 @@ from testbed.files.text import Sheet
 from testbed.strict import choice_of
 
 GROUPED = re.compile(r"\d[ '\u00a0\u202f\u2019]\d")
+LONGEST = 200
+"""Characters of a name in a cell, as in session.toml."""
 THREE = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 
@@ -167,7 +169,7 @@ def table_of(
     Raises
     ------
     InputError
-        M35: a mapped column is not there, or the decimal mark stays in doubt.
+        M35: a mapped column is not there, or the decimal mark stays in doubt; M36: an endless name.
     """
     for own, theirs in mapping.items():
         if not is_known(own):
@@ -182,11 +184,25 @@ def table_of(
     used = set(mapping.values())
     names = {name: name for name in sheet.head if name not in used and name not in mapping}
     table = DataTable(sheet, names | dict(mapping), decimal or "")
+    for name in TEXTS:
+        _require_short(table, name)
     if decimal:
         return table
     if numeric is None:
         numeric = [name for name in table.names if is_known(name) and name not in TEXTS]
     return replace(table, decimal=_decimal_mark(table, numeric))
+
+
+def _require_short(table: DataTable, name: str) -> None:
+    """Refuse endless names: they are compared, numbered and shown."""
+    texts = table.texts_of(name) or ("",)
+    longest = max(range(len(texts)), key=lambda row: len(texts[row]))
+    if len(texts[longest]) > LONGEST:
+        raise refusal(
+            table.place(longest), name,
+            f"{table.names[name]} has {len(texts[longest])} characters", code="M36",
+            allowed=f"at most {LONGEST}", fix="shorten it",
+        )  # fmt: skip
 
 
 def unknown_column(where: str, key: str, own: str, fix: str) -> InputError:

@@ -323,6 +323,7 @@ CASES = {
     "session: an own name nobody knows": read(
         table(), '[frames.columns]\nx_millimeter = "x_mm"\n'
     ),
+    "M36 an endless name": read(ranged(anchor=["A"] * 20 + ["9" * 5000] * 9)),
     "session: two sources": read(
         table(), "[frames]\n[uncertainty]\nposition_um = 2\nmpe_um = [15, 6]\n"
     ),

@@ -484,6 +484,7 @@ CASES = {
     "measured poses with a gap": measured("1,2,,4,5,6"),
     "measured poses twice": measured("1,2,3,4,5,6\n1,2,3,4,5,6"),
     "measured poses beyond a limit": measured("1,2,300,4,5,6"),
+    "measured poses with an endless cell": measured(f"1,2,3,4,5,{'6' * 140_000}"),
     "plan exists": lambda path: (plan_like(path), check_free(path, layout.PLAN, overwrite=False)),
     "plan below a file": lambda path: (
         path.write_text(""), check_free(path / "out", layout.PLAN, overwrite=False)
