@@ -157,8 +157,12 @@ def _remove(element: Any) -> None:
 
 
 def _check_known(element: Any, path: Path) -> None:
-    """R8: nothing that runs code, nothing that grows when compiled."""
+    """R8: nothing that runs code, nothing that grows when compiled, no pattern of C's printf."""
     tag = element.tag
+    for key, value in element.items():
+        if "%" in value:  # MuJoCo prints what it refuses by itself as a pattern, and dies of %n
+            message = f'{key} of <{tag}> is "{value}", and % means a value to MuJoCo'
+            raise error_at(element, path, "R8", message, key, value, fix="write it without %")
     if tag in CODE:
         message = f"<{tag}> is not allowed: plugins run code"
         raise error_at(element, path, "R8", message, tag, fix="remove it")

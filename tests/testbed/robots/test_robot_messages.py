@@ -171,6 +171,7 @@ CASES = {
             "b.xml": '<mujocoinclude><include file="a.xml"/></mujocoinclude>',
         },
     ),
+    "R8 pattern of printf": in_mjcf('name="lift"', 'name="lift" class="%s%n"'),
     "R8 plugin": in_mjcf("<actuator>", '<extension><plugin plugin="x"/></extension><actuator>'),
     "R8 replicated bodies": in_mjcf(
         "<site ", '<replicate count="1000000000"><geom size="1"/></replicate><site '
