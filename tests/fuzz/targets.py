@@ -1,0 +1,152 @@
+"""What is damaged, and who reads it: small whole files of every kind, each with its reader."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+
+import numpy as np
+
+from testbed.cli.terminal import headline
+from testbed.files.program import correct_program
+from testbed.files.read import read_session
+from testbed.laboratory.cell import cell_from
+from testbed.laboratory.joint_lists import read_joints
+from testbed.robots.catalog import load_robot
+from testbed.robots.write.mjcf import build_spec, compile_spec
+from testbed.run.play import rederive, robot_of
+from testbed.run.result import equal_runs, read_result
+from testbed.store import layout, npz
+from testbed.studies import load_scenario
+from tests.fuzz import grammars, trees, whole
+from tests.fuzz.whole import Files
+from tests.testbed.files.made import ROBOT
+from tests.testbed.studies.trial.fake_campaign import Fake
+
+GRAMMARS: dict[str, grammars.Mutator] = {
+    ".toml": grammars.toml_changed,
+    ".csv": grammars.table_changed,
+    ".txt": grammars.table_changed,
+    ".obj": grammars.table_changed,
+    ".stl": grammars.flipped,
+    ".json": trees.json_changed,
+    ".urdf": trees.xml_changed,
+    ".xml": trees.xml_changed,
+    ".npz": trees.record_changed,
+}
+"""How a file is damaged, by the end of its name."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """A kind of input."""
+
+    read: Callable[[Path], object]
+    """Takes a folder and returns what is accepted there: read, and not computed with."""
+    folders: tuple[Files, ...]
+    """Whole files."""
+    damaged: tuple[str, ...]
+    """Names of those that are damaged."""
+    may_be_empty: frozenset[str] = frozenset()
+    """Fields that hold nan or inf where there is nothing."""
+    largest: float = 1e100
+    """Above it the fourth power of a number is none."""
+    share: int = 1
+    """Of all inputs; those that are read at once have more."""
+
+
+def damaged(name: str, data: bytes, rng: Random) -> bytes:
+    """A file with up to three changes by its grammar, some by its bytes."""
+    if rng.random() < 0.15:
+        data = rng.choice((grammars.renumbered, grammars.encoded))(data, rng)
+    for _ in range(rng.choice((0, 1, 1, 1, 2, 3))):
+        data = GRAMMARS[Path(name).suffix](data, rng)
+    return grammars.flipped(data, rng) if rng.random() < 0.2 else data
+
+
+def read_scenario(folder: Path) -> object:
+    """A scenario, its robot, its cell and its measured poses."""
+    scenario = load_scenario(folder / layout.SCENARIO)
+    robot = robot_of(scenario, layout.SCENARIO)
+    measured = scenario.plan.measured
+    return (
+        scenario.document(),
+        robot,
+        cell_from(scenario.cell, robot.model.chain),
+        read_joints(robot, measured) if measured else None,
+    )
+
+
+def read_measured(folder: Path) -> object:
+    """A session, with the files it names or the one beside it."""
+    toml, beside = folder / "session.toml", folder / "a.csv"
+    if beside.exists():
+        return read_session(beside, ROBOT, config=toml)
+    return read_session(toml, ROBOT)
+
+
+def read_program(folder: Path) -> object:
+    """A program and what becomes of it."""
+    return correct_program(folder / "program.csv", ROBOT, whole.REAL, folder / "corrected.csv")
+
+
+def read_results(folder: Path) -> object:
+    """What `run` and `compare` show of a result."""
+    read = read_result(folder)
+    return read, headline(read), equal_runs([folder, folder])
+
+
+def read_run(folder: Path) -> object:
+    """What `report` does before it computes."""
+    fake = Fake()
+    return rederive(folder, (layout.RESULT,), studies=[fake], derive=fake.derive)
+
+
+def read_record(folder: Path) -> object:
+    """A record, by the class that its file is named after."""
+    (file,) = folder.glob("*.npz")
+    found = npz.record_from(file.read_bytes(), file.stem, whole.KINDS[file.stem], whole.SPEC)
+    return found.reason if isinstance(found, npz.Failure) else found
+
+
+def read_robot(name: str) -> Callable[[Path], object]:
+    """The reader of a robot's file, up to where its cell could be simulated."""
+
+    def read(folder: Path) -> object:
+        robot = load_robot(folder / name)
+        compile_spec(build_spec(robot.model.chain, robot))
+        return robot
+
+    return read
+
+
+NOT_STATED = frozenset({"rotation", "numbers", "time", "temperature"})
+"""Columns of a session that a file may leave out for some rows."""
+TARGETS = {
+    "scenario": Target(
+        read_scenario, whole.SCENARIOS, ("scenario.toml", "measured.csv", "fixture.stl")
+    ),
+    "session": Target(read_measured, whole.SESSIONS, ("session.toml",), NOT_STATED, share=3),
+    "measurements": Target(read_measured, whole.SESSIONS, ("a.csv", "joints.csv"), NOT_STATED),
+    "spatial analyzer": Target(read_measured, whole.SESSIONS, ("smr.txt",), NOT_STATED),
+    "URDF": Target(read_robot("arm.urdf"), whole.ARMS, ("arm.urdf",)),
+    "MJCF": Target(read_robot("arm.xml"), whole.ARMS, ("arm.xml",)),
+    "mesh of a URDF": Target(read_robot("arm.urdf"), whole.ARMS, ("part.obj", "part.stl")),
+    "mesh of an MJCF": Target(read_robot("arm.xml"), whole.ARMS, ("assets/block.stl",)),
+    "robot.toml": Target(
+        read_robot("robot.toml"), whole.ROBOTS, ("robot.toml", "part.stl"), share=3
+    ),
+    "plan.csv": Target(
+        lambda folder: read_joints(ROBOT, folder / "plan.csv"), whole.PLANS, ("plan.csv",), share=3
+    ),
+    "program": Target(read_program, whole.PROGRAMS, ("program.csv",), share=3),
+    "result.json": Target(read_results, whole.RUNS, (layout.RESULT, layout.ARRAYS), share=3),
+    "run folder": Target(read_run, whole.RUNS, (layout.MANIFEST, layout.SCENARIO)),
+    "record": Target(
+        read_record,
+        whole.RECORDS,
+        tuple(f"{name}.npz" for name in whole.KINDS),
+        largest=np.inf,
+        share=3,
+    ),
+}
