@@ -167,18 +167,17 @@ def identify(
         from testbed.cli.terminal import progress
         from testbed.files.read import ReadOptions, read_session
         from testbed.identify.calibrate import Options
-        from testbed.identify.folder import play_calibration
+        from testbed.identify.folder import check_place, play_calibration
         from testbed.identify.session import with_test
         from testbed.identify.words import terminal_text
         from testbed.robots.catalog import load_robot
         from testbed.robots.write.urdf import require_package
-        from testbed.store.layout import MANIFEST, REPORT, RESULT
-        from testbed.store.whole_folder import check_free
+        from testbed.store.layout import REPORT, RESULT
 
         if package is not None:
             require_package(package)
         folder = out or identified_folder(data)
-        check_free(folder, MANIFEST, overwrite=overwrite)
+        check_place(folder, overwrite=overwrite)
         arm = load_robot(
             robot, tip=tip, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes
         )

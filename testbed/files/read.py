@@ -28,6 +28,7 @@ from testbed.files.spatial_analyzer import read_sa
 from testbed.files.table import DataTable, table_of
 from testbed.files.targets import TargetPart
 from testbed.files.text import read_sheet
+from testbed.gates.paths import real
 from testbed.gates.text import MAX_MB, FileText, SourceFile
 from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.robots.robot import Robot
@@ -100,6 +101,7 @@ def read_session(
     """
     options = ReadOptions() if options is None else options
     file = _session_file(Path(data))
+    real(file, field="measurements", code="S37")
     toml = file if config is None and file.suffix.lower() == ".toml" else config
     settings, first = SessionFile(), list[SourceFile]()
     if toml is not None:

@@ -28,15 +28,19 @@ def real(path: str | Path, *, field: str, code: str = "R7", where: str = "") -> 
     Raises
     ------
     InputError
-        No file can lie there: a NUL, a name of 300 characters, a ring of links, a closed folder.
+        No file can lie there: a NUL, a name of 300 characters, a ring of links, a closed folder, or
+        bytes that are not UTF-8.
     """
     try:
         found = Path(path).resolve()
         with suppress(FileNotFoundError, NotADirectoryError):
             found.stat()
+        str(found).encode()
     except (OSError, ValueError, RuntimeError) as error:
         number = errno.ELOOP if isinstance(error, RuntimeError) else getattr(error, "errno", None)
         reason = REASONS.get(number or 0) or getattr(error, "strerror", None)
+        if isinstance(error, UnicodeEncodeError):
+            reason = "has a path that is not UTF-8, which records and MuJoCo cannot hold"
         text = str(path)
         name = text if len(text) <= SHOWN else f"...{text[-SHOWN:]}"
         message = f"{field} {name} {reason or 'holds a character that no path has'}"

@@ -11,6 +11,7 @@ from calib.geometry.model import RobotModel
 from testbed.disk import atomic_write
 from testbed.files.program import correct_program
 from testbed.files.session import Session
+from testbed.gates.paths import real
 from testbed.identify.calibrate import STEPS, Options, calibrate
 from testbed.identify.records import Calibration, Delivered, FittedModel
 from testbed.identify.results import arrays, dh_table, headline, split_csv
@@ -69,7 +70,7 @@ def play_calibration(
     progress : callable, optional
         Told what begins, steps done, steps in all.
     """
-    check_free(out, layout.MANIFEST, overwrite=overwrite)
+    check_place(out, overwrite=overwrite)
     if package is not None:
         require_package(package)
     calibration = calibrate(robot, session, options, progress=progress)
@@ -87,6 +88,12 @@ def play_calibration(
         (folder / layout.MANIFEST).write_bytes(manifest_bytes(about(calibration, spec)))
     tell("", len(STEPS), len(STEPS))
     return calibration, delivered
+
+
+def check_place(out: Path, *, overwrite: bool) -> None:
+    """Refuse a folder that cannot be written, before anything is read or computed; C40."""
+    real(out, field="--out", code="C40")  # MuJoCo proves the robot in it, and takes UTF-8 only
+    check_free(out, layout.MANIFEST, overwrite=overwrite)
 
 
 def input_hash(calibration: Calibration, options: Options) -> str:

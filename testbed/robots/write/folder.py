@@ -14,6 +14,7 @@ from calib.geometry.frames import inverse, slide
 from calib.geometry.inverse import spread
 from calib.geometry.model import RobotModel
 from testbed.disk import flush_file, flush_folder, passing_folder, write_error
+from testbed.gates.paths import real
 from testbed.robots.catalog import ROBOT_FILE, load_robot
 from testbed.robots.describe.axes import reach, regauged
 from testbed.robots.describe.urdf import load_urdf, urdf_poses, way_to
@@ -164,6 +165,7 @@ def write_robot_folder(
         require_package(package)
     names = [ROBOT_FILE, f"{robot.name}.urdf", f"{robot.name}.xml"]
     names += [f"{MESHES}/{visual.name}.obj" for visual in robot.visuals]
+    real(folder, field="folder", code="C40")
     _require_free(folder, names, overwrite=overwrite)
     try:
         with passing_folder(folder) as made:
