@@ -153,6 +153,16 @@ def test_two_wrong_rows_never_spoil_the_whole_file(first, poses, tmp_path):
     assert len(session.measurements) == 27
 
 
+def test_the_last_two_rows_are_left_out_where_no_joints_remain_for_the_last(tmp_path):
+    """One fit of all rows is spoiled by them: a part of the rows is not."""
+    file = tmp_path / "a.csv"
+    file.write_text(csv(slipped(26, "missing")))
+    session = read_session(file, ROBOT)
+    assert [text.split(": ")[0] for text in session.masked] == [f"{file}:28", f"{file}:29"]
+    assert "fits the joints of row +1" in session.masked[0]
+    assert len(session.measurements) == 26
+
+
 def test_the_missing_shot_is_named_where_the_order_matches_rows(tmp_path):
     table = slipped(10, "missing")
     whole = columns(made())
