@@ -17,7 +17,7 @@ from testbed.robots.foreign import foreign
 from testbed.robots.meshes import files
 from testbed.robots.robot import Visual, workspace
 from tests.testbed.robots.described_cases import MJCF, bench_arm, block, urdf
-from tests.testbed.robots.mutations import SOUND, mutated
+from tests.testbed.robots.mutations import OBJ, SOUND, mutated
 from tests.testbed.robots.robot_cases import TX60
 
 SECONDS = 2.0
@@ -143,7 +143,7 @@ FLAT = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n"
 LEAPS = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n"
 
 
-@pytest.mark.parametrize("text", ["", "v a b c\n", LEAPS, FLAT])
+@pytest.mark.parametrize("text", ["", "v a b c\n", LEAPS, FLAT, OBJ.replace("v 1.0", "v 1e10", 1)])
 def test_a_mesh_of_a_robot_toml_that_nobody_can_draw_is_named(text, tmp_path):
     """MuJoCo opens it first; the file is told, not an element of a model nobody has seen."""
     path = tmp_path / "part.obj"
