@@ -96,7 +96,7 @@ def test_f3_a_full_disk_keeps_earlier_records_and_the_run_goes_on_later(tmp_path
     assert content(out) == expected
 
 
-@pytest.mark.parametrize("number", range(1, 14))
+@pytest.mark.parametrize("number", range(1, 15))
 def test_f3_no_space_at_any_flush_leaves_old_or_new_files_only(tmp_path, monkeypatch, number):
     expected = uninterrupted(tmp_path)
     out, calls, real = tmp_path / "full", itertools.count(1), os.fsync
