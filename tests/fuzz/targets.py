@@ -50,7 +50,7 @@ class Target:
     may_be_empty: frozenset[str] = frozenset()
     """Fields that hold nan or inf where there is nothing."""
     largest: float = 1e100
-    """Above it the fourth power of a number is none."""
+    """Above it the fourth power of a number is none; what is only shown or kept may be larger."""
     share: int = 1
     """Of all inputs; those that are read at once have more."""
 
@@ -140,7 +140,9 @@ TARGETS = {
         lambda folder: read_joints(ROBOT, folder / "plan.csv"), whole.PLANS, ("plan.csv",), share=3
     ),
     "program": Target(read_program, whole.PROGRAMS, ("program.csv",), share=3),
-    "result.json": Target(read_results, whole.RUNS, (layout.RESULT, layout.ARRAYS), share=3),
+    "result.json": Target(
+        read_results, whole.RUNS, (layout.RESULT, layout.ARRAYS), largest=np.inf, share=3
+    ),
     "run folder": Target(read_run, whole.RUNS, (layout.MANIFEST, layout.SCENARIO)),
     "record": Target(
         read_record,
