@@ -1,6 +1,7 @@
 """One BLAS thread before numpy is imported: results must not depend on the machine's cores."""
 
 import os
+import sys
 from typing import Any
 
 import pytest
@@ -8,6 +9,9 @@ import pytest
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[_name] = "1"
 os.environ.setdefault("MUJOCO_GL", "disable")
+# programs that tests start are compiled once for all, whatever the shell says
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 from hypothesis import settings  # noqa: E402 - numpy may be imported from here on
 
