@@ -135,7 +135,8 @@ def nearest_rigid(T: Array) -> Array:
 def is_rigid(T: Array, tolerance: float = 1e-9) -> bool:
     """Whether the rotation part (4, 4) is orthonormal with determinant +1 within `tolerance`."""
     R = T[:3, :3]
-    off = float(np.abs(R.T @ R - np.eye(3)).max())
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers beyond sense are no rotation
+        off = float(np.abs(R.T @ R - np.eye(3)).max())
     return off <= tolerance and float(np.linalg.det(R)) > 0 and bool((T[3] == [0, 0, 0, 1]).all())
 
 

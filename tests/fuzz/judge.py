@@ -135,14 +135,19 @@ def last_place(error: BaseException) -> str:
 
 
 def spoken(error: InputError | DamagedError, files: Files) -> str:
-    """What is wrong with the words of a refusal: it names the user's file and is not endless."""
+    """What is wrong with the words of a refusal: it names the user's file and is not endless.
+
+    Nobody is shown those of a damaged record: its run says that it is damaged.
+    """
+    if isinstance(error, DamagedError):
+        return ""
     text = str(error)
     lines = text.split("\n")
     if len(lines) > LINES or max(map(len, lines)) > LONGEST:
         return "refused at endless length"
     if any(one_line(line) != line for line in lines):
         return "refused with words that steer a terminal"
-    if isinstance(error, DamagedError) or error.where or any(name in text for name in files):
+    if error.where or any(name in text for name in files):
         return ""
     return f"refused without naming a file [{error.code}]"
 

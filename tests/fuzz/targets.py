@@ -114,7 +114,7 @@ def read_robot(name: str) -> Callable[[Path], object]:
 
     def read(folder: Path) -> object:
         robot = load_robot(folder / name)
-        compile_spec(build_spec(robot.model.chain, robot))
+        compile_spec(build_spec(robot.model.chain, robot), robot)
         return robot
 
     return read
