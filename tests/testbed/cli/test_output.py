@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from calib.errors import STEERING, InputError, visible
+from testbed.__main__ import main
 from testbed.cli import app
 from testbed.cli.exit_codes import exit_codes
 from testbed.cli.output import say, say_json, warn
@@ -127,3 +128,26 @@ def test_what_a_robot_says_of_itself_and_where_it_lies_is_only_shown(tmp_path, m
     code, _, warned = truebed("compare", folder, folder)
     assert code == 2
     assert r"a\x1b[2Jm: is not a run folder" in warned
+
+
+@pytest.mark.parametrize("words", [[f"--{WILD}"], [WILD], ["run", "quick", f"--{WILD}"]])
+def test_words_of_the_command_line_are_only_shown(words, monkeypatch, capsys):
+    monkeypatch.setattr("testbed.__main__.ENVIRONMENT", {})
+    monkeypatch.setattr(sys, "argv", ["truebed", *words])
+    with pytest.raises(SystemExit) as end:
+        main()
+    out, err = capsys.readouterr()
+    assert (end.value.code, out) == (2, "")
+    assert SHOWN in err
+    assert err.startswith("Usage: truebed")
+    assert not STEERING.search(err)
+
+
+@pytest.mark.parametrize(("words", "code"), [(["--version"], 0), (["robots", "none"], 2)])
+def test_the_command_ends_with_the_code_of_its_verb(words, code, monkeypatch, capsys):
+    monkeypatch.setattr("testbed.__main__.ENVIRONMENT", {})
+    monkeypatch.setattr(sys, "argv", ["truebed", *words])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert (end.value.code or 0) == code
+    assert "".join(capsys.readouterr())
