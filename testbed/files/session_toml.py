@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from testbed.bounds import ANGLE_SD, CELL, COORDINATE, FACTORS, LENGTH_SD, shown
 from testbed.files.refusal import refusal
+from testbed.gates.paths import real
 from testbed.gates.text import FileText, SourceFile, read_text
 from testbed.robots.robot import Reflector
 from testbed.strict import Strict
@@ -244,7 +245,8 @@ class Sources:
             raise refusal(toml, f"{key}.file", message, code="S37", fix=fix)
         path = self.data if name is None else self.root / name
         assert path is not None  # one of the two is there
-        if name is not None and not path.resolve().is_relative_to(self.root.resolve()):
+        found = real(path, field=f"[{key}] file", code="R6", where=toml)
+        if name is not None and not found.is_relative_to(self.root.resolve()):
             raise refusal(
                 toml, f"{key}.file", f'[{key}] file = "{name[:80]}" leads out of the folder',
                 code="R6", value=name, allowed="a file beside session.toml or in a folder below it",

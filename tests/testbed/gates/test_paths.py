@@ -3,6 +3,7 @@
 import pytest
 
 from calib.errors import InputError
+from testbed.files.read import read_session
 from testbed.gates.paths import real
 from testbed.robots.catalog import load_robot
 from testbed.robots.meshes.files import load_mesh
@@ -55,3 +56,20 @@ def test_a_nul_in_the_robot_of_a_scenario_is_told_with_the_scenario(tmp_path):
     with pytest.raises(InputError, match="a character that no path has") as caught:
         parse_scenario(text, where="mine.toml", folder=tmp_path)
     assert caught.value.where == "mine.toml"
+
+
+@pytest.mark.parametrize(
+    ("file", "says"),
+    [
+        (r"a\u0000b", r"\[points\] file .* a character that no path has"),
+        ("ring/points.csv", r"\[points\] file .* is a ring of links"),
+        ("../points.csv", "leads out of the folder"),
+    ],
+)
+def test_a_file_of_a_session_is_told_with_the_session(file, says, tmp_path):
+    (tmp_path / "ring").symlink_to("ring")
+    session = tmp_path / "session.toml"
+    session.write_text(f'[points]\nfile = "{file}"\n')
+    with pytest.raises(InputError, match=says) as caught:
+        read_session(session, load_robot("staubli_tx60"))
+    assert caught.value.where == str(session)
