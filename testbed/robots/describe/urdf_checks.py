@@ -49,6 +49,8 @@ NUMBERS = {
     "calibration": dict.fromkeys(("rising", "falling"), Row(1)),
 }  # fmt: skip
 """The numbers in each attribute."""
+ENDLESS = {"lower": Row(1), "upper": Row(1)}
+"""Limits of a continuous joint are not used; some exporters write 1e16 for none."""
 SHAPES: dict[str, tuple[str, ...]] = {
     "box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",),
     "mesh": ("filename",),
@@ -80,6 +82,8 @@ def check_urdf(root: Any, path: Path, options: FileOptions) -> list[str]:
         rows = NUMBERS[element.tag]
         if element.tag == "mesh" and len(element.get("scale", "").split()) == 1:
             rows = {"scale": rows["scale"]._replace(many=1)}  # the same along all axes
+        if element.tag == "limit" and element.getparent().get("type") == "continuous":
+            rows = rows | ENDLESS
         check_numbers(element, path, rows)
     _check_tree(root, path)
     _check_links(root, path)

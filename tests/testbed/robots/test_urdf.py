@@ -286,6 +286,15 @@ def test_odd_limits_are_told_but_accepted(limits, says, tmp_path):
     assert says in arm.notes[0]
 
 
+@pytest.mark.parametrize("size", ["1e16", "1.7976931348623157e308"])
+def test_limits_that_a_continuous_joint_does_not_use_may_stand_for_none(size, tmp_path):
+    text = GOOD.replace('lower="-1" upper="1"', f'lower="-{size}" upper="{size}"')
+    arm = read_text(text.replace("revolute", "continuous"), tmp_path)
+    np.testing.assert_array_equal(arm.limits, [[-np.inf, np.inf]])
+    with pytest.raises(InputError, match="at most 1000000"):
+        read_text(text, tmp_path)
+
+
 def test_an_unknown_tip_is_answered_with_the_likely_one(tmp_path):
     with pytest.raises(InputError, match='did you mean "tool0"'):
         read_text(GOOD, tmp_path, tip="tool")
