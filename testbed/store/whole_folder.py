@@ -4,6 +4,7 @@ import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import takewhile
 from pathlib import Path
 
 from calib.errors import InputError, refuse
@@ -38,7 +39,7 @@ def whole_folder(path: Path, marker: str, *, overwrite: bool = False) -> Iterato
     check_free(path, marker, overwrite=overwrite)
     real = real_folder(path)
     try:
-        with passing_folder(real) as temporary:
+        with _folders_above(real), passing_folder(real) as temporary:
             yield temporary
             for file in temporary.rglob("*"):
                 if file.is_file():
@@ -68,9 +69,21 @@ def check_free(path: Path, marker: str, *, overwrite: bool) -> None:
         if path.exists() and not is_empty(path):
             check_movable(path, marker, overwrite=overwrite)
         real = real_folder(path)
-        real.parent.mkdir(parents=True, exist_ok=True)
-        with passing_folder(real):
+        with _folders_above(real), passing_folder(real):
             pass
+
+
+@contextmanager
+def _folders_above(path: Path) -> Iterator[None]:
+    """Make the folders that `path` shall lie in; those made are removed if they stay empty."""
+    made = list(takewhile(lambda folder: not folder.exists(), path.parents))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield
+    finally:
+        for folder in made:
+            with suppress(OSError):  # filled, or never made
+                folder.rmdir()
 
 
 def real_folder(path: Path) -> Path:

@@ -224,3 +224,16 @@ def test_without_locks_folders_are_written_and_nothing_is_removed(tmp_path, monk
     (tmp_path / ".out.0a1b2c3d.tmp").mkdir()
     fill(tmp_path / "out")
     assert {path.name for path in tmp_path.iterdir()} == {"out", ".out.0a1b2c3d.tmp"}
+
+
+def test_what_is_refused_or_fails_leaves_no_folder_above_either(tmp_path):
+    (tmp_path / "runs").mkdir()
+    for above in (tmp_path / "runs", tmp_path / "new" / "deep"):
+        check_free(above / "out", MARKER, overwrite=False)
+        with pytest.raises(InputError), whole_folder(above / "out", MARKER):
+            raise InputError("it is refused", code="M35")
+        with pytest.raises(InputError, match="cannot be written"):
+            check_free(above / ("o" * 300), MARKER, overwrite=False)
+    assert list(tmp_path.rglob("*")) == [tmp_path / "runs"]
+    content = fill(tmp_path / "new" / "deep" / "out")
+    assert read(tmp_path / "new" / "deep" / "out") == content
