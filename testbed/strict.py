@@ -199,6 +199,9 @@ def _of_one_branch(mistakes: Sequence[Any]) -> Sequence[dict[str, Any]]:
     """Mistakes in a key that takes a word or a list: those of what it holds, as the file has it."""
     kept = []
     for mistake in mistakes:
+        if len(mistake["loc"]) == 1:  # no branch, and there may be 60,000
+            kept.append(mistake)
+            continue
         tags = [str(part).partition("[") for part in mistake["loc"]]
         word, rows = (any(tag[:2] == (name, "[") for tag in tags) for name in ("literal", "tuple"))
         if (word and isinstance(mistake["input"], list)) or (
@@ -219,7 +222,7 @@ def _sentence(schema: type[Strict], mistake: dict[str, Any]) -> str:
     if mistake["type"] == "extra_forbidden":
         return f'{table} has no key "{key}"; {choice_of(key, known)}'
     if mistake["type"] == "missing":
-        return f'{table} needs the key "{key}"'
+        return f'{table} needs the key "{key}"' if key else f"{table} is missing"
     reason = mistake["msg"].removeprefix("Value error, ").removeprefix("Input ")
     if mistake["type"] == "string_pattern_mismatch" and not str(mistake["input"]).isprintable():
         reason = "should be one line without control characters"

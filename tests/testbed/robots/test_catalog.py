@@ -210,6 +210,11 @@ def test_a_mistake_names_file_table_key_and_fix(old, new, says, tmp_path):
     assert caught.value.where == str(tmp_path / "robot.toml")
 
 
+def test_a_table_that_is_missing_is_called_so(tmp_path):
+    with pytest.raises(InputError, match=r"\[joints\] is missing"):
+        load_text("format = 1", tmp_path)
+
+
 def test_a_wrong_joint_kind_lists_the_right_ones(tmp_path):
     with pytest.raises(InputError, match=r"revolute.*prismatic"):
         load_text(TOML.replace('kind = "revolute"', 'kind = "rotary"', 1), tmp_path)
