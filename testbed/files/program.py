@@ -23,6 +23,7 @@ from testbed.disk import atomic_write
 from testbed.files.joints import joint_columns, read_joints
 from testbed.files.refusal import refusal
 from testbed.files.rotations import VECTOR, axes_of, checked_rotations, in_form, stated_in
+from testbed.files.session import Stated
 from testbed.files.table import Columns, DataTable, table_of, together
 from testbed.files.text import read_sheet
 from testbed.files.valid import valid_rows
@@ -103,18 +104,8 @@ def correct_program(path: Path, robot: Robot, identified: RobotModel, out: Path)
         what = "is the program itself" if path.exists() and out.samefile(path) else "exists"
         fix = "choose another file"
         raise refusal("", "out", f"{out.name} {what}", code="C40", value=str(out), fix=fix)
-    text = read_text(path, path.name)
-    sheet = read_sheet(text)
-    for name in ADDED:
-        if name in sheet.head:
-            message = f'has a column "{name}" already, as a corrected program has'
-            fix = "correct the program as it was, not a corrected one"
-            raise refusal(path.name, name, message, fix=fix)
-    numeric = [name for name in sheet.head if "_" in name or name[:1] in "qr"]
-    table = table_of(sheet, {}, numeric=numeric)
-    if not len(table):
-        raise refusal(path.name, "file", "has no targets", fix="write one target a line")
-    correct = _correct_poses if table.find("length", "x") else _correct_joints
+    text, table = read_program(path, robot)
+    correct = _correct_poses if _is_cartesian(table) else _correct_joints
     result, targets = correct(table, robot, identified)
     added = (
         result.status, 1e3 * result.before, 1e3 * result.left, DEG * result.left_rotation
@@ -130,6 +121,37 @@ def correct_program(path: Path, robot: Robot, identified: RobotModel, out: Path)
     )
     sentences = (done, *status_sentences(result.status, "target", WORDS), *result.sentences)
     return replace(result, sentences=sentences)
+
+
+def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
+    """The lines and the targets of a program file, each target's columns looked at.
+
+    Raises
+    ------
+    InputError
+        M20, M22-M25, M35: the program is not understood.
+    """
+    text = read_text(path, path.name)
+    sheet = read_sheet(text)
+    for name in ADDED:
+        if name in sheet.head:
+            message = f'has a column "{name}" already, as a corrected program has'
+            fix = "correct the program as it was, not a corrected one"
+            raise refusal(path.name, name, message, fix=fix)
+    numeric = [name for name in sheet.head if "_" in name or name[:1] in "qr"]
+    table = table_of(sheet, {}, numeric=numeric)
+    if not len(table):
+        raise refusal(path.name, "file", "has no targets", fix="write one target a line")
+    if _is_cartesian(table):
+        _poses(table)
+    if joint_columns(table, robot) or not _is_cartesian(table):
+        read_joints(table, robot, "commanded", drop=None)
+    return text, table
+
+
+def _is_cartesian(table: DataTable) -> bool:
+    """Whether the targets are poses of the tool."""
+    return table.find("length", "x") is not None
 
 
 def _correct_joints(
@@ -156,26 +178,15 @@ def _correct_poses(
 ) -> tuple[ProgramResult, _Targets]:
     """Cartesian targets corrected, for a controller that keeps its nominal model."""
     nominal = robot.model
-    place = table.find("length", "x", "y", "z")
-    found = stated_in(table, None)
-    if place is None or found is None:
-        raise refusal(
-            table.where, "frames", "has positions without rotations", code="M24",
-            allowed="qw qx qy qz, r11 ... r33, rvx_deg ..., or rx_deg ry_deg rz_deg with euler",
-            fix="a target needs its orientation: add the columns",
-        )  # fmt: skip
-    stated, turned = found
-    columns = together(place, turned)
-    good, _ = valid_rows(table, columns, drop=None)
-    R, odd = checked_rotations(stated, table, good)
+    columns, stated, T_base, odd = _poses(table)
     base = nominal.chain.T_world_base
-    T = base @ transform(R, table.values(place))
+    T = base @ T_base
     seeds, assumed = _configurations(table, robot, T)
     correction = corrected_poses(nominal, identified, T, seeds, robot.limits)
     q = np.where(correction.corrected[:, None], correction.q, correction.q_before)
     poses = inverse_transform(base) @ correction.T
     new = in_form(stated.form, np.asarray(stated.numbers), poses[:, :3, :3])
-    if stated.form != VECTOR and turned.names[0].startswith("rx"):
+    if stated.form != VECTOR and columns.names[3].startswith("rx"):
         # the columns are x, y, z; the numbers follow the letters
         new = new[:, np.argsort(axes_of(stated.form))]
     here = identified.poses(q)
@@ -188,6 +199,23 @@ def _correct_poses(
         sentences=(*odd, *assumed),
     )
     return result, _Targets(columns, np.hstack([poses[:, :3, 3], new]))
+
+
+def _poses(table: DataTable) -> tuple[Columns, Stated, Array, Sequence[str]]:
+    """Columns, stated rotations and poses (m, 4, 4) of Cartesian targets [m], and what is odd."""
+    place = table.find("length", "x", "y", "z")
+    found = stated_in(table, None)
+    if place is None or found is None:
+        raise refusal(
+            table.where, "frames", "has positions without rotations", code="M24",
+            allowed="qw qx qy qz, r11 ... r33, rvx_deg ..., or rx_deg ry_deg rz_deg with euler",
+            fix="a target needs its orientation: add the columns",
+        )  # fmt: skip
+    stated, turned = found
+    columns = together(place, turned)
+    good, _ = valid_rows(table, columns, drop=None)
+    R, odd = checked_rotations(stated, table, good)
+    return columns, stated, transform(R, table.values(place)), odd
 
 
 def _configurations(table: DataTable, robot: Robot, T: Array) -> tuple[Array, tuple[str, ...]]:

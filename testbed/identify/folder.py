@@ -9,7 +9,7 @@ from typing import Any
 
 from calib.geometry.model import RobotModel
 from testbed.disk import atomic_write
-from testbed.files.program import correct_program
+from testbed.files.program import correct_program, read_program
 from testbed.files.session import Session
 from testbed.gates.paths import real
 from testbed.identify.calibrate import STEPS, Options, calibrate
@@ -73,6 +73,8 @@ def play_calibration(
     check_place(out, overwrite=overwrite)
     if package is not None:
         require_package(package)
+    if program is not None:
+        read_program(program, robot)  # its faults are told before anything is computed
     calibration = calibrate(robot, session, options, progress=progress)
     tell = progress or (lambda *_: None)
     tell(STEPS[-1], len(STEPS) - 1, len(STEPS))

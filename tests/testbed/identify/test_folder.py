@@ -37,6 +37,13 @@ from tests.calibrated import (
 from tests.reference import pool_r
 
 PROGRAM = "name,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\na,10,20,30,40,50,60\nb,-5,40,60,0,20,9\n"
+PROGRAMS = {
+    "missing": ("", "does not exist"),
+    "no targets": (PROGRAM.splitlines()[0], "has no targets"),
+    "word": (PROGRAM.replace("20,", "x,"), "not numbers"),
+    "no rotations": ("x_mm,y_mm,z_mm\n1,2,3\n", "positions without rotations"),
+    "two joints": ("q1_deg,q2_deg\n1,2\n", "no column for 4 of the 6 joints"),
+}
 FILES = {
     *layout.DERIVED,
     layout.MANIFEST,
@@ -200,3 +207,15 @@ def test_a_damaged_record_is_told_by_name(out, tmp_path, name):
     with pytest.raises(InputError) as caught:
         load_calibration(copy)
     assert f"the record {Path(name).stem} is damaged" in str(caught.value)
+
+
+@pytest.mark.parametrize(("text", "says"), PROGRAMS.values(), ids=PROGRAMS)
+def test_a_program_is_refused_before_anything_is_computed(text, says, tmp_path):
+    program = tmp_path / "jobs.csv"
+    if text:
+        program.write_text(text)
+    before = list(tmp_path.iterdir())
+    with pytest.raises(InputError, match=says) as caught:
+        play_calibration(robot(), None, tmp_path / "new" / "out", program=program)
+    assert caught.value.where.startswith("jobs.csv")
+    assert list(tmp_path.iterdir()) == before
