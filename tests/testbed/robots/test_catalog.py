@@ -199,7 +199,7 @@ def test_an_unknown_robot_is_answered_with_the_likely_one():
         ('"meshes/wrist.obj"', '"/etc/passwd"', "must stay inside the model's folder"),
         ('"meshes/wrist.obj"', '"meshes/none.obj"', "no mesh meshes/none.obj; python -m testbed"),
         ("format = 1", "format = 2", "format = 2"),
-        ("format = 1", "format = [", "not valid TOML"),
+        ("format = 1", "format = [", "is not TOML"),
         ('name = "staubli_tx60"', 'name = "../x"', "name = ../x"),
     ],
 )
