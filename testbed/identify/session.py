@@ -168,6 +168,7 @@ def split_of(
         A number that does not fit the table, one given beside a stated split, or a stated split
         that holds out joints which identify.
     """
+    draws = stream(seed, "split")  # which refuses a seed, whether it decides the split or not
     if stated is not None:
         wanted = "--train" if train is not None else "--held-out" if held_out is not None else ""
         if wanted:
@@ -182,7 +183,7 @@ def split_of(
     group = groups(measurements)
     count = int(group.max()) + 1
     out = _count(measurements, count, train, held_out)
-    order = stream(seed, "split").permutation(count)
+    order = draws.permutation(count)
     is_test = np.isin(group, order[count - out :]) if out else np.zeros(len(group), dtype=bool)
     sentence = (
         f"{counted(out, 'pose')} of {count} drawn at random (seed {seed}) and held out, "

@@ -74,6 +74,7 @@ def test_a_stated_split_is_kept_as_it_is():
             "--train and --held-out are both given; give one of them: all other poses go to the "
             "other side. [C41]",
         ),
+        ({"seed": -1}, True, "seed is -1; a whole number, 0 or larger. [C41]"),
         (
             {"train": 5},
             True,
