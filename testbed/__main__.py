@@ -3,14 +3,9 @@
 import os
 import sys
 from contextlib import suppress
-from io import StringIO
-from typing import TYPE_CHECKING, cast
 
 from calib.errors import MachineError
 from testbed.machine import LOOKING, require_room
-
-if TYPE_CHECKING:
-    from typer import BadParameter
 
 ENVIRONMENT = {
     # one BLAS thread: sums keep their order, so the same scenario gives the same bytes
@@ -30,20 +25,11 @@ def main() -> None:
     os.environ.update(ENVIRONMENT)
     try:
         require_room(LOOKING)
-        from typer.exceptions import TyperException
-
-        from testbed.cli import app
-        from testbed.cli.output import open_streams, warn
+        from testbed.cli.app import answer
+        from testbed.cli.output import open_streams
 
         open_streams()
-        try:
-            code = app(prog_name="truebed", windows_expand_args=False, standalone_mode=False)
-        except TyperException as error:  # it repeats words of the command line
-            told = StringIO()
-            cast("BadParameter", error).show(told)  # all that an application raises have it
-            warn(told.getvalue().rstrip())
-            code = error.exit_code
-        sys.exit(code)
+        sys.exit(answer())
     except (OSError, MachineError) as error:  # help and version end here, every verb by itself
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         if isinstance(error, BrokenPipeError):

@@ -1,11 +1,13 @@
 """The application that the verbs join, and the options that they share."""
 
+from io import StringIO
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 import typer
+from typer.exceptions import TyperException
 
-from testbed.cli.output import say
+from testbed.cli.output import say, warn
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -39,3 +41,15 @@ def top(
     ] = False,
 ) -> None:
     """Keep the verbs apart from the options of the command itself."""
+
+
+def answer() -> int:
+    """Run the verb that the command line names; the exit code."""
+    try:
+        code = app(prog_name="truebed", windows_expand_args=False, standalone_mode=False)
+    except TyperException as error:  # of usage: it repeats words of the command line
+        told = StringIO()
+        cast("typer.BadParameter", error).show(told)  # all that an application raises have it
+        warn(told.getvalue().rstrip())
+        return error.exit_code
+    return int(code or 0)
