@@ -286,6 +286,16 @@ def test_odd_limits_are_told_but_accepted(limits, says, tmp_path):
     assert says in arm.notes[0]
 
 
+@pytest.mark.parametrize(
+    "shape", ['box size="1 1 1e300"', 'cylinder radius="1e9" length="1"', 'sphere radius="-1e4"']
+)
+def test_shapes_beyond_sense_are_refused(shape, tmp_path):
+    link = f'<link name="arm"><visual><geometry><{shape}/></geometry></visual></link>'
+    with pytest.raises(InputError, match="a length of a robot is at most 1000 m") as caught:
+        read_text(GOOD.replace('<link name="arm"/>', link), tmp_path)
+    assert caught.value.code == "R11"
+
+
 @pytest.mark.parametrize("size", ["1e16", "1.7976931348623157e308"])
 def test_limits_that_a_continuous_joint_does_not_use_may_stand_for_none(size, tmp_path):
     text = GOOD.replace('lower="-1" upper="1"', f'lower="-{size}" upper="{size}"')
