@@ -67,7 +67,9 @@ def ran_out(error: BaseException | None, room: Room | None = None) -> MachineErr
     room : Room, optional
         That was asked for.
     """
-    while error is not None:
+    seen: set[int] = set()
+    while error is not None and id(error) not in seen:  # causes may lead back to where they began
+        seen.add(id(error))
         number = error.errno if isinstance(error, OSError) else None
         if number in (errno.EMFILE, errno.ENFILE):
             needed = f" ({room.files} at once)" if room else ""

@@ -14,6 +14,7 @@ import typer
 
 from testbed.cli import output
 from testbed.cli.exit_codes import exit_codes
+from testbed.machine import ran_out
 from testbed.scenario.read import dump_scenario
 from tests.testbed.studies.trial.fake_campaign import Fake, scenario
 
@@ -302,3 +303,12 @@ def test_a_full_disk_behind_stdout_is_told_by_every_door(words):
     assert done.returncode == 3
     assert done.stderr.startswith(b"stdout: cannot be written: No space left on device")
     assert b"Traceback" not in done.stderr
+
+
+def test_causes_that_lead_back_to_where_they_began_end():
+    """An error that is raised again from what it led to."""
+    first, second = ValueError("first"), OSError("second")
+    first.__cause__, second.__context__ = second, first
+    assert ran_out(first) is None
+    second.__context__ = MemoryError()
+    assert ran_out(first) is not None
