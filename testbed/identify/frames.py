@@ -5,7 +5,7 @@ from difflib import get_close_matches
 
 import numpy as np
 
-from calib.errors import refuse
+from calib.errors import InputError, refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.identify import identify
@@ -84,7 +84,10 @@ def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameter
         names = table.names if free == "identifiable" else tuple(robot.free_sets[free])
     else:
         names = tuple(free)
-    table.freeing(names)  # a name that is not there is refused with its likeliest meaning
+    try:
+        table.freeing(names)  # a name that is not there is refused with its likeliest meaning
+    except InputError as error:  # which stands in the session, not in its data
+        raise error.located(session.name) from error
     for frame, how in (("base.", session.wanted.base), ("tool.", session.wanted.tool)):
         own = tuple(name for name in table.names if name.startswith(frame))
         rest = tuple(name for name in names if name not in own)

@@ -212,7 +212,7 @@ def _with(found, bootstrap):
             'bench: [identification] free is "wen2021"; identifiable, wen2022, or names of '
             'numbers; did you mean "wen2022"? [S37]',
         ),
-        ({}, {"free": ("theta2", "gamma")}, 'no parameter is called "gamma"'),
+        ({}, {"free": ("theta2", "gamma")}, 'bench: no parameter is called "gamma"'),
     ],
 )
 def test_what_cannot_be_meant_is_refused(options, changes, message):
