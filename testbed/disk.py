@@ -207,7 +207,7 @@ def acquire(folder: Path) -> IO[str]:
     MachineError
         Another process holds it: its pid and since when.
     """
-    file = open(folder / LOCK, "a+", encoding="utf-8", opener=unfollowed)  # noqa: SIM115
+    file = open(folder / LOCK, "a+", encoding="utf-8", opener=unfollowed)  # noqa: SIM115  # open as long as it locks
     try:
         _lock(file)
     except OSError as error:

@@ -138,6 +138,13 @@ class Measurements:
         """Distinct poses visited."""
         return len(np.unique(self.pose_id))
 
+    def largest_of_poses(self, values: Array) -> Array:
+        """Largest of the values (m,) of each pose (p,), none negative: its rows are no poses."""
+        _, pose = np.unique(self.pose_id, return_inverse=True)
+        largest = np.zeros(self.n_poses)
+        np.maximum.at(largest, pose.ravel(), values)
+        return largest
+
     @property
     def target_key(self) -> Array:
         """(m, 7) what was looked at, and from where: alike in two rows that see the same thing."""

@@ -151,10 +151,7 @@ def errors_of_poses(model: RobotModel, test: Measurements) -> Array:
     points = test.rows(~test.is_distance)
     if not len(points):
         return np.zeros(0)
-    _, pose = np.unique(points.pose_id, return_inverse=True)
-    worst = np.zeros(int(pose.max()) + 1)
-    np.maximum.at(worst, pose.ravel(), predict(model, points).misses)
-    return worst
+    return points.largest_of_poses(predict(model, points).misses)
 
 
 def _rejected(identification: Identification, seen: HeldOut | None) -> bool:

@@ -3,7 +3,7 @@
 One rule, whatever the tests say: no switch between statements at a level of significance.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -135,9 +135,7 @@ def believe(
     scores = np.sort(_scores(plain, points))
     rank = int(np.ceil(probability * (n + 1) - 1e-9))
     factor = max(plain.factor, float(np.sqrt(scores[rank - 1])))
-    return Belief(
-        plain.model, plain.covariance, size, plain.misfit_covariance, factor, n, probability
-    )
+    return replace(plain, factor=factor)
 
 
 def _region(belief: Belief, rows: Array, growth: Array) -> Array:
@@ -155,7 +153,4 @@ def _scores(belief: Belief, points: Measurements) -> Array:
     seen = predict(belief.model, points)
     sigma = _region(belief, seen.rows[:, :3], np.ones(len(points)))
     square = mahalanobis_squared(seen.residual[:, :3], sigma + points.covariance[:, :3, :3])
-    _, pose = np.unique(points.pose_id, return_inverse=True)
-    worst = np.zeros(points.n_poses)
-    np.maximum.at(worst, pose.ravel(), square)
-    return worst
+    return points.largest_of_poses(square)

@@ -6,13 +6,12 @@ import numpy as np
 from scipy.special import ndtri
 
 from calib.arrays import Array, Bool, Index, frozen
-from calib.geometry.jacobian import joint_columns
-from calib.geometry.model import RobotModel
 from calib.identification.identify import Identification
 from calib.information.rank import RANK_TOLERANCE, triangle
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.uncertainty.statement.gain import prior_precision
+from calib.uncertainty.statement.shape import MisfitShape
 
 STEP = float(np.log(1.15)) / 2
 """Logarithmic step of the sizes that are tried: 7 %."""
@@ -22,28 +21,6 @@ DOUBT = 0.1
 """Standard deviation of the logarithm of the noise scale, where no repeats tell it."""
 SEEN, POWER = 0.001, 0.95
 """A misfit counts as one that would have been seen if a test at this level had this power."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MisfitShape:
-    """A misfit of 1 m per axis: half of its variance in the joints, half at the target.
-
-    Every pose has a draw of its own. Errors of the joints alone would deny what bends at the
-    target, errors at the target alone what comes from the gears.
-
-    References
-    ----------
-    D = [J_q J_q' / s2 + diag(1, 1, 1, 0, 0, 0)] / 2 with s2 the mean of tr(J_q J_q')_pp / 3.
-    """
-
-    columns: Index
-    """(k,) numbers of the model that a draw moves: the base's place, and every joint."""
-    sd: Array
-    """(k,) standard deviation of each, per metre of size [1, rad/m]."""
-
-    def rows(self, rows: Array) -> Array:
-        """Root B (..., k) of D = B B', from rows (..., P) of the model's derivative."""
-        return np.asarray(rows[..., self.columns] * self.sd)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,32 +90,6 @@ class Likelihood:
             return float(np.inf)
         ends = slice(last, last + 2)
         return float(np.interp(-level, -self.value[ends], self.size[ends]))
-
-
-def misfit_shape(model: RobotModel, poses: Measurements) -> MisfitShape:
-    """Shape of a misfit, scaled over poses from where the robot is used.
-
-    A slide counts like a turning joint: its draw moves the target as far, on average.
-    """
-    seen = predict(model, poses)
-    joints = np.array(joint_columns(model.chain))
-    at = seen.filled[:, :3]
-    square = np.where(at[:, :, None], seen.rows[:, :3][:, :, joints] ** 2, 0.0).sum((0, 1))
-    square /= at.sum()
-    turning = np.array([kind == "revolute" for kind in model.chain.kinds])
-    usual = square[turning].mean() if turning.any() else square.mean()
-    # a joint that never moves the target takes no part
-    scale = np.where(turning, 1.0, np.sqrt(usual / np.where(square > 0, square, np.inf)))
-    joint_variance = float((scale**2 * square).sum())
-    if joint_variance > 0:
-        of_joints = scale / np.sqrt(2 * joint_variance)
-        of_target = np.full(3, np.sqrt(0.5))
-    else:
-        of_joints, of_target = np.zeros(len(joints)), np.ones(3)
-    return MisfitShape(
-        frozen(np.concatenate([[0, 1, 2], joints]), np.int64),
-        frozen(np.concatenate([of_target, of_joints])),
-    )
 
 
 def position_rows(
@@ -212,7 +163,7 @@ def likelihood(rows: PositionRows, unit: float, repeats: NoiseRepeats | None) ->
     V = g^2 (N + t^2 D): with the size t counted in scaled noise, -2 l = ln|V| + ln|A'inv(V)A| +
     y'Py + (what is known of g) needs one system of numbers per t, whatever g is.
     """
-    A = _reduced(rows)
+    A = reduced(rows.A)
     freedom = len(A) - A.shape[1]
     if freedom < 1:
         return None
@@ -263,10 +214,10 @@ def _alike(pose: Index, at: Bool, heavy: Bool) -> list[Index]:
     return [np.array(rows) for rows in groups.values()]
 
 
-def _reduced(rows: PositionRows) -> Array:
-    """Derivative (n, p) in the directions that positions show."""
-    _, singular, directions = np.linalg.svd(triangle(rows.A), full_matrices=False)
-    return np.asarray(rows.A @ directions[singular > RANK_TOLERANCE * singular[0]].T)
+def reduced(A: Array) -> Array:
+    """A derivative (n, f) of positions in the directions (n, p) that they show."""
+    _, singular, directions = np.linalg.svd(triangle(A), full_matrices=False)
+    return np.asarray(A @ directions[singular > RANK_TOLERANCE * singular[0]].T)
 
 
 def _terms(A: Array, y: Array, lam: Array, t: float) -> tuple[float, float]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, frozen
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
@@ -25,6 +25,14 @@ def estimator_gain(identification: Identification, table: Measurements) -> Array
     AW = np.swapaxes(WA, 1, 2)
     H = (AW @ A).sum(axis=0) + prior_precision(identification)
     return np.asarray(scale[:, None] * np.linalg.solve(H, AW))
+
+
+def of_all_numbers(identification: Identification, covariance: Array) -> Array:
+    """Covariance (P, P) of all numbers from that of the free ones (f, f); zero elsewhere."""
+    full = np.zeros((len(identification.parameters.names),) * 2)
+    index = identification.parameters.free_index
+    full[np.ix_(index, index)] = (covariance + covariance.T) / 2
+    return frozen(full)
 
 
 def prior_precision(identification: Identification) -> Array:

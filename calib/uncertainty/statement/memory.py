@@ -8,14 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array, Index, check, frozen
+from calib.arrays import Array, Index, check
 from calib.errors import refuse
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
-from calib.uncertainty.statement.evidence import MisfitShape
-from calib.uncertainty.statement.gain import estimator_gain
+from calib.uncertainty.statement.evidence import reduced
+from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers
 from calib.uncertainty.statement.misfit import DROP
+from calib.uncertainty.statement.shape import MisfitShape, noise_and_misfit
 
 KERNEL_ROWS = 8.0
 """Memory of the test's kernel [rows]."""
@@ -115,15 +116,12 @@ def drift(
     apart = np.abs(order[:, None] - order)
     parameters = identification.parameters
     seen, m = predict(identification.model, both), len(both)
-    A = (seen.rows[:, :3][..., parameters.free_index] * parameters.free_scale).reshape(3 * m, -1)
-    _, singular, directions = np.linalg.svd(A, full_matrices=False)
-    A = A @ directions[singular > 1e-9 * singular[0]].T
+    rows = seen.rows[:, :3]
+    A = rows[..., parameters.free_index] * parameters.free_scale
+    A = reduced(A.reshape(3 * m, -1))
     y = seen.residual[:, :3].ravel()
-    own = misfit * shape.rows(seen.rows[:, :3]).reshape(3 * m, -1)
-    pose = np.concatenate([train.pose_id, -1 - held_out.pose_id])
-    fixed = own @ own.T * np.repeat(np.repeat(pose[:, None] == pose, 3, axis=0), 3, axis=1)
-    for j, N in enumerate(both.covariance[:, :3, :3]):
-        fixed[3 * j : 3 * j + 3, 3 * j : 3 * j + 3] += N
+    pose = np.concatenate([train.pose_id, -1 - held_out.pose_id])  # numbered apart
+    fixed = noise_and_misfit(shape, misfit, rows, both.covariance, pose)
     unit = float(np.sqrt(np.trace(both.covariance[:, :3, :3], axis1=1, axis2=2).mean() / 3))
     tried = []
     for memory in MEMORIES:
@@ -139,10 +137,7 @@ def drift(
     F = estimator_gain(identification, train)[:, :, :3]
     among = sd**2 * np.exp(-apart[: len(train), : len(train)] / memory)
     left = np.einsum("jai,jk,kbi->ab", F, among, F, optimize=True)
-    full = np.zeros((len(parameters.names),) * 2)
-    index = parameters.free_index
-    full[np.ix_(index, index)] = (left + left.T) / 2
-    return SlowDrift(sd, memory, frozen(full))
+    return SlowDrift(sd, memory, of_all_numbers(identification, left))
 
 
 def _likelihood(V: Array, A: Array, y: Array) -> float:

@@ -10,21 +10,20 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from calib.arrays import Array, frozen
+from calib.arrays import Array
 from calib.errors import refuse
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.uncertainty.statement.evidence import (
-    MisfitShape,
     NoiseRepeats,
     believed_before,
     detectable,
     likelihood,
-    misfit_shape,
     position_rows,
 )
-from calib.uncertainty.statement.gain import estimator_gain
+from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers
+from calib.uncertainty.statement.shape import MisfitShape, misfit_shape
 
 DROP = 0.821
 """Fall of the log-likelihood at the one-sided upper 90 % limit: half the 80 % point of chi2_1."""
@@ -146,7 +145,4 @@ def misfit_covariance(
     moved = np.zeros((int(pose.max()) + 1, *each.shape[1:]))
     np.add.at(moved, pose.ravel(), each)
     root = np.moveaxis(moved, 0, 1).reshape(each.shape[1], -1)
-    full = np.zeros((len(identification.parameters.names),) * 2)
-    index = identification.parameters.free_index
-    full[np.ix_(index, index)] = root @ root.T
-    return frozen(full)
+    return of_all_numbers(identification, root @ root.T)

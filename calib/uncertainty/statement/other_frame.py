@@ -12,6 +12,7 @@ from calib.identification.fit_statistics import RED
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict, predicted_positions
 from calib.uncertainty.statement.belief import Belief
+from calib.uncertainty.statement.shape import noise_and_misfit
 
 FEWEST = 6
 """Held-out poses below which a motion of six numbers is not told from their noise."""
@@ -101,17 +102,12 @@ def other_frame(belief: Belief, held_out: Measurements) -> OtherFrame:
 
 def _joint_covariance(belief: Belief, points: Measurements, rows: Array, e: Array) -> Array:
     """Covariance (3 m, 3 m) of errors e (m, 3) together, misfit at its upper limit [m^2]."""
-    m = len(points)
     # rows of another frame look like a misfit, too; it is no larger than the errors themselves
     size = min(belief.misfit.upper, float(np.sqrt((e**2).mean())))
-    G = rows.reshape(3 * m, -1)
-    own = size * belief.misfit.shape.rows(G)
-    V = G @ (belief.covariance + size**2 * belief.misfit_covariance) @ G.T
-    same = points.pose_id[:, None] == points.pose_id
-    V += own @ own.T * np.repeat(np.repeat(same, 3, axis=0), 3, axis=1)
-    for j, N in enumerate(points.covariance[:, :3, :3]):
-        V[3 * j : 3 * j + 3, 3 * j : 3 * j + 3] += N
-    return V
+    G = rows.reshape(3 * len(points), -1)
+    shared = G @ (belief.covariance + size**2 * belief.misfit_covariance) @ G.T
+    own = noise_and_misfit(belief.misfit.shape, size, rows, points.covariance, points.pose_id)
+    return np.asarray(shared + own)
 
 
 def _explained(root: Any, motion: Any, e: Array) -> tuple[Array, float, float]:

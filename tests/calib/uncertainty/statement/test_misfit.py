@@ -22,10 +22,10 @@ from calib.uncertainty.statement.evidence import (
     PositionRows,
     believed_before,
     likelihood,
-    misfit_shape,
     position_rows,
 )
 from calib.uncertainty.statement.misfit import DROP, misfit, misfit_covariance
+from calib.uncertainty.statement.shape import misfit_shape
 from tests.calib import kinds
 
 TX60 = RobotModel(kinds.ARMS["tx60"])

@@ -1,0 +1,84 @@
+"""What a misfit looks like: half in the joints, half at the target, one draw for each pose."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, Index, frozen
+from calib.geometry.jacobian import joint_columns
+from calib.geometry.model import RobotModel
+from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predict
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MisfitShape:
+    """A misfit of 1 m per axis: half of its variance in the joints, half at the target.
+
+    Every pose has a draw of its own. Errors of the joints alone would deny what bends at the
+    target, errors at the target alone what comes from the gears.
+
+    References
+    ----------
+    D = [J_q J_q' / s2 + diag(1, 1, 1, 0, 0, 0)] / 2 with s2 the mean of tr(J_q J_q')_pp / 3.
+    """
+
+    columns: Index
+    """(k,) numbers of the model that a draw moves: the base's place, and every joint."""
+    sd: Array
+    """(k,) standard deviation of each, per metre of size [1, rad/m]."""
+
+    def rows(self, rows: Array) -> Array:
+        """Root B (..., k) of D = B B', from rows (..., P) of the model's derivative."""
+        return np.asarray(rows[..., self.columns] * self.sd)
+
+
+def misfit_shape(model: RobotModel, poses: Measurements) -> MisfitShape:
+    """Shape of a misfit, scaled over poses from where the robot is used.
+
+    A slide counts like a turning joint: its draw moves the target as far, on average.
+    """
+    seen = predict(model, poses)
+    joints = np.array(joint_columns(model.chain))
+    at = seen.filled[:, :3]
+    square = np.where(at[:, :, None], seen.rows[:, :3][:, :, joints] ** 2, 0.0).sum((0, 1))
+    square /= at.sum()
+    turning = np.array([kind == "revolute" for kind in model.chain.kinds])
+    usual = square[turning].mean() if turning.any() else square.mean()
+    # a joint that never moves the target takes no part
+    scale = np.where(turning, 1.0, np.sqrt(usual / np.where(square > 0, square, np.inf)))
+    joint_variance = float((scale**2 * square).sum())
+    if joint_variance > 0:
+        of_joints = scale / np.sqrt(2 * joint_variance)
+        of_target = np.full(3, np.sqrt(0.5))
+    else:
+        of_joints, of_target = np.zeros(len(joints)), np.ones(3)
+    return MisfitShape(
+        frozen(np.concatenate([[0, 1, 2], joints]), np.int64),
+        frozen(np.concatenate([of_target, of_joints])),
+    )
+
+
+def noise_and_misfit(
+    shape: MisfitShape, size: float, rows: Array, covariance: Array, pose: Index
+) -> Array:
+    """Covariance (3 m, 3 m) of positions together [m^2]: noise of each, a misfit for each pose.
+
+    Parameters
+    ----------
+    shape : MisfitShape
+        Of a misfit of 1 m per axis.
+    size : float
+        Of the misfit [m].
+    rows : (m, 3, P) array
+        Derivative of the positions.
+    covariance : (m, 6, 6) array
+        Of the noise [m, rad].
+    pose : (m,) array
+        Which pose each row belongs to.
+    """
+    own = size * shape.rows(rows).reshape(3 * len(rows), -1)
+    V = own @ own.T * np.repeat(np.repeat(pose[:, None] == pose, 3, axis=0), 3, axis=1)
+    for j, N in enumerate(covariance[:, :3, :3]):
+        V[3 * j : 3 * j + 3, 3 * j : 3 * j + 3] += N
+    return np.asarray(V)
