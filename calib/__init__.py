@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from calib.measurement.tables import distances as distances
     from calib.measurement.tables import points as points
     from calib.measurement.tables import poses as poses
+    from calib.uncertainty.judgement import Circumstances as Circumstances
     from calib.uncertainty.judgement import Judgement as Judgement
     from calib.uncertainty.judgement import judge as judge
 else:
@@ -30,6 +31,7 @@ else:
     HOMES = {
         "CalibratedRobot": "calibration",
         "Chain": "geometry.chain",
+        "Circumstances": "uncertainty.judgement",
         "Identification": "identification.result",
         "Judgement": "uncertainty.judgement",
         "Measurements": "measurement.observations",

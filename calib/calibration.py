@@ -13,7 +13,7 @@ from calib.identification.result import Identification
 from calib.identification.robust import Loss
 from calib.identification.start.start import Start, start_frames
 from calib.measurement.observations import Measurements
-from calib.uncertainty.judgement import Judgement, judge
+from calib.uncertainty.judgement import Circumstances, Judgement, judge
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,17 +40,27 @@ class CalibratedRobot:
         frames = [note for note in self.start.notes if note not in self.identification.notes]
         return "\n".join([*frames, misfit, self.identification.summary()])
 
-    def judge(self, test: Measurements, *, rng: np.random.Generator | None = None) -> Judgement:
+    def judge(
+        self,
+        test: Measurements,
+        *,
+        circumstances: Circumstances | None = None,
+        rng: np.random.Generator | None = None,
+    ) -> Judgement:
         """Judge the calibration by poses that it never used; see `calib.judge`.
 
         Parameters
         ----------
         test : Measurements
             Held-out poses or points, drawn from where the robot will be used.
+        circumstances : Circumstances, optional
+            What else is known of the campaign.
         rng : numpy.random.Generator, optional
             Of virtual calibrations; none are played without it.
         """
-        return judge(self.identification, test, train=self.measured, rng=rng)
+        return judge(
+            self.identification, test, train=self.measured, circumstances=circumstances, rng=rng
+        )
 
 
 def calibrate(
@@ -101,7 +111,7 @@ def calibrate(
     >>> train, test = points(q, xyz, sd=20e-6).split(held_out=20)
     >>> result = calibrate(arm, train)
     >>> result.identification.status.name, result.judge(test).trust.believe
-    ('CONVERGED', 'model')
+    ('CONVERGED', 'region')
     """
     start = start_frames(model, measured, free_tool=free_tool, free_anchors=free_anchors)
     if free is None:

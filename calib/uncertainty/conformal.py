@@ -42,8 +42,8 @@ class Conformal:
         return (
             f"a new pose from where the {self.n_poses} validation poses were drawn lies within "
             f"{1e6 * self.radius:.0f} um with {100 * self.probability:g} % probability, whatever "
-            f"the errors are made of; for this one set {100 * low:.0f} to {100 * high:.0f} %. The "
-            "errors contain the measuring noise, so it is a little too wide"
+            f"the errors are made of; for this one set {100 * low:.0f} to {100 * high:.0f} %. It "
+            "contains the measuring noise: the true point lies closer"
         )
 
 

@@ -1,31 +1,74 @@
-"""The proof of a calibration: its errors at held-out poses, and which statement to believe."""
+"""The proof of a calibration: what its errors at held-out poses show, and what is believed of it.
+
+One rule for every robot: parameters, the largest misfit that the evidence allows, what the
+instrument shares and what a drift leaves. Other statements stand beside it for comparison.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from calib.arrays import Array
+from calib.arrays import Array, Index, check
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
-from calib.measurement.observations import Measurements
+from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
 from calib.uncertainty.bootstrap import REPLICATES, Bootstrap, bootstrap
 from calib.uncertainty.conformal import Conformal, conformal, fewest_poses
 from calib.uncertainty.discrepancy import FEWEST, Discrepancy, discrepancy
 from calib.uncertainty.held_out import HeldOut, held_out
+from calib.uncertainty.statement.belief import Belief, believe
+from calib.uncertainty.statement.drifting import Drifting, drifting
+from calib.uncertainty.statement.gain import of_all_numbers
+from calib.uncertainty.statement.other_frame import FEWEST as FEWEST_OF_A_FRAME
+from calib.uncertainty.statement.other_frame import OtherFrame, other_frame
+from calib.uncertainty.statement.questions import Questions, fisher
+from calib.uncertainty.statement.repeats import noise_repeats
+from calib.uncertainty.statement.stated_point import StatedPoint, stated_point
 from calib.uncertainty.trust import Trust, trust
 from calib.uncertainty.validation import LinearCheck
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Circumstances:
+    """What is known of a campaign beside its readings; each part may be missing."""
+
+    visits: Measurements | None = None
+    """Every visit of the poses, each approached anew, where only some of them identify."""
+    order: tuple[Index, Index] | None = None
+    """Place in time of each row (m,) identified from and (n,) held out, one numbering for both."""
+    shared: Array | None = None
+    """(P, P) covariance of all numbers from what all readings share [m, rad]."""
+    repeatability: Array | None = None
+    """(j,) standard deviation with which each joint comes back [rad, m]."""
+    told_by: str = "the robot's description"
+    """What tells it."""
+    target: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Point in the tool frame that is stated [m]."""
+    unmodelled: tuple[str, ...] = ()
+    """What is known to be in no covariance: then a drift is looked for whatever a test says."""
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Judgement:
-    """What held-out poses show of one identification, and which statement to believe."""
+    """What held-out poses show of one identification, and what is believed of it."""
 
+    belief: Belief | None
+    """The believed regions; None where nothing can be believed."""
+    point: StatedPoint | None
+    """The same as one radius, at poses like the held-out ones; None where nothing is believed."""
+    questions: Questions
+    """Tests, together."""
     held_out: HeldOut | None
     """Errors at the held-out poses, one row each; None without such poses, or for distances."""
+    frame: OtherFrame | None
+    """Whether they stand in another frame; None below `other_frame.FEWEST` poses."""
+    drifting: Drifting | None
+    """Whether the noise remembers, and what that leaves; None without an order in time."""
     discrepancy: Discrepancy | None
     """What the model leaves out, as a covariance; None below `discrepancy.FEWEST` poses."""
     conformal: Conformal | None
@@ -33,14 +76,13 @@ class Judgement:
     bootstrap: Bootstrap | None
     """Virtual calibrations; None where none were asked for, or where they decide nothing."""
     trust: Trust
-    """The statement to believe, and why."""
+    """What is believed, and why."""
 
     def __repr__(self) -> str:
         count = 0 if self.held_out is None else len(self.held_out)
-        radius = "none" if self.conformal is None else f"{1e6 * self.conformal.radius:.0f} um"
+        radius = "none" if self.point is None else f"{1e6 * self.point.radius_mean:.0f} um"
         return (
-            f"Judgement(believe={self.trust.believe!r}, held-out poses: {count}, "
-            f"conformal radius: {radius})"
+            f"Judgement(believe={self.trust.believe!r}, held-out poses: {count}, radius: {radius})"
         )
 
     def summary(self) -> str:
@@ -66,13 +108,13 @@ def judge(
     identification: Identification,
     test: Measurements,
     *,
-    train: Measurements | None = None,
+    train: Measurements,
+    circumstances: Circumstances | None = None,
     probability: float = 0.95,
     rng: np.random.Generator | None = None,
     replicates: int = REPLICATES,
     rejected_too: bool = False,
     linear: LinearCheck | None = None,
-    unmodelled: Sequence[str] = (),
 ) -> Judgement:
     """Judge an identification by poses that it never used.
 
@@ -82,10 +124,12 @@ def judge(
         What was identified; with repeats, its lack-of-fit test counts as well.
     test : Measurements
         Held-out poses, points or distances, drawn from where the robot will be used.
-    train : Measurements, optional
-        What was identified from: no held-out pose may be in it, and virtual calibrations play it.
+    train : Measurements
+        What was identified from: no held-out pose may be in it.
+    circumstances : Circumstances, optional
+        What else is known of the campaign.
     probability : float
-        Content of the conformal radius.
+        Content of every statement.
     rng : numpy.random.Generator, optional
         Of virtual calibrations, which check whether linear propagation holds; by default none are
         played. None are played for a robust loss or a prior either, nor with fixtures or distances.
@@ -96,25 +140,17 @@ def judge(
         poses reject, too: there they decide nothing.
     linear : Validation, optional
         Linear propagation against Monte Carlo.
-    unmodelled : sequence of str
-        What is known to be in no covariance, each reason enough not to believe the model.
 
     Raises
     ------
     InputError
         If a held-out pose was used for the identification, too.
     """
-    if rng is not None and train is None:
-        raise refuse(
-            "train", code="A3", message="virtual calibrations need the table identified from",
-            allowed="measurements, where rng is given",
-        )  # fmt: skip
+    known = Circumstances() if circumstances is None else circumstances
     seen = None
     if len(test) and not test.is_distance.any():
-        used_q = np.zeros((0, test.q.shape[1])) if train is None else train.q
-        seen = held_out(
-            identification.model, identification.full_covariance, first_of_pose(test), used_q
-        )
+        model, covariance = identification.model, identification.full_covariance
+        seen = held_out(model, covariance, first_of_pose(test), train.q)
     spread = discrepancy(seen) if seen is not None and len(seen) >= FEWEST else None
     errors = errors_of_poses(identification.model, test)
     radius = None
@@ -122,20 +158,108 @@ def judge(
         radius = conformal(errors, probability=probability)
     replayed = None
     rejected = not rejected_too and _rejected(identification, seen)
-    if rng is not None and train is not None and not rejected and _can_play(identification, train):
+    if rng is not None and not rejected and _can_play(identification, train):
         replayed = bootstrap(
             identification.model, train, identification.parameters, rng, replicates=replicates
         )
-    verdict = trust(
-        identification,
-        held_out=seen,
-        discrepancy=spread,
-        conformal=radius,
-        bootstrap=replayed,
-        linear=linear,
-        unmodelled=unmodelled,
+    bent = (replayed is not None and not replayed.agrees) or (
+        linear is not None and linear.outcome == "not validated"
     )
-    return Judgement(seen, spread, radius, replayed, verdict)
+    settled = replayed is not None and not replayed.unconverged
+    belief = frame = slow = point = None
+    sound = identification.status is Status.CONVERGED and identification.mode == "whitened"
+    if sound and (settled or not bent):
+        numbers = None
+        if bent and replayed is not None:
+            numbers = of_all_numbers(identification, replayed.empirical)
+        belief, frame, slow = _belief(identification, train, test, known, numbers, probability)
+    if belief is not None:
+        point = _stated(belief, train, test, frame, known)
+    questions = _asked(identification, seen, belief, frame, slow)
+    verdict = trust(
+        identification, belief=belief, point=point, questions=questions, held_out=seen,
+        frame=frame, drifting=slow, conformal=radius, bootstrap=replayed, linear=linear,
+        unmodelled=known.unmodelled,
+    )  # fmt: skip
+    return Judgement(
+        belief, point, questions, seen, frame, slow, spread, radius, replayed, verdict
+    )
+
+
+def _belief(
+    fit: Identification, train: Measurements, test: Measurements, known: Circumstances,
+    numbers: Array | None, probability: float,
+) -> tuple[Belief | None, OtherFrame | None, Drifting | None]:  # fmt: skip
+    """What is believed; rows in another frame are out of evidence and guard."""
+    visits = known.visits
+    if visits is None:
+        visits = joined([train, replace(test, pose_id=-1 - test.pose_id)]) if len(test) else train
+    repeats = noise_repeats(fit.model, visits, in_evidence=known.visits is None)
+
+    def believed(held_out: Measurements | None, shared: Array | None) -> Belief:
+        return believe(
+            fit, train, held_out, covariance=numbers, shared=shared, repeats=repeats,
+            probability=probability, target=known.target,
+        )  # fmt: skip
+
+    use: Measurements | None = test if len(test) else None
+    belief, frame = believed(use, known.shared), None
+    points = test.rows(~test.is_distance)
+    one_station = len(np.unique(points.station)) <= 1
+    if points.n_poses >= FEWEST_OF_A_FRAME and one_station and np.isfinite(belief.misfit.upper):
+        frame = other_frame(belief, points)
+        if frame.found:
+            use, belief = None, believed(None, known.shared)
+    slow = None
+    if known.order is not None:
+        slow = drifting(
+            fit, train, known.order[0], test if use is not None else test.rows([]),
+            known.order[1] if use is not None else known.order[1][:0],
+            hidden=belief.misfit, whatever=bool(known.unmodelled),
+        )  # fmt: skip
+        if slow is not None and slow.drift is not None:
+            shared = slow.drift.covariance
+            if known.shared is not None:
+                shared = shared + known.shared
+            belief = believed(use, shared)
+    return (belief if np.isfinite(belief.misfit.upper) else None), frame, slow
+
+
+def _stated(
+    belief: Belief, train: Measurements, test: Measurements, frame: OtherFrame | None,
+    known: Circumstances,
+) -> StatedPoint:  # fmt: skip
+    """The believed radius at poses like the held-out ones, or else those identified from."""
+    held = len(test) > 0 and (frame is None or not frame.found)
+    where = test if held else train
+    sd = known.repeatability
+    if sd is not None:
+        (sd,) = check(f"{belief.model.chain.n_joints}", repeatability=sd)
+    return stated_point(
+        belief, where.q[np.unique(where.pose_id, return_index=True)[1]],
+        target=np.asarray(known.target, float), held_out=held, repeatability=sd,
+        told_by=known.told_by,
+    )  # fmt: skip
+
+
+def _asked(
+    fit: Identification, seen: HeldOut | None, belief: Belief | None, frame: OtherFrame | None,
+    slow: Drifting | None,
+) -> Questions:  # fmt: skip
+    """Distinct questions with their p-values; residuals and held-out errors make one number."""
+    names, p = [], []
+    if belief is not None:
+        names.append("misfit")
+        p.append(belief.misfit.p_value)
+    if frame is not None:
+        names.append("another frame")
+        p.append(min(1.0, 2 * min(frame.p_base, frame.p_tool)))
+    if slow is not None:
+        names.append("drift")
+        p.append(slow.p_value)
+    parts = [fit.p_value] if fit.dof > 0 and fit.mode == "whitened" else []
+    parts += [seen.p_value] if seen is not None else []
+    return Questions(tuple(names), tuple(p), fisher(parts))
 
 
 def first_of_pose(test: Measurements) -> Measurements:
@@ -155,7 +279,7 @@ def errors_of_poses(model: RobotModel, test: Measurements) -> Array:
 
 
 def _rejected(identification: Identification, seen: HeldOut | None) -> bool:
-    """Whether the model-based interval falls whatever virtual calibrations show."""
+    """Whether residuals or held-out errors contradict the noise, whatever replicates show."""
     return (
         identification.status is not Status.CONVERGED
         or identification.p_value < RED

@@ -1,4 +1,4 @@
-"""Which of the statements about the tool point is to be believed here, and why, in words."""
+"""What is believed of a calibration, what speaks against the noise alone, and why, in words."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,25 +7,30 @@ from typing import Literal
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
 from calib.uncertainty.bootstrap import Bootstrap
-from calib.uncertainty.conformal import Conformal
-from calib.uncertainty.discrepancy import Discrepancy
+from calib.uncertainty.conformal import Conformal, fewest_poses
 from calib.uncertainty.held_out import HeldOut
+from calib.uncertainty.statement.belief import Belief
+from calib.uncertainty.statement.drifting import Drifting
+from calib.uncertainty.statement.other_frame import OtherFrame
+from calib.uncertainty.statement.questions import Questions
+from calib.uncertainty.statement.stated_point import StatedPoint
 from calib.uncertainty.validation import LinearCheck
 
-StatementName = Literal["model", "bootstrap", "conformal", "discrepancy", "none"]
+StatementName = Literal["region", "none"]
 
 
 @dataclass(frozen=True, slots=True)
 class Trust:
-    """The statement to believe, and the reasons; what is not valid comes first."""
+    """Whether the region is believed, whether the parameters alone are refuted, and the reasons."""
 
     believe: StatementName
-    model_valid: bool
-    """Whether the interval from the covariance of the parameters may be used at all."""
+    refuted: bool
+    """Whether a test contradicts the interval from the parameters alone; where none does, that
+    interval is still not proven."""
     sentences: tuple[str, ...]
 
     def __repr__(self) -> str:
-        return f"Trust(believe={self.believe!r}, model_valid={self.model_valid})"
+        return f"Trust(believe={self.believe!r}, refuted={self.refuted})"
 
     @property
     def sentence(self) -> str:
@@ -36,61 +41,111 @@ class Trust:
 def trust(
     identification: Identification,
     *,
+    belief: Belief | None,
+    point: StatedPoint | None,
+    questions: Questions,
     held_out: HeldOut | None = None,
-    discrepancy: Discrepancy | None = None,
+    frame: OtherFrame | None = None,
+    drifting: Drifting | None = None,
     conformal: Conformal | None = None,
     bootstrap: Bootstrap | None = None,
     linear: LinearCheck | None = None,
     unmodelled: Sequence[str] = (),
 ) -> Trust:
-    """Weigh the statements that were made for one identification.
+    """Put what was found into words: what is believed first, then what is in it, then the tests.
 
-    The model-based interval falls if the fit did not converge, if its residuals contradict the
-    model, or if the errors at held-out poses do. Linear propagation alone failing leaves the
-    bootstrap. What remains is believed in this order: model, bootstrap, conformal, discrepancy.
+    There is no order of statements to fall back through: the region holds whatever the evidence
+    allows. Without a region nothing is believed, and the conformal radius is named as a number that
+    needs no model.
 
     Parameters
     ----------
     identification : Identification
         The fit with its chi-square test; with repeats, its lack-of-fit test.
-    held_out, discrepancy, conformal, bootstrap : optional
+    belief, point : optional
+        The believed region and its radius; both or none.
+    questions : Questions
+        Tests, together.
+    held_out, frame, drifting, conformal, bootstrap, linear : optional
         What else was computed.
-    linear : Validation, optional
-        Linear propagation against Monte Carlo.
     unmodelled : sequence of str
-        What is known to be missing in the covariance, each reason enough not to use it.
+        What is known to be missing in every covariance.
     """
-    against = _against(identification, held_out, unmodelled)
-    other = _without_model(discrepancy, conformal)
-    if identification.status is not Status.CONVERGED:
-        believe: StatementName = "conformal" if conformal is not None else "none"
-        return Trust(believe, False, (*against, *_advice(believe, discrepancy, conformal)))
-    if against:
-        return Trust(other, False, (*against, *_advice(other, discrepancy, conformal)))
-    why = _for(identification, held_out)
-    doubtful = [part.sentence for part in (bootstrap,) if part is not None and not part.agrees]
+    reasons = _against(identification, held_out)
+    nonlinear = [part.sentence for part in (bootstrap,) if part is not None and not part.agrees]
     if linear is not None and linear.outcome == "not validated":
-        doubtful.append(linear.sentence)
-    if doubtful:
-        settled = bootstrap is not None and not bootstrap.unconverged
-        use: StatementName = "bootstrap" if settled else other
-        first = "The linear interval is not valid here: " + "; ".join(doubtful)
-        return Trust(use, False, (first, *_advice(use, discrepancy, conformal)))
-    extra = tuple(_capital(part.sentence) for part in (bootstrap, linear) if part is not None)
-    return Trust("model", True, (why, *extra))
+        nonlinear.append(linear.sentence)
+    refuted = bool(reasons or nonlinear)
+    words: list[str] = []
+    if frame is not None and frame.found:
+        words.append(_capital(frame.sentence))
+    if belief is None or point is None:
+        words += _nothing(identification, nonlinear, conformal)
+    else:
+        words += _believed(belief, point, drifting)
+    if reasons:
+        words.append("The parameters alone do not explain the readings: " + "; ".join(reasons))
+    else:
+        words.append(_unrefuted(questions, held_out))
+    if nonlinear and belief is not None:
+        words.append(
+            "Linear propagation does not hold here, so the parameters' part is that of virtual "
+            "calibrations: " + "; ".join(nonlinear)
+        )
+    elif not nonlinear:
+        words += [_capital(part.sentence) for part in (bootstrap, linear) if part is not None]
+    words += [f"Known to be in no stated noise: {text}" for text in unmodelled]
+    return Trust("none" if belief is None else "region", refuted, tuple(words))
 
 
-def _against(
-    fit: Identification, held_out: HeldOut | None, unmodelled: Sequence[str]
-) -> tuple[str, ...]:
-    """Sentences against the model-based interval; the first states that it is not valid."""
+def _believed(belief: Belief, point: StatedPoint, drifting: Drifting | None) -> list[str]:
+    """What is believed, and what is in it."""
+    um = 1e6 * belief.misfit.upper
+    what = f"a misfit of up to {um:.1f} um per axis is in it" if um > 0 else "no misfit is in it"
+    words = [f"{_capital(point.sentence)}; {what}"]
+    if point.move_sentence:
+        words.append(_capital(point.move_sentence))
+    words.append(_capital(belief.misfit.sentence))
+    if belief.n_guards:
+        words.append(f"{belief.n_guards} held-out poses guard the factor, k = {belief.factor:.2f}")
+    else:
+        words.append(
+            f"No held-out pose guards the factor: {fewest_poses(belief.probability)} poses drawn "
+            "from where the robot is used would, and a stricter limit of the misfit stands in"
+        )
+    if drifting is not None and drifting.drift is not None:
+        words.append(_capital(drifting.sentence))
+    return words
+
+
+def _nothing(
+    fit: Identification, nonlinear: list[str], conformal: Conformal | None
+) -> list[str]:
+    """Why nothing is believed, and which number is left."""
     if fit.status is not Status.CONVERGED:
-        return (f"The model-based interval is not valid: the fit {fit.status.value}",)
+        why = f"the fit {fit.status.value}"
+    elif fit.mode == "paper":
+        why = "an unweighted fit claims a covariance that its estimate does not have"
+    elif nonlinear:
+        why = "linear propagation does not hold, and virtual calibrations did not settle: "
+        why += "; ".join(nonlinear)
+    else:
+        why = "there are too few measurements to bound what the model may miss"
+    words = [f"No statement about the tool point is believed: {why}"]
+    if conformal is not None:
+        words.append(f"A number that needs no model: {conformal.sentence}")
+    return words
+
+
+def _against(fit: Identification, held_out: HeldOut | None) -> list[str]:
+    """What contradicts the interval from the parameters alone."""
     reasons = []
+    if fit.mode == "paper":
+        return ["an unweighted fit has no test"]
     if fit.p_value < RED:
         reasons.append(
-            f"the residuals contradict the model (chi-square {fit.chi_square / fit.dof:.2f} per "
-            f"degree of freedom, p {_chance(fit.p_value)})"
+            f"the residuals are larger than the stated noise (chi-square "
+            f"{fit.chi_square / fit.dof:.2f} per degree of freedom, p {_chance(fit.p_value)})"
         )
     lack = fit.lack_of_fit
     if lack is not None and lack.p_value < RED:
@@ -99,55 +154,22 @@ def _against(
         )
     if held_out is not None and held_out.p_value < RED:
         reasons.append(
-            f"errors at {len(held_out)} held-out poses are larger than it says (chi-square "
+            f"errors at {len(held_out)} held-out poses are larger than they say (chi-square "
             f"{held_out.chi_square / (3 * len(held_out)):.2f} per degree of freedom, "
             f"p {_chance(held_out.p_value)})"
         )
-    if fit.mode == "paper":
-        reasons.append("an unweighted fit claims a covariance that its estimate does not have")
-    reasons += unmodelled
-    if not reasons:
-        return ()
-    return ("The model-based interval is not valid here: " + "; ".join(reasons),)
+    return reasons
 
 
-def _for(fit: Identification, held_out: HeldOut | None) -> str:
-    """Why the model-based interval may be believed."""
-    text = (
-        "The model-based interval may be believed: the residuals are what the stated noise "
-        f"explains (chi-square {fit.chi_square / fit.dof:.2f} per degree of freedom, "
-        f"p {_chance(fit.p_value)})"
-    )
-    if fit.p_value > 1 - RED:
-        text += ", even smaller: the interval is rather too wide"
-    if held_out is not None:
-        return text + f", and {len(held_out)} held-out poses agree (p {_chance(held_out.p_value)})"
-    return text + "; no held-out pose has tested it"
-
-
-def _without_model(discrepancy: Discrepancy | None, conformal: Conformal | None) -> StatementName:
-    """What to believe once the model is out."""
-    if conformal is not None:
-        return "conformal"
-    return "discrepancy" if discrepancy is not None else "none"
-
-
-def _advice(
-    believe: StatementName, discrepancy: Discrepancy | None, conformal: Conformal | None
-) -> tuple[str, ...]:
-    """What to use instead."""
-    if believe == "conformal" and conformal is not None:
-        return (f"Believe the conformal radius: {conformal.sentence}",)
-    if believe == "discrepancy" and discrepancy is not None:
-        return (
-            f"Believe the interval with discrepancy, as an approximation: {discrepancy.sentence}",
-        )
-    if believe == "bootstrap":
-        return ("Believe the replicates of the bootstrap: they need no linear model",)
-    return (
-        "No statement can be believed here: measure at least 19 independent poses where the robot "
-        "will be used, or free the terms that the model leaves out",
-    )
+def _unrefuted(questions: Questions, held_out: HeldOut | None) -> str:
+    """What the tests saw where none refutes: nothing, or a doubt; never a proof."""
+    p = f"combined p {_chance(questions.combined)}"
+    of = "residuals" if held_out is None else "residuals and held-out errors"
+    if questions.said:
+        return f"A test of the {of} answers: {' and '.join(questions.said)} ({p})"
+    if not questions.agree:
+        return f"The {of} together are larger than the stated noise makes likely ({p})"
+    return f"No test of the {of} speaks against the stated noise ({p}): that is no proof"
 
 
 def _chance(p: float) -> str:

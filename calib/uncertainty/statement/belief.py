@@ -17,6 +17,7 @@ from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.regions import mahalanobis_squared
+from calib.uncertainty.statement.applicability import Proven, proven_at
 from calib.uncertainty.statement.evidence import NoiseRepeats
 from calib.uncertainty.statement.misfit import (
     DROP,
@@ -43,6 +44,8 @@ class Belief:
     n_guards: int
     """Held-out poses that guard the factor; 0 where there were too few."""
     probability: float
+    proven: Proven
+    """Where the proof stands; elsewhere the region grows."""
 
     def __repr__(self) -> str:
         return (
@@ -55,7 +58,7 @@ class Belief:
         q: ArrayLike,
         *,
         target: ArrayLike = (0.0, 0.0, 0.0),
-        growth: ArrayLike = 1.0,
+        growth: ArrayLike | None = None,
         repeatability: ArrayLike | None = None,
     ) -> ToolStatement:
         """Regions of the mean of many moves to joints q (N, n) [rad, m], or of where one move ends.
@@ -66,16 +69,18 @@ class Belief:
             Commanded joint values.
         target : (3,) array_like
             Point in the tool frame that is stated [m].
-        growth : (N,) or scalar array_like
-            Factor of the misfit's variance at each posture, one or more.
+        growth : (N,) or scalar array_like, optional
+            Factor of the misfit's variance at each posture, one or more; by default what `proven`
+            says of it.
         repeatability : (n,) array_like, optional
             Standard deviation with which each joint comes back [rad, m]; given, the regions are of
             where one move ends, at the same factor.
         """
         (target,) = check("3", target=target)
+        grown = self.proven.applies(q).growth if growth is None else np.asarray(growth, float)
         T, J = self.model.poses_and_jacobian(q)
         position, rows = reflector_rows(T, J, np.broadcast_to(target, (len(T), 3)))
-        sigma = _region(self, rows, np.broadcast_to(np.asarray(growth, float), (len(T),)))
+        sigma = _region(self, rows, np.broadcast_to(grown, (len(T),)))
         if repeatability is not None:
             (sd,) = check(f"{self.model.chain.n_joints}", repeatability=repeatability)
             moved = rows[:, :, joint_columns(self.model.chain)] * sd
@@ -88,9 +93,11 @@ def believe(
     train: Measurements,
     held_out: Measurements | None = None,
     *,
+    covariance: ArrayLike | None = None,
     shared: ArrayLike | None = None,
     repeats: NoiseRepeats | None = None,
     probability: float = 0.95,
+    target: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Belief:
     """State what may be believed after an identification.
 
@@ -102,12 +109,16 @@ def believe(
         What was identified from.
     held_out : Measurements, optional
         Drawn from where the robot is used, never designed; they guard the factor.
+    covariance : (P, P) array_like, optional
+        Of all numbers from the noise, where linear propagation does not hold [m, rad].
     shared : (P, P) array_like, optional
         Covariance of all numbers from what all readings share (instrument, drift) [m, rad].
     repeats : NoiseRepeats, optional
         What repeats say of the noise.
     probability : float
         Content of the regions.
+    target : (3,) array_like
+        Point in the tool frame at which growth is counted [m].
 
     References
     ----------
@@ -115,20 +126,23 @@ def believe(
     poses), r = ceil(p (n + 1)). Discrepancy: Kennedy & O'Hagan 2001; guard: split conformal, Vovk
     et al. 2005.
     """
+    where = train if held_out is None or not len(held_out) else held_out
     points = None if held_out is None else held_out.rows(~held_out.is_distance)
     n = 0 if points is None else points.n_poses
     guarded = n >= fewest_poses(probability)
     size = misfit(
         identification, train, held_out, repeats=repeats, drop=DROP if guarded else UNGUARDED_DROP
     )
-    covariance = identification.full_covariance
-    if shared is not None:
-        P = len(covariance)
-        covariance = covariance + check(f"{P} {P}", shared=shared)[0]
+    P = identification.model.n_numbers
+    whole = np.zeros((P, P))
+    for part in (identification.full_covariance if covariance is None else covariance, shared):
+        if part is not None:
+            whole = whole + check(f"{P} {P}", covariance=part)[0]
     plain = Belief(
-        identification.model, frozen(covariance), size,
+        identification.model, frozen(whole), size,
         misfit_covariance(identification, train, size.shape),
         float(np.sqrt(chdtri(3, 1 - probability))), n if guarded else 0, probability,
+        proven_at(identification, train, where.q, target=target),
     )  # fmt: skip
     if not guarded or points is None or not np.isfinite(size.upper):
         return plain

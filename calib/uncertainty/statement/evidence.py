@@ -31,6 +31,8 @@ class NoiseRepeats:
     """nu: 3 (r - 1) for each pose read r times, each time approached anew."""
     sum_of_squares: float
     """Of whitened positions about the means of their poses."""
+    in_evidence: bool = False
+    """Whether the rows themselves are in the evidence, which then holds their scatter already."""
 
     @property
     def log_scale(self) -> float:
@@ -44,6 +46,8 @@ class NoiseRepeats:
 
     def against(self, log_scale: Array) -> Array:
         """What minus the log-likelihood of these repeats adds, by scale of the noise."""
+        if self.in_evidence:
+            return np.zeros_like(log_scale)
         square = self.sum_of_squares * np.exp(-2 * log_scale)
         return np.asarray(self.degrees_of_freedom * log_scale + square / 2)
 

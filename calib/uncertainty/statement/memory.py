@@ -20,7 +20,11 @@ from calib.uncertainty.statement.shape import MisfitShape, noise_and_misfit
 
 KERNEL_ROWS = 8.0
 """Memory of the test's kernel [rows]."""
+FARTHEST = 64
+"""Lags beyond it have weights below 1/2000."""
 PERMUTATIONS = 500
+BLOCK = 200_000
+"""Rows of permuted residuals at a time: 5 MB."""
 MEMORIES = (3.0, 10.0, 30.0)
 """Memories of a drift that are tried [rows]."""
 SIZES = (0.0, *(0.15 * 1.45 ** np.arange(9)))
@@ -58,16 +62,27 @@ def memory_p(residual: Array, order: Index, rng: np.random.Generator) -> float:
 
     References
     ----------
-    T = sum over j < k of exp(-|j - k| / 8) r_j'r_k, over `PERMUTATIONS` orders.
+    T = sum over j < k of exp(-|j - k| / 8) r_j'r_k, lags below `FARTHEST`, over `PERMUTATIONS` orders.
     """
     (residual,) = check("m 3", residual=residual)
-    products, m = residual @ residual.T, len(residual)
-    place = np.argsort(np.argsort(order))
-    kernel = np.exp(-np.abs(place[:, None] - place) / KERNEL_ROWS) - np.eye(m)
-    seen = float((kernel * products).sum())
-    orders = (rng.permutation(m) for _ in range(PERMUTATIONS))
-    larger = sum(float((kernel * products[np.ix_(k, k)]).sum()) >= seen for k in orders)
+    m = len(residual)
+    seen = _likeness(residual[np.argsort(order, kind="stable")][None])[0]
+    orders = np.argsort(rng.random((PERMUTATIONS, m)), axis=1)
+    block = max(1, BLOCK // max(m, 1))
+    larger = sum(
+        int((_likeness(residual[orders[k : k + block]]) >= seen).sum())
+        for k in range(0, PERMUTATIONS, block)
+    )
     return (1 + larger) / (1 + PERMUTATIONS)
+
+
+def _likeness(residual: Array) -> Array:
+    """T (k,) of residuals (k, m, 3) in time order, over the lags that count."""
+    total = np.zeros(len(residual))
+    for lag in range(1, min(residual.shape[1], FARTHEST)):
+        weight = np.exp(-lag / KERNEL_ROWS)
+        total += weight * np.einsum("kji,kji->k", residual[:, lag:], residual[:, :-lag])
+    return total
 
 
 def whitened_positions(identification: Identification, table: Measurements) -> Array:

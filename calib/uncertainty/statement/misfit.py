@@ -16,6 +16,7 @@ from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.uncertainty.statement.evidence import (
+    SEEN,
     NoiseRepeats,
     believed_before,
     detectable,
@@ -29,6 +30,8 @@ DROP = 0.821
 """Fall of the log-likelihood at the one-sided upper 90 % limit: half the 80 % point of chi2_1."""
 UNGUARDED_DROP = 1.353
 """The same for 95 %, where too few held-out poses guard the factor of the region."""
+SHOWN = 0.01
+"""A p-value below which the readings show a misfit, in words."""
 NO_WHITE_NOISE = 1.25
 """What a real misfit, smooth over the poses, needs more than white noise of its size to be seen."""
 
@@ -66,6 +69,12 @@ class HiddenMisfit:
         """The result in words."""
         if not np.isfinite(self.upper):
             return "there are too few measurements to bound what the model may miss"
+        if self.p_value < SHOWN:
+            return (
+                f"the readings show a misfit of about {1e6 * self.best:.1f} um per axis (p "
+                f"{'< 0.001' if self.p_value < SEEN else f'= {self.p_value:.3f}'}), and up to "
+                f"{1e6 * self.upper:.1f} um is in the region"
+            )
         told = "" if self.repeated else "; the stated noise is taken on trust: no pose was repeated"
         return (
             f"a misfit of {1e6 * self.detectable:.1f} um per axis or more would have been seen; "

@@ -1,0 +1,105 @@
+"""What repeats say: how large the noise really is, and how far one move ends from their mean."""
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.geometry.model import RobotModel
+from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predict
+from calib.uncertainty.statement.evidence import NoiseRepeats
+
+FEWEST_FREEDOM = 30
+"""Degrees of freedom below which repeats tell the scale of the noise no better than 13 %."""
+
+
+def noise_repeats(
+    model: RobotModel, visits: Measurements, *, in_evidence: bool = False
+) -> NoiseRepeats | None:
+    """Scatter of repeated positions about the means of their poses; None without enough repeats.
+
+    Parameters
+    ----------
+    model : RobotModel
+        Identified: joints that were read back differ a little between visits.
+    visits : Measurements
+        Every pose approached anew for each of its rows: a burst of readings at a standing arm
+        shows less than the noise, which contains how well joints come back.
+    in_evidence : bool
+        Whether these rows are evidence of the misfit themselves.
+
+    References
+    ----------
+    sum_k (y_k - m)'inv(N_k)(y_k - m), m the weighted mean of a pose, with 3 (r - 1) degrees of
+    freedom for r rows.
+    """
+    points = visits.rows(~visits.is_distance)
+    if not len(points):
+        return None
+    residual = predict(model, points).residual[:, :3]
+    weight = np.linalg.inv(points.covariance[:, :3, :3])
+    freedom, square = 0, 0.0
+    for rows in repeated(points):
+        N, y = weight[rows], residual[rows]
+        mean = np.linalg.solve(N.sum(axis=0), (N @ y[:, :, None]).sum(axis=0))[:, 0]
+        square += float(np.einsum("ki,kij,kj->", y - mean, N, y - mean))
+        freedom += 3 * (len(rows) - 1)
+    if freedom < FEWEST_FREEDOM or square <= 0:
+        return None
+    return NoiseRepeats(freedom, square, in_evidence)
+
+
+def repeated(points: Measurements) -> list[Index]:
+    """Rows of each pose, station and target that was visited more than once."""
+    keys = np.column_stack([points.pose_id, points.target_key])
+    _, group, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(group.ravel(), kind="stable")
+    parts = np.split(order, np.cumsum(count)[:-1])
+    return [part for part in parts if len(part) > 1]
+
+
+def joint_scatter(
+    model: RobotModel, visits: Measurements, own: Array, shape: Array
+) -> tuple[float, float] | None:
+    """Factor on the stated repeatability of the joints, and its upper 95 % limit, from repeats.
+
+    Parameters
+    ----------
+    model : RobotModel
+        Identified.
+    visits : Measurements
+        As in `noise_repeats`.
+    own : (m, 3, 3) array
+        Covariance of the instrument alone in each row [m^2].
+    shape : (m, 3, 3) array
+        Covariance of each row that the stated repeatability makes [m^2].
+
+    References
+    ----------
+    Likelihood of the differences from pose means, covariance own + factor^2 shape; one-sided limit
+    where it falls by chi2_1(.90) / 2 = 1.353.
+    """
+    points = visits.rows(~visits.is_distance)
+    groups = repeated(points) if len(points) else []
+    if not groups:
+        return None
+    keep = ~visits.is_distance
+    own, shape = own[keep], shape[keep]
+    residual = predict(model, points).residual[:, :3]
+    factors = np.concatenate([[0.0], np.geomspace(0.02, 50.0, 320)])
+    value = np.array([_of_differences(residual, own + f**2 * shape, groups) for f in factors])
+    best = int(np.argmax(value))
+    last = int(np.flatnonzero(value >= value[best] - 1.353)[-1])
+    return float(factors[best]), float(factors[min(last + 1, len(factors) - 1)])
+
+
+def _of_differences(residual: Array, V: Array, groups: list[Index]) -> float:
+    """Log-likelihood of what rows of one pose differ by, their mean taken out."""
+    total = 0.0
+    for rows in groups:
+        N, y = np.linalg.inv(V[rows]), residual[rows]
+        whole = N.sum(axis=0)
+        mean = np.linalg.solve(whole, (N @ y[:, :, None]).sum(axis=0))[:, 0]
+        square = np.einsum("ki,kij,kj->", y - mean, N, y - mean)
+        logarithms = np.linalg.slogdet(V[rows])[1].sum() + np.linalg.slogdet(whole)[1]
+        total -= (logarithms + square) / 2
+    return float(total)

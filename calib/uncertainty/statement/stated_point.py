@@ -1,0 +1,122 @@
+"""One number for people: the radius around a predicted tool point, and with what probability."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from calib.arrays import Array
+from calib.uncertainty.regions import coverage_factor
+from calib.uncertainty.statement.belief import Belief
+from calib.uncertainty.statement.distance import probability_within
+from calib.uncertainty.tool_point import ToolStatement
+
+ROOM, PRECISION = 1e-5, 1e-7
+"""Of the search for a radius, as part of it: content is computed to 1e-6."""
+
+
+@dataclass(frozen=True, slots=True)
+class StatedPoint:
+    """How near the true tool point lies at poses drawn like n given ones."""
+
+    u_mean: float
+    """3-D standard uncertainty of the mean of many moves, root mean square over the poses [m]."""
+    radius_mean: float
+    """Radius that holds it with `probability` [m]."""
+    u_move: float
+    """The same of where one move ends; nan where nothing tells how well joints come back [m]."""
+    radius_move: float
+    probability: float
+    n_poses: int
+    held_out: bool
+    """Whether the poses were held out, else identified from."""
+    move_told_by: str
+    """What tells how well joints come back; empty where nothing does."""
+
+    @property
+    def sentence(self) -> str:
+        """Of the mean of many moves, in words."""
+        return (
+            f"the mean tool point lies within {1e6 * self.radius_mean:.3g} um of the predicted one "
+            f"with {100 * self.probability:g} % probability (3-D radius, poses like the "
+            f"{self.n_poses} {'held out' if self.held_out else 'identified from'})"
+        )
+
+    @property
+    def move_sentence(self) -> str:
+        """Of one move, in words; empty where nothing is known of it."""
+        if np.isnan(self.radius_move):
+            return ""
+        return (
+            f"where a single move ends lies within {1e6 * self.radius_move:.3g} um, with the same "
+            f"probability (how well joints come back: {self.move_told_by})"
+        )
+
+
+def stated_point(
+    belief: Belief,
+    q: Array,
+    *,
+    target: Array,
+    held_out: bool,
+    repeatability: Array | None = None,
+    told_by: str = "",
+) -> StatedPoint:
+    """What is believed at poses like q (n, j), as one radius.
+
+    Parameters
+    ----------
+    belief : Belief
+        Of the identified robot.
+    q : (n, j) array
+        Postures [rad, m].
+    target : (3,) array
+        Point in the tool frame that is stated [m].
+    held_out : bool
+        Whether these poses were held out.
+    repeatability : (j,) array, optional
+        Standard deviation with which each joint comes back [rad, m].
+    told_by : str
+        What tells it.
+    """
+    mean = belief.regions(q, target=target)
+    u_move = radius_move = float("nan")
+    if repeatability is not None and repeatability.any():
+        move = belief.regions(q, target=target, repeatability=repeatability)
+        u_move, radius_move = _usual(move), common_radius(move)
+    return StatedPoint(
+        _usual(mean), common_radius(mean), u_move, radius_move, belief.probability, len(q),
+        held_out, told_by if np.isfinite(u_move) else "",
+    )  # fmt: skip
+
+
+def common_radius(stated: ToolStatement) -> float:
+    """Radius that holds the tool point at a pose drawn from those stated [m].
+
+    References
+    ----------
+    mean over the poses of P(|e| <= R) = p, e ~ N(0, S (k / k_3)^2): a factor k above the chi-square
+    one k_3 widens S first.
+    """
+    S = widened(stated)
+    longest = np.sqrt(np.linalg.eigvalsh(S)[:, -1])
+    # a line is held by the least factor, a ball by the largest
+    low = coverage_factor(1, stated.probability) * float(longest.min()) * (1 - ROOM)
+    high = coverage_factor(3, stated.probability) * float(longest.max()) * (1 + ROOM)
+
+    def excess(radius: float) -> float:
+        """Probability beyond the one asked for."""
+        return float(probability_within(radius, S).mean()) - stated.probability
+
+    return float(brentq(excess, low, high, xtol=PRECISION * high))
+
+
+def widened(stated: ToolStatement) -> Array:
+    """Covariances (N, 3, 3) whose chi-square region is the stated one [m^2]."""
+    stretch = (stated.factor / coverage_factor(3, stated.probability)) ** 2
+    return np.asarray(stretch * stated.covariance)
+
+
+def _usual(stated: ToolStatement) -> float:
+    """Root mean square of u_3D [m]."""
+    return float(np.sqrt(np.trace(widened(stated), axis1=1, axis2=2).mean()))
