@@ -154,7 +154,7 @@ class Measurements:
 
     def rows(self, which: Sequence[int] | Bool | Index) -> "Measurements":
         """The table restricted to some rows (a mask or indices)."""
-        index = np.asarray(which)
+        index = np.asarray(which) if len(which) else np.zeros(0, dtype=np.int64)
         return replace(self, **{name: getattr(self, name)[index] for name in self.__slots__})
 
     def split(self, *, held_out: int = 20, seed: int = 0) -> tuple["Measurements", "Measurements"]:

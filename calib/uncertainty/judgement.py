@@ -4,14 +4,11 @@ One rule for every robot: parameters, the largest misfit that the evidence allow
 instrument shares and what a drift leaves. Other statements stand beside it for comparison.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, check
-from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
@@ -181,9 +178,7 @@ def judge(
         frame=frame, drifting=slow, conformal=radius, bootstrap=replayed, linear=linear,
         unmodelled=known.unmodelled,
     )  # fmt: skip
-    return Judgement(
-        belief, point, questions, seen, frame, slow, spread, radius, replayed, verdict
-    )
+    return Judgement(belief, point, questions, seen, frame, slow, spread, radius, replayed, verdict)
 
 
 def _belief(

@@ -118,9 +118,7 @@ def _believed(belief: Belief, point: StatedPoint, drifting: Drifting | None) -> 
     return words
 
 
-def _nothing(
-    fit: Identification, nonlinear: list[str], conformal: Conformal | None
-) -> list[str]:
+def _nothing(fit: Identification, nonlinear: list[str], conformal: Conformal | None) -> list[str]:
     """Why nothing is believed, and which number is left."""
     if fit.status is not Status.CONVERGED:
         why = f"the fit {fit.status.value}"

@@ -33,7 +33,7 @@ def test_a_robot_anywhere_is_calibrated_and_judged_by_other_poses(see):
     # 0.001 on both sides: one wrong failure in 500 seeds
     assert 1e-3 < result.identification.p_value < 1 - 1e-3
     judged = result.judge(test)
-    assert judged.trust.believe == "model"
+    assert judged.trust.believe == "region"
     assert len(judged.held_out) == 25
     error = (result.model.poses(test.q) - true.poses(test.q))[:, :3, 3]
     assert np.linalg.norm(error, axis=1).max() < 2e-4  # links were wrong by 0.3 mm and 0.1 deg

@@ -122,7 +122,8 @@ def believe(
 
     References
     ----------
-    S = P + sigma_U^2 max(1, g) Q; k^2 = max(chi2_3, r-th smallest e'inv(S + N)e of n held-out
+    S = P + sigma_U^2 max(1, g) Q, P and N with the scale of the noise where repeats tell that it is
+    larger than stated; k^2 = max(chi2_3, r-th smallest e'inv(S + N)e of n held-out
     poses), r = ceil(p (n + 1)). Discrepancy: Kennedy & O'Hagan 2001; guard: split conformal, Vovk
     et al. 2005.
     """
@@ -134,10 +135,11 @@ def believe(
         identification, train, held_out, repeats=repeats, drop=DROP if guarded else UNGUARDED_DROP
     )
     P = identification.model.n_numbers
-    whole = np.zeros((P, P))
-    for part in (identification.full_covariance if covariance is None else covariance, shared):
-        if part is not None:
-            whole = whole + check(f"{P} {P}", covariance=part)[0]
+    of_noise = identification.full_covariance if covariance is None else covariance
+    (whole,) = check(f"{P} {P}", covariance=of_noise)
+    whole = size.larger_noise**2 * whole
+    if shared is not None:
+        whole = whole + check(f"{P} {P}", shared=shared)[0]
     plain = Belief(
         identification.model, frozen(whole), size,
         misfit_covariance(identification, train, size.shape),
@@ -166,5 +168,6 @@ def _scores(belief: Belief, points: Measurements) -> Array:
     """Largest e'inv(S + N)e (n,) of each held-out pose: the rows of one are not independent."""
     seen = predict(belief.model, points)
     sigma = _region(belief, seen.rows[:, :3], np.ones(len(points)))
-    square = mahalanobis_squared(seen.residual[:, :3], sigma + points.covariance[:, :3, :3])
+    noise = belief.misfit.larger_noise**2 * points.covariance[:, :3, :3]
+    square = mahalanobis_squared(seen.residual[:, :3], sigma + noise)
     return points.largest_of_poses(square)

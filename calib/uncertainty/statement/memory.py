@@ -25,6 +25,8 @@ FARTHEST = 64
 PERMUTATIONS = 500
 BLOCK = 200_000
 """Rows of permuted residuals at a time: 5 MB."""
+MOST_ROWS, STRETCH = 300, 100
+"""Rows whose likelihood is asked, and rows of one stretch: three times the longest memory."""
 MEMORIES = (3.0, 10.0, 30.0)
 """Memories of a drift that are tried [rows]."""
 SIZES = (0.0, *(0.15 * 1.45 ** np.arange(9)))
@@ -62,7 +64,7 @@ def memory_p(residual: Array, order: Index, rng: np.random.Generator) -> float:
 
     References
     ----------
-    T = sum over j < k of exp(-|j - k| / 8) r_j'r_k, lags below `FARTHEST`, over `PERMUTATIONS` orders.
+    T = sum over j < k of exp(-|j - k| / 8) r_j'r_k, lags below `FARTHEST`; `PERMUTATIONS` orders.
     """
     (residual,) = check("m 3", residual=residual)
     m = len(residual)
@@ -128,6 +130,9 @@ def drift(
         raise refuse("train", code="A3", message="distances show no drift of the station",
                      allowed="poses and points")  # fmt: skip
     order = np.concatenate([train_order, held_out_order])
+    pose = np.concatenate([train.pose_id, -1 - held_out.pose_id])  # numbered apart
+    some = stretches(order)
+    both, order, pose = both.rows(some), order[some], pose[some]
     apart = np.abs(order[:, None] - order)
     parameters = identification.parameters
     seen, m = predict(identification.model, both), len(both)
@@ -135,7 +140,6 @@ def drift(
     A = rows[..., parameters.free_index] * parameters.free_scale
     A = reduced(A.reshape(3 * m, -1))
     y = seen.residual[:, :3].ravel()
-    pose = np.concatenate([train.pose_id, -1 - held_out.pose_id])  # numbered apart
     fixed = noise_and_misfit(shape, misfit, rows, both.covariance, pose)
     unit = float(np.sqrt(np.trace(both.covariance[:, :3, :3], axis1=1, axis2=2).mean() / 3))
     tried = []
@@ -150,9 +154,18 @@ def drift(
         (one for one in tried if one[0] >= best - DROP), key=lambda one: one[1] ** 2 * one[2]
     )
     F = estimator_gain(identification, train)[:, :, :3]
-    among = sd**2 * np.exp(-apart[: len(train), : len(train)] / memory)
+    among = sd**2 * np.exp(-np.abs(train_order[:, None] - train_order) / memory)
     left = np.einsum("jai,jk,kbi->ab", F, among, F, optimize=True)
     return SlowDrift(sd, memory, of_all_numbers(identification, left))
+
+
+def stretches(order: Index) -> Index:
+    """Rows (k,) whose likelihood is asked: all, or of many some stretches in a row, spread out."""
+    in_time = np.argsort(order, kind="stable")
+    if len(in_time) <= MOST_ROWS:
+        return np.arange(len(in_time))
+    parts = np.array_split(in_time, MOST_ROWS // STRETCH)
+    return np.sort(np.concatenate([part[:STRETCH] for part in parts]))
 
 
 def _likelihood(V: Array, A: Array, y: Array) -> float:

@@ -60,6 +60,11 @@ class HiddenMisfit:
         return f"HiddenMisfit(up to {1e6 * self.upper:.3g} um per axis)"
 
     @property
+    def larger_noise(self) -> float:
+        """Factor, one or more, by which repeats show more noise than was stated."""
+        return max(1.0, self.noise_scale) if self.repeated else 1.0
+
+    @property
     def p_value(self) -> float:
         """Chance of a larger likelihood ratio if there is no misfit: half of chi2_1's tail."""
         return float(chdtrc(1, self.ratio) / 2) if self.ratio > 0 else 1.0

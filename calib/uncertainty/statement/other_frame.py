@@ -106,7 +106,8 @@ def _joint_covariance(belief: Belief, points: Measurements, rows: Array, e: Arra
     size = min(belief.misfit.upper, float(np.sqrt((e**2).mean())))
     G = rows.reshape(3 * len(points), -1)
     shared = G @ (belief.covariance + size**2 * belief.misfit_covariance) @ G.T
-    own = noise_and_misfit(belief.misfit.shape, size, rows, points.covariance, points.pose_id)
+    noise = belief.misfit.larger_noise**2 * points.covariance
+    own = noise_and_misfit(belief.misfit.shape, size, rows, noise, points.pose_id)
     return np.asarray(shared + own)
 
 

@@ -36,12 +36,9 @@ def noise_repeats(
     if not len(points):
         return None
     residual = predict(model, points).residual[:, :3]
-    weight = np.linalg.inv(points.covariance[:, :3, :3])
     freedom, square = 0, 0.0
     for rows in repeated(points):
-        N, y = weight[rows], residual[rows]
-        mean = np.linalg.solve(N.sum(axis=0), (N @ y[:, :, None]).sum(axis=0))[:, 0]
-        square += float(np.einsum("ki,kij,kj->", y - mean, N, y - mean))
+        square += _about_mean(residual[rows], points.covariance[rows, :3, :3])[0]
         freedom += 3 * (len(rows) - 1)
     if freedom < FEWEST_FREEDOM or square <= 0:
         return None
@@ -96,10 +93,17 @@ def _of_differences(residual: Array, V: Array, groups: list[Index]) -> float:
     """Log-likelihood of what rows of one pose differ by, their mean taken out."""
     total = 0.0
     for rows in groups:
-        N, y = np.linalg.inv(V[rows]), residual[rows]
-        whole = N.sum(axis=0)
-        mean = np.linalg.solve(whole, (N @ y[:, :, None]).sum(axis=0))[:, 0]
-        square = np.einsum("ki,kij,kj->", y - mean, N, y - mean)
-        logarithms = np.linalg.slogdet(V[rows])[1].sum() + np.linalg.slogdet(whole)[1]
+        square, precision = _about_mean(residual[rows], V[rows])
+        logarithms = np.linalg.slogdet(V[rows])[1].sum() + np.linalg.slogdet(precision)[1]
         total -= (logarithms + square) / 2
     return float(total)
+
+
+def _about_mean(y: Array, V: Array) -> tuple[float, Array]:
+    """Whitened square of rows y (r, 3) about their weighted mean, and the mean's precision."""
+    pull = np.linalg.solve(V, y[:, :, None]).sum(axis=0)[:, 0]
+    precision = np.linalg.solve(V, np.broadcast_to(np.eye(3), V.shape)).sum(axis=0)
+    apart = y - np.linalg.solve(precision, pull)
+    return float(
+        np.einsum("ki,ki->", apart, np.linalg.solve(V, apart[:, :, None])[..., 0])
+    ), precision

@@ -13,8 +13,8 @@ from calib.uncertainty.bootstrap import bootstrap
 from calib.uncertainty.conformal import conformal
 from calib.uncertainty.discrepancy import discrepancy
 from calib.uncertainty.held_out import held_out
-from calib.uncertainty.judgement import judge
-from calib.uncertainty.trust import trust
+from calib.uncertainty.judgement import Circumstances, judge
+from calib.uncertainty.statement.belief import believe
 from tests.reference import WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
 
@@ -33,21 +33,36 @@ def test_a_judgement_is_what_its_parts_are_to_the_last_bit():
     made = judge(fit, test, train=train, rng=np.random.default_rng(5), replicates=100)
     seen = held_out(fit.model, fit.full_covariance, test, train.q)
     played = bootstrap(fit.model, train, fit.parameters, np.random.default_rng(5), replicates=100)
-    spread, ball = discrepancy(seen), conformal(seen.distance)
     assert made.held_out.chi_square == seen.chi_square
-    assert np.array_equal(made.discrepancy.covariance, spread.covariance)
-    assert made.conformal == ball
+    assert np.array_equal(made.discrepancy.covariance, discrepancy(seen).covariance)
+    assert made.conformal == conformal(seen.distance)
     assert np.array_equal(made.bootstrap.estimates, played.estimates)
-    wanted = trust(fit, held_out=seen, discrepancy=spread, conformal=ball, bootstrap=played)
-    assert made.trust == wanted
+    belief = believe(fit, train, test)
+    assert made.belief.factor == belief.factor
+    assert made.belief.misfit.upper == belief.misfit.upper
+
+
+def test_the_order_of_rows_changes_no_statement():
+    fit, train, test = measured_tables()
+    made = judge(fit, test, train=train)
+    turned = judge(fit, test.rows(np.arange(40)[::-1]), train=train)
+    # sums in another order: some 1e-12 of a limit that is read off a grid
+    assert turned.belief.misfit.upper == pytest.approx(made.belief.misfit.upper, rel=1e-9)
+    assert turned.belief.factor == pytest.approx(made.belief.factor, rel=1e-9)
+    assert turned.point.radius_mean == pytest.approx(made.point.radius_mean, rel=1e-6)
 
 
 def test_several_rows_of_a_pose_count_once_by_the_worst():
     fit, train, test = measured_tables()
-    again = dataclasses.replace(test, position=test.position + 1e-3)
-    once, twice = judge(fit, again), judge(fit, joined([test, again]))
-    assert len(twice.held_out) == 40
-    assert twice.conformal == once.conformal
+    off = 1e-3 * np.random.default_rng(4).normal(size=(40, 3))
+    again = dataclasses.replace(test, position=test.position + off)
+    once = judge(fit, again, train=train)
+    for order in ([test, again], [again, test]):
+        twice = judge(fit, joined(order), train=train)
+        assert len(twice.held_out) == 40
+        assert twice.conformal == once.conformal
+        assert twice.belief.n_guards == 40
+    twice = judge(fit, joined([test, again]), train=train)
     assert twice.held_out.chi_square == judge(fit, test, train=train).held_out.chi_square
 
 
@@ -64,19 +79,18 @@ def test_virtual_calibrations_are_played_only_where_they_decide_anything():
         changed = dataclasses.replace(fit, **rejected)
         assert played(changed) is None
         assert played(changed, rejected_too=True) is not None
-    robust = dataclasses.replace(fit, loss="cauchy")
+    robust = dataclasses.replace(fit, loss="cauchy", weights=np.ones(len(train)))
     assert played(robust, rejected_too=True) is None
-    with pytest.raises(InputError, match="virtual calibrations need the table"):
-        judge(fit, test, rng=np.random.default_rng(5))
 
 
 @pytest.mark.parametrize(
-    ("count", "spread", "ball"), [(9, False, False), (10, True, False), (19, True, True)]
+    ("count", "spread", "guards"), [(9, False, 0), (10, True, 0), (19, True, 19)]
 )
-def test_what_too_few_poses_cannot_state_is_left_out(count, spread, ball):
+def test_what_too_few_poses_cannot_state_is_left_out(count, spread, guards):
     fit, train, test = measured_tables(count)
     made = judge(fit, test, train=train)
-    assert (made.discrepancy is not None, made.conformal is not None) == (spread, ball)
+    assert (made.discrepancy is not None, made.conformal is not None) == (spread, guards > 0)
+    assert made.belief.n_guards == guards
 
 
 def test_no_pose_of_the_identification_may_judge_it():
@@ -85,10 +99,42 @@ def test_no_pose_of_the_identification_may_judge_it():
         judge(fit, train, train=train)
 
 
+def test_what_is_known_of_the_campaign_is_in_the_statement():
+    fit, train, test = measured_tables()
+    shared = np.zeros((fit.model.n_numbers,) * 2)
+    shared[0, 0] = (80e-6) ** 2
+    known = Circumstances(shared=shared, repeatability=np.full(6, 200e-6), told_by="a test")
+    plain, made = judge(fit, test, train=train), judge(fit, test, train=train, circumstances=known)
+    assert np.isnan(plain.point.radius_move)
+    assert made.point.radius_mean > plain.point.radius_mean
+    assert made.point.radius_move > 1.1 * made.point.radius_mean
+    assert "how well joints come back: a test" in made.trust.sentence
+    assert made.belief.covariance[0, 0] == pytest.approx(
+        fit.full_covariance[0, 0] + (80e-6) ** 2, rel=1e-12
+    )
+
+
+def test_all_visits_tell_the_noise_where_only_the_first_identify():
+    """Noise stated half as large again as it is: repeats tell, and the limit falls less."""
+    rng = np.random.default_rng(8)
+    truth = rigid_truth(rng)
+    visits = [measured(truth, pool_r()[:29], rng) for _ in range(3)]
+    visits = [dataclasses.replace(v, repeat=np.full(29, k)) for k, v in enumerate(visits)]
+    test = measured(truth, pool_r(40, seed=99), rng)
+    large = [dataclasses.replace(v, covariance=2.25 * v.covariance) for v in visits]
+    fit = identify(tx60(), large[0], parameters_of(tx60(), WEN24))
+    known = Circumstances(visits=joined(large))
+    told = judge(fit, test, train=large[0], circumstances=known).belief.misfit
+    assert told.repeated
+    # 174 degrees of freedom: 5 % of the scale, and what the residuals say of it
+    assert told.noise_scale == pytest.approx(1 / 1.5, rel=0.15)
+    assert "taken on trust" not in told.sentence
+
+
 def test_words_are_short_in_a_shell_and_whole_in_a_summary():
     fit, train, test = measured_tables()
     made = judge(fit, test, train=train)
-    assert repr(made).startswith("Judgement(believe='model', held-out poses: 40, conformal radius:")
+    assert repr(made).startswith("Judgement(believe='region', held-out poses: 40, radius: ")
     lines = made.summary().splitlines()
     assert [line.split(":")[0] for line in lines[:4]] == [
         "held-out poses",
@@ -97,5 +143,5 @@ def test_words_are_short_in_a_shell_and_whole_in_a_summary():
         "believe",
     ]
     assert lines[-1] == made.trust.sentence
-    nothing = judge(fit, test.rows(np.zeros(40, dtype=bool)))
-    assert repr(nothing) == "Judgement(believe='model', held-out poses: 0, conformal radius: none)"
+    nothing = judge(fit, test.rows(np.zeros(40, dtype=bool)), train=train)
+    assert repr(nothing).startswith("Judgement(believe='region', held-out poses: 0, radius: ")

@@ -1,4 +1,4 @@
-"""Which statement is believed: sound fits, wrong models, wrong noise, and the words that say so."""
+"""What is believed, what the tests say of it, and the words: sound fits, wrong models and noise."""
 
 import dataclasses
 
@@ -9,128 +9,131 @@ from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Status, identify
-from calib.uncertainty.bootstrap import bootstrap
-from calib.uncertainty.conformal import conformal
-from calib.uncertainty.discrepancy import discrepancy
-from calib.uncertainty.held_out import held_out
+from calib.uncertainty.judgement import Circumstances, judge
 from calib.uncertainty.tool_point import tool_statement
-from calib.uncertainty.trust import trust
 from calib.uncertainty.validation import LinearCheck
 from tests.reference import DEG, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
 
-G = pool_r(40, seed=99)
 
-
-def campaign(seed, droop=0.0, mode="whitened"):
-    """Truth, fit, and what 40 held-out poses say."""
+def campaign(seed, droop=0.0, mode="whitened", held_out=40):
+    """True robot, fit, and the tables identified from and held out."""
     rng = np.random.default_rng(seed)
     chain = rigid_truth(rng).chain
     sag = np.array([10, 6, 8]) * 1e-3 * DEG * droop
     truth = RobotModel(chain, JointErrors(gravity_terms(6), sag))
-    q = pool_r()[:29]
-    fit = identify(tx60(), measured(truth, q, rng), parameters_of(tx60(), WEN24), mode=mode)
-    found = held_out(fit.model, fit.full_covariance, measured(truth, G, rng), q)
-    return truth, fit, found
+    train = measured(truth, pool_r()[:29], rng)
+    test = measured(truth, pool_r(held_out, seed=99), rng)
+    return truth, identify(tx60(), train, parameters_of(tx60(), WEN24), mode=mode), train, test
 
 
-def test_what_is_known_to_be_missing_ends_belief_in_a_sound_fit():
-    _, fit, found = campaign(3)
-    ball = conformal(found.distance)
-    verdict = trust(fit, held_out=found, conformal=ball, unmodelled=["the station wanders"])
-    assert verdict.believe == "conformal"
-    assert not verdict.model_valid
-    assert verdict.sentences[0].endswith("not valid here: the station wanders")
+def test_a_sound_fit_says_what_is_believed_and_that_no_test_proves_it():
+    _, fit, train, test = campaign(3)
+    made = judge(fit, test, train=train)
+    assert (made.trust.believe, made.trust.refuted) == ("region", False)
+    radius = f"{1e6 * made.point.radius_mean:.3g} um of the predicted one with 95 % probability"
+    first, *rest = made.trust.sentences
+    assert first.startswith(f"The mean tool point lies within {radius} (3-D radius")
+    assert first.endswith("per axis is in it")
+    assert "that is no proof" in rest[-1]
+    assert "40 held-out poses guard the factor" in made.trust.sentence
+    assert "stated noise is taken on trust" in made.trust.sentence
 
 
-def test_a_sound_fit_is_believed_and_says_why():
-    _, fit, found = campaign(3)
-    verdict = trust(fit, held_out=found, conformal=conformal(found.distance))
-    assert verdict.believe == "model"
-    assert verdict.model_valid
-    assert verdict.sentence.startswith("The model-based interval may be believed")
-    assert "40 held-out poses agree" in verdict.sentence
-    assert "no held-out pose has tested it" in trust(fit).sentence
+def test_without_held_out_poses_the_region_says_that_nothing_guards_it():
+    _, fit, train, test = campaign(3)
+    made = judge(fit, test.rows([]), train=train)
+    assert made.trust.believe == "region"
+    assert "No held-out pose guards the factor: 19 poses" in made.trust.sentence
+    assert "poses like the 29 identified from" in made.trust.sentence
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_residuals_that_contradict_the_model_come_first_in_words(seed):
-    truth, fit, found = campaign(seed, droop=3.0)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_model_that_lacks_sag_is_refuted_and_the_region_holds_all_the_same(seed):
+    truth, fit, train, test = campaign(seed, droop=3.0)
     assert fit.p_value < 1e-3
-    radius = conformal(found.distance)
-    verdict = trust(fit, held_out=found, discrepancy=discrepancy(found), conformal=radius)
-    assert (verdict.believe, verdict.model_valid) == ("conformal", False)
-    assert verdict.sentences[0].startswith("The model-based interval is not valid here: ")
-    assert "the residuals contradict the model" in verdict.sentences[0]
-    # and rightly so: at fresh poses the model-based region fails, the believed radius holds
+    made = judge(fit, test, train=train)
+    assert (made.trust.believe, made.trust.refuted) == ("region", True)
+    assert "The parameters alone do not explain the readings: the residuals" in made.trust.sentence
+    assert "the readings show a misfit of about" in made.trust.sentence.lower()
+    # and rightly so: at fresh poses the parameters alone fail, the believed region holds
     fresh = pool_r(200, seed=7)
     true = truth.poses(fresh)[:, :3, 3]
-    stated = tool_statement(fit.model, fresh, fit.full_covariance)
-    assert stated.holds(true).mean() < 0.7
-    inside = np.linalg.norm(true - stated.position, axis=1) <= radius.radius
-    assert inside.mean() > 0.85  # beta(39, 2): below .85 once in 1500
-    # the discrepancy, second choice
-    wide = tool_statement(fit.model, fresh, fit.full_covariance, discrepancy=discrepancy(found))
-    assert wide.holds(true).mean() > 0.75
+    assert tool_statement(fit.model, fresh, fit.full_covariance).holds(true).mean() < 0.7
+    assert made.belief.regions(fresh).holds(true).mean() > 0.9  # one robot: its poses hang together
+    within = np.linalg.norm(true - fit.model.poses(fresh)[:, :3, 3], axis=1)
+    assert (within <= made.point.radius_mean).mean() > 0.9
 
 
-def test_without_held_out_poses_a_contradicted_fit_leaves_nothing_to_believe():
-    _, fit, found = campaign(1, droop=3.0)
-    assert trust(fit).believe == "none"
-    assert "19 independent poses" in trust(fit).sentence
-    assert trust(fit, discrepancy=discrepancy(found)).believe == "discrepancy"
-
-
-def test_held_out_errors_can_fell_a_fit_whose_residuals_look_sound():
-    _, fit, found = campaign(3)
-    bad = dataclasses.replace(found, p_value=1e-9, chi_square=500.0)
-    verdict = trust(fit, held_out=bad)
-    assert not verdict.model_valid
-    assert "errors at 40 held-out poses are larger than it says" in verdict.sentences[0]
-
-
-def test_a_fit_that_did_not_converge_is_not_believed():
-    _, fit, found = campaign(3)
-    stuck = dataclasses.replace(fit, status=Status.LIMIT)
-    verdict = trust(stuck, discrepancy=discrepancy(found))
-    assert (verdict.believe, verdict.model_valid) == ("none", False)
-    assert "iteration limit" in verdict.sentences[0]
-
-
-def test_paper_mode_claims_are_not_believed():
-    _, fit, _ = campaign(3, mode="paper")
-    verdict = trust(fit)
-    assert not verdict.model_valid
-    assert "unweighted fit" in verdict.sentences[0]
-
-
-def test_when_only_linearity_fails_the_replicates_are_believed():
-    _, fit, _ = campaign(3)
-    q = pool_r()[:29]
-    run = bootstrap(
-        fit.model,
-        measured(fit.model, q, np.random.default_rng(0)),
-        fit.parameters,
-        np.random.default_rng(1),
-        replicates=200,
+def test_held_out_errors_can_refute_a_fit_whose_residuals_look_sound():
+    _, fit, train, test = campaign(3)
+    off = dataclasses.replace(
+        test, position=test.position + np.random.default_rng(0).normal(size=(40, 3)) * 200e-6
     )
-    good = trust(fit, bootstrap=run)
-    assert good.believe == "model"
-    assert "scatter as the stated covariance says" in good.sentence
-    bent = dataclasses.replace(run, covariance=run.covariance / 4)
-    verdict = trust(fit, bootstrap=bent)
-    assert (verdict.believe, verdict.model_valid) == ("bootstrap", False)
-    # replicates that did not arrive say nothing
-    lost = dataclasses.replace(bent, unconverged=200)
-    assert (trust(fit, bootstrap=lost).believe, trust(fit, bootstrap=lost).model_valid) == (
-        "none",
-        False,
-    )
+    made = judge(fit, off, train=train)
+    assert made.trust.refuted
+    assert "errors at 40 held-out poses are larger than they say" in made.trust.sentence
+    assert made.belief.misfit.upper > 100e-6
+
+
+def test_held_out_poses_of_another_frame_are_no_evidence_and_come_first_in_words():
+    _, fit, train, test = campaign(3)
+    moved = dataclasses.replace(test, position=test.position + np.array([0, 0, 2e-3]))
+    made = judge(fit, moved, train=train)
+    assert made.trust.sentences[0].startswith("The held-out readings stand 2")
+    assert made.belief.n_guards == 0
+    alone = judge(fit, test.rows([]), train=train)
+    assert made.belief.misfit.upper == alone.belief.misfit.upper
+    assert not made.point.held_out
+
+
+def test_nothing_is_believed_of_a_fit_that_did_not_converge():
+    _, fit, train, test = campaign(3)
+    made = judge(dataclasses.replace(fit, status=Status.LIMIT), test, train=train)
+    assert (made.trust.believe, made.belief, made.point) == ("none", None, None)
+    assert "iteration limit" in made.trust.sentences[0]
+    assert "A number that needs no model: a new pose" in made.trust.sentences[1]
+
+
+def test_nothing_is_believed_of_an_unweighted_fit():
+    _, fit, train, test = campaign(3, mode="paper")
+    made = judge(fit, test, train=train)
+    assert (made.trust.believe, made.trust.refuted) == ("none", True)
+    assert "unweighted fit" in made.trust.sentences[0]
+
+
+def test_where_linear_propagation_fails_the_parameters_part_is_that_of_the_replicates():
+    _, fit, train, test = campaign(3)
     failed = LinearCheck("not validated", np.ones(2), np.ones(2), "first-order is not validated")
-    assert trust(fit, bootstrap=run, linear=failed).believe == "bootstrap"
-    assert trust(fit, linear=failed).believe == "none"
+    plain = judge(fit, test, train=train)
+    rng = np.random.default_rng(1)
+    played = judge(fit, test, train=train, rng=rng, replicates=200, linear=failed)
+    assert (played.trust.believe, played.trust.refuted) == ("region", True)
+    assert "the parameters' part is that of virtual calibrations" in played.trust.sentence
+    index = fit.parameters.free_index
+    part = played.belief.covariance[np.ix_(index, index)]
+    np.testing.assert_allclose(part, played.bootstrap.empirical, rtol=1e-12)
+    assert np.array_equal(plain.belief.covariance, fit.full_covariance)
+    # without replicates that settled nothing is left
+    assert judge(fit, test, train=train, linear=failed).trust.believe == "none"
+    assert judge(fit, test, train=train, linear=failed).belief is None
 
 
-def test_residuals_smaller_than_the_noise_are_said_to_make_the_interval_too_wide():
-    _, fit, _ = campaign(3)
-    assert "too wide" in trust(dataclasses.replace(fit, p_value=0.9999)).sentence
+def test_a_drift_is_in_the_region_and_one_that_is_known_is_looked_for_whatever_a_test_says():
+    _, fit, train, test = campaign(3)
+    order = (np.arange(len(train)), len(train) + np.arange(len(test)))
+    none = judge(fit, test, train=train, circumstances=Circumstances(order=order))
+    assert none.drifting.drift is None
+    known = Circumstances(order=order, unmodelled=("the station wanders",))
+    made = judge(fit, test, train=train, circumstances=known)
+    assert made.trust.sentences[-1].endswith("in no stated noise: the station wanders")
+    assert made.drifting.drift is not None
+    grown = made.belief.covariance - none.belief.covariance
+    np.testing.assert_allclose(grown, made.drifting.drift.covariance, atol=1e-20)
+    slow = np.cumsum(np.random.default_rng(2).normal(size=(69, 3)), axis=0) * 10e-6
+    walked = dataclasses.replace(train, position=train.position + slow[:29])
+    there = dataclasses.replace(test, position=test.position + slow[29:])
+    refit = identify(tx60(), walked, parameters_of(tx60(), WEN24))
+    seen = judge(refit, there, train=walked, circumstances=Circumstances(order=order))
+    assert seen.drifting.p_value < 0.05
+    assert "follow their neighbors in time" in seen.trust.sentence

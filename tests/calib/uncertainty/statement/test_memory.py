@@ -12,7 +12,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.uncertainty.statement.belief import believe
 from calib.uncertainty.statement.gain import estimator_gain
-from calib.uncertainty.statement.memory import drift, memory_p, whitened_positions
+from calib.uncertainty.statement.memory import drift, memory_p, stretches, whitened_positions
 from calib.uncertainty.statement.misfit import misfit
 from tests.calib import kinds
 
@@ -138,3 +138,14 @@ def test_distances_show_no_drift():
     size = misfit(fit, train, held_out)
     with pytest.raises(InputError, match="no drift"):
         drift(fit, table, order, held_out, rest, shape=size.shape, misfit=0.0)
+
+
+def test_of_many_rows_some_stretches_are_asked():
+    order = np.random.default_rng(5).permutation(1000)
+    some = stretches(order)
+    times = np.sort(order[some])
+    assert len(times) == 300
+    # three stretches, each without a gap, the last one in the last third
+    assert (np.diff(times) > 1).sum() == 2
+    assert times[-1] > 700
+    assert np.array_equal(stretches(order[:300]), np.arange(300))

@@ -1,0 +1,63 @@
+"""One radius for people: what it holds, at poses drawn like those stated, by Monte Carlo."""
+
+import numpy as np
+import pytest
+
+from calib.uncertainty.regions import coverage_factor
+from calib.uncertainty.statement.belief import believe
+from calib.uncertainty.statement.distance import distance_radius
+from calib.uncertainty.statement.stated_point import common_radius, stated_point, widened
+from calib.uncertainty.tool_point import ToolStatement
+from tests.calib.uncertainty.statement.test_belief import campaign
+
+
+def statement(S, factor=None, probability=0.95):
+    """Regions of covariances S (N, 3, 3) about the origin."""
+    factor = coverage_factor(3, probability) if factor is None else factor
+    return ToolStatement(np.zeros((len(S), 3)), S, factor, probability)
+
+
+def test_one_pose_has_the_radius_of_its_own():
+    S = np.diag([16.0, 9.0, 4.0])[None] * 1e-12
+    # the specification's number, in um
+    assert 1e6 * common_radius(statement(S)) == pytest.approx(9.013, abs=5e-4)
+    assert common_radius(statement(np.repeat(S, 4, axis=0))) == pytest.approx(
+        distance_radius(S)[0], rel=1e-6
+    )
+    double = statement(S, factor=2 * coverage_factor(3))
+    assert common_radius(double) == pytest.approx(2 * distance_radius(S)[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("probability", [0.8, 0.95])
+def test_the_common_radius_holds_points_at_poses_that_differ(probability):
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(30, 3, 3)) * rng.lognormal(size=(30, 1, 1)) * 1e-5
+    stated = statement(root @ np.swapaxes(root, 1, 2), 3.1, probability)
+    radius = common_radius(stated)
+    draws = 20_000
+    roots = np.linalg.cholesky(widened(stated))
+    e = np.einsum("nij,nkj->nki", roots, rng.normal(size=(30, draws, 3)))
+    inside = (np.linalg.norm(e, axis=2) <= radius).mean()
+    # 600,000 draws: standard error 3e-4 to 6e-4
+    assert inside == pytest.approx(probability, abs=4 * np.sqrt(0.25 / (30 * draws)))
+
+
+def test_words_and_figures_of_a_robot():
+    _, fit, train, held_out = campaign(np.random.default_rng(1), 15e-6)
+    belief = believe(fit, train, held_out)
+    target = np.array([0.05, 0.0, 0.1])
+    point = stated_point(belief, held_out.q, target=target, held_out=True)
+    regions = belief.regions(held_out.q, target=target)
+    u = np.sqrt(np.trace(widened(regions), axis1=1, axis2=2))
+    assert point.u_mean == pytest.approx(np.sqrt((u**2).mean()), rel=1e-12)
+    # between a line and a ball of that size: 1.96 and 1.614 standard uncertainties
+    assert 1.55 * point.u_mean < point.radius_mean < 1.97 * point.u_mean
+    assert "95 % probability (3-D radius, poses like the 20 held out)" in point.sentence
+    assert point.move_sentence == ""
+    move = stated_point(
+        belief, held_out.q, target=target, held_out=True, repeatability=np.full(6, 40e-6),
+        told_by="repeats",
+    )  # fmt: skip
+    assert move.u_mean == point.u_mean
+    assert move.u_move > np.sqrt(point.u_mean**2 + (20e-6) ** 2)
+    assert "repeats" in move.move_sentence
