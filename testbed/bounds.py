@@ -84,8 +84,6 @@ INERTIA = Bound("a moment of inertia", 1e9, 1e-13)
 """MuJoCo refuses masses and inertias of moving bodies below 1e-15."""
 TURN_SPEED = Bound("a speed of a turning joint", 1e6 * DEG, 1e-4 * DEG)
 SLIDE_SPEED = Bound("a speed of a sliding joint", 1e3, 1e-6)
-SPEED = Bound("a speed of a joint", TURN_SPEED.most, SLIDE_SPEED.least)
-"""Of either kind."""
 SCATTER = Bound("a repeatability", 1.0)
 """Of a joint [rad or m]."""
 LENGTH_SD = Bound("a standard uncertainty of a length", 1.0, 1e-12, (1e-8, 0.01))

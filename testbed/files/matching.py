@@ -11,7 +11,7 @@ from calib.errors import InputError
 from calib.geometry.model import RobotModel
 from testbed.files.joints import Extras, Joints
 from testbed.files.readings import Readings
-from testbed.files.refusal import refusal
+from testbed.files.refusal import refusal, require_names
 from testbed.files.slips import parted
 
 LARGEST_ID = 100_000
@@ -96,12 +96,14 @@ def by_pose(
     Raises
     ------
     InputError
-        M31: readings without joints, joints without readings (unless `drop`), joints twice.
+        M25: a row without a name; M31: readings without joints, joints without readings (unless
+        `drop`), joints twice.
     """
-    for file, extras in ((joints.where, joints.extras), (readings.where, readings.extras)):
-        if extras.pose is None:
+    for part in (joints, readings):
+        if part.extras.pose is None:
             fix = 'number the poses in both files, or write match = "order" in session.toml'
-            raise refusal(file, "pose_id", "has no column pose_id", fix=fix)
+            raise refusal(part.where, "pose_id", "has no column pose_id", fix=fix)
+        require_names("pose_id", part.extras.pose, part.place)
     visits = joints.extras.repeat is not None and readings.extras.repeat is not None
     where, commanded = readings.where, _keys(joints.extras, visits=visits)
     measured = _keys(readings.extras, visits=visits)

@@ -9,7 +9,7 @@ from calib.geometry.frames import inverse, transform
 from testbed.files.columns import close_to, is_known, misspelling
 from testbed.files.joints import extra_columns, extras_of
 from testbed.files.readings import Readings, plain_readings
-from testbed.files.refusal import refusal
+from testbed.files.refusal import refusal, require_names
 from testbed.files.rotations import checked_rotations, stated_in
 from testbed.files.session import Stated
 from testbed.files.session_toml import (
@@ -202,10 +202,8 @@ def _names(table: DataTable, column: str, needed: Bool | None) -> tuple[str, ...
     names = table.texts_of(column)
     if names is None or not any(names):
         return None
-    for row in np.flatnonzero([] if needed is None else needed):
-        if not names[row]:
-            message = f"{column} is empty, and other rows name one"
-            raise refusal(table.places[row], column, message, fix="fill the cell")
+    rows = np.flatnonzero([] if needed is None else needed)
+    require_names(column, [names[row] for row in rows], [table.places[row] for row in rows])
     return names
 
 

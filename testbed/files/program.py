@@ -5,6 +5,7 @@ change, and columns with the result of each row are added. A target that cannot 
 reserve stays as it was: the robot then does what it did before, and the row states why.
 """
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -41,6 +42,8 @@ WORDS: dict[InverseStatus, str] = {
     "out of reach": "left as written: the robot does not reach it from a posture near this one",
 }
 STARTS = 64
+LONGEST_NAME = 200
+"""Bytes of a program's name that its corrected one keeps: 255 make a file, and some come on top."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,6 +124,14 @@ def correct_program(path: Path, robot: Robot, identified: RobotModel, out: Path)
     )
     sentences = (done, *status_sentences(result.status, "target", WORDS), *result.sentences)
     return replace(result, sentences=sentences)
+
+
+def corrected_name(program: Path) -> str:
+    """Name of the corrected program: ``NAME_corrected.csv``."""
+    stem = program.stem
+    while len(os.fsencode(stem)) > LONGEST_NAME:
+        stem = stem[:-1]
+    return f"{stem}_corrected.csv"
 
 
 def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:

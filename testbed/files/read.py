@@ -13,6 +13,7 @@ from testbed.files.joints import read_joints
 from testbed.files.matching import Match, by_cycle, by_order, by_pose, by_row
 from testbed.files.observed import read_observed, section_of, unused_columns
 from testbed.files.readings import Readings, copied_rows, lost_readings
+from testbed.files.refusal import require_names
 from testbed.files.session import Drift, Session
 from testbed.files.session_toml import (
     SESSION_FILE,
@@ -256,4 +257,9 @@ def _with_joints(
         match = by_order(joints, readings, robot.model)
     else:
         match = by_pose(joints, readings, drop=drop, elsewhere=elsewhere)
-    return TargetPart(joints.rows(match.joints), readings.rows(match.readings), section), match
+    part = TargetPart(joints.rows(match.joints), readings.rows(match.readings), section)
+    # only now: nests have no pose, and may be the only targets with a name
+    require_names("pose_id", part.joints.extras.pose or (), part.joints.place)
+    if readings.kind != "pose" and any(part.readings.target):
+        require_names("target", part.readings.target, part.readings.place)
+    return part, match

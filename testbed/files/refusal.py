@@ -1,5 +1,7 @@
 """How a measurement file is refused: where, which column or key, and a sentence."""
 
+from collections.abc import Sequence
+
 from calib.errors import InputError, refuse
 
 
@@ -25,3 +27,17 @@ def refusal(
         As in `calib.errors.CalibError`.
     """
     return refuse(field, value, allowed, code=code, message=message, fix=fix, where=where)
+
+
+def require_names(column: str, names: Sequence[str], place: Sequence[str]) -> None:
+    """Refuse a row (m,) without a name in a column of names.
+
+    Raises
+    ------
+    InputError
+        M25: the first such row.
+    """
+    if "" in names:
+        fix = "fill the cell" if any(names) else "name each row, or take the column out"
+        where = place[list(names).index("")]
+        raise refusal(where, column, f"{column} is empty", code="M25", fix=fix)

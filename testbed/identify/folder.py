@@ -9,7 +9,7 @@ from typing import Any
 
 from calib.geometry.model import RobotModel
 from testbed.disk import atomic_write
-from testbed.files.program import correct_program, read_program
+from testbed.files.program import correct_program, corrected_name, read_program
 from testbed.files.session import Session
 from testbed.gates.paths import real
 from testbed.identify.calibrate import STEPS, Options, calibrate
@@ -198,7 +198,7 @@ def deliver(
     if program is None:
         return Delivered(sentences, (), 0)
     model = in_own_frames(calibration)
-    result = correct_program(program, robot, model, folder / f"{program.stem}_corrected.csv")
+    result = correct_program(program, robot, model, folder / corrected_name(program))
     return Delivered(sentences, result.sentences, int((~result.corrected).sum()))
 
 

@@ -9,6 +9,7 @@ from calib.information.criteria.d import D
 from calib.information.criteria.g import g_of
 from calib.information.criteria.linear import A, v_of
 from calib.information.criteria.spectral import O2, O4, O5, E
+from calib.information.criteria.total import total_g, total_v
 from calib.information.goals import NAME_GOALS, Goals
 
 _FREE_OF_GOALS: dict[str, Callable[[str], Criterion]] = {
@@ -22,12 +23,15 @@ _FREE_OF_GOALS: dict[str, Callable[[str], Criterion]] = {
     "O5": O5,
 }
 _OF_GOALS: dict[str, Callable[[Goals, str], Criterion]] = {"V": v_of, "G": g_of}
+_OF_ALL: dict[str, Callable[[Goals, int, str], Criterion]] = {"V": total_v, "G": total_g}
 NAMES = ("D", "A", "V", "G", "E", "O1", "O2", "O3", "O4", "O5")
 """O1 is D, and O3 is E, under the name of the paper."""
 NEEDS_GOALS = tuple(_OF_GOALS)
 
 
-def criterion_named(criterion: "str | Criterion", *, goals: Goals | None = None) -> Criterion:
+def criterion_named(
+    criterion: "str | Criterion", *, goals: Goals | None = None, inputs: int = 0
+) -> Criterion:
     """The criterion of a name; a criterion is returned as it is.
 
     Parameters
@@ -36,6 +40,9 @@ def criterion_named(criterion: "str | Criterion", *, goals: Goals | None = None)
         ``"D"``, ``"A"``, ``"V"``, ``"G"``, ``"E"``, or ``"O1"`` to ``"O5"``.
     goals : Goals, optional
         The poses that matter and their weights; V and G need them.
+    inputs : int
+        Inputs that all readings share; V and G then count them, from blocks with so many columns
+        more (see `calib.information.criteria.total`).
     """
     if isinstance(criterion, Criterion):
         return criterion
@@ -45,6 +52,8 @@ def criterion_named(criterion: "str | Criterion", *, goals: Goals | None = None)
         if goals is None:
             message = f'criterion "{criterion}" needs goal poses'
             raise refuse("goals", code="M29", message=message, fix=NAME_GOALS)
+        if inputs:
+            return _OF_ALL[criterion](goals, inputs, criterion)
         return _OF_GOALS[criterion](goals, criterion)
     close = get_close_matches(str(criterion).upper(), NAMES, 1)
     raise refuse(

@@ -15,6 +15,7 @@ from calib.errors import refuse
 from calib.geometry.jacobian import reflector_rows
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification
 from calib.identification.joint_models import extended_model
 from calib.measurement.observations import Measurements
@@ -133,6 +134,46 @@ def proven_at(
         Point in the tool frame that is stated [m].
     up : (3,) array_like
         Upwards in the axes of the base: a foot yields under the weight of the arm.
+    """
+    return proven_by(
+        identification.model,
+        identification.parameters,
+        estimator_gain(identification, train),
+        identification.full_covariance,
+        train,
+        q,
+        target=target,
+        up=up,
+    )
+
+
+def proven_by(
+    model: RobotModel,
+    parameters: Parameters,
+    gain: Array,
+    covariance: Array,
+    train: Measurements,
+    q: ArrayLike,
+    *,
+    target: ArrayLike = (0.0, 0.0, 0.0),
+    up: ArrayLike = (0.0, 0.0, 1.0),
+) -> Proven:
+    """What an estimate is proven at, made already or only planned.
+
+    Parameters
+    ----------
+    model : RobotModel
+        Identified; of a plan the nominal one.
+    parameters : Parameters
+        Its free numbers.
+    gain : (m, f, 6) array
+        F: how they follow each row of `train` [m, rad].
+    covariance : (P, P) array
+        Of all numbers, from the noise [m, rad].
+    train : Measurements
+        Rows it comes from; their readings play no part.
+    q, target, up
+        As in `proven_at`.
 
     References
     ----------
@@ -145,7 +186,6 @@ def proven_at(
             "q", code="A3", message="no held-out pose says where this was proven",
             allowed="one pose or more",
         )  # fmt: skip
-    model = identification.model
     wide = lacking(model)
     start, more = model.first_fixture, wide.first_fixture - model.first_fixture
     columns = np.arange(start, start + more)
@@ -153,12 +193,10 @@ def proven_at(
     seen = predict(wide, train)
     B = unheld(wide, columns, up, train.q, seen.rows)
     absorbed = np.zeros((model.n_numbers, B.shape[2]))
-    gain = estimator_gain(identification, train)
-    absorbed[identification.parameters.free_index] = np.einsum("mfe,mek->fk", gain, B)
+    absorbed[parameters.free_index] = np.einsum("mfe,mek->fk", gain, B)
     here = Proven(
         wide, frozen(columns, np.int64), frozen(own, np.int64), up, target, frozen(absorbed),
-        frozen(identification.full_covariance), np.ones(3),
-        frozen(q.min(axis=0)), frozen(q.max(axis=0)),
+        frozen(covariance), np.ones(3), frozen(q.min(axis=0)), frozen(q.max(axis=0)),
     )  # fmt: skip
     return replace(here, usual=frozen(here.left(q).mean(axis=1)))
 

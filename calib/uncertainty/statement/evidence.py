@@ -6,6 +6,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from calib.arrays import Array, Bool, Index, frozen
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification
 from calib.information.rank import RANK_TOLERANCE, triangle
 from calib.measurement.observations import Measurements
@@ -65,6 +67,11 @@ class PositionRows:
     noise: float
     """Sum of the noise variances before turning [m^2]."""
 
+    @property
+    def noise_sd(self) -> float:
+        """Stated noise, root mean square per axis [m]."""
+        return float(np.sqrt(self.noise / len(self.lam)))
+
     def joined(self, other: "PositionRows") -> "PositionRows":
         """Rows of both."""
         return PositionRows(
@@ -97,11 +104,14 @@ class Likelihood:
 
 
 def position_rows(
-    identification: Identification, table: Measurements, shape: MisfitShape, weights: Array
+    model: RobotModel,
+    parameters: Parameters,
+    table: Measurements,
+    shape: MisfitShape,
+    weights: Array,
 ) -> PositionRows:
     """Turn the position rows of each pose by U' inv(L): N = L L', inv(L) D inv(L)' = U lam U'."""
-    seen = predict(identification.model, table)
-    parameters = identification.parameters
+    seen = predict(model, table)
     A = seen.rows[:, :3, parameters.free_index] * parameters.free_scale
     B, y, at = shape.rows(seen.rows[:, :3]), seen.residual[:, :3], seen.filled[:, :3]
     heavy = weights > 0

@@ -3,28 +3,59 @@
 import numpy as np
 
 from calib.arrays import Array, frozen
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 
 
-def estimator_gain(identification: Identification, table: Measurements) -> Array:
-    """F (m, f, 6): how the estimate follows each row of its table [m, rad]; zero where unfilled.
+def least_squares_gain(
+    model: RobotModel,
+    parameters: Parameters,
+    table: Measurements,
+    *,
+    precision: Array | float = 0.0,
+    weights: Array | float = 1.0,
+) -> Array:
+    """F (m, f, 6): how free numbers follow each row of a table [m, rad]; zero where unfilled.
+
+    Parameters
+    ----------
+    model : RobotModel
+        At which the rows are linear.
+    parameters : Parameters
+        The free numbers.
+    table : Measurements
+        Its readings play no part: those of a plan will do.
+    precision : (f, f) array
+        Lambda0 of the scaled numbers before these rows.
+    weights : (m,) array
+        Of each row, where a robust loss gave it one.
 
     References
     ----------
-    F = inv(A'WA + Lambda0) A'W, each row by its weight where a robust loss gave it one.
+    F = inv(A'WA + Lambda0) A'W.
     """
-    seen, scale = predict(identification.model, table), identification.parameters.free_scale
+    seen, scale = predict(model, table), parameters.free_scale
     filled = seen.filled[:, :, None]
-    A = np.where(filled, seen.rows[:, :, identification.parameters.free_index] * scale, 0.0)
+    A = np.where(filled, seen.rows[:, :, parameters.free_index] * scale, 0.0)
     both = filled & np.swapaxes(filled, 1, 2)
     WA = np.linalg.solve(np.where(both, table.covariance, np.eye(6)), A)
-    if len(identification.weights):
-        WA = WA * identification.weights[:, None, None]
-    AW = np.swapaxes(WA, 1, 2)
-    H = (AW @ A).sum(axis=0) + prior_precision(identification)
+    AW = np.swapaxes(WA * np.reshape(weights, (-1, 1, 1)), 1, 2)
+    H = (AW @ A).sum(axis=0) + precision
     return np.asarray(scale[:, None] * np.linalg.solve(H, AW))
+
+
+def estimator_gain(identification: Identification, table: Measurements) -> Array:
+    """F (m, f, 6) of an estimate with its prior and its weights, from its own table."""
+    return least_squares_gain(
+        identification.model,
+        identification.parameters,
+        table,
+        precision=prior_precision(identification),
+        weights=identification.weights if len(identification.weights) else 1.0,
+    )
 
 
 def of_all_numbers(identification: Identification, covariance: Array) -> Array:

@@ -12,12 +12,15 @@ from scipy.special import chdtrc
 
 from calib.arrays import Array
 from calib.errors import refuse
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.uncertainty.statement.evidence import (
     SEEN,
     NoiseRepeats,
+    PositionRows,
     believed_before,
     detectable,
     likelihood,
@@ -121,13 +124,11 @@ def misfit(
             "identification", identification.mode, "an estimate by stated noise", code="A3",
             message="the unweighted fit knows no noise behind which a misfit could hide",
         )  # fmt: skip
-    use = train if held_out is None or not len(held_out) else held_out
-    shape = misfit_shape(identification.model, use)
     weights = identification.weights if len(identification.weights) else np.ones(len(train))
-    rows = position_rows(identification, train, shape, weights)
-    if held_out is not None and len(held_out):
-        rows = rows.joined(position_rows(identification, held_out, shape, np.ones(len(held_out))))
-    unit = float(np.sqrt(rows.noise / len(rows.lam)))
+    shape, rows = evidence_rows(
+        identification.model, identification.parameters, train, held_out, weights
+    )
+    unit = rows.noise_sd
     found = likelihood(rows.joined(believed_before(identification)), unit, repeats)
     if found is None:
         return HiddenMisfit(shape, np.nan, np.inf, np.inf, 0.0, 1.0, unit, repeats is not None)
@@ -136,12 +137,35 @@ def misfit(
         shape,
         best=unit * float(found.size[best]),
         upper=unit * found.limit(drop),
-        detectable=NO_WHITE_NOISE * unit * detectable(unit**2 * rows.lam, rows.A.shape[1]),
+        detectable=detectable_size(rows),
         ratio=float(2 * (found.value[best] - found.value[0])),
         noise_scale=float(found.noise_scale[best]),
         noise_sd=unit,
         repeated=repeats is not None,
     )
+
+
+def evidence_rows(
+    model: RobotModel,
+    parameters: Parameters,
+    train: Measurements,
+    held_out: Measurements | None,
+    weights: Array,
+) -> tuple[MisfitShape, PositionRows]:
+    """Shape of a misfit where the robot is used, and the position rows that may show it."""
+    if held_out is None or not len(held_out):
+        shape = misfit_shape(model, train)
+        return shape, position_rows(model, parameters, train, shape, weights)
+    shape = misfit_shape(model, held_out)
+    rows = position_rows(model, parameters, train, shape, weights)
+    more = position_rows(model, parameters, held_out, shape, np.ones(len(held_out)))
+    return shape, rows.joined(more)
+
+
+def detectable_size(rows: PositionRows) -> float:
+    """Size per axis of a misfit that these rows would show, whatever they read [m]."""
+    unit = rows.noise_sd
+    return NO_WHITE_NOISE * unit * detectable(unit**2 * rows.lam, rows.A.shape[1])
 
 
 def misfit_covariance(

@@ -202,8 +202,10 @@ def _masses(
             masses[i], center = MASS_PER_LENGTH * length, (ends[i] + ends[i + 1]) / 2
         turned = frame[:3, :3].T @ body.inertia @ frame[:3, :3]
         moments = np.diagonal(turned).copy()
-        if body.mass > 0 and (
-            moments.min() < bounds.INERTIA.least or 2 * moments.max() > moments.sum() * (1 + 1e-9)
+        if body.mass > 0 and not (
+            bounds.INERTIA.least <= moments.min()
+            and moments.max() <= bounds.INERTIA.most
+            and 2 * moments.max() <= moments.sum() * (1 + 1e-9)
         ):
             odd.append(body.name)
         elif np.abs(turned - np.diag(moments)).max() > 0.1 * moments.max():

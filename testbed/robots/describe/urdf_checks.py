@@ -2,11 +2,20 @@
 
 import math
 from collections.abc import Collection
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from testbed.bounds import DIRECTION, INERTIA, LIMIT, LINK, MASS, SCALE, SPEED
+from testbed.bounds import (
+    DIRECTION,
+    INERTIA,
+    LIMIT,
+    LINK,
+    MASS,
+    SCALE,
+    SLIDE_SPEED,
+    TURN_SPEED,
+    Bound,
+)
 from testbed.robots.describe.xml_gate import (
     FileOptions,
     Row,
@@ -23,21 +32,18 @@ from testbed.robots.describe.xml_gate import (
 )
 from testbed.strict import choice_of, some
 
-PRODUCT = replace(INERTIA, least=0.0)
+SIZE = Bound("a size of a shape", LINK.most, 1e-9)
 NUMBERS = {
     "origin": {"xyz": Row(3, LINK, "m"), "rpy": Row(3, LIMIT, "rad")},
     "axis": {"xyz": Row(3, DIRECTION)},
     "limit": {
-        "lower": Row(1, LIMIT), "upper": Row(1, LIMIT), "effort": Row(1), "velocity": Row(1, SPEED),
+        "lower": Row(1, LIMIT), "upper": Row(1, LIMIT), "effort": Row(1), "velocity": Row(1),
     },
     "mass": {"value": Row(1, MASS, "kg")},
-    "inertia": {
-        "ixx": Row(1, INERTIA, "kg m2"), "iyy": Row(1, INERTIA, "kg m2"),
-        "izz": Row(1, INERTIA, "kg m2"), "ixy": Row(1, PRODUCT, "kg m2"),
-        "ixz": Row(1, PRODUCT, "kg m2"), "iyz": Row(1, PRODUCT, "kg m2"),
-    },
+    "inertia": dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), Row(1)),
     "box": {"size": Row(3, LINK, "m")},
     "cylinder": {"radius": Row(1, LINK, "m"), "length": Row(1, LINK, "m")},
+    "capsule": {"radius": Row(1, LINK, "m"), "length": Row(1, LINK, "m")},
     "sphere": {"radius": Row(1, LINK, "m")},
     "mesh": {"scale": Row(3, SCALE)},
     "color": {"rgba": Row(4)},
@@ -52,10 +58,10 @@ NUMBERS = {
 ENDLESS = {"lower": Row(1), "upper": Row(1)}
 """Limits of a continuous joint are not used; some exporters write 1e16 for none."""
 SHAPES: dict[str, tuple[str, ...]] = {
-    "box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",),
-    "mesh": ("filename",),
+    "box": ("size",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"),
+    "sphere": ("radius",), "mesh": ("filename",),
 }  # fmt: skip
-"""What a geometry may be, and what it needs."""
+"""What a geometry may be, and what it needs; only meshes are drawn."""
 MOMENTS = ("ixx", "iyy", "izz")
 MOST_LINKS = 2000
 """Far more than any arm has; what is checked per link stays quick."""
@@ -87,7 +93,7 @@ def check_urdf(root: Any, path: Path, options: FileOptions) -> list[str]:
         check_numbers(element, path, rows)
     _check_tree(root, path)
     _check_links(root, path)
-    notes = _check_limits(root, path)
+    notes = [*_check_shapes(root, path), *_check_limits(root, path), *_without_unused(root)]
     return notes + _check_meshes(root, path, options)
 
 
@@ -168,7 +174,7 @@ def _check_one_root(names: list[str], parent_of: dict[str, str], root: Any, path
 
 
 def _check_links(root: Any, path: Path) -> None:
-    """R11 and R16: bodies that can exist, drawings of something."""
+    """R11: bodies that can exist, meshes that are not flattened."""
     for inertial in root.iterfind("link/inertial"):
         mass, inertia = inertial.find("mass"), inertial.find("inertia")
         if mass is not None and float(mass.get("value", 0)) < 0:
@@ -180,19 +186,69 @@ def _check_links(root: Any, path: Path) -> None:
             message = f'{called(inertia)} has {smallest}="{moments[smallest]:g}"'
             allowed = "the three moments of a body are above zero, or all left at zero"
             raise error_at(inertia, path, "R11", message, smallest, allowed=allowed)
+    for mesh in root.iter("mesh"):
+        check_scale(mesh, path)
+
+
+def _check_shapes(root: Any, path: Path) -> list[str]:
+    """R16: drawings of something; sentences on shapes nobody knows and sizes of nothing.
+
+    What yourdfpy would stumble over becomes a ball, which is not drawn either: where a link
+    collides is in its meshes then, and that it does stays said.
+    """
+    unknown, nothing = [], []
     for part in (*root.iterfind("link/visual"), *root.iterfind("link/collision")):
         geometry = part.find("geometry")
         shape = next(iter(geometry), None) if geometry is not None else None
-        if shape is None or shape.tag not in SHAPES:
-            problem = "has no geometry" if shape is None else f"has a geometry <{shape.tag}>"
-            allowed = f"one of {', '.join(SHAPES)}"
-            raise error_at(
-                part, path, "R16", f"{called(part)} {problem}", "geometry", None, allowed
-            )
-        for attribute in SHAPES[shape.tag]:
+        if shape is None:
+            message, allowed = f"{called(part)} has no geometry", f"one of {', '.join(SHAPES)}"
+            raise error_at(part, path, "R16", message, "geometry", None, allowed)
+        if shape.tag not in SHAPES:
+            unknown.append(called(shape))
+        for attribute in SHAPES.get(shape.tag, ()):
             _need(shape, path, attribute)
-    for mesh in root.iter("mesh"):
-        check_scale(mesh, path)
+            text = shape.get(attribute)
+            if shape.tag != "mesh" and min(map(float, text.split())) < SIZE.least:
+                nothing.append(f'{called(shape)} with {attribute}="{text}"')
+        if shape.tag not in ("box", "cylinder", "sphere", "mesh"):
+            shape.tag = "sphere"
+            shape.set("radius", "1")
+    notes = []
+    if unknown:
+        notes.append(f"no shape that is known, and left out: {some(unknown)}")
+    if nothing:
+        notes.append(f"no shape of that size: {some(nothing)}; {SIZE.allowed('m')}")
+    return notes
+
+
+def _without_unused(root: Any) -> list[str]:
+    """Sentences on speeds and inertias beyond sense, which are taken off.
+
+    No calibration uses them: what stands for one that is not given does for these, too.
+    """
+    speeds, bodies = [], []
+    for limit in root.iterfind("joint/limit"):
+        sliding = limit.getparent().get("type") == "prismatic"
+        bound, unit = (SLIDE_SPEED, "m/s") if sliding else (TURN_SPEED, "rad/s")
+        speed = float(limit.get("velocity", 0))
+        if speed > 0 and not bound.least <= speed <= bound.most:
+            speeds.append(f"{called(limit)} with {speed:g} {unit} ({bound.allowed(unit)})")
+            del limit.attrib["velocity"]
+    for inertia in root.iterfind("link/inertial/inertia"):
+        sizes = {key: abs(float(inertia.get(key, 0))) for key in NUMBERS["inertia"]}
+        for key, size in sizes.items():
+            least = INERTIA.least if key in MOMENTS else 0.0
+            if size and not least <= size <= INERTIA.most:
+                bodies.append(f"{called(inertia)} with {key}={inertia.get(key)}")
+                inertia.getparent().remove(inertia)
+                break
+    notes = []
+    if speeds:
+        notes.append(f"no speed that a joint has, and not used: {some(speeds)}")
+    if bodies:
+        allowed = INERTIA.allowed("kg m2")
+        notes.append(f"no inertia that a body has, and not used: {some(bodies)}; {allowed}")
+    return notes
 
 
 def _check_limits(root: Any, path: Path) -> list[str]:
@@ -203,7 +259,7 @@ def _check_limits(root: Any, path: Path) -> list[str]:
         axis, limit = joint.find("axis"), joint.find("limit")
         direction = axis.get("xyz", "1 0 0").split() if axis is not None else ["1"]
         if limit is not None and float(limit.get("velocity", 0)) < 0:
-            message, allowed = f"joint {name} has a negative speed", SPEED.allowed("")
+            message, allowed = f"joint {name} has a negative speed", "a speed is above zero"
             raise error_at(limit, path, "R11", message, "velocity", allowed=allowed)
         if kind != "fixed" and math.hypot(*map(float, direction)) < 1e-9:
             raise error_at(axis, path, "R13", f"joint {name} has a zero axis", "axis")

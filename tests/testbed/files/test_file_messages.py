@@ -192,6 +192,21 @@ CASES = {
     "M25 several": read(
         table(x_mm=["nan", "inf", "1e999", "1_0", "-", *table()["x_mm"][5:]])
     ),
+    "M25 a pose without a name": read(table(pose_id=[*map(str, range(28)), ""])),
+    "M25 poses without names": read(table(pose_id=[""] * 29)),
+    "M25 read-back joints of a pose without a name": read(
+        table() | READ | {"pose_id": [*map(str, range(28)), ""]},
+        '[joints]\nsource = "read-back"\n[frames]\n',
+    ),
+    "M25 joints without a name": apart(JOINTS | {"pose_id": [*map(str, range(28)), ""]}, SEEN),
+    "M25 readings without a name": apart(JOINTS, SEEN | {"pose_id": ["", *map(str, range(2, 30))]}),
+    "M25 order with a name that is missing": apart(
+        JOINTS | {"pose_id": [*map(str, range(28)), ""]}, SEEN, 'match = "order"'
+    ),
+    "M25 a target without a name": read(
+        without("rx_deg", "ry_deg", "rz_deg", "euler") | {"target": ["R"] * 20 + [""] * 9},
+        "[points]\n",
+    ),
     "M27 three poses": identified(made(m=3)),
     "M27 two poses": identified(made(m=2)),
     "V6 an empty temperature": read(table(temperature_degC=["20.1"] * 28 + [""])),
@@ -328,10 +343,10 @@ CASES = {
         table(), "[frames]\n[uncertainty]\nposition_um = 2\nmpe_um = [15, 6]\n"
     ),
     "session: an anchor without a place": read(ranged()),
-    "session: a distance from no anchor": read(ranged(anchor=["A"] * 3 + [""] + ["A"] * 25)),
+    "M25 a distance from no anchor": read(ranged(anchor=["A"] * 3 + [""] + ["A"] * 25)),
     "session: distances from no anchor": read(ranged(anchor=[""] * 29)),
     "session: a distance below zero": read(ranged(distance_mm=[1.0] * 28 + [-1.0])),
-    "session: a reading from no station": read(
+    "M25 a reading from no station": read(
         table(station=["1"] * 28 + [""]), "[frames]\n" + SIGMAS
     ),
     "session: a target without a place": read(

@@ -1,6 +1,7 @@
 """Programs corrected: the right numbers in the right cells, everything else as it was."""
 
 import csv
+import os
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from calib.geometry.frames import exp_so3, log_so3
 from calib.geometry.inverse import inverse_kinematics
 from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
-from testbed.files.program import ADDED, correct_program
+from testbed.files.program import ADDED, correct_program, corrected_name
 from testbed.files.rotations import EULER, in_form, rotations
 from testbed.robots.catalog import load_robot
 
@@ -197,3 +198,16 @@ def test_no_file_is_overwritten(tmp_path, real):
     with pytest.raises(InputError, match="exists"):
         correct_program(path, ROBOT, real, tmp_path / "out.csv")
     assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("stem", ["p", "x" * 228, "x" * 251, "é" * 125, "x" * 230 + "\udcff"])
+def test_a_program_of_the_longest_name_is_corrected_under_one_that_a_file_can_have(
+    stem, tmp_path, real
+):
+    path = written(tmp_path / f"{stem}.csv", [f"q{k}_rad" for k in range(1, 7)], Q.tolist())
+    name = corrected_name(path)
+    assert correct_program(path, ROBOT, real, tmp_path / name).corrected.all()
+    assert len(cells(tmp_path / name)) == len(Q)
+    kept = name.removesuffix("_corrected.csv")
+    assert stem.startswith(kept)
+    assert kept == stem or 198 < len(os.fsencode(kept)) <= 200  # letters stay whole

@@ -224,7 +224,6 @@ CASES = {
     "R11 huge mass": in_urdf('mass value="2.0"', 'mass value="1e308"'),
     "R11 one moment zero": in_urdf('izz="0.01"', 'izz="0"'),
     "R11 one moment negative": in_urdf('ixx="0.02"', 'ixx="-0.02"'),
-    "R11 one moment tiny": in_urdf('izz="0.01"', 'izz="1e-20"'),
     "R11 MJCF tiny mass": in_mjcf('mass="2"', 'mass="1e-20"'),
     "R11 MJCF arm heavier than any": in_mjcf('angle="degree"', 'angle="degree" settotalmass="1e8"'),
     "R12 commas": in_urdf('xyz="0 0 0.1"', 'xyz="0,0,0.1"'),
@@ -241,15 +240,16 @@ CASES = {
     "R15 MJCF body twice": in_mjcf('name="sled"', 'name="fore"'),
     "R15 robot without a name": in_urdf(' name="one"'),
     "R15 link without a name": in_urdf(' name="base_link"'),
+    "R12 capsule without a length": in_urdf(
+        "</inertial>",
+        '</inertial><collision><geometry><capsule radius="1"/></geometry></collision>',
+    ),
     "R12 box without a size": in_urdf(
         "</inertial>", "</inertial><visual><geometry><box/></geometry></visual>"
     ),
     "R16 visual without a geometry": in_urdf("</inertial>", "</inertial><visual/>"),
     "R16 geometry without a shape": in_urdf(
         "</inertial>", "</inertial><visual><geometry/></visual>"
-    ),
-    "R16 geometry of an unknown shape": in_urdf(
-        "</inertial>", "</inertial><collision><geometry><cone/></geometry></collision>"
     ),
     "R16 sixty-five joints": raw(
         "arm.urdf",
@@ -400,6 +400,18 @@ def test_encodings_do_not_change_a_robot(tmp_path):
         (in_mjcf('range="0 0.3"', 'range="0.3 0.3"'), "joint reach cannot move"),
         (in_mjcf("block.stl", "none.stl", allow_missing_meshes=True), "none.stl is missing"),
         (in_urdf(text=with_mesh("x.stl"), allow_missing_meshes=True), "mesh x.stl is missing"),
+        (
+            in_urdf('velocity="2.5"', 'velocity="1e10"'),
+            "not used: <limit> in joint turn with 1e+10 rad/s (a speed of a turning joint is "
+            "1.74532925e-06 to 17453.2925 rad/s) | joint turn without a speed: 180 deg/s",
+        ),
+        (in_urdf('velocity="2.5"', 'velocity="1e-300"'), "joint turn without a speed: 180 deg/s"),
+        (
+            in_urdf('izz="0.01"', 'izz="1e-14"'),
+            "not used: <inertia> in link turn_link with izz=1e-14; a moment of inertia is 1e-13 to "
+            "1e+09 kg m2 | no body has the inertia given for turn: that of a rod is taken",
+        ),
+        (in_urdf('ixy="0"', 'ixy="-1e300"'), "ixy=-1e300; a moment of inertia is"),
     ],
 )
 def test_what_is_odd_but_legal_is_told(case, says, tmp_path):

@@ -14,6 +14,7 @@ from calib.geometry.model import RobotModel
 from testbed.robots.describe.urdf import describe_urdf
 from testbed.robots.describe.xml_gate import FileOptions
 from testbed.robots.write.urdf import urdf_bytes
+from tests.testbed.robots.described_cases import block
 from tests.testbed.robots.robot_cases import (
     AGREE,
     TX60,
@@ -287,13 +288,62 @@ def test_odd_limits_are_told_but_accepted(limits, says, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "shape", ['box size="1 1 1e300"', 'cylinder radius="1e9" length="1"', 'sphere radius="-1e4"']
+    "shape",
+    [
+        'box size="1 1 1e300"',
+        'cylinder radius="1e9" length="1"',
+        'capsule radius="-1e4" length="1"',
+    ],
 )
 def test_shapes_beyond_sense_are_refused(shape, tmp_path):
     link = f'<link name="arm"><visual><geometry><{shape}/></geometry></visual></link>'
     with pytest.raises(InputError, match="a length of a robot is at most 1000 m") as caught:
         read_text(GOOD.replace('<link name="arm"/>', link), tmp_path)
     assert caught.value.code == "R11"
+
+
+SHAPES = {
+    'box size="1 0 1"': "<box> in link arm with size=",
+    'box size="-1 -1 -1"': "<box> in link arm with size=",
+    'cylinder radius="1e-300" length="1"': 'with radius="1e-300"; a size of a shape is 1e-09 to 1',
+    'cylinder radius="1" length="-0.1"': 'with length="-0.1"',
+    'sphere radius="0"': '<sphere> in link arm with radius="0"',
+    'capsule radius="0.1" length="-1"': '<capsule> in link arm with length="-1"',
+    "cone": "known, and left out: <cone> in link arm",
+    'capsule radius="0.1" length="0.2"': "",
+    'sphere radius="1e-9"': "",
+}
+
+
+@pytest.mark.parametrize("where", ["visual", "collision"])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_shapes_that_are_not_drawn_never_keep_an_arm_from_being_read(shape, where, tmp_path):
+    link = f'<link name="arm"><{where}><geometry><{shape}/></geometry></{where}></link>'
+    arm = read_text(GOOD.replace('<link name="arm"/>', link), tmp_path)
+    assert SHAPES[shape] in " | ".join(arm.notes)
+    assert bool(arm.notes) == bool(SHAPES[shape])
+
+
+@pytest.mark.parametrize("shape", ['box size="1 1 1"', 'capsule radius="1" length="1"', "cone"])
+def test_a_link_collides_by_its_mesh_whatever_shape_says_that_it_does(shape, tmp_path):
+    (tmp_path / "a.stl").write_bytes(block())
+    mesh = MESH.format("a.stl").removesuffix("</link>")
+    link = f"{mesh}<collision><geometry><{shape}/></geometry></collision></link>"
+    arm = read_text(GOOD.replace('<link name="arm"/>', link), tmp_path)
+    assert [part.collides for body in arm.bodies for part in body.shapes] == [True]
+    other = GOOD.replace('<link name="arm"/>', MESH.format("a.stl")).replace(
+        '<link name="base"/>',
+        f'<link name="base"><collision><geometry><{shape}/></geometry></collision></link>',
+    )
+    arm = read_text(other, tmp_path)
+    assert [part.collides for body in arm.bodies for part in body.shapes] == [False]
+
+
+def test_many_odd_things_are_told_in_few_words(tmp_path):
+    link = "<visual><geometry><cone/></geometry></visual>" * 9000
+    arm = read_text(GOOD.replace('<link name="arm"/>', f'<link name="arm">{link}</link>'), tmp_path)
+    (note,) = arm.notes
+    assert note.endswith("and 8988 more")
 
 
 @pytest.mark.parametrize("size", ["1e16", "1.7976931348623157e308"])

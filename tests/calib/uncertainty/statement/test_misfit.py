@@ -92,7 +92,7 @@ def test_likelihood_of_mixed_rows_is_the_dense_one():
     )
     fit = replace(fit, model=true)
     shape = misfit_shape(true, table)
-    rows = position_rows(fit, table, shape, np.ones(len(table)))
+    rows = position_rows(fit.model, fit.parameters, table, shape, np.ones(len(table)))
     unit = 2.0 * kinds.NOISE
     found = likelihood(rows, unit, None)
     assert found is not None
@@ -116,7 +116,7 @@ def test_numbers_with_a_prior_are_rows_of_their_own():
     free = [*fitted(train).names, *prior.names]
     fit = identify(wide, train, parameters_of(wide, free), prior=prior)
     shape = misfit_shape(fit.model, train)
-    rows = position_rows(fit, train, shape, np.ones(len(train)))
+    rows = position_rows(fit.model, fit.parameters, train, shape, np.ones(len(train)))
     unit = kinds.NOISE
     # repeats without end: the noise is what was stated
     found = likelihood(rows.joined(believed_before(fit)), unit, NoiseRepeats(1e12, 1e12))
@@ -275,8 +275,8 @@ def test_repeats_of_one_pose_share_its_misfit():
     apart = replace(copies, pose_id=1000 + np.arange(len(copies)))
     shape = misfit_shape(fit.model, held_out)
     ones = np.ones(len(copies))
-    together = position_rows(fit, copies, shape, ones)
-    alone = position_rows(fit, apart, shape, ones)
+    together = position_rows(fit.model, fit.parameters, copies, shape, ones)
+    alone = position_rows(fit.model, fit.parameters, apart, shape, ones)
     # a draw for each pose moves its ten rows as one: three directions, ten times the variance
     assert (together.lam > 1e-6 * together.lam.max()).sum() <= 9 * len(held_out)
     assert together.lam.max() > 5 * alone.lam.max()

@@ -1,0 +1,162 @@
+"""V and G of the whole uncertainty: noise, and inputs that all readings share and no fit finds."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from calib.arrays import Array, Bool, Index, frozen
+from calib.information.criteria.base import Certifiable, Move, Pool
+from calib.information.criteria.g import WORST, G, g_of
+from calib.information.criteria.lazy import SLACK, best_first, best_of_all, fresh_swaps
+from calib.information.criteria.linear import Variance, forms, v_of
+from calib.information.criteria.whitened import (
+    CHUNK,
+    eigenvalues,
+    identity_plus,
+    sound,
+    transpose,
+    whitener,
+)
+from calib.information.goals import Goals
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Total(Variance):
+    """Value minus the largest tr(J_t M^-1 J_t') + |J_t M^-1 K|^2 over goals t; figure its root [m].
+
+    Blocks have k columns more than the goal has numbers: [A_j, B_j], the whitened effect of k
+    inputs common to all readings, each in its own standard deviation. Sums of their products hold
+    M = sum A_j'A_j and K = sum A_j'B_j, and M^-1 K is what plain weighted least squares, which does
+    not know the inputs, makes of a unit of each. A pose more can make the whole larger.
+
+    No estimate is better than the one that finds the inputs beside the numbers, from their prior:
+    its V or G, of the same products with a unit precision of each input, bounds this one.
+
+    References
+    ----------
+    Box & Draper 1959 (designs for variance and bias together); Gauss and Markov for the bound.
+    Adding a pose moves M^-1 K by M^-1 A'(I + A M^-1 A')^-1 (B - A M^-1 K).
+    """
+
+    rows: Array
+    """(g, c, p) what counts, of each goal together [m]: all goals at once for the mean."""
+    eased: Certifiable
+    """V or G of an estimate that finds the inputs, too; for p + k numbers."""
+
+    @property
+    def n_numbers(self) -> int | None:
+        """Numbers of the goal, and inputs."""
+        return self.eased.n_numbers
+
+    def value(self, M: Array) -> Array:
+        """Minus the largest whole variance (...,)."""
+        return np.asarray(-self.wholes(M).max(-1))
+
+    def wholes(self, M: Array) -> Array:
+        """Whole variance (..., g) of each goal [m^2]; inf where M is singular."""
+        g, _, p = self.rows.shape
+        F, N, K = self.rows.reshape(-1, p).T, M[..., :p, :p], M[..., :p, p:]
+        noise = forms(N, F)
+        good = np.asarray(np.isfinite(noise).all(-1))
+        moved = transpose(K) @ np.linalg.solve(np.where(good[..., None, None], N, np.eye(p)), F)
+        whole = np.where(good[..., None], noise + (moved**2).sum(-2), np.inf)
+        return np.asarray(whole.reshape(*whole.shape[:-1], g, -1).sum(-1))
+
+    def add(self, M: Array, blocks: Array) -> Array:
+        """Gains (N,), of either sign."""
+        return self._values_after(M, blocks, 1.0, self.rows) - self.value(M)
+
+    def drop(self, M: Array, blocks: Array) -> Array:
+        """Gains (k,), of either sign; -inf where nothing is left."""
+        return self._values_after(M, blocks, -1.0, self.rows) - self.value(M)
+
+    def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
+        """Gains (k, N), each from its own matrix."""
+        return fresh_swaps(self, M, leaving, entering)
+
+    def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
+        """Best addition; of many goals, tried in the order of what it does to the worst few."""
+        now = self.wholes(M)
+        worst = np.argsort(-now, kind="stable")[:WORST]
+        upper = self._values_after(M, pool.blocks, 1.0, self.rows[worst])
+        upper = np.where(allowed, upper, -np.inf)
+        if len(worst) == len(now):
+            return best_of_all(upper + now.max())
+
+        def exact(pick: Index) -> Array:
+            return self._values_after(M, pool.blocks[pick], 1.0, self.rows)
+
+        place, value, evaluated = best_first(upper * (1 - SLACK), exact, floor=floor)
+        return Move(place, value + float(now.max()), evaluated)
+
+    def dual(self, M: Array, sharpness: float) -> Array:
+        """That of the eased criterion."""
+        return self.eased.dual(M, sharpness)
+
+    def ceiling(self, M: Array, S: Array, top: float) -> float:
+        """That of the eased criterion, which no set's value is above."""
+        return self.eased.ceiling(M, S, top)
+
+    def exponent(self, sharpness: float) -> float:
+        """That of the eased criterion."""
+        return self.eased.exponent(sharpness)
+
+    def _values_after(self, M: Array, blocks: Array, sign: float, rows: Array) -> Array:
+        """Values (N,) over some goals, rows (g, c, p), after adding or dropping each block."""
+        g, c, p = rows.shape
+        F, K, k = rows.reshape(-1, p).T, M[:p, p:], M.shape[1] - p
+        W = whitener(M[:p, :p])
+        half, PK = W.T @ F, W @ (W.T @ K)
+        noise, moved = (half**2).sum(axis=0), half.T @ (W.T @ K)
+        # [A, B] to E = A M^-1 F, R = B - A M^-1 K and Z = A W, in one product
+        onto = np.block([[W @ half, -PK, W], [np.zeros((k, g * c)), np.eye(k), np.zeros((k, p))]])
+        out = np.empty(len(blocks))
+        step = max(CHUNK // max(g // WORST, 1), 1)
+        for start in range(0, len(blocks), step):
+            some = blocks[start : start + step]
+            n, r, _ = some.shape
+            product = (some.reshape(n * r, -1) @ onto).reshape(n, r, -1)
+            E, R, Z = np.split(product, [g * c, g * c + k], axis=2)
+            S = identity_plus(sign * (Z @ transpose(Z)))
+            good = sound(eigenvalues(S)) if sign < 0 else np.ones(n, dtype=np.bool_)
+            Y = np.linalg.solve(np.where(good[:, None, None], S, np.eye(r)), E)
+            after = moved + sign * (transpose(Y) @ R)
+            whole = noise - sign * (E * Y).sum(axis=1) + (after**2).sum(axis=2)
+            whole = whole.reshape(n, g, c).sum(axis=2).max(axis=1)
+            out[start : start + step] = np.where(good, -whole, -np.inf)
+        return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TotalV(Total):
+    """Of the mean over the goal."""
+
+    sharpness: ClassVar[tuple[float, ...]] = (1.0,)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TotalG(Total):
+    """Of the worst of the goal."""
+
+    sharpness: ClassVar[tuple[float, ...]] = G.sharpness
+
+
+def total_v(goals: Goals, inputs: int, name: str = "V") -> TotalV:
+    """The whole V for a goal and so many inputs that all readings share."""
+    eased = v_of(_wide(goals, inputs), name)
+    root = v_of(goals).root
+    assert root is not None
+    return TotalV(name, frozen(root.T[None]), eased)
+
+
+def total_g(goals: Goals, inputs: int, name: str = "G") -> TotalG:
+    """The whole G."""
+    eased = g_of(_wide(goals, inputs), name)
+    return TotalG(name, frozen(eased.rows[:, :, : goals.rows.shape[2]]), eased)
+
+
+def _wide(goals: Goals, inputs: int) -> Goals:
+    """The goal, which no input moves by itself."""
+    none = np.zeros((*goals.rows.shape[:2], inputs))
+    return Goals(np.concatenate([goals.rows, none], axis=2), goals.weights)
