@@ -260,6 +260,8 @@ def _with_joints(
     part = TargetPart(joints.rows(match.joints), readings.rows(match.readings), section)
     # only now: nests have no pose, and may be the only targets with a name
     require_names("pose_id", part.joints.extras.pose or (), part.joints.place)
+    for side in (part.joints, part.readings):
+        require_names("tool", side.extras.conditions.tool or (), side.place)
     if readings.kind != "pose" and any(part.readings.target):
         require_names("target", part.readings.target, part.readings.place)
     return part, match
