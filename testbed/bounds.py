@@ -94,5 +94,6 @@ LENGTH_VARIANCE = Bound("a variance of a length", LENGTH_SD.most**2, LENGTH_SD.l
 ANGLE_VARIANCE = Bound("a variance of an angle", ANGLE_SD.most**2, ANGLE_SD.least**2)
 COVARIANCE = Bound("a covariance", max(LENGTH_VARIANCE.most, ANGLE_VARIANCE.most))
 TEMPERATURE = Bound("a temperature", 1000.0)
+PAYLOAD = Bound("a payload", 1000.0)
 TIME = Bound("a time", 1e12)
 COUNT = Bound("a number of a visit", 1e9)

@@ -1,20 +1,24 @@
-"""Strict TOML: a file into a pydantic schema, all its faults in one error; and tables as TOML."""
+"""Strict TOML: the base of schemas, all faults of a file in one error; and tables as TOML."""
 
 import json
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Annotated, Any, TypeVar, get_args
+from typing import Annotated, Any, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from calib.errors import InputError
 
 MOST = 20
 """Faults of one file that are told at once; those after them are counted, not put into words."""
-PlainText = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f\ufffe\uffff]*$")]
-"""One line without control characters: XML and terminals cannot show these."""
+PlainText = Annotated[
+    str,
+    Field(pattern=r"^[^\x00-\x1f\x7f-\x9f\u{2028}-\u{202e}\u{2066}-\u{2069}\u{fffe}\u{ffff}]*$"),
+]
+"""One line without control characters, of terminals (C0, C1), lines and the direction of writing:
+they never reach a terminal, and XML cannot hold them all."""
 LONG = 100
 """Letters of a name beyond which no other one is taken for it: comparing takes their square."""
 MOST_SHOWN = 1000
@@ -178,95 +182,11 @@ class Strict(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
-Schema = TypeVar("Schema", bound=Strict)
-
-
-def validated(document: Mapping[str, Any], schema: type[Schema], where: str) -> Schema:
-    """A document in its schema, or one error with all its faults."""
-    try:
-        # JSON mode: lists become tuples, but true is no number and 1 is no text
-        return schema.model_validate_json(json.dumps(document, default=str))
-    except ValidationError as error:
-        faults: dict[object, Fault] = {}
-        for mistake in _of_one_branch(error.errors(include_url=False)):
-            loc, many = mistake["loc"], len(faults) >= MOST
-            told = "" if many else _sentence(schema, dict(mistake))
-            faults.setdefault(loc if many else told, Fault(loc, told, value=mistake["input"]))
-        raise one_error(list(faults.values()), where) from None
-
-
-def _of_one_branch(mistakes: Sequence[Any]) -> Sequence[dict[str, Any]]:
-    """Mistakes in a key that takes a word or a list: those of what it holds, as the file has it."""
-    kept = []
-    for mistake in mistakes:
-        if len(mistake["loc"]) == 1:  # no branch, and there may be 60,000
-            kept.append(mistake)
-            continue
-        tags = [str(part).partition("[") for part in mistake["loc"]]
-        word, rows = (any(tag[:2] == (name, "[") for tag in tags) for name in ("literal", "tuple"))
-        if (word and isinstance(mistake["input"], list)) or (
-            rows and mistake["type"] == "tuple_type"
-        ):
-            continue
-        branches = (("literal", "["), ("tuple", "["))
-        loc = tuple(
-            p for p, tag in zip(mistake["loc"], tags, strict=True) if tag[:2] not in branches
-        )
-        kept.append({**mistake, "loc": loc})
-    return kept or list(mistakes)
-
-
-def _sentence(schema: type[Strict], mistake: dict[str, Any]) -> str:
-    """One mistake in words: ``[joints 2] has no key "thta_deg"; did you mean "theta_deg"?``."""
-    table, key, known = _place(schema, mistake["loc"])
-    if mistake["type"] == "extra_forbidden":
-        return f'{table} has no key "{key}"; {choice_of(key, known)}'
-    if mistake["type"] == "missing":
-        return f'{table} needs the key "{key}"' if key else f"{table} is missing"
-    reason = mistake["msg"].removeprefix("Value error, ").removeprefix("Input ")
-    if mistake["type"] == "string_pattern_mismatch" and not str(mistake["input"]).isprintable():
-        reason = "should be one line without control characters"
-    if not key:
-        return f"{table}: {reason}"
-    shown = str(mistake["input"])
-    return f"{table} {key} = {shown[:60]}{'...' * (len(shown) > 60)}: {reason}"
-
-
-def _place(schema: type[Strict], loc: tuple[int | str, ...]) -> tuple[str, str, list[str]]:
-    """Table in brackets, key, and the keys that table may have."""
-    names, tables = [], [schema]
-    for depth, part in enumerate(loc):
-        inner = [
-            model
-            for table in tables
-            if isinstance(part, str) and part in table.model_fields
-            for model in models_in(table.model_fields[part].annotation)
-        ]
-        if isinstance(part, int):
-            names.append(str(part + 1))  # people count from one
-        elif inner:
-            names.append(part)
-            tables = inner
-        elif depth < len(loc) - 1 and any(_kind(table) == part for table in tables):
-            tables = [table for table in tables if _kind(table) == part]
-        else:
-            rest = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in loc[depth + 1 :])
-            known = [name for table in tables for name in table.model_fields]
-            return f"[{' '.join(names)}]" if names else "the file", f"{part}{rest}", known
-    return f"[{' '.join(names)}]" if names else "the file", "", []
-
-
 def models_in(annotation: Any) -> list[type[Strict]]:
     """Schemas inside an annotation such as ``tuple[A | B, ...]``."""
     if isinstance(annotation, type) and issubclass(annotation, Strict):
         return [annotation]
     return [model for inner in get_args(annotation) for model in models_in(inner)]
-
-
-def _kind(table: type[Strict]) -> str:
-    """Value of the field `kind` that tells the members of a union apart."""
-    field = table.model_fields.get("kind")
-    return str(get_args(field.annotation)[0]) if field and get_args(field.annotation) else ""
 
 
 def toml_lines(table: Mapping[str, Any], name: str = "") -> list[str]:

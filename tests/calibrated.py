@@ -10,6 +10,8 @@ from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.measurement import tables
 from calib.measurement.tables import covariances_of_sd
+from calib.uncertainty.statement.conditions import Conditions
+from testbed.files.conditions import SetUp
 from testbed.files.session import Session, Stated
 from testbed.files.session_toml import IdentificationTable
 from testbed.identify.calibrate import Options, calibrate
@@ -68,7 +70,8 @@ def session_of(table, **changes):
         split_stated=False,
         read_back=None,
         time=None,
-        temperature=None,
+        conditions=Conditions(),
+        set_up=SetUp(),
         approach=None,
         joint_source="commanded",
         uncertainty="stated by the test",
@@ -107,7 +110,9 @@ def real_session():
     """Eighty poses of a robot that wobbles more than was stated: like real data."""
     model = true_model(harmonics=0.02)
     table = table_of(model, pool_r(90), noise=5.0)
-    return session_of(table, model="choose", temperature=np.linspace(20, 21, 90))
+    return session_of(
+        table, model="choose", conditions=Conditions(temperature=np.linspace(20, 21, 90))
+    )
 
 
 @cache

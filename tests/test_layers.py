@@ -39,6 +39,7 @@ HOMES = {
     "pydantic": (
         "testbed/bounds.py",
         "testbed/strict.py",
+        "testbed/gates/mistakes.py",
         "testbed/scenario/",
         "testbed/robots/",
         "testbed/files/",

@@ -7,6 +7,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool, Index, frozen
 from calib.measurement.observations import Measurements
+from testbed.files.conditions import SetUp, first_stated, of_session
 from testbed.files.matching import pose_numbers, poses_of_joints, visits_of
 from testbed.files.refusal import refusal
 from testbed.files.session import Session, Stated
@@ -73,7 +74,24 @@ def assemble(
         read_back=_stacked([part.joints.read_back for part in parts]),
         # several files begin their clocks at different times
         time=_stacked([_extra(part, "time") for part in parts]) if len(parts) == 1 else None,
-        temperature=_stacked([_extra(part, "temperature") for part in parts]),
+        conditions=of_session(
+            [
+                (
+                    part.readings.where,
+                    first_stated(part.readings.extras.conditions, part.joints.extras.conditions),
+                )
+                for part in parts
+                if len(part)
+            ],
+            settings.conditions,
+            len(q),
+        ),
+        set_up=SetUp(
+            use=settings.use.rows(1),
+            tolerance=settings.conditions.tolerance,
+            date=settings.conditions.date,
+            stations=tuple(filter(None, target.station_names)),
+        ),
         approach=_joined([_extra(part, "approach") for part in parts]),
         joint_source=source,
         uncertainty="; ".join(dict.fromkeys(part.readings.uncertainty for part in parts)),

@@ -15,6 +15,7 @@ from testbed.bounds import (
     FACTORS,
     LENGTH_SD,
     LENGTH_VARIANCE,
+    PAYLOAD,
     TEMPERATURE,
     TIME,
     Bound,
@@ -25,9 +26,11 @@ ANGLES = {unit: FACTORS[unit] for unit in ("rad", "deg", "mdeg", "urad")}
 UNITS = {"length": LENGTHS, "angle": ANGLES}
 QUATERNION_COLUMNS = ("qw", "qx", "qy", "qz")
 MATRIX_COLUMNS = tuple(f"r{i}{j}" for i in "123" for j in "123")
-TEXTS = ("pose_id", "station", "split", "approach", "time", "target", "anchor", "euler")
+TEXTS = ("pose_id", "station", "split", "approach", "time", "target", "anchor", "euler", "tool")
 """Columns that hold no numbers."""
-PLAIN = (*TEXTS, "repeat", "time_s", "temperature_degC", *QUATERNION_COLUMNS, *MATRIX_COLUMNS)
+NUMBERS = {"repeat": COUNT, "time_s": TIME, "temperature_degC": TEMPERATURE, "payload_kg": PAYLOAD}
+"""Columns of numbers that any table may have, and which numbers they hold."""
+PLAIN = (*TEXTS, *NUMBERS, *QUATERNION_COLUMNS, *MATRIX_COLUMNS)
 """Names that carry no unit, or always the same."""
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 STEMS: dict[str, str] = {
@@ -63,9 +66,8 @@ def bound_of(name: str) -> Bound:
         return (LENGTH_VARIANCE if unit == "m2" else ANGLE_VARIANCE) if a == b else COVARIANCE
     if name.startswith(("u", "U95")):
         return LENGTH_SD if unit in LENGTHS else ANGLE_SD
-    plain = {"repeat": COUNT, "temperature_degC": TEMPERATURE, "time_s": TIME}
-    if name in plain:
-        return plain[name]
+    if name in NUMBERS:
+        return NUMBERS[name]
     return COORDINATE if unit in LENGTHS else ANGLE if unit in ANGLES else DIRECTION
 
 

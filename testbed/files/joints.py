@@ -1,6 +1,6 @@
 """The joints of each row, and what may stand beside them: pose, visit, split, approach and time."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Literal
 
@@ -8,7 +8,9 @@ import numpy as np
 
 from calib.arrays import Array, Bool, Index
 from calib.errors import InputError
-from testbed.files.columns import UNITS
+from calib.uncertainty.statement.conditions import Conditions
+from testbed.files.columns import NUMBERS, UNITS
+from testbed.files.conditions import conditions_of
 from testbed.files.refusal import refusal
 from testbed.files.session import rows_of
 from testbed.files.table import Columns, DataTable, together
@@ -20,8 +22,6 @@ SPLITS = ("identify", "test")
 BEYOND = 0.05
 """Part of the joint values outside the limits above which the unit is wrong."""
 OTHER_UNIT = {"rad": "deg", "deg": "rad", "m": "mm", "mm": "m"}
-EXTRAS = ("repeat", "temperature_degC", "time_s")
-"""Columns of numbers that any table may have."""
 Source = Literal["commanded", "read-back"]
 
 
@@ -33,19 +33,19 @@ class Extras:
     repeat: Index | None = None
     split: tuple[str, ...] | None = None
     approach: tuple[str, ...] | None = None
-    temperature: Array | None = None
+    conditions: Conditions = field(default_factory=Conditions)
     time: Array | None = None
     warnings: tuple[str, ...] = ()
 
     def rows(self, index: Index) -> "Extras":
         """The same for some rows (indices)."""
-        columns = ("pose", "repeat", "split", "approach", "temperature", "time")
-        return rows_of(self, index, columns)
+        some = rows_of(self, index, ("pose", "repeat", "split", "approach", "time"))
+        return replace(some, conditions=self.conditions.rows(index))
 
 
 def extra_columns(table: DataTable) -> Columns:
     """The columns of a table that say when and how, in numbers."""
-    return Columns(tuple(name for name in EXTRAS if name in table))
+    return Columns(tuple(name for name in NUMBERS if name in table))
 
 
 def extras_of(table: DataTable, good: Bool) -> Extras:
@@ -54,7 +54,8 @@ def extras_of(table: DataTable, good: Bool) -> Extras:
     Raises
     ------
     InputError
-        M35: a split that is neither identify nor test; a repeat that is no whole number.
+        M25, M35: a split that is neither identify nor test; a repeat that is no whole number; what
+        `conditions_of` refuses.
     """
     split = table.texts_of("split")
     for row, word in enumerate(split or ()):
@@ -65,13 +66,12 @@ def extras_of(table: DataTable, good: Bool) -> Extras:
                 allowed="it is identify or test", fix=fix,
             )  # fmt: skip
     time, warnings = _times(table, good)
-    name = "temperature_degC"
     return Extras(
         pose=table.texts_of("pose_id"),
         repeat=_repeats(table, good) if "repeat" in table else None,
         split=split,
         approach=table.texts_of("approach"),
-        temperature=table.numbers([name])[:, 0] if name in table else None,
+        conditions=conditions_of(table, good),
         time=time,
         warnings=warnings,
     )

@@ -6,7 +6,7 @@ reserve stays as it was: the robot then does what it did before, and the row sta
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,27 +14,28 @@ import numpy as np
 
 from calib.arrays import Array, Bool
 from calib.compensation import compensate, corrected_poses, status_sentences
-from calib.errors import visible
 from calib.geometry.frames import inverse as inverse_transform
 from calib.geometry.frames import transform
 from calib.geometry.inverse import InverseStatus, inverse_kinematics, spread
 from calib.geometry.model import RobotModel
 from calib.measurement.accuracy import position_errors, rotation_errors
+from calib.uncertainty.statement.conditions import Conditions, departure
 from testbed.disk import atomic_write
+from testbed.files.conditions import SetUp, first_stated, target_conditions
 from testbed.files.joints import joint_columns, read_joints
 from testbed.files.refusal import refusal
 from testbed.files.rotations import VECTOR, axes_of, checked_rotations, in_form, stated_in
 from testbed.files.session import Stated
 from testbed.files.table import Columns, DataTable, table_of, together
-from testbed.files.text import read_sheet
+from testbed.files.text import read_sheet, rewritten
 from testbed.files.valid import valid_rows
-from testbed.gates.text import SEPARATORS, FileText, read_text
-from testbed.report.text import guarded
+from testbed.gates.text import FileText, read_text
 from testbed.robots.catalog import Robot
 from testbed.units import DEG
 
-ADDED = ("status", "before_mm", "left_mm", "left_deg")
-"""Columns that are added: outcome, and errors before and after by the identified model."""
+ADDED = ("status", "before_mm", "left_mm", "left_deg", "conditions")
+"""Columns that are added: outcome, errors before and after by the identified model, and whether the
+target lies under the conditions of the measurements."""
 WORDS: dict[InverseStatus, str] = {
     "singular": "left as written: the posture is nearly singular, and its correction would move a "
     "joint far; move the target",
@@ -62,6 +63,8 @@ class ProgramResult:
     """(m, n) joints that the corrected program takes [rad, m]."""
     sentences: tuple[str, ...]
     """What was done, and what is to be looked at."""
+    conditions: tuple[str, ...] = ()
+    """(m,) whether the target lies under the conditions of the measurements, in words."""
 
     @property
     def corrected(self) -> Bool:
@@ -77,14 +80,23 @@ class _Targets:
     numbers: Array
 
 
-def correct_program(path: Path, robot: Robot, identified: RobotModel, out: Path) -> ProgramResult:
+def correct_program(
+    path: Path,
+    robot: Robot,
+    identified: RobotModel,
+    out: Path,
+    *,
+    measured: Conditions | None = None,
+    set_up: SetUp | None = None,
+) -> ProgramResult:
     """Correct the targets of a program file.
 
     Joint targets stand in ``q1_deg`` ... (``_rad``, ``_mm``, ``_m``). Cartesian ones in ``x_mm y_mm
     z_mm`` (``_m``) with a rotation as ``qw qx qy qz``, ``r11`` ... ``r33``, ``rvx_deg`` ..., or
     ``rx_deg ry_deg rz_deg`` whose sequence is stated in a column ``euler``: poses of the tool in
     the base frame, for a controller that keeps its nominal model. Joint columns beside Cartesian
-    ones state in which configuration the controller reaches them.
+    ones state in which configuration the controller reaches them. ``payload_kg``, ``tool`` and
+    ``temperature_degC`` state under which conditions it goes there.
 
     Parameters
     ----------
@@ -96,6 +108,10 @@ def correct_program(path: Path, robot: Robot, identified: RobotModel, out: Path)
         What the robot really is, joint errors included.
     out : Path
         The corrected program, which must not exist.
+    measured : Conditions, optional
+        Of the rows that the statement rests on.
+    set_up : SetUp, optional
+        Conditions of targets that do not say theirs, and how far all may differ.
 
     Raises
     ------
@@ -110,10 +126,21 @@ def correct_program(path: Path, robot: Robot, identified: RobotModel, out: Path)
     text, table = read_program(path, robot)
     correct = _correct_poses if _is_cartesian(table) else _correct_joints
     result, targets = correct(table, robot, identified)
-    added = (
-        result.status, 1e3 * result.before, 1e3 * result.left, DEG * result.left_rotation
-    )  # fmt: skip
-    new = _rewritten(text, table, targets, result.corrected, dict(zip(ADDED, added, strict=True)))
+    m, set_up = len(table), set_up or SetUp()
+    own = first_stated(target_conditions(table), set_up.use.rows(np.zeros(m, dtype=np.int64)))
+    away = departure(measured or Conditions(), own, m, set_up.tolerance)
+    columns: tuple[Sequence[str] | Array, ...] = (
+        result.status,
+        1e3 * result.before,
+        1e3 * result.left,
+        DEG * result.left_rotation,
+        away.words,
+    )
+    names = [table.names[name] for name in targets.columns.names]
+    numbers = dict(zip(names, (targets.numbers / targets.columns.factors).T, strict=True))
+    added = dict(zip(ADDED, columns, strict=True))
+    comma = table.decimal == ","
+    new = rewritten(text, table.sheet, numbers, result.corrected, added, comma=comma)
     atomic_write(out, new.encode("utf-8"))
     count, changed = len(result.status), int(result.corrected.sum())
     kept = f"; the other {count - changed} stay as they were" if changed < count else ""
@@ -122,8 +149,9 @@ def correct_program(path: Path, robot: Robot, identified: RobotModel, out: Path)
         f"{1e3 * result.before.mean():.3f} mm before and {1e3 * result.left.mean():.3g} mm after "
         "on average"
     )
-    sentences = (done, *status_sentences(result.status, "target", WORDS), *result.sentences)
-    return replace(result, sentences=sentences)
+    sentences = (done, *status_sentences(result.status, "target", WORDS), *away.sentences)
+    sentences += (*away.unsaid, *result.sentences)
+    return replace(result, sentences=sentences, conditions=away.words)
 
 
 def corrected_name(program: Path) -> str:
@@ -153,6 +181,7 @@ def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
     table = table_of(sheet, {}, numeric=numeric)
     if not len(table):
         raise refusal(path.name, "file", "has no targets", fix="write one target a line")
+    target_conditions(table)
     if _is_cartesian(table):
         _poses(table)
     if joint_columns(table, robot) or not _is_cartesian(table):
@@ -250,49 +279,3 @@ def _configurations(table: DataTable, robot: Robot, T: Array) -> tuple[Array, tu
         "before; add the columns q1_deg ... if the controller does otherwise"
     )
     return seeds, (sentence,)
-
-
-def _rewritten(
-    text: FileText,
-    table: DataTable,
-    targets: _Targets,
-    changed: Bool,
-    added: Mapping[str, Sequence[str] | Array],
-) -> str:
-    """The lines of a file with new numbers in some rows (m,), and further columns in all.
-
-    Comments and empty lines stay where they are. Each new column has (m,) words or numbers of six
-    digits.
-    """
-    sheet = table.sheet
-    mark, comma = SEPARATORS[sheet.separator], table.decimal == ","
-    lines = list(text.lines)
-    head = text.content("#")[0][0]
-    lines[head - 1] = mark.join([*(_cell(name, mark) for name in sheet.head), *added])
-    places = [sheet.head.index(table.names[name]) for name in targets.columns.names]
-    numbers = targets.numbers / targets.columns.factors
-    for row, number in enumerate(sheet.lines):
-        cells = list(sheet.rows[row])
-        if changed[row]:
-            for at, value in zip(places, numbers[row], strict=True):
-                cells[at] = _number(float(value), comma)
-        for values in added.values():
-            value = values[row]
-            word = value if isinstance(value, str) else _number(float(f"{value:.6g}"), comma)
-            cells.append(word.replace(" ", "_") if mark == " " else word)
-        lines[number - 1] = mark.join(_cell(cell, mark) for cell in cells)
-    return visible("\n".join(lines))
-
-
-def _number(value: float, comma: bool) -> str:
-    """A number that reads back exactly."""
-    text = repr(value + 0.0)
-    return text.replace(".", ",") if comma else text
-
-
-def _cell(cell: str, mark: str) -> str:
-    """A cell, quoted where it must be, and guarded where a spreadsheet would run it."""
-    cell = guarded(cell)
-    if mark in cell or '"' in cell:
-        return '"' + cell.replace('"', '""') + '"'
-    return cell

@@ -29,11 +29,11 @@ from testbed.files.spatial_analyzer import read_sa
 from testbed.files.table import DataTable, table_of
 from testbed.files.targets import TargetPart
 from testbed.files.text import read_sheet
+from testbed.gates.mistakes import validated
 from testbed.gates.paths import real
 from testbed.gates.text import MAX_MB, FileText, SourceFile
 from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.robots.robot import Robot
-from testbed.strict import validated
 
 LARGEST_MB = 100_000.0
 """What a user may allow."""
@@ -260,6 +260,8 @@ def _with_joints(
     part = TargetPart(joints.rows(match.joints), readings.rows(match.readings), section)
     # only now: nests have no pose, and may be the only targets with a name
     require_names("pose_id", part.joints.extras.pose or (), part.joints.place)
+    for side in (part.joints, part.readings):
+        require_names("tool", side.extras.conditions.tool or (), side.place)
     if readings.kind != "pose" and any(part.readings.target):
         require_names("target", part.readings.target, part.readings.place)
     return part, match

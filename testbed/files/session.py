@@ -8,6 +8,8 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 from calib.geometry.fixtures import Fixtures
 from calib.measurement.observations import Measurements
+from calib.uncertainty.statement.conditions import Conditions
+from testbed.files.conditions import SetUp
 from testbed.files.session_toml import IdentificationTable
 from testbed.gates.text import SourceFile
 from testbed.robots.robot import Reflector
@@ -91,8 +93,9 @@ class Session:
     """(m, n) joints as the controller read them back [rad, m]."""
     time: Array | None
     """(m,) since the first row [s]."""
-    temperature: Array | None
-    """(m,) [degC]."""
+    conditions: Conditions
+    """Payload, tool and temperature of each row, as far as they are stated."""
+    set_up: SetUp
     approach: tuple[str, ...] | None
     """(m,) how each pose was approached, as the file calls it."""
     joint_source: Literal["commanded", "read-back"]
@@ -137,11 +140,12 @@ class Session:
     def rows(self, which: Bool) -> "Session":
         """The session restricted to some rows (m,); what was left out stays named."""
         index = np.flatnonzero(which)
-        columns = ("is_test", "read_back", "time", "temperature", "approach", "place")
+        columns = ("is_test", "read_back", "time", "approach", "place")
         return replace(
             rows_of(self, index, columns),
             measurements=self.measurements.rows(index),
             stated=self.stated.rows(index),
+            conditions=self.conditions.rows(index),
         )
 
     def pose_name(self, row: int) -> str:

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from testbed.bounds import ANGLE_SD, CELL, COORDINATE, FACTORS, LENGTH_SD, shown
+from testbed.files.conditions import ConditionsTable, UseTable
 from testbed.files.refusal import refusal
 from testbed.gates.paths import real
 from testbed.gates.text import FileText, SourceFile, read_text
@@ -209,6 +210,8 @@ class SessionFile(Strict):
     start: StartTable | None = None
     drift: DriftTable | None = None
     uncertainty: UncertaintyTable = UncertaintyTable()
+    conditions: ConditionsTable = ConditionsTable()
+    use: UseTable = UseTable()
     identification: IdentificationTable = IdentificationTable()
 
     @property

@@ -1,12 +1,14 @@
-"""Lines of a text file into a sheet: a head that names the columns, and rows as long as it."""
+"""Lines of a text file into a sheet, a head and rows as long as it, and back into lines."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from calib.arrays import Array, Bool
+from calib.errors import visible
 from testbed.files.refusal import refusal
-from testbed.gates.text import FileText, separator_of, split
-from testbed.report.text import unguarded
+from testbed.gates.text import SEPARATORS, FileText, separator_of, split
+from testbed.report.text import guarded, unguarded
 
 NUMBER = re.compile(r"[+-]?\d[\d.,]*([eE][+-]?\d+)?")
 
@@ -111,3 +113,62 @@ def _check_lengths(sheet: Sheet) -> None:
         message += f", and {len(wrong) - 1} more lines do not fit either"
     where, found = f"{sheet.where}:{sheet.lines[wrong[0]]}", f"{sheet.separator} between cells"
     raise refusal(where, "file", message, value=count, allowed=f"found: {found}", fix=fix)
+
+
+def rewritten(
+    text: FileText,
+    sheet: Sheet,
+    numbers: Mapping[str, Array],
+    changed: Bool,
+    added: Mapping[str, Sequence[str] | Array],
+    *,
+    comma: bool,
+) -> str:
+    """The lines of a file with new numbers in some rows (m,), and further columns in all.
+
+    Comments and empty lines stay where they are. Each new column has (m,) words or numbers of six
+    digits.
+
+    Parameters
+    ----------
+    text, sheet : FileText, Sheet
+        The file, as it was read.
+    numbers : mapping of str to (m,) array
+        Name of a column to its new numbers, which read back exactly.
+    changed : (m,) array of bool
+        Rows that get them.
+    added : mapping of str to (m,) array or sequence of str
+        Further columns.
+    comma : bool
+        Whether numbers have a decimal comma.
+    """
+    mark = SEPARATORS[sheet.separator]
+    lines = list(text.lines)
+    head = text.content("#")[0][0]
+    lines[head - 1] = mark.join([*(_cell(name, mark) for name in sheet.head), *added])
+    places = {name: sheet.head.index(name) for name in numbers}
+    for row, number in enumerate(sheet.lines):
+        cells = list(sheet.rows[row])
+        if changed[row]:
+            for name, values in numbers.items():
+                cells[places[name]] = _number(float(values[row]), comma)
+        for column in added.values():
+            value = column[row]
+            word = value if isinstance(value, str) else _number(float(f"{value:.6g}"), comma)
+            cells.append(word.replace(" ", "_") if mark == " " else word)
+        lines[number - 1] = mark.join(_cell(cell, mark) for cell in cells)
+    return visible("\n".join(lines))
+
+
+def _number(value: float, comma: bool) -> str:
+    """A number that reads back exactly."""
+    text = repr(value + 0.0)
+    return text.replace(".", ",") if comma else text
+
+
+def _cell(cell: str, mark: str) -> str:
+    """A cell, quoted where it must be, and guarded where a spreadsheet would run it."""
+    cell = guarded(cell)
+    if mark in cell or '"' in cell:
+        return '"' + cell.replace('"', '""') + '"'
+    return cell

@@ -7,7 +7,7 @@ from typing import Any
 
 from calib.errors import InputError, refuse
 from testbed.disk import read_bounded
-from testbed.strict import Schema, validated
+from testbed.gates.mistakes import Schema, validated
 
 MOST_BYTES = 1_000_000
 MOST_LEVELS = 16

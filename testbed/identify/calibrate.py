@@ -11,6 +11,7 @@ from calib.identification.joint_models import extended_model
 from calib.identification.robust import LOSSES, Loss
 from testbed.files.probe import Probe, probe
 from testbed.files.session import Session
+from testbed.identify.conditions import held_out_warnings
 from testbed.identify.fit import (
     checked_model,
     figures_of,
@@ -157,7 +158,8 @@ def _calibrated(
         measurements=measurements,
         pose_names=session.pose_names,
         time=session.time,
-        temperature=session.temperature,
+        conditions=session.conditions,
+        set_up=session.set_up,
         reflector_names=session.reflector_names,
         stated_reflectors=session.stated_reflectors,
         split=split,
@@ -173,7 +175,11 @@ def _calibrated(
         fits=models,
         choice=choice,
         proof=proof_of(chosen.identification, train, test, seed=options.seed),
-        warnings=(*doubts, *warnings_of(models[0], chosen, train)),
+        warnings=(
+            *doubts,
+            *warnings_of(models[0], chosen, train),
+            *held_out_warnings(session.conditions, session.set_up, used, split.is_test),
+        ),
     )
 
 

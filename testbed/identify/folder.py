@@ -13,6 +13,7 @@ from testbed.files.program import correct_program, corrected_name, read_program
 from testbed.files.session import Session
 from testbed.gates.paths import real
 from testbed.identify.calibrate import STEPS, Options, calibrate
+from testbed.identify.conditions import measured
 from testbed.identify.records import Calibration, Delivered, FittedModel
 from testbed.identify.results import arrays, dh_table, headline, split_csv
 from testbed.identify.words import mm
@@ -198,8 +199,16 @@ def deliver(
     if program is None:
         return Delivered(sentences, (), 0)
     model = in_own_frames(calibration)
-    result = correct_program(program, robot, model, folder / corrected_name(program))
-    return Delivered(sentences, result.sentences, int((~result.corrected).sum()))
+    result = correct_program(
+        program,
+        robot,
+        model,
+        folder / corrected_name(program),
+        measured=measured(calibration),
+        set_up=calibration.set_up,
+    )
+    failed = int((~result.corrected).sum())
+    return Delivered(sentences, result.sentences, failed, result.conditions)
 
 
 def delivered_robot(calibration: Calibration, robot: Robot, fit: FittedModel) -> Robot:

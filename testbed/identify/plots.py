@@ -106,9 +106,10 @@ def by_place(calibration: Calibration) -> str:
 
 def by_temperature(calibration: Calibration) -> str:
     """Errors against the temperature that was noted."""
-    if calibration.temperature is None:
+    temperature = calibration.conditions.temperature
+    if temperature is None:
         return ""
-    panels = [(calibration.temperature, "temperature [°C]")]
+    panels = [(temperature, "temperature [°C]")]
     return _against(calibration, panels, height=1.9, columns=1)
 
 

@@ -12,6 +12,8 @@ from calib.identification.identify import Identification, Status
 from calib.measurement.accuracy import Accuracy
 from calib.measurement.observations import Measurements
 from calib.uncertainty.judgement import Judgement
+from calib.uncertainty.statement.conditions import Conditions
+from testbed.files.conditions import SetUp
 from testbed.robots.robot import Reflector
 
 ModelName = Literal["geometric", "extended"]
@@ -149,8 +151,9 @@ class Calibration:
     """By `pose_id`."""
     time: Array | None
     """(m,) [s]"""
-    temperature: Array | None
-    """(m,) [degC]"""
+    conditions: Conditions
+    """Payload, tool and temperature of each row."""
+    set_up: SetUp
     reflector_names: tuple[str, ...]
     """Of the reflectors whose place was identified, as the session calls them."""
     stated_reflectors: tuple[Reflector, ...]
@@ -223,3 +226,5 @@ class Delivered:
     """What became of each target of the program; empty without one."""
     program_failed: int
     """Targets that could not be corrected."""
+    program_conditions: tuple[str, ...] = ()
+    """What the conditions of each target of the program are, beside those of the rows."""

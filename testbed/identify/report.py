@@ -7,6 +7,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.geometry.fixtures import POINT_AXES
 from calib.geometry.frames import log_so3
+from testbed.identify.conditions import conditions_words
 from testbed.identify.records import Calibration, Delivered
 from testbed.identify.report_errors import (
     accuracy_section,
@@ -68,7 +69,7 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         verdict=verdict(calibration),
         reasons=reasons(calibration),
         headline=headline(calibration),
-        next_step=next_step(calibration),
+        next_step=f"{next_step(calibration)} {conditions_words(calibration)}",
         sections=tuple(section for section in sections if section is not None),
     )
 
@@ -120,6 +121,7 @@ def data_section(calibration: Calibration) -> Section:
         ("joints", source.joints),
         ("split", calibration.split.sentence),
         ("uncertainty", source.uncertainty),
+        ("conditions", conditions_words(calibration)),
         ("robot", f"{source.robot_title}, sha256 {source.robot_sha256[:16]}"),
         *(("file", f"{name}, sha256 {digest[:16]}") for name, digest in source.files),
     )

@@ -112,7 +112,8 @@ def residual_section(calibration: Calibration) -> Section:
             plots.over_workspace(calibration),
         ),
     ]
-    if calibration.temperature is not None and np.ptp(calibration.temperature) > 0:
+    temperature = calibration.conditions.temperature
+    if temperature is not None and np.ptp(temperature) > 0:
         caption = f"Errors of the {shown} against the temperature."
         blocks.append(Figure(caption, plots.by_temperature(calibration)))
     return Section("errors", "Where the errors are", tuple(blocks))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from calib.measurement.accuracy import Accuracy
+from testbed.identify.conditions import conditions_numbers
 from testbed.identify.records import Calibration, Delivered, Figures, FittedModel, RowErrors
 from testbed.identify.words import notice, reasons, verdict
 from testbed.report.text import csv_text
@@ -26,7 +27,7 @@ from testbed.units import DEG, MM, sentences
 
 FORMAT = 1
 KIND = "calibration"
-DELIVERED = {name: name for name in ("robot", "program", "program_failed")}
+DELIVERED = {name: name for name in ("robot", "program", "program_failed", "program_conditions")}
 
 
 def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:
@@ -73,6 +74,7 @@ def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:
     numbers = [dict(zip(keys, astuple(row), strict=True)) for row in dh_table(calibration)]
     parts = [
         *plain(words),
+        *below("data/conditions", conditions_numbers(calibration)),
         *_figures("before/train", calibration.before_train),
         *_figures("before/held_out", calibration.before_test),
         *(each for fit in calibration.fits for each in below(f"models/{fit.model}", _model(fit))),

@@ -13,6 +13,7 @@ from calib.measurement.noise import with_joint_noise
 from calib.measurement.observations import Measurements, joined
 from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.held_out import SAME_POSE
+from testbed.files.conditions import joined as joined_conditions
 from testbed.files.probe import Probe
 from testbed.files.session import Session, Stated
 from testbed.identify.records import HeldOutSplit, Origin
@@ -46,6 +47,7 @@ def with_test(session: Session, other: Session) -> Session:
             message="the held-out file looks at other reflectors, anchors or stations",
             allowed="the same targets from the same stations",
         )  # fmt: skip
+    dates = (session.set_up.date, other.set_up.date)
     both = joined([mine, replace(theirs, pose_id=theirs.pose_id + len(session.pose_names))])
     return replace(
         session,
@@ -63,7 +65,8 @@ def with_test(session: Session, other: Session) -> Session:
         place=(*session.place, *other.place),
         read_back=_both(session.read_back, other.read_back),
         time=None,  # two files begin their clocks at different times
-        temperature=_both(session.temperature, other.temperature),
+        conditions=joined_conditions([(one.where, one.conditions) for one in (session, other)]),
+        set_up=replace(session.set_up, date=" and ".join(dict.fromkeys(filter(None, dates)))),
     )
 
 

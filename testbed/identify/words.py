@@ -1,6 +1,7 @@
 """What a calibration says, sentence by sentence: verdict, reasons, next step, headline rows."""
 
 from calib.uncertainty.conformal import fewest_poses
+from testbed.identify.conditions import conditions_words
 from testbed.identify.records import Calibration, Delivered, Figures, FittedModel
 from testbed.report.page import SIMULATED
 from testbed.units import DEG, MM, counted, fixed, sentences, significant
@@ -210,6 +211,7 @@ def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
     title = f"{calibration.source.name}: errors at {'held-out rows' if held else 'the rows used'}"
     parts = [notice(calibration), table(title, head, rows), "", f"Verdict: {verdict(calibration)}"]
     parts += [f"  {reason}" for reason in reasons(calibration)]
+    parts += [f"  {conditions_words(calibration)}"]
     parts += [f"  {text}" for text in sentences(calibration.gross.sentences[:MOST_NAMED])]
     more = len(calibration.gross.sentences) - MOST_NAMED
     if more > 0:

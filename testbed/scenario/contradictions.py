@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from calib.information.criteria.named import NEEDS_GOALS
 from testbed.scenario.fixtures import fixture_contradictions
-from testbed.scenario.laboratory import At960Tracker, TruthSettings
+from testbed.scenario.laboratory import SYSTEMATIC, At960Tracker, TruthSettings
 from testbed.scenario.scenario import RESERVED, Scenario
 from testbed.scenario.tables import (
     MAX_STATIONS,
@@ -227,6 +227,13 @@ def _of_tracker(scenario: Scenario) -> Iterator[str]:
             f"[tracker] nests_s is {tracker.nests_s:g} and pose_s is {tracker.pose_s:g}; the nests "
             f"are measured {MOST_ROUNDS} times between two poses at most; raise nests_s"
         )
+    if isinstance(tracker, At960Tracker) and tracker.systematic:
+        sizes = SYSTEMATIC if tracker.measures == "pose" else SYSTEMATIC[:-1]
+        if all(getattr(tracker, key) in (0.0, (0.0, 0.0)) for key in sizes):
+            yield (
+                f"[tracker] systematic is true, which changes no reading: {', '.join(sizes)} are "
+                "zero; give one of them a size, or write systematic = false"
+            )
 
 
 def _of_plan(plan: PlanSettings) -> Iterator[str]:

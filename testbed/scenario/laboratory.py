@@ -77,6 +77,17 @@ Seconds = Annotated[float, Field(ge=1e-3, le=86_400.0)]
 Shots = Annotated[int, Field(ge=0, le=5000)]
 
 
+SYSTEMATIC = (
+    "range_offset_um",
+    "scale_um_per_m",
+    "encoder_um",
+    "target_offset_um",
+    "level_mdeg",
+    "target_turn_mdeg",
+)
+"""Sizes of what a tracker gets wrong all campaign long; the last one shows in full poses only."""
+
+
 class PaperTracker(Settings):
     """[tracker] preset "paper": isotropic noise, the robot's repeatability included in it."""
 
@@ -117,7 +128,7 @@ class At960Tracker(Settings):
     pose_s: Seconds = 10.0
     """From one shot to the next; what warms up or drifts does so meanwhile."""
     systematic: bool = False
-    """Whether the station has errors of its own, drawn once per campaign: the next five keys."""
+    """Whether the station has errors of its own, drawn once per campaign: the next six keys."""
     range_offset_um: Micrometres = 2.5
     """Half width of the offset of all ranges."""
     scale_um_per_m: Micrometres = 0.2
@@ -129,6 +140,8 @@ class At960Tracker(Settings):
     """Standard deviation per axis of where the target sits on the tool."""
     target_turn_mdeg: Micrometres = 5.0
     """Half width per axis of how the target is turned on the tool."""
+    level_mdeg: Micrometres = 0.0
+    """Standard deviation of each of two tilts of the station; all positions turn about it."""
     drift_um_per_sqrt_h: Micrometres = 0.0
     """Random walk of the station, per axis; 0: it stands still."""
     nests_s: Seconds = 600.0

@@ -1,12 +1,12 @@
 """Validation errors of a scenario in the words of the file: table, key, value, likely fix."""
 
-import json
 import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from pydantic import ValidationError
 
+from testbed.gates.mistakes import WANTED, in_words, shown
 from testbed.scenario.scenario import Scenario, ScenarioFile
 from testbed.scenario.tables import PRIOR
 from testbed.strict import MOST, Fault, KeyPath, Strict, did_you_mean, models_in
@@ -27,18 +27,6 @@ UNITS = {"um": 1e-6, "mm": 1e-3, "m": 1.0, "mdeg": 1e-3, "deg": 1.0, "rad": 180 
 LENGTHS = ("um", "mm", "m")
 ALIASES = {"noise": "position", "sigma": "position"}
 """Words people write for a quantity, and the word used here."""
-WANTED = {
-    "float_type": ("a number", "write it like 17.5"),
-    **dict.fromkeys(("int_type", "int_from_float"), ("a whole number", "write it like 29")),
-    "bool_type": ("true or false", "write one of them, without quotes"),
-    "string_type": ("text", "put it in quotes"),
-    "tuple_type": ("a list", "put it in [brackets]"),
-    **dict.fromkeys(
-        ("model_type", "dict_type", "model_attributes_type"),
-        ("a table", "write {header} and its keys below"),
-    ),
-}
-"""What a key must hold, and the likely fix, by kind of error."""
 WANTED_AT: dict[KeyPath, tuple[str, str]] = {
     **dict.fromkeys(TEXTS, ("text or a list of texts", "put names in quotes")),
     **dict.fromkeys(
@@ -48,16 +36,7 @@ WANTED_AT: dict[KeyPath, tuple[str, str]] = {
     ("trial",): ("a list of tables", "write [[trial]] with two brackets"),
     ("cell", "obstacle"): ("a list of tables", "write [[cell.obstacle]] with two brackets"),
 }
-"""The same at places with several types, whatever the error."""
-UNKNOWN = ("what the list of keys says", "see `truebed scenes quick`")
-BOUNDS = {
-    "greater_than": "larger than {gt:.15g}",
-    "greater_than_equal": "{ge:.15g} or larger",
-    "less_than": "smaller than {lt:.15g}",
-    "less_than_equal": "{le:.15g} or smaller",
-    "string_too_short": "at least {min_length} character long",
-    "string_too_long": "at most {max_length} characters long",
-}
+"""What keys of several types must hold, and the likely fix."""
 EXAMPLES = {
     "format": "format = 1",
     "name": 'name = "..."',
@@ -117,8 +96,7 @@ def _sentence(
 ) -> Fault:
     """One fault in our words."""
     at = file.place(path)
-    said = f"{at} is {_shown(value)}"
-    key = str(path[-1])
+    said = f"{at} is {shown(value)}"
     if kind == "extra_forbidden":
         return _unknown_key(path, value, file)
     if kind == "missing":
@@ -128,42 +106,17 @@ def _sentence(
     if kind == "union_tag_invalid":
         name = context["discriminator"].strip("'")
         tag = value.get(name) if isinstance(value, Mapping) else value
-        return _no_choice((*path, name), tag, context["expected_tags"], file)
-    if kind == "literal_error" and key == "format":
-        return Fault(path, said, "D42", "this version reads format 1", "write format = 1", value)
-    if kind == "literal_error":
-        return _no_choice(path, value, context["expected"].replace(" or ", ", "), file)
-    if kind in ("too_short", "too_long"):
-        wanted = context.get("min_length", context.get("max_length"))
-        bound = "at least" if kind == "too_short" else "at most"
-        found = len(value) if isinstance(value, list | Mapping) else context["actual_length"]
-        belong = f"belong{'s' if wanted == 1 else ''} there"
-        allowed = f"{bound} {counted(wanted, 'entry')} {belong}"
-        message = f"{at} has {counted(found, 'entry')}"
-        return Fault(path, message, "S37", allowed, "mend the list", value)
+        words = {"expected": context["expected_tags"]}
+        return in_words(file.place((*path, name)), (*path, name), "literal_error", words, tag)
     if path[:2] == PRIOR and kind == "greater_than_equal":
         least = f"{context['ge']:g}"
         allowed = f"a prior is positive definite: every standard deviation is {least} or larger"
         fix = "hold a number fixed that is known exactly: leave it out of free"
         return Fault(path, said, "M34", allowed, fix, value)
-    if kind in BOUNDS:
-        allowed = f"it must be {BOUNDS[kind].format(**context)}"
-        return Fault(path, said, "C41", allowed, "choose a value in range", value)
-    if kind == "string_pattern_mismatch":
-        named = key == "name"
-        allowed = "are small letters, digits, - _ and ." if named else "is one line of plain text"
-        return Fault(path, said, "S37", f"allowed {allowed}", "rename it", value)
-    wanted, fix = WANTED_AT.get(path) or WANTED.get(kind, UNKNOWN)
-    header = at[: at.rindex("]") + 1] if "]" in at else f"[{key}]"
-    return Fault(path, said, "S37", f"it must be {wanted}", fix.format(header=header), value)
-
-
-def _no_choice(path: KeyPath, value: object, expected: str, file: ScenarioFile) -> Fault:
-    """A word that is none of those to choose from, which pydantic lists in quotes."""
-    words = [word.strip("'") for word in expected.split(", ")]
-    allowed = f"allowed are {', '.join(json.dumps(word) for word in words)}"
-    fix = did_you_mean(str(value), words) or "choose one of these"
-    return Fault(path, f"{file.place(path)} is {_shown(value)}", "S37", allowed, fix, value)
+    if path in WANTED_AT and kind in WANTED:
+        wanted, fix = WANTED_AT[path]
+        return Fault(path, said, "S37", f"it must be {wanted}", fix, value)
+    return in_words(at, path, kind, context, value)
 
 
 def _missing(path: KeyPath, value: object, file: ScenarioFile) -> Fault:
@@ -229,9 +182,3 @@ def _right_unit(key: str, value: object, known: Collection[str]) -> str:
                 return f"write {right} = {value * UNITS[unit] / UNITS[wanted]:g}"
             return f'the key is "{right}": give the value in {wanted}'
     return ""
-
-
-def _shown(value: object) -> str:
-    """A value as the file has it, on one line, shortened."""
-    text = json.dumps(value, ensure_ascii=False, default=str)
-    return text if len(text) <= 60 else f"{text[:57]}..."

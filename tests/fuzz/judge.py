@@ -147,6 +147,8 @@ def spoken(error: InputError | DamagedError, files: Files) -> str:
         return "refused at endless length"
     if any(one_line(line) != line for line in lines):
         return "refused with words that steer a terminal"
+    if "should have" in text or "should be a valid" in text or "Input should" in text:
+        return "refused in words of pydantic's"
     if error.where or any(name in text for name in files):
         return ""
     return f"refused without naming a file [{error.code}]"

@@ -8,9 +8,10 @@ import pytest
 from calib.errors import InputError
 from testbed import assets, bounds
 from testbed.bounds import Bound
+from testbed.gates.mistakes import validated
 from testbed.robots.file import RobotFile
 from testbed.scenario.presets import written
-from testbed.strict import flat, toml_lines, validated
+from testbed.strict import flat, toml_lines
 from testbed.studies import load_scenario, parse_scenario
 
 TX60 = tomllib.loads((assets.models() / "staubli_tx60" / "robot.toml").read_text("utf-8"))
@@ -58,7 +59,7 @@ def test_no_number_of_a_robot_is_read_beyond_its_range(value):
     places = list(leaves(TX60))
     assert len(places) > 100
     for path in places:
-        with pytest.raises(InputError, match=r"\[S37\]"):
+        with pytest.raises(InputError, match=r"\[C41\]"):
             validated(with_value(TX60, path, value), RobotFile, "robot.toml")
 
 
@@ -82,12 +83,12 @@ def load_document(document):
 @pytest.mark.parametrize(
     ("key", "value", "says"),
     [
-        ("mass_kg", 1e308, r"mass_kg = 1e\+308: should be less than or equal to 1000000\. \[S37\]"),
-        ("mass_kg", 1e-300, r"mass_kg = 1e-300: should be greater than or equal to 0.000000001"),
-        ("max_speed_deg_s", 1e300, r"max_speed_deg_s = 1e\+300: should be less than or .* 1000000"),
-        ("max_speed_deg_s", 1e-300, r"max_speed_deg_s = 1e-300: should be greater than or equal"),
-        ("a_mm", 1e300, r"a_mm = 1e\+300: should be less than or equal to 1000000"),
-        ("repeatability_urad", 1e300, r"repeatability_urad = 1e\+300: should be less than"),
+        ("mass_kg", 1e308, r"mass_kg is 1e\+308; it must be 1000000 kg or smaller"),
+        ("mass_kg", 1e-300, r"mass_kg is 1e-300; it must be 1e-09 kg or larger"),
+        ("max_speed_deg_s", 1e300, r"max_speed_deg_s is 1e\+300; it must be 1000000 deg/s or sma"),
+        ("max_speed_deg_s", 1e-300, r"max_speed_deg_s is 1e-300; it must be 0.0001 deg/s or larg"),
+        ("a_mm", 1e300, r"a_mm is 1e\+300; it must be 1000000 mm or smaller"),
+        ("repeatability_urad", 1e300, r"repeatability_urad is 1e\+300; it must be 1000000 urad or"),
     ],
 )
 def test_a_robot_file_says_how_much_is_allowed(key, value, says):
@@ -95,7 +96,7 @@ def test_a_robot_file_says_how_much_is_allowed(key, value, says):
         validated(with_value(TX60, ("joints", 1, key), value), RobotFile, "robot.toml")
 
 
-@pytest.mark.parametrize("mark", ["\x00", "\x1b", "\x07", "\n", "\x7f", "\ufffe"])
+@pytest.mark.parametrize("mark", ["\x00", "\x1b", "\n", "\x7f", "\x9b", "\u2028", "\u202e"])
 def test_a_control_character_in_a_text_of_a_robot_is_refused_at_reading(mark):
     texts = [path for path, value in flat(TX60).items() if isinstance(value, str)]
     assert ("title",) in texts
@@ -103,4 +104,4 @@ def test_a_control_character_in_a_text_of_a_robot_is_refused_at_reading(mark):
         with pytest.raises(InputError, match=r"\[S37\]") as caught:
             validated(with_value(TX60, path, f"a{mark}b"), RobotFile, "robot.toml")
         if path == ("title",):
-            assert "should be one line without control characters" in str(caught.value)
+            assert "allowed is one line without control characters" in str(caught.value)

@@ -1,7 +1,7 @@
 """What a tracker gets wrong beyond its noise: the same all campaign long, by drift, or grossly.
 
-What stays the same is twelve numbers, linear in the reading: error = B b with one sensitivity
-B (6, 12) per reading and one b (12,) per campaign, so that what plays the error also budgets it: b
+What stays the same is fourteen numbers, linear in the reading: error = B b with one sensitivity
+B (6, 14) per reading and one b (14,) per campaign, so that what plays the error also budgets it: b
 is drawn with `variance`, and readings share the covariance B diag(variance) B'.
 
 A station drifts, and nests show it: between two rounds over the nests the station walks at random;
@@ -15,112 +15,28 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.errors import refuse
-
-NAMES = (
-    "range offset",
-    "range scale",
-    "azimuth sine",
-    "azimuth cosine",
-    "elevation sine",
-    "elevation cosine",
-    "target x",
-    "target y",
-    "target z",
-    "target rx",
-    "target ry",
-    "target rz",
-)
-"""What each of the twelve numbers is."""
+from calib.uncertainty.statement.instrument import InstrumentErrors
 
 
-@dataclass(frozen=True, slots=True)
-class BiasSize:
-    """How large the systematic errors of a tracker may be."""
-
-    range_offset: float
-    """Half width of the offset of all ranges [m]."""
-    scale: float
-    """Standard deviation of the scale of all ranges [m/m]."""
-    encoder: tuple[float, float]
-    """Amplitude of sin(az + phi1) and sin(2 el + phi2) across the beam: constant [m], per meter."""
-    target_offset: float
-    """Standard deviation per axis of the target's place on the tool [m]."""
-    target_turn: float
-    """Half width per axis of the target's rotation on the tool [rad]."""
-
-    @property
-    def variance(self) -> Array:
-        """(12,) variances of the twelve numbers; they are uncorrelated, with mean zero.
-
-        A sinusoid of random phase, A sin(x + phi), is A cos(phi) sin x + A sin(phi) cos x: its two
-        coefficients have variance A^2 / 2 each and are uncorrelated. The amplitude, which depends
-        on range, is in the sensitivity.
-        """
-        return np.array(
-            [
-                self.range_offset**2 / 3,
-                self.scale**2,
-                *([0.5] * 4),
-                *([self.target_offset**2] * 3),
-                *([self.target_turn**2 / 3] * 3),
-            ]
-        )
-
-    def draw(self, rng: np.random.Generator) -> Array:
-        """The twelve numbers (12,) of one campaign."""
-        offset = rng.uniform(-1.0, 1.0) * self.range_offset
-        scale = rng.standard_normal() * self.scale
-        phase = rng.uniform(0.0, 2 * np.pi, 2)
-        place = rng.standard_normal(3) * self.target_offset
-        turn = rng.uniform(-1.0, 1.0, 3) * self.target_turn
-        waves = np.stack([np.cos(phase), np.sin(phase)], axis=1).ravel()
-        return np.concatenate([[offset, scale], waves, place, turn])
-
-    def sensitivity(self, target: Array, R: Array, T_world_tracker: Array) -> Array:
-        """How readings (m, 6, 12) of target and rotation follow the twelve numbers, world axes.
-
-        Parameters
-        ----------
-        target : (m, 3) array
-            Targets in the world [m].
-        R : (m, 3, 3) array
-            Rotations R_world_tool of the tool that carries the target.
-        T_world_tracker : (4, 4) array
-            Station; azimuth is about its z axis from its x axis, elevation up from its xy plane.
-        """
-        T = T_world_tracker
-        x, y, z = ((target - T[:3, 3]) @ T[:3, :3]).T
-        distance = np.sqrt(x**2 + y**2 + z**2)
-        azimuth, elevation = np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
-        ca, sa, ce, se = (f(a) for a in (azimuth, elevation) for f in (np.cos, np.sin))
-        zero = np.zeros_like(ca)
-        along = np.stack([ce * ca, ce * sa, se], axis=1)
-        sideways = np.stack([-sa, ca, zero], axis=1)
-        upward = np.stack([-se * ca, -se * sa, ce], axis=1)
-        size = self.encoder[0] + self.encoder[1] * distance
-        B = np.zeros((len(target), 6, len(NAMES)))
-        for k, (direction, factor) in enumerate(
-            (
-                (along, np.ones_like(distance)),
-                (along, distance),
-                (sideways, size * sa),
-                (sideways, size * ca),
-                (upward, size * np.sin(2 * elevation)),
-                (upward, size * np.cos(2 * elevation)),
-            )
-        ):
-            B[:, :3, k] = (direction * factor[:, None]) @ T[:3, :3].T
-        B[:, :3, 6:9] = B[:, 3:, 9:] = R
-        return B
+def draw(size: InstrumentErrors, rng: np.random.Generator) -> Array:
+    """The fourteen numbers (14,) of one campaign; offset and target's turn are uniform."""
+    offset = rng.uniform(-1.0, 1.0) * np.sqrt(3) * size.range_offset
+    scale = rng.standard_normal() * size.scale
+    phase = rng.uniform(0.0, 2 * np.pi, 2)
+    place = rng.standard_normal(3) * size.target_offset
+    turn = rng.uniform(-1.0, 1.0, 3) * np.sqrt(3) * size.target_turn
+    tilts = rng.standard_normal(2) * size.level
+    waves = np.stack([np.cos(phase), np.sin(phase)], axis=1).ravel()
+    return np.concatenate([[offset, scale], waves, place, turn, tilts])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StationBias:
     """The systematic errors of one campaign."""
 
-    size: BiasSize
+    size: InstrumentErrors
     numbers: Array
-    """(12,) in the order of `NAMES` [m, m/m, 1, 1, 1, 1, m, m, m, rad, rad, rad]."""
+    """(14,) in the order of `SOURCES` [m, m/m, 1 x 4, m x 3, rad x 3, rad x 2]."""
 
     def errors(self, target: Array, R: Array, T_world_tracker: Array) -> Array:
         """Errors (m, 6) of readings of targets (m, 3) on tools R (m, 3, 3), world axes [m, rad]."""

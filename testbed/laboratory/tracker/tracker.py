@@ -12,12 +12,13 @@ from calib.geometry.frames import exp_so3, inverse, slide
 from calib.geometry.model import RobotModel
 from calib.measurement.noise import spherical_covariance, with_joint_noise
 from calib.measurement.observations import POINT, POSE, Measurements
+from calib.uncertainty.statement.instrument import InstrumentErrors
 from testbed.laboratory.tracker.errors import (
     NESTS,
-    BiasSize,
     GrossErrors,
     StationBias,
     StationDrift,
+    draw,
     some_rows,
 )
 from testbed.scenario.laboratory import At960Tracker, PaperTracker
@@ -244,7 +245,7 @@ def tracker_from(
     bias = drift = None
     if settings.systematic and seed is not None:
         size = bias_size(settings)
-        bias = StationBias(size, size.draw(stream(seed, "station", "bias")))
+        bias = StationBias(size, draw(size, stream(seed, "station", "bias")))
     if settings.drift_um_per_sqrt_h:
         T = chain.T_world_base  # the nests stand around the robot's base
         nests, rate = np.array(NESTS) @ T[:3, :3].T + T[:3, 3], settings.drift_um_per_sqrt_h
@@ -266,14 +267,16 @@ def tracker_from(
     )
 
 
-def bias_size(settings: At960Tracker) -> BiasSize:
+def bias_size(settings: At960Tracker) -> InstrumentErrors:
     """How large the systematic errors of a scenario's tracker may be."""
-    return BiasSize(
-        settings.range_offset_um * 1e-6,
+    uniform = 3**-0.5  # standard deviation of a half width
+    return InstrumentErrors(
+        uniform * settings.range_offset_um * 1e-6,
         settings.scale_um_per_m * 1e-6,
         _in_meters(settings.encoder_um),
         settings.target_offset_um * 1e-6,
-        float(np.radians(settings.target_turn_mdeg * 1e-3)),
+        uniform * float(np.radians(settings.target_turn_mdeg * 1e-3)),
+        float(np.radians(settings.level_mdeg * 1e-3)),
     )
 
 

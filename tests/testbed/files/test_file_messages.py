@@ -21,6 +21,7 @@ from calib.identification.identify import identify
 from calib.identification.start.start import start_frames
 from testbed.files.columns import covariance_names
 from testbed.files.probe import probe
+from testbed.files.program import read_program
 from testbed.files.read import ReadOptions, read_session
 from tests.testbed.files.made import ROBOT, Made, N, columns, csv, made, with_spread
 
@@ -80,6 +81,34 @@ def apart(joints, frames, config=""):
             f'{config}\n[joints]\nfile = "joints.csv"\n[frames]\nfile = "frames.csv"\n'
         )
         return read_session(folder, ROBOT)
+
+    return case
+
+
+def stations(*seen):
+    """One set of joints seen from several stations."""
+
+    def case(folder):
+        (folder / "joints.csv").write_text(csv(JOINTS))
+        names = [f"{k + 1}.csv" for k in range(len(seen))]
+        for name, content in zip(names, seen, strict=True):
+            (folder / name).write_text(csv(content))
+        files = ", ".join(f'"{name}"' for name in names)
+        (folder / "session.toml").write_text(
+            f'[joints]\nfile = "joints.csv"\n[frames]\nfiles = [{files}]\n'
+        )
+        return read_session(folder, ROBOT)
+
+    return case
+
+
+def program(**conditions):
+    """A program of two targets, and what stands beside them."""
+
+    def case(folder):
+        targets = {f"q{j + 1}_deg": np.degrees(made().q[:2, j]) for j in range(N)}
+        (folder / "p.csv").write_text(csv(targets | conditions))
+        return read_program(folder / "p.csv", ROBOT)
 
     return case
 
@@ -349,6 +378,23 @@ CASES = {
     "M25 a reading from no station": read(
         table(station=["1"] * 28 + [""]), "[frames]\n" + SIGMAS
     ),
+    "M25 a payload below zero": read(table(payload_kg=[1.0] * 28 + [-1.0])),
+    "M25 a row without a payload": read(table(payload_kg=["1.0"] * 28 + [""])),
+    "V9 a payload beyond sense": read(table(payload_kg=[1.0] * 28 + [1e4])),
+    "M25 a row without a tool": read(table(tool=["probe"] * 3 + [""] + ["probe"] * 25)),
+    "M35 a payload in two places": read(
+        table(payload_kg=[0.0] * 29), "[frames]\n[conditions]\npayload_kg = 2.0\n"
+    ),
+    "M35 a tool in one of two files": stations(SEEN | {"tool": ["probe"] * 29}, SEEN),
+    "session: a payload below zero": read(table(), "[conditions]\npayload_kg = -1\n"),
+    "session: no day": read(table(), '[conditions]\ndate = "22.11.2026"\n'),
+    "session: conditions misspelled": read(table(), "[conditions]\ntemperature_c = 20\n"),
+    "session: a tool without a name": read(table(), '[use]\ntool = ""\n'),
+    "session: a tolerance of use": read(table(), "[use]\npayload_tolerance_kg = 1\n"),
+    "program: a row without a payload": program(payload_kg=["0", ""]),
+    "program: a payload below zero": program(payload_kg=["0", "-2"]),
+    "program: a temperature beyond sense": program(temperature_degC=["20", "1e5"]),
+    "program: a target without a tool": program(tool=["probe", ""]),
     "session: a target without a place": read(
         without("rx_deg", "ry_deg", "rz_deg", "euler") | {"target": ["R2"] * 29},
         "[points]\nreflectors_mm = { R1 = [1.0, 2.0, 3.0] }\n",

@@ -134,7 +134,7 @@ def test_visits_split_and_what_stands_beside_are_kept(tmp_path):
     assert session.is_test.tolist() == [False] * 4 + [True] * 2
     assert session.approach == ("+", "-") * 3
     np.testing.assert_allclose(session.time, np.arange(0, 60, 10))
-    np.testing.assert_allclose(session.temperature, np.linspace(20, 21, 6))
+    np.testing.assert_allclose(session.conditions.temperature, np.linspace(20, 21, 6))
     toml = saved(tmp_path / "s.toml", '[frames]\n[identification]\nvisits = "first"\n')
     first = read_session(tmp_path / "a.csv", ROBOT, config=toml)
     assert first.wanted.visits == "first"

@@ -35,7 +35,7 @@ def test_a_published_file_is_read_as_it_was_meant(series):
     assert "semicolon between cells, decimal comma" in session.notes[0]
     # time stamps were saved as 2,02011E+13
     assert session.time is None
-    assert 15 < session.temperature.min() <= session.temperature.max() < 30
+    assert 15 < session.conditions.temperature.min() <= session.conditions.temperature.max() < 30
     found = probe(robot, session)
     found.raise_if_wrong()
     # measured 0.5 s and 0.4 s for series C

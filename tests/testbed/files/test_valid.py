@@ -11,6 +11,7 @@ from tests.testbed.files.made import ROBOT, N, columns, csv, made, with_spread
 
 OPTIONAL = {
     "temperature_degC": 20.0,
+    "payload_kg": 0.5,
     "time_s": 1.7e9 + np.arange(29),
     "repeat": 0,
     "reflector_x_mm": 10.0,
@@ -79,14 +80,14 @@ def test_a_number_beyond_sense_is_refused_with_the_largest_allowed(name, tmp_pat
 
 @pytest.mark.parametrize("cell", ["", "1e300"])
 def test_rows_with_such_cells_are_left_out_on_request_and_named(cell, tmp_path):
-    for name in ("temperature_degC", "time_s", "repeat", "x_mm", "q3_deg", "ux_mm"):
+    for name in ("temperature_degC", "payload_kg", "time_s", "repeat", "x_mm", "q3_deg", "ux_mm"):
         session = read(tmp_path, spoiled(whole(), name, cell), drop_invalid=True)
         table = session.measurements
         assert len(table) == 28
         assert [text for text in session.warnings if f'(line 18 {name} "{cell}")' in text]
         for values in (table.q, table.position, table.covariance, session.time):
             assert np.isfinite(values).all()
-        assert np.isfinite(session.temperature).all()
+        assert np.isfinite(session.conditions.temperature).all()
 
 
 def test_a_time_in_words_is_a_warning_still(tmp_path):

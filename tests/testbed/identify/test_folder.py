@@ -14,6 +14,7 @@ from calib.identification.start.start import start_frames
 from testbed.files.text import read_sheet
 from testbed.gates.text import read_text
 from testbed.identify.calibrate import Options
+from testbed.identify.conditions import conditions_words
 from testbed.identify.folder import (
     identified_name,
     in_own_frames,
@@ -36,7 +37,10 @@ from tests.calibrated import (
 )
 from tests.reference import pool_r
 
-PROGRAM = "name,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\na,10,20,30,40,50,60\nb,-5,40,60,0,20,9\n"
+PROGRAM = (
+    "name,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,temperature_degC\n"
+    "a,10,20,30,40,50,60,20.5\nb,-5,40,60,0,20,9,30\n"
+)
 PROGRAMS = {
     "missing": ("", "does not exist"),
     "no targets": (PROGRAM.splitlines()[0], "has no targets"),
@@ -105,6 +109,16 @@ def test_the_result_says_what_the_record_says_with_units_in_its_keys(out):
     held = document["models"]["extended"]["held_out"]
     assert held["mean_mm"] == pytest.approx(found.fit.test.position.mean * 1e3, rel=1e-15)
     assert held["mean_deg"] == pytest.approx(np.degrees(found.fit.test.rotation.mean), rel=1e-12)
+    assert document["data"]["conditions"] == {
+        "payload_kg": None,
+        "temperature_degC": [20.0, 21.0],
+        "tools": [],
+        "stations": [],
+        "date": None,
+        "sentence": conditions_words(found),
+    }
+    assert document["delivered"]["program_conditions"] == ["as measured", "other temperature"]
+    assert document["delivered"]["program"][1].startswith("target 2 is at 30 degC; the meas")
     numbers = {row["name"]: row for row in document["parameters"]}
     a2 = numbers["a2"]
     assert a2["new"] - a2["old"] == pytest.approx(a2["delta"], abs=1e-9)

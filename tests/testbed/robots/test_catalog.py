@@ -171,15 +171,15 @@ def test_an_unknown_robot_is_answered_with_the_likely_one():
         (
             "theta_deg = -90.0",
             'theta_deg = "x"',
-            r"\[joints 2\] theta_deg = x: should be a valid num",
+            r"\[joints 2\] theta_deg is .x.; it must be a num",
         ),
-        ("theta_deg = -90.0", "theta_deg = true", r"\[joints 2\] theta_deg = True: should be"),
-        ("theta_deg = -90.0", "theta_deg = nan", r"\[joints 2\] theta_deg = nan"),
-        ("theta_deg = -90.0", "theta_deg = 12:30:45", r"\[joints 2\] theta_deg = 12:30:45"),
+        ("theta_deg = -90.0", "theta_deg = true", r"\[joints 2\] theta_deg is true; it must be"),
+        ("theta_deg = -90.0", "theta_deg = nan", r"\[joints 2\] theta_deg is nan"),
+        ("theta_deg = -90.0", "theta_deg = 12:30:45", r"\[joints 2\] theta_deg is .12:30:45"),
         (
             "mass_kg = 11.0",
             "mass_kg = -1",
-            r"\[joints 2\] mass_kg = -1: should be greater than or equal to 0.000000001",
+            r"\[joints 2\] mass_kg is -1; it must be 1e-09 kg or larger",
         ),
         ("lower_deg = -127.5", "lower_deg = 127.5", "lower_deg 127.5 is not below upper_deg 127.5"),
         ("[0.04, 0.16, 0.16]", "[0.04, 0.16, 0.5]", "largest moment exceeds the sum"),
@@ -198,9 +198,9 @@ def test_an_unknown_robot_is_answered_with_the_likely_one():
         ('"meshes/wrist.obj"', '"../wrist.obj"', "must stay inside the model's folder"),
         ('"meshes/wrist.obj"', '"/etc/passwd"', "must stay inside the model's folder"),
         ('"meshes/wrist.obj"', '"meshes/none.obj"', "no mesh meshes/none.obj; python -m testbed"),
-        ("format = 1", "format = 2", "format = 2"),
+        ("format = 1", "format = 2", "format is 2; this version reads format 1"),
         ("format = 1", "format = [", "is not TOML"),
-        ('name = "staubli_tx60"', 'name = "../x"', "name = ../x"),
+        ('name = "staubli_tx60"', 'name = "../x"', "name is .../x"),
     ],
 )
 def test_a_mistake_names_file_table_key_and_fix(old, new, says, tmp_path):

@@ -52,6 +52,13 @@ POINT = {"tracker.measures": "point", "identification.estimators": ["whitened"]}
 WHITENED = {"identification": {"estimators": ["whitened"]}}
 ONLY_WHITENED = {"identification.estimators": ["whitened"]}
 FIXTURES = {"reflectors_mm": {"A": [60, 0, 90], "B": [-30, 52, 90]}}
+NO_SIZE = {
+    "preset": "at960",
+    "systematic": True,
+    **dict.fromkeys(("range_offset_um", "scale_um_per_m", "target_offset_um"), 0),
+    "target_turn_mdeg": 0,
+    "encoder_um": [0, 0],
+}
 TRIAL = {"name": "best", "poses": 29, "method": "detmax"}
 
 
@@ -341,6 +348,10 @@ CASES = {
         fixtures={"stations_mm": [[3000, 2000, 300]]},
         tracker={"preset": "at960", "systematic": True},
         **WHITENED,
+    ),
+    "systematic errors of no size": with_table(tracker=NO_SIZE, **WHITENED),
+    "systematic errors that no point shows": with_table(
+        tracker=NO_SIZE | {"target_turn_mdeg": 5, "measures": "point"}, **WHITENED
     ),
     "studies of one station": with_table(
         fixtures={"stations_mm": [[3000, 2000, 300]]},

@@ -124,7 +124,7 @@ def test_files_start_from_the_scenario_and_stay_below_it(tmp_path):
 @pytest.mark.parametrize(
     ("tables", "message"),
     [
-        ({"tracker": {"acceptance_deg": 0}}, "acceptance_deg is 0; it must be 0.001 or larger"),
+        ({"tracker": {"acceptance_deg": 0}}, "acceptance_deg is 0; it must be 0.001 deg or"),
         ({"cell": {"obstacles": []}}, '[cell] has no key "obstacles"; did you mean "obstacle"?'),
         ({"cell": {"obstacle": BOX}}, "list of tables; write [[cell.obstacle]] with two brackets"),
         ({"cell": {"obstacle": [3]}}, "[[cell.obstacle]] 1 is 3; it must be a table; write [[cell"),

@@ -1,6 +1,7 @@
 """Sources of a calibration's uncertainty: noise, joints, the tracker's errors; what is in none."""
 
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 
@@ -11,22 +12,13 @@ from calib.measurement.noise import with_joint_noise
 from calib.measurement.observations import Measurements
 from calib.uncertainty.budget import RowNoise, budget
 from calib.uncertainty.refit import Frozen, freeze
+from calib.uncertainty.statement.instrument import SOURCES, shared_rows
 from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.type_b import CommonInput, common_inputs, type_b_covariance
 from testbed.laboratory.tracker.tracker import bias_size
 from testbed.laboratory.truth.laboratory import Laboratory
 from testbed.scenario.laboratory import At960Tracker
 from testbed.studies.trial.statement.records import LEVEL
-
-SYSTEMATIC = (
-    "range offset",
-    "range scale",
-    *["tracker's encoders"] * 4,
-    *["target's place"] * 3,
-    *["target's turn"] * 3,
-)
-"""Source that each systematic number of the tracker belongs to, in the order of `station_bias`."""
-
 
 DRIFT_COUNTS = 1 / 3
 """Part of the stated u from which drift counts: below it u grows by 5 % at most."""
@@ -141,9 +133,10 @@ def systematic_inputs(bench: Laboratory, measured: Measurements) -> tuple[Common
     settings = bench.scenario.tracker
     if not isinstance(settings, At960Tracker) or not settings.systematic:
         return ()
-    size, T = bias_size(settings), bench.setting.nominal.poses(measured.q)
-    B = size.sensitivity(bench.tracker.targets(T), T[:, :3, :3], bench.tracker.T_world_tracker)
-    return common_inputs(SYSTEMATIC, B, size.variance)
+    size, station = bias_size(settings), bench.tracker.T_world_tracker[None]
+    there = size.variance > 0
+    B = shared_rows(size, bench.setting.nominal, measured, station)
+    return common_inputs(tuple(compress(SOURCES, there)), B[:, :, there], size.variance[there])
 
 
 def systematic_covariance(

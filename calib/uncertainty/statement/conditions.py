@@ -1,0 +1,217 @@
+"""Under which conditions a calibration was measured, and which targets lie under others.
+
+Transfer and leverage come from the kinematics: they see neither a load nor the warmth of an arm,
+nor another tool. What the rows say of these decides apart from them: a target under other
+conditions has no region.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, Bool, Index, check, frozen
+from calib.errors import refuse
+
+AS_MEASURED, NOT_STATED = "as measured", "not stated"
+"""Words of a target under the conditions of the data, and of one of which that cannot be told."""
+UNITS = {"payload": "kg", "tool": "", "temperature": "degC"}
+"""The kinds of conditions, in the order in which they are told, and their units."""
+VERBS = {
+    "payload": ("carries", "carry", "carried"),
+    "tool": ("has the tool", "have the tools", "had"),
+    "temperature": ("is at", "are at", "were at"),
+}
+"""What one target does, what several do, and what the data did."""
+UNTIL = {
+    "payload": "rows that vary the payload identified a term for it",
+    "tool": "rows are measured with that tool",
+    "temperature": "rows that vary the temperature identified a term for it",
+}
+"""What must be done before a statement reaches such targets."""
+MOST_NAMED = 10
+"""Targets named in one sentence."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """How far conditions may lie outside those of the data and still be the same."""
+
+    payload: float = 0.5
+    """[kg]"""
+    temperature: float = 2.0
+    """[K]"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Conditions:
+    """What N rows or targets say of their conditions; None where they say nothing."""
+
+    payload: Array | None = None
+    """(N,) mass at the flange beyond the arm's own [kg]."""
+    tool: tuple[str, ...] | None = None
+    """(N,) name of what is mounted there."""
+    temperature: Array | None = None
+    """(N,) [degC]"""
+
+    def __repr__(self) -> str:
+        return f"Conditions({', '.join(map(self.words, self.stated)) or NOT_STATED})"
+
+    @property
+    def stated(self) -> tuple[str, ...]:
+        """The kinds of conditions that are stated."""
+        return tuple(kind for kind in UNITS if len(self._column(kind)))
+
+    def rows(self, which: Bool | Index) -> "Conditions":
+        """The same for some rows (a mask or indices)."""
+        some = {kind: self._column(kind)[which] for kind in self.stated}
+        tool = some.get("tool")
+        return Conditions(
+            some.get("payload"),
+            None if tool is None else tuple(map(str, tool)),
+            some.get("temperature"),
+        )
+
+    def words(self, kind: str) -> str:
+        """What is stated of one kind, as a range or a list: ``0 to 5 kg``; empty if nothing."""
+        values = self._column(kind)
+        if not len(values):
+            return ""
+        if kind == "tool":
+            names = list(dict.fromkeys(values.tolist()))
+            more = [f"{len(names) - MOST_NAMED} more"] * (len(names) > MOST_NAMED)
+            return " and ".join([*names[:MOST_NAMED], *more])
+        ends = dict.fromkeys(f"{end:.4g}" for end in (values.min(), values.max()))
+        return f"{' to '.join(ends)} {UNITS[kind]}"
+
+    def _column(self, kind: str) -> Array:
+        """Values (N,) of a kind; none if nothing is stated."""
+        values = getattr(self, kind)
+        return np.zeros(0) if values is None else np.asarray(values)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Departure:
+    """Which of N targets lie under other conditions than the data."""
+
+    data: Conditions
+    targets: Conditions
+    other: dict[str, Bool]
+    """Kind, stated on both sides, to whether each target (N,) lies outside the data's."""
+    outside: Bool
+    """(N,) whether any kind does: such a target has no region."""
+
+    def __repr__(self) -> str:
+        return f"Departure({int(self.outside.sum())} of {len(self.outside)} outside)"
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """(N,) ``as measured``, ``other payload and tool``, or ``not stated``."""
+        inside = AS_MEASURED if self.other else NOT_STATED
+        kinds = [[kind for kind in self.other if self.other[kind][k]] for k in self._numbers]
+        return tuple(f"other {' and '.join(some)}" if some else inside for some in kinds)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """One sentence for each kind of condition that refuses targets, which it names from 1."""
+        return tuple(
+            f"{said}: no statement reaches there until {UNTIL[kind]}"
+            for kind, said in self.clauses("target", "the measurements").items()
+        )
+
+    @property
+    def unsaid(self) -> tuple[str, ...]:
+        """What only one side states, in a sentence for each side."""
+        mine, theirs = self.data.stated, self.targets.stated
+        only = [kind for kind in mine if kind not in theirs]
+        said = []
+        if only:
+            there = ", ".join(f"{kind} {self.data.words(kind)}" for kind in only)
+            said.append(
+                f"the targets do not state their {' and '.join(only)}: what is said holds where "
+                f"that is as in the measurements ({there})"
+            )
+        only = [kind for kind in theirs if kind not in mine]
+        if only:
+            there = ", ".join(f"{kind} {self.targets.words(kind)}" for kind in only)
+            said.append(
+                f"the measurements do not state their {' and '.join(only)}: nobody can tell "
+                f"whether a statement reaches these targets ({there})"
+            )
+        return tuple(said)
+
+    def clauses(self, noun: str, data: str, *, listed: bool = True) -> dict[str, str]:
+        """Kind to ``target 7 carries 5 kg; the measurements carried 0 kg``, by number or count."""
+        said = {}
+        for kind, off in self.other.items():
+            rows = np.flatnonzero(off)
+            if not len(rows):
+                continue
+            one, many, did = VERBS[kind]
+            verb = one if len(rows) == 1 else many
+            if kind == "tool" and len(set(self.targets.rows(rows).tool or ())) == 1:
+                verb = verb.removesuffix("s")
+            who = named(noun, rows) if listed else counted(noun, rows)
+            there = self.targets.rows(rows).words(kind)
+            said[kind] = f"{who} {verb} {there}; {data} {did} {self.data.words(kind)}"
+        return said
+
+    @property
+    def _numbers(self) -> range:
+        return range(len(self.outside))
+
+
+def departure(
+    data: Conditions, targets: Conditions, count: int, tolerance: Tolerance | None = None
+) -> Departure:
+    """Compare the conditions of targets with those of the data.
+
+    A payload or temperature is outside where it lies further than the tolerance outside the range
+    of the data, a tool where no row of the data has it. A kind that either side does not state
+    refuses nothing.
+
+    Parameters
+    ----------
+    data : Conditions
+        Of all rows that the statement rests on, held-out ones among them.
+    targets : Conditions
+        Of the targets.
+    count : int
+        Number of targets.
+    tolerance : Tolerance, optional
+        By default 0.5 kg and 2 K.
+    """
+    tolerance = tolerance or Tolerance()
+    other = dict[str, Bool]()
+    for kind in data.stated:
+        if kind not in targets.stated:
+            continue
+        there = getattr(targets, kind)
+        if len(there) != count:
+            raise refuse(kind, len(there), f"one for each of {count} targets", code="A3")
+        if kind == "tool":
+            known = set(data.tool or ())
+            off = np.array([name not in known for name in there])
+        else:
+            values, there = check("m, n", data=getattr(data, kind), targets=there)
+            room = getattr(tolerance, kind)
+            off = (there < values.min() - room) | (there > values.max() + room)
+        other[kind] = frozen(off, np.bool_)
+    outside = np.zeros(count, dtype=np.bool_)
+    for off in other.values():
+        outside |= off
+    return Departure(data, targets, other, frozen(outside, np.bool_))
+
+
+def counted(noun: str, rows: Index) -> str:
+    """How many rows: ``3 held-out rows``."""
+    return f"{len(rows)} {noun}{'s' * (len(rows) > 1)}"
+
+
+def named(noun: str, rows: Index) -> str:
+    """Some rows, counted from 0, by their numbers from 1: ``targets 3, 7 and 2 more``."""
+    numbers = [str(row + 1) for row in rows[:MOST_NAMED]]
+    more = len(rows) - len(numbers)
+    if len(rows) == 1:
+        return f"{noun} {numbers[0]}"
+    last = f"{more} more" if more else numbers.pop()
+    return f"{noun}s {', '.join(numbers)} and {last}"

@@ -1,0 +1,256 @@
+"""What all readings of an instrument share: how it reaches the tool, and what no reading shows.
+
+An error that is the same all campaign long is in the readings that identify and in those that
+judge. The estimate follows it, so that held-out readings agree with what is wrong.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.arrays import Array, frozen
+from calib.geometry.frames import skew
+from calib.geometry.model import RobotModel
+from calib.identification.identify import Identification
+from calib.measurement.observations import GIVEN, POINT, Measurements, joined
+from calib.measurement.prediction import predict, predicted_positions
+from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers
+
+SOURCES = (
+    "range offset",
+    "range scale",
+    *["tracker's encoders"] * 4,
+    *["target's place"] * 3,
+    *["target's turn"] * 3,
+    *["level of the station"] * 2,
+)
+"""Source that each of the fourteen numbers belongs to."""
+PLACE, TURN, LEVEL = slice(6, 9), slice(9, 12), slice(12, 14)
+"""Where the numbers of the target and of the tilts stand among them."""
+HIDDEN = 0.3
+"""Seen over left at the tool below which no held-out pose can show a source."""
+NOTHING = 0.01
+"""A source that leaves less than this share of the whole at the tool needs no word."""
+
+
+@dataclass(frozen=True, slots=True)
+class InstrumentErrors:
+    """How large the errors of an instrument are that all its readings share (k = 1).
+
+    They are fourteen numbers, uncorrelated and with mean zero, and linear in the reading.
+    """
+
+    range_offset: float = 0.0
+    """Of all ranges [m]."""
+    scale: float = 0.0
+    """Of all ranges [m/m]."""
+    encoder: tuple[float, float] = (0.0, 0.0)
+    """Amplitude of sin(az + phi1) and sin(2 el + phi2) across the beam, any phase: constant [m],
+    per meter of range."""
+    target_offset: float = 0.0
+    """Of the target's place on the tool, per axis of the tool [m]."""
+    target_turn: float = 0.0
+    """Of the target's rotation on the tool, per axis of the tool [rad]."""
+    level: float = 0.0
+    """Of each of the two tilts of the station against gravity [rad]."""
+
+    @property
+    def variance(self) -> Array:
+        """(14,) variances of the numbers.
+
+        A sinusoid of random phase, A sin(x + phi), is A cos(phi) sin x + A sin(phi) cos x: its two
+        coefficients have variance A^2 / 2 each and are uncorrelated. The amplitude, which depends
+        on range, is in the sensitivity.
+        """
+        return np.array(
+            [
+                self.range_offset**2,
+                self.scale**2,
+                *([0.5 if any(self.encoder) else 0.0] * 4),
+                *([self.target_offset**2] * 3),
+                *([self.target_turn**2] * 3),
+                *([self.level**2] * 2),
+            ]
+        )
+
+    def sensitivity(self, target: Array, R: Array, T_world_station: Array) -> Array:
+        """How readings (m, 6, 14) of target and rotation follow the numbers, world axes.
+
+        Parameters
+        ----------
+        target : (m, 3) array
+            Targets in the world [m].
+        R : (m, 3, 3) array
+            Rotations R_world_tool of the tool that carries the target.
+        T_world_station : (4, 4) array
+            Where the beam starts; azimuth is about its z axis from its x axis, elevation up from
+            its xy plane, tilts are about its x and y axes.
+        """
+        T = T_world_station
+        x, y, z = ((target - T[:3, 3]) @ T[:3, :3]).T
+        distance = np.sqrt(x**2 + y**2 + z**2)
+        azimuth, elevation = np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
+        ca, sa, ce, se = (f(a) for a in (azimuth, elevation) for f in (np.cos, np.sin))
+        zero = np.zeros_like(ca)
+        along = np.stack([ce * ca, ce * sa, se], axis=1)
+        sideways = np.stack([-sa, ca, zero], axis=1)
+        upward = np.stack([-se * ca, -se * sa, ce], axis=1)
+        size = self.encoder[0] + self.encoder[1] * distance
+        B = np.zeros((len(target), 6, len(SOURCES)))
+        for k, (direction, factor) in enumerate(
+            (
+                (along, np.ones_like(distance)),
+                (along, distance),
+                (sideways, size * sa),
+                (sideways, size * ca),
+                (upward, size * np.sin(2 * elevation)),
+                (upward, size * np.cos(2 * elevation)),
+            )
+        ):
+            B[:, :3, k] = (direction * factor[:, None]) @ T[:3, :3].T
+        B[:, :3, PLACE] = B[:, 3:, TURN] = R
+        B[:, :3, LEVEL] = skew(T[:3, 3] - target) @ T[:3, :2]
+        B[:, 3:, LEVEL] = T[:3, :2]
+        return B
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SharedErrors:
+    """What all readings share, source by source, and what held-out poses can show of it."""
+
+    names: tuple[str, ...]
+    """(s,) sources."""
+    at_tool: Array
+    """(s,) 3-D standard uncertainty that each leaves at the tool, RMS over the poses judged [m]."""
+    seen: Array
+    """(s,) what each leaves in the position residuals of these poses, likewise [m]."""
+    covariance: Array
+    """(P, P) that all of them leave in the numbers of the model [m, rad]."""
+
+    def __repr__(self) -> str:
+        return f"SharedErrors({1e6 * self.combined:.3g} um at the tool, {len(self.names)} sources)"
+
+    @property
+    def combined(self) -> float:
+        """3-D standard uncertainty that all of them leave at the tool, RMS [m]."""
+        return float(np.sqrt((self.at_tool**2).sum()))
+
+    @property
+    def hidden(self) -> tuple[str, ...]:
+        """Sources that count at the tool and that no held-out pose of the instrument can show."""
+        counts = self.at_tool > NOTHING * self.combined
+        hides = counts & (self.seen < HIDDEN * self.at_tool)
+        return tuple(name for name, it_does in zip(self.names, hides, strict=True) if it_does)
+
+
+def shared_rows(
+    errors: InstrumentErrors, model: RobotModel, table: Measurements, T_station_beam: Array
+) -> Array:
+    """How the rows of a table follow the fourteen numbers (m, 6, 14), axes of each row's station.
+
+    One instrument measures all rows: poses, points and distances.
+
+    Parameters
+    ----------
+    errors : InstrumentErrors
+        Whose amplitudes the columns of the encoders have.
+    model : RobotModel
+        Where the targets are.
+    table : Measurements
+        The rows.
+    T_station_beam : (s, 4, 4) array
+        Where the beam starts in the frame of each of the stations, the first of which is the world.
+    """
+    p = predicted_positions(model, table)
+    stations = model.fixtures.station_frames[table.station]
+    R = np.swapaxes(stations[:, :3, :3], 1, 2) @ model.poses(table.q)[:, :3, :3]
+    B = np.zeros((len(table), 6, len(SOURCES)))
+    for s in np.unique(table.station):
+        rows = table.station == s
+        B[rows] = errors.sensitivity(p[rows], R[rows], T_station_beam[s])
+    B[~table.is_pose, 3:] = 0.0
+    B[table.station > 0, :, LEVEL] = 0.0  # the world is level as its first station is
+    far = table.is_distance
+    if far.any():
+        beam = p[far] - model.fixtures.anchors[table.anchor[far]]
+        length = np.linalg.norm(beam, axis=1)
+        B[far] = 0.0
+        B[far, 0, 0], B[far, 0, 1] = 1.0, length
+        B[far, 0, PLACE] = (beam[:, None] @ R[far])[:, 0] / length[:, None]
+    return B
+
+
+def shared_errors(
+    errors: InstrumentErrors,
+    identification: Identification,
+    train: Measurements,
+    judged: Measurements,
+    T_station_beam: Array,
+) -> SharedErrors:
+    """What the errors of the instrument leave at the tool, and what of it residuals can show.
+
+    Each target on the tool has a place of its own that it is wrong by.
+
+    Parameters
+    ----------
+    errors : InstrumentErrors
+        Their sizes.
+    identification : Identification
+        By weighted least squares, from `train`.
+    train : Measurements
+        What was identified from.
+    judged : Measurements
+        Rows of the same campaign, held out where there are any: both columns are of these.
+    T_station_beam : (s, 4, 4) array
+        As in `shared_rows`.
+
+    References
+    ----------
+    C_sys = F B S B' F'; at the tool J C_sys J', in a residual (B_h - J_h F B) S (B_h - J_h F B)'.
+    JCGM 100:2008, 4.3, 5.2.
+    """
+    model, free = identification.model, identification.parameters.free_index
+    both, m = joined([train, judged]), len(train)
+    B = shared_rows(errors, model, both, T_station_beam) * np.sqrt(errors.variance)
+    looked_at = np.column_stack([both.offset, both.is_pose, both.reflector])
+    _, target = np.unique(looked_at, axis=0, return_inverse=True)
+    gain = estimator_gain(identification, train)
+    rows, tool = predict(model, judged).rows[:, :3, free], _tool_rows(model, judged)[:, :, free]
+    names, left, seen, covariance = [], [], [], np.zeros((len(free), len(free)))
+    for name in dict.fromkeys(SOURCES):
+        own = B[:, :, [k for k, source in enumerate(SOURCES) if source == name]]
+        if not own.any():
+            continue
+        group = target.ravel() if name == SOURCES[PLACE.start] else np.zeros(len(both), np.int64)
+        moved = np.zeros((int(group.max()) + 1, len(free), own.shape[2]))
+        np.add.at(moved, group[:m], gain @ own[:m])
+        part = np.einsum("gak,gbk->ab", moved, moved)
+        absorbed = rows @ moved[group[m:]]
+        # what other targets left in the estimate shows at this one, too
+        others = _variance(rows, part) - (absorbed**2).sum((1, 2))
+        shown = ((own[m:, :3] - absorbed) ** 2).sum((1, 2)) + np.maximum(others, 0.0)
+        names.append(name)
+        left.append(np.sqrt(_variance(tool, part).mean()))
+        seen.append(np.sqrt(shown.mean()))
+        covariance += part
+    return SharedErrors(
+        tuple(names), frozen(left), frozen(seen), of_all_numbers(identification, covariance)
+    )
+
+
+def _variance(rows: Array, covariance: Array) -> Array:
+    """Sum over x, y, z of the variances (m,) of what rows (m, 3, f) are the derivatives of."""
+    return np.asarray(np.einsum("mif,fg,mig->m", rows, covariance, rows, optimize=True))
+
+
+def _tool_rows(model: RobotModel, table: Measurements) -> Array:
+    """Derivatives (m, 3, P) of each row's target in the world, however it was measured."""
+    m = len(table)
+    as_points = replace(
+        table,
+        kind=np.full(m, POINT),
+        station=np.zeros(m, np.int64),
+        anchor=np.full(m, GIVEN),
+        distance=np.zeros(m),
+    )
+    return predict(model, as_points).rows[:, :3]

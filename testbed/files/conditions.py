@@ -1,0 +1,175 @@
+"""What files say of the conditions of rows and targets: payload, tool and temperature."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import date
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, field_validator
+
+from calib.arrays import Array, Bool, frozen
+from calib.uncertainty.statement.conditions import Conditions, Tolerance
+from testbed.bounds import PAYLOAD, TEMPERATURE
+from testbed.files.columns import NUMBERS
+from testbed.files.refusal import refusal, require_names
+from testbed.files.table import Columns, DataTable
+from testbed.files.valid import valid_rows
+from testbed.strict import Strict
+
+COLUMNS = {"payload": "payload_kg", "tool": "tool", "temperature": "temperature_degC"}
+"""Kinds of conditions to what their columns, and keys of session.toml, are called."""
+
+
+class UseTable(Strict):
+    """[use]: under which conditions the robot will work, of targets that do not say it."""
+
+    payload_kg: Annotated[float, PAYLOAD.or_zero("kg")] | None = None
+    """Mass at the flange beyond the arm's own."""
+    tool: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+    """Name of what is mounted there."""
+    temperature_degC: Annotated[float, TEMPERATURE.signed("degC")] | None = None  # noqa: N815
+
+    def rows(self, m: int) -> Conditions:
+        """The stated conditions of m rows."""
+        payload, temperature = (
+            None if value is None else frozen(np.full(m, value))
+            for value in (self.payload_kg, self.temperature_degC)
+        )
+        return Conditions(payload, None if self.tool is None else (self.tool,) * m, temperature)
+
+
+class ConditionsTable(UseTable):
+    """[conditions]: under which conditions all rows were measured, where no column says it."""
+
+    date: str = ""
+    """An ISO day, printed beside the result."""
+    payload_tolerance_kg: Annotated[float, PAYLOAD.or_zero("kg")] = 0.5
+    """Payloads that lie no further outside the measured ones are the same."""
+    temperature_tolerance_k: Annotated[float, TEMPERATURE.or_zero("degC")] = 2.0
+    """The same of temperatures."""
+
+    @field_validator("date")
+    @classmethod
+    def _is_a_day(cls, text: str) -> str:
+        """A day of the calendar, written so that everybody reads the same one."""
+        try:
+            if text and date.fromisoformat(text).isoformat() == text:
+                return text
+        except ValueError:
+            pass
+        raise ValueError("should be an ISO day such as 2026-11-22")
+
+    @property
+    def tolerance(self) -> Tolerance:
+        """How far conditions may differ."""
+        return Tolerance(self.payload_tolerance_kg, self.temperature_tolerance_k)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SetUp:
+    """What all rows share: when and from where they were measured, and what that is good for."""
+
+    use: Conditions = field(default_factory=Conditions)
+    """One row: of targets that do not say theirs."""
+    tolerance: Tolerance = field(default_factory=Tolerance)
+    """How far targets may lie outside the conditions of the rows."""
+    date: str = ""
+    """ISO day."""
+    stations: tuple[str, ...] = ()
+    """Names of the stations that were used."""
+
+
+def conditions_of(table: DataTable, good: Bool) -> Conditions:
+    """What a table says of its rows' conditions; rows (m,) whose numbers are good are checked.
+
+    Raises
+    ------
+    InputError
+        M25: a payload below zero.
+    """
+    name = COLUMNS["payload"]
+    payload, temperature = (_numbers(table, COLUMNS[kind]) for kind in ("payload", "temperature"))
+    if payload is not None and (below := good & (payload < 0)).any():
+        row = int(np.argmax(below))
+        message, allowed = f"{name} is {payload[row]:g}", "a payload is 0 kg or more"
+        raise refusal(table.place(row), name, message, allowed=allowed, code="M25", fix="mend it")
+    tools = table.texts_of(COLUMNS["tool"]) or ()
+    return Conditions(payload, tools if any(tools) else None, temperature)
+
+
+def target_conditions(table: DataTable) -> Conditions:
+    """What a program says of its targets' conditions, each cell looked at.
+
+    Raises
+    ------
+    InputError
+        M25, V9: a cell is empty, no number, or one beyond sense.
+    """
+    numbers = Columns(tuple(name for name in NUMBERS if name in table and name in COLUMNS.values()))
+    if numbers.names:
+        valid_rows(table, numbers, drop=None)
+    found = conditions_of(table, np.ones(len(table), dtype=np.bool_))
+    require_names(COLUMNS["tool"], found.tool or (), table.places)
+    return found
+
+
+def _numbers(table: DataTable, name: str) -> Array | None:
+    """A column of numbers (m,), where it is there."""
+    return table.values(Columns((name,)))[:, 0] if name in table else None
+
+
+def first_stated(*several: Conditions) -> Conditions:
+    """Of each kind what the first one states that states it."""
+    found = {
+        kind: next((getattr(one, kind) for one in several if kind in one.stated), None)
+        for kind in COLUMNS
+    }
+    return Conditions(found["payload"], found["tool"], found["temperature"])
+
+
+def joined(parts: Sequence[tuple[str, Conditions]]) -> Conditions:
+    """Conditions of the rows of several files, each with its name.
+
+    Raises
+    ------
+    InputError
+        M35: one file states a kind that another one does not.
+    """
+    found = dict[str, list[Array | tuple[str, ...]]]()
+    for kind, name in COLUMNS.items():
+        says = [where for where, one in parts if kind in one.stated]
+        silent = [where for where, one in parts if kind not in one.stated]
+        if says and silent:
+            raise refusal(
+                silent[0], name, f"states no {name}, and {says[0]} does",
+                fix=f"give a column {name} in all files or in none, or one for all under "
+                "[conditions] in session.toml",
+            )  # fmt: skip
+        found[kind] = [getattr(one, kind) for _, one in parts if says]
+    payload, tool, temperature = found.values()
+    return Conditions(
+        frozen(np.concatenate(payload)) if payload else None,
+        tuple(name for names in tool for name in names) if tool else None,
+        frozen(np.concatenate(temperature)) if temperature else None,
+    )
+
+
+def of_session(
+    parts: Sequence[tuple[str, Conditions]], stated: ConditionsTable, m: int
+) -> Conditions:
+    """What the columns of all files say of m rows, or [conditions] where none does.
+
+    Raises
+    ------
+    InputError
+        M35: both do, or a column is in some files only.
+    """
+    columns, constant = joined(parts), stated.rows(m)
+    for kind in columns.stated:
+        if kind in constant.stated:
+            where = next(where for where, one in parts if kind in one.stated)
+            name = COLUMNS[kind]
+            message = f"{name} is a column, and stated under [conditions] in session.toml, too"
+            raise refusal(where, name, message, fix="keep one of them")
+    return first_stated(columns, constant)

@@ -1,0 +1,160 @@
+"""Targets under other conditions than the data: the rule by loops, and every sentence."""
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from calib.uncertainty.statement.conditions import (
+    AS_MEASURED,
+    MOST_NAMED,
+    NOT_STATED,
+    UNITS,
+    Conditions,
+    Tolerance,
+    departure,
+)
+
+PAYLOAD = Conditions(payload=np.array([0.0, 0.0, 2.0]))
+
+
+def drawn(rng, count):
+    """Conditions of some rows, each kind stated or not, on a grid that meets the limits."""
+    names = np.array(["probe", "gripper", "welder"])
+    return Conditions(
+        np.round(rng.uniform(0, 6, count) * 4) / 4 if rng.random() < 0.7 else None,
+        tuple(map(str, rng.choice(names, count))) if rng.random() < 0.7 else None,
+        np.round(rng.uniform(15, 30, count) * 2) / 2 if rng.random() < 0.7 else None,
+    )
+
+
+def alone(data, target, tolerance):
+    """The kinds of one target that no row of the data, nor any two around it, allow."""
+    kinds = []
+    if data.payload is not None and target["payload"] is not None:
+        at, room = target["payload"], tolerance.payload
+        near = any(abs(at - x) <= room for x in data.payload)
+        between = any(x <= at <= y for x in data.payload for y in data.payload)
+        kinds += ["payload"] * (not near and not between)
+    if data.tool is not None and target["tool"] is not None:
+        kinds += ["tool"] * all(target["tool"] != name for name in data.tool)
+    if data.temperature is not None and target["temperature"] is not None:
+        at, room = target["temperature"], tolerance.temperature
+        near = any(abs(at - x) <= room for x in data.temperature)
+        between = any(x <= at <= y for x in data.temperature for y in data.temperature)
+        kinds += ["temperature"] * (not near and not between)
+    return kinds
+
+
+def test_the_rule_is_that_of_a_loop_over_rows_and_pairs_of_rows():
+    rng = np.random.default_rng(1)
+    seen = set()
+    for _ in range(200):
+        data, targets = drawn(rng, rng.integers(1, 5)), drawn(rng, 7)
+        tolerance = Tolerance() if rng.random() < 0.5 else Tolerance(0.25, 0.5)
+        found = departure(data, targets, 7, tolerance)
+        for k in range(7):
+            target = {
+                kind: None if getattr(targets, kind) is None else getattr(targets, kind)[k]
+                for kind in UNITS
+            }
+            kinds = alone(data, target, tolerance)
+            assert bool(found.outside[k]) == bool(kinds)
+            both = set(data.stated) & set(targets.stated)
+            inside = AS_MEASURED if both else NOT_STATED
+            assert found.words[k] == (f"other {' and '.join(kinds)}" if kinds else inside)
+            seen.add(found.words[k])
+    # every combination of three kinds, and both words
+    assert len(seen) == 9
+
+
+def test_half_a_kilogram_and_two_kelvin_are_no_difference_and_a_hair_more_is():
+    data = Conditions(np.array([1.0]), None, np.array([20.0, 21.0]))
+    at = Conditions(np.array([0.5, 1.5, 1.0, 1.0]), None, np.array([20.0, 20.0, 18.0, 23.0]))
+    assert not departure(data, at, 4).outside.any()
+    past = Conditions(
+        np.array([0.499, 1.501, 1.0, 1.0]), None, np.array([20.0, 20.0, 17.99, 23.01])
+    )
+    assert departure(data, past, 4).outside.all()
+    # a mass between two that were measured is no extrapolation
+    between = Conditions(payload=np.array([1.0]))
+    assert not departure(PAYLOAD, between, 1).outside.any()
+
+
+def test_who_says_nothing_is_refused_nothing():
+    for data, targets in ((Conditions(), PAYLOAD), (PAYLOAD, Conditions())):
+        found = departure(data, targets, 3)
+        assert not found.outside.any()
+        assert found.words == (NOT_STATED,) * 3
+        assert found.sentences == ()
+        assert len(found.unsaid) == 1
+    nobody = departure(Conditions(), Conditions(), 3)
+    assert nobody.unsaid == ()
+    no_rows = Conditions(np.zeros(0), (), np.zeros(0))
+    assert no_rows.stated == ()
+    assert not departure(no_rows, PAYLOAD, 3).outside.any()
+
+
+def test_every_sentence():
+    data = Conditions(np.zeros(3), ("probe",) * 3, np.array([20.1, 21.34, 20.5]))
+    one = Conditions(np.array([0, 5.0]), ("probe", "gripper"), np.array([20.0, 31.0]))
+    assert departure(data, one, 2).sentences == (
+        "target 2 carries 5 kg; the measurements carried 0 kg: no statement reaches there until "
+        "rows that vary the payload identified a term for it",
+        "target 2 has the tool gripper; the measurements had probe: no statement reaches there "
+        "until rows are measured with that tool",
+        "target 2 is at 31 degC; the measurements were at 20.1 to 21.34 degC: no statement reaches "
+        "there until rows that vary the temperature identified a term for it",
+    )
+    many = Conditions(
+        np.linspace(0, 30, 31), ("gripper",) * 30 + ("probe",), np.array([40.0, 10.0] + [21.0] * 29)
+    )
+    said = departure(PAYLOAD, many, 31).sentences
+    assert said == (
+        "targets 4, 5, 6, 7, 8, 9, 10, 11, 12, 13 and 18 more carry 3 to 30 kg; the measurements "
+        "carried 0 to 2 kg: no statement reaches there until rows that vary the payload "
+        "identified a term for it",
+    )
+    assert int(departure(PAYLOAD, many, 31).outside.sum()) == MOST_NAMED + 18
+    payload, tool, warm = departure(data, many, 31).clauses("row", "the others").values()
+    assert payload.startswith("rows 2, 3,")
+    assert tool.endswith("and 20 more have the tool gripper; the others had probe")
+    assert warm == "rows 1 and 2 are at 10 to 40 degC; the others were at 20.1 to 21.34 degC"
+    two = Conditions(tool=("gripper", "welder", "probe"))
+    (tools,) = departure(data, two, 3).clauses("row", "the others", listed=False).values()
+    assert tools == "2 rows have the tools gripper and welder; the others had probe"
+
+
+def test_what_only_one_side_states_is_said():
+    data = Conditions(np.zeros(3), None, np.array([20.0, 21.0, 22.0]))
+    targets = Conditions(np.zeros(2), ("probe", "gripper"))
+    assert departure(data, targets, 2).unsaid == (
+        "the targets do not state their temperature: what is said holds where that is as in the "
+        "measurements (temperature 20 to 22 degC)",
+        "the measurements do not state their tool: nobody can tell whether a statement reaches "
+        "these targets (tool probe and gripper)",
+    )
+
+
+def test_lists_that_are_endless_are_cut_and_results_print_as_one_line():
+    names = tuple(f"T{k}" for k in range(14))
+    assert Conditions(tool=names).words("tool").endswith("T9 and 4 more")
+    assert Conditions(tool=names).words("payload") == ""
+    assert repr(Conditions()) == "Conditions(not stated)"
+    assert repr(PAYLOAD) == "Conditions(0 to 2 kg)"
+    assert repr(departure(PAYLOAD, PAYLOAD, 3)) == "Departure(0 of 3 outside)"
+
+
+def test_rows_are_chosen_by_mask_and_by_index():
+    rows = Conditions(np.arange(3.0), ("a", "b", "c"), None)
+    for which in (np.array([False, True, True]), np.array([1, 2])):
+        some = rows.rows(which)
+        assert some.payload.tolist() == [1.0, 2.0]
+        assert some.tool == ("b", "c")
+        assert some.temperature is None
+
+
+def test_a_column_of_another_length_is_refused():
+    with pytest.raises(InputError, match="payload is 3; one for each of 2 targets"):
+        departure(PAYLOAD, PAYLOAD, 2)
+    with pytest.raises(InputError, match=r"targets\[1\] is nan"):
+        departure(PAYLOAD, Conditions(payload=np.array([0.0, np.nan])), 2)

@@ -1,0 +1,88 @@
+"""What a calibration says of the conditions it was measured under."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib.uncertainty.statement.conditions import Conditions, Tolerance
+from testbed.files.conditions import SetUp
+from testbed.identify.conditions import conditions_words, held_out_warnings, measured
+from testbed.identify.report import page_of
+from testbed.identify.words import next_step, terminal_text
+from tests.calibrated import real, sound
+from tests.reported import VERSIONS
+from tests.testbed.identify.test_report import DELIVERED
+
+M = len(sound().measurements)
+PAYLOAD, TOOLS, WARMTH = np.full(M, 2.5), ("probe",) * M, np.linspace(20.1, 23.4, M)
+WORDS = {
+    "nothing": (
+        Conditions(),
+        SetUp(),
+        "The payload, the tool and the temperature of the measurements are not stated: what is "
+        "said holds as long as nothing differs.",
+    ),
+    "all": (
+        Conditions(PAYLOAD, TOOLS, WARMTH),
+        SetUp(date="2026-11-22", stations=("S1", "S2")),
+        "Measured with a payload of 2.5 kg and the tool probe at 20.1 to 23.4 degC from stations "
+        "S1 and S2 on 2026-11-22.",
+    ),
+    "a tool alone": (
+        Conditions(tool=TOOLS),
+        SetUp(),
+        "Measured with the tool probe. The payload and the temperature of the measurements are "
+        "not stated: what is said holds as long as nothing differs.",
+    ),
+    "all but warmth": (
+        Conditions(PAYLOAD, TOOLS),
+        SetUp(stations=("S1",)),
+        "Measured with a payload of 2.5 kg and the tool probe from station S1. The temperature "
+        "of the measurements is not stated: what is said holds as long as nothing differs.",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WORDS)
+def test_the_conditions_stand_after_the_next_step_and_with_the_data(case):
+    conditions, set_up, words = WORDS[case]
+    found = replace(sound(), conditions=conditions, set_up=set_up)
+    assert conditions_words(found) == words
+    assert words in terminal_text(found, DELIVERED)
+    if case != "all":  # a page is drawn in two seconds
+        return
+    page = page_of(found, DELIVERED, VERSIONS)
+    assert page.next_step == f"{next_step(found)} {words}"
+    data = next(section for section in page.sections if section.anchor == "data")
+    assert ("conditions", words) in data.blocks[0].rows
+
+
+def test_rows_that_took_no_part_do_not_count():
+    found = real()
+    later = found.split.is_train & (np.arange(len(found.measurements)) % 7 == 0)
+    split = replace(found.split, is_train=found.split.is_train & ~later)
+    payload = np.where(later, 9.0, 0.0)
+    other = replace(found, split=split, conditions=Conditions(payload=payload))
+    assert later.any()
+    assert measured(other).words("payload") == "0 kg"
+
+
+def test_who_judges_under_other_conditions_is_said():
+    is_test = np.arange(8) >= 5
+    payload = np.where(np.arange(8) == 7, 5.0, 0.0)
+    tool = ("probe",) * 5 + ("gripper",) * 3
+    warmth = np.where(is_test, 26.0, np.linspace(20, 22, 8))
+    ending = ": they judge the calibration under other conditions than those it was made under"
+    said = held_out_warnings(Conditions(payload, tool, warmth), SetUp(), ~is_test, is_test)
+    assert [text.removesuffix(ending) for text in said] == [
+        "1 held-out row carries 5 kg; the rows identified from carried 0 kg",
+        "3 held-out rows have the tool gripper; the rows identified from had probe",
+        "3 held-out rows are at 26 degC; the rows identified from were at 20 to 21.14 degC",
+    ]
+    wide = SetUp(tolerance=Tolerance(5.0, 5.0))
+    (only,) = held_out_warnings(Conditions(payload, tool, warmth), wide, ~is_test, is_test)
+    assert "gripper" in only
+    none = np.zeros(8, dtype=bool)
+    assert held_out_warnings(Conditions(payload, tool, warmth), SetUp(), ~none, none) == ()
+    assert held_out_warnings(Conditions(), SetUp(), ~is_test, is_test) == ()
