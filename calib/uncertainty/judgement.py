@@ -207,9 +207,10 @@ def _belief(
             use, belief = None, believed(None, known.shared)
     slow = None
     if known.order is not None:
+        nobody = np.zeros(0, dtype=np.int64)
         slow = drifting(
-            fit, train, known.order[0], test if use is not None else test.rows([]),
-            known.order[1] if use is not None else known.order[1][:0],
+            fit, train, known.order[0], test if use is not None else test.rows(nobody),
+            known.order[1] if use is not None else known.order[1][nobody],
             hidden=belief.misfit, whatever=bool(known.unmodelled),
         )  # fmt: skip
         if slow is not None and slow.drift is not None:

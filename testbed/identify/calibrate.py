@@ -20,7 +20,8 @@ from testbed.identify.fit import (
     row_errors,
 )
 from testbed.identify.frames import frames_of
-from testbed.identify.outliers import held_out_outliers, proof_of, training_outliers, warnings_of
+from testbed.identify.outliers import held_out_outliers, training_outliers, warnings_of
+from testbed.identify.proof import proof_of
 from testbed.identify.records import Calibration, HeldOutSplit, OutlierRows
 from testbed.identify.session import origin_of, row_names, split_of, with_scatter
 from testbed.progress import Progress
@@ -123,7 +124,7 @@ def _calibrated(
     if options.loss == AUTO:
         left_out[places[outliers.rows]] = True
     used = split.is_train & ~left_out
-    train, test = measurements.rows(used), measurements.rows(split.is_test)
+    train = measurements.rows(used)
     report(STEPS[2], 2, len(STEPS))
     pairs, choice = fit(
         frames.start,
@@ -148,6 +149,16 @@ def _calibrated(
     )
     chosen = next(each for each in models if each.model == choice.chosen)
     report(STEPS[3], 3, len(STEPS))
+    proof = proof_of(
+        chosen.identification,
+        robot,
+        session,
+        measurements,
+        used=used,
+        is_test=split.is_test,
+        visits=~left_out,
+        seed=options.seed,
+    )
     before = row_errors(frames.before, measurements)
     return Calibration(
         source=origin_of(robot, session, probed),
@@ -171,10 +182,12 @@ def _calibrated(
         ),
         before_misses=before,
         before_train=figures_of(before, measurements, used),
-        before_test=figures_of(before, measurements, split.is_test) if len(test) else None,
+        before_test=figures_of(before, measurements, split.is_test)
+        if split.is_test.any()
+        else None,
         fits=models,
         choice=choice,
-        proof=proof_of(chosen.identification, train, test, seed=options.seed),
+        proof=proof,
         warnings=(
             *doubts,
             *warnings_of(models[0], chosen, train),

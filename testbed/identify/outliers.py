@@ -12,10 +12,8 @@ from calib.identification.outlier_search import OutlierSearch, search_outliers
 from calib.identification.result import ILL_CONDITIONED
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import Prediction, predict
-from calib.uncertainty.judgement import Judgement, judge
 from testbed.identify.frames import StartFrames
 from testbed.identify.records import FittedModel, RowErrors
-from testbed.streams import stream
 from testbed.units import DEG, MM, in_units, significant, unit_of
 
 CHANCE = 0.01
@@ -26,10 +24,6 @@ ELSEWHERE = 3.0
 """A row fits another pose if it misses that one by less than so many typical misses."""
 HELD_OUT_FAR = 8.0
 """Held-out misses beyond so many medians are named."""
-REPLICATES = 400
-"""Virtual calibrations that check whether linear propagation holds; 4 % in each deviation."""
-MOST_ROWS = 300
-"""Larger tables are not replicated: their linear intervals are tight enough to be linear."""
 
 
 def training_outliers(
@@ -115,15 +109,6 @@ def _elsewhere(
         return "; measure it again or leave it out"
     best = int(others[np.argmin(np.where(fits, there.misses, np.inf))])
     return f"; it fits the joints of {name[best]}: were they swapped?"
-
-
-def proof_of(
-    result: Identification, train: Measurements, test: Measurements, *, seed: int
-) -> Judgement:
-    """Judge the identification that is handed out by held-out rows (also by none)."""
-    small = len(train) <= MOST_ROWS
-    rng = stream(seed, "bootstrap") if small else None
-    return judge(result, test, train=train, rng=rng, replicates=REPLICATES)
 
 
 LEAST_TURN, LEAST_SLIDE = np.radians(10.0), 0.010

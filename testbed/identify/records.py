@@ -191,29 +191,45 @@ class Calibration:
         return all(fit.identification.status is Status.CONVERGED for fit in self.fits)
 
     @property
-    def contradicted(self) -> bool:
-        """Whether the statement made from the stated noise must not be believed."""
-        return not self.proof.trust.model_valid
+    def elsewhere(self) -> bool:
+        """Whether the held-out poses stand in another frame, and prove nothing."""
+        frame = self.proof.frame
+        return frame is not None and frame.found
+
+    @property
+    def believable(self) -> bool:
+        """Whether the stated region is believed, and nothing about it is left to settle."""
+        return self.proof.trust.believe == "region" and not self.elsewhere
+
+    @property
+    def is_stated(self) -> Bool:
+        """(m,) rows whose poses the believed radius is of: held out, else identified from."""
+        return self.is_used if self.elsewhere else self.is_judged
+
+    @property
+    def refuted(self) -> bool:
+        """Whether a test contradicts the interval from the parameters alone."""
+        return self.proof.trust.refuted
 
     @property
     def not_linear(self) -> bool:
-        """Whether nothing contradicts the stated noise but virtual calibrations with it."""
+        """Whether nothing but virtual calibrations speaks against that interval."""
         lack, repeated = self.fit.identification.lack_of_fit, self.proof.bootstrap
         plain = lack is None or lack.p_value >= RED
-        return self.contradicted and plain and repeated is not None and not repeated.agrees
+        return self.refuted and plain and repeated is not None and not repeated.agrees
 
     @property
     def covariance(self) -> Array:
-        """(f, f) of the chosen fit: stated, unless one of the next two holds.
+        """(f, f) of the numbers of the chosen fit: stated, unless one of the next two holds.
 
         Of virtual calibrations where these say that linear propagation does not hold, if they all
-        settled; from the scatter of the residuals where the stated noise is contradicted.
+        settled; from the scatter of the residuals where the stated noise is refuted.
         """
         repeated = self.proof.bootstrap
         if repeated is not None and self.not_linear:
             settled = not repeated.unconverged
             return repeated.empirical if settled else self.fit.identification.covariance
-        return self.fit.scatter if self.contradicted else self.fit.identification.covariance
+        return self.fit.scatter if self.refuted else self.fit.identification.covariance
 
 
 @dataclass(frozen=True, slots=True, eq=False)

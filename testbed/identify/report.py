@@ -9,12 +9,8 @@ from calib.geometry.fixtures import POINT_AXES
 from calib.geometry.frames import log_so3
 from testbed.identify.conditions import conditions_words
 from testbed.identify.records import Calibration, Delivered
-from testbed.identify.report_errors import (
-    accuracy_section,
-    belief_section,
-    outlier_section,
-    residual_section,
-)
+from testbed.identify.report_belief import belief_section, reach_section
+from testbed.identify.report_errors import accuracy_section, outlier_section, residual_section
 from testbed.identify.results import dh_table
 from testbed.identify.words import (
     HEAD,
@@ -29,6 +25,9 @@ from testbed.identify.words import (
 from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section
 from testbed.robots.write.dh_table import DhRow
 from testbed.units import DEG, MM, counted, fixed, sentences, with_uncertainty
+
+ONE_NUMBER = "U = 2 u (95.4 %)"
+"""Heads the U of single numbers: k = 2 in one dimension."""
 
 
 def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[str, str]) -> Page:
@@ -47,6 +46,7 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
     sections = (
         accuracy_section(calibration),
         belief_section(calibration),
+        reach_section(calibration),
         residual_section(calibration),
         outlier_section(calibration),
         parameter_section(calibration),
@@ -64,7 +64,7 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         title=f"{source.robot_title}: {source.name}",
         subtitle=f"Session {source.name}, robot {source.robot}, seed {calibration.split.seed}; "
         f"{calibration.split.sentence}.",
-        believable=not calibration.contradicted,
+        believable=calibration.believable,
         mark=mark(calibration),
         verdict=verdict(calibration),
         reasons=reasons(calibration),
@@ -144,31 +144,33 @@ def data_section(calibration: Calibration) -> Section:
 def parameter_section(calibration: Calibration) -> Section:
     """Every number of the robot old, new and changed, with its U; fixtures as found."""
     result = calibration.fit.identification
-    how = "U = 2 u from the stated noise"
+    how = "from the stated noise, if the model is right"
     if calibration.not_linear:
-        settled = calibration.proof.trust.believe == "bootstrap"
-        how = "U = 2 u, where linear propagation does not hold: " + (
-            "from the spread of virtual calibrations"
-            if settled
-            else "a rough size only, because virtual calibrations did not settle"
+        unsettled = calibration.proof.bootstrap is None or calibration.proof.bootstrap.unconverged
+        how = "where linear propagation does not hold: " + (
+            "a rough size only, because virtual calibrations did not settle"
+            if unsettled
+            else "from the spread of virtual calibrations"
         )
-    elif calibration.contradicted:
+    elif calibration.refuted:
         how = (
-            "U = 2 u from the scatter of the residuals between poses, because the stated noise is "
-            "contradicted: it says how well the numbers of this model are known from poses like "
-            "these, not that the model is right"
+            "from the scatter of the residuals between poses, because a test refutes the stated "
+            "noise: it says how well the numbers of this model are known from poses like these, "
+            "not that the model is right"
         )
     blocks: list[Block] = [
         Text(
-            f"Lengths in mm, angles in deg. {how}. Numbers that cannot be told from others are "
-            "held at their old values; the others then stand for them, too, so a single number is "
-            "a number of this set, not a thing that could be measured on the arm. The numbers are "
-            "correlated: never combine them as if they were independent."
+            f"Lengths in mm, angles in deg. U = 2 u holds one number with 95.4 %, {how}. What may "
+            "hide behind the noise is in the region of the tool point, not in U. Numbers that "
+            "cannot be told from others are held at their old values; the others then stand for "
+            "them, too, so a single number is a number of this set, not a thing that could be "
+            "measured on the arm. The numbers are correlated: never combine them as if they were "
+            "independent."
         ),
         Table(
             caption=f"Base, links, tool: {result.parameters.n_free} numbers estimated in all"
             + (", joint terms included" if calibration.choice.chosen == "extended" else ""),
-            head=("number", "unit", "old", "new", "delta", "U (k = 2)"),
+            head=("number", "unit", "old", "new", "delta", ONE_NUMBER),
             rows=tuple(_cells(row) for row in dh_table(calibration)),
             align="llrrrr",
             size="small",
@@ -198,7 +200,7 @@ def fixture_table(calibration: Calibration) -> Table:
     }
     return Table(
         caption="What stood beside the robot",
-        head=("number", "unit", "value", "U (k = 2)"),
+        head=("number", "unit", "value", ONE_NUMBER),
         rows=tuple(
             _row(called.get(name, name), float(value), float(u[first + k]), length)
             for k, (name, value, length) in enumerate(

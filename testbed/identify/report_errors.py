@@ -1,14 +1,13 @@
-"""A calibration report's sections on its errors: before and after, belief, where, outliers."""
+"""A calibration report's sections on its errors: before and after, where, outliers."""
 
 import numpy as np
 
 from calib.identification.outlier_search import HONEST
-from calib.uncertainty.conformal import fewest_poses
 from testbed.identify import plots
 from testbed.identify.records import Calibration
-from testbed.identify.words import held_out_poses, mm
-from testbed.report.page import Block, Figure, Points, Section, Table, Text
-from testbed.units import MM, counted, percent, probability, sentence, sentences, significant
+from testbed.identify.words import mm
+from testbed.report.page import Block, Figure, Points, Section, Text
+from testbed.units import counted, sentences, significant
 
 
 def accuracy_section(calibration: Calibration) -> Section:
@@ -20,70 +19,6 @@ def accuracy_section(calibration: Calibration) -> Section:
     )
     figure = Figure(caption, plots.histogram(calibration))
     return Section("accuracy", "Before and after", (figure,))
-
-
-def belief_section(calibration: Calibration) -> Section:
-    """Every statement on a new pose, and whether to believe it."""
-    proof = calibration.proof
-    rows = []
-    if proof.held_out is not None:
-        u = np.sqrt(np.trace(proof.held_out.predicted, axis1=1, axis2=2))
-        p = probability(proof.held_out.p_value)
-        contradicted = calibration.contradicted and not calibration.not_linear
-        rows.append(
-            (
-                "model",
-                "model, from the stated noise",
-                f"u = {significant(float(np.sqrt(np.mean(u**2))) * MM, 2)}",
-                "one sd, if the model is right",
-                f"contradicted: held-out p {p}"
-                if contradicted
-                else f"held-out errors agree, p {p}",
-            )
-        )
-    if proof.discrepancy is not None:
-        u3 = float(np.sqrt(np.trace(proof.discrepancy.covariance))) * MM
-        poses = counted(proof.discrepancy.n_poses, "pose")
-        rows.append(
-            (
-                "discrepancy",
-                "discrepancy beyond the model",
-                f"u = {significant(u3, 2)}",
-                "one sd, approximate",
-                f"from {poses}",
-            )
-        )
-    if proof.conformal is not None:
-        low, high = map(percent, proof.conformal.content_range())
-        rows.append(
-            (
-                "conformal",
-                "held-out radius (split conformal)",
-                f"radius {significant(proof.conformal.radius * MM)}",
-                percent(proof.conformal.probability),
-                f"needs no model; this set: {low} to {high}",
-            )
-        )
-    blocks: list[Block] = []
-    if rows:
-        table = Table(
-            caption="What may be said of the tool at a new pose like the held-out ones",
-            head=("statement", "size mm", "content", "test", "believe"),
-            rows=tuple(
-                (*row, "yes" if name == proof.trust.believe else "NO") for name, *row in rows
-            ),
-            align="lllll",
-            note="u: 3-D standard uncertainty, root of the sum over x, y, z.",
-        )
-        blocks.append(table)
-    blocks.append(Points(sentences(proof.trust.sentences)))
-    count, needed = held_out_poses(calibration), fewest_poses()
-    if count < needed:
-        few = f"{counted(count, 'held-out pose')}: a radius for 95 % needs at least {needed}."
-        blocks.append(Text(few))
-    if proof.bootstrap is not None:
-        blocks.append(Text(sentence(proof.bootstrap.sentence, keep_name=True)))
-    return Section("belief", "What to believe, and why", tuple(blocks))
 
 
 def residual_section(calibration: Calibration) -> Section:

@@ -7,8 +7,11 @@ from typing import Any
 import numpy as np
 
 from calib.measurement.accuracy import Accuracy
+from calib.uncertainty.statement.belief import Belief
+from calib.uncertainty.statement.stated_point import StatedPoint
 from testbed.identify.conditions import conditions_numbers
 from testbed.identify.records import Calibration, Delivered, Figures, FittedModel, RowErrors
+from testbed.identify.statements import statements_of
 from testbed.identify.words import notice, reasons, verdict
 from testbed.report.text import csv_text
 from testbed.robots.write.dh_table import DhRow, dh_rows
@@ -42,7 +45,7 @@ def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:
         "robot": source.robot,
         "seed": split.seed,
         "files_sha256": dict(source.files),
-        "verdict/believable": not calibration.contradicted,
+        "verdict/believable": calibration.believable,
         "verdict/believe": trust.believe,
         "verdict/sentence": verdict(calibration),
         "verdict/reasons": reasons(calibration),
@@ -92,15 +95,29 @@ def plain(values: Mapping[str, object]) -> list[Quantity]:
 
 
 def statements(calibration: Calibration) -> list[Quantity]:
-    """What may be said of the tool's position at a new pose."""
-    proof = calibration.proof
-    out = [Quantity("model_valid", proof.trust.model_valid)]
+    """What may be said of the tool's position at a new pose, and what the readings were asked."""
+    proof, asked = calibration.proof, calibration.proof.questions
+    out = [
+        Quantity("refuted", proof.trust.refuted),
+        *(
+            Quantity(f"compared/{one.key}/R95_um", one.radius, METRE)
+            for one in statements_of(calibration)
+        ),
+        *(
+            Quantity(f"compared/{one.key}/{name}", getattr(one, name))
+            for one in statements_of(calibration)
+            for name in ("promise", "use")
+        ),
+        *(
+            Quantity(f"tests/{name}", {"p": p, "p_for_all": adjusted, "said": name in asked.said})
+            for name, p, adjusted in zip(asked.names, asked.p_values, asked.adjusted, strict=True)
+        ),
+        Quantity("tests/residuals and held-out errors/p", asked.combined),
+    ]
+    if proof.point is not None and proof.belief is not None:
+        out += _region(proof.point, proof.belief)
     if proof.held_out is not None:
-        u = np.sqrt(np.trace(proof.held_out.predicted, axis1=1, axis2=2))
-        out += [
-            Quantity("model_u_3d_rms_mm", np.sqrt(np.mean(u**2)), METRE),
-            Quantity("held_out_p_value", proof.held_out.p_value),
-        ]
+        out.append(Quantity("held_out_p_value", proof.held_out.p_value))
     if proof.discrepancy is not None:
         size = np.sqrt(np.trace(proof.discrepancy.covariance))
         out.append(Quantity("discrepancy_u_3d_mm", size, METRE))
@@ -111,6 +128,33 @@ def statements(calibration: Calibration) -> list[Quantity]:
             Quantity("conformal_content_range", proof.conformal.content_range()),
         ]
     return out
+
+
+def _region(point: StatedPoint, belief: Belief) -> list[Quantity]:
+    """The believed region at poses like those that it is of, as single numbers."""
+    sizes = {
+        "u_mean_um": point.u_mean,
+        "u_move_um": point.u_move,
+        "R95_mean_um": point.radius_mean,
+        "R95_move_um": point.radius_move,
+        "misfit_upper_um": belief.misfit.upper,
+        "misfit_best_um": belief.misfit.best,
+        "detectable_um": belief.misfit.detectable,
+    }
+    others: dict[str, object] = {
+        "probability": point.probability,
+        "factor": belief.factor,
+        "guards": belief.n_guards,
+        "poses": point.n_poses,
+        "poses_held_out": point.held_out,
+        "move_told_by": point.move_told_by,
+        "noise_scale": belief.misfit.noise_scale,
+        "noise_told_by_repeats": belief.misfit.repeated,
+    }
+    return [
+        *(Quantity(name, x if np.isfinite(x) else None, METRE) for name, x in sizes.items()),
+        *plain(others),
+    ]
 
 
 def dh_table(calibration: Calibration) -> tuple[DhRow, ...]:

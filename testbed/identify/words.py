@@ -1,17 +1,20 @@
 """What a calibration says, sentence by sentence: verdict, reasons, next step, headline rows."""
 
+import numpy as np
+
 from calib.uncertainty.conformal import fewest_poses
+from calib.uncertainty.statement.stated_point import StatedPoint
 from testbed.identify.conditions import conditions_words
 from testbed.identify.records import Calibration, Delivered, Figures, FittedModel
 from testbed.report.page import SIMULATED
-from testbed.units import DEG, MM, counted, fixed, sentences, significant
+from testbed.units import DEG, MM, UM, counted, fixed, sentences, significant
 
 MEASURED = "MEASURED - a calibration report, not a certificate of traceability"
-GOOD = "✓ The stated uncertainty can be believed"
-RADIUS = "✗ Believe the held-out radius, not the intervals from the stated noise"
-SPREAD = "✗ Believe the virtual calibrations, not the linear intervals"
-NOTHING = "✗ No stated uncertainty can be believed"
-OPEN = "? No held-out pose has tested this result"
+GUARDED = "✓ A region of the tool point is believed, and held-out poses guard it"
+UNGUARDED = "? A region of the tool point is believed; too few held-out poses test it to guard it"
+UNTESTED = "? A region of the tool point is believed; no held-out pose has tested it"
+ELSEWHERE = "✗ The held-out poses stand in another frame: they prove nothing until that is settled"
+NOTHING = "✗ No statement about the tool point is believed"
 LEARNT = 1.1
 """Errors at held-out poses up to so many times those at training poses are all that is left."""
 LARGER = 1.2
@@ -31,16 +34,18 @@ def notice(calibration: Calibration) -> str:
 
 def mark(calibration: Calibration) -> str:
     """The verdict in a few words."""
-    proof = calibration.proof
-    if not calibration.contradicted:
-        return GOOD if proof.held_out is not None else OPEN
-    if proof.trust.believe == "bootstrap":
-        return SPREAD
-    return RADIUS if proof.trust.believe == "conformal" else NOTHING
+    belief = calibration.proof.belief
+    if belief is None:
+        return NOTHING
+    if calibration.elsewhere:
+        return ELSEWHERE
+    if belief.n_guards:
+        return GUARDED
+    return UNGUARDED if calibration.proof.held_out is not None else UNTESTED
 
 
 def verdict(calibration: Calibration) -> str:
-    """How good the calibration is, on poses that it never saw."""
+    """How good the calibration is, on poses that it never saw, and what may be believed of it."""
     before, after = calibration.before_test, calibration.fit.test
     if before is None or after is None:
         before, after = calibration.before_train, calibration.fit.train
@@ -58,7 +63,29 @@ def verdict(calibration: Calibration) -> str:
             f", the orientation error from {deg(before.rotation.mean)} to "
             f"{deg(after.rotation.mean)} deg"
         )
-    return f"{text}; 95 % of the poses lie below {mm(after.position.p95)} mm."
+    return f"{text}. {believed_words(calibration)}"
+
+
+def believed_words(calibration: Calibration) -> str:
+    """Whether a statement about the tool point can be believed, and its radius."""
+    point, belief = calibration.proof.point, calibration.proof.belief
+    if point is None or belief is None:
+        return "No statement about the true tool point can be believed."
+    radius = f"{r95(point)} = {significant(point.radius_mean * UM)} um of the mean tool point"
+    if calibration.elsewhere:
+        return f"{radius} is what they were to test, and did not: they stand in another frame."
+    if belief.n_guards:
+        return f"{radius} can be believed: {belief.n_guards} held-out poses guard it."
+    if calibration.proof.held_out is None:
+        return f"{radius} rests on the fit alone: no held-out pose has tested it."
+    few = counted(len(calibration.proof.held_out), "held-out pose")
+    return f"{radius} is stated with a wider misfit: {few} tested it, too few to guard it."
+
+
+def r95(point: StatedPoint) -> str:
+    """What a radius is called, with its dimension and probability."""
+    held = 100 * point.probability
+    return f"R{held:g} (3-D radius, {held:g} %)"
 
 
 def kind(calibration: Calibration) -> str:
@@ -68,16 +95,14 @@ def kind(calibration: Calibration) -> str:
 
 
 def reasons(calibration: Calibration) -> tuple[str, ...]:
-    """Why the verdict is what it is; what is not valid comes first."""
-    texts = []
+    """Why the verdict is what it is: what is believed and what is in it comes first."""
+    texts = [*calibration.proof.trust.sentences]
     factor = calibration.fit.noise_factor
-    if calibration.contradicted and factor > LARGER:
+    if calibration.refuted and factor > LARGER:
         texts.append(
-            f"The residuals are {significant(factor, 2)} times what the "
-            "stated noise explains. How the rows are weighted then matters little, but every "
-            "interval made from that noise is far too narrow"
+            f"The residuals are {significant(factor, 2)} times what the stated noise explains: the "
+            "U of the numbers is made from their scatter from pose to pose instead"
         )
-    texts += calibration.proof.trust.sentences
     texts.append(f"Model: {calibration.choice.sentence}")
     out = int(calibration.gross.left_out.sum())
     if out:
@@ -97,8 +122,8 @@ def next_step(calibration: Calibration) -> str:
     fit, proof = calibration.fit, calibration.proof
     if fit.test is None:
         return (
-            "Measure at least 19 more poses where the robot will be used, and give them by --test: "
-            "until then nothing but the fit itself speaks for this result."
+            f"Measure at least {fewest_poses()} more poses where the robot will be used, and give "
+            "them by --test: until then nothing but the fit itself speaks for this result."
         )
     gain = calibration.before_test.position.mean / fit.test.position.mean  # type: ignore[union-attr]  # both or none
     if gain < 1:
@@ -107,25 +132,37 @@ def next_step(calibration: Calibration) -> str:
             "robot's description, the units and the matching of poses."
         )
     use = "Load the identified robot from robot/, or send the corrected targets (--program CSV)."
-    if proof.trust.believe == "bootstrap":
-        return f"{use} Quote the U of its parameters, from the virtual calibrations, with it."
-    if not calibration.contradicted:
-        if proof.held_out is None:
-            return f"{use} No held-out pose has tested its stated uncertainty: say so with it."
-        return f"{use} Its stated uncertainty may be quoted with it."
-    if proof.conformal is None:
+    if calibration.elsewhere:
         return (
-            f"{use} Quote no uncertainty with it: the stated one is contradicted. Measure at least "
-            f"{fewest_poses()} poses to hold out."
+            "Find out first why the held-out poses stand apart: a base or a station that moved, "
+            "another target, another tool. Then measure them again."
         )
-    learnt = fit.test.position.mean <= LEARNT * fit.train.position.mean
-    more = (
-        "More poses will not make that smaller: it is what the model leaves out."
-        if learnt
-        else "It is larger than at the poses identified from: more of these may make it smaller."
-    )
-    radius = f"{mm(proof.conformal.radius)} mm (95 %) for poses like the held-out ones"
-    return f"{use} Quote {radius}. {more}"
+    if proof.belief is None or proof.point is None:
+        if proof.conformal is None:
+            return f"{use} Quote no uncertainty with it. {_more_poses()}"
+        radius = f"{mm(proof.conformal.radius)} mm (95 % of measured points)"
+        return f"{use} Quote the held-out radius of {radius} with it, at poses like the held-out."
+    quote = f"{r95(proof.point)} = {significant(proof.point.radius_mean * UM)} um"
+    text = f"{use} Quote {quote} for the mean of many moves"
+    if np.isfinite(proof.point.radius_move):
+        text += f", {significant(proof.point.radius_move * UM)} um for where one move ends"
+    text += ", at poses like the held-out ones."
+    if not proof.belief.n_guards:
+        done = "guards" if proof.held_out is not None else "has tested"
+        return f"{text} Say that no held-out pose {done} it. {_more_poses()}"
+    if calibration.refuted:
+        learnt = fit.test.position.mean <= LEARNT * fit.train.position.mean
+        text += (
+            " More poses will not make that smaller: it is what the model leaves out."
+            if learnt
+            else " Errors are larger than at the poses identified from: more of these may help."
+        )
+    return text
+
+
+def _more_poses() -> str:
+    """How a guard is had."""
+    return f"Measure at least {fewest_poses()} poses to hold out, drawn from where it is used."
 
 
 def headline_rows(calibration: Calibration) -> tuple[tuple[str, ...], ...]:

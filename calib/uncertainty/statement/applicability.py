@@ -91,11 +91,16 @@ class Proven:
     high: Array
     """(n,) largest."""
 
+    @property
+    def room(self) -> Array:
+        """(n,) how far each joint may leave its range over the held-out poses [rad, m]."""
+        return np.where(self.wide.chain.prismatic > 0, BEYOND_SLIDE, BEYOND)
+
     def applies(self, q: ArrayLike) -> Applicability:
         """Whether the statement reaches joints q (N, n) [rad, m]."""
         (q,) = check(f"N {len(self.low)}", q=q)
         of_terms, of_foot, leverage = self.left(q) / self.usual[:, None]
-        room = np.where(self.wide.chain.prismatic > 0, BEYOND_SLIDE, BEYOND)
+        room = self.room
         return Applicability(
             frozen(np.maximum(of_terms, of_foot)),
             frozen(leverage),

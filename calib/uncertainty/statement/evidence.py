@@ -203,7 +203,7 @@ def likelihood(rows: PositionRows, unit: float, repeats: NoiseRepeats | None) ->
 
 
 def detectable(lam: Array, n_numbers: int) -> float:
-    """Size, in noise sd, that a score test at `SEEN` finds with `POWER`.
+    """Size, in noise sd, that a score test at `SEEN` finds with `POWER`; nan where it finds none.
 
     References
     ----------
@@ -211,11 +211,11 @@ def detectable(lam: Array, n_numbers: int) -> float:
     and c = 1 - numbers / rows.
     """
     t = np.geomspace(1e-4, 1e8, 2000)[:, None]
-    gain = np.sqrt(1 - n_numbers / len(lam)) * t[:, 0] * (lam**2).sum()
+    gain = np.sqrt(max(1 - n_numbers / len(lam), 0.0)) * t[:, 0] * (lam**2).sum()
     need = ndtri(1 - SEEN) * np.sqrt(2 * (lam**2).sum())
     need = need + ndtri(POWER) * np.sqrt(2 * (lam**2 * (1 + t * lam) ** 2).sum(axis=1))
     seen = np.flatnonzero(gain > need)
-    return float(np.sqrt(t[seen[0], 0])) if len(seen) else np.inf
+    return float(np.sqrt(t[seen[0], 0])) if len(seen) else np.nan
 
 
 def _alike(pose: Index, at: Bool, heavy: Bool) -> list[Index]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from calib.arrays import Array
+from calib.arrays import Array, FloatOrNan
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
@@ -44,12 +44,12 @@ class HiddenMisfit:
     """Sizes of a misfit, one standard deviation per axis [m], as far as the evidence goes."""
 
     shape: MisfitShape
-    best: float
-    """Most likely size."""
+    best: FloatOrNan
+    """Most likely size; nan where the rows show nothing."""
     upper: float
     """Upper limit of its profile likelihood; infinite where the rows show nothing."""
-    detectable: float
-    """Size that a test would have seen."""
+    detectable: FloatOrNan
+    """Size that a test would have seen; nan where the rows are too few to see any."""
     ratio: float
     """Twice the log-likelihood that the best size gains over none."""
     noise_scale: float
@@ -84,10 +84,12 @@ class HiddenMisfit:
                 f"{1e6 * self.upper:.1f} um is in the region"
             )
         told = "" if self.repeated else "; the stated noise is taken on trust: no pose was repeated"
-        return (
-            f"a misfit of {1e6 * self.detectable:.1f} um per axis or more would have been seen; "
-            f"less may hide behind the noise, and {1e6 * self.upper:.1f} um is in the region{told}"
-        )
+        if np.isnan(self.detectable):
+            least = "the measurements are too few to see for certain what hides"
+        else:
+            size = f"{1e6 * self.detectable:.1f} um per axis"
+            least = f"a misfit of {size} or more would have been seen; less may hide"
+        return f"{least} behind the noise, and {1e6 * self.upper:.1f} um is in the region{told}"
 
 
 def misfit(
@@ -131,7 +133,7 @@ def misfit(
     unit = rows.noise_sd
     found = likelihood(rows.joined(believed_before(identification)), unit, repeats)
     if found is None:
-        return HiddenMisfit(shape, np.nan, np.inf, np.inf, 0.0, 1.0, unit, repeats is not None)
+        return HiddenMisfit(shape, np.nan, np.inf, np.nan, 0.0, 1.0, unit, repeats is not None)
     best = int(np.argmax(found.value))
     return HiddenMisfit(
         shape,

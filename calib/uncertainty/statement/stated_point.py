@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from calib.arrays import Array
+from calib.arrays import Array, FloatOrNan
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.distance import probability_within
@@ -23,9 +23,9 @@ class StatedPoint:
     """3-D standard uncertainty of the mean of many moves, root mean square over the poses [m]."""
     radius_mean: float
     """Radius that holds it with `probability` [m]."""
-    u_move: float
+    u_move: FloatOrNan
     """The same of where one move ends; nan where nothing tells how well joints come back [m]."""
-    radius_move: float
+    radius_move: FloatOrNan
     probability: float
     n_poses: int
     held_out: bool

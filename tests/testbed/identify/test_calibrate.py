@@ -14,9 +14,8 @@ from calib.measurement.residual import linearize
 from calib.uncertainty.trust import trust
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.fit import scatter_covariance
-from testbed.identify.words import mark
 from tests.calibrated import real, robot, session_of, sound, sound_session, table_of, true_model
-from tests.reference import pool_r
+from tests.reference import SIGMA_POSITION, pool_r
 
 
 def test_a_robot_meters_away_is_found_to_the_noise_of_the_tracker():
@@ -28,7 +27,8 @@ def test_a_robot_meters_away_is_found_to_the_noise_of_the_tracker():
     assert missed.mean() < 30e-6
     assert found.before_test.position.mean > 10 * missed.mean()
     assert found.fit.identification.rank == 30
-    assert found.proof.trust.model_valid
+    assert found.believable
+    assert not found.refuted
     assert not found.gross.left_out.any()
 
 
@@ -90,13 +90,18 @@ def test_the_misses_are_what_the_model_and_the_table_say():
     assert fit.test.median == pytest.approx(np.median(test), rel=1e-12)
 
 
-def test_understated_noise_is_said_first_and_the_radius_is_believed():
+def test_understated_noise_becomes_a_misfit_that_is_in_the_region():
     found = real()
-    assert found.contradicted
+    assert found.refuted
+    assert found.believable
     assert found.fit.identification.p_value < RED
-    assert found.proof.trust.believe == "conformal"
     # the extended model leaves noise only, 60 medians of it
     assert found.fit.noise_factor == pytest.approx(5.0, rel=0.15)
+    # no more than noise of 17.5 um, which is stated, is left to the noise: 5 times that hides there
+    assert found.proof.belief.misfit.upper > 4 * SIGMA_POSITION
+    q = pool_r(300, seed=97)
+    true, regions = true_model(harmonics=0.02).poses(q)[:, :3, 3], found.proof.belief.regions(q)
+    assert regions.holds(true).mean() > 0.95
     test = np.sort(found.fit.misses.position[found.split.is_test])
     n = len(test)
     assert found.proof.conformal.radius == test[int(np.ceil(0.95 * (n + 1))) - 1]
@@ -176,17 +181,14 @@ def test_joints_that_were_not_moved_are_named_first_of_all_warnings():
     assert sound().warnings == ()
 
 
-def test_where_only_linearity_fails_the_virtual_calibrations_are_quoted():
+def test_where_only_linearity_fails_the_numbers_are_those_of_the_virtual_calibrations():
     found = sound()
-    proof = found.proof
-    bent = replace(proof.bootstrap, estimates=2 * proof.bootstrap.estimates)
+    bent = replace(found.proof.bootstrap, estimates=2 * found.proof.bootstrap.estimates)
     other = _with(found, bent)
-    assert (other.proof.trust.believe, other.not_linear) == ("bootstrap", True)
+    assert (other.proof.trust.believe, other.refuted, other.not_linear) == ("region", True, True)
     np.testing.assert_array_equal(other.covariance, np.cov(bent.estimates, rowvar=False))
-    assert mark(other).startswith("✗ Believe the virtual calibrations")
     # replicates that never arrived say nothing of how far numbers scatter
     lost = _with(found, replace(bent, unconverged=400))
-    assert lost.proof.trust.believe == "conformal"
     assert np.array_equal(lost.covariance, found.fit.identification.covariance)
 
 
@@ -194,8 +196,10 @@ def _with(found, bootstrap):
     proof = found.proof
     judged = trust(
         found.fit.identification,
+        belief=proof.belief,
+        point=proof.point,
+        questions=proof.questions,
         held_out=proof.held_out,
-        conformal=proof.conformal,
         bootstrap=bootstrap,
     )
     return replace(found, proof=replace(proof, bootstrap=bootstrap, trust=judged))

@@ -98,7 +98,7 @@ def test_distances_to_known_points_are_judged_as_distances():
     assert found.proof.held_out is None
     # a distance shows an error along its own line only: no radius around a point comes of it
     assert found.proof.conformal is None
-    assert "No held-out pose has tested" in next_step(found)
+    assert "no held-out pose has tested it" in next_step(found)
     # E|noise| of one distance is 14 um
     assert found.fit.test.position.mean < 40e-6
     assert kind(found) == "mean distance error"

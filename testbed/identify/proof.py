@@ -1,0 +1,109 @@
+"""How a calibration is judged: what a session knows beside its readings, and the judgement."""
+
+import numpy as np
+
+from calib.arrays import Array, Bool, Index, frozen
+from calib.geometry.model import RobotModel
+from calib.identification.identify import Identification
+from calib.measurement.observations import GIVEN, Measurements
+from calib.uncertainty.judgement import Circumstances, Judgement, judge
+from calib.uncertainty.statement.repeats import FEWEST_FREEDOM, joint_scatter, repeated
+from testbed.files.session import Session
+from testbed.robots.robot import Robot
+from testbed.streams import stream
+
+REPLICATES = 400
+"""Virtual calibrations that check whether linear propagation holds; 4 % in each deviation."""
+MOST_ROWS = 300
+"""Larger tables are not replicated: their linear intervals are tight enough to be linear."""
+
+
+def proof_of(
+    result: Identification,
+    robot: Robot,
+    session: Session,
+    measurements: Measurements,
+    *,
+    used: Bool,
+    is_test: Bool,
+    visits: Bool,
+    seed: int,
+    shared: Array | None = None,
+) -> Judgement:
+    """Judge the identification that is handed out by held-out rows (also by none).
+
+    Parameters
+    ----------
+    result : Identification
+        Of the chosen model.
+    robot : Robot
+        As its maker describes it: how well joints come back, unless repeats tell.
+    session : Session
+        Where the rows come from.
+    measurements : Measurements
+        All rows (m), the scatter of the joints in their covariances.
+    used, is_test, visits : (m,) array of bool
+        Rows identified from; held out; all that are no gross errors.
+    seed : int
+        Of virtual calibrations.
+    shared : (P, P) array, optional
+        Covariance of all numbers from what all readings of the instrument share [m, rad].
+    """
+    train, test = measurements.rows(used), measurements.rows(is_test)
+    sd, told_by = repeatability(result.model, robot, session, measurements, visits)
+    order = order_of(session)
+    known = Circumstances(
+        visits=measurements.rows(visits) if session.wanted.visits == "first" else None,
+        order=(order[used], order[is_test]),
+        shared=shared,
+        repeatability=sd,
+        told_by=told_by,
+        target=stated_target(measurements),
+    )
+    rng = stream(seed, "bootstrap") if len(train) <= MOST_ROWS else None
+    return judge(result, test, train=train, circumstances=known, rng=rng, replicates=REPLICATES)
+
+
+def order_of(session: Session) -> Index:
+    """Place (m,) of each row in time: as the clock says, else as the rows stand in the files."""
+    m = len(session.measurements)
+    if session.time is None:
+        return np.arange(m)
+    order = np.empty(m, dtype=np.int64)
+    order[np.argsort(session.time, kind="stable")] = np.arange(m)
+    return order
+
+
+def stated_target(measurements: Measurements) -> tuple[float, float, float]:
+    """Point in the tool frame that is stated [m]: the one that all rows look at, if it is known."""
+    places = np.unique(measurements.offset, axis=0)
+    if len(places) > 1 or (measurements.reflector != GIVEN).any():
+        return (0.0, 0.0, 0.0)
+    x, y, z = map(float, places[0])
+    return (x, y, z)
+
+
+def repeatability(
+    model: RobotModel, robot: Robot, session: Session, measurements: Measurements, visits: Bool
+) -> tuple[Array, str]:
+    """Standard deviation (n,) with which each joint comes back [rad, m], and what tells it.
+
+    Repeats of poses tell it where there are enough, and where the scatter of the joints is known
+    apart from that of the instrument: then their upper 95 % limit is taken.
+    """
+    stated, said = robot.repeatability, "the robot's description"
+    some = np.flatnonzero(visits & ~measurements.is_distance)
+    seen = measurements.rows(some)
+    freedom = sum(3 * (len(rows) - 1) for rows in repeated(seen)) if len(seen) else 0
+    if not session.joint_scatter.any() or freedom < FEWEST_FREEDOM:
+        return stated, said
+    own = session.measurements.covariance[some, :3, :3]
+    found = joint_scatter(model, seen, own, measurements.covariance[some, :3, :3] - own)
+    if found is None:
+        return stated, said
+    best, upper = found
+    told = (
+        f"repeats find {best:.2g} times what {said} states, and allow {upper:.2g} times, which is "
+        "taken"
+    )
+    return frozen(upper * stated), told

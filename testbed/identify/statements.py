@@ -1,0 +1,118 @@
+"""Every statement on the tool point at a new pose, as one radius: what it promises, and its use."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, FloatOrNan
+from calib.identification.identify import Identification
+from calib.uncertainty.statement.gain import of_all_numbers
+from calib.uncertainty.statement.stated_point import common_radius
+from calib.uncertainty.tool_point import ToolStatement, tool_statement
+from testbed.identify.proof import stated_target
+from testbed.identify.records import Calibration
+from testbed.units import UM, counted, percent, probability
+
+BELIEVED, NOT_NEEDED = "believed", "not needed"
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """One of them."""
+
+    key: str
+    """In result.json."""
+    name: str
+    """For people."""
+    radius: FloatOrNan
+    """Of a ball about the predicted point [m]."""
+    promise: str
+    """What it holds, and with which probability."""
+    use: str
+    """Whether it is believed, or why not."""
+
+
+def statements_of(calibration: Calibration) -> tuple[Statement, ...]:
+    """The believed region of the mean and of one move first, then what it is compared with."""
+    proof = calibration.proof
+    other = NOT_NEEDED if proof.belief is not None else "no region is believed"
+    return (*_believed(calibration), *_compared(calibration, other))
+
+
+def stated_joints(calibration: Calibration) -> Array:
+    """Joints (n, j) of the poses that the believed radius is of [rad, m]."""
+    table = calibration.measurements.rows(calibration.is_stated)
+    return table.q[np.unique(table.pose_id, return_index=True)[1]]
+
+
+def _believed(calibration: Calibration) -> list[Statement]:
+    """The region; of one move where something tells how well joints come back."""
+    point, belief = calibration.proof.point, calibration.proof.belief
+    if point is None or belief is None:
+        return []
+    held = percent(point.probability)
+    within = (
+        f"{held} of true mean points: noise, a misfit of up to "
+        f"{belief.misfit.upper * UM:.1f} um per axis"
+    )
+    drifting = calibration.proof.drifting
+    if drifting is not None and drifting.drift is not None:
+        within += ", a drift"
+    use = BELIEVED if calibration.believable else "believed, but not tested: another frame"
+    found = [Statement("region_mean", "believed region: mean of many moves", point.radius_mean,
+                       within, use)]  # fmt: skip
+    if np.isfinite(point.radius_move):
+        what = f"{held} of ends of single moves: the same, and how well joints come back"
+        name = "believed region: where one move ends"
+        found.append(Statement("region_move", name, point.radius_move, what, use))
+    return found
+
+
+def _compared(calibration: Calibration, other: str) -> list[Statement]:
+    """What stands beside the region, and is contained in it or needs other assumptions."""
+    proof, result = calibration.proof, calibration.fit.identification
+    found = []
+    if result.mode == "whitened":
+        refuted = calibration.refuted and not calibration.not_linear
+        why = "refuted by a test" if refuted else other
+        if proof.held_out is not None:
+            why += f": held-out p {probability(proof.held_out.p_value)}"
+        radius = common_radius(_by_numbers(calibration, result.full_covariance))
+        what = "95 % if the model and the stated noise are exactly right"
+        found.append(Statement("parameters", "parameters alone", radius, what, why))
+    if proof.bootstrap is not None:
+        why = other if proof.bootstrap.agrees else "its covariance is in the region"
+        why = "did not settle" if proof.bootstrap.unconverged else why
+        covariance = of_all_numbers(result, proof.bootstrap.empirical)
+        radius = common_radius(_by_numbers(calibration, covariance))
+        what = f"the same by {counted(proof.bootstrap.replicates, 'virtual calibration')}"
+        found.append(Statement("bootstrap", "virtual calibrations", radius, what, why))
+    if proof.discrepancy is not None:
+        wide = _by_numbers(calibration, result.full_covariance, discrepancy=True)
+        what = "95 %, roughly: a systematic error counts as drawn anew at each pose"
+        name = "parameters and discrepancy"
+        found.append(Statement("discrepancy", name, common_radius(wide), what, other))
+    if proof.conformal is not None:
+        low, high = map(percent, proof.conformal.content_range())
+        what = (
+            f"{percent(proof.conformal.probability)} of measured points, without any model (this "
+            f"set: {low} to {high}); contains the measuring noise"
+        )
+        why = other if proof.belief is not None else "what is left"
+        found.append(
+            Statement("conformal", "held-out radius (split conformal)", proof.conformal.radius,
+                      what, why)
+        )  # fmt: skip
+    return found
+
+
+def _by_numbers(
+    calibration: Calibration, covariance: Array, *, discrepancy: bool = False
+) -> ToolStatement:
+    """The tool point at the stated poses from the covariance of all numbers."""
+    result: Identification = calibration.fit.identification
+    return tool_statement(
+        result.model, stated_joints(calibration), covariance,
+        discrepancy=calibration.proof.discrepancy if discrepancy else None,
+        target=stated_target(calibration.measurements),
+    )  # fmt: skip
