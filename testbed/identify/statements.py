@@ -17,7 +17,7 @@ BELIEVED, NOT_NEEDED = "believed", "not needed"
 
 
 @dataclass(frozen=True, slots=True)
-class Statement:
+class StatedRadius:
     """One of them."""
 
     key: str
@@ -32,7 +32,7 @@ class Statement:
     """Whether it is believed, or why not."""
 
 
-def statements_of(calibration: Calibration) -> tuple[Statement, ...]:
+def statements_of(calibration: Calibration) -> tuple[StatedRadius, ...]:
     """The believed region of the mean and of one move first, then what it is compared with."""
     proof = calibration.proof
     other = NOT_NEEDED if proof.belief is not None else "no region is believed"
@@ -45,7 +45,7 @@ def stated_joints(calibration: Calibration) -> Array:
     return table.q[np.unique(table.pose_id, return_index=True)[1]]
 
 
-def _believed(calibration: Calibration) -> list[Statement]:
+def _believed(calibration: Calibration) -> list[StatedRadius]:
     """The region; of one move where something tells how well joints come back."""
     point, belief = calibration.proof.point, calibration.proof.belief
     if point is None or belief is None:
@@ -59,16 +59,16 @@ def _believed(calibration: Calibration) -> list[Statement]:
     if drifting is not None and drifting.drift is not None:
         within += ", a drift"
     use = BELIEVED if calibration.believable else "believed, but not tested: another frame"
-    found = [Statement("region_mean", "believed region: mean of many moves", point.radius_mean,
+    found = [StatedRadius("region_mean", "believed region: mean of many moves", point.radius_mean,
                        within, use)]  # fmt: skip
     if np.isfinite(point.radius_move):
         what = f"{held} of ends of single moves: the same, and how well joints come back"
         name = "believed region: where one move ends"
-        found.append(Statement("region_move", name, point.radius_move, what, use))
+        found.append(StatedRadius("region_move", name, point.radius_move, what, use))
     return found
 
 
-def _compared(calibration: Calibration, other: str) -> list[Statement]:
+def _compared(calibration: Calibration, other: str) -> list[StatedRadius]:
     """What stands beside the region, and is contained in it or needs other assumptions."""
     proof, result = calibration.proof, calibration.fit.identification
     found = []
@@ -79,19 +79,19 @@ def _compared(calibration: Calibration, other: str) -> list[Statement]:
             why += f": held-out p {probability(proof.held_out.p_value)}"
         radius = common_radius(_by_numbers(calibration, result.full_covariance))
         what = "95 % if the model and the stated noise are exactly right"
-        found.append(Statement("parameters", "parameters alone", radius, what, why))
+        found.append(StatedRadius("parameters", "parameters alone", radius, what, why))
     if proof.bootstrap is not None:
         why = other if proof.bootstrap.agrees else "its covariance is in the region"
         why = "did not settle" if proof.bootstrap.unconverged else why
         covariance = of_all_numbers(result, proof.bootstrap.empirical)
         radius = common_radius(_by_numbers(calibration, covariance))
         what = f"the same by {counted(proof.bootstrap.replicates, 'virtual calibration')}"
-        found.append(Statement("bootstrap", "virtual calibrations", radius, what, why))
+        found.append(StatedRadius("bootstrap", "virtual calibrations", radius, what, why))
     if proof.discrepancy is not None:
         wide = _by_numbers(calibration, result.full_covariance, discrepancy=True)
         what = "95 %, roughly: a systematic error counts as drawn anew at each pose"
         name = "parameters and discrepancy"
-        found.append(Statement("discrepancy", name, common_radius(wide), what, other))
+        found.append(StatedRadius("discrepancy", name, common_radius(wide), what, other))
     if proof.conformal is not None:
         low, high = map(percent, proof.conformal.content_range())
         what = (
@@ -100,7 +100,7 @@ def _compared(calibration: Calibration, other: str) -> list[Statement]:
         )
         why = other if proof.belief is not None else "what is left"
         found.append(
-            Statement("conformal", "held-out radius (split conformal)", proof.conformal.radius,
+            StatedRadius("conformal", "held-out radius (split conformal)", proof.conformal.radius,
                       what, why)
         )  # fmt: skip
     return found
