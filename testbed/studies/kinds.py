@@ -17,7 +17,6 @@ from testbed.studies.many_robots import (
     of_each_kind,
     pieces_of,
     played_keys,
-    truth_of_kind,
 )
 from testbed.studies.protocol import Answer, Record, Records, Task
 from testbed.studies.trial.records import Campaign, Trial, campaign_of
@@ -84,7 +83,7 @@ class KindsStudy(Generic[R]):
         needs, pieces = (SETTING, trials[0].name), pieces_of(table.robots)
         found = []
         for key in played_keys(table):
-            truth = truth_of_kind(scenario, kind_of(key)).model_dump(mode="json")
+            truth = table.truth_of(scenario, kind_of(key)).model_dump(mode="json")
             own = {self.name: part(scenario, self.name)[self.name] | {"truths": truth}}
             found.append(Record(key, self.record, reads | own, needs, pieces))
         return tuple(found)

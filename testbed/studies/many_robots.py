@@ -47,8 +47,8 @@ class ManyRobots(StudyTable):
     robots: Annotated[int, Field(ge=0, le=10_000)] = 0
     """Virtual robots of each kind; 0 skips the study."""
     if TYPE_CHECKING:  # each study declares them, with its own defaults
-        truths: tuple[TruthName, ...]
-        """Kinds of robots."""
+        truths: tuple[Any, ...]
+        """Names of kinds of robots."""
 
     def contradictions(self, scenario: Scenario) -> list[str]:
         """Sentences, one per contradiction with itself or other tables."""
@@ -97,7 +97,11 @@ class ManyRobots(StudyTable):
             faults.append(Fault(at, message, fix=fix, value=self.robots))
         return faults
 
-    def _fault(self, scenario: Scenario, robot: "Robot", truth: TruthName) -> Fault | None:
+    def truth_of(self, scenario: Scenario, kind: str) -> TruthSettings:
+        """[truth] of one kind of robots: what the hash of its record reads."""
+        return truth_of_kind(scenario, kind)
+
+    def _fault(self, scenario: Scenario, robot: "Robot", truth: str) -> Fault | None:
         """What keeps the robot from being of one kind; None if nothing does."""
         from calib.identification.joint_models import gravity_quarters
 
@@ -110,7 +114,7 @@ class ManyRobots(StudyTable):
             allowed = f"an arm with level parallel axes 2 and 3 that {stands} at zero"
         elif upright and joints < 5:
             said = f", which has play in joint 5; {robot.name} has {joints} joints"
-        elif other := [*truth_faults(truth_of_kind(scenario, truth), robot)]:
+        elif other := [*truth_faults(self.truth_of(scenario, truth), robot)]:
             said = f": {other[0].message.removeprefix('[truth] ')}"
             allowed = other[0].allowed
         else:
@@ -123,9 +127,9 @@ SAGGING = ("wen2022", "soft", "unmodelled")
 """Kinds of robots whose joints sag by the closed form of an upright arm."""
 
 
-def keys_of(table: str) -> tuple[str, ...]:
+def keys_of(table: str, kinds: Sequence[str] = TRUTHS) -> tuple[str, ...]:
     """Record keys of a study of many robots, one per kind: it can be resumed between them."""
-    return tuple(f"{table}.{truth}" for truth in TRUTHS)
+    return tuple(f"{table}.{kind}" for kind in kinds)
 
 
 def pieces_of(robots: int) -> int:
@@ -138,9 +142,9 @@ def block_of(robots: int, piece: int) -> range:
     return range(piece * BLOCK, min(robots, (piece + 1) * BLOCK))
 
 
-def kind_of(key: str) -> TruthName:
+def kind_of(key: str) -> str:
     """The kind of robots of a record: ``coverage.rigid`` is about rigid ones."""
-    return next(truth for truth in TRUTHS if truth == key.partition(".")[2])
+    return key.partition(".")[2]
 
 
 def played_keys(table: ManyRobots) -> tuple[str, ...]:
@@ -154,7 +158,7 @@ def of_each_kind(records: Records, table: ManyRobots, kind: type[T]) -> tuple[T,
     return tuple(study for study in found if study is not None)
 
 
-def truth_of_kind(scenario: Scenario, truth: TruthName) -> TruthSettings:
+def truth_of_kind(scenario: Scenario, truth: str) -> TruthSettings:
     """[truth] of one kind of robot: its preset, as a file that names only the preset has it."""
     at960 = scenario.tracker.preset == "at960"
     robot = robot_of({"robot": scenario.robot})

@@ -1,57 +1,61 @@
-"""Statements judged by a simulator of another kind, through measurement files."""
+"""Statements judged by a simulator of another kind; `slight` robots through measurement files.
+
+The figures of 200 robots a cell stand beside the bars, by kind of robot; fewer of them are judged
+here against bars that hold for so few.
+"""
 
 import ast
-from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 
-import truebed
-from calib.uncertainty.statement import believe
-from calib.uncertainty.tool_point import tool_statement
 from tests.reference import TX60_LINKS
-from tests.truth import foreign, wen2022_arm
-from tests.truth.foreign import KINDS, ForeignArm, ForeignTracker, candidates, true_arm
+from tests.truth import foreign, foreign_tracker, wen2022_arm
+from tests.truth.foreign import KINDS, TX60, UR5, ForeignArm, candidates, true_arm
+from tests.truth.foreign_cells import UR5_LINKS, Cell, played
+from tests.truth.foreign_tracker import ForeignTracker
 
 pytestmark = pytest.mark.truth
-NOISE = 9.2e-6
-"""Of one reading with the repeatability of the joints, per axis [m]."""
-TARGETS = 60
+FEW, MANY = 24, 200
 
 
-def test_the_judge_knows_nothing_of_the_project():
-    tree = ast.parse(Path(foreign.__file__).read_text(encoding="utf-8"))
+@pytest.mark.parametrize("module", [foreign, foreign_tracker])
+def test_the_judge_knows_nothing_of_the_project(module):
+    tree = ast.parse(Path(module.__file__).read_text(encoding="utf-8"))
     found = {
         name.name if isinstance(node, ast.Import) else node.module
         for node in ast.walk(tree)
         if isinstance(node, (ast.Import, ast.ImportFrom))
         for name in node.names
     }
-    assert found == {"dataclasses", "numpy"}
+    assert found <= {"dataclasses", "functools", "numpy", "tests.truth.foreign"}
 
 
-def test_its_kinematics_are_those_of_the_links():
-    q = candidates(np.random.default_rng(1), 200)
-    p, R = ForeignArm().poses(q)
-    frame_p, frame_R = wen2022_arm.forward(TX60_LINKS, q)
+@pytest.mark.parametrize(("body", "links"), [(TX60, TX60_LINKS), (UR5, UR5_LINKS)])
+def test_its_kinematics_are_those_of_the_links(body, links):
+    q = candidates(np.random.default_rng(1), 200, body)
+    arm = ForeignArm(body)
+    p, R = arm.poses(q)
+    frame_p, frame_R = wen2022_arm.forward(links, q)
+    home = wen2022_arm.forward(links, np.zeros((1, 6)))[1][0]
     # two dozen products of numbers below one: some 1e-15
-    np.testing.assert_allclose(R, frame_R, atol=5e-15)
-    np.testing.assert_allclose(p, frame_p + frame_R @ ForeignArm().tool, atol=5e-15)
+    np.testing.assert_allclose(R @ home, frame_R, atol=5e-15)
+    np.testing.assert_allclose(p, frame_p + R @ arm.tool, atol=5e-15)
 
 
-def test_its_torques_are_slopes_of_the_potential_energy():
+@pytest.mark.parametrize("body", [TX60, UR5])
+def test_its_torques_are_slopes_of_the_potential_energy(body):
     rng = np.random.default_rng(2)
-    arm = true_arm(rng, payload=2.0)
-    q, step, still = candidates(rng, 20), 1e-5, np.zeros((20, 6, 3))
+    arm = true_arm(rng, payload=2.0, body=body)
+    q, step, still = candidates(rng, 20, body), 1e-5, np.zeros((20, 6, 3))
 
     def energy(q):
         """Potential energy (m,) of all masses [J]."""
         T = arm._frames(q, still)[1]
-        centers = [*foreign.CENTERS, foreign.FLANGE + arm.tool]
+        centers = [*body.centers, body.flange + arm.tool]
         heights = [(T[:, k] @ np.append(c, 1.0))[:, 2] for k, c in enumerate(centers)]
-        return 9.81 * np.stack(heights, axis=1) @ np.append(foreign.MASSES, arm.payload)
+        return 9.81 * np.stack(heights, axis=1) @ np.append(body.masses, arm.payload)
 
     torque = arm._moments(q, still)[0]
     for i in range(6):
@@ -70,30 +74,20 @@ def test_its_misfits_have_the_size_that_was_asked_for(kind):
     assert foreign.unheld(plain, q) == pytest.approx(5e-6, rel=0.15)
 
 
-@cache
-def held(kind, size, robots, train=40, held_out=20):
-    """Shares (robots, 2) of true points in the believed region and in that of parameters."""
-    shares = []
-    for robot in range(robots):
-        rng = np.random.default_rng([robot, 7])
-        arm, tracker = true_arm(rng, kind, size * NOISE), ForeignTracker()
-        with TemporaryDirectory() as folder:
-            session = foreign.write_campaign(
-                Path(folder), arm, tracker, rng, candidates(rng, train), candidates(rng, held_out)
-            )
-            with session.open("a", encoding="utf-8") as file:
-                file.write('\n[identification]\nmodel = "geometric"\n')
-            found = truebed.identify("staubli_tx60", session)
-        fit = found.fit.identification
-        belief = believe(
-            fit, found.measurements.rows(found.is_used), found.measurements.rows(found.is_judged)
-        )
-        q = candidates(rng, TARGETS)
-        there = np.linalg.inv(tracker.frame)
-        points = arm.poses(q)[0] @ there[:3, :3].T + there[:3, 3]
-        alone = tool_statement(fit.model, q, fit.full_covariance)
-        shares.append((belief.regions(q).holds(points).mean(), alone.holds(points).mean()))
-    return np.array(shares)
+def test_its_noise_has_the_stated_size_whether_it_remembers_or_not():
+    arm, q = ForeignArm(), candidates(np.random.default_rng(6), 1000)
+    for memory, rel in ((0.0, 0.05), (15.0, 0.25)):
+        tracker = ForeignTracker(memory=memory)
+        p, R = arm.poses(q)
+        e = tracker._noise(len(q), np.random.default_rng(7))
+        # rms of 3000 numbers, or of some 100 independent ones: three sd
+        assert e.std() == pytest.approx(1.0, rel=rel)
+        follows = (e[:-1] * e[1:]).mean()
+        assert follows == pytest.approx(np.exp(-1 / memory) if memory else 0.0, abs=0.1 + rel)
+        seen, turned = tracker.shown(p, R)
+        frame = tracker.frame
+        np.testing.assert_allclose(seen @ frame[:3, :3].T + frame[:3, 3], p, atol=1e-14)
+        np.testing.assert_allclose(frame[:3, :3] @ turned, R, atol=1e-14)
 
 
 def error_of_mean(shares):
@@ -101,26 +95,42 @@ def error_of_mean(shares):
     return shares.std(ddof=1) / np.sqrt(len(shares))
 
 
-def test_parameters_alone_hold_rigid_arms():
-    believed, alone = held("rigid", 0.0, 8).T
-    assert abs(alone.mean() - 0.95) < 3 * error_of_mean(alone)
+def judged(cell, robots):
+    """Shares of the robots of a cell that have a believed region, and all figures."""
+    found = played(cell, robots)
+    return found.believed[np.isfinite(found.believed)], found
+
+
+def test_rigid_arms_lie_in_the_believed_region_and_parameters_alone_hold_them():
+    """Noise stated alike in all directions, which lies across the beam: alone they hold 94 %."""
+    believed, found = judged(Cell(), FEW)
+    assert abs(found.alone.mean() - 0.94) < 3 * error_of_mean(found.alone)
     assert believed.mean() >= 0.95
+    assert found.move.mean() >= 0.95
 
 
-@pytest.mark.parametrize("kind", ["sag", "play"])
-def test_the_believed_region_holds_what_hides_behind_the_noise(kind):
-    """Misfit of half the noise, which no test sees: parameters alone hold half of the points."""
-    believed, alone = held(kind, 0.5, 8).T
-    assert alone.mean() < 0.75
-    assert believed.mean() >= 0.95 - 3 * error_of_mean(believed)
-    assert believed.mean() >= 0.94
+def test_the_believed_region_holds_what_hides_behind_the_noise():
+    """Through files. Below what any test sees, parameters alone hold half of the points."""
+    believed, found = judged(Cell("slight", through_files=True), 2 * len(KINDS))
+    assert found.alone.mean() < 0.75
+    assert believed.mean() >= 0.95
+    assert found.move.mean() >= 0.95
+    # a test for a misfit with an error of 1 % may see the largest of these
+    assert np.mean(found.seen < 0.01) < 0.5
 
 
-@pytest.mark.study
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("size", [0.25, 0.5, 0.75, 2.0])
-def test_the_believed_region_holds_every_kind(kind, size):
-    """The bars of the believed region: 94 %, lengths, play and bearings 92 %; 60 robots a cell."""
-    believed, _ = held(kind, size, 60).T
-    bar = 0.92 if kind in ("lengths", "play", "bearings") else 0.94
-    assert believed.mean() >= bar
+def test_what_all_readings_share_is_in_the_region_where_it_is_stated():
+    """Constants drawn from the stated sd; without them the region holds less."""
+    believed, found = judged(Cell(constants=True), FEW)
+    blind, _ = judged(Cell(constants=True, stated=False), FEW)
+    assert found.alone.mean() < 0.6
+    assert believed.mean() >= 0.95
+    assert believed.mean() > blind.mean()
+
+
+def test_noise_that_remembers_is_seen_and_in_the_region():
+    """Of 24 robots at least 16 are seen where 80 % are: the binomial tail below is under 5 %."""
+    believed, found = judged(Cell(train=40, memory=15.0), FEW)
+    assert (found.remembers < 0.05).sum() >= 16
+    assert found.alone.mean() < 0.75
+    assert believed.mean() >= 0.90

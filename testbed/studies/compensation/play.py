@@ -39,7 +39,7 @@ from testbed.robots.catalog import Robot
 from testbed.scenario.scenario import Scenario
 from testbed.studies.compensation.settings import CompensationSettings
 from testbed.studies.compensation.study import CompensationStudy
-from testbed.studies.many_robots import TruthName, alone, together, truth_of_kind
+from testbed.studies.many_robots import alone, together, truth_of_kind
 from testbed.studies.trial.records import Trial
 
 FIRST, SECOND = 1, 3
@@ -69,7 +69,7 @@ AXES = dict.fromkeys(("distances", "held_out", "extended", "step"), -1) | {
 
 
 def play_robots(
-    scenario: Scenario, setting: Setting, truth: TruthName, trial: Trial, robots: range
+    scenario: Scenario, setting: Setting, truth: str, trial: Trial, robots: range
 ) -> CompensationStudy:
     """Play some robots of one kind; the readings are those of the first of them."""
     laboratory = open_laboratory(scenario, setting)
@@ -84,7 +84,7 @@ def gather(parts: Sequence[CompensationStudy]) -> CompensationStudy:
 
 
 def play_robot(
-    laboratory: Laboratory, truth: TruthName, trial: Trial, T: Array, q: Array, robot: int
+    laboratory: Laboratory, truth: str, trial: Trial, T: Array, q: Array, robot: int
 ) -> CompensationStudy:
     """Calibrate one robot, and execute its program as it was and corrected.
 
@@ -145,7 +145,7 @@ def play_robot(
     )
 
 
-def robot_of(laboratory: Laboratory, truth: TruthName, robot: int) -> Laboratory:
+def robot_of(laboratory: Laboratory, truth: str, robot: int) -> Laboratory:
     """The laboratory with robot number `robot` of one kind in it."""
     kind = truth_of_kind(laboratory.scenario, truth)
     return laboratory.with_robot(kind, "compensation", "robot", robot)

@@ -19,8 +19,10 @@ from calib.identification.model_choice import choose
 from calib.measurement.accuracy import point_distances
 from calib.measurement.observations import Measurements
 from calib.uncertainty.covariance import standard_uncertainty
-from calib.uncertainty.judgement import judge
+from calib.uncertainty.judgement import Circumstances, judge
 from calib.uncertainty.regions import mahalanobis_squared
+from calib.uncertainty.statement.belief import Belief
+from calib.uncertainty.statement.conditions import Conditions, departure
 from calib.uncertainty.tool_point import tool_statement
 from testbed.laboratory.truth.laboratory import (
     Laboratory,
@@ -31,9 +33,10 @@ from testbed.laboratory.truth.laboratory import (
 from testbed.laboratory.truth.terms import UnmodelledTerms
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
+from testbed.studies.coverage.kinds import Use, apart, drawn, in_random_order, remembering
 from testbed.studies.coverage.settings import CoverageSettings
-from testbed.studies.coverage.study import STATEMENTS, CoverageStudy
-from testbed.studies.many_robots import TruthName, alone, together, truth_of_kind
+from testbed.studies.coverage.study import CoverageStudy
+from testbed.studies.many_robots import alone, together
 from testbed.studies.trial.compare import true_step
 from testbed.studies.trial.records import Trial
 from testbed.studies.trial.statement.sources import (
@@ -60,18 +63,20 @@ class MeasuredRobot:
     """(t, 3) the secret: noise-free tool points there [m]."""
     laboratory: Laboratory
     """With this robot."""
+    use: Use
+    """Where and how it is used."""
 
 
 OF_A_MODEL = (
     *("inside", "radius", "p_value", "held_out_p", "flagged", "believed", "converged"),
-    "mean_error",
+    *("mean_error", "growth", "p_drift"),
 )
 OF_A_ROBOT = ("extended", "log_evidence", "before", "normal_error", "nees")
 AXES = dict.fromkeys((*OF_A_MODEL, *OF_A_ROBOT), -1)
 
 
 def play_robots(
-    scenario: Scenario, setting: Setting, truth: TruthName, trial: Trial, robots: range
+    scenario: Scenario, setting: Setting, truth: str, trial: Trial, robots: range
 ) -> CoverageStudy:
     """Play a trial's pose set on some robots of one kind."""
     laboratory = open_laboratory(scenario, setting)
@@ -89,9 +94,7 @@ def gather(parts: Sequence[CoverageStudy]) -> CoverageStudy:
     return replace(together(parts, AXES), names=parts[-1].names)
 
 
-def play_robot(
-    laboratory: Laboratory, truth: TruthName, chosen: Index, robot: int
-) -> CoverageStudy:
+def play_robot(laboratory: Laboratory, truth: str, chosen: Index, robot: int) -> CoverageStudy:
     """Calibrate, validate and judge one robot."""
     scenario, nominal = laboratory.scenario, laboratory.setting.nominal
     measured = measure_robot(laboratory, truth, chosen, robot)
@@ -115,9 +118,7 @@ def play_robot(
     )
 
 
-def measure_robot(
-    laboratory: Laboratory, truth: TruthName, chosen: Index, robot: int
-) -> MeasuredRobot:
+def measure_robot(laboratory: Laboratory, truth: str, chosen: Index, robot: int) -> MeasuredRobot:
     """Draw robot number `robot` of one kind and measure it; every stream has its number.
 
     Parameters
@@ -131,29 +132,32 @@ def measure_robot(
     robot : int
         From 0.
     """
-    scenario = laboratory.scenario
-    own = laboratory.with_robot(truth_of_kind(scenario, truth), "coverage", "robot", robot)
-    count = scenario.table(CoverageSettings).validation_poses
-    pool = own.candidates().draw(
-        stream(scenario.seed, "coverage", "poses", robot),
-        size=count + scenario.test.poses,
-        exclude=own.pool_q,
-    )
-    validation_q, judge_q = np.split(pool.q, [count])
-    return MeasuredRobot(
-        seen=own.measure_pool(chosen, "coverage", "identification", robot),
-        validation=own.measure(
-            validation_q,
-            np.arange(count),
-            "coverage",
-            "validation",
-            robot,
-            start=validation_start(scenario),
-        ),
-        judge_q=judge_q,
-        true=own.held_out(judge_q)[:, :3, 3],
-        laboratory=own,
-    )
+    use = drawn(laboratory, truth, robot)
+    own, scenario = use.laboratory, use.laboratory.scenario
+    count, judged = scenario.table(CoverageSettings).validation_poses, scenario.test.poses
+    if truth == "shift":
+        train_q, validation_q, judge_q = apart(own, robot, (len(chosen), count, judged))
+        own = own.with_poses(train_q, judge_q)
+        chosen = np.arange(len(train_q))
+    else:
+        pool = own.candidates().draw(
+            stream(scenario.seed, "coverage", "poses", robot),
+            size=count + judged,
+            exclude=own.pool_q,
+        )
+        validation_q, judge_q = np.split(pool.q, [count])
+    if truth == "drifting":
+        chosen = in_random_order(own, chosen, robot)
+    seen = own.measure_pool(chosen, "coverage", "identification", robot)
+    start, names = validation_start(scenario), ("coverage", "validation", robot)
+    validation = own.measure(validation_q, np.arange(count), *names, start=start)
+    if truth == "drifting":
+        seen, validation = remembering(own, (seen, validation))
+    true = use.used.held_out(judge_q)
+    if use.one_move:
+        rng = stream(scenario.seed, "coverage", "moves", robot)
+        true = use.used.truth.poses(judge_q, rng=rng)
+    return MeasuredRobot(seen, validation, judge_q, true[:, :3, 3], own, use)
 
 
 def models(measured: MeasuredRobot) -> tuple[tuple[Identification, ...], float, bool]:
@@ -169,19 +173,26 @@ def models(measured: MeasuredRobot) -> tuple[tuple[Identification, ...], float, 
 
 
 def judge_model(found: Identification, measured: MeasuredRobot, level: float) -> dict[str, Any]:
-    """What one model states at the judging poses, three ways, and which points it holds.
+    """What one model states at the judging poses, four ways, and which points it holds.
 
     Names as in `CoverageStudy`.
     """
-    shared = systematic_covariance(measured.laboratory, found, measured.seen)
+    own, m = measured.laboratory, len(measured.seen)
+    shared = systematic_covariance(own, found, measured.seen)
     covariance = replace(found, covariance=found.covariance + shared).full_covariance
+    sd = own.sigma_q if own.sigma_q.any() else None
     bare = tool_statement(found.model, measured.judge_q, covariance, probability=level)
     judgement = judge(
         found,
         measured.validation,
         train=measured.seen,
         probability=level,
-        unmodelled=unmodelled_effects(measured.laboratory, float(np.sqrt(np.mean(bare.point**2)))),
+        circumstances=Circumstances(
+            order=(np.arange(m), m + np.arange(len(measured.validation))),
+            shared=replace(found, covariance=shared).full_covariance if shared.any() else None,
+            repeatability=sd,
+            unmodelled=unmodelled_effects(own, float(np.sqrt(np.mean(bare.point**2)))),
+        ),
     )
     seen, ball = judgement.held_out, judgement.conformal
     assert seen is not None  # the scenario asks for enough poses, also for the radius
@@ -195,21 +206,48 @@ def judge_model(found: Identification, measured: MeasuredRobot, level: float) ->
     )
     radius = ball.radius + systematic_reach(found, shared, measured.judge_q, level=level)
     error = point_distances(measured.true, bare.position)
-    verdict = judgement.trust
+    inside, size, believed, growth = judge_region(judgement.belief, measured, sd)
+    slow = judgement.drifting
     return {
         "inside": (
+            inside,
             float(bare.holds(measured.true).mean()),
             float(wide.holds(measured.true).mean()),
             float((error <= radius).mean()),
         ),
-        "radius": (bare.mean_radius, wide.mean_radius, radius),
+        "radius": (size, bare.mean_radius, wide.mean_radius, radius),
         "p_value": found.p_value,
         "held_out_p": seen.p_value,
-        "flagged": not verdict.model_valid,
-        "believed": STATEMENTS.index(verdict.believe) if verdict.believe in STATEMENTS else -1,
+        "flagged": judgement.trust.refuted,
+        "believed": believed,
         "converged": found.status is Status.CONVERGED,
         "mean_error": float(error.mean()),
+        "growth": growth,
+        "p_drift": 1.0 if slow is None else slow.p_value,
     }
+
+
+def judge_region(
+    belief: Belief | None, measured: MeasuredRobot, sd: Array | None
+) -> tuple[float, float, float, float]:
+    """Share of points in the believed region, its radius [m], where it is believed, its growth.
+
+    The region is of the mean of many moves, or where single moves are judged, of one: joints come
+    back with standard deviations `sd` (n,).
+    """
+    if belief is None:
+        return 0.0, 0.0, 0.0, 1.0
+    applies, use, count = belief.proven.applies(measured.judge_q), measured.use, len(measured.true)
+    data, there = (Conditions(payload=np.full(count, load)) for load in use.payload)
+    other = departure(data, there, count).outside
+    has = (applies.place != "outside") & applies.reaches & ~other
+    at = has if has.any() else ~has
+    growth = applies.growth[at]
+    stated = belief.regions(
+        measured.judge_q[at], growth=growth, repeatability=sd if use.one_move else None
+    )
+    inside = stated.holds(measured.true[at]).mean()
+    return float(inside), stated.mean_radius, float(has.mean()), float(growth.mean())
 
 
 def parameter_errors(found: Identification, measured: MeasuredRobot) -> tuple[Array, float] | None:

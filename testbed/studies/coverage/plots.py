@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TITLES = {
-    "model": "model-based region",
+    "region": "believed region",
+    "model": "parameters alone",
     "discrepancy": "with discrepancy",
     "conformal": "conformal ball",
 }
@@ -29,7 +30,7 @@ LOOKS: dict[str, Look] = {
     "geometric": {"marker": "o", "color": DARK},
     "extended": {"marker": "^", "color": MIDDLE},
 }
-MARKERS = {"model": "o", "discrepancy": "s", "conformal": "D"}
+MARKERS = {"region": "^", "model": "o", "discrepancy": "s", "conformal": "D"}
 APART = 0.16
 """Between the rows of one kind of robot, in rows."""
 FINE = 0.8
@@ -76,7 +77,7 @@ def sharpness(studies: tuple[CoverageStudy, ...], cells: tuple[Cell, ...]) -> st
             for cell in cells:
                 if cell.model == model:
                     face = DARK if cell.believable else "white"
-                    y = truths.index(cell.truth) + APART * (STATEMENTS.index(cell.statement) - 1)
+                    y = truths.index(cell.truth) + APART * (STATEMENTS.index(cell.statement) - 1.5)
                     ax.plot(
                         cell.radius * UM, y, MARKERS[cell.statement], color=DARK,
                         markersize=4.4, markerfacecolor=face,

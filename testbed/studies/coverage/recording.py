@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from functools import partial
+from itertools import cycle
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, Bool
 from testbed.recording import style
 from testbed.recording.curves import draw_curve, draw_grid, draw_labels, draw_level
 from testbed.recording.pen import Pen, first
@@ -18,7 +19,7 @@ from testbed.studies.trial.records import Campaign
 
 AMBER = (226, 150, 60)
 CURVES = (style.GREEN, style.LINE_COLOR, AMBER, style.RED, style.STATED_COLOR)
-"""One per kind of robot."""
+"""One per kind of robot, in turn."""
 STAGES = 40
 """The clouds of robots grow in so many rows."""
 PANEL, GAP, ROW = 100.0, 22.0, 27.0
@@ -31,9 +32,15 @@ FRAMES = 144
 """About the length of the phase."""
 
 
-def running(shares: Array) -> Array:
-    """Mean over the first robot, the first two ... of shares (..., R) [%]."""
-    return np.asarray(100 * np.cumsum(shares, axis=-1) / np.arange(1, shares.shape[-1] + 1))
+def running(shares: Array, made: Bool) -> Array:
+    """Mean over the first robot, the first two ... of shares (R,), of those made (R,) [%].
+
+    Before the first of them it is that one.
+    """
+    count, first_made = np.cumsum(made), int(np.argmax(made))
+    total = np.cumsum(np.where(made, shares, 0.0))
+    mean = 100 * total / np.maximum(count, 1)
+    return np.asarray(np.where(count > 0, mean, 100 * shares[first_made]))
 
 
 def chapter(campaign: Campaign) -> Chapter:
@@ -72,18 +79,19 @@ def _draw(
     studies: tuple[CoverageStudy, ...], found: Sequence[Cell], pen: Pen, phase: Phase
 ) -> None:
     """Curves and clouds of all kinds of robots, exactly as the records have them."""
-    for study, color in zip(studies, CURVES, strict=False):
-        for model, shares in zip(MODELS, study.inside[:, 0], strict=True):
+    for study, color in zip(studies, cycle(CURVES), strict=False):
+        for i, (model, shares) in enumerate(zip(MODELS, study.inside[:, 0], strict=True)):
             path = f"coverage/{model}/{study.truth}"
-            draw_curve(pen, path, phase, running(shares), color, study.truth)
+            draw_curve(pen, path, phase, running(shares, study.made(i, 0)), color, study.truth)
     for model in MODELS:
         level = 100 * studies[0].level
         draw_level(pen, f"coverage/{model}/promise", phase, level, style.MUTED_COLOR, "promised")
     _draw_frame(pen, studies)
     for k, cell in enumerate(found):
         row, column = divmod(k, len(STATEMENTS))
-        shares = studies[row // len(MODELS)].inside[row % len(MODELS), column]
-        _draw_robots(pen, phase, shares, cell, row, column)
+        study, i = studies[row // len(MODELS)], row % len(MODELS)
+        made = study.made(i, column)
+        _draw_robots(pen, phase, study.inside[i, column], made, cell, row, column)
 
 
 def _draw_frame(pen: Pen, studies: tuple[CoverageStudy, ...]) -> None:
@@ -114,8 +122,10 @@ def _draw_frame(pen: Pen, studies: tuple[CoverageStudy, ...]) -> None:
     draw_labels(pen, "attained/words", places, [text for *_, text in words])
 
 
-def _draw_robots(pen: Pen, phase: Phase, shares: Array, cell: Cell, row: int, column: int) -> None:
-    """The robots of one cell as they come in, and their mean so far."""
+def _draw_robots(
+    pen: Pen, phase: Phase, shares: Array, made: Bool, cell: Cell, row: int, column: int
+) -> None:
+    """The robots of one cell as they come in, and the mean so far of those with a statement."""
     import rerun as rr
 
     count, x = len(shares), column * (PANEL + GAP)
@@ -128,7 +138,7 @@ def _draw_robots(pen: Pen, phase: Phase, shares: Array, cell: Cell, row: int, co
     small, gray = rr.Radius.ui_points(1.6), (*style.MUTED_COLOR, 150)
     dots = rr.Points2D.from_fields(radii=small, colors=gray, draw_order=-10.0)
     pen.static(f"{path}/robots", dots)
-    means = np.stack([x + running(shares), np.full(count, ROW * row)], axis=-1)
+    means = np.stack([x + running(shares, made), np.full(count, ROW * row)], axis=-1)
     pen.every_step(f"{path}/mean", rr.Points2D.columns(positions=means), phase.at)
     large, color = rr.Radius.ui_points(5.0), style.GREEN if cell.believable else style.RED
     dot = rr.Points2D.from_fields(radii=large, colors=color, draw_order=10.0)

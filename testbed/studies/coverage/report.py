@@ -3,7 +3,7 @@
 from testbed.report.page import Block, Figure, Points, Section, Text, Verdict
 from testbed.studies.coverage.plots import attained, sharpness
 from testbed.studies.coverage.settings import CoverageSettings
-from testbed.studies.coverage.study import MODELS, STUDY, CoverageStudy
+from testbed.studies.coverage.study import BELIEVED, MODELS, STATEMENTS, STUDY, CoverageStudy
 from testbed.studies.coverage.summary import Cell, NumbersCheck, cells, followed, numbers_check
 from testbed.studies.coverage.tables import (
     advice_table,
@@ -19,7 +19,8 @@ from testbed.studies.trial.records import Campaign
 from testbed.units import NARROW, counted, listed, micrometres, percent, plain
 
 NAMES = {
-    "model": "the model-based region",
+    "region": "the believed region",
+    "model": "the region from the parameters alone",
     "discrepancy": "the region with discrepancy",
     "conformal": "the conformal ball",
 }
@@ -61,7 +62,7 @@ def section(campaign: Campaign) -> Section:
 def believable_sentence(found: tuple[Cell, ...]) -> str:
     """On which robots each statement keeps its promise, the most believable statement first."""
     phrases, truths = [], list(dict.fromkeys(cell.truth for cell in found))
-    for statement in ("conformal", "model", "discrepancy"):
+    for statement in ("region", "conformal", "model", "discrepancy"):
         kept = [(c.model, c.truth) for c in found if c.statement == statement and c.believable]
         where = [on([truth for m, truth in kept if m == model], truths) for model in MODELS]
         if where[0] == where[1]:
@@ -70,7 +71,7 @@ def believable_sentence(found: tuple[Cell, ...]) -> str:
             each = [f"{w} with the {m} model" for w, m in zip(where, MODELS, strict=True)]
             phrases.append(f"{NAMES[statement]} {' and '.join(each)}")
     text = "; ".join(phrases)
-    return f"At {percent(found[0].level)}, these can be believed: {text}."
+    return f"At {percent(found[0].level)}, these keep their promise: {text}."
 
 
 def on(kept: list[str], truths: list[str]) -> str:
@@ -89,13 +90,13 @@ def consequences(studies: tuple[CoverageStudy, ...], found: tuple[Cell, ...]) ->
         for study in studies
         for model, flagged in zip(MODELS, study.flagged, strict=True)
     }
-    regions, said = [c for c in found if c.statement == "model"], []
+    regions, said = [c for c in found if c.statement == "model"], [width(found)]
     for model in MODELS:
         rows = [c for c in regions if c.model == model and not c.believable]
         if rows:
             said.append(
-                f"The model-based region of the {model} model falls short on "
-                f"{listed([c.truth for c in rows])} robots: it holds "
+                f"The parameters alone of the {model} model fall short on "
+                f"{listed([c.truth for c in rows])} robots: their region holds "
                 f"{span([c.share.value for c in rows])} of the true points. The program itself "
                 "says so, from residuals and validation poses, on "
                 f"{span([warned[c.truth, model] for c in rows])} of these robots."
@@ -103,7 +104,8 @@ def consequences(studies: tuple[CoverageStudy, ...], found: tuple[Cell, ...]) ->
     sound = [warned[c.truth, c.model] for c in regions if c.believable]
     if sound:
         said.append(
-            f"Where the model-based region holds, it is rejected on {span(sound)} of the robots."
+            f"Where the parameters alone hold, a test contradicts them on {span(sound)} of the "
+            "robots."
         )
     balls = [c for c in found if c.statement == "conformal"]
     radii = span_of([c.radius for c in balls])
@@ -122,6 +124,22 @@ def consequences(studies: tuple[CoverageStudy, ...], found: tuple[Cell, ...]) ->
         else f"{lost} of {fits} fits did not converge; they are counted like all others."
     )
     return tuple(said)
+
+
+def width(found: tuple[Cell, ...]) -> str:
+    """What the believed region holds, and what it costs beside a ball that needs no model."""
+    radii = {(c.truth, c.model, c.statement): c.radius for c in found}
+    made = [c for c in found if c.statement == BELIEVED and not c.refused]
+    if not made:
+        return "Nothing is believed on any of these robots."
+    part = [c.radius / radii[c.truth, c.model, "conformal"] for c in made]
+    low, high = (percent(value) for value in (min(part), max(part)))
+    of = low if low == high else f"{low.removesuffix(f'{NARROW}%')} to {high}"
+    return (
+        f"The believed region holds {span([c.share.value for c in made])} of the true points, by "
+        f"kind and model; its radius is {of} of that of the ball, which contains the measuring "
+        "noise."
+    )
 
 
 def climbing(studies: tuple[CoverageStudy, ...]) -> str:
@@ -144,13 +162,13 @@ def obeyed(studies: tuple[CoverageStudy, ...]) -> str:
         else:
             each.append(f"nothing to believe ({study.truth})")
     return (
-        "Whoever uses the chosen model and the statement that the program says to believe finds "
+        "Whoever uses the chosen model and believes its region where there is one finds "
         f"{listed(each)} of the points inside."
     )
 
 
 def unnoticed(study: CoverageStudy, found: tuple[Cell, ...]) -> tuple[str, ...]:
-    """Robots on which the chosen model's region falls short without a warning."""
+    """Robots on which the chosen model's parameters fall short and no test says so."""
     chosen = int(study.extended.mean() > 0.5)
     short = any(
         (cell.truth, cell.model, cell.statement) == (study.truth, MODELS[chosen], "model")
@@ -160,10 +178,14 @@ def unnoticed(study: CoverageStudy, found: tuple[Cell, ...]) -> tuple[str, ...]:
     quiet = ~study.flagged[chosen]
     if not (short and quiet.any()):
         return ()
+    alone, region = (
+        float(study.inside[chosen, STATEMENTS.index(name), quiet].mean())
+        for name in ("model", BELIEVED)
+    )
     return (
         f"No test can see everything: on {percent(float(quiet.mean()))} of {study.truth} robots "
-        "neither the residuals nor the validation poses contradict the chosen model, and its "
-        f"model-based region holds {share_of(float(study.inside[chosen, 0, quiet].mean()))} there.",
+        "none contradicts the parameters alone of the chosen model, and these hold "
+        f"{share_of(alone)} there; the believed region holds {share_of(region)}.",
     )
 
 
@@ -177,8 +199,9 @@ def procedure(campaign: Campaign) -> str:
         f"{validation} validation poses were measured, and its noise-free tool point was compared "
         f"with what is stated at {study.judged} further poses; both were drawn anew for each "
         "robot, as the pool is, and none is in the pool. Robots of all kinds come from the same "
-        "random numbers and meet the same noise and poses. The geometric model has every free "
-        "number that can be told apart, without a prior; the extended model adds sag and "
+        "random numbers and meet the same noise and poses, but for "
+        "those that are measured and used in parts. The geometric model has every free number "
+        "that can be told apart, without a prior; the extended model adds sag and "
         "harmonics, all under the weak prior. Poses of one robot share its parameter error, so a "
         "robot counts once: bands are Student's t over robots."
     )
@@ -208,15 +231,17 @@ def span_of(radii: list[float]) -> str:
 
 
 def answer(campaign: Campaign) -> Answer:
-    """The first screen: where the model-based region keeps its promise, and what does instead."""
+    """The first screen: whether the believed region keeps its promise, and what does not."""
     studies = STUDY.of(campaign)
     found = cells(studies)
-    short = {cell.truth for cell in found if cell.statement == "model" and not cell.believable}
+    short = {cell.truth for cell in found if cell.statement == BELIEVED and not cell.believable}
+    alone = {cell.truth for cell in found if cell.statement == "model" and not cell.believable}
     kinds = f"{len(studies)} kind{'s' if len(studies) > 1 else ''} of robots"
     mark = (
-        f"✗ The model-based interval falls short on {len(short)} of {kinds}"
+        f"✗ The believed region falls short on {len(short)} of {kinds}"
         if short
-        else f"✓ The model-based interval holds on {kinds}"
+        else f"✓ The believed region falls short on none of {kinds}; parameters alone on "
+        f"{len(alone)}"
     )
     reasons = tuple(map(plain, consequences(studies, found)))
     sentence = plain(believable_sentence(found))
@@ -224,6 +249,6 @@ def answer(campaign: Campaign) -> Answer:
         Verdict(not short, bool(short), sentence, reasons, mark),
         summary_table(studies),
         "In a run of your own let the evidence choose the model ([identification] model = "
-        '"choose"), measure 19 held-out poses or more, and believe what the report says to '
-        f"believe. {obeyed(studies)}",
+        '"choose"), measure 19 held-out poses or more, drawn from where the robot is used, and '
+        f"believe the region. {obeyed(studies)}",
     )

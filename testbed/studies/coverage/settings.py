@@ -1,23 +1,40 @@
 """[coverage]: many robots of several kinds, to see which stated uncertainty holds."""
 
 from collections.abc import Iterable
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field
 
-from testbed.scenario.laboratory import At960Tracker
+from testbed.scenario.laboratory import At960Tracker, TruthSettings
 from testbed.scenario.scenario import Scenario
-from testbed.studies.many_robots import TRUTHS, ManyRobots, TruthName, keys_of
+from testbed.strict import Fault
+from testbed.studies.many_robots import TRUTHS, ManyRobots, TruthName, keys_of, truth_of_kind
+
+if TYPE_CHECKING:
+    from testbed.robots.robot import Robot
+
+HowName = Literal["slight", "hidden", "shift", "drifting", "loaded", "one_move"]
+"""Kinds beside the presets: what hides behind the noise, what all readings share, what is used
+elsewhere than measured, noise that remembers, another load at use, single moves."""
+KINDS: tuple[str, ...] = (*TRUTHS, *get_args(HowName))
+SLIGHT = ("slight", "shift", "one_move")
+"""Kinds that are wrong by less than any test sees."""
+DEFAULT: tuple[TruthName | HowName, ...] = (*TRUTHS, "slight")
 
 
 class CoverageSettings(ManyRobots):
     """[coverage]: the first trial's pose set on many robots of each kind."""
 
     table: ClassVar[str] = "coverage"
-    keys: ClassVar[tuple[str, ...]] = keys_of("coverage")
+    keys: ClassVar[tuple[str, ...]] = keys_of("coverage", KINDS)
 
-    truths: Annotated[tuple[TruthName, ...], Field(min_length=1, max_length=len(TRUTHS))] = TRUTHS
-    """Kinds of robots: presets of [truth] as they ship, whatever this scenario's [truth] says."""
+    truths: Annotated[
+        tuple[TruthName | HowName, ...], Field(min_length=1, max_length=len(KINDS))
+    ] = DEFAULT
+    """Kinds of robots, whatever this scenario's [truth] says: its presets as they ship, and
+    "slight" (wrong by less than any test sees), "hidden" (the station's own errors, drawn as it
+    states them), "shift" (measured in one part, used in another), "drifting" (noise that
+    remembers), "loaded" (a payload at use only), "one_move" (judged where a single move ends)."""
     validation_poses: Annotated[int, Field(ge=1, le=5000)] = 40
     """Measured on each robot beside its calibration; drawn anew for each as the pool is."""
     level: Annotated[float, Field(ge=0.5, le=0.999)] = 0.95
@@ -38,6 +55,30 @@ class CoverageSettings(ManyRobots):
                 f"model of the error asks for at least {needed} at level = {self.level:g}; write "
                 f"validation_poses = {needed} or more"
             )
+
+    def truth_of(self, scenario: Scenario, kind: str) -> TruthSettings:
+        """[truth] that robots of a kind are drawn from; slight ones get their misfit by size."""
+        preset = kind if kind in TRUTHS else "elastic" if kind == "loaded" else "rigid"
+        truth = truth_of_kind(scenario, preset)
+        if kind != "one_move":
+            return truth
+        return truth.model_copy(update={"joint_repeatability_mdeg": None})
+
+    def _fault(self, scenario: Scenario, robot: "Robot", truth: str) -> Fault | None:
+        """The same; a station's own errors must be stated."""
+        if truth == "hidden" and not isinstance(scenario.tracker, At960Tracker):
+            message = (
+                '[coverage] truths has "hidden", and [tracker] preset is "paper", which states no '
+                "errors that all readings share"
+            )
+            fix = 'write preset = "at960", or remove "hidden"'
+            return Fault(("coverage", "truths"), message, fix=fix, value=truth)
+        if truth in SLIGHT and robot.model.chain.prismatic.any():
+            message = f'[coverage] truths has "{truth}", whose joints are sprung'
+            message += f"; {robot.name} has slides"
+            fix = f'remove "{truth}"'
+            return Fault(("coverage", "truths"), message, fix=fix, value=truth)
+        return super()._fault(scenario, robot, truth)
 
 
 TABLE = CoverageSettings

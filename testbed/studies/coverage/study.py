@@ -2,14 +2,18 @@
 
 from dataclasses import dataclass
 
-from calib.arrays import Array, Bool, Index
+import numpy as np
+
+from calib.arrays import Array, Bool
 from testbed.studies.coverage.settings import CoverageSettings
 from testbed.studies.kinds import KindsStudy
 
 MODELS = ("geometric", "extended")
 """Order of the first axis of the arrays below."""
-STATEMENTS = ("model", "discrepancy", "conformal")
-"""Order of the second: region from the parameters' covariance, the same with discrepancy, ball."""
+STATEMENTS = ("region", "model", "discrepancy", "conformal")
+"""Order of the second: the believed region, and beside it for comparison that of the parameters
+alone, the same with discrepancy, and a ball that needs no model."""
+BELIEVED = STATEMENTS[0]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -17,23 +21,29 @@ class CoverageStudy:
     """R robots of one kind, each calibrated, validated and judged against its noise-free truth."""
 
     truth: str
-    """Preset of the robots."""
+    """Kind of the robots."""
     level: float
     """What every statement promises."""
     judged: int
     """Held-out poses that judge each robot."""
     inside: Array
-    """(2, 3, R) share of the held-out points inside what is stated, per model and statement."""
+    """(2, 4, R) share of the held-out points inside what is stated, per model and statement; of the
+    believed region at the places that have one, and where none has, at all of them."""
     radius: Array
-    """(2, 3, R) mean radius of the ball with the region's volume [m]."""
+    """(2, 4, R) mean radius of the ball with the region's volume, at the same places [m]."""
     p_value: Array
     """(2, R) of the residuals of the calibration."""
     held_out_p: Array
     """(2, R) of the errors at the validation poses."""
     flagged: Bool
-    """(2, R) whether the program itself says that the model-based region is not valid."""
-    believed: Index
-    """(2, R) place in `STATEMENTS` of the one the program says to believe; -1 for none."""
+    """(2, R) whether a test contradicts the region from the parameters alone."""
+    believed: Array
+    """(2, R) share of the held-out points at which a region is believed; elsewhere the statement
+    does not reach or nothing is believed."""
+    growth: Array
+    """(2, R) mean factor of the misfit's variance there: how far from where it was proven."""
+    p_drift: Array
+    """(2, R) of the test whether the noise remembers."""
     converged: Bool
     """(2, R) whether the fit ended with its certificate."""
     extended: Bool
@@ -50,6 +60,12 @@ class CoverageStudy:
     """(f, R) estimate minus truth of these numbers, over its stated standard uncertainty."""
     nees: Array
     """(R,) normalized estimation error squared of these numbers, expected f; else (0,)."""
+
+    def made(self, model: int, statement: int) -> Bool:
+        """Robots (R,) on which a statement is made somewhere; on none, all are judged anyway."""
+        if STATEMENTS[statement] != BELIEVED or not self.believed[model].any():
+            return np.ones(self.before.size, dtype=bool)
+        return np.asarray(self.believed[model] > 0)
 
 
 STUDY = KindsStudy(CoverageSettings, CoverageStudy)

@@ -13,16 +13,17 @@ from scipy.special import chdtr, kolmogorov, ndtr
 
 from calib.arrays import Array
 from calib.uncertainty.regions import coverage_factor
+from calib.uncertainty.statement.memory import REMEMBERS
 from testbed.store.quantities import METRE, Quantity, below, in_si
-from testbed.studies.coverage.study import MODELS, STATEMENTS, CoverageStudy
+from testbed.studies.coverage.study import BELIEVED, MODELS, STATEMENTS, CoverageStudy
 from testbed.studies.many_robots import family_confidence, mean_over_robots
 from testbed.studies.trial.play import BAND, binomial_band, chi_square_mean_band
 from testbed.units import Mean
 
-Outcome = Literal["holds", "wide", "short"]
+Outcome = Literal["holds", "wide", "short", "refused"]
 ARRAYS = (
     *("inside", "radius_m", "mean_error_m", "p_value", "held_out_p", "flagged", "log_evidence"),
-    *("nees", "normal_error"),
+    *("believed", "growth", "p_drift", "nees", "normal_error"),
 )
 """Fields of a study that arrays.npz keeps, those that are lengths with their unit."""
 
@@ -41,10 +42,14 @@ class Cell:
     """The same with an interval that holds for all cells at once."""
     radius: float
     """Mean volume-equivalent radius [m]."""
+    refused: bool = False
+    """Whether it is made on no robot: the share is that of whoever would use it all the same."""
 
     @property
     def outcome(self) -> Outcome:
         """Whether the joint interval reaches the promise, lies above it, or below."""
+        if self.refused:
+            return "refused"
         if self.joint.high < self.level:
             return "short"
         return "wide" if self.joint.low > self.level else "holds"
@@ -95,26 +100,28 @@ def cells(studies: tuple[CoverageStudy, ...]) -> tuple[Cell, ...]:
             model,
             statement,
             study.level,
-            mean_over_robots(study.inside[i, j]),
-            mean_over_robots(study.inside[i, j], probability=together),
-            float(study.radius[i, j].mean()),
+            mean_over_robots(study.inside[i, j, made]),
+            mean_over_robots(study.inside[i, j, made], probability=together),
+            float(study.radius[i, j, made].mean()),
+            statement == BELIEVED and not study.believed[i].any(),
         )
         for study in studies
         for i, model in enumerate(MODELS)
         for j, statement in enumerate(STATEMENTS)
+        for made in [study.made(i, j)]
     )
 
 
 def followed(study: CoverageStudy) -> tuple[Array, int]:
     """Shares (r,) of whoever does as told, and on how many robots nothing was to be believed.
 
-    The model is the one that the evidence chooses, the statement the one that is to be believed.
+    The model is the one that the evidence chooses, the statement the believed region where there is
+    one.
     """
     robots = np.arange(study.before.size)
     model = study.extended.astype(np.int64)
-    statement = study.believed[model, robots]
-    some = statement >= 0
-    return study.inside[model, statement, robots][some], int((~some).sum())
+    some = study.believed[model, robots] > 0
+    return study.inside[model, STATEMENTS.index(BELIEVED), robots][some], int((~some).sum())
 
 
 def numbers_check(study: CoverageStudy) -> NumbersCheck | None:
@@ -175,6 +182,9 @@ def _of_kind(study: CoverageStudy, found: tuple[Cell, ...]) -> Iterator[Quantity
     for i, model in enumerate(MODELS):
         yield Quantity(f"{model}/mean_mm", study.mean_error[i].mean(), METRE)
         yield Quantity(f"{model}/flagged", study.flagged[i].mean())
+        yield Quantity(f"{model}/believed", study.believed[i].mean())
+        yield Quantity(f"{model}/growth", study.growth[i].mean())
+        yield Quantity(f"{model}/drift_seen", (study.p_drift[i] < REMEMBERS).mean())
         yield Quantity(f"{model}/converged", study.converged[i].mean())
         for cell in found:
             if (cell.truth, cell.model) == (study.truth, model):

@@ -4,6 +4,7 @@ from itertools import chain, groupby
 
 import numpy as np
 
+from calib.uncertainty.statement.memory import REMEMBERS
 from testbed.report.page import Table, table_of
 from testbed.studies.coverage.study import MODELS, STATEMENTS, CoverageStudy
 from testbed.studies.coverage.summary import Cell, NumbersCheck, cells, followed
@@ -20,8 +21,14 @@ from testbed.units import (
     significant,
 )
 
-SHORT = {"model": "model-based", "discrepancy": "with discrepancy", "conformal": "conformal"}
-WORDS = {"holds": "kept", "wide": "wide", "short": "NO"}
+SHORT = {
+    "region": "believed",
+    "model": "parameters alone",
+    "discrepancy": "with discrepancy",
+    "conformal": "conformal",
+}
+WORDS = {"holds": "kept", "wide": "wide", "short": "NO", "refused": "refused"}
+MARKS = {"holds": "", "wide": "", "short": " NO", "refused": " refused"}
 
 
 def summary_table(studies: tuple[CoverageStudy, ...]) -> Table:
@@ -34,10 +41,11 @@ def summary_table(studies: tuple[CoverageStudy, ...]) -> Table:
             *(f"{model}: {SHORT[statement]}" for model in MODELS for statement in STATEMENTS),
         ),
         rows=tuple(
-            (truth, *(share_of(c.share.value) + ("" if c.believable else " NO") for c in of_kind))
+            (truth, *(share_of(c.share.value) + MARKS[c.outcome] for c in of_kind))
             for truth, of_kind in groupby(cells(studies), key=lambda cell: cell.truth)
         ),
-        note="NO: falls short by bands over robots that hold for all cells at once.",
+        note="NO: falls short by bands over robots that hold for all cells at once. refused: the "
+        "program states nothing there; the share is that of whoever would use it all the same.",
     )
 
 
@@ -70,8 +78,9 @@ def coverage_table(studies: tuple[CoverageStudy, ...], found: tuple[Cell, ...]) 
         "band; ± 0.0 is a band below 0.05 %. radius: of the ball with "
         "the region's volume. error: mean distance of true and predicted point. promise: kept, NO "
         "where the band that holds for all cells at once lies below it, wide where it lies "
-        "above. flagged: robots on which the program says that the model-based region is not "
-        "valid. Bold: the model that the evidence chooses on most of these robots.",
+        "above, refused where the program states nothing. flagged: robots on which a test "
+        "contradicts the region from the parameters alone. Bold: the model that the evidence "
+        "chooses on most of these robots.",
     )
 
 
@@ -107,19 +116,17 @@ def advice_table(studies: tuple[CoverageStudy, ...]) -> Table:
     """What the program chooses and believes, and what comes of it."""
     rows = []
     for study in studies:
-        robots = np.arange(study.before.size)
-        told = study.believed[study.extended.astype(int), robots]
+        chosen, robots = study.extended.astype(int), np.arange(study.before.size)
         shares, _ = followed(study)
-        believed = {
-            f"believe {SHORT[statement]}": percent(float((told == j).mean()))
-            for j, statement in enumerate(STATEMENTS)
-        }
+        drift = study.p_drift[chosen, robots] < REMEMBERS
         rows.append(
             {
                 "truth": study.truth,
                 "before mm": fixed(float(study.before.mean()) * MM, 3),
                 "extended chosen": percent(float(study.extended.mean())),
-                **believed,
+                "places refused": share_of(1 - float(study.believed[chosen, robots].mean())),
+                "grown": f"× {fixed(float(study.growth[chosen, robots].mean()), 2)}",
+                "drift seen": percent(float(drift.mean())),
                 "inside, advice followed": attained_share(mean_over_robots(shares))
                 if len(shares) > 1
                 else "–",
@@ -128,9 +135,11 @@ def advice_table(studies: tuple[CoverageStudy, ...]) -> Table:
     return table_of(
         rows,
         "What the program advises, and what comes of it",
-        note="before: mean held-out error of the nominal model. believe: share of the robots on "
-        "which the program says to believe this statement of the chosen model. advice followed: "
-        "share inside that statement.",
+        note="before: mean held-out error of the nominal model. refused: places without a region, "
+        "of the chosen model. grown: mean factor of the variance of what hides, 1 where the robot "
+        "is used as it was proven. drift seen: robots whose readings follow their neighbors in "
+        "time. advice followed: share inside the believed region of the chosen model, where there "
+        "is one.",
     )
 
 

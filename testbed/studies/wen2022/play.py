@@ -20,7 +20,7 @@ from calib.uncertainty.type_a import root_sum_square, type_a
 from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
-from testbed.studies.many_robots import TruthName, alone, together, truth_of_kind
+from testbed.studies.many_robots import alone, together, truth_of_kind
 from testbed.studies.trial.compare import INTERVAL, true_step
 from testbed.studies.wen2022.budget import fitted, location_sets
 from testbed.studies.wen2022.records import (
@@ -80,7 +80,7 @@ AXES = dict.fromkeys(("pool", "before", *OF_A_TRIAL), -1) | {
 
 
 def play_robots(
-    scenario: Scenario, setting: Setting, truth: TruthName, pools: PoolSets, robots: range
+    scenario: Scenario, setting: Setting, truth: str, pools: PoolSets, robots: range
 ) -> Reexamined:
     """Play the paper's protocol on some robots of one kind.
 
@@ -97,7 +97,7 @@ def gather(parts: Sequence[Reexamined]) -> Reexamined:
     return together(parts, AXES)
 
 
-def play_robot(laboratory: Laboratory, truth: TruthName, pools: PoolSets, robot: int) -> Reexamined:
+def play_robot(laboratory: Laboratory, truth: str, pools: PoolSets, robot: int) -> Reexamined:
     """Play the paper's protocol on one robot."""
     scenario = laboratory.scenario
     visit = visit_robot(laboratory, truth, pools, robot)
@@ -123,7 +123,7 @@ def play_robot(laboratory: Laboratory, truth: TruthName, pools: PoolSets, robot:
     )
 
 
-def visit_robot(laboratory: Laboratory, truth: TruthName, pools: PoolSets, robot: int) -> Visit:
+def visit_robot(laboratory: Laboratory, truth: str, pools: PoolSets, robot: int) -> Visit:
     """Draw robot number `robot` of one kind, and give it its pool."""
     kind, p = truth_of_kind(laboratory.scenario, truth), robot % len(pools.pool_q)
     own = laboratory.with_poses(pools.pool_q[p], pools.test_q[p])

@@ -93,6 +93,18 @@ def test_what_too_few_poses_cannot_state_is_left_out(count, spread, guards):
     assert made.belief.n_guards == guards
 
 
+def test_held_out_rows_in_another_frame_are_in_no_search_for_a_drift():
+    fit, train, test = measured_tables()
+    far = dataclasses.replace(test, position=test.position + np.array([0, 0, 1e-3]))
+    order = (np.arange(29), 29 + np.arange(40))
+    known = Circumstances(order=order, unmodelled=("the station wanders",))
+    made = judge(fit, far, train=train, circumstances=known)
+    alone = judge(fit, test.rows(np.zeros(0, int)), train=train, circumstances=known)
+    assert made.frame.found
+    assert made.belief.n_guards == 0
+    assert np.array_equal(made.belief.covariance, alone.belief.covariance)
+
+
 def test_no_pose_of_the_identification_may_judge_it():
     fit, train, _ = measured_tables()
     with pytest.raises(InputError, match="pose 0 of the identification"):

@@ -122,12 +122,12 @@ def test_shares_and_radii_of_one_robot_come_out_by_independent_code_too(model, v
     k = int(np.ceil((n + 1) * 0.95))
     radius = sorted(np.linalg.norm(gaps, axis=1))[k - 1]
     hotelling = np.sqrt(3 * n / (n - 2) * stats.f.ppf(0.95, 3, n - 2))
-    expected = (
+    expected = (  # beside the believed region, which tests/calib makes by another way
         inside(sigma, np.sqrt(stats.chi2.ppf(0.95, 3))),
         inside(sigma + beyond, hotelling if beyond.any() else np.sqrt(stats.chi2.ppf(0.95, 3))),
         (np.mean(np.linalg.norm(error, axis=1) <= radius), radius),
     )
-    for j, (share, size) in enumerate(expected):
+    for j, (share, size) in enumerate(expected, start=1):
         assert study.inside[i, j, 1] == pytest.approx(share, abs=1e-12)
         # central differences and another solver: 1e-5 of an uncertainty
         assert study.radius[i, j, 1] == pytest.approx(size, rel=1e-4)
@@ -162,8 +162,10 @@ def test_the_judge_never_lets_the_truth_into_a_statement(visit):
     fit = models(visit)[0][0]
     far = replace(visit, true=visit.true + 1.0)
     one, other = judge_model(fit, visit, 0.95), judge_model(fit, far, 0.95)
-    assert all(one[name] == other[name] for name in ("radius", "flagged", "believed"))
-    assert other["inside"] == (0.0, 0.0, 0.0)
+    assert all(
+        one[name] == other[name] for name in ("radius", "flagged", "believed", "growth", "p_drift")
+    )
+    assert other["inside"] == (0.0, 0.0, 0.0, 0.0)
 
 
 def test_only_a_model_that_holds_the_truth_is_judged_number_by_number(campaign):
@@ -178,15 +180,15 @@ def test_only_a_model_that_holds_the_truth_is_judged_number_by_number(campaign):
 
 
 def synthetic(inside, **changes):
-    """A study of R robots with given shares (2, 3, R)."""
+    """A study of R robots with given shares (2, 4, R)."""
     count = inside.shape[-1]
     ones = np.ones((2, count))
     study = CoverageStudy(
-        truth="rigid", level=0.95, judged=100, inside=inside, radius=np.ones((2, 3, count)) * 1e-5,
-        p_value=ones / 2, held_out_p=ones / 2, flagged=ones < 0, believed=np.zeros((2, count), int),
-        converged=ones > 0, extended=np.zeros(count, dtype=bool), log_evidence=np.zeros(count),
-        before=np.ones(count), mean_error=ones * 1e-5, names=(),
-        normal_error=np.zeros((0, count)), nees=np.zeros(0),
+        truth="rigid", level=0.95, judged=100, inside=inside, radius=np.ones((2, 4, count)) * 1e-5,
+        p_value=ones / 2, held_out_p=ones / 2, flagged=ones < 0, believed=ones,
+        growth=ones, p_drift=ones, converged=ones > 0, extended=np.zeros(count, dtype=bool),
+        log_evidence=np.zeros(count), before=np.ones(count), mean_error=ones * 1e-5,
+        names=(), normal_error=np.zeros((0, count)), nees=np.zeros(0),
     )  # fmt: skip
     return replace(study, **changes)
 
@@ -197,7 +199,7 @@ def test_bands_over_robots_hold_the_true_coverage_and_those_over_poses_do_not():
     a = 0.95 * (0.95 * 0.05 / 0.07**2 - 1)
     of_robots = of_poses = joint = wronged = 0
     for _ in range(2000):
-        shares = rng.binomial(poses, rng.beta(a, a / 19, (2, 3, count))) / poses
+        shares = rng.binomial(poses, rng.beta(a, a / 19, (2, 4, count))) / poses
         mean = mean_over_robots(shares[0, 0])
         of_robots += mean.low <= 0.95 <= mean.high
         naive = 1.96 * np.sqrt(mean.value * (1 - mean.value) / (count * poses))
@@ -206,42 +208,57 @@ def test_bands_over_robots_hold_the_true_coverage_and_those_over_poses_do_not():
         joint += all(cell.outcome == "holds" for cell in found)
         wronged += any(cell.outcome == "short" for cell in found)
     # binomial sd of 2000 trials 0.5 %; the skew of the shares costs up to 1 % more, and 2 % far
-    # out; it makes a sound statement look wide, so that "falls short" is said too rarely at most
+    # out, in each of eight cells; it makes a sound statement look wide, so that "falls short" is
+    # said too rarely at most
     assert of_robots / 2000 == pytest.approx(0.95, abs=0.02)
-    assert joint / 2000 >= 0.915
+    assert joint / 2000 >= 0.89
     assert wronged / 2000 <= 0.025
     assert of_poses / 2000 < 0.6
 
 
 def test_words_follow_the_bands():
     rng = np.random.default_rng(4)
-    shares = np.clip(rng.normal(0.95, 0.02, (2, 3, 100)), 0, 1)
-    shares[:, 0] -= 0.3
-    shares[:, 2] = 1.0
+    shares = np.clip(rng.normal(0.95, 0.02, (2, 4, 100)), 0, 1)
+    shares[:, 1] -= 0.3
+    shares[:, [0, 3]] = 1.0
     found = cells((synthetic(shares),))
-    assert [cell.outcome for cell in found] == ["short", "holds", "wide"] * 2
+    assert [cell.outcome for cell in found] == ["wide", "short", "holds", "wide"] * 2
     said = believable_sentence(found)
     assert "conformal ball on rigid robots with either model" in said
-    assert "model-based region on no robot" in said
+    assert "the region from the parameters alone on no robot" in said
+
+
+def test_what_is_stated_of_no_robot_is_refused_and_of_some_is_judged_on_these():
+    shares = np.full((2, 4, 50), 0.95)
+    shares[:, 0] = np.linspace(0.0, 0.5, 50)
+    nowhere = synthetic(shares, believed=np.zeros((2, 50)))
+    found = cells((nowhere,))
+    assert (found[0].outcome, found[0].believable) == ("refused", True)
+    assert found[0].share.value == pytest.approx(0.25)
+    assert followed(nowhere)[1] == 50
+    some = synthetic(shares, believed=np.where(np.arange(50) < 10, 0.5, 0.0) * np.ones((2, 1)))
+    assert cells((some,))[0].share.value == pytest.approx(shares[0, 0, :10].mean())
+    assert cells((some,))[0].outcome == "short"
+    assert cells((some,))[1].share.value == pytest.approx(0.95)
 
 
 def test_robots_that_no_test_can_tell_are_named():
-    shares = np.full((2, 3, 50), 0.95)
-    shares[:, 0] = np.linspace(0.4, 0.6, 50)
+    shares = np.full((2, 4, 50), 0.95)
+    shares[:, 1] = np.linspace(0.4, 0.6, 50)
     study = synthetic(shares, flagged=np.arange(100).reshape(2, 50) % 2 == 0)
     (said,) = unnoticed(study, cells((study,)))
-    quiet = shares[0, 0, ~study.flagged[0]].mean()
+    quiet = shares[0, 1, ~study.flagged[0]].mean()
     assert "on 50\u202f% of rigid robots" in said
     assert f"{100 * quiet:.1f}" in said
     assert unnoticed(replace(study, flagged=np.ones((2, 50), dtype=bool)), cells((study,))) == ()
 
 
 def test_whoever_follows_the_advice_gets_the_share_of_what_was_believed():
-    shares = np.arange(2 * 3 * 4).reshape(2, 3, 4) / 24
-    told = np.array([[0, 1, 2, -1], [2, 2, 2, 2]])
+    shares = np.arange(2 * 4 * 4).reshape(2, 4, 4) / 32
+    told = np.array([[1.0, 0.2, 1.0, 0.0], [1.0, 1.0, 1.0, 1.0]])
     study = synthetic(shares, believed=told, extended=np.array([False, False, True, False]))
     found, without = followed(study)
-    assert found.tolist() == [shares[0, 0, 0], shares[0, 1, 1], shares[1, 2, 2]]
+    assert found.tolist() == [shares[0, 0, 0], shares[0, 0, 1], shares[1, 0, 2]]
     assert without == 1
 
 
@@ -250,7 +267,7 @@ def test_number_checks_pass_honest_numbers_and_fail_a_claim_too_small():
     for _ in range(200):
         z = rng.standard_normal((6, 200))
         study = synthetic(
-            np.full((2, 3, 200), 0.95), names=tuple("abcdef"), normal_error=z,
+            np.full((2, 4, 200), 0.95), names=tuple("abcdef"), normal_error=z,
             nees=(z**2).sum(axis=0),
         )  # fmt: skip
         failed += not numbers_check(study).passed
@@ -265,7 +282,7 @@ def test_one_number_in_thirty_may_stray_as_far_as_one_of_thirty_does():
     z = np.random.default_rng(12).standard_normal((30, 200))
     z[0] = np.linspace(-1.9, 1.9, 200)
     z[0, :17] = 2.5  # 91.5 % inside; one number alone must reach 90 %, the least of thirty 88 %
-    ones = np.full((2, 3, 200), 0.95)
+    ones = np.full((2, 4, 200), 0.95)
     names = tuple(str(k) for k in range(30))
     found = numbers_check(synthetic(ones, names=names, normal_error=z, nees=(z**2).sum(axis=0)))
     low, high = stats.binom.ppf([0.0005 / 30, 1 - 0.0005 / 30], 200, 0.95) / 200
@@ -282,6 +299,7 @@ def test_the_model_based_region_holds_what_a_station_gets_wrong_all_along():
         "coverage.robots": 6,
     }
     (study,) = STUDY.of(played("coverage", SMALL | changes))
+    # of six robots, whose shares scatter by 4 %
     assert (study.inside.mean(axis=2) > 0.9).all()
     # mean of six chi-square values with 30 degrees of freedom; 1e-6 tails
     low, high = stats.chi2.ppf([1e-6, 1 - 1e-6], 180) / 6
@@ -348,14 +366,14 @@ def test_the_report_opens_with_the_answer_and_has_every_cell(campaign):
     shown = section(campaign)
     assert shown.blocks[0].text.startswith("At 95")
     table = shown.blocks[3]
-    assert [row[1] for row in table.rows] == ["geometric", "extended"] * 5
+    assert [row[1] for row in table.rows] == ["geometric", "extended"] * 6
     page = page_of(campaign, VERSIONS)
     assert page.sections[0] == shown or shown.anchor == "coverage"
     assert page.verdict.replace("µ", "u").split() == shown.blocks[0].text.split()
-    assert page.mark.startswith(("✗ The model-based interval falls short", "✓ The model-based"))
+    assert page.mark.startswith(("✗ The believed region falls", "✓ The believed region falls"))
     assert 'model = "choose"' in page.next_step
     assert headline(campaign)["coverage"]["truths"]["rigid"]["numbers"]["count"] == 30
-    assert arrays(campaign)["coverage/soft/inside"].shape == (2, 3, 3)
+    assert arrays(campaign)["coverage/soft/inside"].shape == (2, 4, 3)
 
 
 def test_scenes_without_the_study_say_nothing_of_it():

@@ -22,12 +22,14 @@ def study(truth, level, seed):
         truth=truth,
         level=0.95,
         judged=100,
-        inside=rng.binomial(100, level, (2, 3, ROBOTS)) / 100,
-        radius=np.full((2, 3, ROBOTS), 2e-5),
+        inside=rng.binomial(100, level, (2, 4, ROBOTS)) / 100,
+        radius=np.full((2, 4, ROBOTS), 2e-5),
         p_value=flat,
         held_out_p=flat,
         flagged=flat > 0,
-        believed=flat.astype(np.int64),
+        believed=flat + 1.0,
+        growth=flat + 1.0,
+        p_drift=flat,
         converged=flat == 0,
         extended=np.zeros(ROBOTS, dtype=bool),
         log_evidence=np.zeros(ROBOTS),
@@ -72,7 +74,7 @@ def test_a_robot_is_a_dot_at_its_share_in_its_row(opened, campaign):
     one = STUDY.of(campaign)[1]
     _, rows = column(opened, "/attained/wen2022/extended/discrepancy/robots", "Points2D:positions")
     dots = np.array(rows[-1]).reshape(-1, 2)
-    assert np.abs(dots[:, 0] - (PANEL + GAP) - 100 * one.inside[1, 1]).max() < SINGLE
+    assert np.abs(dots[:, 0] - 2 * (PANEL + GAP) - 100 * one.inside[1, 2]).max() < SINGLE
     assert (np.abs(dots[:, 1] - 3 * ROW) < ROW / 2).all()
     assert len(np.unique(dots[:, 1])) == ROBOTS
 
@@ -81,7 +83,9 @@ def test_the_mean_ends_at_the_share_that_the_report_states(opened, campaign):
     for cell in cells(STUDY.of(campaign)):
         entity = f"/attained/{cell.truth}/{cell.model}/{cell.statement}/mean"
         _, rows = column(opened, entity, "Points2D:positions")
-        shift = ("model", "discrepancy", "conformal").index(cell.statement) * (PANEL + GAP)
+        shift = ("region", "model", "discrepancy", "conformal").index(cell.statement) * (
+            PANEL + GAP
+        )
         assert rows[-1][0][0] - shift == pytest.approx(100 * cell.share.value, abs=SINGLE)
         assert cell.believable == (cell.truth == "rigid")
 
@@ -94,7 +98,7 @@ def test_the_phase_comes_last_and_the_words_count_what_falls_short(campaign):
     assert len(last.at) == ROBOTS
     assert len(np.unique(last.at)) == ROBOTS
     assert np.array_equal(story.q[last.start], bare.q[-1])
-    assert chapter(campaign).text[-1].startswith("- 6 of 12 statements fall short")
+    assert chapter(campaign).text[-1].startswith("- 8 of 16 statements fall short")
 
 
 def test_the_file_is_whole(path):

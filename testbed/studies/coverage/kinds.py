@@ -1,0 +1,174 @@
+"""Kinds of robots beside the presets of the truth: what hides, what is shared, used otherwise.
+
+A `slight` robot is wrong by physics that no estimator has, a quarter to three quarters of the noise
+after the best geometric fit, which no test sees. The others differ in how they are measured or
+used.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.measurement.observations import Measurements
+from testbed.laboratory.truth.laboratory import Laboratory
+from testbed.scenario.laboratory import At960Tracker, TruthSettings
+from testbed.streams import stream
+from testbed.studies.coverage.settings import SLIGHT, CoverageSettings
+
+MISFITS: tuple[Mapping[str, Any], ...] = (
+    {"drive_nm_per_mrad": (90.0, 90.0, 40.0, 12.0, 10.0, 6.0)},
+    {"high_harmonic_mdeg": 2.5},
+    {
+        "drive_nm_per_mrad": (180.0, 180.0, 80.0, 24.0, 20.0, 12.0),
+        "bearing_nm_per_mrad": (600.0, 500.0, 300.0, 100.0, 80.0, 50.0),
+        "high_harmonic_mdeg": 2.5,
+        "backlash_mdeg": 2.0,
+        "backlash_side": "load",
+    },
+)
+"""Sag of springs, waves of high order, a mixture with bending bearings and play: robots in turn."""
+SOFT = ("drive_nm_per_mrad", "bearing_nm_per_mrad")
+SIZES = (0.25, 0.75)
+"""Of the misfit of a slight robot, in sd of the noise per axis."""
+SIZED_AT = 100
+"""Postures of the pool over which a misfit is sized."""
+UNIT = 0.05
+"""Scale of `MISFITS` at which a misfit is sized: small, where all of them are linear."""
+MEMORY = 15.0
+"""Rows over which the noise of a drifting station remembers."""
+MORE_KG = 3.0
+"""Hangs on a loaded robot where it is used and did not where it was measured."""
+PLACES = ("half", "joint 1", "elbow", "low")
+"""What a robot is calibrated in one part of and used in another: robots in turn."""
+APART = (0.4, 0.6)
+"""Shares of the pool that lie in the part measured, and below the part used."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Use:
+    """Where a robot is measured and used, and how."""
+
+    laboratory: Laboratory
+    """With this robot, as it is measured."""
+    used: Laboratory
+    """The same as it is used."""
+    payload: tuple[float, float]
+    """What it carries where it is measured and where it is used [kg]."""
+    one_move: bool
+    """Whether it is judged where a single move ends."""
+
+
+def drawn(laboratory: Laboratory, kind: str, robot: int) -> Use:
+    """Robot number `robot` of one kind in the laboratory."""
+    scenario, name = laboratory.scenario, ("coverage", "robot", robot)
+    truth = scenario.table(CoverageSettings).truth_of(scenario, kind)
+    if kind in SLIGHT:
+        rng = stream(scenario.seed, "coverage", "slight", robot)
+        terms = MISFITS[robot % len(MISFITS)]
+        truth = slight(laboratory, truth, terms, rng.uniform(*SIZES), robot)
+    if kind == "hidden" and isinstance(scenario.tracker, At960Tracker):
+        tracker = scenario.tracker.model_copy(update={"systematic": True})
+        laboratory = replace(laboratory, scenario=scenario.model_copy(update={"tracker": tracker}))
+    own = laboratory.with_robot(truth, *name)
+    used, more = own, truth.payload_kg
+    if kind == "loaded":
+        more += MORE_KG
+        used = laboratory.with_robot(truth.model_copy(update={"payload_kg": more}), *name)
+    return Use(own, used, (truth.payload_kg, more), kind == "one_move")
+
+
+def slight(
+    laboratory: Laboratory, truth: TruthSettings, terms: Mapping[str, Any], size: float, robot: int
+) -> TruthSettings:
+    """The truth with such terms, scaled so that geometry leaves `size` sd of the noise of them.
+
+    References
+    ----------
+    Misfit is what the best geometric fit over the pool leaves, root mean square per axis: what a
+    geometry absorbs is none.
+    """
+    q = laboratory.pool_q[:SIZED_AT]
+    still = truth.model_copy(update={"angle_sd_deg": 0.0, "length_sd_mm": 0.0})
+    small = still.model_copy(update=scaled(laboratory, terms, UNIT))
+    own = laboratory.with_robot(small, "coverage", "robot", robot)
+    T, J = laboratory.setting.nominal.poses_and_jacobian(q)
+    error = (own.held_out(q)[:, :3, 3] - T[:, :3, 3]).ravel()
+    rows = J[:, :3].reshape(len(error), -1)
+    left = error - rows @ np.linalg.lstsq(rows, error, rcond=1e-9)[0]
+    noise = np.sqrt(np.trace(laboratory.covariance(q)[:, :3, :3], axis1=1, axis2=2).mean() / 3)
+    scale = UNIT * size * float(noise / np.sqrt(np.mean(left**2)))
+    return truth.model_copy(update=scaled(laboratory, terms, scale))
+
+
+def scaled(laboratory: Laboratory, terms: Mapping[str, Any], scale: float) -> dict[str, Any]:
+    """Terms of the truth with so many times the effect, for an arm of any number of joints."""
+    from testbed.scenario.presets import along
+
+    joints = laboratory.robot.model.chain.n_joints
+    found: dict[str, Any] = {}
+    for key, value in terms.items():
+        if key in SOFT:
+            found[key] = tuple(stiffness / scale for stiffness in along(list(value), joints))
+        else:
+            found[key] = value if isinstance(value, str) else value * scale
+    return found
+
+
+def apart(
+    laboratory: Laboratory, robot: int, counts: tuple[int, int, int]
+) -> tuple[Array, Array, Array]:
+    """Postures to identify from, to hold out and to judge at, the last in another part.
+
+    The part is told by one number: how far to the side, turned, bent or high. Measured where it is
+    below the pool's share `APART[0]`, used above `APART[1]`.
+    """
+    place = PLACES[robot % len(PLACES)]
+    low, high = np.quantile(where(laboratory, place, laboratory.pool_q), APART)
+    train, held_out, judged = counts
+    here, there = np.zeros((2, 0, laboratory.pool_q.shape[1]))
+    rng = stream(laboratory.scenario.seed, "coverage", "apart", robot)
+    while len(here) < train + held_out or len(there) < judged:
+        q = laboratory.candidates().draw(rng, size=sum(counts), exclude=laboratory.pool_q).q
+        at = where(laboratory, place, q)
+        here, there = np.vstack([here, q[at < low]]), np.vstack([there, q[at > high]])
+    return here[:train], here[train : train + held_out], there[:judged]
+
+
+def where(laboratory: Laboratory, place: str, q: Array) -> Array:
+    """(m,) the number that tells parts of the room or of a joint's range apart."""
+    joint = {"joint 1": 0, "elbow": min(2, q.shape[1] - 1)}.get(place)
+    if joint is not None:
+        return np.abs(q[:, 0] - np.median(q[:, 0])) if joint == 0 else q[:, joint]
+    return laboratory.setting.nominal.poses(q)[:, 1 if place == "half" else 2, 3]
+
+
+def remembering(
+    laboratory: Laboratory, parts: tuple[Measurements, Measurements]
+) -> tuple[Measurements, Measurements]:
+    """Rows in time order whose position noise remembers `MEMORY` rows, of the stated variance.
+
+    References
+    ----------
+    First-order autoregression of the noise in units of its stated standard deviation.
+    """
+    keep, before = np.exp(-1 / MEMORY), np.zeros(3)
+    found: list[Measurements] = []
+    for rows in parts:
+        truth = laboratory.truth.poses(rows.q)[:, :3, 3]
+        root = np.linalg.cholesky(rows.covariance[:, :3, :3])
+        white = np.linalg.solve(root, (rows.position - truth)[:, :, None])[:, :, 0]
+        for k in range(len(white)):
+            first = not found and k == 0
+            white[k] = white[k] if first else keep * before + np.sqrt(1 - keep**2) * white[k]
+            before = white[k]
+        found.append(replace(rows, position=truth + (root @ white[:, :, None])[:, :, 0]))
+    return found[0], found[1]
+
+
+def in_random_order(laboratory: Laboratory, chosen: Index, robot: int) -> Index:
+    """The chosen poses as they are visited where a drift is looked for."""
+    rng = stream(laboratory.scenario.seed, "coverage", "order", robot)
+    return np.asarray(rng.permutation(chosen))
