@@ -5,7 +5,12 @@ import pytest
 from scipy.stats import binom, chi2, ncx2
 
 from calib.errors import InputError
-from calib.uncertainty.statement.distance import distance_radius, probability_within
+from calib.uncertainty.statement.distance import (
+    content,
+    distance_radius,
+    probability_within,
+    spread_over_directions,
+)
 
 # R95 / u_3D of round, flat, straight and two oblong regions: reference values to 4 digits
 RATIOS = [
@@ -86,3 +91,16 @@ def test_no_regions_no_radii():
 def test_what_is_refused(bad, sentence):
     with pytest.raises(InputError, match=sentence):
         bad()
+
+
+def test_directions_and_nested_lines_are_one_probability():
+    """Two ways to the same number; the nested one is good to 5e-6 for thin shapes."""
+    S = turned(np.random.default_rng(4), 60)
+    S[:20] = np.array([np.diag([1.0, 10.0**-k, 10.0 ** -(2 * k)]) for k in range(20)])
+    length, weight = spread_over_directions(S)
+    assert weight.sum() == pytest.approx(1, abs=1e-14)
+    for factor in (0.7, 1.5, 2.5):
+        R = factor * np.sqrt(np.linalg.eigvalsh(S)[:, -1])
+        np.testing.assert_allclose(
+            content(R[:, None], length) @ weight, probability_within(R, S), atol=5e-6
+        )
