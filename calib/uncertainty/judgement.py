@@ -44,6 +44,8 @@ class Circumstances:
     """(j,) standard deviation with which each joint comes back [rad, m]."""
     told_by: str = "the robot's description"
     """What tells it."""
+    drawn: bool = True
+    """Whether held-out poses were drawn where the robot is used: designed ones guard nothing."""
     target: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Point in the tool frame that is stated [m]."""
     unmodelled: tuple[str, ...] = ()
@@ -194,7 +196,7 @@ def _belief(
     def believed(held_out: Measurements | None, shared: Array | None) -> Belief:
         return believe(
             fit, train, held_out, covariance=numbers, shared=shared, repeats=repeats,
-            probability=probability, target=known.target,
+            probability=probability, target=known.target, drawn=known.drawn,
         )  # fmt: skip
 
     use: Measurements | None = test if len(test) else None

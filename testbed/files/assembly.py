@@ -109,6 +109,7 @@ def assemble(
         stated=parts[0].readings.stated if len(parts) == 1 else Stated(),
         simulated=settings.simulated,
         wanted=settings.identification,
+        decision=settings.tolerance.decision if settings.tolerance else None,
         place=place,
     )
 

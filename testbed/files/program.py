@@ -18,7 +18,7 @@ from calib.geometry.frames import inverse as inverse_transform
 from calib.geometry.frames import transform
 from calib.geometry.inverse import InverseStatus, inverse_kinematics, spread
 from calib.geometry.model import RobotModel
-from calib.measurement.accuracy import position_errors, rotation_errors
+from calib.measurement.accuracy import rotation_errors
 from calib.uncertainty.statement.conditions import Conditions, departure
 from testbed.disk import atomic_write
 from testbed.files.conditions import SetUp, first_stated, target_conditions
@@ -53,18 +53,32 @@ class ProgramResult:
 
     status: tuple[InverseStatus, ...]
     """(m,) "reached", or why the target stayed as it was."""
-    before: Array
-    """(m,) position error of the robot with the program as it was [m]."""
-    left: Array
-    """(m,) the same with the corrected program [m]."""
+    deviation_before: Array
+    """(m, 3) identified minus nominal position with the program as it was, world axes [m]."""
+    deviation: Array
+    """(m, 3) the same with the corrected program [m]."""
     left_rotation: Array
-    """(m,) the same of the angle, with the corrected program [rad]."""
+    """(m,) angle between both, with the corrected program [rad]."""
+    q_before: Array
+    """(m, n) joints that the program as it was takes [rad, m]."""
     q: Array
     """(m, n) joints that the corrected program takes [rad, m]."""
     sentences: tuple[str, ...]
     """What was done, and what is to be looked at."""
     conditions: tuple[str, ...] = ()
     """(m,) whether the target lies under the conditions of the measurements, in words."""
+    departed: Bool | None = None
+    """(m,) whether it lies under others."""
+
+    @property
+    def before(self) -> Array:
+        """(m,) position error of the robot with the program as it was [m]."""
+        return np.asarray(np.linalg.norm(self.deviation_before, axis=1))
+
+    @property
+    def left(self) -> Array:
+        """(m,) the same with the corrected program [m]."""
+        return np.asarray(np.linalg.norm(self.deviation, axis=1))
 
     @property
     def corrected(self) -> Bool:
@@ -151,15 +165,20 @@ def correct_program(
     )
     sentences = (done, *status_sentences(result.status, "target", WORDS), *away.sentences)
     sentences += (*away.unsaid, *result.sentences)
-    return replace(result, sentences=sentences, conditions=away.words)
+    return replace(result, sentences=sentences, conditions=away.words, departed=away.outside)
 
 
 def corrected_name(program: Path) -> str:
     """Name of the corrected program: ``NAME_corrected.csv``."""
+    return f"{short_stem(program)}_corrected.csv"
+
+
+def short_stem(program: Path) -> str:
+    """Name of a program without its ending, short enough for a file with more behind it."""
     stem = program.stem
     while len(os.fsencode(stem)) > LONGEST_NAME:
         stem = stem[:-1]
-    return f"{stem}_corrected.csv"
+    return stem
 
 
 def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
@@ -204,9 +223,10 @@ def _correct_joints(
     T, here = nominal.poses(joints.q), identified.poses(q)
     result = ProgramResult(
         status=correction.status,
-        before=correction.position_before,
-        left=position_errors(T, here),
+        deviation_before=(identified.poses(joints.q) - T)[:, :3, 3],
+        deviation=(here - T)[:, :3, 3],
         left_rotation=rotation_errors(T, here),
+        q_before=joints.q,
         q=q,
         sentences=(),
     )
@@ -232,9 +252,10 @@ def _correct_poses(
     here = identified.poses(q)
     result = ProgramResult(
         status=correction.status,
-        before=position_errors(T, identified.poses(correction.q_before)),
-        left=position_errors(T, here),
+        deviation_before=(identified.poses(correction.q_before) - T)[:, :3, 3],
+        deviation=(here - T)[:, :3, 3],
         left_rotation=rotation_errors(T, here),
+        q_before=correction.q_before,
         q=q,
         sentences=(*odd, *assumed),
     )

@@ -13,6 +13,7 @@ from testbed.files.conditions import SetUp
 from testbed.files.session_toml import IdentificationTable
 from testbed.gates.text import SourceFile
 from testbed.robots.robot import Reflector
+from testbed.scenario.tolerance import Decision
 
 Record = TypeVar("Record", bound=Any)
 
@@ -129,6 +130,10 @@ class Session:
     """Whether the file says that it comes from a virtual laboratory."""
     wanted: IdentificationTable
     """What is to be identified, as [identification] of session.toml states it."""
+    decision: Decision | None = None
+    """How far the tool may miss and how that is decided, as [tolerance] states it."""
+    order: Index | None = None
+    """(m,) place of each row in time, where rows of several files have their own times."""
     place: tuple[str, ...]
     """(m,) file and line of each row, for messages."""
 
@@ -140,7 +145,7 @@ class Session:
     def rows(self, which: Bool) -> "Session":
         """The session restricted to some rows (m,); what was left out stays named."""
         index = np.flatnonzero(which)
-        columns = ("is_test", "read_back", "time", "approach", "place")
+        columns = ("is_test", "read_back", "time", "order", "approach", "place")
         return replace(
             rows_of(self, index, columns),
             measurements=self.measurements.rows(index),

@@ -12,6 +12,7 @@ from testbed.files.refusal import refusal
 from testbed.gates.paths import real
 from testbed.gates.text import FileText, SourceFile, read_text
 from testbed.robots.robot import Reflector
+from testbed.scenario.tolerance import ToleranceTable
 from testbed.strict import Strict
 
 SESSION_FILE = "session.toml"
@@ -191,6 +192,11 @@ class IdentificationTable(Strict):
     tool: Literal["free", "fixed"] = "free"
     visits: Literal["all", "first"] = "all"
     """Which visits of a pose are identified from: "first" leaves repeats to type A."""
+    held_out: Literal["drawn", "designed"] = "drawn"
+    """How the held-out poses were chosen: designed ones guard no statement."""
+    order: Literal["rows", "time", "unknown"] = "rows"
+    """What tells which row came first, for the test of drift: times where there are some, else the
+    order of the rows; times, which must be there; nothing."""
 
 
 class SessionFile(Strict):
@@ -213,6 +219,7 @@ class SessionFile(Strict):
     conditions: ConditionsTable = ConditionsTable()
     use: UseTable = UseTable()
     identification: IdentificationTable = IdentificationTable()
+    tolerance: ToleranceTable | None = None
 
     @property
     def observed(self) -> tuple[ObservedTable, ...]:

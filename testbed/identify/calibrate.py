@@ -20,8 +20,9 @@ from testbed.identify.fit import (
     row_errors,
 )
 from testbed.identify.frames import frames_of
+from testbed.identify.order import order_words, require_order
 from testbed.identify.outliers import held_out_outliers, training_outliers, warnings_of
-from testbed.identify.proof import proof_of
+from testbed.identify.proof import guard_warnings, proof_of, repeatability
 from testbed.identify.records import Calibration, HeldOutSplit, OutlierRows
 from testbed.identify.session import origin_of, row_names, split_of, with_scatter
 from testbed.progress import Progress
@@ -91,6 +92,7 @@ def calibrate(
         held_out=options.held_out,
         seed=options.seed,
     )
+    require_order(session)
     report(STEPS[0], 0, len(STEPS))
     probed = probe(robot, session)
     probed.raise_if_wrong()
@@ -149,14 +151,15 @@ def _calibrated(
     )
     chosen = next(each for each in models if each.model == choice.chosen)
     report(STEPS[3], 3, len(STEPS))
+    comes_back = repeatability(chosen.identification.model, robot, session, measurements, ~left_out)
     proof = proof_of(
         chosen.identification,
-        robot,
         session,
         measurements,
         used=used,
         is_test=split.is_test,
         visits=~left_out,
+        comes_back=comes_back,
         seed=options.seed,
     )
     before = row_errors(frames.before, measurements)
@@ -171,6 +174,9 @@ def _calibrated(
         time=session.time,
         conditions=session.conditions,
         set_up=session.set_up,
+        order_told_by=order_words(session),
+        repeatability=comes_back[0],
+        decision=session.decision,
         reflector_names=session.reflector_names,
         stated_reflectors=session.stated_reflectors,
         split=split,
@@ -191,6 +197,7 @@ def _calibrated(
         warnings=(
             *doubts,
             *warnings_of(models[0], chosen, train),
+            *guard_warnings(session, measurements.rows(split.is_test)),
             *held_out_warnings(session.conditions, session.set_up, used, split.is_test),
         ),
     )

@@ -9,13 +9,14 @@ from typing import Any
 
 from calib.geometry.model import RobotModel
 from testbed.disk import atomic_write
-from testbed.files.program import correct_program, corrected_name, read_program
+from testbed.files.program import correct_program, corrected_name, read_program, short_stem
 from testbed.files.session import Session
 from testbed.gates.paths import real
 from testbed.identify.calibrate import STEPS, Options, calibrate
 from testbed.identify.conditions import measured
 from testbed.identify.records import Calibration, Delivered, FittedModel
 from testbed.identify.results import arrays, dh_table, headline, split_csv
+from testbed.identify.targets import statement_at, statement_csv, target_words
 from testbed.identify.words import mm
 from testbed.progress import Progress
 from testbed.report.page import render
@@ -208,7 +209,11 @@ def deliver(
         set_up=calibration.set_up,
     )
     failed = int((~result.corrected).sum())
-    return Delivered(sentences, result.sentences, failed, result.conditions)
+    targets, told = statement_at(calibration, result), result.sentences
+    if targets is not None:
+        told += target_words(targets)
+        (folder / statement_name(program)).write_bytes(statement_csv(targets).encode())
+    return Delivered(sentences, told, failed, result.conditions, targets)
 
 
 def delivered_robot(calibration: Calibration, robot: Robot, fit: FittedModel) -> Robot:
@@ -239,6 +244,11 @@ def reflectors_on(calibration: Calibration, fit: FittedModel) -> tuple[Reflector
             name += "_"
         named[name] = replace(one, name=name)
     return tuple(named.values())
+
+
+def statement_name(program: Path) -> str:
+    """Name of what is stated at a program's targets: ``NAME_statement.csv``."""
+    return f"{short_stem(program)}_statement.csv"
 
 
 def in_own_frames(calibration: Calibration) -> RobotModel:

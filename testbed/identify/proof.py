@@ -2,15 +2,18 @@
 
 import numpy as np
 
-from calib.arrays import Array, Bool, Index, frozen
+from calib.arrays import Array, Bool, frozen
 from calib.geometry.model import RobotModel
 from calib.identification.identify import Identification
 from calib.measurement.observations import GIVEN, Measurements
+from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.judgement import Circumstances, Judgement, judge
 from calib.uncertainty.statement.repeats import FEWEST_FREEDOM, joint_scatter, repeated
 from testbed.files.session import Session
+from testbed.identify.order import order_of
 from testbed.robots.robot import Robot
 from testbed.streams import stream
+from testbed.units import counted
 
 REPLICATES = 400
 """Virtual calibrations that check whether linear propagation holds; 4 % in each deviation."""
@@ -20,13 +23,13 @@ MOST_ROWS = 300
 
 def proof_of(
     result: Identification,
-    robot: Robot,
     session: Session,
     measurements: Measurements,
     *,
     used: Bool,
     is_test: Bool,
     visits: Bool,
+    comes_back: tuple[Array, str],
     seed: int,
     shared: Array | None = None,
 ) -> Judgement:
@@ -36,42 +39,48 @@ def proof_of(
     ----------
     result : Identification
         Of the chosen model.
-    robot : Robot
-        As its maker describes it: how well joints come back, unless repeats tell.
     session : Session
         Where the rows come from.
     measurements : Measurements
         All rows (m), the scatter of the joints in their covariances.
     used, is_test, visits : (m,) array of bool
         Rows identified from; held out; all that are no gross errors.
+    comes_back : tuple
+        Standard deviation (n,) with which each joint does [rad, m], and what tells it.
     seed : int
         Of virtual calibrations.
     shared : (P, P) array, optional
         Covariance of all numbers from what all readings of the instrument share [m, rad].
     """
     train, test = measurements.rows(used), measurements.rows(is_test)
-    sd, told_by = repeatability(result.model, robot, session, measurements, visits)
     order = order_of(session)
     known = Circumstances(
         visits=measurements.rows(visits) if session.wanted.visits == "first" else None,
-        order=(order[used], order[is_test]),
+        order=None if session.wanted.order == "unknown" else (order[used], order[is_test]),
         shared=shared,
-        repeatability=sd,
-        told_by=told_by,
+        repeatability=comes_back[0],
+        told_by=comes_back[1],
+        drawn=session.wanted.held_out == "drawn",
         target=stated_target(measurements),
     )
     rng = stream(seed, "bootstrap") if len(train) <= MOST_ROWS else None
     return judge(result, test, train=train, circumstances=known, rng=rng, replicates=REPLICATES)
 
 
-def order_of(session: Session) -> Index:
-    """Place (m,) of each row in time: as the clock says, else as the rows stand in the files."""
-    m = len(session.measurements)
-    if session.time is None:
-        return np.arange(m)
-    order = np.empty(m, dtype=np.int64)
-    order[np.argsort(session.time, kind="stable")] = np.arange(m)
-    return order
+def guard_warnings(session: Session, test: Measurements) -> tuple[str, ...]:
+    """Why held-out poses guard no statement, where there are some and they do not."""
+    count, needed = test.rows(~test.is_distance).n_poses, fewest_poses()
+    if count and session.wanted.held_out == "designed":
+        return (
+            f"the {counted(count, 'held-out pose')} were designed, as [identification] states: "
+            "they test the result, and guard no statement on other poses",
+        )
+    if 0 < count < needed:
+        return (
+            f"{counted(count, 'held-out pose')}: fewer than {needed} guard no statement; the "
+            "misfit is then bounded with 95 % instead of 90 %",
+        )
+    return ()
 
 
 def stated_target(measurements: Measurements) -> tuple[float, float, float]:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.arrays import Array, Bool, FloatOrNan
 from calib.geometry.model import RobotModel
@@ -13,8 +14,10 @@ from calib.measurement.accuracy import Accuracy
 from calib.measurement.observations import Measurements
 from calib.uncertainty.judgement import Judgement
 from calib.uncertainty.statement.conditions import Conditions
+from calib.uncertainty.statement.conformity import Conformity
 from testbed.files.conditions import SetUp
 from testbed.robots.robot import Reflector
+from testbed.scenario.tolerance import Decision
 
 ModelName = Literal["geometric", "extended"]
 
@@ -154,6 +157,13 @@ class Calibration:
     conditions: Conditions
     """Payload, tool and temperature of each row."""
     set_up: SetUp
+    order_told_by: str
+    """What tells the order of the rows in time; empty if nothing does."""
+    repeatability: Array
+    """(n,) standard deviation with which each joint comes back; zero where nothing tells it [rad,
+    m]."""
+    decision: Decision | None
+    """A tolerance and its rule, if one was stated."""
     reflector_names: tuple[str, ...]
     """Of the reflectors whose place was identified, as the session calls them."""
     stated_reflectors: tuple[Reflector, ...]
@@ -207,6 +217,12 @@ class Calibration:
         return self.is_used if self.elsewhere else self.is_judged
 
     @property
+    def stated_q(self) -> Array:
+        """(n, j) joints of these poses [rad, m]."""
+        table = self.measurements.rows(self.is_stated)
+        return np.asarray(table.q[np.unique(table.pose_id, return_index=True)[1]])
+
+    @property
     def refuted(self) -> bool:
         """Whether a test contradicts the interval from the parameters alone."""
         return self.proof.trust.refuted
@@ -233,6 +249,33 @@ class Calibration:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class TargetStatement:
+    """What is believed at m targets of a program, and decided on them."""
+
+    radius_mean: Array
+    """(m,) R95 of the mean of many moves; zero where no region is stated [m]."""
+    radius_move: Array
+    """(m,) the same of where one move ends; (0,) if nothing tells how well joints come back [m]."""
+    transfer: Array
+    """(m,) g: what reaches the target of what the model misses, as against the held-out poses."""
+    leverage: Array
+    """(m,) h: the same of the noise."""
+    place: NDArray[np.str_]
+    """(m,) inside, edge or outside of what was proven."""
+    stated: Bool
+    """(m,) whether a region is stated."""
+    reaches: bool
+    """Whether the statement reaches the program: not too many of its targets lie outside."""
+    why: tuple[str, ...]
+    """(m,) what grows or refuses the region; empty where nothing does."""
+    before: Conformity | None
+    """Decisions on the program as it was, at the targets with a region; None without a tolerance,
+    or without such a target."""
+    after: Conformity | None
+    """The same of the corrected program."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Delivered:
     """What was written beside the record, in words."""
 
@@ -244,3 +287,5 @@ class Delivered:
     """Targets that could not be corrected."""
     program_conditions: tuple[str, ...] = ()
     """What the conditions of each target of the program are, beside those of the rows."""
+    targets: TargetStatement | None = None
+    """What is believed there; None without a program, or where nothing is believed."""

@@ -8,6 +8,7 @@ from calib.arrays import Array
 from calib.geometry.fixtures import POINT_AXES
 from calib.geometry.frames import log_so3
 from testbed.identify.conditions import conditions_words
+from testbed.identify.decisions import decided_at, decision_section
 from testbed.identify.records import Calibration, Delivered
 from testbed.identify.report_belief import belief_section, reach_section
 from testbed.identify.report_errors import accuracy_section, outlier_section, residual_section
@@ -46,7 +47,8 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
     sections = (
         accuracy_section(calibration),
         belief_section(calibration),
-        reach_section(calibration),
+        reach_section(calibration, delivered),
+        decision_section(decided_at(calibration, delivered)),
         residual_section(calibration),
         outlier_section(calibration),
         parameter_section(calibration),

@@ -1,9 +1,10 @@
 """A calibration report's sections on what to believe of the tool point, and where it applies."""
 
 from calib.arrays import Array
-from testbed.identify.records import Calibration
-from testbed.identify.statements import stated_joints, statements_of
-from testbed.report.page import Block, Points, Section, Table, Text
+from testbed.identify.records import Calibration, Delivered, TargetStatement
+from testbed.identify.statements import statements_of
+from testbed.identify.targets import target_words
+from testbed.report.page import Block, Points, Section, Table, Text, heads
 from testbed.units import (
     DEG,
     MM,
@@ -14,6 +15,8 @@ from testbed.units import (
     significant,
 )
 
+MOST_TARGETS = 30
+"""Targets of a program in the report; all are in a file beside it."""
 GLOSSARY = (
     "R95: radius of the ball about the predicted tool point that holds the true one with 95 % "
     "probability; of a distance in space, in three dimensions.",
@@ -37,7 +40,7 @@ def belief_section(calibration: Calibration) -> Section:
         blocks.append(
             Table(
                 caption="What may be said of the tool point at a new pose like the "
-                f"{len(stated_joints(calibration))} "
+                f"{len(calibration.stated_q)} "
                 f"{'identified from' if calibration.elsewhere else 'judged here'}",
                 head=("statement", "R95 um", "what it holds", "believe"),
                 rows=tuple(
@@ -59,7 +62,12 @@ def belief_section(calibration: Calibration) -> Section:
 def questions_table(calibration: Calibration) -> Table:
     """Tests, together: one small p among several is no surprise."""
     asked = calibration.proof.questions
-    when = "their times" if calibration.time is not None else "the files, which give no time"
+    when = (
+        f"asked of the rows in the order of {calibration.order_told_by}; on a tour of neighbors, "
+    )
+    when += "misfit passes for drift"
+    if not calibration.order_told_by:
+        when = "cannot be told from noise, because the order of the rows is not known"
     rows = [
         (name, probability(p), probability(adjusted), "said" if name in asked.said else "–")
         for name, p, adjusted in zip(asked.names, asked.p_values, asked.adjusted, strict=True)
@@ -71,18 +79,17 @@ def questions_table(calibration: Calibration) -> Table:
         rows=tuple(rows),
         align="lrrl",
         note="p: chance of readings that say so if it is not so. said: below 0.01 for all "
-        "questions together. No test sees a misfit below the noise: no answer is no proof. drift: "
-        f"asked of the rows in the order of {when}; on a tour of neighbors, misfit passes for "
-        "drift. Last row: chi-square against the stated noise alone, combined after Fisher.",
+        "questions together. No test sees a misfit below the noise: no answer is no proof. "
+        f"drift: {when}. Last row: chi-square against the stated noise alone, after Fisher.",
     )
 
 
-def reach_section(calibration: Calibration) -> Section | None:
-    """Where the statement applies: the held-out poses, and how far joints may leave them."""
+def reach_section(calibration: Calibration, delivered: Delivered) -> Section | None:
+    """Where the statement applies: the held-out poses, and the targets of a program."""
     belief = calibration.proof.belief
     if belief is None:
         return None
-    proven, q = belief.proven, stated_joints(calibration)
+    proven, q = belief.proven, calibration.stated_q
     here = proven.applies(q)
     room = proven.room
     rows = []
@@ -107,7 +114,31 @@ def reach_section(calibration: Calibration) -> Section | None:
             "another temperature."
         ),
     ]
+    if delivered.targets is not None:
+        told = sentences(target_words(delivered.targets))
+        blocks += [target_table(delivered.targets), Points(told)]
     return Section("reach", "Where it applies", tuple(blocks))
+
+
+def target_table(found: TargetStatement) -> Table:
+    """What is stated at the first targets of a program."""
+    rows = []
+    for k in range(min(len(found.why), MOST_TARGETS)):
+        moves = found.radius_move[k : k + 1]
+        radii = [significant(float(x) * UM) for x in (found.radius_mean[k], *moves)]
+        cells = [*radii, "–"][:2] if found.stated[k] else ["–", "–"]
+        reach = (significant(float(x[k]), 2) for x in (found.transfer, found.leverage))
+        rows.append((str(k + 1), *cells, *reach, str(found.place[k]), found.why[k]))
+    more = len(found.why) - len(rows)
+    return Table(
+        caption="What is stated at the targets of the corrected program",
+        head=heads("target, R95 mean um, R95 one move um, transfer g, leverage h, place, why"),
+        rows=tuple(rows),
+        align="rrrrrll",
+        size="small",
+        note="R95: 3-D radius, 95 %; a dash: no region is stated there."
+        + (f" {more} more targets are in the table beside the program." if more > 0 else ""),
+    )
 
 
 def _ends(values: Array) -> str:

@@ -7,11 +7,15 @@ from typing import Any
 import numpy as np
 
 from calib.measurement.accuracy import Accuracy
-from calib.uncertainty.statement.belief import Belief
-from calib.uncertainty.statement.stated_point import StatedPoint
 from testbed.identify.conditions import conditions_numbers
-from testbed.identify.records import Calibration, Delivered, Figures, FittedModel, RowErrors
-from testbed.identify.statements import statements_of
+from testbed.identify.records import (
+    Calibration,
+    Delivered,
+    Figures,
+    FittedModel,
+    RowErrors,
+)
+from testbed.identify.results_statement import decisions, statements, targets
 from testbed.identify.words import notice, reasons, verdict
 from testbed.report.text import csv_text
 from testbed.robots.write.dh_table import DhRow, dh_rows
@@ -25,6 +29,7 @@ from testbed.store.quantities import (
     as_json,
     below,
     fields_of,
+    unitless,
 )
 from testbed.units import DEG, MM, sentences
 
@@ -76,85 +81,19 @@ def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:
     keys = ("name", "unit", "old", "new", "delta", "U_k2")
     numbers = [dict(zip(keys, astuple(row), strict=True)) for row in dh_table(calibration)]
     parts = [
-        *plain(words),
+        *unitless(words),
         *below("data/conditions", conditions_numbers(calibration)),
         *_figures("before/train", calibration.before_train),
         *_figures("before/held_out", calibration.before_test),
         *(each for fit in calibration.fits for each in below(f"models/{fit.model}", _model(fit))),
-        *plain(chosen),
+        *unitless(chosen),
         *below("statements", statements(calibration)),
         Quantity("parameters", numbers),
         *below("delivered", fields_of(delivered, DELIVERED)),
+        *below("targets", targets(delivered.targets)),
+        *below("decisions", decisions(calibration, delivered)),
     ]
     return as_json(parts)
-
-
-def plain(values: Mapping[str, object]) -> list[Quantity]:
-    """Counts, shares and words, which have no unit."""
-    return [Quantity(name, value) for name, value in values.items()]
-
-
-def statements(calibration: Calibration) -> list[Quantity]:
-    """What may be said of the tool's position at a new pose, and what the readings were asked."""
-    proof, asked = calibration.proof, calibration.proof.questions
-    out = [
-        Quantity("refuted", proof.trust.refuted),
-        *(
-            Quantity(f"compared/{one.key}/R95_um", one.radius, METRE)
-            for one in statements_of(calibration)
-        ),
-        *(
-            Quantity(f"compared/{one.key}/{name}", getattr(one, name))
-            for one in statements_of(calibration)
-            for name in ("promise", "use")
-        ),
-        *(
-            Quantity(f"tests/{name}", {"p": p, "p_for_all": adjusted, "said": name in asked.said})
-            for name, p, adjusted in zip(asked.names, asked.p_values, asked.adjusted, strict=True)
-        ),
-        Quantity("tests/residuals and held-out errors/p", asked.combined),
-    ]
-    if proof.point is not None and proof.belief is not None:
-        out += _region(proof.point, proof.belief)
-    if proof.held_out is not None:
-        out.append(Quantity("held_out_p_value", proof.held_out.p_value))
-    if proof.discrepancy is not None:
-        size = np.sqrt(np.trace(proof.discrepancy.covariance))
-        out.append(Quantity("discrepancy_u_3d_mm", size, METRE))
-    if proof.conformal is not None:
-        out += [
-            Quantity("conformal_radius_mm", proof.conformal.radius, METRE),
-            Quantity("conformal_probability", proof.conformal.probability),
-            Quantity("conformal_content_range", proof.conformal.content_range()),
-        ]
-    return out
-
-
-def _region(point: StatedPoint, belief: Belief) -> list[Quantity]:
-    """The believed region at poses like those that it is of, as single numbers."""
-    sizes = {
-        "u_mean_um": point.u_mean,
-        "u_move_um": point.u_move,
-        "R95_mean_um": point.radius_mean,
-        "R95_move_um": point.radius_move,
-        "misfit_upper_um": belief.misfit.upper,
-        "misfit_best_um": belief.misfit.best,
-        "detectable_um": belief.misfit.detectable,
-    }
-    others: dict[str, object] = {
-        "probability": point.probability,
-        "factor": belief.factor,
-        "guards": belief.n_guards,
-        "poses": point.n_poses,
-        "poses_held_out": point.held_out,
-        "move_told_by": point.move_told_by,
-        "noise_scale": belief.misfit.noise_scale,
-        "noise_told_by_repeats": belief.misfit.repeated,
-    }
-    return [
-        *(Quantity(name, x if np.isfinite(x) else None, METRE) for name, x in sizes.items()),
-        *plain(others),
-    ]
 
 
 def dh_table(calibration: Calibration) -> tuple[DhRow, ...]:
@@ -246,7 +185,7 @@ def _model(fit: FittedModel) -> list[Quantity]:
         "certificate": result.certificate,
         "status": result.status.value,
     }
-    return [*plain(words), *_figures("train", fit.train), *_figures("held_out", fit.test)]
+    return [*unitless(words), *_figures("train", fit.train), *_figures("held_out", fit.test)]
 
 
 def _figures(path: str, figures: Figures | None) -> list[Quantity]:

@@ -16,6 +16,7 @@ from calib.uncertainty.held_out import SAME_POSE
 from testbed.files.conditions import joined as joined_conditions
 from testbed.files.probe import Probe
 from testbed.files.session import Session, Stated
+from testbed.identify.order import order_of
 from testbed.identify.records import HeldOutSplit, Origin
 from testbed.robots.catalog import Robot
 from testbed.scenario.hashes import robot_hash
@@ -65,6 +66,7 @@ def with_test(session: Session, other: Session) -> Session:
         place=(*session.place, *other.place),
         read_back=_both(session.read_back, other.read_back),
         time=None,  # two files begin their clocks at different times
+        order=np.concatenate([order_of(session), len(mine) + order_of(other)]),
         conditions=joined_conditions([(one.where, one.conditions) for one in (session, other)]),
         set_up=replace(session.set_up, date=" and ".join(dict.fromkeys(filter(None, dates)))),
     )

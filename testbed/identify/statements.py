@@ -11,7 +11,7 @@ from calib.uncertainty.statement.stated_point import common_radius
 from calib.uncertainty.tool_point import ToolStatement, tool_statement
 from testbed.identify.proof import stated_target
 from testbed.identify.records import Calibration
-from testbed.units import UM, counted, percent, probability
+from testbed.units import UM, counted, probability
 
 BELIEVED, NOT_NEEDED = "believed", "not needed"
 
@@ -39,18 +39,12 @@ def statements_of(calibration: Calibration) -> tuple[StatedRadius, ...]:
     return (*_believed(calibration), *_compared(calibration, other))
 
 
-def stated_joints(calibration: Calibration) -> Array:
-    """Joints (n, j) of the poses that the believed radius is of [rad, m]."""
-    table = calibration.measurements.rows(calibration.is_stated)
-    return table.q[np.unique(table.pose_id, return_index=True)[1]]
-
-
 def _believed(calibration: Calibration) -> list[StatedRadius]:
     """The region; of one move where something tells how well joints come back."""
     point, belief = calibration.proof.point, calibration.proof.belief
     if point is None or belief is None:
         return []
-    held = percent(point.probability)
+    held = f"{100 * point.probability:g} %"
     within = (
         f"{held} of true mean points: noise, a misfit of up to "
         f"{belief.misfit.upper * UM:.1f} um per axis"
@@ -75,8 +69,8 @@ def _compared(calibration: Calibration, other: str) -> list[StatedRadius]:
     if result.mode == "whitened":
         refuted = calibration.refuted and not calibration.not_linear
         why = "refuted by a test" if refuted else other
-        if proof.held_out is not None:
-            why += f": held-out p {probability(proof.held_out.p_value)}"
+        if refuted and proof.held_out is not None:
+            why += f" (held-out p {probability(proof.held_out.p_value)})"
         radius = common_radius(_by_numbers(calibration, result.full_covariance))
         what = "95 % if the model and the stated noise are exactly right"
         found.append(StatedRadius("parameters", "parameters alone", radius, what, why))
@@ -93,10 +87,10 @@ def _compared(calibration: Calibration, other: str) -> list[StatedRadius]:
         name = "parameters and discrepancy"
         found.append(StatedRadius("discrepancy", name, common_radius(wide), what, other))
     if proof.conformal is not None:
-        low, high = map(percent, proof.conformal.content_range())
+        low, high = proof.conformal.content_range()
         what = (
-            f"{percent(proof.conformal.probability)} of measured points, without any model (this "
-            f"set: {low} to {high}); contains the measuring noise"
+            f"{100 * proof.conformal.probability:g} % of measured points, without any model (this "
+            f"set: {100 * low:.0f} to {100 * high:.0f} %); contains the measuring noise"
         )
         why = other if proof.belief is not None else "what is left"
         found.append(
@@ -112,7 +106,7 @@ def _by_numbers(
     """The tool point at the stated poses from the covariance of all numbers."""
     result: Identification = calibration.fit.identification
     return tool_statement(
-        result.model, stated_joints(calibration), covariance,
+        result.model, calibration.stated_q, covariance,
         discrepancy=calibration.proof.discrepancy if discrepancy else None,
         target=stated_target(calibration.measurements),
     )  # fmt: skip

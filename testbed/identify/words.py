@@ -5,6 +5,7 @@ import numpy as np
 from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.statement.stated_point import StatedPoint
 from testbed.identify.conditions import conditions_words
+from testbed.identify.decisions import decided_at, decision_line
 from testbed.identify.records import Calibration, Delivered, Figures, FittedModel
 from testbed.report.page import SIMULATED
 from testbed.units import DEG, MM, UM, counted, fixed, sentences, significant
@@ -254,4 +255,6 @@ def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
     if more > 0:
         parts.append(f"  {more} more rows that do not fit are in the report.")
     parts += [f"  {text}" for text in sentences(delivered.program)]
+    if line := decision_line(decided_at(calibration, delivered)):
+        parts.append(f"  {line}")
     return "\n".join(parts)

@@ -91,6 +91,11 @@ def _shown(value: Any, factor: float) -> Any:
     return value * factor
 
 
+def unitless(values: Mapping[str, object]) -> list[Quantity]:
+    """Counts, shares and words, which have no unit."""
+    return [Quantity(name, value) for name, value in values.items()]
+
+
 def in_si(values: Mapping[str, object]) -> list[Quantity]:
     """Arrays as memory has them: in metres or radians where the name ends in ``_m`` or ``_rad``."""
     units = {"m": METRE, "rad": RADIAN}

@@ -98,6 +98,7 @@ def believe(
     repeats: NoiseRepeats | None = None,
     probability: float = 0.95,
     target: ArrayLike = (0.0, 0.0, 0.0),
+    drawn: bool = True,
 ) -> Belief:
     """State what may be believed after an identification.
 
@@ -108,7 +109,7 @@ def believe(
     train : Measurements
         What was identified from.
     held_out : Measurements, optional
-        Drawn from where the robot is used, never designed; they guard the factor.
+        From where the robot is used; they guard the factor.
     covariance : (P, P) array_like, optional
         Of all numbers from the noise, where linear propagation does not hold [m, rad].
     shared : (P, P) array_like, optional
@@ -119,6 +120,8 @@ def believe(
         Content of the regions.
     target : (3,) array_like
         Point in the tool frame at which growth is counted [m].
+    drawn : bool
+        Whether the held-out poses were drawn at random: designed ones guard nothing.
 
     References
     ----------
@@ -130,7 +133,7 @@ def believe(
     where = train if held_out is None or not len(held_out) else held_out
     points = None if held_out is None else held_out.rows(~held_out.is_distance)
     n = 0 if points is None else points.n_poses
-    guarded = n >= fewest_poses(probability)
+    guarded = drawn and n >= fewest_poses(probability)
     size = misfit(
         identification, train, held_out, repeats=repeats, drop=DROP if guarded else UNGUARDED_DROP
     )

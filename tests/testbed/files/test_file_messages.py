@@ -409,6 +409,15 @@ CASES = {
         '[ranges]\nanchors_mm = { A = "free" }\n[start]\nanchors_mm = { a = [1.0, 2.0, 3.0] }\n',
     ),
     "session: an endless number": read(table(), "format = " + "1" * 5000),
+    "session: a tolerance without a rule": read(table(), "[tolerance]\nposition_um = 50\n"),
+    "session: a tolerance of nothing": read(
+        table(), '[tolerance]\nposition_um = 0\nrule = "guarded"\n'
+    ),
+    "session: a rule nobody knows": read(
+        table(), '[tolerance]\nposition_um = 50\nrule = "guard"\n'
+    ),
+    "session: a rule without a tolerance": read(table(), '[tolerance]\nrule = "simple"\n'),
+    "session: poses of no kind": read(table(), '[identification]\nheld_out = "random"\n'),
     "session: not TOML": read(table(), "joints\n"),
     "session: a file elsewhere": read(table(), '[joints]\nfile = "../../etc/passwd"\n[frames]\n'),
     "session: no file": lambda folder: (

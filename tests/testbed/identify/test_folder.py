@@ -57,6 +57,7 @@ FILES = {
     "dh_table.csv",
     "split.csv",
     "jobs_corrected.csv",
+    "jobs_statement.csv",
 }
 
 

@@ -6,12 +6,16 @@ from functools import cache
 import numpy as np
 import pytest
 
+from calib.errors import InputError
 from calib.geometry.jacobian import joint_columns
 from calib.measurement import tables
 from calib.measurement.observations import joined
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.proof import order_of, repeatability, stated_target
-from testbed.identify.words import ELSEWHERE, mark, verdict
+from testbed.identify.order import order_of, order_words, require_order
+from testbed.identify.proof import repeatability, stated_target
+from testbed.identify.report_belief import questions_table
+from testbed.identify.session import with_test
+from testbed.identify.words import ELSEWHERE, UNGUARDED, mark, verdict
 from tests.calibrated import robot, session_of, sound, sound_session, table_of, true_model
 from tests.reference import SIGMA_POSITION, pool_r
 
@@ -121,3 +125,50 @@ def test_the_point_that_all_rows_look_at_is_stated_if_its_place_is_known():
     assert stated_target(joined([known, tables.points(q, xyz, sd=1e-5)])) == (0.0, 0.0, 0.0)
     unknown = tables.points(q, xyz, sd=1e-5, reflector=0)
     assert stated_target(unknown) == (0.0, 0.0, 0.0)
+
+
+def wanting(session, **wanted):
+    """The session with other wishes under [identification]."""
+    return replace(session, wanted=session.wanted.model_copy(update=wanted))
+
+
+def test_an_order_by_times_that_nobody_gave_is_refused_before_anything_is_computed():
+    with pytest.raises(InputError) as caught:
+        calibrate(robot(), wanting(sound_session(), order="time"))
+    assert str(caught.value) == (
+        'bench.csv: [identification] order is "time", and no row says when it was measured; give '
+        "the column time_s, or leave order out: rows then stand in the order of the file. [M35]"
+    )
+    require_order(wanting(replace(sound_session(), time=np.arange(80.0)), order="time"))
+
+
+def test_rows_of_unknown_order_are_not_asked_for_a_drift():
+    found = calibrate(robot(), wanting(sound_session(), order="unknown"), Options(seed=1))
+    assert found.proof.drifting is None
+    assert found.order_told_by == ""
+    note = questions_table(found).note
+    assert "drift: cannot be told from noise" in note
+
+
+def test_rows_of_two_files_keep_the_order_of_their_own_times():
+    one = replace(sound_session(), time=np.random.default_rng(1).permutation(80) * 1.0)
+    apart = session_of(table_of(true_model(), pool_r(30, seed=99), seed=9))
+    both = with_test(one, replace(apart, time=np.arange(30.0)[::-1]))
+    assert np.array_equal(order_of(both)[:80], one.time)
+    assert order_of(both)[80:].tolist() == list(range(109, 79, -1))
+    assert order_words(both) == "the files, held-out ones last"
+    kept = both.rows(np.arange(110) % 2 == 0)
+    assert np.array_equal(order_of(kept), order_of(both)[::2])
+
+
+def test_designed_or_few_held_out_poses_guard_nothing_and_that_is_said():
+    session = wanting(sound_session(), held_out="designed")
+    designed = calibrate(robot(), session, Options(seed=1))
+    few = calibrate(robot(), sound_session(), Options(seed=1, held_out=18))
+    for found, says in ((designed, "27 held-out poses were designed"), (few, "fewer than 19")):
+        assert found.proof.belief.n_guards == 0
+        assert mark(found) == UNGUARDED
+        assert any(says in text for text in found.warnings)
+    # a stricter limit of the misfit stands in for the guard
+    assert designed.proof.belief.misfit.upper > sound().proof.belief.misfit.upper
+    assert not any("guard" in text for text in sound().warnings)

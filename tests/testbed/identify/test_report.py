@@ -14,7 +14,7 @@ from calib.uncertainty.trust import Trust
 from testbed.identify.records import Delivered
 from testbed.identify.report import page_of
 from testbed.identify.results import dh_table
-from testbed.identify.statements import stated_joints, statements_of
+from testbed.identify.statements import statements_of
 from testbed.identify.words import (
     ELSEWHERE,
     GUARDED,
@@ -176,7 +176,7 @@ def test_the_radii_hold_what_they_promise_of_normal_points():
     """The believed radius and that of the parameters alone, by drawing."""
     found = sound()
     radius = {one.key: one.radius for one in statements_of(found)}
-    q = stated_joints(found)
+    q = found.stated_q
     rng = np.random.default_rng(5)
     belief, result = found.proof.belief, found.fit.identification
     region = belief.regions(q)

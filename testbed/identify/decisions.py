@@ -1,0 +1,149 @@
+"""Whether the robot keeps a tolerance: decisions before and after its correction, in words."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.uncertainty.statement.conformity import Conformity, conformity
+from calib.uncertainty.statement.stated_point import widened
+from testbed.identify.records import Calibration, Delivered
+from testbed.report.page import Block, Section, Table, Text
+from testbed.units import UM, percent, significant
+
+UNDECIDED = "no decision possible"
+
+
+@dataclass(frozen=True, slots=True)
+class Decided:
+    """Decisions on one set of points."""
+
+    key: str
+    """In result.json."""
+    what: str
+    """Which points, of which robot."""
+    by: Conformity
+    missing: int
+    """Points beside these that have no region."""
+
+    @property
+    def rule(self) -> str:
+        """How the rule is called."""
+        return rule_name(self.by)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many of each outcome: pass, fail, undecided."""
+        found = {word: self.by.counts.get(word, 0) for word in ("pass", "fail", "undecided")}
+        return found | {"undecided": found["undecided"] + self.missing}
+
+    @property
+    def risk(self) -> float | None:
+        """Largest probability that a point that passed is out of tolerance; None if none passed."""
+        passed = self.by.risk[self.by.outcome == "pass"]
+        return float(passed.max()) if len(passed) else None
+
+
+def at_held_out(calibration: Calibration, q: Array) -> tuple[Conformity, Conformity] | None:
+    """Decisions at joints q (n, j) on the robot as it was, and on one that the model corrects.
+
+    What is decided on is the mean point by the identified model, not one noisy reading of it, so
+    that a correction leaves nothing of its deviation but the uncertainty. None without a tolerance,
+    or where no region is believed.
+    """
+    belief, asked = calibration.proof.belief, calibration.decision
+    if belief is None or asked is None or calibration.elsewhere:
+        return None
+    S = widened(belief.regions(q, target=belief.proven.target))
+    at = np.append(belief.proven.target, 1.0)
+    goes = ((belief.model.poses(q) - calibration.before.poses(q)) @ at)[:, :3]
+    before, after = (
+        conformity(d, S, asked.tolerance, rule=asked.rule) for d in (goes, np.zeros_like(goes))
+    )
+    return before, after
+
+
+def outcomes(decided: Conformity) -> tuple[str, ...]:
+    """Outcomes with the name of their rule: two kinds of pass must never be mixed."""
+    words = {word: f"{word}, {rule_name(decided)}" for word in ("pass", "fail")}
+    return tuple(words.get(str(one), UNDECIDED) for one in decided.outcome)
+
+
+def rule_name(decided: Conformity) -> str:
+    """How a rule is called."""
+    if decided.rule == "simple":
+        return "simple acceptance"
+    return f"guard band R{100 * decided.probability:g}"
+
+
+def decided_at(calibration: Calibration, delivered: Delivered) -> tuple[Decided, ...]:
+    """What was decided; nothing without a tolerance, or where no region is believed."""
+    found, q = [], calibration.stated_q
+    if held := at_held_out(calibration, q):
+        where = f"{len(q)} {'held-out poses' if calibration.split.is_test.any() else 'poses used'}"
+        found += [
+            Decided("held_out_before", f"{where}, robot as it was", held[0], 0),
+            Decided("held_out_after", f"{where}, robot corrected", held[1], 0),
+        ]
+    targets = delivered.targets
+    if targets is not None and targets.before is not None and targets.after is not None:
+        missing = int((~targets.stated).sum())
+        found += [
+            Decided("program_before", "program as it was", targets.before, missing),
+            Decided("program_after", "corrected program", targets.after, missing),
+        ]
+    return tuple(found)
+
+
+def decision_line(found: tuple[Decided, ...]) -> str:
+    """All decisions in one line; empty if there are none."""
+    if not found:
+        return ""
+    said = []
+    for one in found:
+        counts = {f"{word}, {one.rule}": one.counts[word] for word in ("pass", "fail")}
+        counts[UNDECIDED] = one.counts["undecided"]
+        words = [f"{count} {word}" for word, count in counts.items() if count]
+        said.append(f"{one.what}: {', '.join(words)}")
+    return f"Tolerance {significant(found[0].by.tolerance * UM)} um: {'; '.join(said)}."
+
+
+def decision_section(found: tuple[Decided, ...]) -> Section | None:
+    """The decisions as a table, and the rule that they were made by."""
+    if not found:
+        return None
+    rows, rule = [], found[0].rule
+    guarded = found[0].by.rule == "guarded"
+    for one in found:
+        band = significant(float(one.by.guard.max()) * UM) if guarded else "–"
+        risk = "–" if one.risk is None else percent(one.risk)
+        far = significant(float(one.by.distance.max()) * UM)
+        rows.append((one.what, *map(str, one.counts.values()), far, band, risk))
+    told = (
+        "Pass: the predicted mean point lies at least the guard band, its R95, inside the "
+        "tolerance; fail: at least as much outside; in between, or without a region, no decision "
+        "is possible. A pass has a risk of at most 5 % that the point is out of tolerance."
+        if guarded
+        else "Simple acceptance, as asked for: pass where the predicted mean point lies within the "
+        "tolerance, without a guard band. A pass near the limit may have a risk of about 50 %."
+    )
+    if guarded and any((one.by.guard > one.by.tolerance).any() for one in found):
+        told += (
+            " At some points the tolerance is smaller than R95: no pass is possible there at all."
+        )
+    blocks: tuple[Block, ...] = (
+        Table(
+            caption=f"Tolerance {significant(found[0].by.tolerance * UM)} um on the distance of "
+            "the mean tool point from where it should be",
+            head=(
+                "at", f"pass, {rule}", f"fail, {rule}", UNDECIDED,
+                "farthest um", "guard band R95 um", "largest risk of a pass",
+            ),
+            rows=tuple(rows),
+            align="lrrrrrr",
+            note="What is decided on is the mean point by the identified model. Corrected: what "
+            "the correction leaves by that model, nothing but a remainder of rounding.",
+        ),
+        Text(told),
+    )  # fmt: skip
+    return Section("decisions", "Within tolerance?", blocks)

@@ -1,0 +1,172 @@
+"""What is stated at the targets of a program: how near, how far from the proof, whether so."""
+
+import numpy as np
+
+from calib.arrays import Array, Bool, frozen
+from calib.geometry.frames import inverse
+from calib.uncertainty.statement.applicability import REFUSED, WARNED, Applicability
+from calib.uncertainty.statement.conformity import Conformity, conformity
+from calib.uncertainty.statement.distance import distance_radius
+from calib.uncertainty.statement.stated_point import widened
+from calib.uncertainty.tool_point import ToolStatement
+from testbed.files.program import ProgramResult
+from testbed.identify.decisions import UNDECIDED, outcomes
+from testbed.identify.records import Calibration, TargetStatement
+from testbed.report.text import csv_text
+from testbed.units import DEG, MM, UM, counted, listed, significant
+
+HEAD = ("target", "R95_mean_um", "R95_move_um", "transfer", "leverage", "place", "why")
+DECIDED = ("deviation_before_um", "decision_before", "deviation_um", "decision", "risk")
+PLACES = ("inside", "edge", "outside")
+MEASURE = "measure 20 poses there"
+
+
+def statement_at(calibration: Calibration, program: ProgramResult) -> TargetStatement | None:
+    """What is believed at a program's targets; None where nothing is believed at all.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        With what is believed, and a tolerance if one was stated.
+    program : ProgramResult
+        The corrected program.
+    """
+    belief = calibration.proof.belief
+    if belief is None or calibration.elsewhere:
+        return None
+    reach, point = belief.proven.applies(program.q), tool_point(calibration)
+    departed = np.zeros(len(program.q), np.bool_) if program.departed is None else program.departed
+    stated = (reach.place != "outside") & ~departed & reach.reaches
+    mean = belief.regions(program.q, target=point)
+    radius_move = frozen(())
+    if calibration.repeatability.any():
+        move = belief.regions(program.q, target=point, repeatability=calibration.repeatability)
+        radius_move = _radii(move, stated)
+    before = belief.regions(program.q_before, target=point)
+    return TargetStatement(
+        radius_mean=_radii(mean, stated),
+        radius_move=radius_move,
+        transfer=reach.transfer,
+        leverage=reach.leverage,
+        place=frozen(np.where(departed, "outside", reach.place), np.str_),
+        stated=frozen(stated, np.bool_),
+        reaches=reach.reaches,
+        why=_why(calibration, reach, program),
+        before=_decided(calibration, program.deviation_before, before, stated),
+        after=_decided(calibration, program.deviation, mean, stated),
+    )
+
+
+def tool_point(calibration: Calibration) -> Array:
+    """The point that programs move, in the identified tool frame [m]."""
+    if calibration.own_frames:
+        return np.zeros(3)
+    found = calibration.fit.identification.model.chain.T_flange_tool
+    return np.asarray((inverse(found) @ calibration.nominal.chain.T_flange_tool)[:3, 3])
+
+
+def _radii(region: ToolStatement, stated: Bool) -> Array:
+    """R95 (m,) of each region; zero where none is stated [m]."""
+    return frozen(np.where(stated, distance_radius(widened(region)), 0.0))
+
+
+def _why(calibration: Calibration, reach: Applicability, program: ProgramResult) -> tuple[str, ...]:
+    """(m,) what grows or refuses each region; empty where nothing does."""
+    assert calibration.proof.belief is not None  # else nothing reaches anything
+    low, high = calibration.proof.belief.proven.low, calibration.proof.belief.proven.high
+    kinds = calibration.nominal.chain.kinds
+    out = []
+    for k, q in enumerate(program.q):
+        told = []
+        for name, value in (("transfer", reach.transfer[k]), ("leverage", reach.leverage[k])):
+            if value > WARNED:
+                limit = REFUSED if value > REFUSED else WARNED
+                told.append(f"{name} {significant(float(value), 2)} is above {limit:g}")
+        for j in np.flatnonzero(reach.beyond[k]):
+            scale, unit = (DEG, "deg") if kinds[j] == "revolute" else (MM, "mm")
+            side, end = ("below", low[j]) if q[j] < low[j] else ("above", high[j])
+            told.append(f"joint {j + 1} was never proven {side} {end * scale:.0f} {unit}")
+        if program.departed is not None and program.departed[k]:
+            told.append(program.conditions[k])
+        if not reach.reaches:
+            told.append("too many targets of this program lie outside what was proven")
+        out.append("; ".join(told))
+    return tuple(out)
+
+
+def _decided(
+    calibration: Calibration, deviation: Array, region: ToolStatement, stated: Bool
+) -> Conformity | None:
+    """Decisions on the targets with a region, if a tolerance was stated."""
+    asked = calibration.decision
+    if asked is None or not stated.any():
+        return None
+    found = calibration.fit.identification.model.chain.T_world_base
+    own = found if calibration.own_frames else calibration.nominal.chain.T_world_base
+    R = own[:3, :3] @ found[:3, :3].T  # deviations are in the axes of the robot's file
+    S = R @ widened(region) @ R.T
+    return conformity(deviation[stated], S[stated], asked.tolerance, rule=asked.rule)
+
+
+def target_words(found: TargetStatement) -> tuple[str, ...]:
+    """What is stated at the targets, in sentences."""
+    m, n = len(found.place), int(found.stated.sum())
+    inside, edge, outside = (int((found.place == place).sum()) for place in PLACES)
+    said = []
+    if not inside:
+        said.append(
+            f"no target of the program lies inside what was proven: {edge} at its edge, {outside} "
+            "outside"
+        )
+    if not found.reaches:
+        said.append(
+            f"the statement does not reach there, {outside} of {m} targets lie outside what was "
+            f"proven: {MEASURE}, and hold them out"
+        )
+    elif outside:
+        numbers = [str(k + 1) for k in np.flatnonzero(found.place == "outside")[:10]]
+        more = [f"{outside - 10} more"] if outside > 10 else []
+        said.append(f"no region is stated at {_targets(outside)} {listed([*numbers, *more])}")
+    if n:
+        text = f"R95 (3-D radius, 95 %) of the mean is {_span(found.radius_mean[found.stated])} um"
+        if len(found.radius_move):
+            text += f", of one move {_span(found.radius_move[found.stated])} um,"
+        grown = f"; {counted(edge, 'target')} at the edge of what was proven" if edge else ""
+        said.append(f"{text} at {n} of {counted(m, 'target')}{grown}")
+    return tuple(said)
+
+
+def _targets(count: int) -> str:
+    """The noun."""
+    return "target" if count == 1 else "targets"
+
+
+def _span(radius: Array) -> str:
+    """Least to largest [um]."""
+    ends = (f"{float(end) * UM:.3g}" for end in (radius.min(), radius.max()))
+    return " to ".join(dict.fromkeys(ends))
+
+
+def statement_csv(found: TargetStatement) -> str:
+    """One row for each target, numbered from 1."""
+    decided = found.before is not None and found.after is not None
+    rows = []
+    for k, why in enumerate(found.why):
+        radii = [found.radius_mean[k], *found.radius_move[k : k + 1]] if found.stated[k] else []
+        cells = [f"{radius * UM:.4g}" for radius in radii]
+        cells = [str(k + 1), *cells, *[""] * (2 - len(cells))]
+        cells += [f"{found.transfer[k]:.3g}", f"{found.leverage[k]:.3g}", str(found.place[k])]
+        cells.append(why if found.stated[k] else f"no region: {why}")
+        rows.append([*cells, *(_decision_cells(found, k) if decided else ())])
+    return csv_text(HEAD + DECIDED * decided, rows)
+
+
+def _decision_cells(found: TargetStatement, k: int) -> list[str]:
+    """Cells of `DECIDED` for one target."""
+    if found.before is None or found.after is None or not found.stated[k]:
+        return ["", UNDECIDED, "", UNDECIDED, ""]
+    at = int(found.stated[:k].sum())
+    cells = []
+    for one in (found.before, found.after):
+        cells += [f"{one.distance[at] * UM:.3f}", outcomes(one)[at]]
+    return [*cells, f"{found.after.risk[at]:.3g}"]

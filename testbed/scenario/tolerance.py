@@ -1,0 +1,45 @@
+"""[tolerance] of a session or a scenario: how far the tool may miss, and how that is decided."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import model_validator
+
+from calib.uncertainty.statement.conformity import Rule
+from testbed.bounds import CELL
+from testbed.strict import Strict
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """A tolerance and the rule by which it is decided."""
+
+    tolerance: float
+    """Largest distance of the mean tool point from where it should be [m]."""
+    rule: Rule
+
+
+class ToleranceTable(Strict):
+    """[tolerance]: how far the tool may miss, and by which rule that is decided."""
+
+    position_um: Annotated[float, CELL.size("um")]
+    """Largest distance of the mean tool point from where it should be."""
+    rule: Rule | None = None
+    """guarded: pass where R95 still fits within the tolerance; simple: no guard band."""
+
+    @model_validator(mode="after")
+    def _by_a_rule(self) -> "ToleranceTable":
+        """No decision without the rule that it was made by."""
+        if self.rule is None:
+            raise ValueError(
+                f"position_um is {self.position_um:g}, and no rule says how that is decided; write "
+                'rule = "guarded" (a pass keeps R95 away from the limit) or rule = "simple" (no '
+                "guard band: the risk of a pass may reach about 50 %)"
+            )
+        return self
+
+    @property
+    def decision(self) -> Decision:
+        """It in SI units."""
+        assert self.rule is not None  # else there is no such table
+        return Decision(self.position_um * 1e-6, self.rule)
