@@ -147,13 +147,12 @@ def readings(cell, arm, tracker, rng, train, held_out):
 
 
 def from_files(arm, tracker, rng, train, held_out):
-    """What a session says of it, as a user writes one."""
+    """What `identify` makes of a session, as a user writes one."""
     with TemporaryDirectory() as folder:
         session = write_campaign(Path(folder), arm, tracker, rng, train, held_out)
         with session.open("a", encoding="utf-8") as file:
             file.write('\n[identification]\nmodel = "geometric"\n')
-        found = truebed.identify("staubli_tx60", session)
-    return found.fit.identification, found.proof
+        return truebed.identify("staubli_tx60", session)
 
 
 def told(cell, robot):
@@ -162,7 +161,8 @@ def told(cell, robot):
     arm, size, tracker, q = drawn(cell, robot, rng)
     target = np.zeros(3) if cell.off_axis is None else np.array([cell.off_axis, 0.0, 0.06])
     if cell.through_files:
-        (fit, judgement), there = from_files(arm, tracker, rng, *q), np.linalg.inv(tracker.frame)
+        found, there = from_files(arm, tracker, rng, *q), np.linalg.inv(tracker.frame)
+        fit, judgement = found.fit.identification, found.proof
     else:
         fit, train, test, order = readings(cell, arm, tracker, rng, *q)
         there, shared = np.eye(4), None

@@ -132,11 +132,15 @@ def quaternions(R):
     return np.linalg.eigh(K)[1][:, :, 3]
 
 
-HEADER = (
-    "pose_id,split,"
-    + ",".join(f"q{i}_deg" for i in range(1, 7))
-    + ",x_mm,y_mm,z_mm,qw,qx,qy,qz,ux_mm,uy_mm,uz_mm"
-)
+JOINTS = ",".join(f"q{i}_deg" for i in range(1, 7))
+HEADER = f"pose_id,split,{JOINTS},x_mm,y_mm,z_mm,qw,qx,qy,qz,ux_mm,uy_mm,uz_mm,payload_kg"
+
+
+def write_program(folder, q, payload):
+    """program.csv of targets (m, 6) at which so much is carried [kg]."""
+    rows = [",".join(map(repr, [*map(float, row), payload])) for row in np.degrees(q)]
+    (folder / "program.csv").write_text("\n".join([f"{JOINTS},payload_kg", *rows]) + "\n")
+    return folder / "program.csv"
 
 
 def write_campaign(folder, arm, tracker, rng, train, held_out, settings=""):
@@ -151,7 +155,7 @@ def write_campaign(folder, arm, tracker, rng, train, held_out, settings=""):
     u = np.sqrt((along**2 + 2 * across**2) / 3)
     lines = [HEADER]
     for k, row in enumerate(order):
-        cells = [*np.degrees(q[row]), *(1e3 * p[k]), *rotation[k], *[1e3 * u[k]] * 3]
+        cells = [*np.degrees(q[row]), *(1e3 * p[k]), *rotation[k], *[1e3 * u[k]] * 3, arm.payload]
         lines.append(f"{row},{words[row]}," + ",".join(repr(float(c)) for c in cells))
     (folder / "poses.csv").write_text("\n".join(lines) + "\n")
     (folder / "session.toml").write_text(

@@ -52,6 +52,12 @@ def test_hidden(cell):
     assert believed.mean() >= 0.94
 
 
+def test_hidden_and_not_stated():
+    """What the report names: no held-out pose of the same instrument can show it."""
+    believed, _ = judged(Cell(constants=True, stated=False), MANY)
+    assert believed.mean() < 0.80
+
+
 @pytest.mark.parametrize("cell", [Cell(), Cell("sag", 0.5), poses(Cell(), 100, 50)])
 def test_drifting(cell):
     believed, found = judged(replace(cell, memory=15.0), MANY)

@@ -112,6 +112,17 @@ def test_the_confirmation_is_made_at_poses_left_out():
     assert len(choose_within(start, few, parameters_of(start), **own).confirmation) == 0
 
 
+@pytest.mark.parametrize(("geometric", "extended"), [(1e-5, 2e-5), (2e-5, 1e-5)])
+def test_what_evidence_asks_for_poses_left_out_must_confirm(monkeypatch, geometric, extended):
+    start, train = robot().model, train_of(harmonics=0.01)
+    error = np.array([geometric, extended])
+    monkeypatch.setattr("testbed.identify.fit.left_out_errors", lambda *_, **__: error)
+    found = choose_within(start, train, parameters_of(start), factor=1.0, loss="squared", seed=0)
+    assert found.log_evidence > ASKED
+    assert found.chosen == ("extended" if extended < geometric else "geometric")
+    assert ("but at training poses" in found.sentence) == (extended > geometric)
+
+
 def test_many_poses_are_thinned_by_whole_poses():
     train = train_of()
     part = some_poses(train, 25, 0)
