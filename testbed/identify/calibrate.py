@@ -23,6 +23,7 @@ from testbed.identify.frames import frames_of
 from testbed.identify.outliers import held_out_outliers, proof_of, training_outliers, warnings_of
 from testbed.identify.records import Calibration, HeldOutSplit, OutlierRows
 from testbed.identify.session import origin_of, row_names, split_of, with_scatter
+from testbed.identify.shared import shared_of
 from testbed.progress import Progress
 from testbed.robots.catalog import Robot
 
@@ -175,6 +176,7 @@ def _calibrated(
         fits=models,
         choice=choice,
         proof=proof_of(chosen.identification, train, test, seed=options.seed),
+        shared=shared_of(session, chosen.identification, train, test if len(test) else train),
         warnings=(
             *doubts,
             *warnings_of(models[0], chosen, train),

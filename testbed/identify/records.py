@@ -13,6 +13,7 @@ from calib.measurement.accuracy import Accuracy
 from calib.measurement.observations import Measurements
 from calib.uncertainty.judgement import Judgement
 from calib.uncertainty.statement.conditions import Conditions
+from calib.uncertainty.statement.instrument import SharedErrors
 from testbed.files.conditions import SetUp
 from testbed.robots.robot import Reflector
 
@@ -167,6 +168,8 @@ class Calibration:
     """Geometric first."""
     choice: Choice
     proof: Judgement
+    shared: SharedErrors | None
+    """What all readings of the instrument share; None where the session states nothing of it."""
     warnings: tuple[str, ...]
     """What was found on the way, beside what the source says."""
 

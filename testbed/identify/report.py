@@ -16,6 +16,7 @@ from testbed.identify.report_errors import (
     residual_section,
 )
 from testbed.identify.results import dh_table
+from testbed.identify.shared import shared_section
 from testbed.identify.words import (
     HEAD,
     headline_rows,
@@ -47,6 +48,7 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
     sections = (
         accuracy_section(calibration),
         belief_section(calibration),
+        shared_section(calibration),
         residual_section(calibration),
         outlier_section(calibration),
         parameter_section(calibration),

@@ -9,6 +9,7 @@ import numpy as np
 from calib.measurement.accuracy import Accuracy
 from testbed.identify.conditions import conditions_numbers
 from testbed.identify.records import Calibration, Delivered, Figures, FittedModel, RowErrors
+from testbed.identify.shared import shared_numbers
 from testbed.identify.words import notice, reasons, verdict
 from testbed.report.text import csv_text
 from testbed.robots.write.dh_table import DhRow, dh_rows
@@ -80,6 +81,7 @@ def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:
         *(each for fit in calibration.fits for each in below(f"models/{fit.model}", _model(fit))),
         *plain(chosen),
         *below("statements", statements(calibration)),
+        *below("shared", shared_numbers(calibration.shared)),
         Quantity("parameters", numbers),
         *below("delivered", fields_of(delivered, DELIVERED)),
     ]

@@ -12,10 +12,12 @@ from calib.measurement.observations import DISTANCE, POSE, Measurements, joined
 from testbed.files.columns import covariance_names
 from testbed.files.session_toml import SESSION_FILE
 from testbed.laboratory.tracker.rounds import world_mm
+from testbed.laboratory.tracker.tracker import bias_size
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory, validation_start
 from testbed.report.text import csv_text
 from testbed.robots.robot import Robot
 from testbed.scenario.fixtures import RANGES, targets_mm
+from testbed.scenario.laboratory import At960Tracker
 from testbed.store.whole_folder import whole_folder
 from testbed.studies.trial.play import visits_of
 from testbed.studies.trial.records import Campaign, Trial
@@ -187,6 +189,7 @@ def _session_toml(bench: Laboratory, trial: Trial, table: Measurements) -> str:
             "[uncertainty]",
             "# the 21 columns cov_... hold what the joints scatter, too",
             'joint_repeatability = "included"',
+            *_systematic_lines(bench, kind),
             "",
             "[identification]",
             'model = "geometric"',
@@ -197,6 +200,29 @@ def _session_toml(bench: Laboratory, trial: Trial, table: Measurements) -> str:
             "",
         ]
     )
+
+
+def _systematic_lines(bench: Laboratory, kind: str) -> list[str]:
+    """What the tracker states to get wrong all campaign long, as far as readings show it."""
+    settings, T = bench.scenario.tracker, bench.tracker.T_world_tracker
+    if not isinstance(settings, At960Tracker) or not settings.systematic:
+        return []
+    size = bias_size(settings)
+    constant, slope = size.encoder
+    turn = float(np.degrees(size.target_turn)) * 1e3 if kind == "frames" else 0.0
+    parts: dict[str, object] = {
+        "range_offset_um": size.range_offset * 1e6,
+        "scale_um_per_m": size.scale * 1e6,
+        "encoder_amplitude_um": [constant * 1e6, slope * 1e6] if constant or slope else 0.0,
+        "target_offset_um": size.target_offset * 1e6,
+        "target_turn_mdeg": turn,
+        "level_mdeg": float(np.degrees(size.level)) * 1e3,
+        "station_mm": (1e3 * T[:3, 3]).tolist(),
+        "station_up": T[:3, 2].tolist(),
+    }
+    head = "# k = 1: half widths of the scene divided by the root of 3"
+    lines = [f"{key} = {_text(value)}" for key, value in parts.items() if value]
+    return ["", "[uncertainty.systematic]", head, *lines]
 
 
 def _fixture_lines(bench: Laboratory, trial: Trial, table: Measurements, kind: str) -> list[str]:
