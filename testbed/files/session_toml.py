@@ -15,8 +15,9 @@ from testbed.bounds import (
     Bound,
     shown,
 )
-from testbed.files.conditions import ConditionsTable, UseTable
+from testbed.files.conditions import ConditionsTable
 from testbed.robots.robot import Reflector
+from testbed.scenario.use import UseSettings
 from testbed.strict import Strict
 
 SESSION_FILE = "session.toml"
@@ -272,7 +273,8 @@ class SessionFile(Strict):
     drift: DriftTable | None = None
     uncertainty: UncertaintyTable = UncertaintyTable()
     conditions: ConditionsTable = ConditionsTable()
-    use: UseTable = UseTable()
+    use: UseSettings = UseSettings()
+    """Of targets that do not say under which conditions the robot goes there."""
     identification: IdentificationTable = IdentificationTable()
 
     @property

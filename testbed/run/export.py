@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from calib.arrays import Array, Bool, Index
 from calib.measurement.observations import DISTANCE, POSE, Measurements, joined
+from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.columns import covariance_names
+from testbed.files.conditions import COLUMNS
 from testbed.files.session_toml import SESSION_FILE
 from testbed.laboratory.tracker.rounds import world_mm
 from testbed.laboratory.tracker.tracker import bias_size
@@ -55,9 +57,11 @@ def export_campaign(
         for k, trial in enumerate(campaign.trials):
             table, is_test, time = exported_rows(bench, trial)
             names = targets_in(bench, table)
+            conditions = conditions_in(bench, time)
             for file, rows in _files(trial, table).items():
                 part = names[rows] if names is not None else None
-                text = session_csv(robot, table.rows(rows), is_test[rows], time[rows], part)
+                under = conditions.rows(rows)
+                text = session_csv(robot, table.rows(rows), is_test[rows], time[rows], part, under)
                 (inside / file).write_bytes(text.encode())
             name = SESSION_FILE if k == 0 else f"{trial.name}.toml"
             text = _session_toml(bench, trial, table)
@@ -102,6 +106,15 @@ def targets_in(bench: Laboratory, table: Measurements) -> Labels | None:
     return names
 
 
+def conditions_in(bench: Laboratory, time: Array) -> Conditions:
+    """What hung on the arm at times (m,) [s] and how warm it was; None where neither matters."""
+    truth, terms = bench.scenario.truth, bench.truth.unmodelled
+    payload = np.full(len(time), truth.payload_kg) if terms.springs is not None else None
+    return Conditions(
+        payload, None, terms.thermal.temperature(time) if terms.thermal is not None else None
+    )
+
+
 def _files(trial: Trial, table: Measurements) -> dict[str, Index]:
     """The files of a trial and their rows: what the tracker saw, and distances."""
     far = table.is_distance
@@ -110,11 +123,17 @@ def _files(trial: Trial, table: Measurements) -> dict[str, Index]:
 
 
 def session_csv(
-    robot: Robot, table: Measurements, is_test: Bool, time: Array, names: Labels | None = None
+    robot: Robot,
+    table: Measurements,
+    is_test: Bool,
+    time: Array,
+    names: Labels | None = None,
+    conditions: Conditions | None = None,
 ) -> str:
     """The rows of a session as CSV in the project's own layout, 17 digits, SI units.
 
-    All rows are of one kind; `names` (m, 2) are the target of each and where it was seen from.
+    All rows are of one kind; `names` (m, 2) are the target of each and where it was seen from,
+    `conditions` what is known of payload and temperature.
     """
     is_pose, far = bool(table.is_pose.all()), bool(table.is_distance.all())
     units = ("m" if kind == "prismatic" else "rad" for kind in robot.model.chain.kinds)
@@ -131,13 +150,16 @@ def session_csv(
         *(f"reflector_{axis}_m" for axis in "xyz" if not is_pose and names is None),
         *covariance_names(),
     ]
+    under = conditions or Conditions()
+    said = [getattr(under, kind) for kind in under.stated]
+    head += [COLUMNS[kind] for kind in under.stated]
     # the triangle that whitening reads: the two may differ in the last bit
     i, j = np.triu_indices(6)
     seen = table.distance[:, None] if far else table.position
     last = table.rotation.reshape(-1, 9) if is_pose else table.offset
     if names is not None and not is_pose:
         last = last[:, :0]
-    numbers = np.column_stack([time, table.q, seen, last, table.covariance[:, j, i]])
+    numbers = np.column_stack([time, table.q, seen, last, table.covariance[:, j, i], *said])
     places = [[str(station + 1)] for station in table.station]
     if names is not None and not is_pose:
         at = names[:, 1] if far else [place for (place,) in places]
