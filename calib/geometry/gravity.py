@@ -200,9 +200,8 @@ def felt_moments(
     n = chain.n_joints
     columns = G[..., :n, :].reshape(-1, n, 4)[:, ::-1].reshape(-1, 4 * n)
     names = [f"{moment}{i}" for i in range(n, 0, -1) for moment in MOMENTS]
-    A = np.asarray(
-        np.linalg.qr(columns, mode="r")
-    )  # no more rows than columns, same lengths and angles
+    # no more rows than columns, and the same lengths and angles
+    A = np.asarray(np.linalg.qr(columns, mode="r"))
     size = np.linalg.norm(A, axis=0)
     kept: list[int] = []
     basis, sentences = np.zeros((len(A), 0)), []
