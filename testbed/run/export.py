@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from calib.arrays import Array, Bool, Index
 from calib.measurement.observations import DISTANCE, POSE, Measurements, joined
@@ -23,6 +23,7 @@ from testbed.scenario.laboratory import At960Tracker
 from testbed.store.whole_folder import whole_folder
 from testbed.studies.trial.play import visits_of
 from testbed.studies.trial.records import Campaign, Trial
+from testbed.units import MDEG, MM, UM
 
 Labels = NDArray[np.str_]
 
@@ -230,20 +231,24 @@ def _systematic_lines(bench: Laboratory, kind: str) -> list[str]:
     if not isinstance(settings, At960Tracker) or not settings.systematic:
         return []
     size = bias_size(settings)
-    constant, slope = size.encoder
-    turn = float(np.degrees(size.target_turn)) * 1e3 if kind == "frames" else 0.0
-    parts: dict[str, object] = {
-        "range_offset_um": size.range_offset * 1e6,
-        "scale_um_per_m": size.scale * 1e6,
-        "encoder_amplitude_um": [constant * 1e6, slope * 1e6] if constant or slope else 0.0,
-        "target_offset_um": size.target_offset * 1e6,
-        "target_turn_mdeg": turn,
-        "level_mdeg": float(np.degrees(size.level)) * 1e3,
-        "station_mm": (1e3 * T[:3, 3]).tolist(),
-        "station_up": T[:3, 2].tolist(),
+    turn = size.target_turn if kind == "frames" else 0.0
+    parts: dict[str, ArrayLike] = {
+        "range_offset_um": size.range_offset * UM,
+        "scale_um_per_m": size.scale * UM,
+        "encoder_amplitude_um": [part * UM for part in size.encoder] if any(size.encoder) else 0,
+        "target_offset_um": size.target_offset * UM,
+        "target_turn_mdeg": turn * MDEG,
+        "level_mdeg": size.level * MDEG,
+        "station_mm": T[:3, 3] * MM,
+        "station_up": T[:3, 2],
     }
     head = "# k = 1: half widths of the scene divided by the root of 3"
-    lines = [f"{key} = {_text(value)}" for key, value in parts.items() if value]
+
+    def written(value: ArrayLike) -> str:
+        numbers = [float(f"{x:.15g}") for x in np.ravel(value)]  # so that 0.2 stays 0.2
+        return _text(numbers if np.ndim(value) else numbers[0])
+
+    lines = [f"{key} = {written(value)}" for key, value in parts.items() if np.any(value)]
     return ["", "[uncertainty.systematic]", head, *lines]
 
 
