@@ -30,7 +30,7 @@ from testbed.files.targets import TargetPart
 from testbed.files.text import read_sheet
 from testbed.files.uncertainty import require_shown
 from testbed.gates.mistakes import validated
-from testbed.gates.paths import real
+from testbed.gates.paths import is_there, real
 from testbed.gates.text import MAX_MB, FileText, SourceFile
 from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.robots.robot import Robot
@@ -146,10 +146,7 @@ def read_session(
 
 def _session_file(path: Path) -> Path:
     """The session.toml of a folder, or the file itself."""
-    try:
-        return path / SESSION_FILE if path.is_dir() else path
-    except (OSError, ValueError):
-        return path  # reading it will raise the error
+    return path / SESSION_FILE if is_there(path, Path.is_dir) else path
 
 
 def _observed(sources: Sources, settings: SessionFile, *, drop: bool) -> Iterator[_Cleaned]:

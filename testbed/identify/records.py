@@ -1,7 +1,7 @@
 """What a calibration from measurements leaves behind: one frozen record; nothing is computed."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -52,9 +52,9 @@ class Origin:
 class HeldOutSplit:
     """Which rows are held out."""
 
-    is_test: Bool
+    is_test: Annotated[Bool, "m"]
     """(m,) never used for identification."""
-    is_train: Bool
+    is_train: Annotated[Bool, "m"]
     """(m,) to identify from; neither: later visits that are left to type A."""
     stated: bool
     """By the data themselves, else drawn here."""
@@ -66,11 +66,11 @@ class HeldOutSplit:
 class RowErrors:
     """What one model misses in every row of the table."""
 
-    vector: Array
+    vector: Annotated[Array, "m", 3]
     """(m, 3) seen minus predicted position, world axes; zero for distance rows [m]."""
-    position: Array
+    position: Annotated[Array, "m"]
     """(m,) length of it; of a distance row the size of what is missed [m]."""
-    rotation: Array
+    rotation: Annotated[Array, "m"]
     """(m,) angle; zero for other than pose rows [rad]."""
 
 
@@ -92,7 +92,7 @@ class FittedModel:
 
     model: ModelName
     identification: Identification
-    scatter: Array
+    scatter: Annotated[Array, "f", "f"]
     """(f, f) covariance of the estimate from the scatter of the residuals from pose to pose,
     whatever noise was stated [m^2, m rad, rad^2]."""
     noise_factor: float
@@ -125,7 +125,7 @@ class OutlierRows:
     noise_factor: float
     """Typical residual of the geometric model in units of the stated noise: what rows are judged
     against."""
-    left_out: Bool
+    left_out: Annotated[Bool, "m"]
     """(m,) training rows that the fits do not use."""
     sentences: tuple[str, ...]
     """Training rows that do not fit, worst first."""
@@ -150,7 +150,7 @@ class Calibration:
     """Every valid row."""
     pose_names: tuple[str, ...]
     """By `pose_id`."""
-    time: Array | None
+    time: Annotated[Array, "m"] | None
     """(m,) [s]"""
     conditions: Conditions
     """Payload, tool and temperature of each row."""

@@ -8,6 +8,7 @@ conditions has no region.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Annotated
 
 import numpy as np
 
@@ -48,11 +49,11 @@ class Tolerance:
 class Conditions:
     """What N rows or targets say of their conditions; None where they say nothing."""
 
-    payload: Array | None = None
+    payload: Annotated[Array, "N"] | None = None
     """(N,) mass at the flange beyond the arm's own [kg]."""
-    tool: tuple[str, ...] | None = None
+    tool: Annotated[tuple[str, ...], "N"] | None = None
     """(N,) name of what is mounted there."""
-    temperature: Array | None = None
+    temperature: Annotated[Array, "N"] | None = None
     """(N,) [degC]"""
 
     def __repr__(self) -> str:

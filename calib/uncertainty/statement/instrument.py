@@ -5,6 +5,7 @@ judge. The estimate follows it, so that held-out readings agree with what is wro
 """
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -120,13 +121,13 @@ class InstrumentErrors:
 class SharedErrors:
     """What all readings share, source by source, and what held-out poses can show of it."""
 
-    names: tuple[str, ...]
+    names: Annotated[tuple[str, ...], "s"]
     """(s,) sources."""
-    at_tool: Array
+    at_tool: Annotated[Array, "s"]
     """(s,) 3-D standard uncertainty that each leaves at the tool, RMS over the poses judged [m]."""
-    seen: Array
+    seen: Annotated[Array, "s"]
     """(s,) what each leaves in the position residuals of these poses, likewise [m]."""
-    covariance: Array
+    covariance: Annotated[Array, "P", "P"]
     """(P, P) that all of them leave in the numbers of the model [m, rad]."""
 
     def __repr__(self) -> str:
