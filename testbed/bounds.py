@@ -16,6 +16,7 @@ FACTORS: dict[str, float] = {
     "rad": 1.0, "deg": DEG, "mdeg": pi / 180e3, "urad": 1e-6,
     "rad/s": 1.0, "m/s": 1.0, "deg/s": DEG, "mm/s": 1e-3, "degC": 1.0, "s": 1.0, "": 1.0,
     "kg": 1.0, "kg m2": 1.0, "kg/m3": 1.0, "m2": 1.0, "m rad": 1.0, "rad2": 1.0,
+    "um/m": 1e-6,
 }  # fmt: skip
 """Units that files have, and their factors to SI (temperatures stay in degC)."""
 
@@ -90,6 +91,7 @@ LENGTH_SD = Bound("a standard uncertainty of a length", 1.0, 1e-12, (1e-8, 0.01)
 ANGLE_SD = Bound(
     "a standard uncertainty of an angle", 100 * DEG, 1e-9 * DEG, (1e-5 * DEG, 10 * DEG)
 )
+RANGE_SCALE = Bound("a standard uncertainty of a scale", 0.01, 0.0, (1e-8, 1e-3))
 LENGTH_VARIANCE = Bound("a variance of a length", LENGTH_SD.most**2, LENGTH_SD.least**2)
 ANGLE_VARIANCE = Bound("a variance of an angle", ANGLE_SD.most**2, ANGLE_SD.least**2)
 COVARIANCE = Bound("a covariance", max(LENGTH_VARIANCE.most, ANGLE_VARIANCE.most))

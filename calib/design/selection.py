@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,14 +19,14 @@ from calib.information.rank import singular_values
 class Selection:
     """A pose set chosen from a pool."""
 
-    indices: Index
+    indices: Annotated[Index, "m"]
     """(m,) places in the pool, none twice unless asked for."""
     criterion: str
     """Criterion that was made best, by the name it was asked for."""
     value: float
     """Its figure: O1 to O5 from the singular values of the stacked rows, u of the tool point [m].
     """
-    trace: Array
+    trace: Annotated[Array, "t"]
     """(t,) best figure known after each local search, draw or step."""
     method: str
     """Name of the algorithm, such as ``"greedy"``, ``"detmax"`` or ``"exchange"``."""
@@ -35,7 +36,7 @@ class Selection:
     """Candidate sets evaluated exactly; bounds disposed of the others."""
     certificate: Certificate | None = None
     """What is proven about it; None where nothing is (see `proof`)."""
-    given: Index = field(default_factory=lambda: NO_POSES)
+    given: Annotated[Index, "k"] = field(default_factory=lambda: NO_POSES)
     """(k,) places of poses already measured, counted in the value."""
     prior: bool = False
     """Whether a prior precision is counted in the value."""

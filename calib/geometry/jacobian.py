@@ -6,7 +6,8 @@ point. The pass visits all axes in turn; a turn moves the tool origin by axis x 
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, Bool
+from calib.geometry.bodies import X, Y, Z, bodies
 from calib.geometry.chain import Chain, link_rotation_parts
 from calib.geometry.frames import transform
 
@@ -30,6 +31,59 @@ def pose_and_jacobian(chain: Chain, q: Array) -> tuple[Array, Array]:
         part = slice(start, start + BATCH)
         _fill_batch(chain, q[part], T[part], J[part])
     return T, J
+
+
+def bent_pose_and_jacobian(chain: Chain, q: Array, bends: Array) -> tuple[Array, Array]:
+    """Tool poses (m, 4, 4) and Jacobian (m, 6, 12 + 8 n) of an arm whose joints give way.
+
+    The numbers of the chain come first, as in `pose_and_jacobian`, then the bends joint by joint
+    about x, y and z; a bend turns about its axis as the turns before it have left it.
+
+    Parameters
+    ----------
+    chain : Chain
+        Geometry.
+    q : (m, n) array
+        Checked joint values [rad, m].
+    bends : (m, n, 3) array
+        As in `bodies` [rad, m].
+    """
+    T = np.zeros((len(q), 4, 4))
+    J = np.zeros((len(q), 6, chain.n_numbers + 3 * chain.n_joints))
+    for start in range(0, len(q), BATCH):
+        part = slice(start, start + BATCH)
+        _fill_bent_batch(chain, q[part], bends[part], T[part], J[part])
+    return T, J
+
+
+def _fill_bent_batch(chain: Chain, q: Array, bends: Array, T_out: Array, J_out: Array) -> None:
+    """Fill poses and Jacobian of one batch of a bent arm: all screws stand in its body frames."""
+    m, n = q.shape
+    at = bodies(chain, q, bends)
+    turned, start = at.rotation[:, :n], at.origin[:, :n]
+    x, y, z = turned[..., X], turned[..., Y], turned[..., Z]
+    _, d, a, alpha, _ = chain.links.T[..., None]
+    end = start + d * z + a * x
+    beta = np.cos(alpha) * y + np.sin(alpha) * z
+    axes, points = np.zeros((12 + 8 * n, m, 3)), np.zeros((12 + 8 * n, m, 3))
+    slides = np.zeros(12 + 8 * n, dtype=bool)
+    base = chain.T_world_base
+    axes[0:3] = axes[3:6] = base[:3, :3].T[:, None, :]
+    points[3:6], slides[:3] = base[:3, 3], True
+    links, bent = slice(6, 6 + 5 * n), slice(12 + 5 * n, None)
+    axes[links] = _in_rows(np.stack([at.axes[:, :, Z], z, x, x, beta], 2))
+    points[links] = _in_rows(np.stack([start, start, end, end, end], 2))
+    slides[links] = [False, True, True, False, False] * n
+    axes[bent] = _in_rows(at.axes)
+    points[bent] = _in_rows(np.stack([start] * 3, 2))
+    slides[bent] = np.outer(chain.prismatic, [False, False, True]).ravel()
+    T_out[:] = transform(at.rotation[:, n], at.origin[:, n]) @ chain.T_flange_tool
+    _fill_columns(axes, points, slides, n, T_out, J_out)
+
+
+def _in_rows(vectors: Array) -> Array:
+    """Vectors (m, n, k, 3) of joints as rows (n k, m, 3)."""
+    return np.moveaxis(vectors.reshape(len(vectors), -1, 3), 1, 0)
 
 
 def _fill_batch(chain: Chain, q: Array, T_out: Array, J_out: Array) -> None:
@@ -58,11 +112,18 @@ def _fill_batch(chain: Chain, q: Array, T_out: Array, J_out: Array) -> None:
         x, z = cb * x - sb * z, sb * x + cb * z
         slides[k + 1] = slides[k + 2] = True
     T_out[:] = transform(np.stack([x, y, z], -1), p) @ tool
+    _fill_columns(axes, points, slides, n, T_out, J_out)
+
+
+def _fill_columns(
+    axes: Array, points: Array, slides: Bool, n: int, T_out: Array, J_out: Array
+) -> None:
+    """Put the screws of the tool after those of n links, and turn all screws into columns."""
     k = 6 + 5 * n
-    axes[k : k + 3] = axes[k + 3 :] = np.moveaxis(T_out[:, :3, :3], -1, 0)
+    axes[k : k + 3] = axes[k + 3 : k + 6] = np.moveaxis(T_out[:, :3, :3], -1, 0)
     slides[k : k + 3] = True
     origin = T_out[:, :3, 3]
-    points[k + 3 :] = origin
+    points[k + 3 : k + 6] = origin
     # columns: slides move along their axis, turns move by axis x arm
     turns = ~slides
     J_out[:, :3, slides] = np.moveaxis(axes[slides], 0, -1)

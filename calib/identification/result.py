@@ -1,7 +1,7 @@
 """The result of an identification: model, numbers estimated, covariance, tests, and all as text."""
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -33,9 +33,9 @@ class Identification:
     prior."""
     reduction: Reduction
     """What the measurements alone can tell apart, judged at the nominal model."""
-    step: Array
+    step: Annotated[Array, "f"]
     """(f,) estimate minus nominal [m, rad]."""
-    covariance: Array
+    covariance: Annotated[Array, "f", "f"]
     """(f, f) of `step` [m^2, m rad, rad^2]: inv(A'A + Lambda0); with a robust loss the sandwich; in
     paper mode the claimed s^2 inv(H'H)."""
     chi_square: FloatOrNan
@@ -57,7 +57,7 @@ class Identification:
     trace: Array
     """(iterations + 1,) sum of squares from the nominal model on, that of the prior included; with
     a robust loss the loss, from the answer on that it started with."""
-    residual: Array
+    residual: Annotated[Array, "N"]
     """(N,) measured minus predicted at the end: whitened, or the paper's rows in 1 and mm."""
     mode: Mode
     notes: tuple[str, ...]
@@ -65,7 +65,7 @@ class Identification:
     prior: Prior | None = None
     """What was believed beforehand."""
     loss: Loss = "squared"
-    weights: Array = field(default_factory=lambda: frozen(()))
+    weights: Annotated[Array, "m"] = field(default_factory=lambda: frozen(()))
     """(m,) how much each observation counts, 0 to 1; ones for the squared loss."""
     dof_effective: FloatOrNan = float("nan")
     """n - tr[inv(A'A + Lambda0) A'A]: rows minus numbers learned from the measurements."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,11 +33,11 @@ class Reduction:
     """Part of the largest singular value below which one counts as zero."""
     condition: float
     """Largest over smallest singular value of the kept scaled columns."""
-    kept: tuple[str, ...]
+    kept: Annotated[tuple[str, ...], "p"]
     """(p,) names of the kept numbers, in the order of the full vector."""
-    dropped: tuple[str, ...]
+    dropped: Annotated[tuple[str, ...], "f - p"]
     """(f - p,) names of the others."""
-    mixing: Array
+    mixing: Annotated[Array, "p", "f"]
     """(p, f) to first order, step of the kept numbers that looks like one of all free [m, rad]."""
     sentences: tuple[str, ...]
     """What lies behind the loss of rank, then one sentence per dropped number."""

@@ -1,6 +1,7 @@
 """End-to-end bootstrap: simulate the campaign of the identified robot, identify, compare."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,13 +37,13 @@ BAND = 4.0
 class Bootstrap:
     """What N virtual calibrations of the identified robot say about the stated covariance."""
 
-    names: tuple[str, ...]
+    names: Annotated[tuple[str, ...], "f"]
     """(f,) numbers estimated."""
-    estimates: Array
+    estimates: Annotated[Array, "N", "f"]
     """(N, f) estimate minus the robot that was simulated [m, rad]."""
-    chi_square: Array
+    chi_square: Annotated[Array, "N"]
     """(N,) whitened sum of squares of each fit, without the prior."""
-    covariance: Array
+    covariance: Annotated[Array, "f", "f"]
     """(f, f) stated: inv(A'A + Lambda0) at the identified robot."""
     dof: int
     """Rows minus numbers estimated."""

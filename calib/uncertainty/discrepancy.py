@@ -1,6 +1,7 @@
 """What the model leaves out, as a covariance from independent poses, added to the statement."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy.special import fdtri
@@ -18,9 +19,9 @@ FEWEST = 10
 class Discrepancy:
     """Covariance of position errors beyond what parameters and measurements explain."""
 
-    covariance: Array
+    covariance: Annotated[Array, 3, 3]
     """(3, 3) Sigma_d, positive semidefinite, world axes [m^2]."""
-    raw: Array
+    raw: Annotated[Array, 3, 3]
     """(3, 3) before negative directions were set to zero [m^2]."""
     n_poses: int
     """Held-out poses behind it."""

@@ -1,6 +1,7 @@
 """Errors at poses that the identification never used, and whether the covariance explains them."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,11 +22,11 @@ SAME_POSE = 1e-9
 class HeldOut:
     """Position errors at n held-out poses, and what was predicted for them."""
 
-    error: Array
+    error: Annotated[Array, "n", 3]
     """(n, 3) measured minus predicted position, axes of the station, most often the world [m]."""
-    predicted: Array
+    predicted: Annotated[Array, "n", 3, 3]
     """(n, 3, 3) Sigma_t, from the covariance of the parameters [m^2]."""
-    measured: Array
+    measured: Annotated[Array, "n", 3, 3]
     """(n, 3, 3) of the measurements themselves [m^2]."""
     chi_square: float
     """Of all errors together; the parameter error they share is taken into account."""

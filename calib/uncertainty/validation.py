@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,9 +48,9 @@ class LinearCheck:
     """The verdict on first-order propagation, and what it rests on."""
 
     outcome: CheckOutcome
-    differences: Array
+    differences: Annotated[Array, "d"]
     """(d,) absolute differences from Monte Carlo: means, u, largest eigenvalue, factor."""
-    tolerance: Array
+    tolerance: Annotated[Array, "d"]
     """(d,) what each may be."""
     sentence: str
 

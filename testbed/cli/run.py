@@ -229,5 +229,9 @@ def default_folder(scenario: "Scenario") -> Path:
 
 def identified_folder(data: Path) -> Path:
     """Where a calibration goes unless --out says otherwise."""
-    name = data.resolve().parent.name if data.name == "session.toml" else data.stem
+    from testbed.files.session_toml import SESSION_FILE
+    from testbed.gates.paths import real
+
+    found = real(data, field="measurements", code="S37")
+    name = found.parent.name if data.name == SESSION_FILE else data.stem
     return Path("runs") / f"{name}-identified"

@@ -23,6 +23,7 @@ from typing import Any
 
 from calib.errors import MachineError, refuse
 from testbed.disk import atomic_write
+from testbed.gates.paths import is_there
 
 PAGE = Path(__file__).with_name("viewer.html")
 """The page for browsers: it opens from a file, fetches nothing, and inlines the viewer."""
@@ -168,8 +169,8 @@ def viewer_files() -> tuple[str, bytes]:
 
 def existing(rrd: str | Path) -> Path:
     """Absolute path of a recording that is there."""
-    path = Path(rrd).resolve()
-    if not path.is_file():
+    path = Path(rrd).absolute()
+    if not is_there(path, Path.is_file):
         message, fix = "no such recording", "truebed record RUN"
         raise refuse("rrd", code="F3", message=message, fix=fix, where=str(rrd))
     return path

@@ -95,6 +95,7 @@ def assemble(
         approach=_joined([_extra(part, "approach") for part in parts]),
         joint_source=source,
         uncertainty="; ".join(dict.fromkeys(part.readings.uncertainty for part in parts)),
+        systematic=settings.uncertainty.systematic,
         joint_scatter=frozen(np.zeros(q.shape[1]) if included else robot.repeatability),
         fixtures=target.fixtures,
         placed=settings.start is not None and target.placed,

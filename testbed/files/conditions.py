@@ -6,7 +6,7 @@ from datetime import date
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import field_validator
 
 from calib.arrays import Array, Bool, frozen
 from calib.uncertainty.statement.conditions import Conditions, Tolerance
@@ -15,31 +15,13 @@ from testbed.files.columns import NUMBERS
 from testbed.files.refusal import refusal, require_names
 from testbed.files.table import Columns, DataTable
 from testbed.files.valid import valid_rows
-from testbed.strict import Strict
+from testbed.scenario.use import UseSettings
 
 COLUMNS = {"payload": "payload_kg", "tool": "tool", "temperature": "temperature_degC"}
 """Kinds of conditions to what their columns, and keys of session.toml, are called."""
 
 
-class UseTable(Strict):
-    """[use]: under which conditions the robot will work, of targets that do not say it."""
-
-    payload_kg: Annotated[float, PAYLOAD.or_zero("kg")] | None = None
-    """Mass at the flange beyond the arm's own."""
-    tool: Annotated[str, Field(min_length=1, max_length=200)] | None = None
-    """Name of what is mounted there."""
-    temperature_degC: Annotated[float, TEMPERATURE.signed("degC")] | None = None  # noqa: N815
-
-    def rows(self, m: int) -> Conditions:
-        """The stated conditions of m rows."""
-        payload, temperature = (
-            None if value is None else frozen(np.full(m, value))
-            for value in (self.payload_kg, self.temperature_degC)
-        )
-        return Conditions(payload, None if self.tool is None else (self.tool,) * m, temperature)
-
-
-class ConditionsTable(UseTable):
+class ConditionsTable(UseSettings):
     """[conditions]: under which conditions all rows were measured, where no column says it."""
 
     date: str = ""

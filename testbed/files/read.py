@@ -14,7 +14,7 @@ from testbed.files.matching import Match, by_cycle, by_order, by_pose, by_row
 from testbed.files.observed import read_observed, section_of, unused_columns
 from testbed.files.readings import Readings, copied_rows, lost_readings
 from testbed.files.refusal import require_names
-from testbed.files.session import Drift, Session
+from testbed.files.session import Drift, Session, Sources
 from testbed.files.session_toml import (
     SESSION_FILE,
     FileTable,
@@ -22,15 +22,15 @@ from testbed.files.session_toml import (
     OpticalTable,
     PointsTable,
     SessionFile,
-    Sources,
 )
 from testbed.files.slips import raise_if_slipped
 from testbed.files.spatial_analyzer import read_sa
 from testbed.files.table import DataTable, table_of
 from testbed.files.targets import TargetPart
 from testbed.files.text import read_sheet
+from testbed.files.uncertainty import require_shown
 from testbed.gates.mistakes import validated
-from testbed.gates.paths import real
+from testbed.gates.paths import is_there, real
 from testbed.gates.text import MAX_MB, FileText, SourceFile
 from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.robots.robot import Robot
@@ -120,6 +120,7 @@ def read_session(
     session = assemble(
         [part for part, _ in joined], robot, settings, name=settings.name or file.stem
     )
+    require_shown(settings.uncertainty, session.measurements, str(toml))
     warnings = [f"{toml}: {text}" for text in settings.uncertainty.odd]
     warnings += [text for one in cleaned for text in one.warnings]
     warnings += [text for _, match in joined for text in match.warnings]
@@ -145,10 +146,7 @@ def read_session(
 
 def _session_file(path: Path) -> Path:
     """The session.toml of a folder, or the file itself."""
-    try:
-        return path / SESSION_FILE if path.is_dir() else path
-    except (OSError, ValueError):
-        return path  # reading it will raise the error
+    return path / SESSION_FILE if is_there(path, Path.is_dir) else path
 
 
 def _observed(sources: Sources, settings: SessionFile, *, drop: bool) -> Iterator[_Cleaned]:

@@ -1,6 +1,7 @@
-"""What measurement files become: one frozen `Session` in SI units."""
+"""Measurement files, where they lie and what they become: one frozen `Session` in SI units."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -10,8 +11,10 @@ from calib.geometry.fixtures import Fixtures
 from calib.measurement.observations import Measurements
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.conditions import SetUp
-from testbed.files.session_toml import IdentificationTable
-from testbed.gates.text import SourceFile
+from testbed.files.refusal import refusal
+from testbed.files.session_toml import SESSION_FILE, IdentificationTable, SystematicTable
+from testbed.gates.paths import real
+from testbed.gates.text import FileText, SourceFile, read_text
 from testbed.robots.robot import Reflector
 from testbed.scenario.tolerance import Decision
 
@@ -103,6 +106,8 @@ class Session:
     """Which joints `measurements.q` are."""
     uncertainty: str
     """Where the covariances come from, in a sentence."""
+    systematic: SystematicTable | None = None
+    """What the instrument gets wrong in all readings alike, where it is stated."""
     joint_scatter: Array
     """(n,) repeatability of the joints that the covariances do *not* hold yet [rad or m]; add it
     by `calib.measurement.noise.with_joint_noise` once base and tool are known."""
@@ -162,3 +167,38 @@ class Session:
         """Anchors of the fixtures, from 0, whose place in the world is to be found."""
         count = len(self.anchor_names)
         return tuple(k for k in range(count) if f"anchor{k + 1}.x" not in self.fixed)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sources:
+    """The folder of a session, and the files read so far."""
+
+    root: Path
+    data: Path | None
+    max_mb: float
+    texts: dict[Path, FileText]
+
+    def text(self, name: str | None, key: str) -> FileText:
+        """Content of a file named in session.toml, or of DATA; each file is read once."""
+        toml = str(self.root / SESSION_FILE)
+        if name is None and self.data is None:
+            message, fix = f"[{key}] names no file", f'write file = "{key}.csv" under [{key}]'
+            raise refusal(toml, f"{key}.file", message, code="S37", fix=fix)
+        path = self.data if name is None else self.root / name
+        assert path is not None  # one of the two is there
+        found = real(path, field=f"[{key}] file", code="R6", where=toml)
+        if name is not None and not found.is_relative_to(self.root.resolve()):
+            raise refusal(
+                toml, f"{key}.file", f'[{key}] file = "{name[:80]}" leads out of the folder',
+                code="R6", value=name, allowed="a file beside session.toml or in a folder below it",
+                fix="copy it there",
+            )  # fmt: skip
+        if path not in self.texts:
+            where = str(path) if name is None else name
+            self.texts[path] = read_text(path, where, max_mb=self.max_mb)
+        return self.texts[path]
+
+    @property
+    def files(self) -> tuple[SourceFile, ...]:
+        """What was read so far."""
+        return tuple(text.source for text in self.texts.values())

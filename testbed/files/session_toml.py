@@ -1,18 +1,24 @@
-"""session.toml: its tables, and where the files it names lie."""
+"""session.toml: its tables."""
 
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from testbed.bounds import ANGLE_SD, CELL, COORDINATE, FACTORS, LENGTH_SD, shown
-from testbed.files.conditions import ConditionsTable, UseTable
-from testbed.files.refusal import refusal
-from testbed.gates.paths import real
-from testbed.gates.text import FileText, SourceFile, read_text
+from testbed.bounds import (
+    ANGLE_SD,
+    CELL,
+    COORDINATE,
+    DIRECTION,
+    FACTORS,
+    LENGTH_SD,
+    RANGE_SCALE,
+    Bound,
+    shown,
+)
+from testbed.files.conditions import ConditionsTable
 from testbed.robots.robot import Reflector
 from testbed.scenario.tolerance import ToleranceTable
+from testbed.scenario.use import UseSettings
 from testbed.strict import Strict
 
 SESSION_FILE = "session.toml"
@@ -22,8 +28,13 @@ Point = tuple[Coordinate, Coordinate, Coordinate]
 LengthSd = Annotated[float, LENGTH_SD.size("um")]
 AngleSd = Annotated[float, ANGLE_SD.size("mdeg")]
 Floor = Annotated[float, LENGTH_SD.or_zero("um")]
+AngleFloor = Annotated[float, ANGLE_SD.or_zero("mdeg")]
+ScaleFloor = Annotated[float, RANGE_SCALE.or_zero("um/m")]
+Component = Annotated[float, DIRECTION.signed("")]
 Euler = Annotated[str, Field(min_length=1, max_length=20)]
 Place = Point | Literal["free"]
+LEAST_UP = 1e-3
+"""Of the largest number of a direction."""
 
 
 class DialectTable(Strict):
@@ -142,6 +153,47 @@ class DriftTable(Strict):
     """Their shots; the file of the points if left out."""
 
 
+class SystematicTable(Strict):
+    """[uncertainty.systematic]: what the instrument gets wrong in all readings alike (k = 1)."""
+
+    range_offset_um: Floor = 0.0
+    scale_um_per_m: ScaleFloor = 0.0
+    encoder_amplitude_um: tuple[Floor, ScaleFloor] = (0.0, 0.0)
+    """Across the beam, of what goes with sin(azimuth) and sin(2 elevation) in any phase: constant,
+    and per meter of range."""
+    target_offset_um: Floor = 0.0
+    """Of each target's place on the tool, per axis of the tool."""
+    target_turn_mdeg: AngleFloor = 0.0
+    """Of the 6-D target's rotation on the tool, per axis of the tool."""
+    level_mdeg: AngleFloor = 0.0
+    """Of each of the two tilts of the station against gravity: of absolute positions alone."""
+    station_mm: Point | None = None
+    """Where the beam starts in the frame of the coordinates: of the first station, which is the
+    world. The coordinates of further stations are in their own frames."""
+    station_up: tuple[Component, Component, Component] = (0.0, 0.0, 1.0)
+    """Direction of the standing axis, in the same frame."""
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        """Size of each part; of the encoders the larger number."""
+        alone = ("range_offset_um", "scale_um_per_m", "target_offset_um", "target_turn_mdeg",
+                 "level_mdeg")  # fmt: skip
+        sizes = {key: getattr(self, key) for key in alone}
+        return sizes | {"encoder_amplitude_um": max(self.encoder_amplitude_um)}
+
+    @model_validator(mode="after")
+    def _some_size(self) -> "SystematicTable":
+        """One part with a size, and a direction upwards."""
+        # squares of what is smaller are no numbers
+        if max(self.sizes.values()) < shown(LENGTH_SD.least, "um"):
+            raise ValueError(
+                f"no part has a size; write one of {', '.join(self.sizes)}, or remove the table"
+            )
+        if max(map(abs, self.station_up)) < LEAST_UP:
+            raise ValueError(f"station_up is no direction; one number must be {LEAST_UP:g} or more")
+        return self
+
+
 class UncertaintyTable(Strict):
     """[uncertainty]: standard uncertainties (k = 1) of one reading, per axis."""
 
@@ -156,6 +208,7 @@ class UncertaintyTable(Strict):
     at_least_distance_um: Floor = 0.0
     joint_repeatability: Literal["robot", "included"] = "robot"
     """Whether the scatter of the joints comes on top, or is in the stated numbers already."""
+    systematic: SystematicTable | None = None
 
     @model_validator(mode="after")
     def _one_source(self) -> "UncertaintyTable":
@@ -173,13 +226,22 @@ class UncertaintyTable(Strict):
         stated = {"position_um": self.position_um, "distance_um": self.distance_um}
         constant, slope = self.mpe_um or (None, None)
         stated |= {"rotation_mdeg": self.rotation_mdeg, "mpe_um": max(constant or 0, slope or 0)}
+        shared = {} if self.systematic is None else self.systematic.sizes
         return tuple(
-            f"[uncertainty] {key} is {value:g}; {bound.allowed(unit, usual=True)}"
-            for key, value in stated.items()
-            for unit in [key.rpartition("_")[2]]
-            for bound in [ANGLE_SD if unit == "mdeg" else LENGTH_SD]
+            f"[{table}] {key} is {value:g}; {bound.allowed(unit, usual=True)}"
+            for table, sizes in (("uncertainty", stated), ("uncertainty.systematic", shared))
+            for key, value in sizes.items()
+            for unit, bound in [_kind_of(key)]
             if value and not bound.is_usual(value * FACTORS[unit])
         )
+
+
+def _kind_of(key: str) -> tuple[str, Bound]:
+    """Unit and bound of an uncertainty, from its key."""
+    if key.endswith("_um_per_m"):
+        return "um/m", RANGE_SCALE
+    unit = key.rpartition("_")[2]
+    return unit, ANGLE_SD if unit == "mdeg" else LENGTH_SD
 
 
 class IdentificationTable(Strict):
@@ -217,7 +279,8 @@ class SessionFile(Strict):
     drift: DriftTable | None = None
     uncertainty: UncertaintyTable = UncertaintyTable()
     conditions: ConditionsTable = ConditionsTable()
-    use: UseTable = UseTable()
+    use: UseSettings = UseSettings()
+    """Of targets that do not say under which conditions the robot goes there."""
     identification: IdentificationTable = IdentificationTable()
     tolerance: ToleranceTable | None = None
 
@@ -236,38 +299,3 @@ class SessionFile(Strict):
             for name, place in places.items()
             if place != "free"
         )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sources:
-    """The folder of a session, and the files read so far."""
-
-    root: Path
-    data: Path | None
-    max_mb: float
-    texts: dict[Path, FileText]
-
-    def text(self, name: str | None, key: str) -> FileText:
-        """Content of a file named in session.toml, or of DATA; each file is read once."""
-        toml = str(self.root / SESSION_FILE)
-        if name is None and self.data is None:
-            message, fix = f"[{key}] names no file", f'write file = "{key}.csv" under [{key}]'
-            raise refusal(toml, f"{key}.file", message, code="S37", fix=fix)
-        path = self.data if name is None else self.root / name
-        assert path is not None  # one of the two is there
-        found = real(path, field=f"[{key}] file", code="R6", where=toml)
-        if name is not None and not found.is_relative_to(self.root.resolve()):
-            raise refusal(
-                toml, f"{key}.file", f'[{key}] file = "{name[:80]}" leads out of the folder',
-                code="R6", value=name, allowed="a file beside session.toml or in a folder below it",
-                fix="copy it there",
-            )  # fmt: skip
-        if path not in self.texts:
-            where = str(path) if name is None else name
-            self.texts[path] = read_text(path, where, max_mb=self.max_mb)
-        return self.texts[path]
-
-    @property
-    def files(self) -> tuple[SourceFile, ...]:
-        """What was read so far."""
-        return tuple(text.source for text in self.texts.values())

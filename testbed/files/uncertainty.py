@@ -6,6 +6,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool
 from calib.measurement.noise import spherical_covariance
+from calib.measurement.observations import Measurements
 from testbed.bounds import LENGTH_SD
 from testbed.files.columns import AXES, covariance_names
 from testbed.files.refusal import refusal
@@ -16,6 +17,9 @@ MPE_RULES = {"rectangular": 3**-0.5, "two_sigma": 0.5, "typical": 0.25}
 """Standard uncertainty as a part of the maximum permissible error."""
 SIZE = {"pose": 6, "point": 3, "distance": 1}
 """Numbers that a reading of each kind states."""
+OF_THE_RANGE = ("range_offset_um", "scale_um_per_m")
+OF_THE_DIRECTION = ("encoder_amplitude_um", "level_mdeg")
+"""Systematic parts that need to know where the beam starts."""
 ABOVE_ZERO = "an uncertainty is above zero"
 
 
@@ -89,6 +93,39 @@ def spread_of(
         " and ".join(dict.fromkeys(spread.source for spread in spreads)),
         tuple(warning for spread in spreads for warning in spread.warnings),
     )
+
+
+def require_shown(settings: UncertaintyTable, table: Measurements, where: str) -> None:
+    """Refuse systematic parts that change no reading, and those of a beam from nowhere.
+
+    Raises
+    ------
+    InputError
+        M33: there are no angles, or only distances, or nothing says where the instrument stands.
+    """
+    if settings.systematic is None:
+        return
+    stated = [key for key, size in settings.systematic.sizes.items() if size]
+    optical = not table.is_distance.all()
+    for key in stated:
+        seen, what = optical, "there are only distances"
+        if key == "target_turn_mdeg":
+            seen, what = bool(table.is_pose.any()), "no angle was measured"
+        if key in (*OF_THE_DIRECTION, "target_turn_mdeg") and not seen:
+            raise refusal(
+                where, f"uncertainty.systematic.{key}",
+                f"[uncertainty.systematic] {key} changes no reading: {what}",
+                code="M33", value=settings.systematic.sizes[key], fix=f"remove {key}",
+            )  # fmt: skip
+    beam = [key for key in stated if key in (*OF_THE_RANGE, *OF_THE_DIRECTION)]
+    if beam and optical and settings.systematic.station_mm is None:
+        raise refusal(
+            where, "uncertainty.systematic.station_mm",
+            f"[uncertainty.systematic] has {' and '.join(beam)}, but nothing says where the "
+            "instrument stands",
+            code="M33", allowed="station_mm, where its beam starts in the frame of the coordinates",
+            fix="write station_mm = [0, 0, 0] where the coordinates are in its own frame",
+        )  # fmt: skip
 
 
 def _part(

@@ -205,9 +205,9 @@ def _place(schema: type[Strict], loc: tuple[int | str, ...]) -> tuple[str, str, 
             for model in models_in(table.model_fields[part].annotation)
         ]
         if isinstance(part, int):
-            names.append(str(part + 1))  # people count from one
+            names.append(f" {part + 1}")  # people count from one
         elif inner:
-            names.append(part)
+            names.append(f".{part}")
             tables = inner
         elif depth < len(loc) - 1 and any(_kind(table) == part for table in tables):
             tables = [table for table in tables if _kind(table) == part]
@@ -216,8 +216,13 @@ def _place(schema: type[Strict], loc: tuple[int | str, ...]) -> tuple[str, str, 
                 f"[{p}]" if isinstance(p, int) else f".{_cut(p)}" for p in loc[depth + 1 :]
             )
             known = [name for table in tables for name in table.model_fields]
-            return f"[{' '.join(names)}]" if names else FILE, f"{_cut(part)}{rest}", known
-    return f"[{' '.join(names)}]" if names else FILE, "", []
+            return _header(names), f"{_cut(part)}{rest}", known
+    return _header(names), "", []
+
+
+def _header(names: Sequence[str]) -> str:
+    """A table in brackets: ``[joints 2]``, ``[uncertainty.systematic]``."""
+    return f"[{''.join(names)[1:]}]" if names else FILE
 
 
 def _kind(table: type[Strict]) -> str:

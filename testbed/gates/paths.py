@@ -1,6 +1,7 @@
 """Paths that people and their files name: what no file system can hold is refused in our words."""
 
 import errno
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -46,3 +47,16 @@ def real(path: str | Path, *, field: str, code: str = "R7", where: str = "") -> 
         message = f"{field} {name} {reason or 'holds a character that no path has'}"
         raise refuse(field, text, code=code, message=message, where=where) from error
     return found
+
+
+def is_there(path: Path, kind: Callable[[Path], bool] = Path.exists) -> bool:
+    """Whether something of a kind (`Path.is_file`, `Path.is_dir`) lies there; not where none can.
+
+    Examples
+    --------
+    >>> is_there(Path("x" * 300), Path.is_file)
+    False
+    """
+    with suppress(OSError, ValueError):
+        return kind(path)
+    return False

@@ -25,6 +25,7 @@ from testbed.identify.outliers import held_out_outliers, training_outliers, warn
 from testbed.identify.proof import guard_warnings, proof_of, repeatability
 from testbed.identify.records import Calibration, HeldOutSplit, OutlierRows
 from testbed.identify.session import origin_of, row_names, split_of, with_scatter
+from testbed.identify.shared import shared_of
 from testbed.progress import Progress
 from testbed.robots.catalog import Robot
 
@@ -152,6 +153,8 @@ def _calibrated(
     chosen = next(each for each in models if each.model == choice.chosen)
     report(STEPS[3], 3, len(STEPS))
     comes_back = repeatability(chosen.identification.model, robot, session, measurements, ~left_out)
+    judged = measurements.rows(split.is_test) if split.is_test.any() else train
+    shared = shared_of(session, chosen.identification, train, judged)
     proof = proof_of(
         chosen.identification,
         session,
@@ -161,6 +164,7 @@ def _calibrated(
         visits=~left_out,
         comes_back=comes_back,
         seed=options.seed,
+        shared=None if shared is None else shared.covariance,
     )
     before = row_errors(frames.before, measurements)
     return Calibration(
@@ -194,6 +198,7 @@ def _calibrated(
         fits=models,
         choice=choice,
         proof=proof,
+        shared=shared,
         warnings=(
             *doubts,
             *warnings_of(models[0], chosen, train),

@@ -1,11 +1,12 @@
 """Under which conditions a calibration was measured, in words and numbers."""
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
 from calib.arrays import Bool
-from calib.uncertainty.statement.conditions import UNITS, Conditions, departure
+from calib.uncertainty.statement.conditions import UNITS, Conditions, counted, departure
 from testbed.files.conditions import SetUp
 from testbed.identify.records import Calibration
 from testbed.store.quantities import AS_NAMED, Quantity
@@ -15,14 +16,7 @@ from testbed.units import listed
 def conditions_words(calibration: Calibration) -> str:
     """What was mounted, how warm it was, from where and when; what of it nobody stated."""
     rows, set_up = measured(calibration), calibration.set_up
-    mounted = []
-    if payload := rows.words("payload"):
-        mounted.append(f"a payload of {payload}")
-    if tool := rows.words("tool"):
-        mounted.append(f"the tool {tool}")
-    parts = [f"with {' and '.join(mounted)}"] if mounted else []
-    if warm := rows.words("temperature"):
-        parts.append(f"at {warm}")
+    parts = [rows.phrase] if rows.stated else []
     if set_up.stations:
         parts.append(f"from station{'s' * (len(set_up.stations) > 1)} {listed(set_up.stations)}")
     if set_up.date:
@@ -43,7 +37,9 @@ def held_out_warnings(
     found = departure(conditions.rows(used), there, int(is_test.sum()), set_up.tolerance)
     return tuple(
         f"{said}: they judge the calibration under other conditions than those it was made under"
-        for said in found.clauses("held-out row", "the rows identified from", listed=False).values()
+        for said in found.clauses(
+            partial(counted, "held-out row"), "the rows identified from"
+        ).values()
     )
 
 

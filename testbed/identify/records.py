@@ -1,7 +1,7 @@
 """What a calibration from measurements leaves behind: one frozen record; nothing is computed."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from calib.measurement.observations import Measurements
 from calib.uncertainty.judgement import Judgement
 from calib.uncertainty.statement.conditions import Conditions
 from calib.uncertainty.statement.conformity import Conformity
+from calib.uncertainty.statement.instrument import SharedErrors
 from testbed.files.conditions import SetUp
 from testbed.robots.robot import Reflector
 from testbed.scenario.tolerance import Decision
@@ -54,9 +55,9 @@ class Origin:
 class HeldOutSplit:
     """Which rows are held out."""
 
-    is_test: Bool
+    is_test: Annotated[Bool, "m"]
     """(m,) never used for identification."""
-    is_train: Bool
+    is_train: Annotated[Bool, "m"]
     """(m,) to identify from; neither: later visits that are left to type A."""
     stated: bool
     """By the data themselves, else drawn here."""
@@ -68,11 +69,11 @@ class HeldOutSplit:
 class RowErrors:
     """What one model misses in every row of the table."""
 
-    vector: Array
+    vector: Annotated[Array, "m", 3]
     """(m, 3) seen minus predicted position, world axes; zero for distance rows [m]."""
-    position: Array
+    position: Annotated[Array, "m"]
     """(m,) length of it; of a distance row the size of what is missed [m]."""
-    rotation: Array
+    rotation: Annotated[Array, "m"]
     """(m,) angle; zero for other than pose rows [rad]."""
 
 
@@ -94,7 +95,7 @@ class FittedModel:
 
     model: ModelName
     identification: Identification
-    scatter: Array
+    scatter: Annotated[Array, "f", "f"]
     """(f, f) covariance of the estimate from the scatter of the residuals from pose to pose,
     whatever noise was stated [m^2, m rad, rad^2]."""
     noise_factor: float
@@ -127,7 +128,7 @@ class OutlierRows:
     noise_factor: float
     """Typical residual of the geometric model in units of the stated noise: what rows are judged
     against."""
-    left_out: Bool
+    left_out: Annotated[Bool, "m"]
     """(m,) training rows that the fits do not use."""
     sentences: tuple[str, ...]
     """Training rows that do not fit, worst first."""
@@ -152,7 +153,7 @@ class Calibration:
     """Every valid row."""
     pose_names: tuple[str, ...]
     """By `pose_id`."""
-    time: Array | None
+    time: Annotated[Array, "m"] | None
     """(m,) [s]"""
     conditions: Conditions
     """Payload, tool and temperature of each row."""
@@ -177,6 +178,8 @@ class Calibration:
     """Geometric first."""
     choice: Choice
     proof: Judgement
+    shared: SharedErrors | None
+    """What all readings of the instrument share; None where the session states nothing of it."""
     warnings: tuple[str, ...]
     """What was found on the way, beside what the source says."""
 

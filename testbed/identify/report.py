@@ -13,6 +13,7 @@ from testbed.identify.records import Calibration, Delivered
 from testbed.identify.report_belief import belief_section, reach_section
 from testbed.identify.report_errors import accuracy_section, outlier_section, residual_section
 from testbed.identify.results import dh_table
+from testbed.identify.shared import shared_section
 from testbed.identify.words import (
     HEAD,
     headline_rows,
@@ -49,6 +50,7 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         belief_section(calibration),
         reach_section(calibration, delivered),
         decision_section(decided_at(calibration, delivered)),
+        shared_section(calibration),
         residual_section(calibration),
         outlier_section(calibration),
         parameter_section(calibration),

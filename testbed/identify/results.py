@@ -16,6 +16,7 @@ from testbed.identify.records import (
     RowErrors,
 )
 from testbed.identify.results_statement import decisions, statements, targets
+from testbed.identify.shared import shared_numbers
 from testbed.identify.words import notice, reasons, verdict
 from testbed.report.text import csv_text
 from testbed.robots.write.dh_table import DhRow, dh_rows
@@ -88,6 +89,7 @@ def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:
         *(each for fit in calibration.fits for each in below(f"models/{fit.model}", _model(fit))),
         *unitless(chosen),
         *below("statements", statements(calibration)),
+        *below("shared", shared_numbers(calibration.shared)),
         Quantity("parameters", numbers),
         *below("delivered", fields_of(delivered, DELIVERED)),
         *below("targets", targets(delivered.targets)),

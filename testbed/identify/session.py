@@ -48,6 +48,12 @@ def with_test(session: Session, other: Session) -> Session:
             message="the held-out file looks at other reflectors, anchors or stations",
             allowed="the same targets from the same stations",
         )  # fmt: skip
+    if other.systematic not in (None, session.systematic):
+        raise refuse(
+            "--test", code="M35", where=other.name, fix="state the same parts in both files",
+            message="the held-out file states other systematic parts, or another place of the "
+            "instrument", allowed="one instrument that stands where it stood",
+        )  # fmt: skip
     dates = (session.set_up.date, other.set_up.date)
     both = joined([mine, replace(theirs, pose_id=theirs.pose_id + len(session.pose_names))])
     return replace(

@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, frozen
 from calib.errors import refuse
+from calib.uncertainty.statement.conditions import Conditions
+from testbed.bounds import PAYLOAD, TEMPERATURE, Bound
 from testbed.gates.text import read_text, separator_of, split
 from testbed.report.text import unguarded
 from testbed.robots.catalog import Robot
@@ -73,27 +75,56 @@ def read_joints(robot: Robot, path: str | Path) -> Array:
     Other columns are ignored; where there is a column ``role``, rows that a plan.csv does not
     identify from do not count: "test", "via" and "start".
     """
+    head, rows = _rows(path)
+    places, scale = _columns(robot, head, str(path))
+    q = [[_number(row, k, where, head[k]) for k in places] for where, row in rows]
+    if not q:
+        message, fix = "has no joint targets", "add some rows"
+        raise refuse("", code="M35", message=message, fix=fix, where=str(path))
+    joints = np.array(q) * scale
+    check_joints(robot, joints, [where for where, _ in rows], "plan.measured")
+    return frozen(joints)
+
+
+def read_conditions(path: str | Path) -> Conditions:
+    """What the rows of such a file say of their conditions: payload_kg, tool, temperature_degC.
+
+    Raises
+    ------
+    InputError
+        M25: a cell is empty, or no number; V9: a number beyond sense.
+    """
+    head, rows = _rows(path)
+    payload, temperature = (
+        frozen([_within(row, head.index(name), where, name, bound) for where, row in rows])
+        if name in head
+        else None
+        for name, bound in (("payload_kg", PAYLOAD), ("temperature_degC", TEMPERATURE))
+    )
+    if "tool" not in head:
+        return Conditions(payload, None, temperature)
+    k = head.index("tool")
+    tools = tuple(row[k] if k < len(row) else "" for _, row in rows)
+    if any(tools) and "" in tools:
+        where, fix = rows[tools.index("")][0], "fill the cell"
+        raise refuse("tool", code="M25", message="tool is empty", fix=fix, where=where)
+    return Conditions(payload, tools if any(tools) else None, temperature)
+
+
+def _rows(path: str | Path) -> tuple[list[str], list[tuple[str, list[str]]]]:
+    """Head and rows of a file of joint targets, each row with its place."""
     text = read_text(Path(path), str(path), max_mb=MAX_MB, larger="split it")
     content = text.content("#")
     separator = separator_of(content[0][1]) if content else ""
     rows = [list(map(unguarded, row)) for row in split(content, separator, str(path))]
     head = rows[0] if rows else []
-    places, scale = _columns(robot, head, str(path))
     role = head.index("role") if "role" in head else None
-    q, names = [], []
+    kept = []
     for (line, _), row in zip(content[1:], rows[1:], strict=True):
-        if not any(row):
-            continue
-        if role is not None and len(row) > role and row[role] in ("test", "via", "start"):
-            continue
-        q.append([_number(row, k, f"{path}:{line}", head[k]) for k in places])
-        names.append(f"{path}:{line}")
-    if not q:
-        message, fix = "has no joint targets", "add some rows"
-        raise refuse("", code="M35", message=message, fix=fix, where=str(path))
-    joints = np.array(q) * scale
-    check_joints(robot, joints, names, "plan.measured")
-    return frozen(joints)
+        passed = role is not None and len(row) > role and row[role] in ("test", "via", "start")
+        if any(row) and not passed:
+            kept.append((f"{path}:{line}", row))
+    return head, kept
 
 
 def _columns(robot: Robot, head: list[str], where: str) -> tuple[list[int], Array]:
@@ -130,3 +161,16 @@ def _number(row: list[str], k: int, where: str, column: str) -> float:
         fix = "mend or remove that row"
         raise refuse(column, text[:40], allowed, code="M25", message=message, fix=fix, where=where)
     return value
+
+
+def _within(row: list[str], k: int, where: str, column: str, bound: Bound) -> float:
+    """One finite cell of a sensible size; a payload is none below zero."""
+    value, unit = _number(row, k, where, column), column.rpartition("_")[2]
+    message = f"{column} is {value:g}"
+    if bound is PAYLOAD and value < 0:
+        code, allowed = "M25", "a payload is 0 kg or more"
+    elif abs(value) > bound.most:
+        code, allowed = "V9", bound.allowed(unit)
+    else:
+        return value
+    raise refuse(column, value, allowed, code=code, message=message, fix="mend it", where=where)

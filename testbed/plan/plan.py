@@ -9,9 +9,10 @@ from calib.errors import InputError, refuse
 from calib.geometry.chain import Chain
 from calib.geometry.parameters import Parameters
 from calib.information.goals import Goals, goal_matrix
+from calib.uncertainty.statement.conditions import Conditions
 from testbed.laboratory.bench import PROBED_POSES, Bench, open_bench
 from testbed.laboratory.goal import Goal, goal_of
-from testbed.laboratory.joint_lists import read_joints
+from testbed.laboratory.joint_lists import read_conditions, read_joints
 from testbed.laboratory.tracker.stations import (
     StationComparison,
     compare_stations,
@@ -80,7 +81,7 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     check_robot(scenario, bench.robot, where=where)
     check_stations(bench)
     goal = goal_of(bench)
-    measured, start = _measured(bench), start_of(bench)
+    (measured, under), start = _measured(bench), start_of(bench)
     tell(STEPS[1], 1, len(STEPS))
     stations = compared(bench, goal)
     if stations is not None:
@@ -113,6 +114,7 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
         leverage=frozen(leverages(task.blocks, M)),
         places=ordered,
         measured_q=measured,
+        measured_under=under,
         tour=tour,
         readings=readings_of(bench, tour.q),
         T_world_tracker=bench.tracker.T_world_tracker,
@@ -158,12 +160,12 @@ def _goals(bench: Bench, goal: Goal, parameters: Parameters) -> Goals:
     return goal_matrix(model, goal.q, parameters, weights=goal.weights, target=goal.point)
 
 
-def _measured(bench: Bench) -> Array:
-    """Poses measured already (k, n); none without [plan] measured."""
+def _measured(bench: Bench) -> tuple[Array, Conditions]:
+    """Poses measured already (k, n), and under which conditions; none without [plan] measured."""
     file = bench.scenario.plan.measured
     if not file:
-        return frozen(np.zeros((0, bench.robot.model.chain.n_joints)))
-    return read_joints(bench.robot, file)
+        return frozen(np.zeros((0, bench.robot.model.chain.n_joints))), Conditions()
+    return read_joints(bench.robot, file), read_conditions(file)
 
 
 def check_tested(scenario: Scenario) -> None:

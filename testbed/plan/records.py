@@ -6,6 +6,7 @@ from typing import Literal
 from calib.arrays import Array, Index
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from calib.uncertainty.statement.conditions import Conditions
 from testbed.laboratory.cell import Obstacle
 from testbed.laboratory.goal import Goal
 from testbed.laboratory.pool import PosePool
@@ -140,6 +141,8 @@ class Plan:
     """(m,) the chosen poses in the pool, in measuring order."""
     measured_q: Array
     """(k, n) poses measured already [rad, m]."""
+    measured_under: Conditions
+    """Their payload, tool and temperature, as far as they are stated."""
     tour: Tour
     readings: tuple[Reading, ...]
     T_world_tracker: Array
@@ -167,6 +170,12 @@ class Plan:
     def coverage(self) -> float:
         """Factor k of expanded uncertainties."""
         return self.scenario.plan.coverage
+
+    @property
+    def use(self) -> Conditions:
+        """One row: under which conditions the goal will be worked at."""
+        use = self.scenario.plan.use
+        return Conditions() if use is None else use.rows(1)
 
     @property
     def station_mm(self) -> tuple[float, float, float]:

@@ -36,7 +36,13 @@ def plan_csv(plan: Plan) -> str:
     head = ["pose_id", "role", "order", *joint_columns(plan)]
     head += [f"{reading.target}_{name}" for reading in plan.readings for name in READING]
     rows = [_row(plan, stop) for stop in stops_of(plan)]
-    return csv_text([*head, "move", "approach_s"], rows)
+    return csv_text([*head, "move", "approach_s", *_use(plan)], rows)
+
+
+def _use(plan: Plan) -> dict[str, object]:
+    """The conditions that every pose is to be measured under, as far as they are stated."""
+    use = plan.scenario.plan.use
+    return use.model_dump(exclude_none=True) if use is not None else {}
 
 
 def _row(plan: Plan, stop: "Stop") -> list[str]:
@@ -52,7 +58,7 @@ def _row(plan: Plan, stop: "Stop") -> list[str]:
         row += [f"{np.degrees(angle):.6f}" for angle in angles]
         row += [f"{reading.range[stop.place] * 1e3:.4f}"]
     seconds = f"{stop.seconds:.3f}" if np.isfinite(stop.seconds) else ""
-    return [*row, stop.move or "", seconds]
+    return [*row, stop.move or "", seconds, *map(str, _use(plan).values())]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,6 +148,7 @@ def _task(plan: Plan, robot: Robot) -> Iterator[Quantity]:
     yield Quantity("poses_measured_already", len(plan.measured_q))
     yield Quantity("held_out_poses", plan.tour.roles.count("test"))
     yield Quantity("parameters", plan.parameters.free_names)
+    yield Quantity("use", _use(plan), AS_NAMED)
 
 
 def _promise(plan: Plan) -> Iterator[Quantity]:

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from calib.uncertainty.statement.conditions import departure
 from testbed.laboratory.tracker.stations import place_word
 from testbed.plan.records import FAR, Plan
 from testbed.report.page import SIMULATED
@@ -108,6 +109,7 @@ def reasons(plan: Plan) -> tuple[str, ...]:
         plan.tour.sentence,
         clearance_words(plan),
         measured_words(plan),
+        *use_words(plan),
         station_words(plan),
     )
     return tuple(sentence(text) for text in said if text)
@@ -171,6 +173,20 @@ def measured_words(plan: Plan) -> str:
     return (
         f"The {counted(len(plan.measured_q), 'pose')} measured already count as measured from "
         f"[tracker] station_mm, {in_mm(plan.station_mm)} mm, with this tracker and base"
+    )
+
+
+def use_words(plan: Plan) -> tuple[str, ...]:
+    """Under which conditions to measure, and what was measured under others already."""
+    use = plan.use
+    if not use.stated:
+        return ()
+    apart = departure(plan.measured_under, use, 1)
+    said = apart.clauses(lambda _: "the goal", "the poses measured already").values()
+    return (
+        *(f"Warning: {text}; they count here as if nothing differed" for text in said),
+        f"Measure {use.phrase}, as the robot will be used: no statement reaches other conditions "
+        "than those of the measurements",
     )
 
 

@@ -5,20 +5,25 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from calib.arrays import Array, Bool, Index
 from calib.measurement.observations import DISTANCE, POSE, Measurements, joined
+from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.columns import covariance_names
+from testbed.files.conditions import COLUMNS
 from testbed.files.session_toml import SESSION_FILE
 from testbed.laboratory.tracker.rounds import world_mm
+from testbed.laboratory.tracker.tracker import bias_size
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory, validation_start
 from testbed.report.text import csv_text
 from testbed.robots.robot import Robot
 from testbed.scenario.fixtures import RANGES, targets_mm
+from testbed.scenario.laboratory import At960Tracker
 from testbed.store.whole_folder import whole_folder
 from testbed.studies.trial.play import visits_of
 from testbed.studies.trial.records import Campaign, Trial
+from testbed.units import MDEG, MM, UM
 
 Labels = NDArray[np.str_]
 
@@ -53,9 +58,11 @@ def export_campaign(
         for k, trial in enumerate(campaign.trials):
             table, is_test, time = exported_rows(bench, trial)
             names = targets_in(bench, table)
+            conditions = conditions_in(bench, time)
             for file, rows in _files(trial, table).items():
                 part = names[rows] if names is not None else None
-                text = session_csv(robot, table.rows(rows), is_test[rows], time[rows], part)
+                under = conditions.rows(rows)
+                text = session_csv(robot, table.rows(rows), is_test[rows], time[rows], part, under)
                 (inside / file).write_bytes(text.encode())
             name = SESSION_FILE if k == 0 else f"{trial.name}.toml"
             text = _session_toml(bench, trial, table)
@@ -100,6 +107,15 @@ def targets_in(bench: Laboratory, table: Measurements) -> Labels | None:
     return names
 
 
+def conditions_in(bench: Laboratory, time: Array) -> Conditions:
+    """What hung on the arm at times (m,) [s] and how warm it was; None where neither matters."""
+    truth, terms = bench.scenario.truth, bench.truth.unmodelled
+    payload = np.full(len(time), truth.payload_kg) if terms.springs is not None else None
+    return Conditions(
+        payload, None, terms.thermal.temperature(time) if terms.thermal is not None else None
+    )
+
+
 def _files(trial: Trial, table: Measurements) -> dict[str, Index]:
     """The files of a trial and their rows: what the tracker saw, and distances."""
     far = table.is_distance
@@ -108,11 +124,17 @@ def _files(trial: Trial, table: Measurements) -> dict[str, Index]:
 
 
 def session_csv(
-    robot: Robot, table: Measurements, is_test: Bool, time: Array, names: Labels | None = None
+    robot: Robot,
+    table: Measurements,
+    is_test: Bool,
+    time: Array,
+    names: Labels | None = None,
+    conditions: Conditions | None = None,
 ) -> str:
     """The rows of a session as CSV in the project's own layout, 17 digits, SI units.
 
-    All rows are of one kind; `names` (m, 2) are the target of each and where it was seen from.
+    All rows are of one kind; `names` (m, 2) are the target of each and where it was seen from,
+    `conditions` what is known of payload and temperature.
     """
     is_pose, far = bool(table.is_pose.all()), bool(table.is_distance.all())
     units = ("m" if kind == "prismatic" else "rad" for kind in robot.model.chain.kinds)
@@ -129,13 +151,16 @@ def session_csv(
         *(f"reflector_{axis}_m" for axis in "xyz" if not is_pose and names is None),
         *covariance_names(),
     ]
+    under = conditions or Conditions()
+    said = [getattr(under, kind) for kind in under.stated]
+    head += [COLUMNS[kind] for kind in under.stated]
     # the triangle that whitening reads: the two may differ in the last bit
     i, j = np.triu_indices(6)
     seen = table.distance[:, None] if far else table.position
     last = table.rotation.reshape(-1, 9) if is_pose else table.offset
     if names is not None and not is_pose:
         last = last[:, :0]
-    numbers = np.column_stack([time, table.q, seen, last, table.covariance[:, j, i]])
+    numbers = np.column_stack([time, table.q, seen, last, table.covariance[:, j, i], *said])
     places = [[str(station + 1)] for station in table.station]
     if names is not None and not is_pose:
         at = names[:, 1] if far else [place for (place,) in places]
@@ -187,6 +212,7 @@ def _session_toml(bench: Laboratory, trial: Trial, table: Measurements) -> str:
             "[uncertainty]",
             "# the 21 columns cov_... hold what the joints scatter, too",
             'joint_repeatability = "included"',
+            *_systematic_lines(bench, kind),
             "",
             "[identification]",
             'model = "geometric"',
@@ -197,6 +223,33 @@ def _session_toml(bench: Laboratory, trial: Trial, table: Measurements) -> str:
             "",
         ]
     )
+
+
+def _systematic_lines(bench: Laboratory, kind: str) -> list[str]:
+    """What the tracker states to get wrong all campaign long, as far as readings show it."""
+    settings, T = bench.scenario.tracker, bench.tracker.T_world_tracker
+    if not isinstance(settings, At960Tracker) or not settings.systematic:
+        return []
+    size = bias_size(settings)
+    turn = size.target_turn if kind == "frames" else 0.0
+    parts: dict[str, ArrayLike] = {
+        "range_offset_um": size.range_offset * UM,
+        "scale_um_per_m": size.scale * UM,
+        "encoder_amplitude_um": [part * UM for part in size.encoder] if any(size.encoder) else 0,
+        "target_offset_um": size.target_offset * UM,
+        "target_turn_mdeg": turn * MDEG,
+        "level_mdeg": size.level * MDEG,
+        "station_mm": T[:3, 3] * MM,
+        "station_up": T[:3, 2],
+    }
+    head = "# k = 1: half widths of the scene divided by the root of 3"
+
+    def written(value: ArrayLike) -> str:
+        numbers = [float(f"{x:.15g}") for x in np.ravel(value)]  # so that 0.2 stays 0.2
+        return _text(numbers if np.ndim(value) else numbers[0])
+
+    lines = [f"{key} = {written(value)}" for key, value in parts.items() if np.any(value)]
+    return ["", "[uncertainty.systematic]", head, *lines]
 
 
 def _fixture_lines(bench: Laboratory, trial: Trial, table: Measurements, kind: str) -> list[str]:

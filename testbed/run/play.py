@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from calib.errors import InputError, refuse
+from testbed.gates.paths import is_there
 from testbed.progress import Progress
 from testbed.run.derive import Derive, derived_file, led_by, require_trial
 from testbed.run.result import read_result
@@ -197,7 +198,7 @@ def recording_of(path: str | Path, trial: str | None = None) -> Path:
         There is no such recording or trial, or the trial failed.
     """
     given = Path(path)
-    if given.suffix == layout.RECORDING_ENDING and not given.is_dir():
+    if given.suffix == layout.RECORDING_ENDING and not is_there(given, Path.is_dir):
         if trial is None:
             return given
         raise refuse(

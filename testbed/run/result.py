@@ -93,21 +93,32 @@ def misfit(value: object, shape: Any, at: str = "") -> str:
 
 def equal_runs(paths: Sequence[Path]) -> list[list[Path]]:
     """Groups of runs whose result.json and arrays.npz are equal byte for byte."""
-    groups: dict[bytes, list[Path]] = {}
+    alike: dict[tuple[int, ...], list[Path]] = {}
     for path in paths:
-        total = sha256()
-        for name in (layout.RESULT, layout.ARRAYS):
-            total.update(_digest(path / name))
-        groups.setdefault(total.digest(), []).append(path)
+        sizes = tuple(_size(path / name) for name in (layout.RESULT, layout.ARRAYS))
+        alike.setdefault(sizes, []).append(path)
+    groups: dict[bytes, list[Path]] = {}
+    for same in alike.values():
+        for path in same if len(same) > 1 else ():  # others are not read at all
+            total = sha256()
+            for name in (layout.RESULT, layout.ARRAYS):
+                total.update(_digest(path / name))
+            groups.setdefault(total.digest(), []).append(path)
     return [group for group in groups.values() if len(group) > 1]
+
+
+def _size(path: Path) -> int:
+    """Bytes of a file; -1 where there is none."""
+    size = path.stat().st_size if path.is_file() else -1
+    if size > MOST_BYTES:
+        raise damaged(path, f"it has {size / 1e6:.6g} MB", _again(path.parent))
+    return size
 
 
 def _digest(path: Path) -> bytes:
     """sha256 of a file; of nothing where there is none."""
     if not path.is_file():
         return sha256().digest()
-    if (size := path.stat().st_size) > MOST_BYTES:
-        raise damaged(path, f"it has {size / 1e6:.6g} MB", _again(path.parent))
     with path.open("rb") as file:
         return file_digest(file, "sha256").digest()
 

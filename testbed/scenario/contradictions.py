@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator
 
 from calib.information.criteria.named import NEEDS_GOALS
+from testbed.bounds import LENGTH_SD, shown
 from testbed.scenario.fixtures import fixture_contradictions
 from testbed.scenario.laboratory import SYSTEMATIC, At960Tracker, TruthSettings
 from testbed.scenario.scenario import RESERVED, Scenario
@@ -229,10 +230,12 @@ def _of_tracker(scenario: Scenario) -> Iterator[str]:
         )
     if isinstance(tracker, At960Tracker) and tracker.systematic:
         sizes = SYSTEMATIC if tracker.measures == "pose" else SYSTEMATIC[:-1]
-        if all(getattr(tracker, key) in (0.0, (0.0, 0.0)) for key in sizes):
+        numbers = [getattr(tracker, key) for key in sizes]
+        largest = max(max(size) if isinstance(size, tuple) else size for size in numbers)
+        if largest < (least := shown(LENGTH_SD.least, "um")):
             yield (
-                f"[tracker] systematic is true, which changes no reading: {', '.join(sizes)} are "
-                "zero; give one of them a size, or write systematic = false"
+                f"[tracker] systematic is true, which changes no reading: none of "
+                f"{', '.join(sizes)} is {least:g} or more; raise one, or write systematic = false"
             )
 
 

@@ -89,6 +89,8 @@ def _leave_out_later_keys(document: dict[str, Any]) -> None:
     """
     if document["budget"] == BudgetSettings().model_dump(mode="json"):
         del document["budget"]
+    if document["plan"]["use"] is None:
+        del document["plan"]["use"]
     usual = list(TrialSettings.model_fields["detmax"].default)
     for trial in document["trial"]:
         if trial["detmax"] == usual:

@@ -50,6 +50,7 @@ NESTED = (
     "plan.stations",
     "plan.stations.grid",
     "plan.goal",
+    "plan.use",
     "fixtures.reflectors_mm",
     "fixtures.anchors_mm",
 )

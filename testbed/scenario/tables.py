@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from testbed.bounds import CELL, LENGTH_SD, shown
+from testbed.scenario.use import UseSettings
 from testbed.strict import PlainText, Strict
 
 Name = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_.-]{0,63}$")]
@@ -292,3 +293,5 @@ class PlanSettings(Settings):
     start_deg: Annotated[tuple[Length, ...], Field(max_length=32)] = ()
     """Posture the robot starts from; deg, mm where a joint slides; empty: all joints at zero."""
     stations: StationSettings = StationSettings()
+    use: UseSettings | None = None
+    """Under which conditions the goal will be worked at: measure under the same; None: unsaid."""

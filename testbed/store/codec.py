@@ -7,7 +7,7 @@ import typing
 from collections.abc import Iterator, Mapping
 from enum import Enum
 from functools import cache
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -22,6 +22,13 @@ LENGTH = "#"
 SCALARS = (str, bool, int, float)
 KINDS = "biufU"
 """Kinds of arrays that have a place on disk: no objects, which would have to be unpickled."""
+
+
+class Header(NamedTuple):
+    """What a file says of an array before it is read."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
 
 
 def pack(record: object) -> Packed:
@@ -42,13 +49,31 @@ def unpack(cls: type[T], packed: Mapping[str, Any]) -> T:
     Raises
     ------
     ValueError, CalibError
-        The content does not fit the class, or a number is not finite.
+        The content does not fit the class, or a number is not finite; sizes of arrays contradict
+        each other or what their fields say (``Annotated[Array, "t", 3]``: a letter is one size in
+        all fields of a class).
     """
+    return typing.cast(T, _whole(cls, packed, make=True))
+
+
+def require_fit(cls: type, packed: Mapping[str, Any]) -> None:
+    """Refuse content, of which arrays are known by their `Header` only, as `unpack` would.
+
+    Raises
+    ------
+    ValueError
+        It does not fit the class.
+    """
+    _whole(cls, packed, make=False)
+
+
+def _whole(cls: type, packed: Mapping[str, Any], *, make: bool) -> object:
+    """The record of which nothing is left over; None where it is not made."""
     left = dict(packed)
-    record = _build(cls, "", left)
+    record = _build(cls, "", left, make=make)
     if left:
         raise ValueError(f"{min(left)} is not a field of {cls.__name__}")
-    return typing.cast(T, record)
+    return record
 
 
 def _pairs(value: object, path: str, hint: Any) -> Iterator[tuple[str, Any]]:
@@ -108,8 +133,11 @@ def _hints(cls: type) -> dict[str, Any]:
     return {field.name: hints[field.name] for field in dataclasses.fields(cls)}
 
 
-def _build(hint: Any, path: str, left: dict[str, Any]) -> Any:
-    """The value of type `hint` whose content starts with `path`, taken out of what is left."""
+def _build(hint: Any, path: str, left: dict[str, Any], *, make: bool) -> Any:
+    """The value of type `hint` whose content starts with `path`, taken out of what is left.
+
+    Unless it is to be made, a dataclass is None and an array what is known of it.
+    """
     may_be_nan = _may_be_nan(hint)
     if typing.get_origin(hint) is typing.Annotated:
         hint = hint.__origin__
@@ -118,10 +146,12 @@ def _build(hint: Any, path: str, left: dict[str, Any]) -> Any:
         if path in left and left[path] is None:
             return left.pop(path)
         (hint,) = [choice for choice in choices if choice is not type(None)]
-        return _build(hint, path, left)
+        return _build(hint, path, left, make=make)
     if isinstance(hint, type) and dataclasses.is_dataclass(hint):
         kinds = _hints(hint)
-        return hint(**{name: _build(kinds[name], _join(path, name), left) for name in kinds})
+        values = {n: _build(kinds[n], _join(path, n), left, make=make) for n in kinds}
+        _check_sizes(hint, values, path)
+        return hint(**values) if make else None
     if origin is tuple:
         length = left.pop(_join(path, LENGTH), None)
         if choices[1:] == (Ellipsis,):
@@ -129,19 +159,22 @@ def _build(hint: Any, path: str, left: dict[str, Any]) -> Any:
             choices = (choices[0],) * min(count, len(left) + 1)  # no more than there is to take
         if length != len(choices):
             raise ValueError(f"{path} has {length} entries instead of {len(choices)}")
-        return tuple(_build(kind, _join(path, str(i)), left) for i, kind in enumerate(choices))
+        return tuple(
+            _build(kind, _join(path, str(i)), left, make=make) for i, kind in enumerate(choices)
+        )
     if path not in left:
         raise ValueError(f"{path} is missing")
     value = left.pop(path)
     if np.ndarray in (hint, origin):
-        if not isinstance(value, np.ndarray):
+        if not isinstance(value, np.ndarray | Header):
             raise ValueError(f"{path} is not an array")
         wanted, found = np.dtype(typing.get_args(choices[1])[0]), value.dtype
         sizes = (wanted.itemsize, found.itemsize) if wanted.kind != "U" else (0, 0)
         if found.kind != wanted.kind or sizes[0] != sizes[1] or not found.isnative:
             raise ValueError(f"{path} holds {found}, not {wanted}")
-        _check_finite(value, path)
-        value.setflags(write=False)
+        if isinstance(value, np.ndarray):
+            _check_finite(value, path)
+            value.setflags(write=False)
         return value
     if isinstance(hint, type) and issubclass(hint, Enum):
         if not isinstance(value, str) or value not in hint.__members__:
@@ -150,6 +183,37 @@ def _build(hint: Any, path: str, left: dict[str, Any]) -> Any:
     if may_be_nan and value is None:
         return math.nan
     return _scalar(str if origin is typing.Literal else hint, value, path)
+
+
+def _check_sizes(cls: type, values: Mapping[str, Any], path: str) -> None:
+    """Refuse arrays and tuples that contradict their fields or each other."""
+    known: dict[str, tuple[int, str]] = {}
+    for name, wanted in _sizes(cls).items():
+        value = values[name]
+        if value is None:
+            continue
+        shape = (len(value),) if type(value) is tuple else value.shape
+        place = _join(path, name)
+        if len(shape) != len(wanted):
+            raise ValueError(f"{place} has {len(shape)} axes instead of {len(wanted)}")
+        for size, one in zip(shape, wanted, strict=True):
+            most, where = (one, "its field") if isinstance(one, int) else known.setdefault(
+                one, (size, name)
+            )  # fmt: skip
+            if size != most:
+                raise ValueError(f"{place} has shape {shape}; {one} is {most} by {where}")
+
+
+@cache
+def _sizes(cls: type) -> dict[str, tuple[int | str, ...]]:
+    """Sizes of the axes of those fields of a dataclass that state them; letters are shared."""
+    out = {}
+    for name, hint in _hints(cls).items():
+        for one in (hint, *typing.get_args(hint)):  # it may be None, too
+            stated = getattr(one, "__metadata__", ())
+            if stated and MAY_BE_NAN not in stated:
+                out[name] = stated
+    return out
 
 
 def _scalar(hint: Any, value: object, path: str) -> Any:

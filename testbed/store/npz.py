@@ -4,7 +4,7 @@ import io
 import json
 import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -12,15 +12,18 @@ from typing import IO, Any, NoReturn, TypeVar
 
 import numpy as np
 
-from calib.errors import CalibError, InputError, refuse
+from calib.errors import CalibError, InputError, MachineError, refuse
 from testbed.disk import read_bounded
-from testbed.store.codec import KINDS, pack, unpack
+from testbed.machine import Room, require_room
+from testbed.store.codec import KINDS, Header, pack, require_fit, unpack
 from testbed.store.layout import FORMAT
 
 T = TypeVar("T")
-META = "meta"
+META, NPY = "meta", ".npy"
 MOST_BYTES = 2**31
 """A larger archive is refused before it is read."""
+LARGE = 50_000_000
+"""A larger one is looked at before its arrays are: shipped scenes have left 0.7 MB at most."""
 MOST_JSON = 10_000_000
 """The same of a document; one of two hundred trials has about a tenth of this."""
 MOST_DIGITS = 300
@@ -41,7 +44,7 @@ def digest(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]) 
     total = sha256(canonical({k: v for k, v in meta.items() if k != "sha256"}))
     for name, array in sorted(arrays.items()):
         total.update(f"{name}|{array.dtype.str}|{array.shape}|".encode())
-        total.update(array.tobytes())
+        total.update(np.ascontiguousarray(array).reshape(-1).view("V1").data)
     return total.hexdigest()
 
 
@@ -56,13 +59,22 @@ def to_bytes(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]
     return buffer.getvalue()
 
 
-def from_bytes(data: bytes | IO[bytes]) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, Any]]]:
+Headers = Mapping[str, Header]
+
+
+def from_bytes(
+    data: bytes | IO[bytes], accept: Callable[[dict[str, Any], Headers], None] | None = None
+) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, Any]]]:
     """Meta data and arrays of an archive whose checksum holds; of a file only what it needs.
+
+    `accept` looks at a large one before its arrays are read: it raises if they are not wanted.
 
     Raises
     ------
     DamagedError
         Anything else; nothing is ever unpickled, and nothing is read that is larger than its file.
+    MachineError
+        F10: it is large, and there is not that much memory.
     """
     file = io.BytesIO(data) if isinstance(data, bytes) else data
     size = file.seek(0, io.SEEK_END)
@@ -70,30 +82,35 @@ def from_bytes(data: bytes | IO[bytes]) -> tuple[dict[str, Any], dict[str, np.nd
         raise DamagedError(f"it has {size / 1e6:.6g} MB, at most {MOST_BYTES / 1e6:.6g} are read")
     try:
         with zipfile.ZipFile(file) as archive:
-            arrays = _arrays(archive, size)
-    except (DamagedError, MemoryError):
+            headers = _headers(archive, size)
+            if META not in headers:
+                raise DamagedError("it has no meta data")
+            if math.prod(headers[META].shape) > MOST_JSON:
+                raise DamagedError("its meta data are too large")
+            meta = strict_json(_array(archive, META).tobytes())
+            del headers[META]
+            if size > LARGE and accept is not None:
+                accept(meta, headers)
+            if size > LARGE:
+                require_room(Room(2 * size // 10**6, 0))
+            arrays = {name: _array(archive, name) for name in headers}
+    except (DamagedError, MemoryError, MachineError):
         raise
     except Exception as error:  # zip and npy readers raise almost anything
         raise DamagedError(f"{type(error).__name__}: {error}") from error
-    if META not in arrays:
-        raise DamagedError("it has no meta data")
-    try:
-        meta = strict_json(arrays.pop(META).tobytes())
-    except ValueError as error:
-        raise DamagedError(str(error)) from error
     if meta.get("sha256") != digest(meta, arrays):
         raise DamagedError("the checksum does not hold")
     return meta, arrays
 
 
-def _arrays(archive: zipfile.ZipFile, size: int) -> dict[str, np.ndarray[Any, Any]]:
-    """The arrays of an archive of `size` bytes, each as large as its entry and of a plain kind."""
+def _headers(archive: zipfile.ZipFile, size: int) -> dict[str, Header]:
+    """What the arrays of an archive of `size` bytes are, each as large as its entry and plain."""
     entries = archive.infolist()
     if any(entry.compress_type != zipfile.ZIP_STORED for entry in entries):
         raise DamagedError("an entry is compressed")
     if sum(entry.file_size for entry in entries) > size:
         raise DamagedError("the entries claim more bytes than the file has")
-    arrays = {}
+    headers = {}
     for entry in entries:
         with archive.open(entry) as member:
             version = np.lib.format.read_magic(member)
@@ -104,10 +121,14 @@ def _arrays(archive: zipfile.ZipFile, size: int) -> dict[str, np.ndarray[Any, An
                 raise DamagedError(f"{entry.filename} holds {dtype}; allow_pickle=False")
             if math.prod(shape) * dtype.itemsize != entry.file_size - member.tell():
                 raise DamagedError(f"{entry.filename} claims another size than it has")
-            member.seek(0)
-            array = np.lib.format.read_array(member, allow_pickle=False)
-        arrays[entry.filename.removesuffix(".npy")] = array
-    return arrays
+        headers[entry.filename.removesuffix(NPY)] = Header(shape, dtype)
+    return headers
+
+
+def _array(archive: zipfile.ZipFile, name: str) -> np.ndarray[Any, Any]:
+    """One array of an archive whose headers have been looked at."""
+    with archive.open(f"{name}{NPY}") as member:
+        return np.lib.format.read_array(member, allow_pickle=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,12 +159,14 @@ def record_from(data: bytes | IO[bytes], key: str, cls: type[T], spec: str) -> T
     OtherVersionError
         It is whole, and of another format, scenario or class.
     """
-    meta, arrays = from_bytes(data)
-    if meta.get("key") != key:
-        raise DamagedError(f"key is {meta.get('key')!r} instead of {key!r}")
-    for name, value in (("format", FORMAT), ("spec_sha256", spec)):
-        if meta.get(name) != value:
-            raise OtherVersionError(f"{name} is {meta.get(name)!r} instead of {value!r}")
+
+    def accept(meta: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:
+        _require_own(meta, key, spec)
+        if meta.get("status") != FAILED:
+            require_fit(cls, {**meta["values"], **arrays})
+
+    meta, arrays = from_bytes(data, accept)
+    _require_own(meta, key, spec)
     if meta.get("status") == FAILED:
         return Failure(str(meta.get("reason")))
     try:
@@ -152,6 +175,15 @@ def record_from(data: bytes | IO[bytes], key: str, cls: type[T], spec: str) -> T
         raise OtherVersionError(str(error)) from error
     except CalibError as error:  # a number that is not finite: no version writes one
         raise DamagedError(str(error)) from error
+
+
+def _require_own(meta: Mapping[str, Any], key: str, spec: str) -> None:
+    """Refuse another record, or one of another format or scenario."""
+    if meta.get("key") != key:
+        raise DamagedError(f"key is {meta.get('key')!r} instead of {key!r}")
+    for name, value in (("format", FORMAT), ("spec_sha256", spec)):
+        if meta.get(name) != value:
+            raise OtherVersionError(f"{name} is {meta.get(name)!r} instead of {value!r}")
 
 
 def read_json(path: Path, *, fix: str) -> dict[str, Any]:

@@ -177,6 +177,8 @@ def table_changed(data: bytes, rng: Random) -> bytes:
             "x_m",
             "target",
             "temperature_degC",
+            "payload_kg",
+            "tool",
         ]
         rows[at][column : column + 1] = [rng.choice(names)]
     elif what == 4:

@@ -11,7 +11,7 @@ from testbed.cli.terminal import headline
 from testbed.files.program import correct_program
 from testbed.files.read import read_session
 from testbed.laboratory.cell import cell_from
-from testbed.laboratory.joint_lists import read_joints
+from testbed.laboratory.joint_lists import read_conditions, read_joints
 from testbed.robots.catalog import load_robot
 from testbed.robots.write.mjcf import build_spec, compile_spec
 from testbed.run.play import rederive, robot_of
@@ -73,7 +73,7 @@ def read_scenario(folder: Path) -> object:
         scenario.document(),
         robot,
         cell_from(scenario.cell, robot.model.chain),
-        read_joints(robot, measured) if measured else None,
+        (read_joints(robot, measured), read_conditions(measured)) if measured else None,
     )
 
 
@@ -137,7 +137,13 @@ TARGETS = {
         read_robot("robot.toml"), whole.ROBOTS, ("robot.toml", "part.stl"), share=3
     ),
     "plan.csv": Target(
-        lambda folder: read_joints(ROBOT, folder / "plan.csv"), whole.PLANS, ("plan.csv",), share=3
+        lambda folder: (
+            read_joints(ROBOT, folder / "plan.csv"),
+            read_conditions(folder / "plan.csv"),
+        ),
+        whole.PLANS,
+        ("plan.csv",),
+        share=3,
     ),
     "program": Target(read_program, whole.PROGRAMS, ("program.csv",), share=3),
     "result.json": Target(

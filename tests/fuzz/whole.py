@@ -46,6 +46,9 @@ measured = "measured.csv"
 [plan.goal]
 kind = "list"
 joints_deg = [[0.0, 10.0, 80.0, 0.0, 40.0, 0.0], [10.0, -20.0, 90.0, 5.0, 30.0, -60.0]]
+[plan.use]
+payload_kg = 2.5
+tool = "gripper"
 [plan.stations]
 list_mm = [[2500.0, 0.0, 500.0], [0.0, 2500.0, 500.0]]
 [[trial]]
@@ -149,20 +152,21 @@ few = ["theta1", "a1"]
 geometry = "made up"
 """
 PROGRAM_OF_JOINTS = """# two targets
-name,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg
-A,0,10,80,0,40,0
-B,10,-20,90,5,30,-60
+name,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,payload_kg,tool,temperature_degC
+A,0,10,80,0,40,0,0,probe,20
+B,10,-20,90,5,30,-60,2.5,gripper,21.5
 """
 PROGRAM_OF_POSES = """\
 q1_deg;q2_deg;q3_deg;q4_deg;q5_deg;q6_deg;euler;x_mm;y_mm;z_mm;rx_deg;ry_deg;rz_deg
 0;10;80;0;40;0;XYZ;{}
 10;-20;90;5;30;-60;XYZ;{}
 """
-PLAN = """pose_id,role,order,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,move,approach_s
-start,start,,0,0,0,0,0,0,,
-P1,identify,1,0,10,80,0,40,0,straight,1.5
-P2,identify,2,10,-20,90,5,30,-60,straight,2.5
-T1,test,3,1,2,90,4,30,6,straight,1
+PLAN = """\
+pose_id,role,order,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,move,approach_s,payload_kg,tool
+start,start,,0,0,0,0,0,0,,,2,probe
+P1,identify,1,0,10,80,0,40,0,straight,1.5,2,probe
+P2,identify,2,10,-20,90,5,30,-60,straight,2.5,2,probe
+T1,test,3,1,2,90,4,30,6,straight,1,2,probe
 """
 DATA = made(11, 12)
 REAL = ROBOT.model.moved(np.full(ROBOT.model.n_numbers, 1e-5))

@@ -5,7 +5,10 @@ nor another tool. What the rows say of these decides apart from them: a target u
 conditions has no region.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import Annotated
 
 import numpy as np
 
@@ -46,11 +49,11 @@ class Tolerance:
 class Conditions:
     """What N rows or targets say of their conditions; None where they say nothing."""
 
-    payload: Array | None = None
+    payload: Annotated[Array, "N"] | None = None
     """(N,) mass at the flange beyond the arm's own [kg]."""
-    tool: tuple[str, ...] | None = None
+    tool: Annotated[tuple[str, ...], "N"] | None = None
     """(N,) name of what is mounted there."""
-    temperature: Array | None = None
+    temperature: Annotated[Array, "N"] | None = None
     """(N,) [degC]"""
 
     def __repr__(self) -> str:
@@ -82,6 +85,14 @@ class Conditions:
             return " and ".join([*names[:MOST_NAMED], *more])
         ends = dict.fromkeys(f"{end:.4g}" for end in (values.min(), values.max()))
         return f"{' to '.join(ends)} {UNITS[kind]}"
+
+    @property
+    def phrase(self) -> str:
+        """All that is stated: ``with a payload of 5 kg and the tool gripper at 21 degC``."""
+        carried = {"payload": "a payload of", "tool": "the tool"}
+        mounted = [f"{carried[kind]} {self.words(kind)}" for kind in carried if self.words(kind)]
+        parts = [f"with {' and '.join(mounted)}"] * bool(mounted)
+        return " ".join([*parts, *(f"at {warm}" for warm in [self.words("temperature")] if warm)])
 
     def _column(self, kind: str) -> Array:
         """Values (N,) of a kind; none if nothing is stated."""
@@ -115,7 +126,7 @@ class Departure:
         """One sentence for each kind of condition that refuses targets, which it names from 1."""
         return tuple(
             f"{said}: no statement reaches there until {UNTIL[kind]}"
-            for kind, said in self.clauses("target", "the measurements").items()
+            for kind, said in self.clauses(partial(named, "target"), "the measurements").items()
         )
 
     @property
@@ -139,8 +150,8 @@ class Departure:
             )
         return tuple(said)
 
-    def clauses(self, noun: str, data: str, *, listed: bool = True) -> dict[str, str]:
-        """Kind to ``target 7 carries 5 kg; the measurements carried 0 kg``, by number or count."""
+    def clauses(self, who: Callable[[Index], str], data: str) -> dict[str, str]:
+        """Kind to ``target 7 carries 5 kg; the measurements carried 0 kg``; `who` names rows."""
         said = {}
         for kind, off in self.other.items():
             rows = np.flatnonzero(off)
@@ -150,9 +161,8 @@ class Departure:
             verb = one if len(rows) == 1 else many
             if kind == "tool" and len(set(self.targets.rows(rows).tool or ())) == 1:
                 verb = verb.removesuffix("s")
-            who = named(noun, rows) if listed else counted(noun, rows)
             there = self.targets.rows(rows).words(kind)
-            said[kind] = f"{who} {verb} {there}; {data} {did} {self.data.words(kind)}"
+            said[kind] = f"{who(rows)} {verb} {there}; {data} {did} {self.data.words(kind)}"
         return said
 
     @property

@@ -5,6 +5,7 @@ judge. The estimate follows it, so that held-out readings agree with what is wro
 """
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -30,7 +31,9 @@ PLACE, TURN, LEVEL = slice(6, 9), slice(9, 12), slice(12, 14)
 HIDDEN = 0.3
 """Seen over left at the tool below which no held-out pose can show a source."""
 NOTHING = 0.01
-"""A source that leaves less than this share of the whole at the tool needs no word."""
+"""A source that leaves less than this share of the whole at the tool does not count."""
+UNSEEN = "no held-out pose of this instrument can show it"
+SEEN = "held-out poses show it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,13 +121,13 @@ class InstrumentErrors:
 class SharedErrors:
     """What all readings share, source by source, and what held-out poses can show of it."""
 
-    names: tuple[str, ...]
+    names: Annotated[tuple[str, ...], "s"]
     """(s,) sources."""
-    at_tool: Array
+    at_tool: Annotated[Array, "s"]
     """(s,) 3-D standard uncertainty that each leaves at the tool, RMS over the poses judged [m]."""
-    seen: Array
+    seen: Annotated[Array, "s"]
     """(s,) what each leaves in the position residuals of these poses, likewise [m]."""
-    covariance: Array
+    covariance: Annotated[Array, "P", "P"]
     """(P, P) that all of them leave in the numbers of the model [m, rad]."""
 
     def __repr__(self) -> str:
@@ -138,9 +141,19 @@ class SharedErrors:
     @property
     def hidden(self) -> tuple[str, ...]:
         """Sources that count at the tool and that no held-out pose of the instrument can show."""
+        return tuple(
+            name for name, words in zip(self.names, self.sentences, strict=True) if words == UNSEEN
+        )
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """(s,) whether held-out poses can show each of them, in words."""
         counts = self.at_tool > NOTHING * self.combined
-        hides = counts & (self.seen < HIDDEN * self.at_tool)
-        return tuple(name for name, it_does in zip(self.names, hides, strict=True) if it_does)
+        seen = self.seen >= HIDDEN * self.at_tool
+        return tuple(
+            SEEN if it_shows else UNSEEN if it_counts else "it hardly reaches the tool"
+            for it_counts, it_shows in zip(counts, seen & counts, strict=True)
+        )
 
 
 def shared_rows(

@@ -1,7 +1,7 @@
 """The laboratory: a bench with the secret true robot on it, which measures."""
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 
@@ -25,15 +25,15 @@ class Setting:
     nominal: RobotModel
     true: RobotModel
     """The secret: geometry and joint errors of the true robot."""
-    joint_repeatability: Array
+    joint_repeatability: Annotated[Array, "n"]
     """(n,) sd of each joint at each approach [rad or m]."""
-    pool_q: Array
+    pool_q: Annotated[Array, "N", "n"]
     """(N, n) feasible candidate joints [rad, m]."""
-    pool_nominal: Array
+    pool_nominal: Annotated[Array, "N", 4, 4]
     """(N, 4, 4) nominal tool poses of the pool in the world [m]."""
-    rejected_q: Array
+    rejected_q: Annotated[Array, "R", "n"]
     """(R, n) a sample (at most 100 a reason) of rejected candidates [rad, m]."""
-    rejected_reason: tuple[str, ...]
+    rejected_reason: Annotated[tuple[str, ...], "R"]
     """(R,) why: one of `rejection_names`."""
     rejection_names: tuple[str, ...]
     """Reasons, in the order they are tested, from `laboratory.pool`."""
@@ -41,13 +41,13 @@ class Setting:
     """Candidates rejected for each reason, the first that applied."""
     n_drawn: int
     """Candidates drawn in all."""
-    test_q: Array
+    test_q: Annotated[Array, "t", "n"]
     """(t, n) held-out poses, never used for identification [rad, m]."""
-    test_true: Array
+    test_true: Annotated[Array, "t", 4, 4]
     """(t, 4, 4) noise-free true tool poses at the held-out joints [m]."""
-    T_world_tracker: Array
+    T_world_tracker: Annotated[Array, 4, 4]
     """(4, 4) tracker station [m]."""
-    target: Array
+    target: Annotated[Array, 3]
     """(3,) the tool point that is judged, in the tool frame: the reflector, else the origin [m]."""
 
 

@@ -16,6 +16,8 @@ from testbed.robots.catalog import Robot
 from testbed.robots.placements import link_poses
 from testbed.scenario.laboratory import TruthSettings
 
+REFERENCE = 20.0
+"""Temperature at which lengths are those of a drawing (ISO 1) [degC]."""
 GRAVITY = 9.81
 """Along minus z of the world [m/s^2]."""
 SAMPLE = 2000
@@ -109,6 +111,10 @@ class Thermal:
     def growth(self, time: Array) -> Array:
         """Relative growth (m,) of all link lengths at times (m,) [s]."""
         return np.asarray(-self.expansion * self.rise * np.expm1(-time / self.tau))
+
+    def temperature(self, time: Array) -> Array:
+        """Of the links (m,) at times (m,) [s]; they are as long as in `model` at first [degC]."""
+        return np.asarray(REFERENCE - self.rise * np.expm1(-time / self.tau))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,6 +1,7 @@
 """The loop closed, ISO 9283 before and after: one record per kind of robot, and the study."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from calib.arrays import Array, Bool, Index
 from testbed.studies.compensation.settings import CompensationSettings
@@ -27,30 +28,30 @@ class CompensationStudy:
     """How many those are."""
     cycles: int
     """Visits of each of the five poses."""
-    T: Array
+    T: Annotated[Array, 5, 4, 4]
     """(5, 4, 4) commanded poses, world [m]."""
-    q: Array
+    q: Annotated[Array, 5, "n"]
     """(5, n) nominal joint targets [rad, m]."""
-    figures: Array
+    figures: Annotated[Array, 3, 3, 3, "R", 5]
     """(3, 3, 3, R, 5) variant, figure, worth, robot, pose [m or rad]."""
-    distances: Array
+    distances: Annotated[Array, 3, 2, 3, "R"]
     """(3, 2, 3, R) variant, AD and RD, worth, robot [m]; of the way from pose 2 to pose 4."""
-    true: Array
+    true: Annotated[Array, 3, "R", 5]
     """(3, R, 5) the secret: distance of the noise-free tool from the command [m]."""
-    held_out: Array
+    held_out: Annotated[Array, 3, 2, "R"]
     """(3, 2, R) mean and 95th percentile of the held-out errors of the model: nominal, geometric,
     chosen; against the secret [m]."""
-    extended: Bool
+    extended: Annotated[Bool, "R"]
     """(R,) whether the evidence asked for the extended model."""
-    corrected: Bool
+    corrected: Annotated[Bool, 3, "R", 5]
     """(3, R, 5) whether a target was corrected without reserve; True before."""
-    step: Array
+    step: Annotated[Array, 3, "R"]
     """(3, R) largest joint correction [rad, or m]."""
-    targets: Array
+    targets: Annotated[Array, 3, "R", 5, "n"]
     """(3, R, 5, n) joint targets that were executed [rad, m]."""
-    readings: Array
+    readings: Annotated[Array, 3, 5, "c", 3]
     """(3, 5, c, 3) of the first robot: read positions minus commanded ones [m]."""
-    pose_id: Index
+    pose_id: Annotated[Index, 5]
     """(5,) numbers of the poses in the standard, from 1."""
 
 

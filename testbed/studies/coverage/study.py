@@ -1,6 +1,7 @@
 """Whether the stated uncertainty holds: one record per kind of robot, and the study."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -26,37 +27,37 @@ class CoverageStudy:
     """What every statement promises."""
     judged: int
     """Held-out poses that judge each robot."""
-    inside: Array
+    inside: Annotated[Array, 2, 4, "R"]
     """(2, 4, R) share of the held-out points inside what is stated, per model and statement; of the
     believed region at the places that have one, and where none has, at all of them."""
-    radius: Array
+    radius: Annotated[Array, 2, 4, "R"]
     """(2, 4, R) mean radius of the ball with the region's volume, at the same places [m]."""
-    p_value: Array
+    p_value: Annotated[Array, 2, "R"]
     """(2, R) of the residuals of the calibration."""
-    held_out_p: Array
+    held_out_p: Annotated[Array, 2, "R"]
     """(2, R) of the errors at the validation poses."""
-    flagged: Bool
+    flagged: Annotated[Bool, 2, "R"]
     """(2, R) whether a test contradicts the region from the parameters alone."""
-    believed: Array
+    believed: Annotated[Array, 2, "R"]
     """(2, R) share of the held-out points at which a region is believed; elsewhere the statement
     does not reach or nothing is believed."""
-    growth: Array
+    growth: Annotated[Array, 2, "R"]
     """(2, R) mean factor of the misfit's variance there: how far from where it was proven."""
-    p_drift: Array
+    p_drift: Annotated[Array, 2, "R"]
     """(2, R) of the test whether the noise remembers."""
-    converged: Bool
+    converged: Annotated[Bool, 2, "R"]
     """(2, R) whether the fit ended with its certificate."""
-    extended: Bool
+    extended: Annotated[Bool, "R"]
     """(R,) whether the evidence asked for the extended model."""
-    log_evidence: Array
+    log_evidence: Annotated[Array, "R"]
     """(R,) log odds of the extended model."""
-    before: Array
+    before: Annotated[Array, "R"]
     """(R,) mean held-out error of the nominal model [m]."""
-    mean_error: Array
+    mean_error: Annotated[Array, 2, "R"]
     """(2, R) mean held-out error against the truth [m]."""
-    names: tuple[str, ...]
+    names: Annotated[tuple[str, ...], "f"]
     """(f,) numbers of the geometric model; none where it cannot hold the truth."""
-    normal_error: Array
+    normal_error: Annotated[Array, "f", "R"]
     """(f, R) estimate minus truth of these numbers, over its stated standard uncertainty."""
     nees: Array
     """(R,) normalized estimation error squared of these numbers, expected f; else (0,)."""

@@ -7,6 +7,7 @@ intervals (Bonferroni), which all hold at once with 95 % probability.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -31,19 +32,19 @@ MANY_TRIALS = 6
 class PopulationStudy:
     """Every trial's pose set on many virtual robots, each measured once: the robot is the unit."""
 
-    trials: tuple[str, ...]
+    trials: Annotated[tuple[str, ...], "s"]
     """(s,) names."""
-    mean_error: Array
+    mean_error: Annotated[Array, "s", "e", "R"]
     """(s, e, R) mean held-out position error against the truth, per trial, estimator, robot [m]."""
-    rms_error: Array
+    rms_error: Annotated[Array, "s", "e", "R"]
     """(s, e, R) root mean square of the same [m]."""
-    stated_u: Array
+    stated_u: Annotated[Array, "s", "e", "R"]
     """(s, e, R) root mean square over held-out poses of the stated 3-D u [m]."""
-    inside: Array
+    inside: Annotated[Array, "s", "e", "R"]
     """(s, e, R) share of held-out points inside their stated 95 % region."""
-    before: Array
+    before: Annotated[Array, "R"]
     """(R,) mean held-out error of the nominal model [m]."""
-    goal_u: Array
+    goal_u: Annotated[Array, "s", "R"]
     """(s, R) RMS tool-point u over the goal that the set promised, from the nominal model [m]."""
 
 

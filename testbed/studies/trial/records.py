@@ -5,6 +5,7 @@ see these fields. Of a statement only `attained` does: all else comes from what 
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -26,19 +27,19 @@ from testbed.studies.trial.statement.records import Statement, Validation
 class Comparison:
     """An identified model against the truth, on held-out poses and parameter by parameter."""
 
-    before: Array
+    before: Annotated[Array, "t"]
     """(t,) held-out position error of the nominal model against noise-free truth [m]."""
-    after: Array
+    after: Annotated[Array, "t"]
     """(t,) the same for the identified model [m]."""
-    rotation_before: Array
+    rotation_before: Annotated[Array, "t"]
     """(t,) rotation error [rad]."""
-    rotation_after: Array
+    rotation_after: Annotated[Array, "t"]
     """(t,) rotation error [rad]."""
-    error: Array
+    error: Annotated[Array, "t", 3]
     """(t, 3) held-out position error vector, true minus identified, world axes [m]."""
-    covariance: Array
+    covariance: Annotated[Array, "t", 6, 6]
     """(t, 6, 6) stated covariance of the predicted tool pose [m, rad]."""
-    inside: Bool
+    inside: Annotated[Bool, "t"]
     """(t,) true tool point inside the stated 95 % region."""
     identification_before: Accuracy
     """Position error at the identification poses, nominal model against what was measured [m]."""
@@ -48,9 +49,9 @@ class Comparison:
     """Of `before` [m]."""
     accuracy_after: Accuracy
     """Of `after` [m]."""
-    true_step: Array
+    true_step: Annotated[Array, "f"]
     """(f,) true values minus nominal of the estimated parameters, in their gauge [m, rad]."""
-    parameter_inside: Bool
+    parameter_inside: Annotated[Bool, "f"]
     """(f,) true value inside the stated 95 % interval."""
     nees: float
     """Normalized estimation error squared e' C^-1 e; expected f."""
@@ -66,19 +67,19 @@ class Replications:
     """The same poses measured and identified again and again: what the stated intervals hold."""
 
     count: int
-    nees: Array
+    nees: Annotated[Array, "K"]
     """(K,) normalized estimation error squared of each replication."""
-    parameter_coverage: Array
+    parameter_coverage: Annotated[Array, "f"]
     """(f,) share of replications whose 95 % interval holds the true value."""
-    tool_coverage: Array
+    tool_coverage: Annotated[Array, "t"]
     """(t,) share of replications whose 95 % region holds the true tool point, per held-out pose."""
-    sd_ratio: Array
+    sd_ratio: Annotated[Array, "f"]
     """(f,) mean stated over empirical sd: 1 for an honest statement."""
-    mean_error: Array
+    mean_error: Annotated[Array, "K"]
     """(K,) mean held-out position error of each replication [m]."""
-    nees_band: Array
+    nees_band: Annotated[Array, 2]
     """(2,) 99.9 % band of the mean NEES if the statement is true."""
-    coverage_band: Array
+    coverage_band: Annotated[Array, 2]
     """(2,) band that holds the coverage of all f parameters in 99.9 % of honest campaigns."""
 
 
@@ -89,9 +90,9 @@ class Estimate:
     mode: Mode
     """"whitened" (default estimator) or "paper" (24 parameters, 12 unweighted rows)."""
     identification: Identification
-    repeated: Array
+    repeated: Annotated[Array, "v", "f"]
     """(v, f) steps identified from each of v repeated measurements [m, rad]."""
-    type_a: Array
+    type_a: Annotated[Array, "f"]
     """(f,) experimental sd of `repeated` (n - 1), Wen et al. 2022 eq. (7) [m, rad]."""
     comparison: Comparison
     replications: Replications | None
@@ -124,15 +125,15 @@ class Trial:
 class PoseCountStudy:
     """Mean index of random sets against the number of poses, and where the rule stops."""
 
-    counts: Index
+    counts: Annotated[Index, "k"]
     """(k,) poses per set."""
-    names: tuple[str, ...]
+    names: Annotated[tuple[str, ...], "i"]
     """(i,) O1 ... O5."""
-    mean: Array
+    mean: Annotated[Array, "i", "k"]
     """(i, k) mean index over the random sets, paper rows; O3, O4, O5 as printed."""
-    mean_per_pose: Array
+    mean_per_pose: Annotated[Array, "i", "k"]
     """(i, k) correct per-pose form."""
-    spread: Array
+    spread: Annotated[Array, "i", "k"]
     """(i, k) standard deviation over the sets (printed form)."""
     chosen: tuple[int | None, ...]
     """Poses the rule chooses for O1 and for O2, in that order; None if it never settles."""
@@ -149,7 +150,7 @@ class RandomSets:
     larger_is_better: bool
     n_poses: int
     chosen_value: float
-    values: Array
+    values: Annotated[Array, "k"]
     """(k,) figure of each random set."""
 
     @property

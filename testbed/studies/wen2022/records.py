@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
@@ -43,10 +43,10 @@ class TrialSets:
     criterion: str
     indices: Index
     """(P, m) places in the pool; (P, 0) for random sets."""
-    u: Array
+    u: Annotated[Array, "P", 2, "f"]
     """(P, 2, f) predicted standard uncertainty of each number, per estimator; for random sets the
     mean over many of them [m or rad]."""
-    tool_u: Array
+    tool_u: Annotated[Array, "P", 2]
     """(P, 2) predicted 3-D standard uncertainty of the tool point, RMS over the pool's held-out
     poses; for random sets the mean over many [m]."""
 
@@ -55,15 +55,15 @@ class TrialSets:
 class PoolSets:
     """P pools, with the sets that are compared."""
 
-    names: tuple[str, ...]
+    names: Annotated[tuple[str, ...], "f"]
     """(f,) the paper's numbers."""
-    pool_q: Array
+    pool_q: Annotated[Array, "P", "N", "n"]
     """(P, N, n) candidate joints [rad, m]."""
-    test_q: Array
+    test_q: Annotated[Array, "P", "t", "n"]
     """(P, t, n) held-out poses [rad, m]."""
     sets: tuple[TrialSets, ...]
     """One per trial, in the order of the scenario; then the random set of the paper's budget."""
-    pose_number: Index
+    pose_number: Annotated[Index, "P", 2]
     """(P, 2) poses at which O1 and O2 of random sets settle; -1 where they do not."""
 
 
@@ -73,34 +73,34 @@ class Reexamined:
 
     truth: str
     """Preset of the robots."""
-    trials: tuple[str, ...]
+    trials: Annotated[tuple[str, ...], "s"]
     """(s,) names, as in the scenario."""
-    best: tuple[str, ...]
+    best: Annotated[tuple[str, ...], "d"]
     """(d,) those of them that were chosen as in the paper: its protocol is played with these."""
-    pool: Index
+    pool: Annotated[Index, "R"]
     """(R,) pool of each robot."""
-    before: Array
+    before: Annotated[Array, "R"]
     """(R,) mean held-out error of the nominal model [m]."""
-    own_before: Array
+    own_before: Annotated[Array, "s", "R"]
     """(s, R) mean distance to what was measured at the calibration poses, nominal model [m]."""
-    own_after: Array
+    own_after: Annotated[Array, "s", "R"]
     """(s, R) the same for the model identified by the paper's estimator [m]."""
-    error: Array
+    error: Annotated[Array, "s", 2, "R"]
     """(s, 2, R) mean held-out error against the truth, per estimator [m]."""
-    u_best: Array
+    u_best: Annotated[Array, "d", "R", "f"]
     """(d, R, f) scatter of repeated calibrations on the designed set, eq. (8) without u_c, which is
     the scenario's [m or rad]."""
-    u_r: Array
+    u_r: Annotated[Array, "R", "f"]
     """(R, f) the same on one random set of 50 poses."""
-    u_p: Array
+    u_p: Annotated[Array, "R", "f"]
     """(R, f) scatter over random sets of 30, 50, ..., 150 poses."""
-    u_w: Array
+    u_w: Annotated[Array, "R", "f"]
     """(R, f) scatter over the four regions of the pool."""
-    inside: Array
+    inside: Annotated[Array, "d", 5, "R"]
     """(d, 5, R) share of held-out points inside each of `STATEMENTS`."""
-    numbers_inside: Array
+    numbers_inside: Annotated[Array, "d", "R"]
     """(d, R) share of the 24 numbers within 1.96 u_best of the truth."""
-    distance_u: Array
+    distance_u: Annotated[Array, "d", "R"]
     """(d, R) mean over held-out poses of the stated u of |P| [m]."""
 
 
@@ -111,24 +111,24 @@ class PaperBudget:
     Each designed trial stands on the optimal side in turn; the random side is one for all.
     """
 
-    names: tuple[str, ...]
+    names: Annotated[tuple[str, ...], "f"]
     """(f,) parameter names."""
-    trials: tuple[str, ...]
+    trials: Annotated[tuple[str, ...], "d"]
     """(d,) designed trials, the one that stands for the paper's set first (`designed_trials`)."""
-    best_repeatability: Array
+    best_repeatability: Annotated[Array, "d", "f"]
     """(d, f) u_r of each designed set: standard deviation (n - 1) of its v repeated estimates by
     the paper's estimator, `Estimate.repeated`."""
-    repeatability: Array
+    repeatability: Annotated[Array, "f"]
     """(f,) u_r of one random set ([budget] poses), v repeats."""
-    pose_number: Array
+    pose_number: Annotated[Array, "f"]
     """(f,) u_p over sets of several sizes ([budget] pose_numbers)."""
-    location: Array
+    location: Annotated[Array, "f"]
     """(f,) u_w over four regions."""
-    environment: Array
+    environment: Annotated[Array, "f"]
     """(f,) u_c as the scenario gives it; zero in the paper."""
-    best: Array
+    best: Annotated[Array, "d", "f"]
     """(d, f) u_best = RSS(u_r, u_c), eq. (8)."""
-    random: Array
+    random: Annotated[Array, "f"]
     """(f,) u_rand = RSS(u_r, u_c, u_p, u_w), eq. (9)."""
 
     @property
@@ -150,21 +150,21 @@ class ToolPointStudy:
     full covariance and looks at all three directions.
     """
 
-    source: tuple[str, ...]
+    source: Annotated[tuple[str, ...], "s"]
     """(s,) whose uncertainties: "table 3 best", "table 3 random", "ours best" (the set that stands
     for the paper's), "ours random", then "ours, NAME" for the other designed trials."""
-    distance_sd: Array
+    distance_sd: Annotated[Array, "s", "1 + t"]
     """(s, 1 + t) sd of |P|, paper form [m]."""
-    distance_range: Array
+    distance_range: Annotated[Array, "s", 2]
     """(s, 2) smallest and largest of |P| minus its mean at the zero pose [m]."""
-    spread: Array
+    spread: Annotated[Array, "s", "1 + t", 3]
     """(s, 1 + t, 3) sd of x, y, z with the same independent draws [m]."""
-    trials: tuple[str, ...]
+    trials: Annotated[tuple[str, ...], "d"]
     """(d,) trials whose full covariance (default estimator) the correct form uses: the designed
     ones, that of "ours best" first; the first trial where none is designed."""
-    covariance: Array
+    covariance: Annotated[Array, "d", "1 + t", 3, 3]
     """(d, 1 + t, 3, 3) Monte Carlo covariance of the tool point, correct form [m^2]."""
-    linear: Array
+    linear: Annotated[Array, "d", "1 + t", 3, 3]
     """(d, 1 + t, 3, 3) closed form J C J' [m^2]."""
     draws: int
 

@@ -83,6 +83,24 @@ def test_what_is_identified_from_the_files_is_what_the_run_identified(tmp_path):
     np.testing.assert_array_equal(found.covariance, own.covariance)
 
 
+def test_what_hung_on_the_arm_and_how_warm_it_was_is_in_the_files(tmp_path):
+    """Springs that feel 2 kg, and links that warm up by 5 K; stiff cold ones have no columns."""
+    truth = {"preset": "elastic", "thermal_k": 5.0, "thermal_h": 0.05}
+    scenario = changed(load_scenario("quick"), SMALL | {"truth": truth})
+    robot = load_robot("staubli_tx60")
+    export_campaign(campaign.played(scenario), robot, tmp_path / "out")
+    session = read_session(tmp_path / "out", robot)
+    assert set(session.conditions.payload.tolist()) == {2.0}
+    since = np.genfromtxt(tmp_path / "out" / "first.csv", delimiter=",", names=True)["time_s"]
+    # 63 % of the rise after 180 s
+    warm = 20.0 + 5.0 * (1.0 - np.exp(-since / 180.0))
+    np.testing.assert_allclose(session.conditions.temperature, warm, rtol=1e-14)
+    assert warm[0] == 20.0
+    assert np.ptp(warm) > 2.0
+    export_campaign(played(), robot, tmp_path / "stiff")
+    assert read_session(tmp_path / "stiff", robot).conditions.stated == ()
+
+
 def test_every_trial_has_its_files(tmp_path):
     robot = load_robot("staubli_tx60")
     export_campaign(played(), robot, tmp_path / "out")
@@ -90,7 +108,9 @@ def test_every_trial_has_its_files(tmp_path):
     assert names == {"first.csv", "second.csv", "session.toml", "second.toml"}
     second = read_session(tmp_path / "out" / "second.toml", robot)
     assert second.measurements.rows(~second.is_test).n_poses == 7
-    assert (tmp_path / "out" / "session.toml").read_text().startswith("# SIMULATED")
+    written = (tmp_path / "out" / "session.toml").read_text()
+    assert written.startswith("# SIMULATED")
+    assert "systematic" not in written  # this tracker has no such errors
     digits = (tmp_path / "out" / "first.csv").read_text().splitlines()[1].split(",")[6]
     assert len(digits.lstrip("-0.").replace(".", "")) >= 15
 

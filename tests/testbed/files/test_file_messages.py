@@ -181,6 +181,12 @@ READ = {f"q{j + 1}_read_deg": np.degrees(made().q[:, j]) for j in range(N)}
 COVARIANCE = "cov_x_x_m2"
 TEXT = csv(table())
 
+
+def systematic(*lines, kind="frames"):
+    """A session.toml of readings of a kind with systematic parts."""
+    return f"[{kind}]\n[uncertainty.systematic]\n" + "\n".join(lines) + "\n"
+
+
 CASES = {
     "M20 degrees as radians": read(NO_JOINTS | RADIANS),
     "M20 radians as degrees": read(
@@ -371,6 +377,30 @@ CASES = {
     "session: two sources": read(
         table(), "[frames]\n[uncertainty]\nposition_um = 2\nmpe_um = [15, 6]\n"
     ),
+    "systematic parts without a size": read(table(), "[frames]\n[uncertainty.systematic]\n"),
+    "systematic parts of which all are zero": read(
+        table(), systematic("range_offset_um = 0", "encoder_amplitude_um = [0, 0.0]")
+    ),
+    "systematic parts beyond any instrument": read(
+        table(), systematic("range_offset_um = 1e7", "scale_um_per_m = 1e5", "level_mdeg = -1")
+    ),
+    "systematic parts of a beam from nowhere": read(
+        table(), systematic("range_offset_um = 2", "target_offset_um = 2", "level_mdeg = 0.5")
+    ),
+    "systematic angles of points": read(
+        without("rx_deg", "ry_deg", "rz_deg", "euler") | {"target": ["R1"] * 29},
+        systematic("target_turn_mdeg = 2", kind="points"),
+    ),
+    "systematic angles of distances": read(
+        ranged(),
+        systematic(
+            "encoder_amplitude_um = [7, 3]", kind='ranges]\nanchors_mm = { A = "free" }\n[start'
+        ),
+    ),
+    "systematic parts of a station that stands nowhere": read(
+        table(), systematic("level_mdeg = 1", "station_up = [0, 0, 0]")
+    ),
+    "a systematic part misspelled": read(table(), systematic("range_ofset_um = 2")),
     "session: an anchor without a place": read(ranged()),
     "M25 a distance from no anchor": read(ranged(anchor=["A"] * 3 + [""] + ["A"] * 25)),
     "session: distances from no anchor": read(ranged(anchor=[""] * 29)),
@@ -452,6 +482,8 @@ SAID = {
     "V9 left out": lambda f: told(read(wrong("x_mm", 15, "1e300"), drop_invalid=True)(f)),
     "V10 odd uncertainties": lambda f: told(read(
         table(), "[frames]\n[uncertainty]\nposition_um = 1e-3\nrotation_mdeg = 2e4\n")(f)),
+    "odd systematic parts": lambda f: told(read(table(), systematic(
+        "target_offset_um = 2e4", "target_turn_mdeg = 1e-3"))(f)),
     "V10 odd uncertainties in the table": lambda f: told(read(wrong("uy_mm", 4, "1e-9"))(f)),
     "M26 copied rows": lambda f: told(read(some(table(), [*range(29), 3, 4]) | {
         "pose_id": [*range(31)]})(f)),

@@ -13,9 +13,20 @@ from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
 from tests.testbed.files.test_session import ARMS, points_of
 
 SIGMAS = "[uncertainty]\nposition_um = 20\nrotation_mdeg = 10\ndistance_um = 20\n"
+SHARED = (
+    "[uncertainty.systematic]\nrange_offset_um = 2\nencoder_amplitude_um = [7.5, 3.0]\n"
+    "target_turn_mdeg = 3\nlevel_mdeg = 0.5\nstation_mm = [0, -2000.0, 300]\n"
+)
+STATED = (
+    '[conditions]\npayload_kg = 1.5\ntool = "probe"\ntemperature_degC = 20.5\n'
+    'date = "2026-11-22"\ntemperature_tolerance_k = 1.0\n[use]\npayload_kg = 1.0\n'
+)
 DATA = made(11, 12)
+CONDITIONS = {"payload_kg": [0.5] * 12, "tool": ["probe"] * 12, "temperature_degC": [20.5] * 12}
 POSES = csv(
-    with_spread(columns(DATA)) | {"euler": ["XYZ"] * 12, "split": ["test"] + ["identify"] * 11}
+    with_spread(columns(DATA))
+    | {"euler": ["XYZ"] * 12, "split": ["test"] + ["identify"] * 11}
+    | CONDITIONS
 )
 MATRIX = csv(columns(DATA, form="matrix"), separator=";", decimal=",")
 POINTS = csv(points_of(DATA, ARMS, "ABC"), separator="\t")
@@ -32,8 +43,8 @@ CONFIG = f'[joints]\nfile = "joints.csv"\n[points]\nfile = "smr.txt"\nformat = "
 NESTS = f'[points]\n[drift]\nnests = ["A", "B", "C"]\n{SIGMAS}'
 FILES = {
     "poses": ({"a.csv": POSES}, "a.csv", None),
-    "matrices": ({"a.csv": MATRIX, "s.toml": f"[frames]\n{SIGMAS}"}, "a.csv", "s.toml"),
-    "points": ({"a.csv": POINTS, "s.toml": f"[points]\n{SIGMAS}"}, "a.csv", "s.toml"),
+    "matrices": ({"a.csv": MATRIX, "s.toml": f"[frames]\n{SIGMAS}{SHARED}"}, "a.csv", "s.toml"),
+    "points": ({"a.csv": POINTS, "s.toml": f"[points]\n{SIGMAS}{STATED}"}, "a.csv", "s.toml"),
     "nests": ({"a.csv": POINTS, "s.toml": NESTS}, "a.csv", "s.toml"),
     "ranges": (
         {"a.csv": RANGES, "s.toml": f'[ranges]\nanchors_mm = {{ A = "free" }}\n{SIGMAS}'},

@@ -10,7 +10,7 @@ from testbed.files.conditions import SetUp
 from testbed.identify.conditions import conditions_words, held_out_warnings, measured
 from testbed.identify.report import page_of
 from testbed.identify.words import next_step, terminal_text
-from tests.calibrated import real, sound
+from tests.calibrated import sound
 from tests.reported import VERSIONS
 from tests.testbed.identify.test_report import DELIVERED
 
@@ -59,7 +59,7 @@ def test_the_conditions_stand_after_the_next_step_and_with_the_data(case):
 
 
 def test_rows_that_took_no_part_do_not_count():
-    found = real()
+    found = sound()
     later = found.split.is_train & (np.arange(len(found.measurements)) % 7 == 0)
     split = replace(found.split, is_train=found.split.is_train & ~later)
     payload = np.where(later, 9.0, 0.0)

@@ -56,8 +56,8 @@ def test_each_scene_survives_being_written_with_every_default(name):
         elif isinstance(written[table], dict) and table != "origin":
             settings = scenario.tables.get(table) or getattr(scenario, table)
             fields = set(type(settings).model_fields)
-            # a table that is not there says that there is no prior
-            assert set(written[table]) == fields - {"prior"}
+            # a table that is not there says that there is no prior, and nothing of the use
+            assert set(written[table]) == fields - {"prior", "use"}
 
 
 @given(

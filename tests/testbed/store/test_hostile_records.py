@@ -6,17 +6,35 @@ import struct
 import time
 import tracemalloc
 import zipfile
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated
 
 import numpy as np
 import pytest
 
-from calib.errors import InputError
+from calib.arrays import Array, Bool, FloatOrNan
+from calib.errors import InputError, MachineError
 from testbed.store import npz
 from testbed.store.npz import DamagedError, record_bytes, record_from
 from testbed.store.run_folder import RunFolder
-from tests.testbed.studies.trial.fake_campaign import FakeSetting, FakeTrial, Inner
+from tests.testbed.studies.trial.fake_campaign import FakeSetting, FakeStudy, FakeTrial, Inner
 
 SPEC = "0" * 64
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shaped:
+    """Fields that state their sizes."""
+
+    vector: Annotated[Array, "t", 3]
+    names: Annotated[tuple[str, ...], "t"]
+    maybe: Annotated[Bool, "t", "f"] | None
+    inner: tuple[Inner, ...] = ()
+    free: FloatOrNan = 0.0
+
+
+SHAPED = Shaped(np.ones((4, 3)), tuple("abcd"), np.ones((4, 2), bool))
 TRIAL = FakeTrial("a", np.arange(6.0).reshape(2, 3), 0.5)
 PARTS = FakeSetting(np.ones(2), (Inner("x", np.ones((1, 1)), 0.5),))
 
@@ -60,6 +78,16 @@ HOSTILE = {
     "a gigantic array of nothing": (with_header((10**18,), "<U0"), FakeTrial),
     "sizes that cancel": (with_header((-2, -3)), FakeTrial),
     "objects": (with_header((6,), "|O"), FakeTrial),
+    "a size that its field states": (sealed(SHAPED, arrays={"vector": np.ones((4, 2))}), Shaped),
+    "a size of another field": (sealed(SHAPED, arrays={"vector": np.ones((5, 3))}), Shaped),
+    "as many names as there are": (sealed(SHAPED, {"names.#": 3}), Shaped),
+    "a size of a field that may be none": (
+        sealed(SHAPED, arrays={"maybe": np.ones((3, 2), bool)}),
+        Shaped,
+    ),
+    "an axis too few": (sealed(SHAPED, arrays={"vector": np.ones(4)}), Shaped),
+    "an axis too many": (sealed(SHAPED, arrays={"maybe": np.ones((4, 2, 1), bool)}), Shaped),
+    "nothing where something is": (sealed(SHAPED, arrays={"vector": np.ones((0, 3))}), Shaped),
     "long double": (with_header((3,), "<f16"), FakeTrial),
 }
 
@@ -80,6 +108,82 @@ def test_a_record_that_nobody_wrote_is_damaged_and_costs_nothing(name):
 def test_what_a_record_holds_comes_back_where_nobody_touched_it():
     assert record_from(sealed(TRIAL), "a", FakeTrial, SPEC).mean == 0.5
     assert record_from(io.BytesIO(sealed(PARTS)), "a", FakeSetting, SPEC).parts[0].maybe == 0.5
+
+
+def test_fields_of_sizes_that_agree_come_back():
+    for record in (
+        SHAPED,
+        Shaped(np.ones((0, 3)), (), None),
+        Shaped(np.ones((1, 3)), ("a",), None),
+    ):
+        found = record_from(record_bytes("a", record, SPEC), "a", Shaped, SPEC)
+        np.testing.assert_array_equal(found.vector, record.vector)
+
+
+def large(tmp_path, record, arrays):
+    """A folder whose record has sparse arrays of these shapes, never made in memory."""
+    meta, own = npz.from_bytes(record_bytes("a", record, SPEC))
+    folder = tmp_path / "trials"
+    folder.mkdir()
+    with zipfile.ZipFile(folder / "a.npz", "w", allowZip64=True) as archive:
+        text = np.frombuffer(npz.canonical(meta), np.uint8)
+        for name, array in {npz.META: text, **own}.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
+                shape = arrays.get(name, array.shape)
+                descr = np.lib.format.dtype_to_descr(array.dtype)
+                head = {"descr": descr, "fortran_order": False, "shape": shape}
+                np.lib.format.write_array_header_1_0(entry, head)
+                if name in arrays:
+                    for _ in range(int(np.prod(shape)) * array.itemsize // 2**20):
+                        entry.write(bytes(2**20))
+                else:
+                    entry.write(array.tobytes())
+    return RunFolder(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("kind", "record", "arrays"),
+    [
+        (Shaped, SHAPED, {"vector": (2**21, 3)}),  # 50 MB of what names do not have
+        (FakeStudy, TRIAL, {"values": (2**23, 1)}),  # 67 MB of another class
+    ],
+)
+def test_a_large_record_that_contradicts_itself_is_refused_unread(kind, record, arrays, tmp_path):
+    folder = large(tmp_path, record, arrays)
+    start = time.process_time()
+    tracemalloc.start()
+    assert folder.read_record("a", kind, SPEC) is None
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 1e6
+    assert time.process_time() - start < 1.0
+
+
+def test_a_large_record_is_read_if_there_is_room_and_else_the_machine_is_told(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(npz, "LARGE", 10**6)
+    asked = []
+    record = FakeTrial("a", np.arange(1e6)[None], 0.5)
+    folder = RunFolder(tmp_path)
+    (tmp_path / "trials").mkdir()
+    folder.write_record("a", record_bytes("a", record, SPEC))
+    monkeypatch.setattr(npz, "require_room", asked.append)
+    tracemalloc.start()
+    found = folder.read_record("a", FakeTrial, SPEC)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    np.testing.assert_array_equal(found.values, record.values)
+    (room,) = asked
+    assert peak < room.megabytes * 1e6  # what was asked for is enough
+
+    def none_left(_):
+        raise MachineError("more memory is needed", code="F10")
+
+    monkeypatch.setattr(npz, "require_room", none_left)
+    for read in (folder.read_record, partial(folder.require_record, fix="")):
+        with pytest.raises(MachineError, match="more memory"):
+            read("a", FakeTrial, SPEC)
 
 
 @pytest.mark.parametrize("size", [10**9, 5 * 10**9])

@@ -1,6 +1,7 @@
 """What is stated of a calibration, and the visit of the held-out poses on which that rests."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from calib.arrays import Array, FloatOrNan, Index
 from calib.identification.lack_of_fit import LackOfFit
@@ -21,13 +22,13 @@ class Validation:
 
     seen: Measurements
     """One visit of the held-out poses, in their order; missed shots have no row."""
-    judge_q: Array
+    judge_q: Annotated[Array, "j", "n"]
     """(j, n) further poses drawn as the pool is, never measured [rad, m]."""
-    judge_true: Array
+    judge_true: Annotated[Array, "j", 3]
     """(j, 3) secret: noise-free true points there of the tool point that is judged [m]."""
     terms: tuple[str, ...]
     """Terms of the truth that are switched on."""
-    term_rms: Array
+    term_rms: Annotated[Array, "k"]
     """(k,) secret: root mean square displacement of the tool at the held-out poses by each term
     alone [m]."""
     together_rms: float
@@ -82,22 +83,22 @@ class Statement:
     """That pose, from 0."""
     sources: tuple[str, ...]
     """Sources of uncertainty."""
-    source_u: Array
+    source_u: Annotated[Array, "s"]
     """(s,) 3-D standard uncertainty that each leaves at the tool, RMS over held-out poses [m]."""
     combined_u: float
     """All of them together [m]."""
     discrepancy_u: FloatOrNan
     """What held-out poses show beyond that [m]; nan where it was not estimated."""
-    systematic: Array
+    systematic: Annotated[Array, "f", "f"]
     """(f, f) covariance that the tracker's systematic errors leave in the estimate; zero where it
     states none [m, rad]."""
     trust: Trust
-    names: tuple[str, ...]
+    names: Annotated[tuple[str, ...], "w"]
     """(w,) statements made: model, bootstrap, discrepancy, conformal."""
-    radius: Array
+    radius: Annotated[Array, "w"]
     """(w,) mean radius of the ball with the region's volume, at the judging poses; the conformal
     one with what the tracker hides from the held-out poses [m]."""
-    attained: Array
+    attained: Annotated[Array, "w"]
     """(w,) secret: share of true tool points inside, at the judging poses."""
     warnings: tuple[str, ...]
     """What could not be stated, and what to do about it."""

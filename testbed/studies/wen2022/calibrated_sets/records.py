@@ -1,6 +1,7 @@
 """What calibrated pose sets leave behind: designed ones, and random ones of their size."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from calib.arrays import Array, Index
 from calib.information.observability import IndexName
@@ -16,15 +17,15 @@ INDICES: tuple[IndexName, ...] = ("O1", "O2")
 class CalibratedSets:
     """K pose sets of one size, each measured once and calibrated by both `records.ESTIMATORS`."""
 
-    indices: Index
+    indices: Annotated[Index, "K", "m"]
     """(K, m) places in the pool."""
-    index: Array
+    index: Annotated[Array, 2, "K"]
     """(2, K) observability of each set: `INDICES`."""
-    own_before: Array
+    own_before: Annotated[Array, "K"]
     """(K,) mean distance to what was measured at the set's own poses, nominal model [m]."""
-    own_after: Array
+    own_after: Annotated[Array, 2, "K"]
     """(2, K) the same for the identified model [m]."""
-    error: Array
+    error: Annotated[Array, 2, "K"]
     """(2, K) mean held-out error against the truth [m]."""
 
 

@@ -1,5 +1,7 @@
 """Targets under other conditions than the data: the rule by loops, and every sentence."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,9 @@ from calib.uncertainty.statement.conditions import (
     UNITS,
     Conditions,
     Tolerance,
+    counted,
     departure,
+    named,
 )
 
 PAYLOAD = Conditions(payload=np.array([0.0, 0.0, 2.0]))
@@ -115,12 +119,14 @@ def test_every_sentence():
         "identified a term for it",
     )
     assert int(departure(PAYLOAD, many, 31).outside.sum()) == MOST_NAMED + 18
-    payload, tool, warm = departure(data, many, 31).clauses("row", "the others").values()
+    payload, tool, warm = (
+        departure(data, many, 31).clauses(partial(named, "row"), "the others").values()
+    )
     assert payload.startswith("rows 2, 3,")
     assert tool.endswith("and 20 more have the tool gripper; the others had probe")
     assert warm == "rows 1 and 2 are at 10 to 40 degC; the others were at 20.1 to 21.34 degC"
     two = Conditions(tool=("gripper", "welder", "probe"))
-    (tools,) = departure(data, two, 3).clauses("row", "the others", listed=False).values()
+    (tools,) = departure(data, two, 3).clauses(partial(counted, "row"), "the others").values()
     assert tools == "2 rows have the tools gripper and welder; the others had probe"
 
 
@@ -139,6 +145,11 @@ def test_lists_that_are_endless_are_cut_and_results_print_as_one_line():
     names = tuple(f"T{k}" for k in range(14))
     assert Conditions(tool=names).words("tool").endswith("T9 and 4 more")
     assert Conditions(tool=names).words("payload") == ""
+    assert Conditions().phrase == ""
+    assert Conditions(np.ones(2), ("probe",) * 2, np.array([20, 21.0])).phrase == (
+        "with a payload of 1 kg and the tool probe at 20 to 21 degC"
+    )
+    assert Conditions(temperature=np.ones(1)).phrase == "at 1 degC"
     assert repr(Conditions()) == "Conditions(not stated)"
     assert repr(PAYLOAD) == "Conditions(0 to 2 kg)"
     assert repr(departure(PAYLOAD, PAYLOAD, 3)) == "Departure(0 of 3 outside)"

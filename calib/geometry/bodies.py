@@ -1,0 +1,69 @@
+"""Where the bodies of a serial arm stand, stiff or bent: frames and bend axes in one pass."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.geometry.chain import Chain, link_rotation_parts
+
+X, Y, Z = range(3)
+"""Places of the three axes of a bend; z is the axis of the joint itself."""
+
+
+class Bodies(NamedTuple):
+    """Frames just after each joint, in the world; the flange is the last one."""
+
+    rotation: Array
+    """(m, n + 1, 3, 3) body axes as columns."""
+    origin: Array
+    """(m, n + 1, 3) on the axis of the joint, carried along by a slide [m]."""
+    axes: Array
+    """(m, n, 3, 3) axes x, y, z that a joint bends about, each as the turns before it left it."""
+
+
+def bodies(chain: Chain, q: Array, bends: Array | None = None) -> Bodies:
+    """Body frames of a chain whose joints give way at checked joints q (m, n) [rad, m].
+
+    Joint i turns by Rz(q + theta + b_z), then its bearing gives way by Rx(b_x) Ry(b_y), and the
+    link follows, Tz(d) Tx(a) Rx(alpha) Ry(beta); a slide moves by q + b_z along z instead. Without
+    bends the flange is that of `chain.forward` to the bit.
+
+    Parameters
+    ----------
+    chain : Chain
+        Geometry; the tool plays no part.
+    q : (m, n) array
+        Joint values [rad, m].
+    bends : (m, n, 3) array, optional
+        About x, y and z of every joint; z of a slide is along it [rad, m].
+    """
+    m, n = q.shape
+    bent = np.zeros((m, n, 3)) if bends is None else bends
+    value = q + bent[:, :, Z]
+    kind = np.result_type(value, chain.links)
+    rotation, origin = np.empty((m, n + 1, 3, 3), kind), np.empty((m, n + 1, 3), kind)
+    axes = np.empty((m, n, 3, 3), kind)
+    x, y, z = (np.broadcast_to(chain.T_world_base[:3, k], (m, 3)) for k in range(3))
+    p = np.broadcast_to(chain.T_world_base[:3, 3], (m, 3))
+    slide = value * chain.prismatic
+    cosine, sine = np.cos(bent[..., None]), np.sin(bent[..., None])
+    for i, (c, s, shift, a, ca, sa, cb, sb) in enumerate(link_rotation_parts(chain, value)):
+        axes[:, i, Z], before = z, z
+        x, y = c * x + s * y, c * y - s * x
+        origin[:, i] = p + slide[:, i, None] * z
+        axes[:, i, X] = x
+        if bends is None:
+            axes[:, i, Y] = y
+        else:
+            (cx, cy), (sx, sy) = cosine[:, i, :Z].swapaxes(0, 1), sine[:, i, :Z].swapaxes(0, 1)
+            y, z = cx * y + sx * z, cx * z - sx * y
+            axes[:, i, Y] = y
+            x, z = cy * x - sy * z, sy * x + cy * z
+        rotation[:, i] = np.stack([x, y, z], -1)
+        # slide and link together, as in `forward`; the link lies along the bent axis
+        p = p + shift * before + chain.links[i, 1] * (z - before) + a * x
+        y, z = ca * y + sa * z, ca * z - sa * y
+        x, z = cb * x - sb * z, sb * x + cb * z
+    rotation[:, n], origin[:, n] = np.stack([x, y, z], -1), p
+    return Bodies(rotation, origin, axes)

@@ -1,0 +1,226 @@
+"""Torques of gravity about three axes of every joint of any serial arm, linear in its masses.
+
+A body counts by its mass and its first moments, mass times center of mass, in its own frame; the
+last body is the payload, in the flange frame. Gravity is given in the frame of the base: how the
+arm is mounted turns it, the frame of a tracker does not.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, check
+from calib.errors import refuse
+from calib.geometry.bodies import Z, bodies
+from calib.geometry.chain import Chain, joint_vectors
+from calib.geometry.jacobian import BATCH
+
+DOWN = (0.0, 0.0, -9.81)
+"""Gravity in the frame of the base of an arm that stands upright [m/s^2]."""
+MOMENTS = ("m", "hx", "hy", "hz")
+"""Order of the four numbers of a body: mass [kg] and first moments [kg m]."""
+ALIKE = 1e-6
+"""A moment is kept when more than this part of what it does is not done by those kept before."""
+GUESSED = 10.0
+"""Mass of a link whose mass nobody states, per meter of reach that is left beyond its joint [kg/m];
+only shape matters: a common factor of all masses is one of all compliances."""
+LEAST = 0.05
+"""What a link without length counts for in that reach [m]."""
+
+
+def gravity_regressor(
+    chain: Chain, q: ArrayLike, *, gravity: ArrayLike = DOWN, bends: Array | None = None
+) -> Array:
+    """Regressor G (m, n, 3, n + 1, 4) of the torques of gravity: tau = G pi.
+
+    Body j pulls at every joint i before it. About the axis a of joint i, x, y or z of its body,
+    tau = a . [m_j (o_j - o_i) + R_j h_j] x g; along the axis z of a slide, the force m_j a . g.
+
+    Parameters
+    ----------
+    chain : Chain
+        Geometry of the arm; where its base stands and what tool it carries play no part.
+    q : (m, n) array_like
+        Joint values [rad, m].
+    gravity : (3,) array_like
+        In the frame of the base [m/s^2].
+    bends : (m, n, 3) array, optional
+        How far the arm has given way already, as in `bodies` [rad, m].
+
+    Returns
+    -------
+    (m, n, 3, n + 1, 4) array
+        Torque [N m] or force [N] per mass [1/kg] and first moment [1/(kg m)] of each body.
+
+    Examples
+    --------
+    >>> level = Chain([[0, 0, 0, np.pi / 2, 0], [0, 0, 0.5, 0, 0]])
+    >>> G = gravity_regressor(level, [[0.0, 0.0]])
+    >>> (G[0, 1, 2, 2, 0] + 0.0).round(3).item()  # a kilogram half a meter ahead of joint 2
+    -4.905
+    """
+    q = joint_vectors(chain, q)
+    (gravity,) = check("3", gravity=gravity)
+    m, n = q.shape
+    down, slides = chain.T_world_base[:3, :3] @ gravity, np.flatnonzero(chain.prismatic)
+    beyond = np.arange(n + 1) >= np.arange(n)[:, None]
+    out = np.empty((m, n, 3, n + 1, 4))
+    for start in range(0, m, BATCH):
+        part = slice(start, start + BATCH)
+        at = bodies(chain, q[part], None if bends is None else bends[part])
+        G, k = out[part], len(q[part])
+        # a . (r x g) = r . (g x a)
+        pull = np.cross(down, at.axes).reshape(k, 3 * n, 3)
+        lever = (pull @ at.origin.swapaxes(1, 2)).reshape(k, n, 3, n + 1)
+        own = np.arange(n)
+        G[..., 0] = lever - lever[:, own, :, own].swapaxes(0, 1)[..., None]
+        turned = pull @ at.rotation.swapaxes(1, 2).reshape(k, 3, -1)
+        G[..., 1:] = turned.reshape(k, n, 3, n + 1, 3)
+        for i in slides:
+            G[:, i, Z] = 0.0
+            G[:, i, Z, :, 0] = (at.axes[:, i, Z] @ down)[:, None]
+        G *= beyond[:, None, :, None]
+    return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Weight:
+    """What gravity pulls at: an arm with the moments of its bodies, and which way is down."""
+
+    chain: Chain
+    """Geometry that the torques are computed for, as a rule the nominal one."""
+    moments: Array
+    """(n, 4) mass and first moments of the links in their body frames [kg, kg m]."""
+    payload: Array = (0.0, 0.0, 0.0, 0.0)  # type: ignore[assignment]  # an array in __post_init__
+    """(4,) of what hangs on the flange, in its frame [kg, kg m]."""
+    gravity: Array = DOWN  # type: ignore[assignment]
+    """(3,) in the frame of the base [m/s^2]."""
+
+    def __post_init__(self) -> None:
+        moments, payload, gravity = check(
+            f"{self.chain.n_joints} 4, 4, 3",
+            moments=self.moments,
+            payload=self.payload,
+            gravity=self.gravity,
+        )
+        for name, body in (("moments", moments), ("payload", payload[None])):
+            if (body[:, 0] < 0).any():
+                low = float(body[:, 0].min())
+                allowed = "masses of 0 kg or more, first in each row"
+                raise refuse(name, low, allowed, code="A3", message=f"{name} has a mass of {low:g}")
+        for name, value in (("moments", moments), ("payload", payload), ("gravity", gravity)):
+            object.__setattr__(self, name, value)
+
+    def torques(
+        self, q: ArrayLike, *, payload: ArrayLike | None = None, bends: Array | None = None
+    ) -> Array:
+        """Torques (m, n, 3) about x, y, z of every joint; along the axis of a slide [N m, N].
+
+        Parameters
+        ----------
+        q : (m, n) array_like
+            Joint values [rad, m].
+        payload : (m, 4) array_like, optional
+            Instead of the payload of the arm, one for each pose [kg, kg m].
+        bends : (m, n, 3) array, optional
+            How far the arm has given way already [rad, m].
+        """
+        G = gravity_regressor(self.chain, q, gravity=self.gravity, bends=bends)
+        load = np.broadcast_to(self.payload, (len(G), 4))
+        if payload is not None:
+            (load,) = check(f"{len(G)} 4", payload=payload)
+        out = G[..., :-1, :].reshape(*G.shape[:3], -1) @ self.moments.ravel()
+        return np.asarray(out + (G[..., -1, :] @ load[:, None, :, None])[..., 0])
+
+
+def moments_of(masses: ArrayLike, centers: ArrayLike) -> Array:
+    """Mass and first moments (k, 4) [kg, kg m] of masses (k,) [kg] with centers (k, 3) [m]."""
+    masses, centers = check("k, k 3", masses=masses, centers=centers)
+    return np.column_stack([masses, masses[:, None] * centers])
+
+
+def guessed_moments(chain: Chain) -> Array:
+    """Moments (n, 4) [kg, kg m] of an arm whose masses nobody states.
+
+    A link weighs by the reach that is left beyond its joint, and its center lies halfway to the
+    next joint: compliances and moments found from measurements make up for the rest.
+    """
+    d, a = chain.links[:, 1], chain.links[:, 2]
+    left = np.cumsum((np.hypot(d, a) + LEAST)[::-1])[::-1]
+    return moments_of(GUESSED * left, np.column_stack([a, np.zeros_like(a), d]) / 2)
+
+
+@dataclass(frozen=True, slots=True)
+class FeltMoments:
+    """Which moments of the links torques can tell apart, and what the others act like."""
+
+    kept: tuple[str, ...]
+    """Names from the tip to the base: ``m6``, ``hx6`` ..."""
+    sentences: tuple[str, ...]
+    """One for each of the others: ``hz4 acts like +3.226 m6 -3.226 m4``, ``m2 is never felt``."""
+
+    @property
+    def rank(self) -> int:
+        """Combinations of moments that can be told apart."""
+        return len(self.kept)
+
+
+def felt_moments(
+    chain: Chain,
+    q: ArrayLike,
+    *,
+    axes: Sequence[Literal["x", "y", "z"]] = ("x", "y", "z"),
+    gravity: ArrayLike = DOWN,
+) -> FeltMoments:
+    """Tell which moments of the links the torques over a pool of poses can tell apart.
+
+    From the tip to the base, mass first, a moment is kept if what it does is not done already by
+    those that were kept before it.
+
+    Parameters
+    ----------
+    chain : Chain
+        Geometry of the arm.
+    q : (m, n) array_like
+        The pool of joint values [rad, m].
+    axes : sequence of {"x", "y", "z"}
+        Axes of every joint whose torques count; ``("z",)`` are the joint torques alone.
+    gravity : (3,) array_like
+        In the frame of the base [m/s^2].
+
+    References
+    ----------
+    Base parameters of a rigid arm, here of gravity alone: Gautier & Khalil, IEEE Trans. Robotics
+    and Automation 6(3), 1990, 368-373; the choice by columns instead of rules holds for any chain.
+    """
+    G = gravity_regressor(chain, q, gravity=gravity)[:, :, ["xyz".index(axis) for axis in axes]]
+    n = chain.n_joints
+    columns = G[..., :n, :].reshape(-1, n, 4)[:, ::-1].reshape(-1, 4 * n)
+    names = [f"{moment}{i}" for i in range(n, 0, -1) for moment in MOMENTS]
+    # no more rows than columns, and the same lengths and angles
+    A = np.asarray(np.linalg.qr(columns, mode="r"))
+    size = np.linalg.norm(A, axis=0)
+    kept: list[int] = []
+    basis, sentences = np.zeros((len(A), 0)), []
+    for k, name in enumerate(names):
+        if size[k] <= ALIKE * size.max():
+            sentences.append(f"{name} is never felt")
+            continue
+        rest = A[:, k] / size[k]
+        for _ in range(2):  # twice is enough
+            rest = rest - basis @ (basis.T @ rest)
+        if np.linalg.norm(rest) > ALIKE:
+            basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
+            kept.append(k)
+            continue
+        share = np.linalg.lstsq(A[:, kept] / size[kept], A[:, k] / size[k], rcond=None)[0]
+        told = [
+            f"{x * size[k] / size[j]:+.4g} {names[j]}"
+            for x, j in zip(share, kept, strict=True)
+            if abs(x) > ALIKE
+        ]
+        sentences.append(f"{name} acts like {' '.join(told)}")
+    return FeltMoments(tuple(names[k] for k in kept), tuple(sentences))

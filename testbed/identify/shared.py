@@ -1,0 +1,113 @@
+"""What all readings of a session share: from its systematic parts to numbers and words."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.identification.identify import Identification
+from calib.measurement.observations import Measurements
+from calib.uncertainty.statement.instrument import InstrumentErrors, SharedErrors, shared_errors
+from testbed.files.session import Session
+from testbed.files.session_toml import SystematicTable
+from testbed.identify.records import Calibration
+from testbed.report.page import Block, Section, Table, Text
+from testbed.store.quantities import METRE, Quantity, below
+from testbed.units import UM, fixed
+
+UNSTATED = (
+    "The session states no systematic part of its instrument. What all its readings share (a "
+    "scale, circles out of center, a target beside its place) is in no figure here, and no "
+    "held-out pose of the same instrument can show it: state it under [uncertainty.systematic] in "
+    "session.toml."
+)
+
+
+def shared_of(
+    session: Session, identification: Identification, train: Measurements, judged: Measurements
+) -> SharedErrors | None:
+    """What the stated systematic parts leave in an identification; None where none are stated.
+
+    Parameters
+    ----------
+    session : Session
+        Whose instrument it is.
+    identification : Identification
+        From `train`.
+    train, judged : Measurements
+        Rows identified from, and those whose misses are shown.
+    """
+    if session.systematic is None:
+        return None
+    further = len(identification.model.fixtures.stations)
+    beams = np.stack([beam_of(session.systematic), *np.eye(4)[None].repeat(further, axis=0)])
+    return shared_errors(errors_of(session.systematic), identification, train, judged, beams)
+
+
+def errors_of(table: SystematicTable) -> InstrumentErrors:
+    """Sizes of the systematic parts in SI units."""
+    constant, slope = table.encoder_amplitude_um
+    return InstrumentErrors(
+        table.range_offset_um * 1e-6,
+        table.scale_um_per_m * 1e-6,
+        (constant * 1e-6, slope * 1e-6),
+        table.target_offset_um * 1e-6,
+        float(np.radians(table.target_turn_mdeg * 1e-3)),
+        float(np.radians(table.level_mdeg * 1e-3)),
+    )
+
+
+def beam_of(table: SystematicTable) -> Array:
+    """Where the beam starts (4, 4) in the frame of the coordinates, its z axis upwards [m].
+
+    Where its circles have their zero does not matter: waves of any phase are as likely.
+    """
+    up = np.array(table.station_up) / np.linalg.norm(table.station_up)
+    across = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
+    across /= np.linalg.norm(across)
+    T = np.eye(4)
+    T[:3, :3] = np.column_stack([across, np.cross(up, across), up])
+    T[:3, 3] = np.array(table.station_mm or (0.0, 0.0, 0.0)) / 1e3
+    return T
+
+
+def shared_section(calibration: Calibration) -> Section:
+    """Each source with what it leaves at the tool, and what a held-out pose can show."""
+    found = calibration.shared
+    blocks: list[Block] = [Text(UNSTATED)]
+    if found is not None:
+        held = calibration.split.is_test.any()
+        rows = [
+            (name, fixed(at_tool * UM, 2), fixed(seen * UM, 2), words)
+            for name, at_tool, seen, words in zip(
+                found.names, found.at_tool, found.seen, found.sentences, strict=True
+            )
+        ]
+        whole = ("all together", fixed(found.combined * UM, 2), "", "")
+        table = Table(
+            caption="Standard uncertainty that all readings share, 3-D, root mean square over "
+            + ("the held-out poses" if held else "the poses identified from"),
+            head=("source", "at the tool µm", "seen µm", ""),
+            rows=(*rows, whole),
+            align="lrrl",
+            note="At the tool: what the estimate takes over, and what the predicted tool point is "
+            "wrong by; more poses do not make it smaller. Seen: what of it the residuals show. The "
+            "level of a station counts for positions against gravity alone.",
+        )
+        blocks = [table]
+    return Section("shared", "What all readings share", tuple(blocks))
+
+
+def shared_numbers(found: SharedErrors | None) -> Iterator[Quantity]:
+    """The same for result.json; nothing where nothing is stated."""
+    if found is None:
+        return
+    yield Quantity("u_3d_mm", found.combined, METRE)
+    for name, at_tool, seen, words in zip(
+        found.names, found.at_tool, found.seen, found.sentences, strict=True
+    ):
+        yield from below(f"sources/{name}", [
+            Quantity("at_tool_u_3d_mm", at_tool, METRE),
+            Quantity("seen_u_3d_mm", seen, METRE),
+            Quantity("sentence", words),
+        ])  # fmt: skip

@@ -1,0 +1,153 @@
+"""What all readings share: from session.toml and from an export to the report's two columns."""
+
+import json
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from calib.measurement.prediction import predict
+from calib.uncertainty.statement.gain import estimator_gain
+from calib.uncertainty.statement.instrument import UNSEEN
+from testbed.files.read import read_session
+from testbed.files.session_toml import SystematicTable
+from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.records import Delivered
+from testbed.identify.results import headline
+from testbed.identify.session import with_test
+from testbed.identify.shared import beam_of, errors_of, shared_of, shared_section
+from testbed.laboratory.truth.laboratory import open_laboratory
+from testbed.robots.catalog import load_robot
+from testbed.run.export import export_campaign
+from testbed.scenario.read import changed
+from testbed.studies import load_scenario
+from tests import campaign
+from tests.calibrated import robot, session_of, table_of, true_model
+from tests.reference import DEG, UM, pool_r
+
+NOTHING = Delivered((), (), 0)
+PARTS = SystematicTable(
+    range_offset_um=1.5, scale_um_per_m=0.2, encoder_amplitude_um=(7.5, 3.0),
+    target_offset_um=2.5, target_turn_mdeg=3.0, level_mdeg=0.5,
+    station_mm=(100.0, -200.0, 300.0), station_up=(0.0, 0.1, 0.9),
+)  # fmt: skip
+
+
+@cache
+def calibrated():
+    """Sixty poses by an instrument that states its systematic parts."""
+    session = session_of(table_of(true_model(), pool_r(60)), systematic=PARTS)
+    return calibrate(robot(), session, Options(seed=1))
+
+
+def test_every_part_is_in_its_unit():
+    found = errors_of(PARTS)
+    assert found.range_offset == pytest.approx(1.5 * UM)
+    assert found.scale == pytest.approx(0.2e-6)
+    assert found.encoder == pytest.approx((7.5 * UM, 3.0e-6))
+    assert found.target_offset == pytest.approx(2.5 * UM)
+    assert found.target_turn == pytest.approx(0.003 * DEG)
+    assert found.level == pytest.approx(0.0005 * DEG)
+
+
+def test_the_beam_starts_where_it_is_stated_and_its_axis_stands_as_stated():
+    T = beam_of(PARTS)
+    np.testing.assert_allclose(T[:3, 3], [0.1, -0.2, 0.3])
+    np.testing.assert_allclose(T[:3, 2], np.array([0, 0.1, 0.9]) / math.hypot(0.1, 0.9))
+    np.testing.assert_allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(T[:3, :3]) == pytest.approx(1)
+
+
+def test_a_calibration_has_what_readings_shifted_by_a_source_do_to_it():
+    """By the gain of the estimate, with the sensitivity of the target's place written down."""
+    found = calibrated()
+    fit = found.fit.identification
+    train = found.measurements.rows(found.is_used)
+    R = fit.model.poses(train.q)[:, :3, :3]
+    moved = np.einsum("mfe,mek->fk", estimator_gain(fit, train)[:, :, :3], R) * 2.5 * UM
+    judged = found.measurements.rows(found.split.is_test)
+    J = predict(fit.model, judged).rows[:, :3, fit.parameters.free_index]
+    u = np.sqrt(((J @ moved) ** 2).sum((1, 2)).mean())
+    place = found.shared.names.index("target's place")
+    assert found.shared.at_tool[place] == pytest.approx(u, rel=1e-9)
+    assert u == pytest.approx(2.5 * UM * np.sqrt(3), rel=1e-3)  # it is in the tool frame
+    assert set(found.shared.hidden) >= {"range scale", "target's place", "level of the station"}
+
+
+def test_the_report_and_the_results_have_both_columns_and_the_words():
+    found = calibrated()
+    section = shared_section(found)
+    rows = {row[0]: row[1:] for row in section.blocks[0].rows}
+    assert tuple(rows) == (*found.shared.names, "all together")
+    numbers = headline(found, NOTHING)["shared"]
+    assert numbers["u_3d_mm"] == pytest.approx(found.shared.combined * 1e3)
+    for k, name in enumerate(found.shared.names):
+        at_tool, seen, words = rows[name]
+        assert float(at_tool) == pytest.approx(found.shared.at_tool[k] / UM, abs=0.006)
+        assert float(seen) == pytest.approx(found.shared.seen[k] / UM, abs=0.006)
+        assert (words == UNSEEN) == (name in found.shared.hidden)
+        one = numbers["sources"][name]
+        assert one["at_tool_u_3d_mm"] == pytest.approx(found.shared.at_tool[k] * 1e3)
+        assert one["seen_u_3d_mm"] == pytest.approx(found.shared.seen[k] * 1e3)
+        assert one["sentence"] == words
+    json.dumps(numbers, allow_nan=False)
+
+
+def test_a_session_that_states_none_is_told_that_none_is_counted():
+    none = replace(calibrated(), shared=None)
+    assert "states no systematic part" in shared_section(none).blocks[0].text
+    assert "shared" not in headline(none, NOTHING)
+    plain = session_of(table_of(true_model(), pool_r(30)))
+    assert plain.systematic is None
+    assert shared_of(plain, none.fit.identification, none.measurements, none.measurements) is None
+
+
+EXPORTED = {
+    "identification.estimators": ["whitened"],
+    "uncertainty.replications": 0,
+    "uncertainty.repeats": 2,
+    "pool.size": 40,
+    "test.poses": 6,
+    "studies.random_sets": 0,
+    "studies.paper_budget": False,
+    "tracker.preset": "at960",
+    "tracker.systematic": True,
+    "trial": [{"name": "first", "poses": 12, "method": "random"}],
+}
+
+
+@pytest.mark.parametrize("measures", ["pose", "point"])
+def test_an_exported_campaign_states_what_its_tracker_was_drawn_from(tmp_path, measures):
+    points = {"tracker.measures": "point", "tracker.reflector_mm": [50.0, 30.0, 80.0]}
+    more = points if measures == "point" else {"tracker.level_mdeg": 0.4}
+    run = campaign.played(changed(load_scenario("quick"), EXPORTED | more))
+    export_campaign(run, load_robot("staubli_tx60"), tmp_path / "out")
+    session = read_session(tmp_path / "out", load_robot("staubli_tx60"))
+    found, bench = errors_of(session.systematic), open_laboratory(run.scenario, run.setting)
+    # written with 17 digits, in micrometers and millidegrees
+    assert found.range_offset == pytest.approx(2.5 * UM / np.sqrt(3), rel=1e-14)
+    assert found.scale == pytest.approx(0.2e-6, rel=1e-14)
+    assert found.encoder == pytest.approx((7.5 * UM, 3e-6), rel=1e-14)
+    assert found.target_offset == pytest.approx(2.5 * UM, rel=1e-14)
+    turn, level = (0.005 * DEG / np.sqrt(3), 0.0004 * DEG) if measures == "pose" else (0, 0)
+    assert found.target_turn == pytest.approx(turn, rel=1e-14)
+    assert found.level == pytest.approx(level, rel=1e-14)
+    T, station = beam_of(session.systematic), bench.tracker.T_world_tracker
+    np.testing.assert_allclose(T[:3, 2:], station[:3, 2:], atol=1e-15)
+    if measures == "pose":
+        shared = calibrate(load_robot("staubli_tx60"), session).shared
+        # the tracker's own figures, whose circles have their zero elsewhere
+        assert shared.at_tool[shared.names.index("tracker's encoders")] > 5 * UM
+
+
+def test_a_held_out_file_has_the_same_instrument_or_says_nothing():
+    one = session_of(table_of(true_model(), pool_r(30)), systematic=PARTS)
+    same = session_of(table_of(true_model(), pool_r(50)[30:], seed=9))
+    assert with_test(one, same).systematic == PARTS
+    assert with_test(one, replace(same, systematic=PARTS)).systematic == PARTS
+    other = PARTS.model_copy(update={"station_mm": (0.0, 0.0, 0.0)})
+    with pytest.raises(InputError, match="another place of the instrument"):
+        with_test(one, replace(same, systematic=other))
