@@ -210,12 +210,13 @@ def detectable(lam: Array, n_numbers: int) -> float:
     sqrt(c) t sum lam^2 = z_a sqrt(2 sum lam^2) + z_b sqrt(2 sum lam^2 (1 + t lam)^2), t = size^2
     and c = 1 - numbers / rows.
     """
-    t = np.geomspace(1e-4, 1e8, 2000)[:, None]
-    gain = np.sqrt(max(1 - n_numbers / len(lam), 0.0)) * t[:, 0] * (lam**2).sum()
-    need = ndtri(1 - SEEN) * np.sqrt(2 * (lam**2).sum())
-    need = need + ndtri(POWER) * np.sqrt(2 * (lam**2 * (1 + t * lam) ** 2).sum(axis=1))
+    t = np.geomspace(1e-4, 1e8, 2000)
+    square, cube, fourth = ((lam**k).sum() for k in (2, 3, 4))
+    gain = np.sqrt(max(1 - n_numbers / len(lam), 0.0)) * t * square
+    need = ndtri(1 - SEEN) * np.sqrt(2 * square)
+    need = need + ndtri(POWER) * np.sqrt(2 * (square + 2 * t * cube + t**2 * fourth))
     seen = np.flatnonzero(gain > need)
-    return float(np.sqrt(t[seen[0], 0])) if len(seen) else np.nan
+    return float(np.sqrt(t[seen[0]])) if len(seen) else np.nan
 
 
 def _alike(pose: Index, at: Bool, heavy: Bool) -> list[Index]:

@@ -1,7 +1,7 @@
 """Whether held-out readings stand in another frame: their errors as one rigid motion."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.special import chdtrc
@@ -85,40 +85,66 @@ def other_frame(belief: Belief, held_out: Measurements) -> OtherFrame:
         )  # fmt: skip
     seen = predict(belief.model, points)
     rows, e = seen.rows[:, :3], seen.residual[:, :3]
-    root = np.linalg.cholesky(_joint_covariance(belief, points, rows, e))
     p = predicted_positions(belief.model, points)
     about = p - p.mean(axis=0)
     eye = np.broadcast_to(np.eye(3), (len(p), 3, 3))
     base = np.concatenate([eye, -np.cross(about[:, :, None], eye, axis=1)], axis=2)
     station = belief.model.fixtures.station_frames[points.station][:, :3, :3]
     tool = np.swapaxes(station, 1, 2) @ belief.model.poses(points.q)[:, :3, :3]
-    moved, p_base, size = _explained(root, base, e)
-    offset, p_tool, tool_size = _explained(root, tool, e)
+    # rows of another frame look like a misfit, too; it is no larger than the errors themselves
+    size = min(belief.misfit.upper, float(np.sqrt((e**2).mean())))
+    values, axes = np.linalg.eigh(belief.covariance + size**2 * belief.misfit_covariance)
+    columns = (rows @ (axes * np.sqrt(np.maximum(values, 0.0))), e[:, :, None], base, tool)
+    shared, error, of_base, of_tool = _whitened(belief, points, size, rows, columns)
+    moved, p_base, moves = _explained(shared, error, of_base, base)
+    offset, p_tool, tool_size = _explained(shared, error, of_tool, tool)
     return OtherFrame(
-        frozen(moved[:3]), frozen(moved[3:]), frozen(offset), size, tool_size, p_base, p_tool,
+        frozen(moved[:3]), frozen(moved[3:]), frozen(offset), moves, tool_size, p_base, p_tool,
         points.n_poses,
     )  # fmt: skip
 
 
-def _joint_covariance(belief: Belief, points: Measurements, rows: Array, e: Array) -> Array:
-    """Covariance (3 m, 3 m) of errors e (m, 3) together, misfit at its upper limit [m^2]."""
-    # rows of another frame look like a misfit, too; it is no larger than the errors themselves
-    size = min(belief.misfit.upper, float(np.sqrt((e**2).mean())))
-    G = rows.reshape(3 * len(points), -1)
-    shared = G @ (belief.covariance + size**2 * belief.misfit_covariance) @ G.T
+def _whitened(
+    belief: Belief, points: Measurements, size: float, rows: Array, columns: Sequence[Array]
+) -> list[Array]:
+    """Columns (3 m, k) in units of noise and a misfit of `size`, which poses do not share."""
     noise = belief.misfit.larger_noise**2 * points.covariance
-    own = noise_and_misfit(belief.misfit.shape, size, rows, noise, points.pose_id)
-    return np.asarray(shared + own)
+    whole = np.concatenate(columns, axis=2)
+    white = np.empty_like(whole)
+    order = np.argsort(points.pose_id, kind="stable")
+    first = np.unique(points.pose_id[order], return_index=True)[1]
+    for some in np.split(order, first[1:]):
+        pose = points.pose_id[some]
+        own = noise_and_misfit(belief.misfit.shape, size, rows[some], noise[some], pose)
+        seen = np.linalg.solve(np.linalg.cholesky(own), whole[some].reshape(len(own), -1))
+        white[some] = seen.reshape(len(some), 3, -1)
+    edges = np.cumsum([part.shape[2] for part in columns])[:-1]
+    return [part.reshape(3 * len(rows), -1) for part in np.split(white, edges, axis=2)]
 
 
-def _explained(root: Any, motion: Any, e: Array) -> tuple[Array, float, float]:
-    """Numbers (k,) of a motion (m, 3, k) that explain errors (m, 3), their p, their size [m]."""
-    G = motion.reshape(-1, motion.shape[2])
-    A, b = np.linalg.solve(root, G), np.linalg.solve(root, e.ravel())
-    numbers = np.linalg.lstsq(A, b, rcond=None)[0]
-    gain = float(b @ b - ((b - A @ numbers) ** 2).sum())
-    size = float(np.sqrt(((G @ numbers) ** 2).sum() / len(e)))
-    return numbers, float(chdtrc(G.shape[1], max(gain, 0.0))), size
+def _explained(shared: Array, e: Array, motion: Array, plain: Array) -> tuple[Array, float, float]:
+    """Numbers (k,) of a motion (m, 3, k) that explain errors best, their p, their size [m].
+
+    Parameters
+    ----------
+    shared : (3 m, P) array
+        Whitened derivative of the errors by independent numbers of variance one, which they share.
+    e : (3 m, 1) array
+        Whitened errors.
+    motion : (3 m, k) array
+        Whitened motion.
+    plain : (m, 3, k) array
+        The motion itself.
+    """
+    P, k = shared.shape[1], motion.shape[1]
+    prior = np.eye(P, P + k)
+    A = np.concatenate([np.concatenate([shared, motion], axis=1), prior])
+    b = np.concatenate([e[:, 0], np.zeros(P)])
+    without, found = (np.linalg.lstsq(M, b, rcond=None)[0] for M in (A[:, :P], A))
+    gain = float(((b - A[:, :P] @ without) ** 2).sum() - ((b - A @ found) ** 2).sum())
+    numbers = found[P:]
+    size = float(np.sqrt(((plain @ numbers) ** 2).sum() / len(plain)))
+    return numbers, float(chdtrc(k, max(gain, 0.0))), size
 
 
 def _length(metres: float) -> str:

@@ -1,13 +1,15 @@
 """Another frame: false alarms, shifts that are seen, what the sentence says of a moved station."""
 
 from dataclasses import replace
+from time import process_time
 
 import numpy as np
 import pytest
-from scipy.stats import binom
+from scipy.stats import binom, chi2
 
 from calib.errors import InputError
 from calib.measurement.observations import joined
+from calib.measurement.prediction import predict, predicted_positions
 from calib.uncertainty.statement.belief import believe
 from calib.uncertainty.statement.other_frame import other_frame
 from tests.calib import kinds
@@ -102,3 +104,42 @@ def test_too_few_poses_cannot_tell():
     few = held_out.rows(np.arange(5))
     with pytest.raises(InputError, match="6 poses or more"):
         other_frame(believe(fit, train, few), few)
+
+
+def test_motion_and_chance_are_those_of_the_whole_covariance_written_out():
+    """Two rows of each pose: they share its misfit; parameters are shared by all."""
+    rng = np.random.default_rng(6)
+    _, fit, train, held_out = campaign(rng, 15e-6)
+    twice = joined([held_out, replace(held_out, position=held_out.position + 1e-5)])
+    belief = believe(fit, train, twice)
+    found = other_frame(belief, twice)
+    seen = predict(belief.model, twice)
+    rows, e = seen.rows[:, :3], seen.residual[:, :3]
+    size = min(belief.misfit.upper, np.sqrt((e**2).mean()))
+    G, own = rows.reshape(e.size, -1), belief.misfit.shape.rows(rows).reshape(e.size, -1)
+    V = G @ (belief.covariance + size**2 * belief.misfit_covariance) @ G.T
+    same = np.kron(twice.pose_id[:, None] == twice.pose_id, np.ones((3, 3)))
+    V += size**2 * same * (own @ own.T)
+    for k, N in enumerate(twice.covariance[:, :3, :3]):
+        V[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] += belief.misfit.larger_noise**2 * N
+    p = predicted_positions(belief.model, twice)
+    about = p - p.mean(axis=0)
+    turn = np.stack([np.cross(axis, about) for axis in np.eye(3)], axis=2)
+    M = np.concatenate([np.tile(np.eye(3), (len(p), 1, 1)), turn], axis=2).reshape(e.size, 6)
+    W = np.linalg.solve(V, np.eye(e.size))
+    numbers = np.linalg.solve(M.T @ W @ M, M.T @ W @ e.ravel())
+    np.testing.assert_allclose([*found.shift, *found.turn], numbers, rtol=1e-6, atol=1e-12)
+    left = e.ravel() - M @ numbers
+    fall = e.ravel() @ W @ e.ravel() - left @ W @ left
+    assert found.p_base == pytest.approx(chi2.sf(fall, 6), rel=1e-6)
+
+
+def test_a_thousand_poses_are_asked_within_a_second():
+    """One block for each pose: a covariance of all would have 36 million entries, and 2 s."""
+    rng = np.random.default_rng(7)
+    _, fit, train, held_out = campaign(rng, 15e-6)
+    many = joined([replace(held_out, pose_id=held_out.pose_id + 1000 * k) for k in range(50)])
+    belief = believe(fit, train, held_out)
+    began = process_time()
+    assert other_frame(belief, many).n_poses == 50 * held_out.n_poses
+    assert process_time() - began < 1.0
