@@ -7,8 +7,9 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.geometry.frames import inverse
 from calib.measurement.prediction import targets
+from testbed.identify.recording_regions import draw_regions, region_words, regions_at
 from testbed.identify.records import Calibration, RowErrors
-from testbed.identify.words import headline_rows, mark, mm, notice, verdict
+from testbed.identify.words import headline_rows, mark, mm, notice, r95, verdict
 from testbed.recording import style
 from testbed.recording.cell import draw_beam, draw_station
 from testbed.recording.curves import draw_curve, draw_fit
@@ -173,12 +174,15 @@ def _evaluate(shown: ShownCalibration) -> Chapter:
     """Poses that judge the calibration, and their errors before and after."""
     calibration = shown.calibration
     judged, held = int(calibration.is_judged.sum()), calibration.split.is_test.any()
-    ball = calibration.proof.conformal
-    within = f"- 95 % of new poses like these lie within {mm(ball.radius)} mm" if ball else ""
+    point = calibration.proof.point
+    within = f"- {r95(point)} = {mm(point.radius_mean)} mm of the mean tool point" if point else ""
+    regions = regions_at(calibration, shown.judged, shown.station)
 
     def draw(pen: Pen, phase: Phase) -> None:
         draw_sight(shown, pen, phase)
         draw_judged(shown, pen, phase)
+        if regions is not None:
+            draw_regions(regions, pen, phase)
         _draw_errors(shown, pen, phase, shown.judged)
 
     return Chapter(
@@ -192,6 +196,7 @@ def _evaluate(shown: ShownCalibration) -> Chapter:
             f"- red, green: error before and after, both drawn {shown.factor} times",
             "- dots: all of them, dark to bright with growing error after",
             within,
+            region_words(regions),
         ),
         draw=draw,
         plots={"evaluate": "3 Held-out mm: red before, green after"},

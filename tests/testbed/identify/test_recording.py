@@ -1,10 +1,14 @@
 """The recording of a calibration: its numbers are those of the record, seen from the base."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from testbed.identify.folder import delivered_robot
 from testbed.identify.recording import calibration_story, show
+from testbed.identify.recording_regions import regions_at
 from testbed.recording.story import timeline_of
 from testbed.recording.write import story_bytes
 from tests.calibrated import real, robot
@@ -66,3 +70,23 @@ def test_the_tracker_stands_where_the_measuring_frame_is(opened, shown):
     base = real().fit.identification.model.chain.T_world_base
     np.testing.assert_allclose(shown.station @ base, np.eye(4), atol=1e-12)
     assert "/world/held_out/all" in {str(path) for path in opened.schema().entity_paths()}
+
+
+def test_ellipsoids_are_the_believed_regions_seen_from_the_base(opened, shown):
+    found = real()
+    regions = regions_at(found, shown.judged, shown.station)
+    path = f"/world/held_out/region_95_x{regions.factor}"
+    centers, half, quaternions = (
+        np.array(column(opened, path, f"Ellipsoids3D:{part}")[1][-1])
+        for part in ("centers", "half_sizes", "quaternions")
+    )
+    stated = found.proof.belief.regions(found.measurements.q[shown.judged])
+    base = found.fit.identification.model.chain.T_world_base
+    # the file keeps float32
+    expected = (stated.position - base[:3, 3]) @ base[:3, :3]
+    np.testing.assert_allclose(centers, expected, atol=1e-6)
+    turn = base[:3, :3] @ Rotation.from_quat(quaternions).as_matrix()
+    axes = turn * (half / regions.factor / stated.factor)[:, None, :]
+    S = stated.covariance
+    np.testing.assert_allclose(axes @ np.swapaxes(axes, 1, 2), S, atol=1e-5 * S.max())
+    assert regions_at(replace(found, proof=replace(found.proof, belief=None)), [0], base) is None
