@@ -9,7 +9,7 @@ from calib.uncertainty.statement.conformity import Conformity, conformity
 from calib.uncertainty.statement.stated_point import widened
 from testbed.identify.records import Calibration, Delivered
 from testbed.report.page import Block, Section, Table, Text
-from testbed.units import UM, percent, significant
+from testbed.units import UM, fixed, percent, significant
 
 UNDECIDED = "no decision possible"
 
@@ -105,7 +105,7 @@ def decision_line(found: tuple[Decided, ...]) -> str:
         counts[UNDECIDED] = one.counts["undecided"]
         words = [f"{count} {word}" for word, count in counts.items() if count]
         said.append(f"{one.what}: {', '.join(words)}")
-    return f"Tolerance {significant(found[0].by.tolerance * UM)} um: {'; '.join(said)}."
+    return f"Tolerance {found[0].by.tolerance * UM:.6g} um: {'; '.join(said)}."
 
 
 def decision_section(found: tuple[Decided, ...]) -> Section | None:
@@ -117,7 +117,7 @@ def decision_section(found: tuple[Decided, ...]) -> Section | None:
     for one in found:
         band = significant(float(one.by.guard.max()) * UM) if guarded else "–"
         risk = "–" if one.risk is None else percent(one.risk)
-        far = significant(float(one.by.distance.max()) * UM)
+        far = fixed(float(one.by.distance.max()) * UM, 1)
         rows.append((one.what, *map(str, one.counts.values()), far, band, risk))
     told = (
         "Pass: the predicted mean point lies at least the guard band, its R95, inside the "
@@ -133,7 +133,7 @@ def decision_section(found: tuple[Decided, ...]) -> Section | None:
         )
     blocks: tuple[Block, ...] = (
         Table(
-            caption=f"Tolerance {significant(found[0].by.tolerance * UM)} um on the distance of "
+            caption=f"Tolerance {found[0].by.tolerance * UM:.6g} um on the distance of "
             "the mean tool point from where it should be",
             head=(
                 "at", f"pass, {rule}", f"fail, {rule}", UNDECIDED,

@@ -175,7 +175,7 @@ def _evaluate(shown: ShownCalibration) -> Chapter:
     calibration = shown.calibration
     judged, held = int(calibration.is_judged.sum()), calibration.split.is_test.any()
     point = calibration.proof.point
-    within = f"- {r95(point)} = {mm(point.radius_mean)} mm of the mean tool point" if point else ""
+    within = f"- mean tool point: {r95(point)} = {mm(point.radius_mean)} mm" if point else ""
     regions = regions_at(calibration, shown.judged, shown.station)
 
     def draw(pen: Pen, phase: Phase) -> None:

@@ -68,8 +68,9 @@ def questions_table(calibration: Calibration) -> Table:
     when += "misfit passes for drift"
     if not calibration.order_told_by:
         when = "cannot be told from noise, because the order of the rows is not known"
+    answers = ("not shown", "shown")
     rows = [
-        (name, probability(p), probability(adjusted), "said" if name in asked.said else "–")
+        (name, probability(p), probability(adjusted), answers[name in asked.said])
         for name, p, adjusted in zip(asked.names, asked.p_values, asked.adjusted, strict=True)
     ]
     rows.append(("residuals and held-out errors together", probability(asked.combined), "–", "–"))
@@ -78,8 +79,8 @@ def questions_table(calibration: Calibration) -> Table:
         head=("question", "p", "p for all (Holm)", "answer"),
         rows=tuple(rows),
         align="lrrl",
-        note="p: chance of readings that say so if it is not so. said: below 0.01 for all "
-        "questions together. No test sees a misfit below the noise: no answer is no proof. "
+        note="p: chance of readings that say so if it is not so. shown: below 0.01 for all "
+        "questions together; not shown is no proof, because no test sees a misfit below the noise. "
         f"drift: {when}. Last row: chi-square against the stated noise alone, after Fisher.",
     )
 

@@ -46,17 +46,17 @@ def _believed(calibration: Calibration) -> list[StatedRadius]:
         return []
     held = f"{100 * point.probability:g} %"
     within = (
-        f"{held} of true mean points: noise, a misfit of up to "
+        f"{held} of true mean points; in it are noise and a misfit of up to "
         f"{belief.misfit.upper * UM:.1f} um per axis"
     )
     drifting = calibration.proof.drifting
     if drifting is not None and drifting.drift is not None:
-        within += ", a drift"
+        within += ", and a drift"
     use = BELIEVED if calibration.believable else "believed, but not tested: another frame"
     found = [StatedRadius("region_mean", "believed region: mean of many moves", point.radius_mean,
                        within, use)]  # fmt: skip
     if np.isfinite(point.radius_move):
-        what = f"{held} of ends of single moves: the same, and how well joints come back"
+        what = f"{held} of ends of single moves; in it is the same, and how well joints come back"
         name = "believed region: where one move ends"
         found.append(StatedRadius("region_move", name, point.radius_move, what, use))
     return found

@@ -82,6 +82,8 @@ def _why(calibration: Calibration, reach: Applicability, program: ProgramResult)
             if value > WARNED:
                 limit = REFUSED if value > REFUSED else WARNED
                 told.append(f"{name} {significant(float(value), 2)} is above {limit:g}")
+        if reach.growth[k] > WARNED and reach.place[k] == "edge":
+            told.append("the region is grown")
         for j in np.flatnonzero(reach.beyond[k]):
             scale, unit = (DEG, "deg") if kinds[j] == "revolute" else (MM, "mm")
             side, end = ("below", low[j]) if q[j] < low[j] else ("above", high[j])

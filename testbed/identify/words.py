@@ -72,9 +72,9 @@ def believed_words(calibration: Calibration) -> str:
     point, belief = calibration.proof.point, calibration.proof.belief
     if point is None or belief is None:
         return "No statement about the true tool point can be believed."
-    radius = f"{r95(point)} = {significant(point.radius_mean * UM)} um of the mean tool point"
+    radius = f"For the mean tool point {r95(point)} = {significant(point.radius_mean * UM)} um"
     if calibration.elsewhere:
-        return f"{radius} is what they were to test, and did not: they stand in another frame."
+        return f"{radius} was to be tested there, and was not: these poses stand in another frame."
     if belief.n_guards:
         return f"{radius} can be believed: {belief.n_guards} held-out poses guard it."
     if calibration.proof.held_out is None:

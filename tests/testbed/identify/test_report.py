@@ -60,7 +60,7 @@ def test_what_is_believed_is_said_before_anything_else():
     assert shown.believable
     assert shown.mark == GUARDED == mark(sound())
     radius = f"R95 (3-D radius, 95 %) = {point.radius_mean * 1e6:.0f} um"
-    assert f"{radius} of the mean tool point can be believed" in shown.verdict
+    assert f"For the mean tool point {radius} can be believed" in shown.verdict
     assert shown.reasons[0].startswith(
         f"The mean tool point lies within {point.radius_mean * 1e6:.3g} um"
     )
@@ -165,7 +165,7 @@ def test_every_radius_says_its_dimension_and_no_u_of_a_point_is_told_by_k_alone(
             assert word in shown, word
         table = statements_of(make())
         assert [one.key for one in table[:3]] == ["region_mean", "region_move", "parameters"]
-        assert {one.use.partition(":")[0] for one in table} <= {
+        assert {one.use.partition(" (")[0] for one in table} <= {
             "believed",
             "not needed",
             "refuted by a test",
