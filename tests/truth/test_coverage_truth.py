@@ -7,6 +7,7 @@ from testbed.studies import load_scenario
 from testbed.studies.coverage.settings import CoverageSettings
 from testbed.studies.coverage.study import MODELS, STUDY
 from testbed.studies.coverage.summary import cells, followed, numbers_check
+from testbed.studies.many_robots import TRUTHS
 from tests.reported import played
 from tests.sbc import evenness, prior_ranks
 
@@ -17,7 +18,7 @@ GEOMETRIC, EXTENDED = range(2)
 FULL = 200
 
 
-@pytest.fixture(scope="module", params=[12, pytest.param(FULL, marks=pytest.mark.study)])
+@pytest.fixture(scope="module", params=[8, pytest.param(FULL, marks=pytest.mark.study)])
 def campaign(request):
     return played("coverage", {"coverage.robots": request.param})
 
@@ -42,14 +43,12 @@ def share(campaign):
 def test_the_scene_has_at_least_200_robots_of_every_kind():
     coverage = load_scenario("coverage").table(CoverageSettings)
     assert coverage.robots >= 200
-    assert len(coverage.truths) == 5
+    assert coverage.truths == (*TRUTHS, "slight")
 
 
 def test_on_rigid_robots_the_geometric_model_states_what_is_true(studies, campaign):
-    cell = cells(STUDY.of(campaign))[0]
-    assert (cell.truth, cell.model, cell.statement, cell.outcome) == (
-        "rigid", "geometric", "model", "holds",
-    )  # fmt: skip
+    cell = next(c for c in cells(STUDY.of(campaign)) if c.statement == "model")
+    assert (cell.truth, cell.model, cell.outcome) == ("rigid", "geometric", "holds")
     assert cell.share.low <= 0.95 <= cell.share.high
     check = numbers_check(studies["rigid"])
     assert len(check.names) == 30
@@ -66,10 +65,11 @@ def test_where_joints_give_way_the_geometric_region_is_flagged_and_the_others_ho
     assert share[truth, "geometric", "conformal"].value >= 0.94 - slack
 
 
-def test_the_extended_model_states_what_is_true_where_it_holds_the_truth(share):
+def test_the_extended_model_states_what_is_true_where_it_holds_the_truth(share, studies):
     for truth in ("rigid", "wen2022", "soft"):
-        assert share[truth, "extended", "model"].low >= 0.90
-        assert share[truth, "extended", "model"].high <= 0.99
+        # a robot's share scatters by 0.04 about 0.95: three standard errors of the mean
+        off = 3 * 0.04 / np.sqrt(studies[truth].before.size)
+        assert abs(share[truth, "extended", "model"].value - 0.95) <= off
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -80,17 +80,30 @@ def test_the_conformal_ball_holds_whatever_the_errors_are_made_of(model, share, 
 
 def test_the_evidence_climbs_only_where_the_joints_ask_for_it(studies):
     for truth, study in studies.items():
-        climbed = study.extended.mean()
-        assert climbed < 0.1 if truth == "rigid" else climbed == 1.0
+        if truth in ("rigid", "slight"):  # what hides behind the noise calls for nothing
+            assert study.extended.mean() < 0.1
+        else:
+            assert study.extended.all()
         assert study.converged.all()
 
 
-def test_advice_followed_holds_nearly_what_it_promises(studies):
-    """Where no test can see the misfit of a robot, its model-based region is believed in vain."""
+def test_what_is_believed_holds_what_it_promises(studies):
+    """Every robot has a region, and the mean over robots of each kind is no less than promised."""
     for study in studies.values():
         shares, without = followed(study)
         assert without == 0
-        assert shares.mean() >= 0.90
+        assert shares.mean() >= 0.95
+
+
+def test_below_what_a_test_sees_only_the_believed_region_holds(studies, share):
+    """Misfit of .25 to .75 of the noise: a test sees the largest, parameters alone hold half."""
+    slight = studies["slight"]
+    assert slight.flagged[GEOMETRIC].mean() <= 0.5
+    assert share["slight", "geometric", "model"].value < 0.75
+    assert share["slight", "geometric", "region"].value >= 0.95
+    rigid = studies["rigid"]
+    # one robot in a hundred is contradicted by chance
+    assert rigid.flagged[GEOMETRIC].mean() <= max(0.02, 1 / rigid.before.size)
 
 
 @pytest.fixture(scope="module", params=[150, pytest.param(1000, marks=pytest.mark.study)])
