@@ -1,5 +1,6 @@
 """Tool-point uncertainty as a map: cells of the workspace, each with what its postures show."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,9 +8,8 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, check, frozen
 from calib.errors import refuse
-from calib.geometry.model import RobotModel
-from calib.uncertainty.discrepancy import Discrepancy
-from calib.uncertainty.tool_point import tool_statement
+from calib.uncertainty.statement.stated_point import widened
+from calib.uncertainty.tool_point import ToolStatement
 
 MOST_CELLS = 10_000_000
 BLOCK = 20_000
@@ -48,44 +48,28 @@ class ToolMap:
 
 
 def tool_map(
-    model: RobotModel,
-    q: ArrayLike,
-    covariance: ArrayLike,
-    *,
-    cell: float = 0.05,
-    discrepancy: Discrepancy | None = None,
-    target: ArrayLike | None = None,
+    regions: Callable[[Array], ToolStatement], q: ArrayLike, *, cell: float = 0.05
 ) -> ToolMap:
     """Map the tool-point uncertainty over the places that joints q (N, n) reach.
 
     Parameters
     ----------
-    model : RobotModel
-        Identified.
+    regions : callable
+        What is stated at joints (k, n), such as `Belief.regions`; a factor above the chi-square one
+        counts in u.
     q : (N, n) array_like
         Many postures, e.g. uniform within the joint limits, or a program [rad, m].
-    covariance : (P, P) array_like
-        Of the full parameter vector.
     cell : float
         Edge of the cells [m].
-    discrepancy : Discrepancy, optional
-        Added everywhere.
-    target : (3,) array_like, optional
-        Point in the tool frame that is mapped; its origin by default [m].
     """
-    (q,) = check(f"k {model.chain.n_joints}", q=q)
+    (q,) = check("k n", q=q)
     if not len(q) or not (np.isfinite(cell) and cell > 0):
         message = f"{len(q)} postures, cells of {cell} m"
         allowed = "at least one posture and an edge above zero"
         raise refuse("cell", cell, allowed, code="A3", message=message)
-    parts = [
-        tool_statement(
-            model, q[start : start + BLOCK], covariance, discrepancy=discrepancy, target=target
-        )
-        for start in range(0, len(q), BLOCK)
-    ]
+    parts = [regions(q[start : start + BLOCK]) for start in range(0, len(q), BLOCK)]
     position = np.concatenate([part.position for part in parts])
-    sigma = np.concatenate([part.covariance for part in parts])
+    sigma = np.concatenate([widened(part) for part in parts])
     where = np.floor(position / cell).astype(np.int64)
     first = where.min(axis=0)
     shape = tuple(int(n) for n in where.max(axis=0) - first + 1)

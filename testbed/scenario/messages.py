@@ -45,6 +45,9 @@ EXAMPLES = {
     "poses": "poses = 29",
     "method": 'method = "detmax"',
     "kind": 'kind = "box" or kind = "mesh"',
+    "position_um": "position_um = 100",
+    "rule": 'rule = "guarded" (a pass keeps R95 away from the limit) or rule = "simple" (no guard '
+    "band: the risk of a pass may reach about 50 %)",
 }
 """Lines that mend a missing key."""
 
@@ -101,6 +104,8 @@ def _sentence(
         return _unknown_key(path, value, file)
     if kind == "missing":
         return _missing(path, value, file)
+    if kind == "value_error" and path == ("tolerance",):
+        return _missing((*path, "rule"), value, file)
     if kind == "union_tag_not_found":
         return _missing((*path, "kind"), value, file)
     if kind == "union_tag_invalid":

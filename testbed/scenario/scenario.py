@@ -28,6 +28,7 @@ from testbed.scenario.tables import (
     TrialSettings,
     UncertaintySettings,
 )
+from testbed.scenario.tolerance import ToleranceTable
 from testbed.strict import Fault, KeyPath, PlainText, place
 
 if TYPE_CHECKING:
@@ -95,6 +96,7 @@ class Scenario(Settings):
     test: HeldOutSettings = HeldOutSettings()
     identification: IdentificationSettings = IdentificationSettings()
     uncertainty: UncertaintySettings = UncertaintySettings()
+    tolerance: ToleranceTable | None = None
     studies: StudySettings = StudySettings()
     budget: BudgetSettings = BudgetSettings()
     plan: PlanSettings

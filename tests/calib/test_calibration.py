@@ -130,7 +130,7 @@ def test_every_result_prints_as_one_line():
     noise = calib.uncertainty.RowNoise("tracker", train.covariance)
     shares = calib.uncertainty.budget(start, [noise])
     stated = calib.uncertainty.tool_statement(result.model, test.q, found.full_covariance)
-    mapped = calib.uncertainty.tool_map(result.model, test.q, found.full_covariance, cell=0.5)
+    mapped = calib.uncertainty.tool_map(lambda _: stated, test.q, cell=0.5)
     drawn = calib.uncertainty.point_spread(
         result.model, test.q, found.full_covariance, np.random.default_rng(0), draws=100
     )

@@ -39,15 +39,20 @@ def statement(seed, changes):
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_is_believed_holds_the_truth_and_what_fails_is_flagged(kind):
     told = [statement(seed, KINDS[kind]) for seed in range(CAMPAIGNS)]
-    believed = np.array([one.attained[one.names.index(one.trust.believe)] for one in told])
+    believed = np.array([one.attained[one.names.index("region")] for one in told])
     # the robot is the unit: four standard errors over campaigns
     error = believed.std(ddof=1) / np.sqrt(CAMPAIGNS)
     # 40 campaigns of honest statements leave an error of .014 to .017; a larger one must not excuse
     assert believed.mean() > max(0.95 - 4 * error, 0.95 - 4 * 0.0175)
-    flagged = np.mean([not one.trust.model_valid for one in told])
+    # a region that the truth contradicts in one campaign of a thousand: none of 40, hardly ever one
+    assert sum(one.attained[0] < one.honest for one in told) <= 1
+    moves = [one.attained[one.names.index("move")] for one in told if "move" in one.names]
+    assert not moves or np.mean(moves) > 0.95 - 4 * np.std(moves, ddof=1) / np.sqrt(len(moves))
+    flagged = np.mean([one.trust.refuted for one in told])
     if kind == "sag, geometric model":
         assert flagged >= 0.95
-        assert np.mean([one.attained[0] for one in told]) < 0.15
+        alone = [one.attained[one.names.index("parameters")] for one in told]
+        assert np.mean(alone) < 0.15
     elif kind == "unmodelled":
         # no test can see everything, but most of it
         assert flagged > 0.6

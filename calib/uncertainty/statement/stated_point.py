@@ -11,7 +11,7 @@ from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.distance import content, spread_over_directions
 from calib.uncertainty.tool_point import ToolStatement
 
-ROOM, PRECISION = 1e-5, 1e-7
+ROOM, PRECISION = 1e-5, 1e-6
 """Of the search for a radius, as part of it: content is computed to 1e-6."""
 
 

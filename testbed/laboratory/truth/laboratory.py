@@ -131,9 +131,12 @@ class Laboratory(Bench):
         """Measure pool poses by index (m,)."""
         return self.measure(self.pool_q[indices], indices, *names, repeat=repeat, start=start)
 
-    def held_out(self, q: Array) -> Array:
-        """True poses (m, 4, 4) without scatter at held-out joints q (m, n) [m]."""
-        return held_out_poses(self.truth, self.scenario, q)
+    def held_out(self, q: Array, *, rng: np.random.Generator | None = None) -> Array:
+        """True poses (m, 4, 4) at held-out joints q (m, n) [m]; single moves end there with `rng`.
+
+        Without it they have no scatter.
+        """
+        return held_out_poses(self.truth, self.scenario, q, rng=rng)
 
     def with_poses(self, pool_q: Array, test_q: Array) -> Self:
         """The same laboratory with other candidates (N, n) and held-out poses (t, n)."""
@@ -191,10 +194,15 @@ def validation_start(scenario: Scenario) -> float:
     return scenario.tracker.pose_s * poses * rounds_per_visit(scenario)
 
 
-def held_out_poses(truth: TrueRobot, scenario: Scenario, q: Array) -> Array:
-    """True poses (m, 4, 4) without scatter at q (m, n), visited in turn after the trials [m]."""
+def held_out_poses(
+    truth: TrueRobot, scenario: Scenario, q: Array, *, rng: np.random.Generator | None = None
+) -> Array:
+    """True poses (m, 4, 4) at q (m, n), visited in turn after the trials; without `rng` no scatter.
+
+    In meters.
+    """
     time, previous = journey(q, validation_start(scenario), scenario.tracker.pose_s)
-    return truth.poses(q, time=time, previous=previous)
+    return truth.poses(q, rng=rng, time=time, previous=previous)
 
 
 def make_setting(scenario: Scenario) -> Setting:

@@ -3,7 +3,7 @@
 This module, `replication` and `population` judge; with the simulator they alone look at the truth.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -181,14 +181,25 @@ def held_by_repeats(setting: Setting, estimate: Estimate) -> tuple[Bool, Bool]:
 
 
 def attained(
-    validation: Validation, regions: Sequence[ToolStatement], radius: float | None
+    validation: Validation, regions: Mapping[str, ToolStatement], radius: float | None
 ) -> Array:
     """Share (w,) of the true points at the judging poses that each statement holds.
 
-    `radius` [m] is that of a ball about the first one's points; None without a ball.
+    The region of one move is asked for where single moves end. `radius` [m] is that of a ball about
+    the predicted points; None without a ball.
     """
-    true = validation.judge_true
-    shares = [float(region.holds(true).mean()) for region in regions]
+    true, moved = validation.judge_true, validation.judge_moved
+    shares = [
+        float(region.holds(moved if name == "move" else true).mean())
+        for name, region in regions.items()
+    ]
     if radius is not None:
-        shares.append(float((point_distances(true, regions[0].position) <= radius).mean()))
+        position = regions["parameters"].position
+        shares.append(float((point_distances(true, position) <= radius).mean()))
     return np.array(shares)
+
+
+def held_by(region: ToolStatement | None, setting: Setting) -> Bool:
+    """Whether (t,) each true held-out tool point lies in its region; none without a region."""
+    true = target_points(setting.test_true, setting.target)
+    return np.zeros(len(true), dtype=bool) if region is None else region.holds(true)

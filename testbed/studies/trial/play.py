@@ -5,6 +5,8 @@ same poses K times with fresh noise; every replication states its intervals and 
 the trials stands the validation visit, with the judging poses.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.special import bdtr, chdtri
 
@@ -41,7 +43,7 @@ from testbed.streams import stream
 from testbed.studies.trial.compare import INTERVAL, compare, target_prediction, true_step
 from testbed.studies.trial.estimator import Estimator, estimator_for
 from testbed.studies.trial.records import Estimate, Replications, Trial
-from testbed.studies.trial.statement.records import Validation
+from testbed.studies.trial.statement.records import Statement, Validation
 from testbed.studies.trial.statement.state import state
 
 
@@ -134,7 +136,11 @@ def estimate(
         repeated=repeated,
         type_a=type_a(repeated).standard,
         comparison=compare(bench.setting, first, visits[0], truth, systematic=systematic),
-        replications=None if shared else replicate(bench, estimator, first, visits[0], truth, name),
+        replications=(
+            None
+            if shared
+            else replicate(bench, estimator, first, visits[0], truth, name, statement)
+        ),
         statement=statement,
     )
 
@@ -151,8 +157,12 @@ def replicate(
     visited: Measurements,
     truth: Array,
     name: str,
+    statement: Statement | None = None,
 ) -> Replications | None:
     """Replicate the calibration of one trial; None if the scenario asks for none.
+
+    What is believed of the first visit is judged as a region of that size about each replicated
+    point: the proof behind it is not repeated.
 
     Nor are fits with a prior replicated: one robot's repeats cannot show what a prior is worth.
     """
@@ -163,6 +173,9 @@ def replicate(
     # each pose once, in the order in which it was visited first
     once = np.sort(np.unique(visited.pose_id, return_index=True)[1])
     q, pose_id = visited.q[once], visited.pose_id[once]
+    believed = None
+    if statement is not None and statement.belief is not None:
+        believed = statement.belief.regions(setting.test_q, target=setting.target)
     played = []
     for k in range(count):
         seen = bench.measure(q, pose_id, "replication", name, repeat=k)
@@ -173,14 +186,16 @@ def replicate(
         nees = float(mahalanobis_squared(found.step - truth, found.covariance))
         held = inside(p_true - point, covariance[:, :3, :3])
         error = point_distances(p_true, point)
-        played.append((found.step, found.standard_uncertainty, nees, error, held))
+        again = held if believed is None else replace(believed, position=point).holds(p_true)
+        played.append((found.step, found.standard_uncertainty, nees, error, held, again))
     f = len(truth)
-    steps, stated, all_nees, errors, hits = map(np.array, zip(*played, strict=True))
+    steps, stated, all_nees, errors, hits, again = map(np.array, zip(*played, strict=True))
     return Replications(
         count=count,
         nees=all_nees,
         parameter_coverage=(np.abs(steps - truth) <= INTERVAL * stated).mean(axis=0),
         tool_coverage=hits.mean(axis=0),
+        region_coverage=None if believed is None else again.mean(axis=0),
         sd_ratio=stated.mean(axis=0) / steps.std(axis=0, ddof=1),
         mean_error=errors.mean(axis=1),
         nees_band=chi_square_mean_band(f, count),
@@ -220,6 +235,7 @@ def validation_visit(scenario: Scenario, setting: Setting) -> Validation:
         size=JUDGES,
         exclude=np.concatenate([setting.pool_q, setting.test_q]),
     )
+    moves = stream(scenario.seed, "validation", "moves")
     time, previous = journey(setting.test_q, start, bench.tracker.pose_time)
     budget = truth_budget(
         bench.robot, scenario.truth, scenario.seed, setting.test_q, time=time, previous=previous
@@ -228,6 +244,7 @@ def validation_visit(scenario: Scenario, setting: Setting) -> Validation:
         seen=seen,
         judge_q=judges.q,
         judge_true=target_points(bench.held_out(judges.q), setting.target),
+        judge_moved=target_points(bench.held_out(judges.q, rng=moves), setting.target),
         terms=budget.names,
         term_rms=budget.rms_mm / 1e3,
         together_rms=budget.together_rms_mm / 1e3,

@@ -1,7 +1,7 @@
 """The figures of uncertainty: stated beside true, the budget, and the tool point over the room."""
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from testbed.report.svg import DARK, INK, MIDDLE, SOFT, drawing, svg_of
 from testbed.studies.trial.compare import INTERVAL
 from testbed.studies.trial.plots import LOOKS, NAMES
 from testbed.studies.trial.records import Campaign, Trial
-from testbed.studies.trial.statement.records import Statement
+from testbed.studies.trial.statement.records import Statement, sums_of
 from testbed.units import MM, UM
 
 if TYPE_CHECKING:
@@ -74,24 +74,20 @@ CELL = 0.1
 
 
 def budget_bars(statements: list[tuple[str, Statement]]) -> str:
-    """One bar per source and trial, the combined u and the discrepancy below them."""
+    """One bar per source and trial, the sums below them, the discrepancy open."""
     names = list(dict.fromkeys(name for _, statement in statements for name in statement.sources))
-    labels = [*names, "combined", "discrepancy"]
+    sums = [sums_of(statement) for _, statement in statements]
+    below = [name for name in BUDGET_SUMS if any(name in one for one in sums)]
+    labels = [*names, *below]
     with drawing(1, len(statements), height=0.75 + 0.2 * len(labels), sharey=True, sharex=True) as (
         figure,
         axes,
     ):
-        for ax, (title, statement) in zip(axes, statements, strict=True):
-            known = dict(zip(statement.sources, statement.source_u * UM, strict=True))
-            values = [known.get(name, 0.0) for name in names]
-            ax.barh(range(len(names)), values, color=DARK, height=0.62)
-            ax.barh([len(names)], [statement.combined_u * UM], color=INK, height=0.62)
-            discrepancy = 0.0 if np.isnan(statement.discrepancy_u) else statement.discrepancy_u * UM
-            ax.barh(
-                [len(names) + 1], [discrepancy], facecolor="none", edgecolor=MIDDLE, hatch="////",
-                height=0.62,
-            )  # fmt: skip
-            for k, value in enumerate([*values, statement.combined_u * UM, discrepancy]):
+        for ax, (title, statement), own in zip(axes, statements, sums, strict=True):
+            known = dict(zip(statement.sources, statement.source_u.tolist(), strict=True)) | own
+            for k, name in enumerate(labels):
+                value = UM * known.get(name, 0.0)
+                ax.barh([k], [value], height=0.62, **bar_look(name))
                 label(ax, f"{value:.3g}", (value, k), (3, 0), size=7, va="center", color=SOFT)
             ax.set_yticks(range(len(labels)), labels)
             ax.set(title=title, xlabel="u [µm]")
@@ -102,21 +98,35 @@ def budget_bars(statements: list[tuple[str, Statement]]) -> str:
         return svg_of(figure)
 
 
+BUDGET_SUMS = (
+    "parameters alone", "noise beyond the stated", "drift", "misfit that may hide", "believed",
+    "discrepancy",
+)  # fmt: skip
+"""Bars below those of the sources."""
+
+
+def bar_look(name: str) -> dict[str, Any]:
+    """Sums are dark, and what is no part of them is open."""
+    if name == "discrepancy":
+        return {"facecolor": "none", "edgecolor": MIDDLE, "hatch": "////"}
+    return {"color": INK if name in ("parameters alone", "believed") else DARK}
+
+
 def tool_maps(campaign: Campaign, trial: Trial) -> str:
-    """u_3D of the tool point over the pool's work space, from above and from the side."""
+    """Believed u_3D of the tool point over the pool's work space, from above and from the side."""
     from matplotlib import colormaps
 
-    estimate = next(e for e in trial.estimates if e.statement is not None)
-    result, statement = estimate.identification, estimate.statement
-    assert statement is not None, "chosen because it has one"
-    target = campaign.setting.target
+    (belief,) = (
+        one.statement.belief
+        for one in trial.estimates
+        if one.statement is not None and one.statement.belief is not None
+    )
+    q = campaign.setting.pool_q
+    reached = q[belief.proven.applies(q).place != "outside"]
     made = tool_map(
-        result.model,
-        campaign.setting.pool_q,
-        replace(result, covariance=result.covariance + statement.systematic).full_covariance,
+        partial(belief.regions, target=campaign.setting.target),
+        reached if len(reached) else q,
         cell=CELL,
-        discrepancy=None if statement.trust.model_valid else statement.discrepancy,
-        target=target if target.any() else None,
     )
     x, y, z = (edges(made.corner[k], made.count.shape[k]) for k in range(3))
     square: Array = np.where(made.count > 0, made.mean**2, 0.0) * made.count

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib.uncertainty.statement.stated_point import widened
 from testbed.recording import curves, style
 from testbed.recording.cell import draw_box, draw_station
 from testbed.recording.pen import Pen
@@ -165,15 +166,18 @@ def _identify(shown: ShownTrial) -> Chapter:
 def _evaluate(shown: ShownTrial) -> Chapter:
     """Held-out errors, before and after, and the stated ones [mm]."""
     judged = shown.estimate.comparison
-    held, count = int(judged.inside.sum()), len(judged.inside)
+    held, count = int(shown.estimate.inside.sum()), len(shown.estimate.inside)
+    believed = shown.estimate.belief is not None
+    whose = "believed" if believed else "the fit's, not believed:"
+    one_move = ("- lines around them: where 95 % of single moves end",) if shown.moved else ()
 
     def draw(pen: Pen, phase: Phase) -> None:
         cell.draw_held_out(shown, pen, phase)
-        stated = np.sqrt(np.trace(judged.covariance[:, :3, :3], axis1=1, axis2=2))
+        stated = np.sqrt(np.trace(widened(shown.stated), axis1=1, axis2=2))
         curves.draw_curve(pen, "evaluate/before", phase, judged.before * 1e3, style.RED)
         curves.draw_curve(pen, "evaluate/after", phase, judged.after * 1e3, style.GREEN)
         curves.draw_curve(
-            pen, "evaluate/stated", phase, stated * 1e3, style.STATED_COLOR, "stated rms"
+            pen, "evaluate/stated", phase, stated * 1e3, style.STATED_COLOR, "stated u, 3-D, k = 1"
         )
 
     return Chapter(
@@ -184,9 +188,10 @@ def _evaluate(shown: ShownTrial) -> Chapter:
         text=(
             f"#### 4 Evaluate: {count} held-out poses",
             f"- red, green: error before and after, both drawn {shown.arrows} times",
-            f"- ellipsoids: stated 95 % regions, drawn {shown.regions} times, "
-            "with the error as a thin arrow; blue holds the truth, orange does not",
+            f"- ellipsoids: {whose} 95 % regions of the mean tool point, drawn {shown.regions} "
+            "times, with the error as a thin arrow; blue holds the truth, orange does not",
             f"- {held} of {count} regions hold the truth",
+            *one_move,
             f"- ghost: what is left of the deviation, drawn {shown.ghost} times",
         ),
         draw=draw,
@@ -209,7 +214,7 @@ def summary(campaign: Campaign, verdict: str) -> str:
     for trial in trials:
         for estimate in trial.estimates:
             judged, found = estimate.comparison, estimate.identification
-            held = f"{int(judged.inside.sum())}/{len(judged.inside)}"
+            held = f"{int(estimate.inside.sum())}/{len(estimate.inside)}"
             ratio = found.chi_square / found.dof if found.dof > 0 else np.nan
             lines.append(
                 f"| {trial.name} | {estimate.mode} "
@@ -219,7 +224,8 @@ def summary(campaign: Campaign, verdict: str) -> str:
             )
     lines += [
         "",
-        "before, after: mean error on held-out poses [mm]; 95 %: regions that hold the truth",
+        "before, after: mean error on held-out poses [mm]; 95 %: believed regions that hold the "
+        "truth (paper: of the covariance of its fit)",
         "",
         f"shown: {trials[0].name}, {trials[0].estimates[0].mode}",
     ]

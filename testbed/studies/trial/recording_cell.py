@@ -13,7 +13,8 @@ from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from calib.measurement.accuracy import point_distances, target_points
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import targets
-from calib.uncertainty.regions import ellipsoid
+from calib.uncertainty.regions import coverage_factor
+from calib.uncertainty.tool_point import ToolStatement
 from testbed.laboratory.truth.laboratory import Setting
 from testbed.recording import style
 from testbed.recording.cell import draw_arm, draw_beam, draw_station
@@ -31,6 +32,7 @@ ANCHOR_COLOR = (110, 70, 150)
 REGION_SIZE = 0.07
 """Longest drawn error or semi-axis of a stated region [m]."""
 INSIDE_COLOR, OUTSIDE_COLOR = (66, 112, 214, 120), (238, 136, 28, 150)
+MOVE_COLOR = (60, 66, 76, 160)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,6 +48,11 @@ class ShownTrial:
     """Errors, before and after."""
     regions: int
     """Stated regions, and the errors that are drawn in them."""
+    stated: ToolStatement
+    """Regions of the mean tool point at the held-out poses: those believed, else by the covariance
+    of the fit."""
+    moved: ToolStatement | None
+    """The same of where one move ends; None where nothing tells."""
 
 
 def show(setting: Setting, trial: Trial) -> ShownTrial:
@@ -55,7 +62,9 @@ def show(setting: Setting, trial: Trial) -> ShownTrial:
     seen = seen_places(estimate.identification.model, trial.measurements)
     away = point_distances(seen, predicted_places(setting.nominal, trial.measurements))
     before = max(float(judged.before.max()), float(away.max()))
-    axes, _ = ellipsoid(judged.covariance[:, :3, :3])
+    stated, moved = stated_regions(setting, estimate)
+    widest = stated if moved is None else moved
+    axes, _ = widest.region
     return ShownTrial(
         setting,
         trial,
@@ -63,7 +72,22 @@ def show(setting: Setting, trial: Trial) -> ShownTrial:
         ghost=style.nice_factor(GHOST_SIZE, float(judged.before.mean())),
         arrows=style.nice_factor(style.ARROW_SIZE, before),
         regions=style.nice_factor(REGION_SIZE, max(float(judged.after.max()), float(axes.max()))),
+        stated=stated,
+        moved=moved,
     )
+
+
+def stated_regions(
+    setting: Setting, estimate: Estimate
+) -> tuple[ToolStatement, ToolStatement | None]:
+    """Regions at the held-out poses of the mean of many moves, and of one move where stated."""
+    q, target, belief = setting.test_q, setting.target, estimate.belief
+    if belief is None:
+        judged = estimate.comparison
+        at = target_points(setting.test_true, target) - judged.error
+        return ToolStatement(at, judged.covariance[:, :3, :3], coverage_factor(3), 0.95), None
+    mean, sd = belief.regions(q, target=target), setting.joint_repeatability
+    return mean, belief.regions(q, target=target, repeatability=sd) if sd.any() else None
 
 
 def known(timeline: Timeline) -> Array:
@@ -234,16 +258,16 @@ def _placed(T: Array, points: Array) -> Array:
 
 
 def draw_held_out(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
-    """Held-out poses: true minus nominal, true minus identified, and the stated 95 % regions.
+    """Held-out poses: true minus nominal, true minus identified, and the believed 95 % regions.
 
     Before and after share one factor. Regions have a larger one, and so have the errors drawn from
     their centers: an arrow ends inside its ellipsoid exactly where the record says so.
     """
     import rerun as rr
 
-    judged, setting = shown.estimate.comparison, shown.setting
+    setting = shown.setting
     true = target_points(setting.test_true, setting.target)
-    nominal, stated = tracked(setting, setting.test_q), true - judged.error
+    nominal, stated = tracked(setting, setting.test_q), shown.stated.position
     root, few, many = "world/held_out", shown.arrows, shown.regions
     arrows = {
         f"{root}/before_x{few}": (nominal, few, style.BEFORE_COLOR, 0.0024),
@@ -252,16 +276,20 @@ def draw_held_out(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
     }
     for path, (origin, times, color, radius) in arrows.items():
         pen.grow_arrows(path, phase, origin, times * (true - origin), color, radius)
-    path = f"{root}/region_95_x{many}"
-    axes, turn = ellipsoid(judged.covariance[:, :3, :3])
-    colors = np.where(judged.inside[:, None], INSIDE_COLOR, OUTSIDE_COLOR)
-    regions: dict[str, Array] = {
-        "centers": stated,
-        "half_sizes": many * axes,
-        "quaternions": quaternion_wxyz(turn)[:, [1, 2, 3, 0]],
-        "colors": np.asarray(colors.astype(np.uint8)),
-    }
-    pen.grow(path, phase, rr.Ellipsoids3D, regions, {"fill_mode": "solid"})
+    colors = np.where(shown.estimate.inside[:, None], INSIDE_COLOR, OUTSIDE_COLOR)
+    drawn = [(f"{root}/region_95_x{many}", shown.stated, colors, "solid")]
+    if shown.moved is not None:
+        lines = np.broadcast_to(MOVE_COLOR, colors.shape)
+        drawn.append((f"{root}/one_move_95_x{many}", shown.moved, lines, "majorwireframe"))
+    for path, statement, own, fill in drawn:
+        axes, turn = statement.region
+        regions: dict[str, Array] = {
+            "centers": statement.position,
+            "half_sizes": many * axes,
+            "quaternions": quaternion_wxyz(turn)[:, [1, 2, 3, 0]],
+            "colors": np.asarray(own.astype(np.uint8)),
+        }
+        pen.grow(path, phase, rr.Ellipsoids3D, regions, {"fill_mode": fill})
     leaves = pen.timeline.moves_on(phase.stop)
     if leaves is not None:
-        pen.clear(leaves, *arrows, path)
+        pen.clear(leaves, *arrows, *(path for path, *_ in drawn))

@@ -1,7 +1,8 @@
 """What a campaign leaves behind: frozen records, each kept in its own file; nothing is computed.
 
 Everything that knows the truth says so in its name or docstring; planning and identification never
-see these fields. Of a statement only `attained` does: all else comes from what the tracker saw.
+see these fields. Of a statement only `attained` and `inside` do: all else comes from what the
+tracker saw.
 """
 
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from calib.information.observability import Observability
 from calib.information.propagation import point_uncertainty
 from calib.measurement.accuracy import Accuracy
 from calib.measurement.observations import Measurements
+from calib.uncertainty.statement.belief import Belief
 from testbed.laboratory.truth.laboratory import Setting
 from testbed.scenario.scenario import Scenario
 from testbed.studies.protocol import Records
@@ -38,9 +40,9 @@ class Comparison:
     error: Annotated[Array, "t", 3]
     """(t, 3) held-out position error vector, true minus identified, world axes [m]."""
     covariance: Annotated[Array, "t", 6, 6]
-    """(t, 6, 6) stated covariance of the predicted tool pose [m, rad]."""
+    """(t, 6, 6) covariance of the predicted tool pose by the parameters alone [m, rad]."""
     inside: Annotated[Bool, "t"]
-    """(t,) true tool point inside the stated 95 % region."""
+    """(t,) true tool point inside the 95 % region of that covariance."""
     identification_before: Accuracy
     """Position error at the identification poses, nominal model against what was measured [m]."""
     identification_after: Accuracy
@@ -58,7 +60,7 @@ class Comparison:
 
     @property
     def stated_u(self) -> float:
-        """Stated 3-D standard uncertainty of the tool point, RMS over the held-out poses [m]."""
+        """3-D standard uncertainty by the parameters alone, RMS over the held-out poses [m]."""
         return float(np.sqrt(np.mean(point_uncertainty(self.covariance) ** 2)))
 
 
@@ -72,7 +74,11 @@ class Replications:
     parameter_coverage: Annotated[Array, "f"]
     """(f,) share of replications whose 95 % interval holds the true value."""
     tool_coverage: Annotated[Array, "t"]
-    """(t,) share of replications whose 95 % region holds the true tool point, per held-out pose."""
+    """(t,) share of replications whose 95 % region by the parameters alone holds the true tool
+    point, per held-out pose."""
+    region_coverage: Annotated[Array, "t"] | None
+    """(t,) the same of regions about the replicated points, as large as the one that was believed
+    of the first visit; None where none was."""
     sd_ratio: Annotated[Array, "f"]
     """(f,) mean stated over empirical sd: 1 for an honest statement."""
     mean_error: Annotated[Array, "K"]
@@ -100,6 +106,25 @@ class Estimate:
     stated: a prior, or what the tracker gets wrong all campaign long."""
     statement: Statement | None = None
     """What to believe and why; only for the default estimator."""
+
+    @property
+    def belief(self) -> Belief | None:
+        """What is believed of the tool point; None where nothing is."""
+        return None if self.statement is None else self.statement.belief
+
+    @property
+    def inside(self) -> Bool:
+        """(t,) true held-out tool point inside what is believed, else by the fit's covariance."""
+        if self.statement is None or self.statement.belief is None:
+            return self.comparison.inside
+        return self.statement.inside
+
+    @property
+    def stated_u(self) -> float:
+        """3-D standard uncertainty of the mean tool point that is believed, else of the fit [m]."""
+        if self.statement is None or self.statement.point is None:
+            return self.comparison.stated_u
+        return self.statement.point.u_mean
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -41,8 +41,8 @@ def headline_table(campaign: Campaign) -> Table:
                     set_in_words(trial) if k == 0 else "",
                     SHORT[estimate.mode],
                     *_statistics(seen.accuracy_after),
-                    millimetres(seen.stated_u, 2),
-                    percent(float(seen.inside.mean())),
+                    millimetres(estimate.stated_u, 2),
+                    percent(float(estimate.inside.mean())),
                     significant(found.chi_square / found.dof, 3) if tested(found) else NONE,
                     probability(found.p_value) if tested(found) else NONE,
                     significant(found.reduction.condition, 3),
@@ -53,21 +53,21 @@ def headline_table(campaign: Campaign) -> Table:
             )
     return Table(
         caption=f"Tool position error on {counted(len(first.before), 'held-out pose')} against the "
-        "noise-free truth, and what the covariance of the fit states",
+        "noise-free truth, and what is stated of it",
         head=heads(
-            "trial, pose set, estimator, mean mm, rms mm, p95 mm, max mm, u of fit mm, "
-            "inside its 95 %, χ²/dof, p, cond., rank, NEES, believe"
+            "trial, pose set, estimator, mean mm, rms mm, p95 mm, max mm, u mm, "
+            "inside 95 %, χ²/dof, p, cond., rank, NEES, believe"
         ),
         rows=tuple(rows),
         align="lllrrrrrrrrrrrl",
         strong=(1,),
         size="small",
-        note="mean, rms, p95, max: distance between true and predicted tool point. u of fit: root "
-        "mean square over the held-out poses of the 3-D standard uncertainty (k = 1) by the "
-        "covariance of the fit; of the paper's unweighted rows it is s² = RSS / (12 m − f) times "
-        "the inverse normal matrix, which the paper does not state (it states the scatter of "
-        "repeats, type A, judged below). inside its 95 %: share of held-out poses whose true tool "
-        "point lies in the 95 % ellipsoid of that covariance. χ²/dof "
+        note="mean, rms, p95, max: distance between true and predicted tool point. u: 3-D standard "
+        "uncertainty (k = 1) of the mean tool point, root mean square over the held-out poses, as "
+        "it is believed: a misfit that may hide is in it. Of the paper's unweighted rows it is "
+        "s² = RSS / (12 m − f) times the inverse normal matrix, which the paper does not state (it "
+        "states the scatter of repeats, type A, judged below). inside 95 %: share of held-out "
+        "poses whose true tool point lies in the 95 % region (3-D) of that kind. χ²/dof "
         "and p: residuals against the stated noise (p < 0.001 is an alarm). cond.: of the scaled "
         "Jacobian of the kept parameters, each estimator in its own rows. rank: parameters "
         "estimated. NEES: squared parameter error in units of the stated covariance; expected "
@@ -146,18 +146,21 @@ def belief_section(campaign: Campaign) -> Section:
     rows = [_belief_row(campaign, trial, estimate) for trial, estimate in campaign.estimates]
     said = [intervals_in_words(trial, estimate) for trial, estimate in campaign.estimates]
     table = Table(
-        caption="Stated 95 % intervals and regions against the truth",
+        caption="95 % intervals and regions against the truth",
         head=heads(
             "trial, estimator, type A: parameters inside, type A: tool points inside, "
             "fit: parameters inside, fit: tool points inside, replications, mean NEES / rank, "
-            "honest band, parameter coverage, tool coverage, stated / true sd"
+            "honest band, parameter coverage, tool coverage, stated / true sd, "
+            "believed: tool coverage"
         ),
         rows=tuple(rows),
-        align="llrrrrrrrrrr",
+        align="llrrrrrrrrrrr",
         size="small",
         note="type A: stated is the scatter of repeated calibrations, with independent numbers, as "
-        "in Wen et al. 2022. fit: stated is the covariance of the fit, for the paper's estimator "
-        "that of unweighted rows, which the paper does not state; so are all columns behind. "
+        "in Wen et al. 2022. fit: stated is the covariance of the fit, the parameters alone, for "
+        "the paper's estimator that of unweighted rows, which the paper does not state; so are all "
+        "columns behind but the last: regions as large as the believed one, about each replicated "
+        "point. "
         "parameters and tool points inside: this one calibration (one robot, one noise draw; "
         "its poses share one parameter error, so the share may be far from 95 % by chance). "
         "Replications measure and identify the same poses again with fresh noise. honest band: "
@@ -176,7 +179,7 @@ def belief_section(campaign: Campaign) -> Section:
             plots_uncertainty.parameter_errors(campaign.trials[0]),
         )
     )
-    return Section("belief", "Can the stated uncertainty be believed?", tuple(blocks))
+    return Section("belief", "What the truth says of intervals and regions", tuple(blocks))
 
 
 def _belief_row(campaign: Campaign, trial: Trial, estimate: Estimate) -> tuple[str, ...]:
@@ -187,7 +190,7 @@ def _belief_row(campaign: Campaign, trial: Trial, estimate: Estimate) -> tuple[s
     held = (f"{int(hits.sum())} of {len(hits)}" for hits in inside)
     here = (trial.name, SHORT[estimate.mode], *held)
     if played is None:
-        return (*here, "0", *[NONE] * 5)
+        return (*here, "0", *[NONE] * 6)
     low, high = played.nees_band / f
     covered = played.parameter_coverage
     return (
@@ -198,6 +201,7 @@ def _belief_row(campaign: Campaign, trial: Trial, estimate: Estimate) -> tuple[s
         span(covered),
         percent(float(played.tool_coverage.mean())),
         f"{fixed(float(played.sd_ratio.min()), 2)} to {fixed(float(played.sd_ratio.max()), 2)}",
+        NONE if played.region_coverage is None else percent(float(played.region_coverage.mean())),
     )
 
 
@@ -212,7 +216,10 @@ def intervals_in_words(trial: Trial, estimate: Estimate) -> str:
     played = estimate.replications
     if played is None:
         share = percent(float(estimate.comparison.inside.mean()))
-        return f"{who}: no replications were played; {share} of the held-out points lie inside."
+        return (
+            f"{who}: no replications were played; {share} of the held-out points lie inside the "
+            "regions of the parameters alone."
+        )
     low, high = played.coverage_band
     names, covered = estimate.identification.names, played.parameter_coverage
     worst = np.argsort(covered, kind="stable")
@@ -222,8 +229,8 @@ def intervals_in_words(trial: Trial, estimate: Estimate) -> str:
     honest = nees_low <= played.nees.mean() <= nees_high
     if not below and not above and honest:
         return (
-            f"{who}: the intervals hold. Every parameter's 95 % interval held the truth in "
-            f"{span(covered)} of replications (an honest one stays within "
+            f"{who}: the intervals of the parameters hold. Every parameter's 95 % interval held "
+            f"the truth in {span(covered)} of replications (an honest one stays within "
             f"{span(played.coverage_band)})."
         )
     said = []
@@ -238,4 +245,4 @@ def intervals_in_words(trial: Trial, estimate: Estimate) -> str:
             f"mean NEES {significant(float(played.nees.mean()), 3)} instead of "
             f"{significant(float(nees_low), 3)} to {significant(float(nees_high), 3)}"
         )
-    return f"{who}: the intervals fail: {'; '.join(said)}."
+    return f"{who}: the intervals of the parameters fail: {'; '.join(said)}."

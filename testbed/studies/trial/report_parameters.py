@@ -27,8 +27,9 @@ def parameter_section(campaign: Campaign) -> Section:
     blocks: list[Block] = [
         Text(
             "Angles in deg, lengths in mm. Values are rounded to the second digit of their own "
-            "standard uncertainty. error = true minus identified. U = 2 u (k = 2) by the "
-            "covariance of the fit; s: scatter of repeated calibrations (type A, what Wen et al. "
+            "standard uncertainty. error = true minus identified. U = 2 u, which holds one number "
+            "with 95.4 % probability if the model lacks nothing (1-D, k = 2), by the covariance of "
+            "the fit; s: scatter of repeated calibrations (type A, what Wen et al. "
             "2022 state). inside: the true value lies in the 95 % interval of the one or the "
             "other. Base and tool rows are displacements "
             "from the nominal frame, along and about its own axes. The true column is the truth "
@@ -92,7 +93,7 @@ def parameter_table(nominal: RobotModel, trial: Trial, estimate: Estimate) -> Ta
         f"{int(seen.parameter_inside.sum())} of {len(rows)} inside by the fit's covariance, "
         f"{int(held.sum())} by the scatter of repeats (type A)",
         head=heads(
-            "parameter, unit, nominal, identified, true, error, U of fit (k = 2), "
+            "parameter, unit, nominal, identified, true, error, U of fit (1-D: 95.4 %), "
             f"s of {counted(len(estimate.repeated), 'repeat')}, inside fit, inside type A"
         ),
         rows=tuple(rows),

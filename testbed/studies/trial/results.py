@@ -2,10 +2,19 @@
 
 import numpy as np
 
+from calib.arrays import Array
 from calib.measurement.accuracy import Accuracy
+from calib.uncertainty.statement.stated_point import widened
 from testbed.store.quantities import METRE, RADIAN, Quantity, below, fields_of, in_si
+from testbed.studies.trial import decisions
 from testbed.studies.trial.records import Campaign, Estimate, Trial
-from testbed.studies.trial.statement.records import LEVEL, Statement, Validation
+from testbed.studies.trial.statement.records import (
+    BELIEVED,
+    LEVEL,
+    Statement,
+    Validation,
+    sums_of,
+)
 from testbed.studies.trial.verdict import judge
 
 
@@ -20,7 +29,7 @@ def published(campaign: Campaign) -> list[Quantity]:
         *below("truth_budget", truth_headline(campaign.validation)),
     ]
     for trial in campaign.trials:
-        found += below(f"trials/{trial.name}", _trial(trial))
+        found += below(f"trials/{trial.name}", _trial(campaign, trial))
     if campaign.pose_count is not None:
         for name, poses in zip(("O1", "O2"), campaign.pose_count.chosen, strict=True):
             found.append(Quantity(f"pose_count/{name}_poses", poses))
@@ -68,6 +77,8 @@ def published_arrays(campaign: Campaign) -> list[Quantity]:
             found[f"{key}/test_covariance"] = judged.covariance
             if estimate.statement is not None:
                 found[f"{key}/validation_error_xyz_m"] = estimate.statement.held_out.error
+                found[f"{key}/test_inside_believed"] = estimate.statement.inside
+                found |= _regions(campaign, estimate.statement, key)
             if estimate.replications is not None:
                 found[f"{key}/replicated_nees"] = estimate.replications.nees
                 found[f"{key}/replicated_coverage"] = estimate.replications.parameter_coverage
@@ -77,7 +88,16 @@ def published_arrays(campaign: Campaign) -> list[Quantity]:
     return in_si(found)
 
 
-def _trial(trial: Trial) -> list[Quantity]:
+def _regions(campaign: Campaign, statement: Statement, key: str) -> dict[str, object]:
+    """Covariances of the believed regions at the held-out poses, their factor in them."""
+    belief, setting = statement.belief, campaign.setting
+    if belief is None:
+        return {}
+    mean = belief.regions(setting.test_q, target=setting.target)
+    return {f"{key}/test_believed_covariance": widened(mean)}
+
+
+def _trial(campaign: Campaign, trial: Trial) -> list[Quantity]:
     """Headline of one trial."""
     found = [
         Quantity("poses", len(trial.selection.indices)),
@@ -87,7 +107,8 @@ def _trial(trial: Trial) -> list[Quantity]:
         Quantity("criterion_value", trial.selection.value),
     ]
     for estimate in trial.estimates:
-        found += below(f"estimates/{estimate.mode}", _estimate(trial, estimate))
+        figures = [*_estimate(trial, estimate), *decisions.published(campaign, estimate)]
+        found += below(f"estimates/{estimate.mode}", figures)
     return found
 
 
@@ -110,8 +131,10 @@ def _estimate(trial: Trial, estimate: Estimate) -> list[Quantity]:
         *_accuracy("at_measured_before", seen.identification_before),
         *_accuracy("at_measured_after", seen.identification_after),
         Quantity("held_out_rotation_after_mean_deg", seen.rotation_after.mean(), RADIAN),
-        Quantity("stated_u_3d_rms_mm", seen.stated_u, METRE),
-        Quantity("held_out_inside_95", seen.inside.mean()),
+        Quantity("stated_u_3d_rms_mm", estimate.stated_u, METRE),
+        Quantity("held_out_inside_95", estimate.inside.mean()),
+        Quantity("parameters_alone_u_3d_rms_mm", seen.stated_u, METRE),
+        Quantity("held_out_inside_parameters_alone", seen.inside.mean()),
         Quantity("parameters_inside_95", seen.parameter_inside.mean()),
         Quantity("nees", seen.nees),
     ]
@@ -124,6 +147,7 @@ def _estimate(trial: Trial, estimate: Estimate) -> list[Quantity]:
             Quantity("replications/parameter_coverage_mean", played.parameter_coverage.mean()),
             Quantity("replications/parameter_coverage_min", played.parameter_coverage.min()),
             Quantity("replications/tool_coverage_mean", played.tool_coverage.mean()),
+            *_mean("replications/region_coverage_mean", played.region_coverage),
             Quantity("replications/sd_ratio_min", played.sd_ratio.min()),
             Quantity("replications/sd_ratio_max", played.sd_ratio.max()),
         ]
@@ -139,7 +163,8 @@ def _accuracy(name: str, a: Accuracy) -> list[Quantity]:
 def statement_headline(statement: Statement) -> list[Quantity]:
     """What may be believed of one calibration, with its figures."""
     held_out, lack, played = statement.held_out, statement.lack_of_fit, statement.bootstrap
-    evidence, discrepancy = statement.log_evidence, statement.discrepancy_u
+    evidence = statement.log_evidence
+    sources = dict(zip(statement.sources, statement.source_u, strict=True))
     out = [
         Quantity("model/chosen", statement.model),
         Quantity("model/sentence", statement.why),
@@ -151,6 +176,8 @@ def statement_headline(statement: Statement) -> list[Quantity]:
         Quantity("validation/p_value", held_out.p_value),
         Quantity("validation/mean_error_um", held_out.distance.mean(), METRE),
         Quantity("level", LEVEL),
+        *_believed(statement),
+        Quantity("tests", _tests(statement)),
     ]
     for name, radius, share in zip(
         statement.names, statement.radius, statement.attained, strict=True
@@ -158,15 +185,13 @@ def statement_headline(statement: Statement) -> list[Quantity]:
         out += [
             Quantity(f"statements/{name}/radius_um", radius, METRE),
             Quantity(f"statements/{name}/attained", share),
-            Quantity(f"statements/{name}/believed", name == statement.trust.believe),
+            Quantity(f"statements/{name}/believed", name in BELIEVED),
         ]
-    budget = dict(zip(statement.sources, statement.source_u, strict=True))
     out += [
         Quantity("trust/believe", statement.trust.believe),
-        Quantity("trust/model_valid", statement.trust.model_valid),
+        Quantity("trust/refuted", statement.trust.refuted),
         Quantity("trust/reasons", statement.trust.sentences),
-        Quantity("budget_u_3d_um", {**budget, "combined": statement.combined_u}, METRE),
-        Quantity("discrepancy_u_3d_um", None if np.isnan(discrepancy) else discrepancy, METRE),
+        Quantity("budget_u_3d_um", {**sources, **sums_of(statement)}, METRE),
         Quantity("linear/outcome", statement.linear.outcome),
         Quantity("linear/sentence", statement.linear.sentence),
         Quantity("warnings/count", len(statement.warnings)),
@@ -178,6 +203,41 @@ def statement_headline(statement: Statement) -> list[Quantity]:
         names = {"replicates": "replicates", "agrees": "agrees", "worst_sd_ratio": "worst"}
         out += below("bootstrap", fields_of(played, names))
     return out
+
+
+LENGTHS = (
+    "u_mean_um", "R95_mean_um", "u_move_um", "R95_move_um", "misfit_upper_um", "detectable_um"
+)  # fmt: skip
+"""What is believed, in numbers: 3-D standard uncertainty and radius of the mean of many moves and
+of one move, the misfit that is in it, and the misfit that would have been seen."""
+
+
+def _believed(statement: Statement) -> list[Quantity]:
+    """What is believed: the mean of many moves and one move, and what is in it; null if nothing."""
+    point, belief = statement.point, statement.belief
+    lengths = dict.fromkeys(LENGTHS, np.nan)
+    if belief is not None and point is not None:
+        values = (
+            point.u_mean, point.radius_mean, point.u_move, point.radius_move,
+            belief.misfit.upper, belief.misfit.detectable,
+        )  # fmt: skip
+        lengths = dict(zip(LENGTHS, values, strict=True))
+    return [
+        *(Quantity(name, None if np.isnan(v) else v, METRE) for name, v in lengths.items()),
+        Quantity("factor", None if belief is None else belief.factor),
+        Quantity("guards", None if belief is None else belief.n_guards),
+    ]
+
+
+def _tests(statement: Statement) -> dict[str, float]:
+    """p-values of the distinct questions, as Holm adjusts them, and of all readings together."""
+    asked = statement.questions
+    return {**dict(zip(asked.names, asked.adjusted, strict=True)), "combined": asked.combined}
+
+
+def _mean(name: str, values: Array | None) -> list[Quantity]:
+    """A mean, where there are values."""
+    return [] if values is None else [Quantity(name, values.mean())]
 
 
 def truth_headline(validation: Validation) -> list[Quantity]:

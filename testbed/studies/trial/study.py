@@ -69,11 +69,13 @@ class TrialStudy:
 
     def answer(self, scenario: Scenario, records: Records) -> Answer | None:
         """The verdict on the first trial: the answer where no other study asks."""
+        from testbed.studies.trial.decisions import decided_in_words
         from testbed.studies.trial.report_accuracy import headline_table
         from testbed.studies.trial.verdict import next_step, trial_verdict
 
         campaign = campaign_of(scenario, records)
-        return Answer(trial_verdict(campaign), headline_table(campaign), next_step(campaign))
+        step = next_step(campaign) + decided_in_words(campaign)
+        return Answer(trial_verdict(campaign), headline_table(campaign), step)
 
     def results(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
         """Pool, truth, and the headline of every trial."""
@@ -90,18 +92,20 @@ class TrialStudy:
     def sections(self, scenario: Scenario, records: Records, *, first: bool) -> Sequence[Section]:
         """What is believed, errors, intervals, designs, numbers and the secret."""
         from testbed.studies.trial import report_accuracy, report_design, report_parameters
-        from testbed.studies.trial.statement import report as statement
+        from testbed.studies.trial.decisions import decision_section
+        from testbed.studies.trial.report_secret import secret_section
+        from testbed.studies.trial.statement.report import statement_section
 
         campaign = campaign_of(scenario, records)
-        stated = statement.statement_section(campaign)
+        found = (statement_section(campaign), decision_section(campaign))
         table = None if first else report_accuracy.headline_table(campaign)
         return (
-            *((stated,) if stated is not None else ()),
+            *(section for section in found if section is not None),
             report_accuracy.accuracy_section(campaign, table),
             report_accuracy.belief_section(campaign),
             report_design.identifiable_section(campaign),
             report_design.design_section(campaign),
-            statement.secret_section(campaign),
+            secret_section(campaign),
             report_parameters.parameter_section(campaign),
         )
 

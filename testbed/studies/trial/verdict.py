@@ -1,21 +1,16 @@
-"""The verdict: how good a calibration is, whether its uncertainty can be believed; what to do."""
-
-import re
-from collections.abc import Callable
+"""The verdict: how good a calibration is, whether what is stated can be believed, what to do."""
 
 import numpy as np
 
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
 from calib.uncertainty.conformal import fewest_poses
-from calib.uncertainty.regions import coverage_factor
 from testbed.report.page import Verdict
-from testbed.studies.trial.records import Campaign, Comparison, Estimate, Trial
+from testbed.studies.trial.records import Campaign, Comparison, Estimate, Replications, Trial
 from testbed.studies.trial.statement.records import LEVEL, Statement
 from testbed.units import (
     MM,
     NARROW,
-    UM,
     counted,
     micrometres,
     millimetres,
@@ -25,145 +20,165 @@ from testbed.units import (
 )
 
 ALARM = RED
-"""Chi-square p-value below which the residuals contradict the model."""
+"""Chi-square p-value below which the residuals contradict the stated noise."""
 GOOD = "✓ The stated uncertainty can be believed"
-INVALID = "✗ The model-based interval is not valid here"
+NOTHING = "✗ Nothing about the tool point can be believed"
 BAD = "✗ The stated uncertainty must not be believed"
 OPEN = "? The stated uncertainty was not tested against the truth"
 NOISE = ("tracker noise", "joint repeatability", "gross errors")
 """Sources that more poses average out."""
+JUDGES = "further poses, on which nothing rests"
+GROSS = 0.5
+"""Share of one robot's poses below which the covariance of a fit has failed, by itself."""
 
 
 def judge(trial: Trial, estimate: Estimate) -> Verdict:
-    """Judge one estimate of one trial by all that speaks for and against what it states.
+    """Judge one estimate of one trial: what is stated of it, and what the truth says to that.
 
-    Residuals, repeats and measured held-out poses are what a real laboratory has too, and decide
-    which statement is to be believed; the share inside and the replications need the truth.
+    What is believed follows from what a real laboratory has too. Judged it is by what only a
+    simulation knows: the true tool points at further poses, and in replications.
     """
-    found, seen, played = estimate.identification, estimate.comparison, estimate.replications
-    failed: list[str] = []
-    passed: list[str] = []
-
-    def say(good: bool, sentence: str) -> None:
-        (passed if good else failed).append(sentence)
-
-    if found.mode == "whitened":
-        ratio, p = found.chi_square / found.dof, found.p_value
-        said = f"chi-square per degree of freedom is {ratio:.2f} (p {_chance(p)})"
-        say(
-            p >= ALARM,
-            f"{said}: the residuals "
-            + ("agree with the model" if p >= ALARM else "contradict the model"),
-        )
-    else:
-        passed.append("unweighted rows have no chi-square test: no warning if the model is wrong")
-    if estimate.statement is not None:
-        _measured(estimate.statement, say)
-        if not failed and not estimate.statement.trust.model_valid:
-            say(False, estimate.statement.trust.sentences[0])
-    if played is not None:
-        low, high = played.nees_band
-        nees = float(played.nees.mean())
-        say(
-            bool(low <= nees <= high),
-            f"mean NEES of {played.count} replications is {nees:.2f}; an honest statement gives "
-            f"{low:.2f} to {high:.2f}",
-        )
-        low, high = played.coverage_band
-        covered = played.parameter_coverage
-        outside = int(((covered < low) | (covered > high)).sum())
-        say(
-            outside == 0,
-            f"95 % intervals held the true parameter in {_percent(covered.min())} to "
-            f"{_percent(covered.max())} "
-            f"of {played.count} replications"
-            + (
-                f"; {outside} of {len(covered)} lie outside {_percent(low)} to {_percent(high)}"
-                * (outside > 0)
-            ),
-        )
-        share = float(played.tool_coverage.mean())
-        say(
-            bool(low <= share),
-            f"95 % regions held the true tool point in {_percent(share)} of all replications and "
-            "held-out poses",
-        )
-    else:
-        share = float(seen.inside.mean())
-        # one robot's poses share its parameter error: only a gross failure can be told from one
-        say(share >= 0.5, f"{_percent(share)} of the held-out points lie inside their 95 % regions")
-    if found.status is not Status.CONVERGED:
-        failed.insert(0, f"the fit {found.status.value}")
+    against, beside = truth_says(estimate)
+    found, seen, statement = estimate.identification, estimate.comparison, estimate.statement
     size = (
         f"{trial.name} brings the mean tool error on held-out poses from "
         f"{seen.accuracy_before.mean * MM:.3f} to {seen.accuracy_after.mean * MM:.3f} mm"
     )
-    u = f"(rms u {seen.stated_u * MM:.4f} mm)"
-    stated = f"its stated uncertainty {u}"
-    if found.mode == "paper":  # the paper states the scatter of repeats
-        stated = f"the uncertainty that the covariance of its unweighted fit claims {u}"
-    believable = played is not None and not failed
-    valid = estimate.statement is None or estimate.statement.trust.model_valid
-    if estimate.statement is not None and not valid:
-        why, advice = against(estimate.statement), instead(estimate.statement)
-        sentence, mark = f"{why}. {size}; {advice}.", INVALID
-    elif failed:
-        sentence, mark = f"{size}, but {stated} must not be believed: {failed[0]}.", BAD
-    elif believable:
-        sentence, mark = f"{size}, and {stated} can be believed.", GOOD
-    else:
-        sentence, mark = f"{size}; {stated} {_untested(estimate)}.", OPEN
-    return Verdict(believable, bool(failed), sentence, (*failed, *passed), mark)
+    reasons = (*against, *measured_says(estimate), *beside)
+    if statement is None:
+        return _of_covariance(estimate, size, against, reasons)
+    if statement.point is None:
+        why = statement.trust.sentences[0].rstrip(".")
+        first = f"{why[:1].lower()}{why[1:]}" if found.status is Status.CONVERGED else _end(found)
+        return Verdict(False, True, f"{size}; {first}.", reasons, NOTHING)
+    stated = f"{size}; {statement.point.sentence}"
+    if against:
+        words = f"{stated}, which must not be believed: {against[0]}."
+        return Verdict(False, True, words, reasons, BAD)
+    return Verdict(True, False, f"{stated}, and this can be believed.", reasons, GOOD)
 
 
-def _measured(statement: Statement, say: Callable[[bool, str], None]) -> None:
-    """What measured held-out poses, repeats and Monte Carlo say of the model-based interval."""
-    seen, lack = statement.held_out, statement.lack_of_fit
-    good = seen.p_value >= ALARM
-    say(
-        good,
-        f"errors at {len(seen)} measured held-out poses are "
-        + ("what it says" if good else "larger than it says")
-        + f" (chi-square per degree of freedom {seen.chi_square / (3 * len(seen)):.2f}, "
-        f"p {_chance(seen.p_value)})",
+def _of_covariance(
+    estimate: Estimate, size: str, against: list[str], reasons: tuple[str, ...]
+) -> Verdict:
+    """Verdict on an unweighted fit, of which nothing but its covariance is stated."""
+    u = f"(3-D, k = 1: rms u {estimate.comparison.stated_u * MM:.4f} mm)"
+    claimed = f"the uncertainty that the covariance of its unweighted fit claims {u}"
+    if estimate.identification.status is not Status.CONVERGED:
+        against = [_end(estimate.identification), *against]
+    if against:
+        words = f"{size}, but {claimed} must not be believed: {against[0]}."
+        return Verdict(False, True, words, reasons, BAD)
+    if estimate.replications is not None:
+        return Verdict(True, False, f"{size}, and {claimed} can be believed.", reasons, GOOD)
+    words = (
+        f"{size}; {claimed} was not tested against the truth: play the scenario with [uncertainty] "
+        "replications = 200."
     )
-    if lack is not None and lack.p_value < ALARM:
-        say(False, f"the model misses more than repeats scatter (F = {lack.ratio:.1f}, p < 0.001)")
+    return Verdict(False, False, words, reasons, OPEN)
 
 
-def against(statement: Statement) -> str:
-    """Why the model-based interval is not valid, without the figures."""
-    return re.sub(r" \([^)]*\)", "", statement.trust.sentences[0])
+def _end(found: Identification) -> str:
+    """That a fit did not end in a minimum."""
+    return f"the fit {found.status.value}"
 
 
-def instead(statement: Statement) -> str:
-    """What to believe where the model-based interval is not valid."""
-    believe = statement.trust.believe
-    if believe not in statement.names:
-        return "no statement about the tool point can be believed"
-    radius = f"{statement.radius[statement.names.index(believe)] * UM:.0f} um"
-    if believe == "conformal":
-        return f"believe the conformal radius, {radius} at {100 * LEVEL:.0f} %"
-    if believe == "discrepancy":
-        return f"believe the interval with discrepancy as an approximation, {radius} on average"
-    return f"believe the replicates of the bootstrap, {radius} on average"
+def truth_says(estimate: Estimate) -> tuple[list[str], list[str]]:
+    """What the truth says against what is stated, and what it says beside that.
 
+    Intervals of the parameters alone are no part of what is believed of a weighted fit; where they
+    fail, that stands beside it.
+    """
+    against: list[str] = []
+    beside: list[str] = []
 
-def _untested(estimate: Estimate) -> str:
-    """What to do about a statement that no replication has tested."""
-    if estimate.identification.prior is not None:
-        return (
-            "rests on a prior, which no replication of one robot can test; residuals and held-out "
-            "poses do not contradict it"
+    def say(good: bool, sentence: str) -> None:
+        (beside if good else against).append(sentence)
+
+    statement, played = estimate.statement, estimate.replications
+    if statement is not None and statement.belief is not None:
+        share = float(statement.attained[statement.names.index("region")])
+        say(
+            share >= statement.honest,
+            f"the believed region holds the true mean tool point at {_percent(share)} of "
+            f"{JUDGES} (poses of one robot share its error: of 1000 robots whose region is "
+            f"honest 999 reach {_percent(statement.honest)} or more)",
         )
-    if estimate.statement is not None and estimate.statement.systematic.any():
-        return (
-            "has a part that the tracker gets wrong all campaign long, which no replication can "
-            "test; residuals and held-out poses do not contradict it"
+    if played is None:
+        if statement is None:
+            share = float(estimate.comparison.inside.mean())
+            # one robot's poses share its parameter error: only a gross failure can be told from one
+            say(
+                share >= GROSS,
+                f"{_percent(share)} of the held-out points lie inside their 95 % regions",
+            )
+        return against, beside
+    if played.region_coverage is not None:
+        share = float(played.region_coverage.mean())
+        say(
+            bool(share >= played.coverage_band[0]),
+            f"regions as large as the believed one held the true mean tool point in "
+            f"{_percent(share)} of all replications and held-out poses",
         )
-    return (
-        "was not tested against the truth: play the scenario with [uncertainty] replications = 200"
+    for good, sentence in parameters_alone(played):
+        if statement is None:
+            say(good, sentence)
+        else:
+            beside.append(f"the parameters alone: {sentence}")
+    return against, beside
+
+
+def parameters_alone(played: Replications) -> tuple[tuple[bool, str], ...]:
+    """What replications say of intervals from the covariance of the fit, and whether it is good."""
+    low, high = played.nees_band
+    nees = float(played.nees.mean())
+    first = (
+        bool(low <= nees <= high),
+        f"mean NEES of {played.count} replications is {nees:.2f}; an honest statement gives "
+        f"{low:.2f} to {high:.2f}",
     )
+    low, high = played.coverage_band
+    covered = played.parameter_coverage
+    outside = int(((covered < low) | (covered > high)).sum())
+    text = (
+        f"95 % intervals held the true parameter in {_percent(covered.min())} to "
+        f"{_percent(covered.max())} of {played.count} replications"
+    )
+    if outside:
+        text += f"; {outside} of {len(covered)} lie outside {_percent(low)} to {_percent(high)}"
+    share = float(played.tool_coverage.mean())
+    third = (
+        f"95 % regions held the true tool point in {_percent(share)} of all replications and "
+        "held-out poses"
+    )
+    return first, (outside == 0, text), (bool(low <= share), third)
+
+
+def measured_says(estimate: Estimate) -> tuple[str, ...]:
+    """What residuals, repeats and measured held-out poses say of the parameters alone."""
+    found, statement = estimate.identification, estimate.statement
+    if found.mode != "whitened":
+        return ("unweighted rows have no chi-square test: no warning if the model is wrong",)
+    said = [
+        f"chi-square per degree of freedom is {found.chi_square / found.dof:.2f} "
+        f"(p {_chance(found.p_value)}): the residuals {_speak(found.p_value)}"
+    ]
+    if statement is not None:
+        seen, lack = statement.held_out, statement.lack_of_fit
+        said.append(
+            f"errors at {len(seen)} measured held-out poses {_speak(seen.p_value)} (chi-square per "
+            f"degree of freedom {seen.chi_square / (3 * len(seen)):.2f}, p {_chance(seen.p_value)})"
+        )
+        if lack is not None and lack.p_value < ALARM:
+            said.append(
+                f"the model misses more than repeats scatter (F = {lack.ratio:.1f}, p < 0.001)"
+            )
+    return tuple(said)
+
+
+def _speak(p: float) -> str:
+    """Whether something contradicts the noise; where nothing does, that is no proof."""
+    return "contradict the stated noise" if p < ALARM else "do not contradict the stated noise"
 
 
 def trial_verdict(campaign: Campaign) -> Verdict:
@@ -191,19 +206,20 @@ def next_step(campaign: Campaign) -> str:
     """What a person should do after reading the verdict on the first estimate."""
     trial = campaign.trials[0]
     estimate = trial.estimates[0]
-    found, seen = estimate.identification, estimate.comparison
-    errors = errors_in_words(seen)
+    found, statement = estimate.identification, estimate.statement
     if found.status is not Status.CONVERGED:
         return f"The fit did not end in a minimum. {found.status.value}"
-    statement = estimate.statement
+    errors = errors_in_words(estimate.comparison)
     quoted = errors if statement is None else quotable(statement, errors)
-    invalid = statement is not None and not statement.trust.model_valid
+    if judge(trial, estimate).contradicted:
+        believed = statement is not None and statement.point is not None
+        return f"Do not quote what is stated; quote {errors if believed else quoted}."
     outliers = 0 if statement is None else len(statement.outlier_poses)
-    if invalid and outliers and found.loss == "squared":
+    if outliers and found.loss == "squared":
         return (
             f"{counted(outliers, 'shot')} of the calibration do not fit the "
             "others (named below). Measure them again, or play the scenario with [identification] "
-            f'loss = "cauchy". Until then quote {quoted} instead of the stated uncertainty.'
+            f'loss = "cauchy". Until then quote {quoted}.'
         )
     if tested(found) and found.p_value < ALARM:
         factor = np.sqrt(found.chi_square / found.dof)
@@ -216,22 +232,10 @@ def next_step(campaign: Campaign) -> str:
         )
         return (
             f"The residuals are {significant(float(factor), 2)} times what the noise explains, so "
-            f"the model lacks something that the robot has. {wider}. Until then quote {quoted} "
-            "instead of the stated uncertainty. More poses do not help: they shrink the stated "
-            "uncertainty, not the error."
+            f"the model lacks something that the robot has. {wider}. Until then quote {quoted}. "
+            "More poses do not help: they shrink the part of the noise, not what the model lacks."
         )
-    if invalid:
-        return f"Do not quote the stated uncertainty; quote {quoted}."
-    if judge(trial, estimate).contradicted:
-        return f"Do not quote the stated uncertainty; quote {errors}."
-    may = "The stated uncertainty may be used"
-    if not judge(trial, estimate).believable:
-        may = "Nothing speaks against the stated uncertainty, but not all of it was tested"
-    return (
-        f"{may}: the tool point of poses like the held-out ones with "
-        f"rms u = {millimetres(seen.stated_u, 2)} mm (3-D, k = 1) and the 95 % ellipsoid of each "
-        f"pose (k = {coverage_factor(3):.2f} along its axes). {more_poses(estimate.statement)}"
-    )
+    return f"Quote {quoted}. {more_poses(statement)}"
 
 
 def errors_in_words(seen: Comparison) -> str:
@@ -246,34 +250,29 @@ def errors_in_words(seen: Comparison) -> str:
 
 
 def more_poses(statement: Statement | None) -> str:
-    """What four times the poses would make of u: they shrink noise, nothing else."""
-    halved = "Four times the poses would halve u."
-    if statement is None:
-        return halved
+    """What four times the poses would make of u: they shrink noise, and hardly anything else."""
+    if statement is None or statement.point is None:
+        return "Four times the poses would halve the part of the noise."
     noise = np.isin(statement.sources, NOISE)
-    rest = statement.combined_u**2 - float((statement.source_u[noise] ** 2).sum())
-    if rest < 0.01 * statement.combined_u**2:
-        return halved
-    beyond = [n for n in statement.sources if n not in NOISE]
-    if beyond == ["prior"]:
+    if [name for name in statement.sources if name not in NOISE] == ["prior"]:
         return "How much more poses would help, only a fit without the prior can say."
-    left = np.sqrt((statement.combined_u**2 + 3 * rest) / 4)
+    part = float(np.sqrt((statement.source_u[noise] ** 2).sum()))
     return (
-        f"Four times the poses would bring u to {millimetres(float(left), 2)} mm at best: "
-        f"{percent(rest / statement.combined_u**2)} of its square is wrong the same way in all of "
-        "them."
+        f"Four times the poses would halve the part of the noise, {micrometres(part, 2)} µm of "
+        f"u = {micrometres(statement.point.u_mean, 2)} µm (3-D, k = 1)."
     )
 
 
 def quotable(statement: Statement, errors: str) -> str:
-    """What may be quoted instead of the model-based interval; the secret errors come last."""
-    believe = statement.trust.believe
-    if believe not in statement.names:
-        return errors
-    radius = micrometres(float(statement.radius[statement.names.index(believe)]), 3)
-    words = {
-        "conformal": f"the conformal radius, {radius} µm for 95 % of poses like the held-out ones",
-        "discrepancy": f"the region with discrepancy, {radius} µm on average, as an approximation",
-        "bootstrap": f"the replicates of the bootstrap, {radius} µm on average",
-    }
-    return words.get(believe, errors)
+    """What may be quoted; the secret errors come last."""
+    point = statement.point
+    if point is None:
+        if statement.conformal is None:
+            return errors
+        radius = micrometres(statement.conformal.radius, 3)
+        return f"the conformal radius, {radius} µm for 95 % of poses like the held-out ones"
+    radius = micrometres(point.radius_mean, 3)
+    words = f"{radius} µm (3-D radius, 95 %) for the mean of many moves"
+    if np.isfinite(point.radius_move):
+        words += f" and {micrometres(point.radius_move, 3)} µm for where one move ends"
+    return f"{words}, at poses like the {'held-out ones' if point.held_out else 'measured ones'}"

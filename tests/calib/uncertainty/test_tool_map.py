@@ -1,5 +1,8 @@
 """The tool point as stated, at postures and as a map: content of the region, sums over cells."""
 
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -54,7 +57,8 @@ def test_the_map_holds_every_posture_once_and_its_cells_are_means():
     rng = np.random.default_rng(0)
     q = rng.uniform(TX60_LIMITS[:, 0], TX60_LIMITS[:, 1], (3000, 6))
     C = calibration_covariance()
-    made, stated = tool_map(tx60(), q, C, cell=0.1), tool_statement(tx60(), q, C)
+    stating = partial(tool_statement, tx60(), covariance=C)
+    made, stated = tool_map(stating, q, cell=0.1), stating(q)
     assert made.count.sum() == 3000
     assert np.nansum(made.mean**2 * made.count) == pytest.approx((stated.point**2).sum())
     assert np.nanmax(made.worst) == pytest.approx(stated.point.max())
@@ -70,10 +74,21 @@ def test_the_map_holds_every_posture_once_and_its_cells_are_means():
 
 
 def test_a_map_of_nothing_or_of_too_many_cells_is_refused():
-    C = calibration_covariance()
+    stating = partial(tool_statement, tx60(), covariance=calibration_covariance())
     with pytest.raises(InputError, match="cells of 0"):
-        tool_map(tx60(), pool_r(5), C, cell=0.0)
+        tool_map(stating, pool_r(5), cell=0.0)
     with pytest.raises(InputError, match="larger cells"):
-        tool_map(tx60(), pool_r(50), C, cell=1e-5)
+        tool_map(stating, pool_r(50), cell=1e-5)
     with pytest.raises(InputError, match="0 postures"):
-        tool_map(tx60(), np.zeros((0, 6)), C)
+        tool_map(stating, np.zeros((0, 6)))
+
+
+def test_a_factor_above_the_chi_square_one_counts_in_the_map():
+    q = pool_r(20)
+
+    def wide(at):
+        one = tool_statement(tx60(), at, calibration_covariance())
+        return replace(one, factor=1.5 * one.factor)
+
+    plain = tool_map(partial(tool_statement, tx60(), covariance=calibration_covariance()), q)
+    assert tool_map(wide, q).mean == pytest.approx(1.5 * plain.mean, nan_ok=True)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calib.geometry.chain import forward
-from calib.measurement.accuracy import position_errors
+from calib.measurement.accuracy import position_errors, target_points
 from calib.uncertainty.regions import coverage_factor
 from testbed.recording.cell import box_edges
 from testbed.recording.curves import place
@@ -16,7 +16,7 @@ from testbed.recording.style import nice_factor
 from testbed.recording.timeline import glide, growing
 from testbed.recording.write import strict_mode
 from testbed.robots.placements import placements
-from testbed.studies.trial.recording_cell import ghost_chains, smallest_equal
+from testbed.studies.trial.recording_cell import ghost_chains, smallest_equal, stated_regions
 from tests import recorded, viewed
 from tests.campaign import with_records
 from tests.recorded import column, properties, record, scalars, small_campaign, store, structure
@@ -187,13 +187,21 @@ def test_an_arrow_ends_inside_its_ellipsoid_exactly_where_the_record_says_so(ope
     t = 2 * np.cross(u, vector)
     local = vector + w[:, None] * t + np.cross(u, t)
     size = np.linalg.norm(local / last["half_sizes"], axis=1)
-    assert np.array_equal(size <= 1, judged.inside)
+    assert np.array_equal(size <= 1, shown.estimate.inside)
     blue = np.array(column(opened, path, "Ellipsoids3D:colors")[1][-1]) >> 8 & 255 > 150
-    assert np.array_equal(blue, judged.inside)
-    assert set(judged.inside.tolist()) == {True, False}  # else colors would prove nothing
-    C = judged.covariance[:, :3, :3]
+    assert np.array_equal(blue, shown.estimate.inside)
+    belief = shown.estimate.belief
+    C = belief.regions(shown.setting.test_q).covariance
     distance = np.einsum("ti,tij,tj->t", judged.error, np.linalg.pinv(C), judged.error)
-    assert size == pytest.approx(np.sqrt(distance) / coverage_factor(3), rel=1e-4)  # float32 axes
+    assert size == pytest.approx(np.sqrt(distance) / belief.factor, rel=1e-4)  # float32 axes
+    # where nothing is believed, the regions are those of the fit, and hold what these hold
+    nothing = replace(shown.estimate, statement=None)
+    stated, moved = stated_regions(shown.setting, nothing)
+    assert moved is None
+    assert stated.factor == coverage_factor(3)
+    true = target_points(shown.setting.test_true, shown.setting.target)
+    assert np.array_equal(stated.holds(true), nothing.inside)
+    assert set(nothing.inside.tolist()) == {True, False}
 
 
 def test_the_beam_follows_the_target_and_goes_out_after_the_last_pose(opened, shown, timeline):

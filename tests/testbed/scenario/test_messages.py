@@ -551,6 +551,10 @@ CASES = {
     ),
     "prior of an angle in mm": checked(identification={"prior": {"sd_mm": {"alpha2": 0.1}}}),
     "prior of the paper": with_table(identification={"estimators": ["paper"], "prior": {}}),
+    "tolerance without a rule": with_table(tolerance={"position_um": 100}),
+    "tolerance of nothing by a rule of one's own": with_table(
+        tolerance={"position_um": 0, "rule": "strict"}
+    ),
     "model nobody knows": with_table(identification={"model": "extende"}),
     "loss nobody knows": with_table(identification={"loss": "welsch"}),
     "prior that is not positive definite": lambda _: Prior.of_precision(

@@ -50,7 +50,7 @@ def test_each_scene_survives_being_written_with_every_default(name):
     written = tomllib.loads(text)
     for table, model in (("", Scenario), *((k, None) for k in written)):
         if model is not None:
-            absent = {"fixtures"} if scenario.fixtures is None else set()
+            absent = {name for name in ("fixtures", "tolerance") if getattr(scenario, name) is None}
             own = {*model.model_fields, *scenario.tables, "origin"}
             assert set(written) == own - absent
         elif isinstance(written[table], dict) and table != "origin":

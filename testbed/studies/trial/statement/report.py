@@ -1,57 +1,77 @@
-"""The statement of each calibration in the report: what to believe, why, and the secret."""
+"""The statement of each calibration in the report: what to believe, and why."""
 
 import re
 
 import numpy as np
 
-from calib.uncertainty.discrepancy import Discrepancy
+from calib.uncertainty.statement.belief import Belief
+from calib.uncertainty.statement.questions import LEVEL as QUESTION_LEVEL
 from testbed.report.page import Block, Figure, Points, Section, Table, Text
 from testbed.studies.trial import plots, plots_uncertainty
 from testbed.studies.trial.records import Campaign, Trial
-from testbed.studies.trial.statement.records import LEVEL, Statement
+from testbed.studies.trial.statement.records import BELIEVED, LEVEL, Statement, sums_of
 from testbed.units import (
     NARROW,
     counted,
     micrometres,
-    millimetres,
     percent,
+    probability,
     sentence,
     significant,
     typeset,
 )
 
 WORDS = {
-    "model": "model-based region",
-    "bootstrap": "region of the bootstrap",
-    "discrepancy": "region with discrepancy",
+    "region": "believed region, mean of many moves",
+    "move": "believed region, one move",
+    "parameters": "parameters alone",
+    "bootstrap": "bootstrap",
+    "discrepancy": "parameters and discrepancy",
     "conformal": "conformal ball",
+}
+PROMISES = {
+    "region": "mean tool point, a misfit up to its limit, shared errors and drift included",
+    "move": "where a single move ends, the same included",
+    "parameters": "mean tool point, if the model lacks nothing and the noise is as stated",
+    "bootstrap": "the same, without linear propagation",
+    "discrepancy": "mean tool point, if what the model lacks is alike everywhere",
+    "conformal": "a further reading, its noise included; needs no model",
 }
 TINY = re.compile(r"p (= [0-9.]+e-[0-9]+|< 1e-300)")
 """A p-value that nobody reads."""
 BUDGET_NOTE = (
     "u: 3-D standard uncertainty (k = 1) that the source alone leaves at the tool, root mean "
-    "square over the held-out poses. share: of the variance. discrepancy: what measured held-out "
-    "poses show beyond all of these, chance included; it is no part of the model-based statement."
+    "square over the held-out poses. share: of the variance of the parameters alone. noise "
+    "beyond the stated: what repeats ask for. misfit that may hide: the largest that the evidence "
+    "allows, in the joints and at the target. believed: "
+    "all of it, times the factor of the region over 2.80 where held-out poses ask for more. "
+    "discrepancy: what measured held-out poses show beyond the parameters alone, chance and all; "
+    "it is no part of the sum."
 )
-AGREE = 0.05
-"""p-value of the held-out errors from which their discrepancy counts as chance."""
-MEANINGS = {
-    "geometry": "link lengths, offsets and angles",
-    "frames": "base and tool placement",
-    "gravity": "joints that sag under the arm's own weight",
-    "harmonics": "gear errors, once and twice a turn",
-    "high_harmonics": "gear errors, three and seven times a turn",
-    "encoder": "errors between two lines of the encoders",
-    "backlash": "play of the gears",
-    "thermal": "links that grow warm",
-    "elastic": "drives and links that give way under load",
-    "repeatability": "scatter of every new approach",
+QUESTIONS = {
+    "misfit": "does the robot do what the model cannot follow?",
+    "another frame": "do the held-out readings stand in another frame?",
+    "drift": "do readings follow their neighbors in time?",
 }
-"""What each term of the truth stands for."""
+GLOSSARY = (
+    "u: standard uncertainty. Of a point it is 3-D: the root of the summed variances along x, y "
+    "and z, k = 1; a ball of that radius holds about 61 % of a round distribution.",
+    "R95, 3-D radius: distance from the predicted point within which the true one lies with 95 % "
+    "probability, at poses drawn like the held-out ones. It is 1.61 u of a round region, 1.96 u of "
+    "a line.",
+    "Region: an ellipsoid at each pose that holds the point with 95 % probability; its semi-axes "
+    "are k standard deviations, k = 2.80 in three dimensions (2.45 in two, 1.96 in one), or more "
+    "where held-out poses ask for it.",
+    "Misfit: what the robot does and no number of the model can follow, per axis, after the best "
+    "fit. Below the size that would have been seen it hides behind the noise, and is in the "
+    "region up to its limit.",
+    "Mean of many moves, one move: a robot that is sent to a pose again and again scatters about a "
+    "mean. The first statement is of that mean, the second of where one of these moves ends.",
+)
 
 
 def statement_section(campaign: Campaign) -> Section | None:
-    """Every statement made, how much of the truth it holds, which to believe, and why."""
+    """Every statement made, how much of the truth it holds, which is believed, and why."""
     made = ((trial, estimate.statement) for trial, estimate in campaign.estimates)
     statements = [(trial, statement) for trial, statement in made if statement is not None]
     if not statements:
@@ -62,101 +82,142 @@ def statement_section(campaign: Campaign) -> Section | None:
         why = statement.why.partition(": ")[2]
         blocks.append(Text(f"{trial.name}, {statement.model} model: {why}."))
         blocks.append(Points(reasons(statement, brief=k > 0)))
-    blocks.append(budget_table(shown))
+    blocks += [tests_table(shown), budget_table(shown)]
     blocks.append(
         Figure(
-            "What each source leaves at the tool point, standard uncertainty over the held-out "
-            f"poses{plots.only(statements)}; open: the discrepancy, which no source explains.",
+            "What each source leaves at the tool point, standard uncertainty (3-D, k = 1) over the "
+            f"held-out poses{plots.only(statements)}; open: the discrepancy, which is no part of "
+            "the sum.",
             plots_uncertainty.budget_bars([(trial.name, statement) for trial, statement in shown]),
         )
     )
     first, stated = shown[0]
-    included = flat = ""
-    if not stated.trust.model_valid:
-        known = stated.discrepancy is not None
-        included = ", discrepancy included" if known else "; model-based, which is not valid here"
-        # nan where no discrepancy could be estimated
-        if stated.discrepancy_u >= stated.combined_u:
-            flat = " The discrepancy is one figure for the whole room, so the map is flat."
-    blocks.append(
-        Figure(
-            f"Where the tool point of {first.name} is known how well: standard uncertainty "
-            f"(3-D, k = 1{included}) over the postures of the pool that reach a cell of "
-            f"{1e3 * plots_uncertainty.CELL:.0f} mm (root mean square over the cells behind it)."
-            f"{flat}",
-            plots_uncertainty.tool_maps(campaign, first),
+    if stated.belief is not None:
+        blocks.append(
+            Figure(
+                map_caption(campaign, first, stated.belief),
+                plots_uncertainty.tool_maps(campaign, first),
+            )
         )
-    )
+    blocks.append(Points(GLOSSARY))
     return Section("believe", "What to believe here, and why", tuple(blocks))
 
 
+def map_caption(campaign: Campaign, trial: Trial, belief: Belief) -> str:
+    """What the map shows, and where it ends."""
+    place = belief.proven.applies(campaign.setting.pool_q).place
+    edge, outside = (int((place == word).sum()) for word in ("edge", "outside"))
+    text = (
+        f"Where the mean tool point of {trial.name} is known how well: believed standard "
+        "uncertainty (3-D, k = 1; parameters and hidden misfit, which grows where more of it "
+        "reaches the tool than at the held-out poses) over the postures of the pool that reach a "
+        f"cell of {1e3 * plots_uncertainty.CELL:.0f} mm (root mean square over the cells behind "
+        "it)."
+    )
+    if edge:
+        text += f" {counted(edge, 'posture')} of {len(place)} lie at the edge of what was proven."
+    if outside:
+        text += f" {counted(outside, 'posture')} outside of it are left out."
+    return text
+
+
 def statement_table(campaign: Campaign, statements: list[tuple[Trial, Statement]]) -> Table:
-    """One row per statement: radius, what of the truth it holds, and whether to believe it."""
+    """One row per statement: what it promises, its radius, what of the truth it holds."""
     rows: list[tuple[str, ...]] = []
     strong = []
     for trial, statement in statements:
         for k, name in enumerate(statement.names):
-            believed = name == statement.trust.believe
-            if believed:
+            if name in BELIEVED:
                 strong.append(len(rows))
             rows.append(
                 (
                     trial.name if k == 0 else "",
                     WORDS[name],
+                    PROMISES[name],
                     micrometres(float(statement.radius[k])),
                     percent(float(statement.attained[k])),
-                    "yes" if believed else refused(statement, name),
+                    "believed" if name in BELIEVED else standing(statement, name),
                 )
             )
     judges = counted(len(campaign.validation.judge_q), "further pose")
     return Table(
         caption=f"Statements about the tool point at {LEVEL * 100:.0f}{NARROW}%",
-        head=("trial", "statement", "radius µm", "share inside", "believe"),
+        head=("trial", "statement", "of what, and on which terms", "radius µm", "share inside", ""),
         rows=tuple(rows),
-        align="llrrl",
+        align="lllrrl",
         strong=tuple(strong),
-        note="radius: of the ball with the volume of the region, mean over poses. share "
-        f"inside: of the true tool points, at {judges}, which no statement rests on; their "
-        "errors hang together, so one robot may miss the promise by chance. believe: what residuals"
-        ", repeats and the measured held-out poses say, without the truth.",
+        size="small",
+        note="radius: 3-D radius that holds the point with 95 % probability at poses like the "
+        "held-out ones (R95). share inside, known in a simulation only: of the true tool points, "
+        f"or of the ends of single moves, at {judges}, on which no statement rests; poses of one "
+        "robot share its error, so a share may miss the promise by chance. contradicted: by "
+        "residuals, repeats or held-out poses. not needed: "
+        "nothing contradicts it, and what hides behind the noise is not in it.",
     )
 
 
-def refused(statement: Statement, name: str) -> str:
-    """Why a statement is not the one to believe, in a word."""
-    if statement.trust.model_valid:
-        return "not needed"
-    return "NO" if name in ("model", "bootstrap") else "approximate"
+def standing(statement: Statement, name: str) -> str:
+    """How a statement stands beside the believed one, in a word or two."""
+    if name == "conformal":
+        return "not needed" if statement.belief is not None else "needs no model"
+    if name == "discrepancy":
+        return "approximate"
+    return "contradicted" if statement.trust.refuted else "not needed"
+
+
+def tests_table(statements: list[tuple[Trial, Statement]]) -> Table:
+    """Distinct questions asked of the same readings, and what comes of them together."""
+    rows = []
+    for trial, statement in statements:
+        asked = statement.questions
+        names = (trial.name, *[""] * len(asked.names))
+        answers = zip(asked.names, asked.p_values, asked.adjusted, strict=True)
+        for first, (name, p, adjusted) in zip(names, answers, strict=False):
+            answer = "yes" if adjusted < QUESTION_LEVEL else "not seen"
+            rows.append((first, QUESTIONS[name], probability(p), probability(adjusted), answer))
+        answer = "nothing seen, which is no proof" if asked.agree else "larger than the noise"
+        first = "" if asked.names else trial.name
+        rows.append((first, "all readings together", probability(asked.combined), "", answer))
+    return Table(
+        caption="Tests, together",
+        head=("trial", "question", "p", "p, adjusted", "answer"),
+        rows=tuple(rows),
+        align="llrrl",
+        size="small",
+        note="p: chance of as much if nothing is wrong. adjusted (Holm): so that all questions "
+        "together raise a false alarm in one campaign of a hundred. all readings together: "
+        "residuals and held-out errors against the stated noise (Fisher). No test sees a misfit "
+        "much below the noise: what is not seen is in the believed region, not ruled out.",
+    )
 
 
 def reasons(statement: Statement, *, brief: bool = False) -> tuple[str, ...]:
-    """Sentences that weigh one calibration: verdict first, then shots, repeats, warnings.
+    """Sentences that weigh one calibration: what is believed first, then shots, repeats, warnings.
 
     A brief account leaves out what says the same of every trial.
     """
-    texts = [*statement.trust.sentences]
+    texts, point = [*statement.trust.sentences], statement.point
     if brief:
         return tuple(written(text) for text in (texts[0], *statement.outliers, *statement.warnings))
+    if point is not None and np.isnan(point.u_move):
+        texts.insert(
+            1,
+            "where one move ends is not stated: this scenario gives the joints no scatter of their "
+            "own, it is part of the stated noise",
+        )
     lack = statement.lack_of_fit
-    if lack is not None and statement.trust.model_valid:
+    if lack is not None and not statement.trust.refuted:
         texts.append(
-            "all visits fitted together, the misfit is what repeats scatter (F = "
+            "all visits fitted together, the misfit is no larger than repeats scatter (F = "
             f"{lack.ratio:.2f}, p = {significant(lack.p_value, 2)})"
         )
-    if statement.discrepancy is not None and statement.trust.believe != "discrepancy":
-        texts.append(discrepancy_words(statement, statement.discrepancy))
+    if statement.larger_noise_u and statement.belief is not None:
+        factor = statement.belief.misfit.larger_noise
+        texts.append(
+            f"readings and repeats ask for {factor:.2f} times the stated noise: it is in the region"
+        )
     texts += [*statement.outliers, *statement.warnings]
     return tuple(map(written, texts))
-
-
-def discrepancy_words(statement: Statement, discrepancy: Discrepancy) -> str:
-    """What held-out poses show beyond the statement; or that it is no more than chance."""
-    if statement.held_out.p_value < AGREE or not discrepancy.covariance.any():
-        return discrepancy.sentence
-    return (
-        f"the discrepancy of {1e6 * statement.discrepancy_u:.0f} um (3-D, one standard deviation) "
-        f"is no more than chance makes of {discrepancy.n_poses} held-out poses"
-    )
 
 
 def budget_table(statements: list[tuple[Trial, Statement]]) -> Table:
@@ -172,61 +233,21 @@ def budget_table(statements: list[tuple[Trial, Statement]]) -> Table:
             u = float(statement.source_u[statement.sources.index(name)])
             cells += [micrometres(u), percent((u / statement.combined_u) ** 2)]
         rows.append((name, *cells))
-    combined, left = ["combined"], ["discrepancy"]
-    for _, statement in statements:
-        u = statement.discrepancy_u
-        combined += [micrometres(statement.combined_u), ""]
-        left += ["–" if np.isnan(u) else micrometres(u), ""]
-    rows += [tuple(combined), tuple(left)]
+    sums: dict[str, list[str]] = {}
+    for k, (_, statement) in enumerate(statements):
+        for name, u in sums_of(statement).items():
+            cells = sums.setdefault(name, ["–", ""] * len(statements))
+            cells[2 * k] = micrometres(u)
+    rows += [(name, *cells) for name, cells in sums.items()]
     return Table(
         caption="Uncertainty budget by source, at the tool point",
         head=("source", *[h for trial, _ in statements for h in (f"{trial.name} u µm", "share")]),
         rows=tuple(rows),
         align="l" + "rr" * len(statements),
         size="small" if len(statements) > 2 else "normal",
-        strong=(len(names),),
+        strong=tuple(k for k, row in enumerate(rows) if row[0] in ("parameters alone", "believed")),
         note=BUDGET_NOTE,
     )
-
-
-def secret_section(campaign: Campaign) -> Section:
-    """How far each term of the truth alone moves the tool."""
-    validation = campaign.validation
-    sizes = zip(validation.terms, validation.term_rms, strict=True)
-    rows = [
-        (term, MEANINGS.get(term, ""), millimetres(float(rms)))
-        for term, rms in sorted(sizes, key=lambda pair: -pair[1])
-    ]
-    rows.append(("all together", "", millimetres(validation.together_rms)))
-    table = Table(
-        caption="Tool displacement by each term of the truth alone",
-        head=("term", "what it is", "rms mm"),
-        rows=tuple(rows),
-        align="llr",
-        strong=(len(rows) - 1,),
-        note=f"True minus nominal tool position, root mean square over "
-        f"{counted(len(campaign.setting.test_q), 'held-out pose')}. Terms add as vectors: beyond "
-        f"their sum they do {millimetres(validation.interaction_rms, 2)} mm together.",
-    )
-    return Section(
-        "secret",
-        "The secret: what makes this robot wrong",
-        (Text(secret_words(rows)), table),
-        part="campaign",
-    )
-
-
-def secret_words(rows: list[tuple[str, str, str]]) -> str:
-    """The largest term in words; what a model without it cannot follow."""
-    if len(rows) == 1:
-        return "Nothing: the true robot is the nominal one."
-    name, meaning, size = rows[0]
-    text = f"Most of this robot's error is {name.replace('_', ' ')} ({meaning}): {size} mm."
-    unmodelled = [row for row in rows[:-1] if row[0] not in ("geometry", "frames", "repeatability")]
-    if not unmodelled:
-        return f"{text} Nothing that a geometric model cannot follow is switched on."
-    texts = ", ".join(f"{row[0].replace('_', ' ')} {row[2]} mm" for row in unmodelled)
-    return f"{text} Beyond any geometric model: {texts}."
 
 
 def written(text: str) -> str:

@@ -1,8 +1,8 @@
 """The statement of a calibration: what may be said of the tool point, and what to believe.
 
 Weighed are sources of uncertainty, observations that do not fit, whether linear propagation holds
-at the tool point, and errors at held-out poses. All of it comes
-from what the tracker measured; only `attained`, which `compare` adds, is the truth's.
+at the tool point, and errors at held-out poses. All of it comes from what the tracker measured;
+only `attained` and `inside`, which `compare` adds, are the truth's.
 """
 
 from dataclasses import replace
@@ -10,25 +10,31 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
-from calib.arrays import Array, Index
+from calib.arrays import Array, Bool, Index
 from calib.identification.fit_statistics import MOST_OUTLIERS
 from calib.identification.identify import Identification
 from calib.identification.joint_models import shared_waves
 from calib.identification.outlier_search import search_outliers
 from calib.measurement.observations import Measurements, joined
+from calib.measurement.prediction import predict
 from calib.uncertainty.bootstrap import Bootstrap
 from calib.uncertainty.conformal import fewest_poses
-from calib.uncertainty.discrepancy import FEWEST, Discrepancy
+from calib.uncertainty.discrepancy import FEWEST
 from calib.uncertainty.held_out import held_out
-from calib.uncertainty.judgement import Judgement, judge
+from calib.uncertainty.judgement import Circumstances, judge
 from calib.uncertainty.regions import mahalanobis_squared
-from calib.uncertainty.tool_point import ToolStatement, tool_statement
+from calib.uncertainty.statement.belief import Belief
+from calib.uncertainty.statement.drifting import Drifting
+from calib.uncertainty.statement.gain import of_all_numbers
+from calib.uncertainty.tool_point import tool_statement
 from testbed.laboratory.truth.laboratory import Laboratory
+from testbed.scenario.fixtures import rounds_per_visit
 from testbed.streams import stream
-from testbed.studies.trial.compare import attained
+from testbed.studies.trial.compare import attained, held_by
 from testbed.studies.trial.estimator import Estimator
 from testbed.studies.trial.statement.linear_check import linear_check
 from testbed.studies.trial.statement.records import LEVEL, Replayed, Statement, Validation
+from testbed.studies.trial.statement.regions import honest_share, radii, tool_regions
 from testbed.studies.trial.statement.sources import (
     systematic_reach,
     uncertainty_sources,
@@ -84,25 +90,43 @@ def state(
     if not robust and len(visits) > 1:
         # all visits fitted together: does the model miss more than repeats scatter?
         lack = estimator.fit(joined(visits), result.parameters).lack_of_fit
-    observations, set_aside = without_gross_errors(result, validation.seen, first)
+    kept = sound_held_out(result, validation.seen, first)
+    observations = validation.seen.rows(kept)
+    set_aside = np.setdiff1d(validation.seen.pose_id, observations.pose_id)
+    target, repeatability = setting.target, setting.joint_repeatability
     judgement = judge(
         replace(result, lack_of_fit=lack),
         observations,
         train=first,
+        circumstances=Circumstances(
+            visits=sound_rows(result, joined(visits)),
+            order=in_time(bench, first, kept),
+            shared=of_all_numbers(result, sources.systematic),
+            repeatability=repeatability,
+            told_by=told_by(bench),
+            target=(float(target[0]), float(target[1]), float(target[2])),
+            unmodelled=unmodelled_effects(bench, sources.combined),
+        ),
         probability=LEVEL,
         rng=stream(seed, "statement", "bootstrap", name),
         rejected_too=True,
         linear=linear,
-        unmodelled=unmodelled_effects(bench, sources.combined),
     )
     held_out, discrepancy, played = judgement.held_out, judgement.discrepancy, judgement.bootstrap
     assert held_out is not None  # the tracker measures poses or points, never distances
-    target = setting.target if setting.target.any() else None
-    regions = tool_regions(whole, judgement, sources.systematic, validation.judge_q, target)
-    radius, shared = {kind: region.mean_radius for kind, region in regions.items()}, 0.0
+    belief, judge_q, shared = judgement.belief, validation.judge_q, 0.0
+    measured_q = observations.q[np.unique(observations.pose_id, return_index=True)[1]]
+    at_judges, at_held_out, at_measured = (
+        tool_regions(whole, judgement, sources.systematic, q, target, repeatability)
+        for q in (judge_q, setting.test_q, measured_q)
+    )
+    radius = radii(at_measured, judgement)
     if judgement.conformal is not None:
-        shared = systematic_reach(result, sources.systematic, validation.judge_q, target)
+        shared = systematic_reach(result, sources.systematic, judge_q, target)
         radius["conformal"] = judgement.conformal.radius + shared
+    larger_noise_u, drift_u, misfit_u = beyond_sources(
+        whole, belief, judgement.drifting, setting.test_q, target
+    )
     return Statement(
         model="extended" if estimator.extended else "geometric",
         why=estimator.why,
@@ -112,6 +136,11 @@ def state(
         set_aside=set_aside,
         lack_of_fit=lack,
         held_out=held_out,
+        belief=belief,
+        point=judgement.point,
+        questions=judgement.questions,
+        frame=judgement.frame,
+        drifting=judgement.drifting,
         discrepancy=discrepancy,
         conformal=judgement.conformal,
         bootstrap=None if played is None else summary(played),
@@ -120,6 +149,9 @@ def state(
         sources=sources.names,
         source_u=sources.at_tool,
         combined_u=sources.combined,
+        larger_noise_u=larger_noise_u,
+        drift_u=drift_u,
+        misfit_u=misfit_u,
         discrepancy_u=(
             float("nan")
             if discrepancy is None
@@ -129,45 +161,58 @@ def state(
         trust=judgement.trust,
         names=tuple(radius),
         radius=np.array(list(radius.values())),
-        attained=attained(validation, tuple(regions.values()), radius.get("conformal")),
+        attained=attained(validation, at_judges, radius.get("conformal")),
+        honest=(
+            float("nan")
+            if belief is None
+            else honest_share(belief, judge_q, target, stream(seed, "statement", "honest", name))
+        ),
+        inside=held_by(at_held_out.get("region"), setting),
         warnings=warnings_of(result, len(held_out), len(outliers), set_aside, shared),
     )
 
 
-def tool_regions(
-    whole: Identification,
-    judgement: Judgement,
-    systematic: Array,
-    q: Array,
-    target: Array | None,
-) -> dict[str, ToolStatement]:
-    """Regions of the tool point at postures q (N, n): by the model, bootstrap and discrepancy.
+def in_time(bench: Laboratory, first: Measurements, kept: Index) -> tuple[Index, Index]:
+    """Place in time of the rows of the first visit, and of those kept (n,) of the held-out one.
 
-    Parameters
-    ----------
-    whole : Identification
-        What was identified; its covariance has the systematic part.
-    judgement : Judgement
-        With or without a bootstrap and a discrepancy.
-    systematic : (f, f) array
-        Covariance that the tracker's systematic errors leave in the estimate.
-    q : (N, n) array
-        Postures [rad, m].
-    target : (3,) array or None
-        The point on the tool [m]; None for the origin of its frame.
+    Both visits see their poses in a random order; the held-out one begins when the first visit of
+    the largest trial has ended.
     """
-    made: dict[str, tuple[Identification, Discrepancy | None]] = {"model": (whole, None)}
-    if judgement.bootstrap is not None:
-        played = judgement.bootstrap.empirical + systematic
-        made["bootstrap"] = (replace(whole, covariance=played), None)
-    if judgement.discrepancy is not None:
-        made["discrepancy"] = (whole, judgement.discrepancy)
-    return {
-        name: tool_statement(
-            one.model, q, one.full_covariance, target=target, discrepancy=discrepancy
-        )
-        for name, (one, discrepancy) in made.items()
-    }
+    scenario = bench.scenario
+    begin = max(trial.poses for trial in scenario.trial) * rounds_per_visit(scenario)
+    return np.arange(len(first)), begin + kept
+
+
+def told_by(bench: Laboratory) -> str:
+    """What tells how well joints come back."""
+    own = bench.scenario.truth.joint_repeatability_mdeg is None
+    return "the robot's description" if own else "the scenario"
+
+
+def beyond_sources(
+    whole: Identification, belief: Belief | None, drifting: Drifting | None, q: Array, target: Array
+) -> tuple[float, float, float]:
+    """What is believed beyond the stated sources, 3-D at the tool, RMS over q (N, n) [m].
+
+    Noise larger than stated, where repeats show it; a drift; the largest hidden misfit.
+    """
+    if belief is None:
+        return 0.0, 0.0, 0.0
+
+    def variance(covariance: Array) -> float:
+        """Mean variance of the tool point."""
+        return float(np.mean(tool_statement(whole.model, q, covariance, target=target).point ** 2))
+
+    slow = None if drifting is None else drifting.drift
+    drift = 0.0 if slow is None else variance(slow.covariance)
+    parameters = variance(belief.covariance)
+    noise = 0.0
+    if belief.misfit.larger_noise > 1:
+        noise = parameters - drift - variance(whole.full_covariance)
+    every = float(np.mean(belief.regions(q, target=target).point ** 2))
+    parts = noise, drift, every - parameters
+    larger, slowly, hidden = (float(np.sqrt(max(part, 0.0))) for part in parts)
+    return larger, slowly, hidden
 
 
 def summary(played: Bootstrap) -> Replayed:
@@ -223,22 +268,32 @@ def warnings_of(
     return (*warnings, *shared_waves(result))
 
 
-def without_gross_errors(
-    result: Identification, validation: Measurements, used: Measurements
-) -> tuple[Measurements, Index]:
-    """Held-out observations without the grossly wrong ones, and the poses of these.
+def sound_held_out(result: Identification, validation: Measurements, used: Measurements) -> Index:
+    """Rows of the held-out observations that are not grossly wrong.
 
-    Observations are set aside only under a robust loss, which says that gross errors are to be
-    expected. What the model misses everywhere is no gross error: sizes count in units of the median
-    one.
+    Rows are set aside only under a robust loss, which says that gross errors are to be expected.
     """
-    nothing = np.zeros(0, dtype=np.int64)
     if result.loss == "squared" or len(validation) < FEWEST:
-        return validation, nothing
+        return np.arange(len(validation))
     errors = held_out(result.model, result.full_covariance, validation, used.q)
     size = mahalanobis_squared(errors.error, errors.predicted + errors.measured)
+    return np.flatnonzero(~gross(size))
+
+
+def sound_rows(result: Identification, visits: Measurements) -> Measurements:
+    """All visits of poses and points; under a robust loss without the grossly wrong rows."""
+    visits = visits.rows(~visits.is_distance)
+    if result.loss == "squared" or len(visits) < FEWEST:
+        return visits
+    residual = predict(result.model, visits).residual[:, :3]
+    return visits.rows(~gross(mahalanobis_squared(residual, visits.covariance[:, :3, :3])))
+
+
+def gross(size: Array) -> Bool:
+    """Which of m squared sizes are gross errors; none if they are too many to be that.
+
+    What the model misses everywhere is no gross error: sizes count in units of the median one.
+    """
     usual = max(float(np.median(size)) / float(chdtri(3, 0.5)), 1.0)
-    gross = size > usual * chdtri(3, SET_ASIDE / len(validation))
-    if not gross.any() or gross.mean() > MOST_OUTLIERS:
-        return validation, nothing
-    return validation.rows(~gross), np.asarray(validation.pose_id[gross])
+    found = size > usual * chdtri(3, SET_ASIDE / len(size))
+    return np.asarray(found & (found.mean() <= MOST_OUTLIERS))

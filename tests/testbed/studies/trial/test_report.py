@@ -27,8 +27,8 @@ from tests.reported import (
 
 EVERY = [paper_campaign, rigid_campaign, bare_campaign, point_campaign]
 COUNTED = re.compile(  # columns whose numbers count, compare or index, and so have no unit
-    r"inside|χ²/dof|^p$|cond\.|rank|NEES|gain|replications|band|coverage|stated / true|^#$"
-    r"|^O[1-5]$|number|share|^u_?|ratio|parameters inside|/ u$"
+    r"inside|χ²/dof|^p$|^p, adjusted$|cond\.|rank|NEES|gain|replications|band|coverage"
+    r"|stated / true|^#$|^O[1-5]$|number|share|^u_?|ratio|parameters inside|/ u$"
     r"|^type A: (\|P\||point) in|point in region"
 )
 
@@ -183,9 +183,10 @@ def test_seed_versions_and_the_whole_scenario_are_printed():
         assert line.strip() in text
 
 
-def test_a_contradicted_model_says_not_to_quote_u_and_an_honest_one_gives_it():
+def test_a_model_that_lacks_something_says_so_and_what_is_believed_is_quoted():
     wrong = verdict.next_step(paper_campaign())
-    assert "instead of the stated uncertainty" in wrong
+    assert "the model lacks something that the robot has" in wrong
+    assert "µm (3-D radius, 95 %) for the mean of many moves" in wrong
     campaign = rigid_campaign()
     trial = campaign.trials[0]
     fit = replace(trial.estimates[0].identification, chi_square=150.0, dof=150, p_value=0.48)
@@ -196,8 +197,8 @@ def test_a_contradicted_model_says_not_to_quote_u_and_an_honest_one_gives_it():
         comparison=replace(trial.estimates[0].comparison, inside=np.ones(20, dtype=bool)),
     )
     good = replace(campaign, trials=(replace(trial, estimates=(honest,)),))
-    assert verdict.next_step(good).startswith("Nothing speaks against the stated")
-    assert "k = 2.80" in verdict.next_step(good)
+    radius = 1e6 * honest.statement.point.radius_mean
+    assert verdict.next_step(good).startswith(f"Quote {radius:.3g} µm (3-D radius, 95 %)")
 
 
 def test_failing_intervals_are_named_and_holding_ones_are_said_to_hold():
@@ -213,12 +214,12 @@ def test_failing_intervals_are_named_and_holding_ones_are_said_to_hold():
         coverage_band=np.array([0.8, 1.0]),
     )
     said = intervals_in_words(trial, replace(estimate, replications=honest))
-    assert "the intervals hold" in said
+    assert "the intervals of the parameters hold" in said
     covered = np.full(f, 0.95)
     covered[3] = 0.10
     one = replace(honest, parameter_coverage=covered)
     said = intervals_in_words(trial, replace(estimate, replications=one))
-    assert "the intervals fail" in said
+    assert "the intervals of the parameters fail" in said
     assert f"too narrow for 1 of {f} parameters ({estimate.identification.names[3]} 10" in said
 
 
@@ -226,7 +227,10 @@ def test_paper_mode_intervals_are_reported_as_failing_on_a_rigid_robot():
     campaign = rigid_campaign()
     for trial in campaign.trials:
         said = intervals_in_words(trial, trial.estimates[1])
-        assert "paper mode, covariance of the unweighted fit: the intervals fail" in said
+        assert (
+            "paper mode, covariance of the unweighted fit: the intervals of the parameters fail"
+            in said
+        )
 
 
 def test_dropped_parameters_are_explained_by_the_sentences_of_the_reduction():

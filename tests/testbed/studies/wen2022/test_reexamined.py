@@ -20,7 +20,12 @@ from testbed.scenario.read import changed
 from testbed.scenario.tables import BudgetSettings
 from testbed.store.codec import pack, unpack
 from testbed.studies import load_scenario
-from testbed.studies.trial import report_accuracy, report_design, report_parameters
+from testbed.studies.trial import (
+    report_accuracy,
+    report_design,
+    report_parameters,
+    report_secret,
+)
 from testbed.studies.trial.statement import report as report_statement
 from testbed.studies.trial.verdict import trial_verdict
 from testbed.studies.wen2022 import claims_many_robots as claims_robots
@@ -461,7 +466,7 @@ def test_the_page_opens_with_the_verdict_on_the_paper_and_shows_each_claim_once(
         (report_tool_point, "tool_section"),
         (report_parameters, "parameter_section"),
         (report_statement, "statement_section"),
-        (report_statement, "secret_section"),
+        (report_secret, "secret_section"),
     ):
         monkeypatch.setattr(room, name, lambda *_: Section("left-out", "left out", ()))
     page = page_of(campaign(), VERSIONS)

@@ -1,0 +1,59 @@
+"""The report's section on the secret: what makes the robot wrong."""
+
+from testbed.report.page import Section, Table, Text
+from testbed.studies.trial.records import Campaign
+from testbed.units import counted, millimetres
+
+MEANINGS = {
+    "geometry": "link lengths, offsets and angles",
+    "frames": "base and tool placement",
+    "gravity": "joints that sag under the arm's own weight",
+    "harmonics": "gear errors, once and twice a turn",
+    "high_harmonics": "gear errors, three and seven times a turn",
+    "encoder": "errors between two lines of the encoders",
+    "backlash": "play of the gears",
+    "thermal": "links that grow warm",
+    "elastic": "drives and links that give way under load",
+    "repeatability": "scatter of every new approach",
+}
+"""What each term of the truth stands for."""
+
+
+def secret_section(campaign: Campaign) -> Section:
+    """How far each term of the truth alone moves the tool."""
+    validation = campaign.validation
+    sizes = zip(validation.terms, validation.term_rms, strict=True)
+    rows = [
+        (term, MEANINGS.get(term, ""), millimetres(float(rms)))
+        for term, rms in sorted(sizes, key=lambda pair: -pair[1])
+    ]
+    rows.append(("all together", "", millimetres(validation.together_rms)))
+    table = Table(
+        caption="Tool displacement by each term of the truth alone",
+        head=("term", "what it is", "rms mm"),
+        rows=tuple(rows),
+        align="llr",
+        strong=(len(rows) - 1,),
+        note=f"True minus nominal tool position, root mean square over "
+        f"{counted(len(campaign.setting.test_q), 'held-out pose')}. Terms add as vectors: beyond "
+        f"their sum they do {millimetres(validation.interaction_rms, 2)} mm together.",
+    )
+    return Section(
+        "secret",
+        "The secret: what makes this robot wrong",
+        (Text(secret_words(rows)), table),
+        part="campaign",
+    )
+
+
+def secret_words(rows: list[tuple[str, str, str]]) -> str:
+    """The largest term in words; what a model without it cannot follow."""
+    if len(rows) == 1:
+        return "Nothing: the true robot is the nominal one."
+    name, meaning, size = rows[0]
+    text = f"Most of this robot's error is {name.replace('_', ' ')} ({meaning}): {size} mm."
+    unmodelled = [row for row in rows[:-1] if row[0] not in ("geometry", "frames", "repeatability")]
+    if not unmodelled:
+        return f"{text} Nothing that a geometric model cannot follow is switched on."
+    texts = ", ".join(f"{row[0].replace('_', ' ')} {row[2]} mm" for row in unmodelled)
+    return f"{text} Beyond any geometric model: {texts}."

@@ -1,0 +1,95 @@
+"""The statements that are made of one calibration's tool point, and how honest ones would fare."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.geometry.jacobian import reflector_rows
+from calib.identification.identify import Identification
+from calib.uncertainty.covariance import correlated_draws
+from calib.uncertainty.discrepancy import Discrepancy
+from calib.uncertainty.judgement import Judgement
+from calib.uncertainty.statement.belief import Belief
+from calib.uncertainty.statement.stated_point import common_radius
+from calib.uncertainty.tool_point import ToolStatement, tool_statement
+
+HONEST_DRAWS, HONEST = 1000, 0.999
+"""Robots drawn as the region says they are; share of them that stay above what is asked of one."""
+
+
+def tool_regions(
+    whole: Identification,
+    judgement: Judgement,
+    systematic: Array,
+    q: Array,
+    target: Array,
+    repeatability: Array,
+) -> dict[str, ToolStatement]:
+    """Regions of the tool point at postures q (N, n): the believed one first, then the others.
+
+    Parameters
+    ----------
+    whole : Identification
+        What was identified; its covariance has the systematic part.
+    judgement : Judgement
+        With or without a belief, a bootstrap and a discrepancy.
+    systematic : (f, f) array
+        Covariance that the tracker's systematic errors leave in the estimate.
+    q : (N, n) array
+        Postures [rad, m].
+    target : (3,) array
+        The point on the tool [m].
+    repeatability : (n,) array
+        Standard deviation with which each joint comes back [rad, m].
+    """
+    found: dict[str, ToolStatement] = {}
+    if judgement.belief is not None:
+        found["region"] = judgement.belief.regions(q, target=target)
+        if repeatability.any():
+            found["move"] = judgement.belief.regions(q, target=target, repeatability=repeatability)
+    made: dict[str, tuple[Identification, Discrepancy | None]] = {"parameters": (whole, None)}
+    if judgement.bootstrap is not None:
+        played = judgement.bootstrap.empirical + systematic
+        made["bootstrap"] = (replace(whole, covariance=played), None)
+    if judgement.discrepancy is not None:
+        made["discrepancy"] = (whole, judgement.discrepancy)
+    for name, (one, discrepancy) in made.items():
+        found[name] = tool_statement(
+            one.model, q, one.full_covariance, target=target, discrepancy=discrepancy
+        )
+    return found
+
+
+def radii(regions: dict[str, ToolStatement], judgement: Judgement) -> dict[str, float]:
+    """R95 of each of the regions: the radius that holds the point at a pose like theirs [m]."""
+    point = judgement.point
+    known = {} if point is None else {"region": point.radius_mean, "move": point.radius_move}
+    return {
+        name: known[name] if name in known else common_radius(region)
+        for name, region in regions.items()
+    }
+
+
+def honest_share(belief: Belief, q: Array, target: Array, rng: np.random.Generator) -> float:
+    """Least share of postures q (N, n) that an honest region holds, for `HONEST` of all robots.
+
+    Postures of one robot share its parameter error, so that one robot may stay far below 95 %.
+
+    References
+    ----------
+    Monte Carlo: errors J dx + d, dx ~ N(0, C + sigma_U^2 F D F'), d ~ N(0, sigma_U^2 D) anew at
+    each posture, in the region of the same covariance.
+    """
+    T, J = belief.model.poses_and_jacobian(q)
+    _, rows = reflector_rows(T, J, np.broadcast_to(target, (len(T), 3)))
+    size, region = belief.misfit.upper, belief.regions(q, target=target, growth=1.0)
+    whole = belief.covariance + size**2 * belief.misfit_covariance
+    step = correlated_draws(whole, HONEST_DRAWS, rng)
+    own = size * belief.misfit.shape.rows(rows)
+    anew = rng.standard_normal((len(q), own.shape[2], len(step)))
+    root = np.linalg.cholesky(region.covariance)
+    error = np.linalg.solve(root, rows) @ step.T + np.linalg.solve(root, own) @ anew
+    # (N, 3, draws)
+    share = ((error**2).sum(axis=1) <= region.factor**2).mean(axis=0)
+    return float(np.quantile(share, 1 - HONEST))
