@@ -22,6 +22,7 @@ from tests.reference import TX60_LINKS
 from tests.truth.foreign import KINDS, PLACES, TX60, UR5, candidates, true_arm
 from tests.truth.foreign_tracker import (
     JOINT_SD,
+    STATED_CONSTANTS,
     ForeignTracker,
     shared_columns,
     with_constants,
@@ -146,13 +147,20 @@ def readings(cell, arm, tracker, rng, train, held_out):
     return fit, rows.rows(of_train), rows.rows(of_test), (of_train, of_test)
 
 
-def from_files(arm, tracker, rng, train, held_out):
+def from_files(arm, tracker, rng, train, held_out, *, constants=False):
     """What `identify` makes of a session, as a user writes one."""
+    settings = STATED_CONSTANTS if constants else ""
     with TemporaryDirectory() as folder:
-        session = write_campaign(Path(folder), arm, tracker, rng, train, held_out)
+        session = write_campaign(Path(folder), arm, tracker, rng, train, held_out, settings)
         with session.open("a", encoding="utf-8") as file:
             file.write('\n[identification]\nmodel = "geometric"\n')
         return truebed.identify("staubli_tx60", session)
+
+
+def left_by_constants(fit, train, columns):
+    """Covariance (P, P) of all numbers from readings' columns (m, 6, k), each in its own sd."""
+    left = np.einsum("mfe,mek->fk", estimator_gain(fit, train), columns)
+    return of_all_numbers(fit, left @ left.T)
 
 
 def told(cell, robot):
@@ -161,15 +169,14 @@ def told(cell, robot):
     arm, size, tracker, q = drawn(cell, robot, rng)
     target = np.zeros(3) if cell.off_axis is None else np.array([cell.off_axis, 0.0, 0.06])
     if cell.through_files:
-        found, there = from_files(arm, tracker, rng, *q), np.linalg.inv(tracker.frame)
+        found = from_files(arm, tracker, rng, *q, constants=cell.constants and cell.stated)
+        there = np.linalg.inv(tracker.frame)
         fit, judgement = found.fit.identification, found.proof
     else:
         fit, train, test, order = readings(cell, arm, tracker, rng, *q)
         there, shared = np.eye(4), None
         if cell.constants and cell.stated:
-            B = shared_columns(tracker, arm, train.q)
-            left = np.einsum("mfe,mek->fk", estimator_gain(fit, train), B)
-            shared = of_all_numbers(fit, left @ left.T)
+            shared = left_by_constants(fit, train, shared_columns(tracker, arm, train.q))
         sd = np.full(6, JOINT_SD)
         known = Circumstances(order=order, shared=shared, repeatability=sd, target=tuple(target))
         judgement = judge(fit, test, train=train, circumstances=known)

@@ -20,6 +20,16 @@ CONSTANTS_SD = {
 """Standard deviations of what a station gets wrong in all readings alike; fields of the tracker."""
 ENCODER = (7.5e-6, 3e-6)
 """Size of the encoders' errors across the beam: constant [m], per metre of range."""
+STATED_CONSTANTS = """
+[uncertainty.systematic]
+range_offset_um = 1.4433756729740645
+scale_um_per_m = 0.2
+encoder_amplitude_um = [7.5, 3.0]
+target_offset_um = 2.5
+target_turn_mdeg = 2.886751345948129
+station_mm = [0, 0, 0]
+"""
+"""The same in a session whose coordinates are those of the station."""
 
 
 @dataclass(frozen=True)

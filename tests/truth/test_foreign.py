@@ -16,8 +16,8 @@ from testbed.robots.catalog import load_robot
 from tests.reference import TX60_LINKS
 from tests.truth import foreign, foreign_tracker, wen2022_arm
 from tests.truth.foreign import KINDS, TX60, UR5, ForeignArm, candidates, true_arm
-from tests.truth.foreign_cells import NOISE, UR5_LINKS, Cell, from_files, played
-from tests.truth.foreign_tracker import ForeignTracker, write_program
+from tests.truth.foreign_cells import NOISE, UR5_LINKS, Cell, from_files, left_by_constants, played
+from tests.truth.foreign_tracker import ForeignTracker, shared_columns, write_program
 
 pytestmark = pytest.mark.truth
 FEW, MANY = 24, 200
@@ -123,10 +123,25 @@ def test_the_believed_region_holds_what_hides_behind_the_noise():
 
 
 def test_what_all_readings_share_is_in_the_region_where_it_is_stated():
-    """Constants drawn from the stated sd; one robot in a hundred is held at half of its points."""
-    believed, found = judged(Cell(constants=True), FEW)
+    """Through files: constants drawn from the stated sd, the same in both sets."""
+    believed, found = judged(Cell(constants=True, through_files=True), FEW // 2)
     assert found.alone.mean() < 0.6
     assert believed.mean() >= 0.95
+
+
+def test_what_constants_leave_is_what_finite_differences_of_the_tracker_say():
+    rng = np.random.default_rng(12)
+    arm, tracker, q = true_arm(rng), ForeignTracker(), candidates(rng, 60)
+    found = from_files(arm, tracker, rng, q[:40], q[40:], constants=True)
+    fit, train = found.fit.identification, found.measurements.rows(found.is_used)
+    turned = np.kron(np.eye(2), tracker.frame[:3, :3].T)  # to the axes of the station
+    own = left_by_constants(fit, train, turned @ shared_columns(tracker, arm, train.q))
+    sd = np.sqrt(np.diag(own))
+    # steps of a hundredth of a constant, of poses that noise and calibration move by 1e-5 of a turn
+    np.testing.assert_allclose(
+        found.shared.covariance / np.outer(sd, sd).clip(1e-30), own / np.outer(sd, sd).clip(1e-30),
+        atol=2e-3,
+    )  # fmt: skip
 
 
 def test_noise_that_remembers_is_seen_and_in_the_region():
