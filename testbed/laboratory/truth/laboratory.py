@@ -11,6 +11,7 @@ from calib.geometry.model import RobotModel
 from calib.measurement.observations import DISTANCE, Measurements, joined
 from testbed.laboratory.bench import Bench, open_bench
 from testbed.laboratory.tracker.rounds import Round, first_tracker, true_fixtures
+from testbed.laboratory.tracker.stations import require_ranges, require_stations
 from testbed.laboratory.truth.robot import TrueRobot, draw_truth, unmodelled_terms
 from testbed.scenario.fixtures import rounds_per_visit
 from testbed.scenario.laboratory import At960Tracker, TruthSettings
@@ -200,9 +201,11 @@ def held_out_poses(truth: TrueRobot, scenario: Scenario, q: Array) -> Array:
 def make_setting(scenario: Scenario) -> Setting:
     """Draw the true robot, the feasible pool and the held-out poses of a scenario."""
     bench = open_bench(scenario)
+    require_stations(bench)
     truth = draw_truth(bench.robot, scenario.truth, scenario.seed)
     candidates = bench.candidates()
     pool = candidates.draw(stream(scenario.seed, "pool"))
+    require_ranges(bench, pool.q, "the pool")
     bench.check_views(pool.q)
     test = candidates.draw(stream(scenario.seed, "test"), size=scenario.test.poses, exclude=pool.q)
     setting = Setting(
