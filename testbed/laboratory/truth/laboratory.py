@@ -36,10 +36,10 @@ class Setting:
     """(R, n) a sample (at most 100 a reason) of rejected candidates [rad, m]."""
     rejected_reason: Annotated[tuple[str, ...], "R"]
     """(R,) why: one of `rejection_names`."""
-    rejection_names: tuple[str, ...]
-    """Reasons, in the order they are tested, from `laboratory.pool`."""
-    rejection_counts: Index
-    """Candidates rejected for each reason, the first that applied."""
+    rejection_names: Annotated[tuple[str, ...], "w"]
+    """(w,) reasons, in the order they are tested, from `laboratory.pool`."""
+    rejection_counts: Annotated[Index, "w"]
+    """(w,) candidates rejected for each reason, the first that applied."""
     n_drawn: int
     """Candidates drawn in all."""
     test_q: Annotated[Array, "t", "n"]

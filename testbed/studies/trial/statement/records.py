@@ -26,8 +26,8 @@ class Validation:
     """(j, n) further poses drawn as the pool is, never measured [rad, m]."""
     judge_true: Annotated[Array, "j", 3]
     """(j, 3) secret: noise-free true points there of the tool point that is judged [m]."""
-    terms: tuple[str, ...]
-    """Terms of the truth that are switched on."""
+    terms: Annotated[tuple[str, ...], "k"]
+    """(k,) terms of the truth that are switched on."""
     term_rms: Annotated[Array, "k"]
     """(k,) secret: root mean square displacement of the tool at the held-out poses by each term
     alone [m]."""
@@ -81,8 +81,8 @@ class Statement:
     """Whether first-order propagation holds, at the held-out pose with the largest stated u."""
     linear_pose: int
     """That pose, from 0."""
-    sources: tuple[str, ...]
-    """Sources of uncertainty."""
+    sources: Annotated[tuple[str, ...], "s"]
+    """(s,) sources of uncertainty."""
     source_u: Annotated[Array, "s"]
     """(s,) 3-D standard uncertainty that each leaves at the tool, RMS over held-out poses [m]."""
     combined_u: float
