@@ -6,6 +6,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.chain import Chain, link_rotation_parts
+from calib.geometry.frames import transform
 
 X, Y, Z = range(3)
 """Places of the three axes of a bend; z is the axis of the joint itself."""
@@ -67,3 +68,9 @@ def bodies(chain: Chain, q: Array, bends: Array | None = None) -> Bodies:
         x, z = cb * x - sb * z, sb * x + cb * z
     rotation[:, n], origin[:, n] = np.stack([x, y, z], -1), p
     return Bodies(rotation, origin, axes)
+
+
+def bent_forward(chain: Chain, q: Array, bends: Array) -> Array:
+    """Tool poses T_world_tool (m, 4, 4) of an arm whose joints give way, as in `bodies`."""
+    at = bodies(chain, q, bends)
+    return transform(at.rotation[:, -1], at.origin[:, -1]) @ chain.T_flange_tool

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check
 from calib.errors import refuse
-from calib.geometry.bodies import Z, bodies
+from calib.geometry.bodies import X, Y, Z, bodies
 from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.jacobian import BATCH
 
@@ -83,6 +83,43 @@ def gravity_regressor(
             G[:, i, Z] = 0.0
             G[:, i, Z, :, 0] = (at.axes[:, i, Z] @ down)[:, None]
         G *= beyond[:, None, :, None]
+    return out
+
+
+def torque_slopes(chain: Chain, q: Array, pi: Array, *, gravity: Array, bends: Array) -> Array:
+    """How torques change with bends (m, 3 n, 3 n): those of joint and axis, by joint and axis.
+
+    Minus the second derivative of the potential energy, hence symmetric: of two turns the one
+    nearer to the tip carries all beyond it along, and that pulls at the other. A joint value
+    changes torques as the bend of its joint about z does.
+
+    Parameters
+    ----------
+    chain : Chain
+        Geometry of the arm.
+    q : (m, n) array
+        Checked joint values [rad, m].
+    pi : (n + 1, 4) array
+        Moments of links and payload [kg, kg m].
+    gravity : (3,) array
+        In the frame of the base [m/s^2].
+    bends : (m, n, 3) array
+        How far the arm has given way [rad, m].
+    """
+    m, n = q.shape
+    at, down = bodies(chain, q, bends), chain.T_world_base[:3, :3] @ gravity
+    # sums over all bodies from the tip: masses, and first moments about the world, then a joint
+    first = pi[:, 0, None] * at.origin + (at.rotation @ pi[:, 1:, None])[..., 0]
+    mass, first = np.cumsum(pi[::-1, 0])[::-1], np.cumsum(first[:, ::-1], axis=1)[:, ::-1]
+    about = first[:, :n] - mass[:n, None] * at.origin[:, :n]
+    pull, carried = np.cross(down, at.axes), np.cross(at.axes, about[:, :, None])
+    for i in np.flatnonzero(chain.prismatic):
+        pull[:, i, Z], carried[:, i, Z] = 0.0, mass[i] * at.axes[:, i, Z]
+    order = (3 * np.arange(n)[:, None] + [Z, X, Y]).ravel()  # as the turns follow each other
+    one, other = (v.reshape(m, 3 * n, 3)[:, order] for v in (pull, carried))
+    upper = np.triu(one @ other.swapaxes(1, 2))
+    out = np.empty((m, 3 * n, 3 * n))
+    out[:, order[:, None], order] = upper + np.triu(upper, 1).swapaxes(1, 2)
     return out
 
 

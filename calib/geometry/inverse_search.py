@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
+from calib.geometry.bodies import Z
 from calib.geometry.frames import log_so3, right_jacobian_inverse
-from calib.geometry.jacobian import joint_columns, pose_and_jacobian
+from calib.geometry.jacobian import bent_pose_and_jacobian, joint_columns, pose_and_jacobian
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH as L
@@ -37,18 +38,25 @@ def joint_jacobian(model: RobotModel, q: Array) -> tuple[Array, Array]:
 
     Rows are [dp (m); dr (rad)] in world axes; joint errors that follow the joints are in it.
     """
-    reached = q + model.joint_errors.offsets(q)
-    T, J = pose_and_jacobian(model.chain, reached)
+    errors = model.joint_errors
+    if errors.sprung:
+        T, J = bent_pose_and_jacobian(model.chain, q, errors.bends(q))
+        bent, springs = J[:, :, model.chain.n_numbers :], errors.sprung
+        give = bent[:, :, springs.places] @ springs.slopes_by_joint(q, errors.of_springs)
+        J = bent[:, :, Z::3]
+        return T, J + J @ _error_slopes(errors, q) + give
+    T, J = pose_and_jacobian(model.chain, q + errors.offsets(q))
     J = J[:, :, joint_columns(model.chain)]
-    return T, J if not model.joint_errors.terms else J + J @ _error_slopes(model.joint_errors, q)
+    return T, J + J @ _error_slopes(errors, q) if errors.terms else J
 
 
 def _error_slopes(errors: JointErrors, q: Array) -> Array:
-    """Derivative (m, n, n) of the joint offsets by the joints."""
+    """Derivative (m, n, n) of what the terms displace, by the joints."""
     weights = np.array([term.weights for term in errors.terms], dtype=np.float64)
-    cosine = np.array([term.wave == "cos" for term in errors.terms])
+    weights = weights.reshape(-1, q.shape[1])
+    cosine = np.array([term.wave == "cos" for term in errors.terms], dtype=np.bool_)
     phase = q @ weights.T
-    slope = np.where(cosine, -np.sin(phase), np.cos(phase)) * errors.coefficients
+    slope = np.where(cosine, -np.sin(phase), np.cos(phase)) * errors.coefficients[: len(cosine)]
     out = np.zeros((len(q), q.shape[1], q.shape[1]))
     for k, joint in enumerate(errors.joints):
         out[:, joint] += slope[:, k, None] * weights[k]

@@ -1,8 +1,8 @@
-"""Joint errors outside the geometry: gravity sag and gear harmonics as a linear basis.
+"""Joint errors outside the geometry: gravity sag and gear harmonics, and springs under load.
 
 dq(q) = sum_k c_k b_k(q), each b_k a sine or cosine of a whole-number combination of joint values,
 and each acting on one joint. An amplitude with a phase is two terms:
-A sin(q + phi) = (A cos phi) sin q + (A sin phi) cos q.
+A sin(q + phi) = (A cos phi) sin q + (A sin phi) cos q. Springs bend a joint about any axis.
 """
 
 from dataclasses import dataclass
@@ -10,8 +10,10 @@ from typing import Literal
 
 import numpy as np
 
-from calib.arrays import Array, check
+from calib.arrays import Array, check, frozen
 from calib.errors import refuse
+from calib.geometry.bodies import Z
+from calib.geometry.springs import STIFF, Compliance, SprungJoints
 
 _WAVES: tuple[Literal["sin", "cos"], ...] = ("sin", "cos")
 
@@ -35,20 +37,31 @@ class JointErrors:
 
     terms: tuple[JointTerm, ...] = ()
     coefficients: Array = ()  # type: ignore[assignment]  # becomes an array in __post_init__
-    """(k,) one coefficient per term [rad or m]."""
+    """(k + s,) one coefficient per term, then the numbers of the springs; all zero if left out
+    [rad or m; kg or kg m for moments]."""
+    springs: Compliance = STIFF
+    """What gives way under load, if anything: `SprungJoints`."""
 
     def __post_init__(self) -> None:
         (coefficients,) = check("k", coefficients=self.coefficients)
-        if len(coefficients) != len(self.terms):
+        if not len(coefficients):
+            coefficients = frozen(np.zeros(len(self.names)))
+        if len(coefficients) != len(self.names):
             message = f"coefficients has {len(coefficients)} entries"
-            wanted = f"one per term, {len(self.terms)}"
+            wanted = f"one per term, {len(self.names)}"
             raise refuse("coefficients", allowed=wanted, code="A1", message=message)
         object.__setattr__(self, "coefficients", coefficients)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """(k,) names of the terms."""
-        return tuple(term.name for term in self.terms)
+        """(k + s,) names of the terms and of the springs' numbers."""
+        sprung = self.springs.names if isinstance(self.springs, SprungJoints) else ()
+        return (*(term.name for term in self.terms), *sprung)
+
+    @property
+    def sprung(self) -> SprungJoints | None:
+        """The springs, if anything gives way."""
+        return self.springs if isinstance(self.springs, SprungJoints) else None
 
     @property
     def joints(self) -> list[int]:
@@ -64,9 +77,34 @@ class JointErrors:
         return np.where(cosine, np.cos(phase), np.sin(phase))
 
     def offsets(self, q: Array) -> Array:
-        """Joint offsets dq (m, n) [rad or m] at joint values q (m, n)."""
+        """Joint offsets dq (m, n) [rad or m] at joint values q (m, n), where nothing gives way."""
+        if self.sprung is not None:
+            raise refuse(
+                "springs", code="A3",
+                message="these joint errors have springs, which bend a joint about three axes",
+                allowed="here joint terms alone, which are offsets of joint values",
+                fix="take the poses from the robot model, or leave the springs out",
+            )  # fmt: skip
+        return self.of_terms(q)
+
+    def bends(self, q: Array) -> Array:
+        """Bends (m, n, 3) about x, y, z of every joint [rad or m] at joint values q (m, n)."""
+        out = np.zeros((*q.shape, 3))
+        if self.sprung is not None:
+            out = self.sprung.bends(q, self.of_springs)
+        out[:, :, Z] += self.of_terms(q)
+        return out
+
+    @property
+    def of_springs(self) -> Array:
+        """(s,) the coefficients that belong to the springs."""
+        return self.coefficients[len(self.terms) :]
+
+    def of_terms(self, q: Array) -> Array:
+        """What the terms displace of each joint (m, n) [rad or m]."""
         dq = np.zeros_like(q)
-        np.add.at(dq.T, self.joints, (self.basis(q) * self.coefficients).T)
+        coefficients = self.coefficients[: len(self.terms)]
+        np.add.at(dq.T, self.joints, (self.basis(q) * coefficients).T)
         return dq
 
 

@@ -6,17 +6,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check
+from calib.geometry.bodies import Z, bent_forward
 from calib.geometry.chain import Chain, chain_names, forward, joint_vectors
 from calib.geometry.fixtures import Fixtures
-from calib.geometry.jacobian import joint_columns, pose_and_jacobian
+from calib.geometry.jacobian import bent_pose_and_jacobian, joint_columns, pose_and_jacobian
 from calib.geometry.joint_errors import JointErrors
+from calib.geometry.springs import SprungJoints
 
 NO_ERRORS, NO_FIXTURES = JointErrors(), Fixtures()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotModel:
-    """Geometry and joint errors, T(q) = forward(chain, q + dq(q)), and what stands beside them."""
+    """Geometry and joint errors, T(q) = forward(chain, q + dq(q)), and what stands beside them.
+
+    Springs among the joint errors bend the joints about three axes: T(q) = bent_forward(chain, q,
+    b(q)).
+    """
 
     chain: Chain
     joint_errors: JointErrors = NO_ERRORS
@@ -42,7 +48,9 @@ class RobotModel:
         link = (False, True, True, False, False)
         terms = tuple(self.chain.kinds[joint] == "prismatic" for joint in self.joint_errors.joints)
         links = link * self.chain.n_joints
-        return (*frame, *links, *frame, *terms, *self.fixtures.is_length)
+        springs = self.joint_errors.sprung
+        sprung = springs.is_length if springs else ()
+        return (*frame, *links, *frame, *terms, *sprung, *self.fixtures.is_length)
 
     @property
     def n_numbers(self) -> int:
@@ -52,7 +60,7 @@ class RobotModel:
     @property
     def first_fixture(self) -> int:
         """Place of the first number of the fixtures in the full parameter vector."""
-        return self.chain.n_numbers + len(self.joint_errors.terms)
+        return self.chain.n_numbers + len(self.joint_errors.coefficients)
 
     def moved(self, step: ArrayLike) -> "RobotModel":
         """Model after a step (P,) [m, rad]: chain as in `Chain.moved`, coefficients add."""
@@ -77,22 +85,37 @@ class RobotModel:
     def poses(self, q: ArrayLike) -> Array:
         """Tool poses T_world_tool (m, 4, 4) at commanded joint values q (m, n)."""
         q = joint_vectors(self.chain, q)
+        if self.joint_errors.sprung:
+            return bent_forward(self.chain, q, self.joint_errors.bends(q))
         return forward(self.chain, q + self.joint_errors.offsets(q))
 
     def poses_and_jacobian(self, q: ArrayLike) -> tuple[Array, Array]:
         """Poses (m, 4, 4) and Jacobian (m, 6, P), rows [dp; dr] in world axes.
 
         A joint term's column is its joint's own column times the basis value: exact, because the
-        offset is linear in the coefficient. The columns of the fixtures are zero: no tool moves
-        with them.
+        offset is linear in the coefficient. A number of the springs has the columns of the bends
+        times their slopes. The columns of the fixtures are zero: no tool moves with them.
         """
-        q = joint_vectors(self.chain, q)
-        T, J = pose_and_jacobian(self.chain, q + self.joint_errors.offsets(q))
+        q, errors = joint_vectors(self.chain, q), self.joint_errors
+        if errors.sprung:
+            return self._sprung_poses_and_jacobian(q, errors.sprung)
+        T, J = pose_and_jacobian(self.chain, q + errors.offsets(q))
         if self.n_numbers == self.chain.n_numbers:
             return T, J
         parts = [J]
-        if self.joint_errors.terms:
-            columns = np.array(joint_columns(self.chain))[self.joint_errors.joints]
-            parts.append(J[:, :, columns] * self.joint_errors.basis(q)[:, None, :])
+        if errors.terms:
+            columns = np.array(joint_columns(self.chain))[errors.joints]
+            parts.append(J[:, :, columns] * errors.basis(q)[:, None, :])
         parts.append(np.zeros((len(q), 6, self.fixtures.n_numbers)))
         return T, np.concatenate(parts, axis=-1)
+
+    def _sprung_poses_and_jacobian(self, q: Array, springs: SprungJoints) -> tuple[Array, Array]:
+        """The same where the joints give way: terms are bends about z, springs about any axis."""
+        errors = self.joint_errors
+        bends, slopes = springs.bends_and_slopes(q, errors.of_springs)
+        bends[:, :, Z] += errors.of_terms(q)
+        T, J = bent_pose_and_jacobian(self.chain, q, bends)
+        J, bent = np.split(J, [self.chain.n_numbers], axis=2)
+        terms = bent[:, :, Z::3][:, :, errors.joints] * errors.basis(q)[:, None, :]
+        nothing = np.zeros((len(q), 6, self.fixtures.n_numbers))
+        return T, np.concatenate([J, terms, bent[:, :, springs.places] @ slopes, nothing], axis=-1)

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from typing import Annotated
 
 import numpy as np
 
@@ -18,13 +19,13 @@ CHARACTERISTIC_LENGTH = 0.3
 class Parameters:
     """Names of all P numbers of a model, the free ones, and their column scale."""
 
-    names: tuple[str, ...]
+    names: Annotated[tuple[str, ...], "P"]
     """(P,) as in `RobotModel.names`."""
-    is_length: Bool
+    is_length: Annotated[Bool, "P"]
     """(P,) length [m] or else angle [rad]."""
-    free: Bool
+    free: Annotated[Bool, "P"]
     """(P,) identified; the others stay where the model has them."""
-    scale: Array
+    scale: Annotated[Array, "P"]
     """(P,) step that counts as one scaled unit [m or rad]: 1 m, and 1/L rad for angles."""
 
     def __post_init__(self) -> None:

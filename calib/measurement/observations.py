@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,31 +30,31 @@ class Measurements:
     left out mean: reflectors at `offset`, all measured from the first station, no distances.
     """
 
-    q: Array
+    q: Annotated[Array, "m", "n"]
     """(m, n) commanded joint values [rad, m]."""
-    position: Array
+    position: Annotated[Array, "m", 3]
     """(m, 3) measured position in the frame of the station: tool origin, or reflector for point
     rows [m]; zero for distance rows."""
-    rotation: Array
+    rotation: Annotated[Array, "m", 3, 3]
     """(m, 3, 3) measured rotation R_station_tool; identity for other than pose rows, unused."""
-    covariance: Array
+    covariance: Annotated[Array, "m", 6, 6]
     """(m, 6, 6) of [position (m); rotation vector (rad)], axes of the station; points use the first
     3 x 3, distances only the variance at [0, 0]."""
-    kind: NDArray[np.str_]
+    kind: Annotated[NDArray[np.str_], "m"]
     """(m,) "pose", "point" or "distance"."""
-    offset: Array
+    offset: Annotated[Array, "m", 3]
     """(m, 3) reflector in the tool frame [m]; zero for pose rows and where `reflector` names it."""
-    pose_id: Index
+    pose_id: Annotated[Index, "m"]
     """(m,) which pose of the plan or pool this row belongs to."""
-    repeat: Index
+    repeat: Annotated[Index, "m"]
     """(m,) which visit of that pose, from 0."""
-    reflector: Index = field(default_factory=_whole)
+    reflector: Annotated[Index, "m"] = field(default_factory=_whole)
     """(m,) which reflector of the fixtures, from 0; -1: the one at `offset`."""
-    station: Index = field(default_factory=_whole)
+    station: Annotated[Index, "m"] = field(default_factory=_whole)
     """(m,) which station saw it; 0 is the world frame."""
-    anchor: Index = field(default_factory=_whole)
+    anchor: Annotated[Index, "m"] = field(default_factory=_whole)
     """(m,) which anchor of the fixtures a distance was measured from, from 0; -1 for other rows."""
-    distance: Array = field(default_factory=lambda: frozen(()))
+    distance: Annotated[Array, "m"] = field(default_factory=lambda: frozen(()))
     """(m,) measured distance from anchor to reflector [m]; zero for other rows."""
 
     def __post_init__(self) -> None:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arrays import Array, Bool, FloatOrNan
+from calib.arrays import Array, Bool, FloatOrNan, wrong_shape
 from calib.geometry.model import RobotModel
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
@@ -182,6 +182,28 @@ class Calibration:
     """What all readings of the instrument share; None where the session states nothing of it."""
     warnings: tuple[str, ...]
     """What was found on the way, beside what the source says."""
+
+    def __post_init__(self) -> None:
+        rows = len(self.measurements)
+        misses = {f"fits[{k}].misses": fit.misses for k, fit in enumerate(self.fits)}
+        columns = {
+            "time": self.time,
+            "payload": self.conditions.payload,
+            "tool": self.conditions.tool,
+            "temperature": self.conditions.temperature,
+            "split.is_test": self.split.is_test,
+            "gross.left_out": self.gross.left_out,
+            **{
+                f"{name}.position": one.position
+                for name, one in {"before_misses": self.before_misses, **misses}.items()
+            },
+        }
+        for name, values in columns.items():
+            if values is not None and len(values) != rows:
+                raise wrong_shape(name, np.shape(values), f"one for each of {rows} rows")
+        joints, q = self.nominal.chain.n_joints, self.measurements.q
+        if q.shape[1] != joints:
+            raise wrong_shape("measurements.q", q.shape, f"one for each of {joints} joints")
 
     @property
     def fit(self) -> FittedModel:

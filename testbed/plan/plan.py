@@ -6,7 +6,6 @@ import numpy as np
 
 from calib.arrays import Array, frozen
 from calib.errors import InputError, refuse
-from calib.geometry.chain import Chain
 from calib.geometry.parameters import Parameters
 from calib.information.goals import Goals, goal_matrix
 from calib.uncertainty.statement.conditions import Conditions
@@ -18,6 +17,9 @@ from testbed.laboratory.tracker.stations import (
     compare_stations,
     place_word,
     point_u,
+    require_ranges,
+    require_station,
+    require_stations,
     station_grid,
 )
 from testbed.plan.design import (
@@ -33,17 +35,12 @@ from testbed.plan.design import (
 from testbed.plan.records import Plan
 from testbed.plan.tour import held_out, readings_of, start_of, tour_of
 from testbed.progress import Progress
-from testbed.robots.placements import placements
 from testbed.scenario.checks import check_robot
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 
 STEPS = ("robot and goal", "stations and candidate poses", "pose set", "measuring order")
 """What is told while a plan is made."""
-BESIDE = 0.5
-"""A tracker stands at least so far outside the robot's reach [m]."""
-NEAREST = 0.8
-"""Nearest target a tracker is asked to measure [m]."""
 EQUAL = 1e-3
 """Stations nearer than this are the same one [m]."""
 
@@ -99,7 +96,7 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     blocks = bench.blocks(pool.q, parameters)
     task = DesignTask(blocks, goals, before, scenario.plan, parameters.free_names)
     places, method, curve = designed(task, stream(scenario.seed, "plan", "select"))
-    check_ranges(bench, np.vstack([pool.q[places], apart]))
+    require_ranges(bench, np.vstack([pool.q[places], apart]), "the plan")
     tell(STEPS[3], 3, len(STEPS))
     tour = tour_of(bench, start, pool.q[places], places, apart, pool.q)
     M = task.information(places)
@@ -192,61 +189,13 @@ def check_stations(bench: Bench) -> None:
     """Refuse stations below the floor, in the robot's work space, or given twice."""
     settings = bench.scenario.plan.stations
     if not settings.given:
-        x, y, z = bench.scenario.tracker.station_mm
-        name = f"[tracker] station_mm at ({x:g}, {y:g}, {z:g}) mm"
-        _check_station(bench, np.array([x, y, z]) / 1e3, name, "tracker.station_mm")
+        require_stations(bench)
         return
     stations = station_grid(settings)
     for k, station in enumerate(stations):
         name = f"[plan.stations] {place_word(k, station)}"
-        _check_station(bench, station, name, "plan.stations")
+        require_station(bench, station, name, "plan.stations")
     for a, b in combinations(range(len(stations)), 2):
         if np.linalg.norm(stations[a] - stations[b]) < EQUAL:
             message = f"[plan.stations] {place_word(b, stations[b])} is the same as station {a + 1}"
             raise refuse("plan.stations", code="S37", message=message, fix="remove one of them")
-
-
-def _check_station(bench: Bench, station: Array, name: str, field: str) -> None:
-    """Refuse one station (3,) in the base frame [m] where no tracker can stand."""
-    chain = bench.robot.model.chain
-
-    def refusal(message: str, allowed: str, fix: str) -> InputError:
-        mm = (station * 1e3).tolist()
-        return refuse(field, mm, allowed, code="S37", message=f"{name} {message}", fix=fix)
-
-    below = -bench.simulator.above_floor((chain.T_world_base @ [*station, 1.0])[:3])
-    if below > 0:
-        message = f"lies {below * 1e3:.0f} mm below the floor"
-        raise refusal(message, "", "put the tracker above the floor")
-    needed = reach(chain, bench.robot.limits) + BESIDE
-    if np.linalg.norm(station) < needed:
-        raise refusal(
-            f"is {np.linalg.norm(station):.2f} m from the base: the tracker would stand in the "
-            "robot's work space",
-            f"it needs {needed:.2f} m or more, the arm's length and {BESIDE:g} m",
-            "move the tracker away from the robot",
-        )
-
-
-def check_ranges(bench: Bench, q: Array) -> None:
-    """Refuse a station that poses q (m, n) bring the target too near to."""
-    chain = bench.robot.model.chain
-    T = bench.robot.model.poses(q)
-    targets = T[:, :3, 3] + T[:, :3, :3] @ bench.tracker.aim(chain)
-    nearest = float(np.linalg.norm(targets - bench.tracker.station, axis=1).min())
-    if nearest < NEAREST:
-        raise refuse(
-            "tracker.station_mm", nearest,
-            f"it needs {NEAREST:g} m or more, or the tracker stands in the robot's work space",
-            code="S37", fix="move the tracker away from the robot",
-            message=f"a pose of the plan brings the target to {nearest:.2f} m from the tracker",
-        )  # fmt: skip
-
-
-def reach(chain: Chain, limits: Array) -> float:
-    """Length of the stretched arm, base to tool, sliding joints at their farthest [m]."""
-    frames, _, tool = placements(chain)
-    # the first frame stands in the world: where the base is, not how long the arm is
-    lengths = sum(float(np.linalg.norm(frame[:3, 3])) for frame in (*frames[1:], tool))
-    slides = chain.prismatic.astype(bool)
-    return lengths + float(np.abs(limits[slides]).max(axis=1, initial=0.0).sum())

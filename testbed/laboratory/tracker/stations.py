@@ -1,4 +1,4 @@
-"""Tracker stations compared: what each one sees, and how well the best design from there does."""
+"""Tracker stations: where one can stand, what it sees, how well the best design from there does."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,12 +8,19 @@ import numpy as np
 
 from calib.arrays import Array, Bool, Index, frozen
 from calib.design.blocks import has_full_rank, information
-from calib.errors import CalibError, refuse
+from calib.errors import CalibError, InputError, refuse
+from calib.geometry.chain import Chain
 from calib.geometry.parameters import Parameters
 from calib.information.goals import Goals
+from calib.measurement.observations import DISTANCE
 from testbed.laboratory.bench import Bench
+from testbed.robots.placements import placements
 from testbed.scenario.tables import StationSettings
 
+BESIDE = 0.5
+"""A tracker stands at least so far outside the robot's reach [m]."""
+NEAREST = 0.8
+"""Nearest target a tracker is asked to measure [m]."""
 NAMED = 5
 """Stations whose fault is named when none can be used."""
 Designer = Callable[[Array], Index]
@@ -74,6 +81,67 @@ def station_grid(settings: StationSettings) -> Array:
         )
     ]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3) / 1e3
+
+
+def require_stations(bench: Bench) -> None:
+    """Refuse a station of [tracker] or [fixtures] where no tracker can stand."""
+    scenario = bench.scenario
+    places = [("[tracker] station_mm", "tracker.station_mm", scenario.tracker.station_mm)]
+    if scenario.fixtures is not None:
+        places += [
+            (f"[fixtures] stations_mm entry {k}", "fixtures.stations_mm", place)
+            for k, place in enumerate(scenario.fixtures.stations_mm, 1)
+        ]
+    for name, field, (x, y, z) in places:
+        at = f"{name} at ({x:g}, {y:g}, {z:g}) mm"
+        require_station(bench, np.array([x, y, z]) / 1e3, at, field)
+
+
+def require_station(bench: Bench, station: Array, name: str, field: str) -> None:
+    """Refuse one station (3,) in the base frame [m] where no tracker can stand."""
+    chain = bench.robot.model.chain
+
+    def refusal(message: str, allowed: str, fix: str) -> InputError:
+        mm = (station * 1e3).tolist()
+        return refuse(field, mm, allowed, code="S37", message=f"{name} {message}", fix=fix)
+
+    below = -bench.simulator.above_floor((chain.T_world_base @ [*station, 1.0])[:3])
+    if below > 0:
+        message = f"lies {below * 1e3:.0f} mm below the floor"
+        raise refusal(message, "", "put the tracker above the floor")
+    needed = reach(chain, bench.robot.limits) + BESIDE
+    if np.linalg.norm(station) < needed:
+        raise refusal(
+            f"is {np.linalg.norm(station):.2f} m from the base: the tracker would stand in the "
+            "robot's work space",
+            f"it needs {needed:.2f} m or more, the arm's length and {BESIDE:g} m",
+            "move the tracker away from the robot",
+        )
+
+
+def require_ranges(bench: Bench, q: Array, whose: str) -> None:
+    """Refuse stations that poses q (m, n) bring the target too near to; `whose` poses they are."""
+    chain, T = bench.robot.model.chain, bench.robot.model.poses(q)
+    optical = [one for one in bench.rounds if one.kind != DISTANCE]
+    for tracker in [one.tracker for one in optical] or [bench.tracker]:
+        targets = T[:, :3, 3] + T[:, :3, :3] @ tracker.aim(chain)
+        nearest = float(np.linalg.norm(targets - tracker.station, axis=1).min())
+        if nearest < NEAREST:
+            raise refuse(
+                "tracker.station_mm", nearest,
+                f"it needs {NEAREST:g} m or more, or the tracker stands in the robot's work space",
+                code="S37", fix="move the tracker away from the robot",
+                message=f"a pose of {whose} brings the target to {nearest:.2f} m from the tracker",
+            )  # fmt: skip
+
+
+def reach(chain: Chain, limits: Array) -> float:
+    """Length of the stretched arm, base to tool, sliding joints at their farthest [m]."""
+    frames, _, tool = placements(chain)
+    # the first frame stands in the world: where the base is, not how long the arm is
+    lengths = sum(float(np.linalg.norm(frame[:3, 3])) for frame in (*frames[1:], tool))
+    slides = chain.prismatic.astype(bool)
+    return lengths + float(np.abs(limits[slides]).max(axis=1, initial=0.0).sum())
 
 
 def compare_stations(

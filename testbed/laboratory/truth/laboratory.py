@@ -11,6 +11,7 @@ from calib.geometry.model import RobotModel
 from calib.measurement.observations import DISTANCE, Measurements, joined
 from testbed.laboratory.bench import Bench, open_bench
 from testbed.laboratory.tracker.rounds import Round, first_tracker, true_fixtures
+from testbed.laboratory.tracker.stations import require_ranges, require_stations
 from testbed.laboratory.truth.robot import TrueRobot, draw_truth, unmodelled_terms
 from testbed.scenario.fixtures import rounds_per_visit
 from testbed.scenario.laboratory import At960Tracker, TruthSettings
@@ -35,10 +36,10 @@ class Setting:
     """(R, n) a sample (at most 100 a reason) of rejected candidates [rad, m]."""
     rejected_reason: Annotated[tuple[str, ...], "R"]
     """(R,) why: one of `rejection_names`."""
-    rejection_names: tuple[str, ...]
-    """Reasons, in the order they are tested, from `laboratory.pool`."""
-    rejection_counts: Index
-    """Candidates rejected for each reason, the first that applied."""
+    rejection_names: Annotated[tuple[str, ...], "w"]
+    """(w,) reasons, in the order they are tested, from `laboratory.pool`."""
+    rejection_counts: Annotated[Index, "w"]
+    """(w,) candidates rejected for each reason, the first that applied."""
     n_drawn: int
     """Candidates drawn in all."""
     test_q: Annotated[Array, "t", "n"]
@@ -208,9 +209,11 @@ def held_out_poses(
 def make_setting(scenario: Scenario) -> Setting:
     """Draw the true robot, the feasible pool and the held-out poses of a scenario."""
     bench = open_bench(scenario)
+    require_stations(bench)
     truth = draw_truth(bench.robot, scenario.truth, scenario.seed)
     candidates = bench.candidates()
     pool = candidates.draw(stream(scenario.seed, "pool"))
+    require_ranges(bench, pool.q, "the pool")
     bench.check_views(pool.q)
     test = candidates.draw(stream(scenario.seed, "test"), size=scenario.test.poses, exclude=pool.q)
     setting = Setting(

@@ -78,6 +78,12 @@ def test_an_unknown_parameter_name_gets_a_suggestion():
         parameters_of(tx60(), ["thta1"])
 
 
+def test_terms_without_coefficients_do_nothing():
+    errors = JointErrors(gravity_terms(6))
+    assert np.array_equal(errors.coefficients, np.zeros(3))
+    assert (errors.offsets(pool_r(5)) == 0).all()
+
+
 def test_terms_and_coefficients_must_match():
     with pytest.raises(InputError, match="one per term, 1"):
         JointErrors((JointTerm("a", 0, "sin", (1,)),), np.zeros(2))

@@ -24,7 +24,7 @@ from testbed.identify.folder import (
 )
 from testbed.identify.results import split_csv
 from testbed.robots.catalog import load_robot
-from testbed.store import layout
+from testbed.store import layout, npz
 from testbed.store.codec import pack
 from tests.calibrated import (
     real,
@@ -90,6 +90,23 @@ def test_records_come_back_bit_for_bit(out):
             assert np.array_equal(value, two[name]), name
         else:
             assert value == two[name], name
+
+
+def test_every_array_of_rows_is_held_to_their_number(out):
+    """Sealed again with one row less: refused as the record is opened, or of no other's length."""
+    file = out / layout.TRIALS / "calibration.npz"
+    good, rows = file.read_bytes(), len(real().measurements)
+    meta, arrays = npz.from_bytes(good)
+    of_rows = [name for name, array in arrays.items() if array.shape[:1] == (rows,)]
+    assert len(of_rows) > 20
+    told = "the record calibration was written by another version"
+    try:
+        for name in of_rows:
+            file.write_bytes(npz.to_bytes(meta, {**arrays, name: arrays[name][:-1]}))
+            with pytest.raises(InputError, match=told):
+                load_calibration(out)
+    finally:
+        file.write_bytes(good)
 
 
 def test_derived_files_are_made_again_with_the_same_bytes(out):

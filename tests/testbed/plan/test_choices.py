@@ -8,7 +8,8 @@ from calib.errors import InputError
 from testbed.laboratory.bench import open_bench
 from testbed.laboratory.cell import cell_from
 from testbed.laboratory.simulator import Simulator
-from testbed.plan.plan import check_ranges, plan
+from testbed.laboratory.tracker.stations import require_ranges
+from testbed.plan.plan import plan
 from tests.planned import QUICK, ROBOT, legs, quick_plan, rows_of, scenario, small_plan
 
 CHAIN = ROBOT.model.chain
@@ -49,7 +50,7 @@ def test_a_target_that_comes_too_near_to_the_tracker_is_refused():
     """Arm stretched forward: the probe 0.73 m before the base, the tracker at 1.25 m."""
     bench = open_bench(scenario(QUICK, **{"tracker.station_mm": [1250.0, 0.0, 0.0]}))
     with pytest.raises(InputError, match=r"to 0\.52 m from the tracker; it needs 0\.8 m"):
-        check_ranges(bench, np.radians([[0.0, 90.0, 0.0, 0.0, 0.0, 0.0]]))
+        require_ranges(bench, np.radians([[0.0, 90.0, 0.0, 0.0, 0.0, 0.0]]), "the plan")
 
 
 def test_the_same_seed_gives_the_same_plan_and_another_seed_another():

@@ -66,9 +66,14 @@ def with_table(**tables):
     return lambda _: scenario_of(deepcopy(SCENARIO) | tables, where="scenes/mine.toml")
 
 
-def seen_by(fixtures):
+def box_at(*place):
+    """An obstacle around a place [mm]."""
+    return {"kind": "box", "size_mm": [200.0] * 3, "position_mm": [float(x) for x in place]}
+
+
+def seen_by(fixtures, **more):
     """A laboratory set up with these fixtures, points measured."""
-    small = POINT | {"pool.size": 40, "fixtures": fixtures}
+    small = POINT | {"pool.size": 40, "fixtures": fixtures} | more
     return lambda _: make_setting(scenario(**small))
 
 
@@ -370,7 +375,17 @@ CASES = {
     "a plan for two stations": lambda _: plan(
         scenario(fixtures={"stations_mm": [[3000, 2000, 300]]}, **ONLY_WHITENED)
     ),
-    "a station that sees nothing": seen_by({"stations_mm": [[2200, 2400, -3000]]}),
+    "a station that sees nothing": seen_by(
+        {"stations_mm": [[2200, 2400, 300]]}, **{"cell.obstacle": [box_at(2200, 2400, 300)]}
+    ),
+    "a station below the floor": seen_by({"stations_mm": [[2200, 2400, -3000]]}),
+    "a station in the work space": seen_by(
+        {"stations_mm": [[2200, 2400, 300]]}, **{"tracker.station_mm": [600.0, 0.0, 500.0]}
+    ),
+    "a station that the target comes too near to": seen_by(
+        {"anchors_mm": {"P1": [0, 0, 3000]}},
+        **{"tracker.station_mm": [0.0, 0.0, 1200.0], "pool.line_of_sight": False},
+    ),
     "an anchor that sees nothing": seen_by({"anchors_mm": {"P1": [0, 0, -3000]}}),
     "a reflector hidden from all stations": seen_by(
         {"reflectors_mm": {"A": [0, 0, 90], "B": [0, 0, -50]}}
@@ -468,13 +483,7 @@ CASES = {
     "plan from a blind station": planned(
         **{
             "plan.stations.list_mm": [[2600.0, 0.0, 300.0]],
-            "cell.obstacle": [
-                {
-                    "kind": "box",
-                    "size_mm": [200.0, 200.0, 200.0],
-                    "position_mm": [2600.0, 0.0, 300.0],
-                }
-            ],
+            "cell.obstacle": [box_at(2600.0, 0.0, 300.0)],
         }
     ),
     "plan from below the floor": planned(**{"tracker.station_mm": [0.0, 0.0, -3000.0]}),

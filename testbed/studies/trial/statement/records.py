@@ -36,8 +36,8 @@ class Validation:
     """(j, 3) secret: noise-free true points there of the tool point that is judged [m]."""
     judge_moved: Annotated[Array, "j", 3]
     """(j, 3) secret: where one move to each of them ends [m]."""
-    terms: tuple[str, ...]
-    """Terms of the truth that are switched on."""
+    terms: Annotated[tuple[str, ...], "k"]
+    """(k,) terms of the truth that are switched on."""
     term_rms: Annotated[Array, "k"]
     """(k,) secret: root mean square displacement of the tool at the held-out poses by each term
     alone [m]."""
@@ -101,8 +101,8 @@ class Statement:
     """Whether first-order propagation holds, at the held-out pose with the largest stated u."""
     linear_pose: int
     """That pose, from 0."""
-    sources: tuple[str, ...]
-    """Sources of uncertainty."""
+    sources: Annotated[tuple[str, ...], "s"]
+    """(s,) sources of uncertainty."""
     source_u: Annotated[Array, "s"]
     """(s,) 3-D standard uncertainty that each leaves at the tool, RMS over held-out poses [m]."""
     combined_u: float
