@@ -18,7 +18,7 @@ from calib.uncertainty.bootstrap import REPLICATES, Bootstrap, bootstrap
 from calib.uncertainty.conformal import Conformal, conformal, fewest_poses
 from calib.uncertainty.discrepancy import FEWEST, Discrepancy, discrepancy
 from calib.uncertainty.held_out import HeldOut, held_out
-from calib.uncertainty.statement.belief import Belief, believe
+from calib.uncertainty.statement.belief import Belief, adding, believe
 from calib.uncertainty.statement.drifting import Drifting, drifting
 from calib.uncertainty.statement.gain import of_all_numbers
 from calib.uncertainty.statement.other_frame import FEWEST as FEWEST_OF_A_FRAME
@@ -193,20 +193,20 @@ def _belief(
         visits = joined([train, replace(test, pose_id=-1 - test.pose_id)]) if len(test) else train
     repeats = noise_repeats(fit.model, visits, in_evidence=known.visits is None)
 
-    def believed(held_out: Measurements | None, shared: Array | None) -> Belief:
+    def believed(held_out: Measurements | None) -> Belief:
         return believe(
-            fit, train, held_out, covariance=numbers, shared=shared, repeats=repeats,
+            fit, train, held_out, covariance=numbers, shared=known.shared, repeats=repeats,
             probability=probability, target=known.target, drawn=known.drawn,
         )  # fmt: skip
 
     use: Measurements | None = test if len(test) else None
-    belief, frame = believed(use, known.shared), None
+    belief, frame = believed(use), None
     points = test.rows(~test.is_distance)
     one_station = len(np.unique(points.station)) <= 1
     if points.n_poses >= FEWEST_OF_A_FRAME and one_station and np.isfinite(belief.misfit.upper):
         frame = other_frame(belief, points)
         if frame.found:
-            use, belief = None, believed(None, known.shared)
+            use, belief = None, believed(None)
     slow = None
     if known.order is not None:
         nobody = np.zeros(0, dtype=np.int64)
@@ -216,10 +216,7 @@ def _belief(
             hidden=belief.misfit, whatever=bool(known.unmodelled),
         )  # fmt: skip
         if slow is not None and slow.drift is not None:
-            shared = slow.drift.covariance
-            if known.shared is not None:
-                shared = shared + known.shared
-            belief = believed(use, shared)
+            belief = adding(belief, slow.drift.covariance, use)
     return (belief if np.isfinite(belief.misfit.upper) else None), frame, slow
 
 

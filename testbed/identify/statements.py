@@ -49,6 +49,8 @@ def _believed(calibration: Calibration) -> list[StatedRadius]:
         f"{held} of true mean points; in it are noise and a misfit of up to "
         f"{belief.misfit.upper * UM:.1f} um per axis"
     )
+    if calibration.shared is not None:
+        within += ", what all readings share"
     drifting = calibration.proof.drifting
     if drifting is not None and drifting.drift is not None:
         within += ", and a drift"

@@ -131,8 +131,7 @@ def believe(
     et al. 2005.
     """
     where = train if held_out is None or not len(held_out) else held_out
-    points = None if held_out is None else held_out.rows(~held_out.is_distance)
-    n = 0 if points is None else points.n_poses
+    n = 0 if held_out is None else held_out.rows(~held_out.is_distance).n_poses
     guarded = drawn and n >= fewest_poses(probability)
     size = misfit(
         identification, train, held_out, repeats=repeats, drop=DROP if guarded else UNGUARDED_DROP
@@ -141,20 +140,27 @@ def believe(
     of_noise = identification.full_covariance if covariance is None else covariance
     (whole,) = check(f"{P} {P}", covariance=of_noise)
     whole = size.larger_noise**2 * whole
-    if shared is not None:
-        whole = whole + check(f"{P} {P}", shared=shared)[0]
     plain = Belief(
         identification.model, frozen(whole), size,
         misfit_covariance(identification, train, size.shape),
         float(np.sqrt(chdtri(3, 1 - probability))), n if guarded else 0, probability,
         proven_at(identification, train, where.q, target=target),
     )  # fmt: skip
-    if not guarded or points is None or not np.isfinite(size.upper):
+    return adding(plain, np.zeros((P, P)) if shared is None else shared, held_out)
+
+
+def adding(belief: Belief, shared: ArrayLike, held_out: Measurements | None = None) -> Belief:
+    """The belief with a further covariance (P, P) of all numbers, guarded by the same poses."""
+    P = belief.model.n_numbers
+    whole = belief.covariance + check(f"{P} {P}", shared=shared)[0]
+    plain = replace(
+        belief, covariance=frozen(whole), factor=float(np.sqrt(chdtri(3, 1 - belief.probability)))
+    )
+    if not belief.n_guards or held_out is None or not np.isfinite(belief.misfit.upper):
         return plain
-    scores = np.sort(_scores(plain, points))
-    rank = int(np.ceil(probability * (n + 1) - 1e-9))
-    factor = max(plain.factor, float(np.sqrt(scores[rank - 1])))
-    return replace(plain, factor=factor)
+    scores = np.sort(_scores(plain, held_out.rows(~held_out.is_distance)))
+    rank = int(np.ceil(belief.probability * (belief.n_guards + 1) - 1e-9))
+    return replace(plain, factor=max(plain.factor, float(np.sqrt(scores[rank - 1]))))
 
 
 def _region(belief: Belief, rows: Array, growth: Array) -> Array:

@@ -12,7 +12,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.measurement.observations import joined
 from calib.measurement.prediction import predict
-from calib.uncertainty.statement.belief import believe
+from calib.uncertainty.statement.belief import adding, believe
 from calib.uncertainty.tool_point import tool_statement
 from tests.calib import kinds
 
@@ -186,3 +186,15 @@ def test_what_all_readings_share_is_added():
     np.testing.assert_allclose(grown, expected, rtol=0, atol=1e-15)
     assert with_it.factor <= plain.factor
     assert "guards" in repr(plain)
+
+
+def test_adding_what_is_shared_later_is_as_if_it_had_been_known():
+    rng = np.random.default_rng(12)
+    _, fit, train, held_out = campaign(rng, 60e-6)
+    root = 1e-5 * rng.standard_normal((fit.model.n_numbers, 3))
+    known = believe(fit, train, held_out, shared=root @ root.T)
+    later = adding(believe(fit, train, held_out), root @ root.T, held_out)
+    np.testing.assert_array_equal(later.covariance, known.covariance)
+    assert (later.factor, later.n_guards) == (known.factor, known.n_guards)
+    # without the poses there is nothing to guard it
+    assert adding(known, np.zeros_like(known.covariance)).factor == pytest.approx(K3)
