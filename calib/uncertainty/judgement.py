@@ -204,7 +204,7 @@ def _belief(
     points = test.rows(~test.is_distance)
     one_station = len(np.unique(points.station)) <= 1
     if points.n_poses >= FEWEST_OF_A_FRAME and one_station and np.isfinite(belief.misfit.upper):
-        frame = other_frame(belief, points)
+        frame = other_frame(belief, points, fit, train)
         if frame.found:
             use, belief = None, believed(None)
     slow = None

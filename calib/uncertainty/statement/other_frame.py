@@ -8,12 +8,17 @@ from scipy.special import chdtrc
 
 from calib.arrays import Array, frozen
 from calib.errors import refuse
+from calib.geometry.model import RobotModel
 from calib.identification.fit_statistics import RED
+from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict, predicted_positions
 from calib.uncertainty.statement.belief import Belief
+from calib.uncertainty.statement.gain import estimator_gain
 from calib.uncertainty.statement.shape import noise_and_misfit
 
+FOLLOWED = 0.01
+"""Part of a motion below which nothing of it is left: the model is not quite straight."""
 FEWEST = 6
 """Held-out poses below which a motion of six numbers is not told from their noise."""
 
@@ -62,8 +67,10 @@ class OtherFrame:
         return f"the held-out readings stand {what}; they prove nothing until that is settled"
 
 
-def other_frame(belief: Belief, held_out: Measurements) -> OtherFrame:
-    """Ask whether a rigid motion explains the errors at held-out poses.
+def other_frame(
+    belief: Belief, held_out: Measurements, identification: Identification, train: Measurements
+) -> OtherFrame:
+    """Ask whether a rigid motion explains errors at held-out poses, beyond those identified from.
 
     Parameters
     ----------
@@ -71,6 +78,11 @@ def other_frame(belief: Belief, held_out: Measurements) -> OtherFrame:
         What is believed of errors there; its misfit is in their covariance.
     held_out : Measurements
         Poses and points, from one station.
+    identification : Identification
+        From `train`.
+    train : Measurements
+        What was identified from. A frame that was held fixed, and does not fit, shows in all
+        readings: it is no other frame.
 
     References
     ----------
@@ -85,16 +97,15 @@ def other_frame(belief: Belief, held_out: Measurements) -> OtherFrame:
         )  # fmt: skip
     seen = predict(belief.model, points)
     rows, e = seen.rows[:, :3], seen.residual[:, :3]
-    p = predicted_positions(belief.model, points)
-    about = p - p.mean(axis=0)
-    eye = np.broadcast_to(np.eye(3), (len(p), 3, 3))
-    base = np.concatenate([eye, -np.cross(about[:, :, None], eye, axis=1)], axis=2)
-    station = belief.model.fixtures.station_frames[points.station][:, :3, :3]
-    tool = np.swapaxes(station, 1, 2) @ belief.model.poses(points.q)[:, :3, :3]
+    about = predicted_positions(belief.model, points).mean(axis=0)
+    base, tool = np.split(_motions(belief.model, points, about)[:, :3], [6], axis=2)
     # rows of another frame look like a misfit, too; it is no larger than the errors themselves
     size = min(belief.misfit.upper, float(np.sqrt((e**2).mean())))
     values, axes = np.linalg.eigh(belief.covariance + size**2 * belief.misfit_covariance)
-    columns = (rows @ (axes * np.sqrt(np.maximum(values, 0.0))), e[:, :, None], base, tool)
+    common, usual = _standing(belief, points, size, about, identification, train)
+    parameters = rows @ (axes * np.sqrt(np.maximum(values, 0.0)))
+    shares = np.concatenate([parameters, common], axis=2)
+    columns = (shares, (e - usual)[:, :, None], base, tool)
     shared, error, of_base, of_tool = _whitened(belief, points, size, rows, columns)
     moved, p_base, moves = _explained(shared, error, of_base, base)
     offset, p_tool, tool_size = _explained(shared, error, of_tool, tool)
@@ -102,6 +113,48 @@ def other_frame(belief: Belief, held_out: Measurements) -> OtherFrame:
         frozen(moved[:3]), frozen(moved[3:]), frozen(offset), moves, tool_size, p_base, p_tool,
         points.n_poses,
     )  # fmt: skip
+
+
+def _motions(model: RobotModel, table: Measurements, about: Array) -> Array:
+    """Rows (m, 6, 9) of a station that shifts, or turns about a point, and of a target that shifts.
+
+    In the axes of the station; the target in those of the tool.
+    """
+    p = predicted_positions(model, table) - about
+    station = model.fixtures.station_frames[table.station][:, :3, :3]
+    motions = np.zeros((len(p), 6, 9))
+    motions[:, :3, :3] = np.eye(3)
+    motions[:, :3, 3:6] = -np.cross(p[:, :, None], np.eye(3)[None], axis=1)
+    motions[:, 3:, 3:6] = table.is_pose[:, None, None] * np.eye(3)
+    motions[:, :3, 6:] = np.swapaxes(station, 1, 2) @ model.poses(table.q)[:, :3, :3]
+    return motions
+
+
+def _standing(
+    belief: Belief, held_out: Measurements, size: float, about: Array, fit: Identification,
+    train: Measurements,
+) -> tuple[Array, Array]:  # fmt: skip
+    """What a motion of all readings leaves at held-out rows, because the estimate cannot follow it.
+
+    Returns columns (m, 3, k) for independent numbers of variance one, and what the training rows
+    say of the motion as an error (m, 3) [m]; no column where the estimate follows every motion.
+    """
+    model, free = belief.model, fit.parameters.free_index
+    if train.is_distance.any() or (train.station != held_out.station[0]).any():
+        return np.zeros((len(held_out), 3, 0)), np.zeros((len(held_out), 3))
+    seen, motions = predict(model, train), _motions(model, train, about)
+    followed = np.einsum("mfe,mek->fk", estimator_gain(fit, train), motions)
+    left = motions - seen.rows[:, :, free] @ followed
+    # gross errors tell nothing of a motion
+    sound = fit.weights > 0.5 if len(fit.weights) else np.ones(len(train), dtype=bool)
+    columns = [part[sound, :3] for part in (left, seen.residual[:, :, None], motions)]
+    B, e, whole = _whitened(belief, train.rows(sound), size, seen.rows[sound, :3], columns)
+    U, s, V = np.linalg.svd(B, full_matrices=False)
+    kept = s > FOLLOWED * np.linalg.norm(whole, 2)
+    there = predict(model, held_out).rows[:, :3, free]
+    reach = _motions(model, held_out, about)[:, :3] - there @ followed
+    common = reach @ (V[kept].T / s[kept])
+    return common, common @ (U[:, kept].T @ e[:, 0])
 
 
 def _whitened(

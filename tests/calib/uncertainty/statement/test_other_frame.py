@@ -8,12 +8,14 @@ import pytest
 from scipy.stats import binom, chi2
 
 from calib.errors import InputError
+from calib.geometry.parameters import parameters_of
+from calib.identification.identify import identify
 from calib.measurement.observations import joined
 from calib.measurement.prediction import predict, predicted_positions
 from calib.uncertainty.statement.belief import believe
 from calib.uncertainty.statement.other_frame import other_frame
 from tests.calib import kinds
-from tests.calib.uncertainty.statement.test_belief import campaign
+from tests.calib.uncertainty.statement.test_belief import TX60, bent, campaign, visit
 
 
 def shifted(table, shift, turn=(0.0, 0.0, 0.0)):
@@ -28,8 +30,27 @@ def test_false_alarms_are_rare():
     for robot in range(60):
         rng = np.random.default_rng([robot, 41])
         _, fit, train, held_out = campaign(rng, [0.0, 15e-6, 60e-6][robot % 3])
-        found += other_frame(believe(fit, train, held_out), held_out).found
+        found += other_frame(believe(fit, train, held_out), held_out, fit, train).found
     assert found <= binom.ppf(0.999, 60, 0.002)
+
+
+def test_a_frame_that_was_held_fixed_and_does_not_fit_is_no_other_frame():
+    """Base and tool held at nominal where they are half a millimetre off: all readings show it."""
+    alarms = seen = 0
+    for robot in range(6):
+        rng = np.random.default_rng([robot, 44])
+        true = bent(rng, 15e-6 * (robot % 2))
+        away = np.zeros(true.n_numbers)
+        away[[0, 2, 4]] = 5e-4, -3e-4, 1e-3
+        moved = true.moved(away)
+        train, held_out = visit(moved, rng, 40), visit(moved, rng, 20, first=40)
+        names = [name for name in TX60.names if not name.startswith(("base", "tool"))]
+        fit = identify(TX60, train, parameters_of(TX60, names))
+        alarms += other_frame(believe(fit, train, held_out), held_out, fit, train).found
+        again = shifted(held_out, [2e-3, 0.0, 0.0])
+        seen += other_frame(believe(fit, train, again), again, fit, train).found
+    assert alarms == 0
+    assert seen == 6
 
 
 def test_twice_the_believed_radius_is_seen():
@@ -40,7 +61,7 @@ def test_twice_the_believed_radius_is_seen():
         U = believe(fit, train, held_out).regions(held_out.q).mean_radius
         way = rng.normal(size=3)
         moved = shifted(held_out, 2 * U * way / np.linalg.norm(way))
-        seen += other_frame(believe(fit, train, moved), moved).found
+        seen += other_frame(believe(fit, train, moved), moved, fit, train).found
     # bar: 99 % of robots
     assert seen >= binom.ppf(0.001, 20, 0.99)
 
@@ -50,7 +71,7 @@ def test_motion_is_the_one_that_was_made():
     _, fit, train, held_out = campaign(rng, 0.0)
     shift, turn = np.array([300e-6, -100e-6, 50e-6]), np.array([0.0, 1e-3, -2e-3])
     moved = shifted(held_out, shift, turn)
-    found = other_frame(believe(fit, train, moved), moved)
+    found = other_frame(believe(fit, train, moved), moved, fit, train)
     assert found.found
     # noise of 20 um over 20 poses and the fit's own: within 30 um and .1 mrad
     np.testing.assert_allclose(found.turn, turn, atol=1e-4)
@@ -66,7 +87,7 @@ def test_another_target_is_told_from_another_station():
     _, fit, train, held_out = campaign(rng, 0.0)
     offset = np.array([200e-6, 0.0, 100e-6])
     moved = replace(held_out, position=held_out.position + held_out.rotation @ offset)
-    found = other_frame(believe(fit, train, moved), moved)
+    found = other_frame(believe(fit, train, moved), moved, fit, train)
     assert found.p_tool < found.p_base
     np.testing.assert_allclose(found.tool, offset, atol=4e-5)
     assert "another target" in found.sentence
@@ -76,7 +97,7 @@ def test_half_a_metre_is_said_in_millimetres():
     rng = np.random.default_rng(3)
     _, fit, train, held_out = campaign(rng, 0.0)
     moved = shifted(held_out, [0.6, 0.1, 0.1], [0.0, 0.0, 0.3])
-    sentence = other_frame(believe(fit, train, moved), moved).sentence
+    sentence = other_frame(believe(fit, train, moved), moved, fit, train).sentence
     assert " mm (17 deg) from the calibration" in sentence
 
 
@@ -94,7 +115,7 @@ def test_rows_of_one_pose_share_their_misfit():
             for k in range(8)
         ]  # fmt: skip
         table = joined(again)
-        found += other_frame(believe(fit, train, table), table).found
+        found += other_frame(believe(fit, train, table), table, fit, train).found
     assert found == 0
 
 
@@ -103,7 +124,7 @@ def test_too_few_poses_cannot_tell():
     _, fit, train, held_out = campaign(rng, 0.0)
     few = held_out.rows(np.arange(5))
     with pytest.raises(InputError, match="6 poses or more"):
-        other_frame(believe(fit, train, few), few)
+        other_frame(believe(fit, train, few), few, fit, train)
 
 
 def test_motion_and_chance_are_those_of_the_whole_covariance_written_out():
@@ -112,7 +133,7 @@ def test_motion_and_chance_are_those_of_the_whole_covariance_written_out():
     _, fit, train, held_out = campaign(rng, 15e-6)
     twice = joined([held_out, replace(held_out, position=held_out.position + 1e-5)])
     belief = believe(fit, train, twice)
-    found = other_frame(belief, twice)
+    found = other_frame(belief, twice, fit, train)
     seen = predict(belief.model, twice)
     rows, e = seen.rows[:, :3], seen.residual[:, :3]
     size = min(belief.misfit.upper, np.sqrt((e**2).mean()))
@@ -141,5 +162,5 @@ def test_a_thousand_poses_are_asked_within_a_second():
     many = joined([replace(held_out, pose_id=held_out.pose_id + 1000 * k) for k in range(50)])
     belief = believe(fit, train, held_out)
     began = process_time()
-    assert other_frame(belief, many).n_poses == 50 * held_out.n_poses
+    assert other_frame(belief, many, fit, train).n_poses == 50 * held_out.n_poses
     assert process_time() - began < 1.0
