@@ -27,6 +27,7 @@ from calib.measurement.iso9283 import (
     repeatability,
     rotation_accuracy,
 )
+from calib.uncertainty.statement.applicability import proven_at
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.tracker.tracker import bias_size
 from testbed.laboratory.truth.laboratory import (
@@ -65,6 +66,8 @@ AXES = dict.fromkeys(("distances", "held_out", "extended", "step"), -1) | {
     "true": 1,
     "corrected": 1,
     "targets": 1,
+    "reach": 1,
+    "place": 0,
 }
 
 
@@ -117,6 +120,9 @@ def play_robot(
         targets.append(np.where(found.corrected[:, None], found.q, q))
         corrected.append(found.corrected)
         runs.append(execute(own, T, targets[-1], "after", robot))
+    # where held-out poses prove a model follows from their joints alone
+    proven = proven_at(choice.identifications[extended], seen, own.setting.test_q)
+    reach = proven.applies(targets[-1])
     # with the geometric model chosen, both corrected programs are one
     variants = [0, 1, 2 if extended else 1]
     true = own.held_out(own.setting.test_q)
@@ -139,6 +145,8 @@ def play_robot(
             held_out=[_held_out(model, own, true) for model in judged],
             extended=extended,
             corrected=[corrected[k] for k in variants],
+            reach=[reach.transfer, reach.leverage],
+            place=reach.place,
             step=np.abs(executed - q).max(axis=(1, 2)),
             targets=executed,
         ),

@@ -16,6 +16,7 @@ from testbed.units import (
     micrometres,
     percent,
     plain,
+    significant,
     with_uncertainty,
 )
 
@@ -92,7 +93,32 @@ def sentences(rows: tuple[Outcome, ...]) -> tuple[str, ...]:
             f"{counted(chosen.uncorrected, 'target')} of {before.truth} robots could not be "
             "corrected without reserve; they were executed as they were."
         )
-    return tuple(said)
+    return (*said, reached(chosen))
+
+
+def reached(chosen: Outcome) -> str:
+    """Whether a statement of the calibration reaches the corrected targets."""
+    sizes = (
+        f"transfer at most {significant(chosen.transfer, 2)}, leverage at most "
+        f"{significant(chosen.leverage, 2)}"
+    )
+    if not chosen.edge + chosen.outside:
+        return (
+            f"All corrected targets of {chosen.truth} robots lie where held-out poses prove the "
+            f"model ({sizes})."
+        )
+    said = []
+    if chosen.edge:
+        said.append(
+            f"{counted(chosen.edge, 'target')} of {chosen.truth} robots lie at the edge of where "
+            "held-out poses prove the model, and what is stated there has to grow"
+        )
+    if chosen.outside:
+        said.append(
+            f"{counted(chosen.outside, 'target')} of {chosen.truth} robots lie outside, and no "
+            "statement of the calibration reaches them"
+        )
+    return f"{'; '.join(said)} ({sizes})."
 
 
 def level(chosen: Outcome) -> str:

@@ -51,6 +51,14 @@ class Outcome:
     robots: int
     uncorrected: int
     """Targets, of all robots, that could not be corrected without reserve."""
+    transfer: float
+    """Largest transfer over the targets of all robots, of the chosen model."""
+    leverage: float
+    """The same of leverage."""
+    edge: int
+    """Targets at the edge of where a statement of the chosen model reaches: it grows there."""
+    outside: int
+    """Targets that it does not reach."""
     extended: float
     """Share of robots on which the evidence asks for the extended model."""
 
@@ -78,6 +86,10 @@ def outcomes(study: CompensationStudy) -> tuple[Outcome, ...]:
                 better=int((mean_accuracy(study, v) < before).sum()),
                 robots=len(before),
                 uncorrected=int((~study.corrected[v]).sum()),
+                transfer=float(study.reach[0].max()),
+                leverage=float(study.reach[1].max()),
+                edge=int((study.place == "edge").sum()),
+                outside=int((study.place == "outside").sum()),
                 extended=float(study.extended.mean()),
             )
         )
@@ -143,3 +155,8 @@ def _of_variant(found: Outcome) -> Iterator[Quantity]:
     yield Quantity("held_out_p95_mm", found.held_out_p95, METRE)
     yield Quantity("robots_better", found.better)
     yield Quantity("targets_not_corrected", found.uncorrected)
+    if found.variant == "chosen":
+        yield Quantity("targets_at_the_edge", found.edge)
+        yield Quantity("targets_outside", found.outside)
+        yield Quantity("largest_transfer", found.transfer)
+        yield Quantity("largest_leverage", found.leverage)

@@ -8,6 +8,8 @@ import pytest
 from calib.compensation import compensate
 from calib.errors import InputError
 from calib.geometry.frames import inverse as inverse_transform
+from calib.identification.model_choice import choose
+from calib.uncertainty.statement.applicability import proven_at
 from testbed.laboratory.cell import cell_from
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.truth.laboratory import open_laboratory
@@ -243,3 +245,38 @@ def test_robots_played_in_pieces_are_those_played_at_once(campaign, studies):
     given = campaign.scenario, campaign.setting, "elastic", campaign.trials[0]
     parts = [play_robots(*given, range(2)), play_robots(*given, range(2, 5))]
     assert_same(gather(parts), studies["elastic"])
+
+
+def test_targets_are_asked_whether_a_statement_reaches_them(studies):
+    """The cube lies in the box of the held-out poses; twice as far out nothing is proven."""
+    for study in studies.values():
+        assert set(np.unique(study.place)) <= {"inside", "edge"}
+        assert (study.reach > 0).all()
+        chosen = outcomes(study)[2]
+        assert chosen.outside == 0
+        assert chosen.edge == (study.place == "edge").sum()
+        assert chosen.transfer == study.reach[0].max()
+    study = studies["rigid"]
+    there = sentences(outcomes(replace(study, place=np.full((5, 5), "inside"))))
+    assert "lie where held-out poses prove the model" in there[-1]
+    places = np.full((5, 5), "inside ")
+    places[0, 0], places[1, :2] = "outside", "edge"
+    said = sentences(outcomes(replace(study, place=places)))[-1]
+    assert said.startswith("2 targets of rigid robots lie at the edge")
+    assert "1 target of rigid robots lies outside" in said or "1 target of rigid" in said
+    assert "no statement of the calibration reaches" in said
+
+
+def test_transfer_of_a_target_is_that_of_the_identified_robot(campaign, studies):
+    """Robot 1 calibrated again: what is left of each wave and of the foot at its targets."""
+    study, own = studies["rigid"], robot_of(
+        open_laboratory(campaign.scenario, campaign.setting), "rigid", 1
+    )  # fmt: skip
+    trial = campaign.trials[0]
+    seen = own.measure_pool(trial.selection.indices, "compensation", "identification", 1)
+    choice = choose(own.setting.nominal, seen, own.free("whitened"))
+    assert not study.extended[1]
+    proven = proven_at(choice.identifications[0], seen, own.setting.test_q)
+    left = proven.left(study.targets[2, 1]) / proven.left(own.setting.test_q).mean(axis=1)[:, None]
+    np.testing.assert_allclose(study.reach[0, 1], left[:2].max(axis=0), rtol=1e-9)
+    np.testing.assert_allclose(study.reach[1, 1], left[2], rtol=1e-9)

@@ -32,6 +32,8 @@ def study(truth):
         held_out=np.zeros((3, 2, ROBOTS)),
         extended=np.ones(ROBOTS, dtype=bool),
         corrected=np.ones((3, ROBOTS, POSES), dtype=bool),
+        reach=np.ones((2, ROBOTS, POSES)),
+        place=np.full((ROBOTS, POSES), "inside"),
         step=np.zeros((3, ROBOTS)),
         targets=q + 1e-3 * np.arange(3)[:, None, None, None] + np.zeros((ROBOTS, 1, 1)),
         readings=rng.normal(size=(3, POSES, CYCLES, 3)) * scale[:, None, None, None],
