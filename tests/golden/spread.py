@@ -79,10 +79,9 @@ def covered() -> Iterator[Figure]:
         for kind in ("rigid", "wen2022", "soft", "elastic", "unmodelled"):
             row, place = f"{kind}, {model} model", f"coverage/truths/{kind}/{model}"
             for column, name, digits in (
-                ("inside the model-based region", "model/inside", 1),
+                ("parameters alone", "model/inside", 1),
                 ("with discrepancy", "discrepancy/inside", 1),
                 ("within the conformal radius", "conformal/inside", 1),
-                ("flagged", "flagged", 0),
             ):
                 path = f"{place}/{name}"
                 yield Figure(row, path, digits, " %", PERCENT, column=column)

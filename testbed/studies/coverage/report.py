@@ -61,15 +61,20 @@ def section(campaign: Campaign) -> Section:
 
 def believable_sentence(found: tuple[Cell, ...]) -> str:
     """On which robots each statement keeps its promise, the most believable statement first."""
-    phrases, truths = [], list(dict.fromkeys(cell.truth for cell in found))
+    phrases, refused = [], [cell.truth for cell in found if cell.refused]
     for statement in ("region", "conformal", "model", "discrepancy"):
-        kept = [(c.model, c.truth) for c in found if c.statement == statement and c.believable]
+        made = [c for c in found if c.statement == statement and not c.refused]
+        kept = [(c.model, c.truth) for c in made if c.believable]
+        truths = list(dict.fromkeys(c.truth for c in made))
         where = [on([truth for m, truth in kept if m == model], truths) for model in MODELS]
         if where[0] == where[1]:
             phrases.append(f"{NAMES[statement]} {where[0]} with either model")
         else:
             each = [f"{w} with the {m} model" for w, m in zip(where, MODELS, strict=True)]
             phrases.append(f"{NAMES[statement]} {' and '.join(each)}")
+    if refused:
+        other = phrases[0].replace("every robot", "every other robot")
+        phrases[0] = f"{other} (nothing is stated on {listed(list(dict.fromkeys(refused)))} robots)"
     text = "; ".join(phrases)
     return f"At {percent(found[0].level)}, these keep their promise: {text}."
 

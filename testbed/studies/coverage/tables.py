@@ -136,10 +136,10 @@ def advice_table(studies: tuple[CoverageStudy, ...]) -> Table:
         rows,
         "What the program advises, and what comes of it",
         note="before: mean held-out error of the nominal model. refused: places without a region, "
-        "of the chosen model. grown: mean factor of the variance of what hides, 1 where the robot "
-        "is used as it was proven. drift seen: robots whose readings follow their neighbors in "
-        "time. advice followed: share inside the believed region of the chosen model, where there "
-        "is one.",
+        "of the chosen model. grown: mean factor of the variance of what hides, which is one at a "
+        "usual place of the proof and nowhere less. drift seen: robots whose readings follow their "
+        "neighbors in time. advice followed: share inside the believed region of the chosen model, "
+        "where there is one.",
     )
 
 
