@@ -22,7 +22,7 @@ from testbed.identify.fit import (
 from testbed.identify.frames import frames_of
 from testbed.identify.order import order_words, require_order
 from testbed.identify.outliers import held_out_outliers, training_outliers, warnings_of
-from testbed.identify.proof import guard_warnings, proof_of, repeatability
+from testbed.identify.proof import guard_warnings, proof_of, repeatability, target_warnings
 from testbed.identify.records import Calibration, HeldOutSplit, OutlierRows
 from testbed.identify.session import origin_of, row_names, split_of, with_scatter
 from testbed.identify.shared import shared_of
@@ -203,6 +203,7 @@ def _calibrated(
             *doubts,
             *warnings_of(models[0], chosen, train),
             *guard_warnings(session, measurements.rows(split.is_test)),
+            *target_warnings(measurements),
             *held_out_warnings(session.conditions, session.set_up, used, split.is_test),
         ),
     )

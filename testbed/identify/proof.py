@@ -83,6 +83,16 @@ def guard_warnings(session: Session, test: Measurements) -> tuple[str, ...]:
     return ()
 
 
+def target_warnings(measurements: Measurements) -> tuple[str, ...]:
+    """What no region contains of a tool point that no row looked at."""
+    if not (measurements.reflector != GIVEN).any():
+        return ()
+    return (
+        "the places of the targets were found with the robot: where the tool point lies beside "
+        "them is taken from its description, and no region contains an error of that",
+    )
+
+
 def stated_target(measurements: Measurements) -> tuple[float, float, float]:
     """Point in the tool frame that is stated [m]: the one that all rows look at, if it is known."""
     places = np.unique(measurements.offset, axis=0)

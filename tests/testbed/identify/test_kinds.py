@@ -55,6 +55,7 @@ def test_three_reflectors_of_unknown_place_are_enough():
     for i, j in ((0, 1), (0, 2), (1, 2)):
         apart = np.linalg.norm(between[i] - between[j])
         assert apart == pytest.approx(np.linalg.norm(PLACES[i] - PLACES[j]), abs=1e-4)
+    assert any("no region contains an error of that" in text for text in found.warnings)
     # one radius per pose: three points of one pose share its error
     assert found.proof.conformal.n_poses == 20
 
