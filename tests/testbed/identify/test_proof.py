@@ -94,7 +94,8 @@ def test_a_drift_is_found_in_the_order_of_times_whatever_the_order_of_rows():
 
 def test_later_visits_that_identify_nothing_still_tell_the_noise():
     wanted = visited(1.0).wanted.model_copy(update={"visits": "first"})
-    found = calibrate(robot(), replace(visited(1.0), wanted=wanted), Options(train=15))
+    # one pose held out: its three visits alone would be too few
+    found = calibrate(robot(), replace(visited(1.0), wanted=wanted), Options(train=19))
     assert found.proof.belief.misfit.repeated
     assert not sound().proof.belief.misfit.repeated
 
