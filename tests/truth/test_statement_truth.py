@@ -40,10 +40,8 @@ def statement(seed, changes):
 def test_what_is_believed_holds_the_truth_and_what_fails_is_flagged(kind):
     told = [statement(seed, KINDS[kind]) for seed in range(CAMPAIGNS)]
     believed = np.array([one.attained[one.names.index("region")] for one in told])
-    # the robot is the unit: four standard errors over campaigns
-    error = believed.std(ddof=1) / np.sqrt(CAMPAIGNS)
-    # 40 campaigns of honest statements leave an error of .014 to .017; a larger one must not excuse
-    assert believed.mean() > max(0.95 - 4 * error, 0.95 - 4 * 0.0175)
+    # ten campaigns of each kind held .989 to .999 on average: no slack is needed
+    assert believed.mean() >= 0.95
     # a region that the truth contradicts in one campaign of a thousand: none of 40, hardly ever one
     assert sum(one.attained[0] < one.honest for one in told) <= 1
     moves = [one.attained[one.names.index("move")] for one in told if "move" in one.names]
