@@ -15,7 +15,7 @@ from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.decisions import at_held_out, decided_at, decision_line, decision_section
 from testbed.identify.folder import deliver, in_own_frames
 from testbed.identify.records import Delivered
-from testbed.identify.report import page_of
+from testbed.identify.report_belief import reach_section
 from testbed.identify.results import headline
 from testbed.identify.targets import target_words, tool_point
 from testbed.report.text import csv_text
@@ -24,7 +24,6 @@ from testbed.store.codec import pack, unpack
 from testbed.store.npz import pretty_json
 from tests.calibrated import robot, session_of, sound, table_of, true_model
 from tests.reference import DEG, pool_r
-from tests.reported import VERSIONS
 
 
 @cache
@@ -191,9 +190,8 @@ def test_what_was_stated_and_decided_stands_in_report_and_result_and_comes_back(
     assert result["statements"]["R95_mean_um"] == pytest.approx(
         found.proof.point.radius_mean * 1e6, rel=1e-12
     )
-    page = page_of(found, again, VERSIONS)
-    anchors = [section.anchor for section in page.sections]
-    assert anchors.index("belief") < anchors.index("reach") < anchors.index("decisions")
+    shown = reach_section(found, again).blocks[2]
+    assert [float(row[1]) for row in shown.rows] == pytest.approx(radii, rel=0.01)  # three digits
 
 
 def test_a_program_moves_the_tool_that_it_was_written_for():
