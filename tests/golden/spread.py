@@ -129,8 +129,8 @@ def campaign_of_the_paper() -> Iterator[Figure]:
         yield Figure(f"held-out points inside type A, `{trial}`", inside, 0, " %", PERCENT)
     for trial in ("best-61", "best-29"):
         place = WHITENED.format(trial)
-        region = f"{place}/held_out_inside_95"
-        row = f"held-out points inside the model-based region, `{trial}`"
+        region = f"{place}/held_out_inside_parameters_alone"
+        row = f"held-out points inside the region of the parameters alone, `{trial}`"
         yield Figure(row, region, 0, " %", PERCENT)
         radius = f"{place}/statement/statements/conformal/attained"
         row = f"true points within the conformal radius, `{trial}`"

@@ -187,7 +187,8 @@ def tests_table(statements: list[tuple[Trial, Statement]]) -> Table:
         note="p: chance of as much if nothing is wrong. adjusted (Holm): so that all questions "
         "together raise a false alarm in one campaign of a hundred. all readings together: "
         "residuals and held-out errors against the stated noise (Fisher). No test sees a misfit "
-        "much below the noise: what is not seen is in the believed region, not ruled out.",
+        "much below the noise: what is not seen is not ruled out, and the believed region has it "
+        "up to the limit of the evidence.",
     )
 
 
@@ -198,7 +199,8 @@ def reasons(statement: Statement, *, brief: bool = False) -> tuple[str, ...]:
     """
     texts, point = [*statement.trust.sentences], statement.point
     if brief:
-        return tuple(written(text) for text in (texts[0], *statement.outliers, *statement.warnings))
+        moves = texts[1:2] if point is not None and point.move_sentence else []
+        return tuple(map(written, (texts[0], *moves, *statement.outliers, *statement.warnings)))
     if point is not None and np.isnan(point.u_move):
         texts.insert(
             1,
@@ -208,7 +210,7 @@ def reasons(statement: Statement, *, brief: bool = False) -> tuple[str, ...]:
     lack = statement.lack_of_fit
     if lack is not None and not statement.trust.refuted:
         texts.append(
-            "all visits fitted together, the misfit is no larger than repeats scatter (F = "
+            "all visits fitted together, no more misfit is seen than repeats scatter (F = "
             f"{lack.ratio:.2f}, p = {significant(lack.p_value, 2)})"
         )
     if statement.larger_noise_u and statement.belief is not None:
