@@ -5,11 +5,11 @@ parameters alone hold:
 
 * rigid 100.0 % (94), 100 + 50 poses 100.0 % (93); a misfit seen at p < .01 on 0 to 1 %; 200 each;
 * slight 99.6 to 100.0 % in all 21 cells at 40 + 20 poses (31 to 86), 200 each;
-* large 98 to 99.6 % (0 to 6), 60 each; more poses 100 % at 60, 150, 500 (52, 31, 9), 60, 60, 30;
+* large 99.2 to 100.0 % (0 to 8), 60 each; more poses 100 % at 60, 150, 500 (52, 31, 9), 60, 60, 30;
 * hidden 98.6 and 98.8 % (25, 18), not stated 73.8 %; drifting 98.7 to 100 % (51 to 84), seen on
   98 to 100 %, 200 and 60 each;
 * shift 96.3 to 100 % where it reaches (1 to 68): 22 % of the places refused in the other half of
-  the room and of joint 1, and a quarter to a third of these sets; 40 each;
+  the room and of joint 1, and 22 to 40 % of these sets; 40 each;
 * one reflector of a UR5 99.7 to 99.9 % (71 to 96), 60 each; one move 98 to 99.9 % everywhere.
 
 No cell falls short in what it holds; the region is wider than asked for, by two parts. Growth adds
@@ -47,7 +47,7 @@ def test_rigid_arms(m, n):
     assert found.move.mean() >= 0.95
 
 
-@pytest.mark.xfail(strict=True, reason="growth and noise on trust: 2.2 and 1.7 times as wide")
+@pytest.mark.xfail(strict=True, reason="growth and noise on trust: 2.3 and 1.7 times as wide")
 @pytest.mark.parametrize(("cell", "most"), [(Cell(), 2.0), (Cell("sag", 0.5), 1.35)])
 def test_it_is_hardly_wider_than_what_knows_the_size_of_the_misfit(cell, most):
     found = judged(cell, MANY)[1]

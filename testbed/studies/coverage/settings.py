@@ -13,13 +13,15 @@ from testbed.studies.many_robots import TRUTHS, ManyRobots, TruthName, keys_of, 
 if TYPE_CHECKING:
     from testbed.robots.robot import Robot
 
-HowName = Literal["slight", "hidden", "shift", "drifting", "loaded", "one_move"]
+KindName = Literal[
+    TruthName, "slight", "hidden", "shift", "drifting", "loaded", "one_move"
+]  # fmt: skip
 """Kinds beside the presets: what hides behind the noise, what all readings share, what is used
 elsewhere than measured, noise that remembers, another load at use, single moves."""
-KINDS: tuple[str, ...] = (*TRUTHS, *get_args(HowName))
+KINDS: tuple[KindName, ...] = get_args(KindName)
 SLIGHT = ("slight", "shift", "one_move")
 """Kinds that are wrong by less than any test sees."""
-DEFAULT: tuple[TruthName | HowName, ...] = (*TRUTHS, "slight")
+DEFAULT: tuple[KindName, ...] = (*TRUTHS, "slight")
 
 
 class CoverageSettings(ManyRobots):
@@ -28,9 +30,7 @@ class CoverageSettings(ManyRobots):
     table: ClassVar[str] = "coverage"
     keys: ClassVar[tuple[str, ...]] = keys_of("coverage", KINDS)
 
-    truths: Annotated[
-        tuple[TruthName | HowName, ...], Field(min_length=1, max_length=len(KINDS))
-    ] = DEFAULT
+    truths: Annotated[tuple[KindName, ...], Field(min_length=1, max_length=len(KINDS))] = DEFAULT
     """Kinds of robots, whatever this scenario's [truth] says: its presets as they ship, and
     "slight" (wrong by less than any test sees), "hidden" (the station's own errors, drawn as it
     states them), "shift" (measured in one part, used in another), "drifting" (noise that

@@ -418,6 +418,15 @@ def test_an_arm_without_closed_gravity_is_refused_by_name_and_may_play_the_rest(
     check_robot(rest, wall, where="x.toml")
 
 
+def test_hidden_errors_belong_to_a_tracker_that_states_them():
+    tx60, kind = load_robot("staubli_tx60"), {"coverage.truths": ["hidden"]}
+    with pytest.raises(InputError, match='preset is "paper", which states no errors that all') as e:
+        check_robot(changed(load_scenario("coverage"), kind), tx60, where="x.toml")
+    assert 'write preset = "at960", or remove "hidden"' in str(e.value)
+    at960 = changed(load_scenario("coverage"), kind | {"tracker": {"preset": "at960"}})
+    check_robot(at960, tx60, where="x.toml")
+
+
 def test_robots_played_in_pieces_are_those_played_at_once(campaign):
     given = campaign.scenario, campaign.setting, "rigid", campaign.trials[0]
     parts = [play_robots(*given, range(1)), play_robots(*given, range(1, 3))]
