@@ -12,7 +12,7 @@ from testbed.report.svg import DARK, INK, MIDDLE, SOFT, drawing, svg_of
 from testbed.studies.trial.compare import INTERVAL
 from testbed.studies.trial.plots import LOOKS, NAMES
 from testbed.studies.trial.records import Campaign, Trial
-from testbed.studies.trial.statement.records import Statement, sums_of
+from testbed.studies.trial.statement.records import SUMS, Statement, sums_of
 from testbed.units import MM, UM
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def budget_bars(statements: list[tuple[str, Statement]]) -> str:
     """One bar per source and trial, the sums below them, the discrepancy open."""
     names = list(dict.fromkeys(name for _, statement in statements for name in statement.sources))
     sums = [sums_of(statement) for _, statement in statements]
-    below = [name for name in BUDGET_SUMS if any(name in one for one in sums)]
+    below = [name for name in SUMS if any(name in one for one in sums)]
     labels = [*names, *below]
     with drawing(1, len(statements), height=0.75 + 0.2 * len(labels), sharey=True, sharex=True) as (
         figure,
@@ -96,13 +96,6 @@ def budget_bars(statements: list[tuple[str, Statement]]) -> str:
         low, high = axes[0].get_xlim()
         axes[0].set_xlim(low, 1.18 * high)
         return svg_of(figure)
-
-
-BUDGET_SUMS = (
-    "parameters alone", "noise beyond the stated", "drift", "misfit that may hide", "believed",
-    "discrepancy",
-)  # fmt: skip
-"""Bars below those of the sources."""
 
 
 def bar_look(name: str) -> dict[str, Any]:

@@ -64,7 +64,7 @@ def headline_table(campaign: Campaign) -> Table:
         size="small",
         note="mean, rms, p95, max: distance between true and predicted tool point. u: 3-D standard "
         "uncertainty (k = 1) of the mean tool point, root mean square over the held-out poses, as "
-        "it is believed: a misfit that may hide is in it. Of the paper's unweighted rows it is "
+        "it is believed: a misfit up to its limit is in it. Of the paper's unweighted rows it is "
         "s² = RSS / (12 m − f) times the inverse normal matrix, which the paper does not state (it "
         "states the scatter of repeats, type A, judged below). inside 95 %: share of held-out "
         "poses whose true tool point lies in the 95 % region (3-D) of that kind. χ²/dof "

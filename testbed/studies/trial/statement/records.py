@@ -112,7 +112,7 @@ class Statement:
     drift_u: float
     """What a drift may leave there; zero where none is in the region [m]."""
     misfit_u: float
-    """The same of the largest misfit that may hide; zero where nothing is believed [m]."""
+    """The same of the largest misfit up to its limit; zero where nothing is believed [m]."""
     discrepancy_u: FloatOrNan
     """What held-out poses show beyond that [m]; nan where it was not estimated."""
     systematic: Annotated[Array, "f", "f"]
@@ -137,11 +137,18 @@ class Statement:
     """What could not be stated, and what to do about it."""
 
 
+SUMS = (
+    "parameters alone", "noise beyond the stated", "drift", "misfit up to its limit", "believed",
+    "discrepancy",
+)  # fmt: skip
+"""Lines of the budget below the sources, in their order."""
+
+
 def sums_of(statement: Statement) -> dict[str, float]:
     """Lines of the budget below the sources, 3-D standard uncertainty at the tool [m].
 
     The parameters alone are the sum of the sources; what is believed is the sum of these, of noise
-    that repeats show beyond the stated one, of drift and of the misfit that may hide, times the
+    that repeats show beyond the stated one, of drift and of the misfit up to its limit, times the
     factor of the region over that of chi-square. The discrepancy stands beside it.
     """
     lines = {"parameters alone": statement.combined_u}
@@ -150,7 +157,7 @@ def sums_of(statement: Statement) -> dict[str, float]:
     if statement.drift_u:
         lines["drift"] = statement.drift_u
     if statement.point is not None:
-        lines["misfit that may hide"] = statement.misfit_u
+        lines["misfit up to its limit"] = statement.misfit_u
         lines["believed"] = statement.point.u_mean
     if not isnan(statement.discrepancy_u):
         lines["discrepancy"] = statement.discrepancy_u

@@ -9,7 +9,7 @@ from calib.uncertainty.statement.questions import LEVEL as QUESTION_LEVEL
 from testbed.report.page import Block, Figure, Points, Section, Table, Text
 from testbed.studies.trial import plots, plots_uncertainty
 from testbed.studies.trial.records import Campaign, Trial
-from testbed.studies.trial.statement.records import BELIEVED, LEVEL, Statement, sums_of
+from testbed.studies.trial.statement.records import BELIEVED, LEVEL, SUMS, Statement, sums_of
 from testbed.units import (
     NARROW,
     counted,
@@ -42,8 +42,8 @@ TINY = re.compile(r"p (= [0-9.]+e-[0-9]+|< 1e-300)")
 BUDGET_NOTE = (
     "u: 3-D standard uncertainty (k = 1) that the source alone leaves at the tool, root mean "
     "square over the held-out poses. share: of the variance of the parameters alone. noise "
-    "beyond the stated: what repeats ask for. misfit that may hide: the largest that the evidence "
-    "allows, in the joints and at the target. believed: "
+    "beyond the stated: what repeats ask for. misfit up to its limit: the largest that the "
+    "evidence allows, in the joints and at the target. believed: "
     "all of it, times the factor of the region over 2.80 where held-out poses ask for more. "
     "discrepancy: what measured held-out poses show beyond the parameters alone, chance and all; "
     "it is no part of the sum."
@@ -240,7 +240,7 @@ def budget_table(statements: list[tuple[Trial, Statement]]) -> Table:
         for name, u in sums_of(statement).items():
             cells = sums.setdefault(name, ["–", ""] * len(statements))
             cells[2 * k] = micrometres(u)
-    rows += [(name, *cells) for name, cells in sums.items()]
+    rows += [(name, *sums[name]) for name in SUMS if name in sums]
     return Table(
         caption="Uncertainty budget by source, at the tool point",
         head=("source", *[h for trial, _ in statements for h in (f"{trial.name} u µm", "share")]),

@@ -461,7 +461,7 @@ def test_a_statement_survives_the_disk_and_its_keys_have_units():
         budget = said["budget_u_3d_um"]
         assert budget["parameters alone"] == pytest.approx(told.combined_u * 1e6)
         # the sum of all lines is what is believed, at the factor of the region
-        names = "parameters alone", "noise beyond the stated", "drift", "misfit that may hide"
+        names = "parameters alone", "noise beyond the stated", "drift", "misfit up to its limit"
         parts = [budget.get(name, 0.0) for name in names]
         scale = said["factor"] / stats.chi2.ppf(0.95, 3) ** 0.5
         whole = scale * np.sqrt(np.square(parts).sum())
