@@ -139,9 +139,10 @@ def apart(
 
 def where(laboratory: Laboratory, place: str, q: Array) -> Array:
     """(m,) the number that tells parts of the room or of a joint's range apart."""
-    joint = {"joint 1": 0, "elbow": min(2, q.shape[1] - 1)}.get(place)
-    if joint is not None:
-        return np.abs(q[:, 0] - np.median(q[:, 0])) if joint == 0 else q[:, joint]
+    if place == "joint 1":
+        return np.abs(q[:, 0] - np.median(laboratory.pool_q[:, 0]))
+    if place == "elbow":
+        return q[:, min(2, q.shape[1] - 1)]
     return laboratory.setting.nominal.poses(q)[:, 1 if place == "half" else 2, 3]
 
 
