@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib.arrays import Array
+from testbed.plan.promises import factor_words, minutes, promise, reach_warnings, reach_words
 from testbed.plan.recording_cell import (
     draw_candidates,
     draw_cell,
@@ -14,7 +15,7 @@ from testbed.plan.recording_cell import (
     reasons_shown,
 )
 from testbed.plan.records import Plan
-from testbed.plan.words import PROMISED, certificate_word, headline_rows, minutes, promise
+from testbed.plan.words import PROMISED, certificate_word, headline_rows
 from testbed.recording import style
 from testbed.recording.curves import draw_curve, draw_level
 from testbed.recording.pen import Pen
@@ -120,7 +121,7 @@ def _budget(plan: Plan) -> Chapter:
         motion=spread(len(curve.counts), BUDGET_FRAMES, plan.tour.start[None]),
         text=(
             "#### 2 Number of poses",
-            f"- blue curve: predicted U (k = {k:g}) of designed sets",
+            f"- blue curve: predicted U ({factor_words(k)}) of designed sets",
             colors if curve.target is None else f"{colors}, amber: target",
             f"- from {curve.counts[0]} to {curve.counts[-1]} poses",
             f"- {curve.sentence or plan.proof.sentence}",
@@ -180,8 +181,9 @@ def _goal(plan: Plan) -> Chapter:
         text=(
             f"#### 4 Goal: {plan.goal.sentence}",
             "- purple over green to yellow: tool points of the goal, with growing uncertainty",
-            f"- U (k = {k:g}): RMS {k * plan.u_mean * 1e6:.3g} µm, "
+            f"- U ({factor_words(k)}): RMS {k * plan.u_mean * 1e6:.3g} µm, "
             f"worst {k * plan.u_worst * 1e6:.3g} µm",
+            *(f"- {text}" for text in (*reach_warnings(plan), *reach_words(plan))),
         ),
         draw=draw,
         plots={"goal": "4 U in um at each goal pose"},
