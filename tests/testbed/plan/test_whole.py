@@ -10,8 +10,7 @@ import pytest
 from calib.identification.identify import identify
 from calib.uncertainty.statement import believe, distance_radius, proven_at
 from testbed.laboratory.bench import open_bench
-from testbed.laboratory.tracker.errors import StationBias
-from testbed.laboratory.tracker.tracker import bias_size, tracker_from
+from testbed.laboratory.tracker.tracker import bias_size
 from testbed.plan.foresight import planned_rows
 from testbed.plan.plan import plan
 from testbed.plan.promises import factor_words, order_words, promise, reach_words
@@ -58,37 +57,25 @@ def at_goal(made):
     return np.stack(columns, axis=2)
 
 
-def test_the_systematic_part_is_what_refits_of_wrong_readings_make_of_it():
-    """Each error by itself, in its size, in every reading of a calibration: what moves the tool."""
-    made, bench = whole_plan(), bench_of(whole_plan())
-    q, small = made.pool.q[made.places], 1e-2
-    size = bias_size(made.scenario.tracker)
-    right = planned_rows(bench, q)
-    square = np.zeros(len(made.goal.q))
-    for k in np.flatnonzero(size.variance):
-        numbers = np.zeros(len(size.variance))
-        numbers[k] = small * np.sqrt(size.variance[k])
-        tracker = replace(
-            tracker_from(made.scenario.tracker, CHAIN),
-            T_world_tracker=made.T_world_tracker, bias=StationBias(size, numbers),
-        )  # fmt: skip
-        T = ROBOT.model.poses(q)
-        quiet = replace(tracker, range_sd=(0.0, 0.0), transverse_sd=(0.0, 0.0), centering_sd=0.0,
-                        rotation_sd=(0.0, 0.0, 0.0))  # fmt: skip
-        rows = quiet.measure(T, q, right.pose_id, 0, right.covariance, np.random.default_rng(0))
-        found = identify(ROBOT.model, rows, made.parameters)
-        off = found.model.poses(made.goal.q) - ROBOT.model.poses(made.goal.q)
-        square += ((off[:, :3, 3] / small) ** 2).sum(axis=1)
-    # fits end within 1e-9 of their u; errors of micrometres bend nothing beyond 1e-4
-    assert made.foresight.shared == pytest.approx(np.sqrt(square), rel=1e-3)
+def shared_u(made, plan_of):
+    """Systematic part (g,) at the goal after the poses of a plan, by its estimator F = C A'W."""
+    bench, (fit, train) = bench_of(made), fit_of(plan_of)
+    q, size = plan_of.pool.q[plan_of.places], bias_size(made.scenario.tracker)
+    T, A = ROBOT.model.poses_and_jacobian(q)
+    B = size.sensitivity(bench.tracker.targets(T), T[:, :3, :3], made.T_world_tracker)
+    W = np.linalg.inv(train.covariance)
+    F = fit.covariance @ np.swapaxes(A[:, :, made.parameters.free], 1, 2) @ W
+    moved = at_goal(made) @ (F @ (B * np.sqrt(size.variance))).sum(axis=0)
+    return np.sqrt((moved**2).sum(axis=(1, 2)))
 
 
-def test_noise_covariance_and_radii_are_those_of_an_identification():
+def test_both_parts_and_the_radii_are_those_of_an_identification():
     made = whole_plan()
     seen, (fit, _) = made.foresight, fit_of(made)
     J = at_goal(made)
     noise = np.einsum("gip,pq,giq->g", J, fit.covariance, J)
     assert seen.noise == pytest.approx(np.sqrt(noise), rel=1e-6)
+    assert seen.shared == pytest.approx(shared_u(made, made), rel=1e-6)
     sigma = J @ seen.covariance @ np.swapaxes(J, 1, 2)
     assert made.u == pytest.approx(np.sqrt(np.trace(sigma, axis1=1, axis2=2)), rel=1e-6)
     assert seen.R95_worst == pytest.approx(distance_radius(sigma).max(), rel=1e-5)
@@ -103,19 +90,8 @@ def test_noise_covariance_and_radii_are_those_of_an_identification():
 def test_the_search_for_the_whole_is_no_worse_than_the_search_for_the_noise():
     made = whole_plan()
     noise_only = plan(scenario(QUICK, **WHOLE | {"tracker.systematic": False}))
-    fit, train = fit_of(noise_only)
     assert not noise_only.foresight.shared.any()
-    bench = bench_of(made)
-    q = noise_only.pool.q[noise_only.places]
-    size = bias_size(made.scenario.tracker)
-    T = ROBOT.model.poses(q)
-    B = size.sensitivity(bench.tracker.targets(T), T[:, :3, :3], made.T_world_tracker)
-    A = np.stack([ROBOT.model.poses_and_jacobian(one[None])[1][0] for one in q])
-    A = A[:, :, made.parameters.free]
-    W = np.linalg.inv(train.covariance)
-    F = fit.covariance @ np.swapaxes(A, 1, 2) @ W
-    moved = at_goal(made) @ (F @ (B * np.sqrt(size.variance))).sum(axis=0)
-    counted = np.sqrt((noise_only.u**2 + (moved**2).sum(axis=(1, 2))).mean())
+    counted = np.sqrt((noise_only.u**2 + shared_u(made, noise_only) ** 2).mean())
     assert made.u_mean <= counted * (1 + 1e-9)
     assert made.proof.bound < made.u_mean
     assert "even if its estimate found the tracker's systematic errors as well" in (
