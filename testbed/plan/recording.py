@@ -5,7 +5,15 @@ from dataclasses import replace
 import numpy as np
 
 from calib.arrays import Array
-from testbed.plan.promises import factor_words, minutes, promise, reach_warnings, reach_words
+from testbed.plan.promises import (
+    OVER,
+    factor_words,
+    minutes,
+    order_words,
+    promise,
+    reach_warnings,
+    reach_words,
+)
 from testbed.plan.recording_cell import (
     draw_candidates,
     draw_cell,
@@ -156,7 +164,9 @@ def _tour(plan: Plan) -> Chapter:
             f"#### 3 Tour: {counted(len(tour), 'pose')} in {minutes(tour.duration)}",
             "- numbers: measuring order; blue: to identify from, orange: held out",
             "- line: the way of the tool; red: the beam",
+            f"- curve: U ({factor_words(plan.coverage, OVER['V'])}) after each pose",
             f"- {tour.sentence}",
+            f"- {order_words(plan)}",
         ),
         draw=draw,
         plots={"tour": "3 U in um after each pose"},
