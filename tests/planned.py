@@ -16,6 +16,7 @@ from testbed.studies import load_scenario
 
 ROBOT = load_robot("staubli_tx60")
 SMALL: dict[str, Any] = {
+    "tracker.systematic": False,
     "pool.size": 200,
     "plan.goal.poses": 60,
     "plan.held_out": 6,

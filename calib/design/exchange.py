@@ -17,9 +17,11 @@ from calib.errors import refuse
 from calib.information.criteria.d import D
 from calib.information.criteria.g import G
 from calib.information.criteria.linear import Linear
+from calib.information.criteria.total import Total
 
 RESTARTS = 6
-"""Local searches by default, from the greedy set, for A and V the best for D, the others random."""
+"""Local searches by default, from the greedy set, for A and V the best for D, the others random;
+with inputs that all readings share the best for the noise alone instead of that for D."""
 RESTARTS_OF_D = 2
 """Local searches of that search for D."""
 PAIRS_OF_G = 5000
@@ -40,6 +42,8 @@ def exchange(problem: Problem, rng: np.random.Generator, *, restarts: int = REST
 
     The first start is the greedy set, so that the result is never worse than that. The second, for
     A and V, is the best set found for D: variances have more local optima than the determinant.
+    Where V or G counts what all readings share, it is the best set found for the noise alone, so
+    that no search for the noise does better.
     From each, the best pose is added and the worst dropped until nothing changes; the best of the
     ends goes on by best pairs until no exchange of two poses helps. G begins with the best set for
     the mean instead of the greedy one, and tries pairs in small pools only.
@@ -86,6 +90,9 @@ def best_exchange(
         elif start == 1 and isinstance(criterion, Linear):
             by_d = replace(problem, criterion=D())
             begin = best_exchange(by_d, rng, restarts=RESTARTS_OF_D).chosen
+        elif start == 1 and isinstance(criterion, Total):
+            by_noise = problem.of_noise(criterion)
+            begin = best_exchange(by_noise, rng, restarts=restarts, pairs=pairs).chosen
         else:
             begin = nonsingular_set(problem, rng)
         end = add_and_drop(problem, begin)

@@ -34,6 +34,8 @@ class PoseBudget:
     """(k,) figure of the designed set of each size [m]."""
     possible: Array
     """(k,) figure that no set of that size can better [m]."""
+    sets: tuple[Index, ...]
+    """(k,) that designed set (m,) itself."""
     smallest: int | None
     """Fewest poses with which a designed set reaches the target; None if none does."""
     proven: int | None
@@ -157,6 +159,7 @@ def pose_budget(
         counts=frozen(sizes, np.int64),
         reached=frozen([point.reached for point in points]),
         possible=frozen([point.possible for point in points]),
+        sets=tuple(frozen(point.chosen, np.int64) for point in points),
         smallest=smallest,
         proven=proven,
         chosen=frozen(curve.at(last).chosen, np.int64),

@@ -94,7 +94,8 @@ def relaxation(
     iterations : int
         Most steps (per order of sharpness, for E and G); the bound holds after any number.
     tolerance : float
-        Part of the figure by which bound and weights may differ at the end.
+        Part of the figure by which bound and weights may differ at the end, times the criterion's
+        own factor.
 
     References
     ----------
@@ -112,7 +113,7 @@ def relaxation(
     places, m, p = np.flatnonzero(problem.open), problem.m, problem.p
     products = Grams(problem.blocks[places]) if packed is None else packed
     cap = np.inf if problem.repeats else 1.0
-    bound, trace = np.inf, list[float]()
+    bound, trace, tolerance = np.inf, list[float](), tolerance * criterion.slack
 
     def weights(w: Array, M: Array) -> Weights:
         """The result, on the whole pool."""
@@ -136,7 +137,7 @@ def relaxation(
                 bound, best = proven, w
             trace.append(bound)
             # reached, stalled, or nothing to gain
-            if criterion.efficiency(float(criterion.value(M)), bound, p) > 1 - tolerance:
+            if criterion.efficiency(float(criterion.value_bounded(M)), bound, p) > 1 - tolerance:
                 return weights(w, M)
             if step % PATIENCE == 0:
                 if criterion.efficiency(bound, recent, p) > 1 - tolerance / 5:

@@ -18,6 +18,9 @@ from calib.geometry.bodies import X, Y, Z, bodies
 from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.jacobian import BATCH
 
+Axis = Literal["x", "y", "z"]
+AXES: tuple[Axis, ...] = ("x", "y", "z")
+"""Axes of a body, about which a joint turns (z) and bends."""
 DOWN = (0.0, 0.0, -9.81)
 """Gravity in the frame of the base of an arm that stands upright [m/s^2]."""
 MOMENTS = ("m", "hx", "hy", "hz")
@@ -190,6 +193,15 @@ def guessed_moments(chain: Chain) -> Array:
     return moments_of(GUESSED * left, np.column_stack([a, np.zeros_like(a), d]) / 2)
 
 
+def axis_places(axes: Sequence[str]) -> list[int]:
+    """Places 0, 1, 2 of axes x, y, z."""
+    for axis in axes:
+        if axis not in AXES:
+            message = f'axes names "{axis}"'
+            raise refuse("axes", tuple(axes), "x, y and z", code="A3", message=message)
+    return [AXES.index(axis) for axis in AXES if axis in axes]
+
+
 @dataclass(frozen=True, slots=True)
 class FeltMoments:
     """Which moments of the links torques can tell apart, and what the others act like."""
@@ -209,7 +221,7 @@ def felt_moments(
     chain: Chain,
     q: ArrayLike,
     *,
-    axes: Sequence[Literal["x", "y", "z"]] = ("x", "y", "z"),
+    axes: Sequence[Axis] = AXES,
     gravity: ArrayLike = DOWN,
 ) -> FeltMoments:
     """Tell which moments of the links the torques over a pool of poses can tell apart.
@@ -233,7 +245,7 @@ def felt_moments(
     Base parameters of a rigid arm, here of gravity alone: Gautier & Khalil, IEEE Trans. Robotics
     and Automation 6(3), 1990, 368-373; the choice by columns instead of rules holds for any chain.
     """
-    G = gravity_regressor(chain, q, gravity=gravity)[:, :, ["xyz".index(axis) for axis in axes]]
+    G = gravity_regressor(chain, q, gravity=gravity)[:, :, axis_places(axes)]
     n = chain.n_joints
     columns = G[..., :n, :].reshape(-1, n, 4)[:, ::-1].reshape(-1, 4 * n)
     names = [f"{moment}{i}" for i in range(n, 0, -1) for moment in MOMENTS]

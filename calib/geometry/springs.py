@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,14 +10,18 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, Bool, Index, check, frozen, wrong_shape
 from calib.errors import refuse
 from calib.geometry.chain import joint_vectors
+from calib.geometry.frames import exp_so3
 from calib.geometry.gravity import (
+    AXES,
     MOMENTS,
+    Axis,
     Weight,
+    axis_places,
     gravity_regressor,
     torque_slopes,
 )
+from calib.geometry.jacobian import BATCH
 
-AXES: tuple[Literal["x", "y", "z"], ...] = ("x", "y", "z")
 FELT = 1e-6
 """A spring is worth naming where its largest load is more than this part of the largest of all."""
 
@@ -31,6 +35,19 @@ STIFF = Compliance()
 """An arm without springs."""
 
 
+class _Loaded(NamedTuple):
+    """The numbers of springs, taken apart."""
+
+    give: Array
+    """(p,) bends at the loads of the springs [rad, m]."""
+    moments: Array
+    """(n + 1, 4) of links and payload [kg, kg m]."""
+    gravity: Array
+    """(3,) in the frame of the base [m/s^2]."""
+    by_tilt: Array
+    """(2, 3) its slopes by the two tilts, if these are numbers, else (0, 3)."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SprungJoints(Compliance):
     """Springs at some axes of some joints, loaded by gravity; what they are and do.
@@ -38,7 +55,8 @@ class SprungJoints(Compliance):
     A spring bends its joint by its number times its load's share of `load`. So a number is the bend
     at that load, an angle or a length, and number / load is the compliance. Moments of the links
     may be free as well: they load all springs alike, and only their products with the compliances
-    are told by measurements.
+    are told by measurements. So may the mounting: two turns of gravity about axes across it, x and
+    y of the base where the arm stands upright.
     """
 
     weight: Weight
@@ -53,6 +71,8 @@ class SprungJoints(Compliance):
     """(n, 4) moments that are numbers too: what is added to those of `weight` [kg, kg m]."""
     passes: int = 1
     """1: loads of the stiff arm; each further pass weighs the arm as the last one has bent it."""
+    tilts: bool = False
+    """Whether two turns of gravity are numbers too, from the direction that `weight` states."""
 
     def __post_init__(self) -> None:
         n = self.weight.chain.n_joints
@@ -62,9 +82,12 @@ class SprungJoints(Compliance):
             if places.shape != load.shape:
                 raise wrong_shape(name, places.shape, f"one per load, {len(load)}")
             if ((places < 0) | (places >= most)).any():
-                wanted = f"0 to {most - 1}"
-                raise refuse(name, places.tolist(), wanted, code="A3", message=f"{name} is not one")
+                message, wanted = f"{name} is {places.tolist()}", f"each 0 to {most - 1}"
+                raise refuse(name, places.tolist(), wanted, code="A3", message=message)
             object.__setattr__(self, name, places)
+        if len(np.unique(self.places)) < len(load):
+            message, fix = "a joint has two springs about one axis", "leave one of them out"
+            raise refuse("axis", code="A3", message=message, fix=fix)
         free = frozen(self.free, np.bool_)
         if free.shape != (n, 4):
             raise wrong_shape("free", free.shape, f"expected ({n}, 4)")
@@ -82,18 +105,19 @@ class SprungJoints(Compliance):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the p + f numbers: ``spring2.z`` ... ``moment6.m``, ``moment6.hx`` ..."""
+        """Names of the s numbers: ``spring2.z`` ..., ``moment6.m`` ..., ``tilt1``, ``tilt2``."""
         springs = zip(self.joint, self.axis, strict=True)
         return (
             *(f"spring{joint + 1}.{AXES[axis]}" for joint, axis in springs),
             *(f"moment{i + 1}.{MOMENTS[k]}" for i, k in np.argwhere(self.free)),
+            *(("tilt1", "tilt2") if self.tilts else ()),
         )
 
     @property
     def is_length(self) -> tuple[bool, ...]:
         """Whether a number is a length [m]; all others are angles [rad], or moments [kg, kg m]."""
         along = (self.weight.chain.prismatic[self.joint] > 0) & (self.axis == 2)
-        return (*along.tolist(), *(False,) * int(self.free.sum()))
+        return (*along.tolist(), *(False,) * (int(self.free.sum()) + 2 * self.tilts))
 
     @property
     def places(self) -> Index:
@@ -102,59 +126,79 @@ class SprungJoints(Compliance):
 
     def bends(self, q: Array, numbers: Array) -> Array:
         """Bends (m, n, 3) of the arm at rest at checked joints q (m, n) [rad, m]."""
-        give, pi = self._parts(numbers)
+        at = self._loaded(numbers)
         bends = np.zeros((*q.shape, 3))
-        for _ in range(self.passes):
-            bends = self._spread(give * (self._shares(q, bends) @ pi.ravel()))
+        for start in range(0, len(q), BATCH):
+            part = slice(start, start + BATCH)
+            for turn in range(self.passes):
+                shares = self._shares(q[part], at.gravity, bends[part] if turn else None)
+                bends[part] = self._spread(at.give * (shares @ at.moments.ravel()))
         return bends
 
     def bends_and_slopes(self, q: Array, numbers: Array) -> tuple[Array, Array]:
-        """Bends (m, n, 3), and the slopes (m, p, p + f) of the springs' by all numbers.
+        """Bends (m, n, 3), and the slopes (m, p, s) of the springs' by all numbers.
 
         Exact for any number of passes: what a number bends in one pass changes the loads of the
         next.
         """
-        give, pi = self._parts(numbers)
-        p, free = len(give), np.append(self.free.ravel(), [False] * 4)
+        at = self._loaded(numbers)
+        p, f = len(at.give), int(self.free.sum())
+        give, free = at.give[:, None], np.append(self.free.ravel(), [False] * 4)
         bends, slopes = np.zeros((*q.shape, 3)), np.zeros((len(q), p, len(numbers)))
         for turn in range(self.passes):
+            bent = bends if turn else None
             if turn:
-                slopes = give[:, None] * (self._stiffness(q, bends, pi)[:, :, self.places] @ slopes)
-            shares = self._shares(q, bends)
-            load = shares @ pi.ravel()
+                slopes = give * (self._stiffness(q, at, bends)[:, :, self.places] @ slopes)
+            shares = self._shares(q, at.gravity, bent)
+            load = shares @ at.moments.ravel()
             slopes[:, range(p), range(p)] += load
-            slopes[:, :, p:] += give[:, None] * shares[:, :, free]
-            bends = self._spread(give * load)
+            slopes[:, :, p : p + f] += give * shares[:, :, free]
+            for k, change in enumerate(at.by_tilt, start=p + f):
+                # torques are linear in gravity
+                slopes[:, :, k] += at.give * (self._shares(q, change, bent) @ at.moments.ravel())
+            bends = self._spread(at.give * load)
         return bends, slopes
 
     def slopes_by_joint(self, q: Array, numbers: Array) -> Array:
         """Slopes (m, p, n) of the springs' bends by the joint values."""
-        give, pi = self._parts(numbers)
-        bends, slopes = np.zeros((*q.shape, 3)), np.zeros((len(q), len(give), q.shape[1]))
+        at, bends = self._loaded(numbers), np.zeros((*q.shape, 3))
+        slopes = np.zeros((len(q), len(at.give), q.shape[1]))
         for _ in range(self.passes):
-            K = self._stiffness(q, bends, pi)
-            slopes = give[:, None] * (K[:, :, 2::3] + K[:, :, self.places] @ slopes)
-            bends = self._spread(give * (self._shares(q, bends) @ pi.ravel()))
+            K = self._stiffness(q, at, bends)
+            slopes = at.give[:, None] * (K[:, :, 2::3] + K[:, :, self.places] @ slopes)
+            shares = self._shares(q, at.gravity, bends)
+            bends = self._spread(at.give * (shares @ at.moments.ravel()))
         return slopes
 
-    def _parts(self, numbers: Array) -> tuple[Array, Array]:
-        """Bends (p,) at the loads of the springs, and moments (n + 1, 4) of links and payload."""
-        give, change = np.split(numbers, [len(self.load)])
-        pi = np.vstack([self.weight.moments, self.weight.payload])
-        pi[:-1][self.free] += change
-        return give, pi
+    def gravity(self, numbers: Array) -> Array:
+        """Gravity (3,) in the frame of the base, as the numbers tilt it [m/s^2]."""
+        return self._loaded(numbers).gravity
 
-    def _shares(self, q: Array, bends: Array | None) -> Array:
+    def _loaded(self, numbers: Array) -> "_Loaded":
+        """What the numbers say, taken apart."""
+        p, f = len(self.load), int(self.free.sum())
+        moments = np.vstack([self.weight.moments, self.weight.payload])
+        moments[:-1][self.free] += numbers[p : p + f]
+        gravity, by_tilt = self.weight.gravity, np.zeros((0, 3))
+        if self.tilts:
+            u, v = across(gravity)
+            a, b = numbers[p + f :]
+            first, second = exp_so3(a * u), exp_so3(b * v)
+            by_tilt = np.array(
+                [np.cross(u, first @ second @ gravity), first @ np.cross(v, second @ gravity)]
+            )
+            gravity = first @ second @ gravity
+        return _Loaded(numbers[:p], moments, gravity, by_tilt)
+
+    def _shares(self, q: Array, gravity: Array, bends: Array | None) -> Array:
         """What each moment adds to the shares (m, p, 4 n + 4) of the springs' loads."""
-        G = gravity_regressor(self.weight.chain, q, gravity=self.weight.gravity, bends=bends)
-        return np.asarray(
-            G[:, self.joint, self.axis].reshape(len(q), len(self.load), -1) / self.load[:, None]
-        )
+        G = gravity_regressor(self.weight.chain, q, gravity=gravity, bends=bends)
+        own = G.reshape(*G.shape[:3], -1)[:, self.joint, self.axis]
+        return np.asarray(own / self.load[:, None])
 
-    def _stiffness(self, q: Array, bends: Array, pi: Array) -> Array:
+    def _stiffness(self, q: Array, at: "_Loaded", bends: Array) -> Array:
         """Slopes (m, p, 3 n) of the springs' shares by all bends."""
-        at = self.weight
-        K = torque_slopes(at.chain, q, pi, gravity=at.gravity, bends=bends)
+        K = torque_slopes(self.weight.chain, q, at.moments, gravity=at.gravity, bends=bends)
         return np.asarray(K[:, self.places] / self.load[:, None])
 
     def _spread(self, bent: Array) -> Array:
@@ -164,13 +208,23 @@ class SprungJoints(Compliance):
         return out
 
 
+def across(gravity: Array) -> Array:
+    """Two axes (2, 3) across gravity, x and y of the base where it points along minus z."""
+    down = gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, -1.0])
+    one = np.eye(3)[np.abs(down).argmin()]
+    one = one - down * (down @ one)
+    one = one / np.linalg.norm(one)
+    return np.array([one, np.cross(one, down)])
+
+
 def felt_springs(
     weight: Weight,
     q: ArrayLike,
     *,
-    axes: Sequence[Literal["x", "y", "z"]] = AXES,
+    axes: Sequence[Axis] = AXES,
     free_moments: bool = False,
     passes: int = 1,
+    tilt: float = 0.0,
 ) -> tuple[SprungJoints, tuple[str, ...]]:
     """Springs wherever gravity loads a joint, and a sentence for every axis where it never does.
 
@@ -188,9 +242,17 @@ def felt_springs(
         Whether the moments of all links that can be felt are numbers too.
     passes : int
         As in `SprungJoints`.
+    tilt : float
+        How far the base may be mounted off what is stated, in any direction [rad]. Above zero the
+        tilts are numbers too, and springs that only a tilted arm loads are there.
     """
-    largest = np.abs(weight.torques(q)).max(axis=0, initial=0.0)
-    felt, wanted = largest > FELT * largest.max(), np.isin(AXES, axes)
+    if not tilt >= 0:
+        raise refuse("tilt", tilt, "0 rad or more", code="A3", message=f"tilt is {tilt:g}")
+    sides = [side * tilt * axis for axis in across(weight.gravity) for side in (1, -1)]
+    leaning = [replace(weight, gravity=exp_so3(side) @ weight.gravity) for side in sides]
+    loads = [one.torques(q) for one in (weight, *(leaning if tilt else ()))]
+    largest = np.abs(loads).max(axis=(0, 1), initial=0.0)
+    felt, wanted = largest > FELT * largest.max(), np.isin(range(3), axis_places(axes))
     verb = np.tile(["bends", "bends", "turns"], (len(largest), 1)).astype("U11")
     verb[weight.chain.prismatic > 0, 2] = "pulls along"
     silent = tuple(
@@ -199,9 +261,9 @@ def felt_springs(
     )
     joint, axis = np.nonzero(wanted & felt)
     stated = np.zeros(weight.moments.shape, dtype=bool)
-    springs = SprungJoints(weight, joint, axis, largest[joint, axis], stated, passes)
+    springs = SprungJoints(weight, joint, axis, largest[joint, axis], stated, passes, tilt > 0)
     if free_moments:
-        shares = np.abs(springs._shares(joint_vectors(weight.chain, q), None))
+        shares = np.abs(springs._shares(joint_vectors(weight.chain, q), weight.gravity, None))
         pull = shares.max(axis=(0, 1), initial=0.0).reshape(-1, 4)[:-1]
         springs = replace(springs, free=pull > FELT * pull.max())
     return springs, silent

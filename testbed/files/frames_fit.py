@@ -27,7 +27,9 @@ ROUNDS = 3
 TIMES, LEAST = 10.0, 0.010
 """A row is mismatched if its error is above so many medians and above so many meters."""
 FEWEST = 10
-"""Rows of a kind below which nothing is judged."""
+"""Rows of a kind below which none is left out."""
+PARTED = 8
+"""Rows of a kind below which it is not asked whether they have slipped."""
 STRETCHES, ENOUGH = (1, 2, 3, 5), 4
 """Into how many parts the rows are cut where one fit brings few of them near; fewest of a part."""
 LARGEST_SHARE = 0.2
@@ -146,7 +148,7 @@ def mismatched_rows(
     why: dict[int, str] = {}
     doubtful = []
     for rows in target_groups(table):
-        if len(rows) < FEWEST:
+        if len(rows) < PARTED:
             continue
         F, position = flange_poses(model, table.q[rows]), table.position[rows]
         rotation = table.rotation[rows] if table.is_pose[rows[0]] else None
@@ -154,7 +156,7 @@ def mismatched_rows(
         errors = frames.position_errors(F, position)
         if len(bad) > 1 or np.median(errors) > FAR:
             doubtful.append(rows)
-        if len(bad) > LARGEST_SHARE * len(rows):
+        if len(rows) < FEWEST or len(bad) > LARGEST_SHARE * len(rows):
             continue
         mismatched[rows[bad]] = True
         for k in map(int, bad):

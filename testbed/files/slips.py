@@ -3,6 +3,12 @@
 Frames are fitted to a stretch of rows that hang together; then each row is given the joints so many
 rows away that fit it, by the cheapest way (Viterbi): to change the distance costs as much as some
 rows that fit nowhere.
+
+So a change is named from two rows on: the first row of a file, or the last two, may not hang
+together with the others. From 15 rows on every other one is named; of fewer rows most are, none
+below 8. What is not named is not taken either: one or two rows that fit nowhere are left out with
+a warning, and a file of 6 poses or more of which nothing else holds is refused by the probe, as
+that of another robot.
 """
 
 from collections.abc import Sequence
@@ -16,6 +22,7 @@ from calib.measurement.observations import Measurements
 from testbed.files.frames_fit import (
     ENOUGH,
     FAR,
+    PARTED,
     Frames,
     Misfit,
     fit_frames,
@@ -28,8 +35,8 @@ from testbed.files.refusal import refusal
 
 SHIFTS = np.arange(-3, 4)
 """How many rows away joints are looked for."""
-FEWEST, MOST = 8, 20_000
-"""Rows outside which nothing is tried."""
+MOST = 20_000
+"""Rows above which nothing is tried."""
 MOST_FITTED = 60
 """Rows that frames are fitted to."""
 ROUNDS = 3
@@ -91,7 +98,7 @@ def find_slip(F: Array, index: Index, position: Array, rotation: Array | None) -
         The same of full poses.
     """
     m = len(index)
-    if not FEWEST <= m <= MOST:
+    if not PARTED <= m <= MOST:
         return None
     starts = [
         _fitted(F, index + shift, position, rotation, rows)

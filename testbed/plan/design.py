@@ -1,34 +1,28 @@
 """The poses of a plan and the uncertainty predicted for them; the one door to calib's design."""
 
-from dataclasses import dataclass
 from math import floor
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from calib.arrays import Array, Index, frozen
 from calib.design import (
-    METHODS,
     PoseBudget,
-    Problem,
-    Selection,
     best_next,
     certify,
     exchange,
     pose_budget,
     random_selection,
 )
-from calib.design.blocks import has_full_rank, information
+from calib.design.blocks import has_full_rank
 from calib.design.certificate import no_proof
+from calib.design.relaxation import relaxation
 from calib.errors import refuse
-from calib.geometry.parameters import Parameters
-from calib.information.criteria.base import Criterion
-from calib.information.criteria.named import criterion_named
-from calib.information.goals import Goals
 from calib.information.rank import rank
-from testbed.laboratory.tracker.stations import point_u
+from testbed.laboratory.tracker.predicted import goal_u
+from testbed.plan.promises import OVER, factor_words
 from testbed.plan.records import Curve, NextPose, Proof
-from testbed.scenario.tables import DEFAULT_POSES, PlanSettings
+from testbed.plan.task import DesignTask, rms
+from testbed.scenario.tables import DEFAULT_POSES
 from testbed.units import UM, counted, significant
 
 RANDOM_SETS = 40
@@ -41,66 +35,6 @@ MOST_POSES = 200
 NEXT_POSES = 5
 NO_TARGET = 1e-12
 """Below what any number of poses reaches [m]: the curve alone is wanted."""
-OVER = {"V": "RMS over the goal", "G": "worst of the goal"}
-"""What a figure of each criterion of the goal is."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class DesignTask:
-    """What a pose set is chosen for."""
-
-    blocks: Array
-    """(N, r, p) whitened, scaled rows of the pool."""
-    goals: Goals
-    """The tool point at the goal, in scaled units [m]."""
-    before: Array
-    """(b, p) rows of poses measured already; maybe none."""
-    settings: PlanSettings
-    names: tuple[str, ...]
-    """(p,) of the numbers."""
-
-    @property
-    def prior(self) -> Array | None:
-        """Information (p, p) gathered already."""
-        return information(self.before[None]) if len(self.before) else None
-
-    @property
-    def criterion(self) -> Criterion:
-        """What the set is chosen by."""
-        return criterion_named(self.settings.criterion, goals=self.goals)
-
-    @property
-    def judge(self) -> Criterion:
-        """What the curve shows: the mean over the goal, or its worst."""
-        return criterion_named("G" if self.settings.target_is == "worst" else "V", goals=self.goals)
-
-    @property
-    def target(self) -> float | None:
-        """Standard uncertainty wanted [m]."""
-        return self.settings.target_um / self.settings.coverage * 1e-6 or None
-
-    def rows(self, places: Index) -> Array:
-        """Rows (b + m r, p) of poses measured already and of a set."""
-        chosen = self.blocks[places]
-        return np.concatenate([self.before, chosen.reshape(-1, chosen.shape[-1])])
-
-    def information(self, places: Index) -> Array:
-        """Information (p, p) of a set and what was gathered already."""
-        M, prior = information(self.blocks[places]), self.prior
-        return M if prior is None else np.asarray(M + prior)
-
-    def u(self, places: Index) -> float:
-        """Goal uncertainty of a set, k = 1: mean or worst as the target asks for [m]."""
-        u = point_u(self.information(places), self.goals.rows)
-        return float(u.max()) if self.settings.target_is == "worst" else rms(u, self.goals.weights)
-
-    def problem(self, m: int, criterion: Criterion) -> Problem:
-        """To choose m poses beside those measured already."""
-        return Problem.of_blocks(self.blocks, m, criterion, prior=self.prior, names=self.names)
-
-    def select(self, m: int, rng: np.random.Generator) -> Selection:
-        """The set of m poses that the scenario's method finds."""
-        return METHODS[self.settings.method](self.problem(m, self.criterion), rng)
 
 
 def designed(task: DesignTask, rng: np.random.Generator) -> tuple[Index, str, Curve]:
@@ -122,13 +56,18 @@ def designed(task: DesignTask, rng: np.random.Generator) -> tuple[Index, str, Cu
         budget = pose_budget(problem, NO_TARGET, rng, counts=counts, restarts=1)
         return np.sort(places), task.settings.method, _curve(task, budget, places, rng)
     problem = task.problem(min(MOST_POSES, len(task.blocks)), task.judge)
-    budget = pose_budget(problem, task.target, rng, restarts=CURVE_RESTARTS)
+    # where no set of the largest number reaches it, there is nothing to climb to
+    only = [problem.m] if relaxation(problem).figure > task.target else None
+    budget = pose_budget(problem, task.target, rng, counts=only, restarts=CURVE_RESTARTS)
     if budget.smallest is None:
         target, k = task.settings.target_um, task.settings.coverage * 1e6
         reached, possible = float(budget.reached[-1]) * k, float(budget.possible[-1]) * k
+        part = k * task.u_shared(budget.chosen)
+        shared = f" ({part:.3g} um from the tracker's systematic errors)" if task.inputs else ""
         raise refuse(
             "plan.target_um", target,
-            f"they reach {reached:.3g} um, and no set of so many goes below {possible:.3g} um",
+            f"they reach {reached:.3g} um{shared}, and no set of so many goes below "
+            f"{possible:.3g} um",
             code="S37", fix="ask for less, measure better, or enlarge [pool] size",
             message=f"[plan] target_um is {target:g}, which "
             f"{_poses(len(budget.chosen), 'do', 'does')} not reach",
@@ -149,7 +88,7 @@ def designed(task: DesignTask, rng: np.random.Generator) -> tuple[Index, str, Cu
 def _counts(task: DesignTask, m: int) -> list[int]:
     """Numbers of poses to show around m."""
     r, p = task.blocks.shape[1:]
-    missing = p - (rank(task.before) if len(task.before) else 0)
+    missing = p - (rank(task.before[:, :p]) if len(task.before) else 0)
     fewest = min(-(-missing // r) + 1, m)
     most = min(max(2 * m, fewest + 1), len(task.blocks))
     return sorted({m, *(int(value) for value in np.geomspace(fewest, most, CURVE_POINTS).round())})
@@ -157,20 +96,26 @@ def _counts(task: DesignTask, m: int) -> list[int]:
 
 def _curve(task: DesignTask, budget: PoseBudget, places: Index, rng: np.random.Generator) -> Curve:
     """The budget with the plan's own set in it and random sets beside it."""
-    counts, u, bound = budget.counts, budget.reached, budget.possible
+    counts, u, bound, sets = budget.counts, budget.reached, budget.possible, list(budget.sets)
     m, at = len(places), int(np.searchsorted(counts, len(places)))
     if at == len(counts) or counts[at] != m:
         limit = certify(task.problem(m, task.judge), places)
         counts, u = np.insert(counts, at, m), np.insert(u, at, np.inf)
         bound = np.insert(bound, at, np.nan if limit is None else limit.figure_bound)
+        sets.insert(at, places)
+    # the plan's point is what it promises, even where another set does better
+    sets[at] = places
     own = task.u(places)
-    # another pose never hurts: what fewer poses reach, more reach as well
-    u = np.minimum.accumulate(np.where(counts == m, np.minimum(own, u), u))
+    u = np.where(counts == m, np.minimum(own, u), u)
+    if not task.inputs:
+        # another pose never hurts: what fewer poses reach, more reach as well; errors in common
+        # may reach the goal through it
+        u = np.minimum.accumulate(u)
     wanted = task.target is not None
     return Curve(
         counts=frozen(counts, np.int64),
-        # but the plan's point is what it promises, even where another set does better
         u=frozen(np.where(counts == m, own, u)),
+        shared=frozen([task.u_shared(places) for places in sets]),
         # and what more poses cannot, fewer cannot either
         bound=frozen(np.fmax.accumulate(bound[::-1])[::-1]),
         random=frozen(random_u(task, counts, rng)),
@@ -186,7 +131,7 @@ def _sentence(task: DesignTask, m: int, proven: int | None) -> str:
     """What is proven about the number of poses."""
     settings = task.settings
     over = OVER["G" if settings.target_is == "worst" else "V"]
-    asked = f"U = {settings.target_um:g} µm (k = {settings.coverage:g}, {over})"
+    asked = f"U = {settings.target_um:g} µm ({factor_words(settings.coverage, over)})"
     reach = _poses(m, "reach", "reaches", "more pose" if len(task.before) else "pose")
     if m == proven:
         return f"{reach} {asked}, and it is proven that no fewer can"
@@ -207,12 +152,16 @@ def proof_of(task: DesignTask, places: Index) -> Proof:
     if criterion in OVER:
         # in the unit of everything else a plan says: expanded, not standard, uncertainty
         part = floor(found.efficiency * 1000) / 1000  # as true as the number
+        even = ", even if its estimate found the tracker's systematic errors as well"
         sentence = (
             f"{criterion}-efficiency at least {part:.3f}: no other set of {len(places)} from the "
             f"{len(task.blocks)} poses of the pool goes below "
-            f"U = {significant(k * found.figure_bound * UM, 4)} µm (k = {k:g}, {OVER[criterion]}); "
+            f"U = {significant(k * found.figure_bound * UM, 4)} µm "
+            f"({factor_words(k, OVER[criterion])}){even if task.inputs else ''}; "
             f"this one reaches {significant(k * found.figure * UM, 4)} µm"
         )
+    elif task.inputs:
+        sentence += "; the criterion counts noise alone, not the tracker's systematic errors"
     return Proof(found.efficiency, found.figure_bound, sentence)
 
 
@@ -222,7 +171,10 @@ def random_u(task: DesignTask, counts: Index, rng: np.random.Generator) -> Array
     for i, m in enumerate(counts):
         sets = [random_selection(len(task.blocks), int(m), rng) for _ in range(RANDOM_SETS)]
         values[i] = np.median(
-            [task.u(places) if has_full_rank(task.rows(places)) else np.inf for places in sets]
+            [
+                task.u(places) if has_full_rank(task.rows(places)[:, : task.p]) else np.inf
+                for places in sets
+            ]
         )
     return np.where(np.isfinite(values), values, np.nan)
 
@@ -231,8 +183,7 @@ def next_poses(task: DesignTask, places: Index) -> tuple[NextPose, ...]:
     """The best poses to measure in addition to a set, judged by the goal's uncertainty."""
     if len(places) == len(task.blocks):
         return ()
-    problem = Problem.of_blocks(task.blocks, 1, task.judge, given=places, prior=task.prior)
-    ranking = best_next(problem, shown=NEXT_POSES)
+    ranking = best_next(task.problem(1, task.judge, given=places), shown=NEXT_POSES)
     return tuple(
         NextPose(int(place), float(u))
         for place, u in zip(ranking.indices, ranking.figure, strict=True)
@@ -242,20 +193,7 @@ def next_poses(task: DesignTask, places: Index) -> tuple[NextPose, ...]:
 def quick_design(task: DesignTask, rng: np.random.Generator) -> Index:
     """A pose set to compare stations by: the same number and procedure for each."""
     m = task.settings.poses or DEFAULT_POSES
-    problem = Problem.of_blocks(task.blocks, m, task.judge, names=task.names)
-    return exchange(problem, rng, restarts=1).indices
-
-
-def covariance_of(M: Array, parameters: Parameters) -> Array:
-    """Covariance (p, p) [m, rad] of the free numbers from information M (p, p) in scaled units."""
-    C = cho_solve(cho_factor(M), np.eye(len(M)))
-    scale = parameters.free_scale
-    return np.asarray((C + C.T) / 2 * np.outer(scale, scale))
-
-
-def rms(u: Array, weights: Array) -> float:
-    """Weighted root mean square of u (g,) [m]."""
-    return float(np.sqrt(weights @ u**2))
+    return exchange(task.problem(m, task.judge), rng, restarts=1).indices
 
 
 def leverages(blocks: Array, M: Array) -> Array:
@@ -270,6 +208,6 @@ def u_while_measuring(task: DesignTask, places: Index) -> Array:
     out = np.full(len(places), np.nan)
     for k in range(len(places)):
         A = task.rows(places[: k + 1])
-        if has_full_rank(A):
-            out[k] = rms(point_u(A.T @ A, task.goals.rows), task.goals.weights)
+        if has_full_rank(A[:, : task.p]):
+            out[k] = rms(goal_u(A.T @ A, task.goals.rows).whole, task.goals.weights)
     return out

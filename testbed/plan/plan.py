@@ -4,7 +4,7 @@ from itertools import combinations
 
 import numpy as np
 
-from calib.arrays import Array, frozen
+from calib.arrays import Array, Index, frozen
 from calib.errors import InputError, refuse
 from calib.geometry.parameters import Parameters
 from calib.information.goals import Goals, goal_matrix
@@ -12,19 +12,17 @@ from calib.uncertainty.statement.conditions import Conditions
 from testbed.laboratory.bench import PROBED_POSES, Bench, open_bench
 from testbed.laboratory.goal import Goal, goal_of
 from testbed.laboratory.joint_lists import read_conditions, read_joints
+from testbed.laboratory.tracker.predicted import shared_rows
 from testbed.laboratory.tracker.stations import (
     StationComparison,
     compare_stations,
     place_word,
-    point_u,
     require_ranges,
     require_station,
     require_stations,
     station_grid,
 )
 from testbed.plan.design import (
-    DesignTask,
-    covariance_of,
     designed,
     leverages,
     next_poses,
@@ -32,7 +30,9 @@ from testbed.plan.design import (
     quick_design,
     u_while_measuring,
 )
+from testbed.plan.foresight import foresight
 from testbed.plan.records import Plan
+from testbed.plan.task import DesignTask
 from testbed.plan.tour import held_out, readings_of, start_of, tour_of
 from testbed.progress import Progress
 from testbed.scenario.checks import check_robot
@@ -92,9 +92,7 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     parameters, reduction = bench.reduction(shown)
     bench.check_seen(shown, goal.q, goal.point)
     goals = _goals(bench, goal, parameters)
-    before = bench.blocks(measured, parameters).reshape(-1, parameters.n_free)
-    blocks = bench.blocks(pool.q, parameters)
-    task = DesignTask(blocks, goals, before, scenario.plan, parameters.free_names)
+    task = _task(bench, goals, parameters, pool.q, measured)
     places, method, curve = designed(task, stream(scenario.seed, "plan", "select"))
     require_ranges(bench, np.vstack([pool.q[places], apart]), "the plan")
     tell(STEPS[3], 3, len(STEPS))
@@ -108,17 +106,18 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
         parameters=parameters,
         notes=reduction.sentences,
         pool=pool,
-        leverage=frozen(leverages(task.blocks, M)),
+        leverage=frozen(leverages(task.blocks, M[: task.p, : task.p])),
         places=ordered,
         measured_q=measured,
         measured_under=under,
         tour=tour,
         readings=readings_of(bench, tour.q),
         T_world_tracker=bench.tracker.T_world_tracker,
-        covariance=frozen(covariance_of(M, parameters)),
         goal=goal,
         method=method,
-        u=frozen(point_u(M, goals.rows)),
+        foresight=foresight(
+            bench, goal, task, parameters, places, np.vstack([measured, pool.q[places]]), apart
+        ),
         u_of_step=frozen(u_while_measuring(task, ordered)),
         proof=proof_of(task, places),
         curve=curve,
@@ -136,18 +135,32 @@ def compared(bench: Bench, goal: Goal) -> StationComparison | None:
     rng = stream(scenario.seed, "plan", "stations")
     q = bench.candidates(seen=False).draw(rng).q
     parameters, _ = bench.reduction(q[:PROBED_POSES])
-    none = np.zeros((0, parameters.n_free))
     goals = _goals(bench, goal, parameters)
+
+    def designer(blocks: Array, shared: Array) -> Index:
+        """A set of the number wanted, from nothing measured before."""
+        none = np.zeros((0, blocks.shape[2] + shared.shape[2]))
+        settings, names = scenario.plan, parameters.free_names
+        task = DesignTask(blocks, shared, goals, none, settings, names)
+        return quick_design(task, stream(scenario.seed, "plan", "stations", "select"))
+
     return compare_stations(
-        bench,
-        station_grid(scenario.plan.stations),
-        q,
-        parameters,
+        bench, station_grid(scenario.plan.stations), q, parameters, goals, designer
+    )
+
+
+def _task(
+    bench: Bench, goals: Goals, parameters: Parameters, q: Array, measured: Array
+) -> DesignTask:
+    """What is chosen from a pool q (N, n) beside poses measured already (k, n)."""
+    before = np.dstack([bench.blocks(measured, parameters), shared_rows(bench, measured)])
+    return DesignTask(
+        bench.blocks(q, parameters),
+        shared_rows(bench, q),
         goals,
-        lambda blocks: quick_design(
-            DesignTask(blocks, goals, none, scenario.plan, parameters.free_names),
-            stream(scenario.seed, "plan", "stations", "select"),
-        ),
+        before.reshape(-1, before.shape[2]),
+        bench.scenario.plan,
+        parameters.free_names,
     )
 
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.arrays import Array
+from testbed.plan.promises import factor_words
 from testbed.plan.records import Plan
 from testbed.report.plots import (
     BARS,
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 OUTERMOST = (0.02, 0.98)
 """Quantiles of the leverage between which the shades change."""
+PARTS = ("of it: noise", "of it: systematic errors")
 NUMBERED = 45
 """More poses than this are not numbered."""
 REASON_COLORS = ("#a63a00", "#e8a33d", "#6b6b6b", "#7a4fa3", "#2f8f5b", "#0b4f8a", "#c2185b")
@@ -91,6 +93,10 @@ def budget(plan: Plan) -> str:
             random = k * curve.random * UM
             ax.plot(x, random, ":", color=SOFT, label="random sets, median", marker="^")
         ax.plot(x, k * curve.u * UM, color=DARK, marker="o", label="designed")
+        if curve.shared.any():
+            parts = np.sqrt(np.maximum(curve.u**2 - curve.shared**2, 0.0)), curve.shared
+            for part, dashes, name in zip(parts, ("-.", "-"), PARTS, strict=True):
+                ax.plot(x, k * part * UM, dashes, color=SOFT, linewidth=1.0, label=name)
         if np.isfinite(curve.bound).any():
             bound = k * curve.bound * UM
             ax.plot(x, bound, "--", color=MIDDLE, label="no set goes below")
@@ -102,12 +108,12 @@ def budget(plan: Plan) -> str:
                 ax, f"target {target:.3g} µm", (1.0, target), (-2, 3),
                 xycoords=("axes fraction", "data"), ha="right",
             )  # fmt: skip
-        marked_line(ax, m, f"the plan: {m}", 4, color=LIGHT, linewidth=1.2)
+        marked_line(ax, m, f"the plan: {m}", -4, color=LIGHT, linewidth=1.2)
         ax.set_ylim(0, _top(k * UM * curve.u, k * UM * (curve.target or 0.0)))
         already = " beyond those measured already" if len(plan.measured_q) else ""
         ax.set_xlabel(f"poses{already}")
         ax.locator_params(axis="x", integer=True)
-        ax.set_ylabel(f"U of the tool point, k = {k:g} [µm]")
+        ax.set_ylabel(f"U, {factor_words(k)} [µm]")
         ax.legend(loc="upper right")
         return svg_of(figure)
 
@@ -132,13 +138,13 @@ def prediction(plan: Plan) -> str:
         left.set_title("while measuring, in the order of the plan")
         left.set_xlabel("identification poses measured")
         left.locator_params(axis="x", integer=True)
-        left.set_ylabel(f"U over the goal, k = {k:g} [µm]")
+        left.set_ylabel("U over the goal [µm]")
         right.hist(k * plan.u * UM, bins=20, weights=plan.goal.weights, **BARS)
         right.set_ylim(0, 1.15 * right.get_ylim()[1])  # room for the two words
         for value, name in ((plan.u_mean, "RMS"), (plan.u_worst, "worst")):
             marked_line(right, k * value * UM, name, -3, color=MIDDLE, linewidth=1.2)
         right.set_title("over the goal, after all poses")
-        right.set_xlabel(f"U of the tool point, k = {k:g} [µm]")
+        right.set_xlabel(f"U, {factor_words(k)} [µm]")
         right.set_ylabel("share of the goal")
         return svg_of(figure)
 
@@ -185,7 +191,7 @@ def stations(plan: Plan) -> str:
         right.barh(range(len(shown)), u[shown], color=colors, height=0.65)
         right.set_yticks(range(len(shown)), [f"{n + 1}" for n in shown])
         right.invert_yaxis()
-        right.set_xlabel(f"U over the goal, k = {k:g} [µm]")
+        right.set_xlabel(f"U over the goal, {factor_words(k)} [µm]")
         right.set_ylabel("station")
         right.grid(axis="y", visible=False)
         return svg_of(figure)

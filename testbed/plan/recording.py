@@ -5,6 +5,15 @@ from dataclasses import replace
 import numpy as np
 
 from calib.arrays import Array
+from testbed.plan.promises import (
+    OVER,
+    factor_words,
+    minutes,
+    order_words,
+    promise,
+    reach_warnings,
+    reach_words,
+)
 from testbed.plan.recording_cell import (
     draw_candidates,
     draw_cell,
@@ -14,7 +23,7 @@ from testbed.plan.recording_cell import (
     reasons_shown,
 )
 from testbed.plan.records import Plan
-from testbed.plan.words import PROMISED, certificate_word, headline_rows, minutes, promise
+from testbed.plan.words import PROMISED, certificate_word, headline_rows
 from testbed.recording import style
 from testbed.recording.curves import draw_curve, draw_level
 from testbed.recording.pen import Pen
@@ -120,7 +129,7 @@ def _budget(plan: Plan) -> Chapter:
         motion=spread(len(curve.counts), BUDGET_FRAMES, plan.tour.start[None]),
         text=(
             "#### 2 Number of poses",
-            f"- blue curve: predicted U (k = {k:g}) of designed sets",
+            f"- blue curve: predicted U ({factor_words(k)}) of designed sets",
             colors if curve.target is None else f"{colors}, amber: target",
             f"- from {curve.counts[0]} to {curve.counts[-1]} poses",
             f"- {curve.sentence or plan.proof.sentence}",
@@ -155,7 +164,9 @@ def _tour(plan: Plan) -> Chapter:
             f"#### 3 Tour: {counted(len(tour), 'pose')} in {minutes(tour.duration)}",
             "- numbers: measuring order; blue: to identify from, orange: held out",
             "- line: the way of the tool; red: the beam",
+            f"- curve: U ({factor_words(plan.coverage, OVER['V'])}) after each pose",
             f"- {tour.sentence}",
+            f"- {order_words(plan)}",
         ),
         draw=draw,
         plots={"tour": "3 U in um after each pose"},
@@ -180,8 +191,9 @@ def _goal(plan: Plan) -> Chapter:
         text=(
             f"#### 4 Goal: {plan.goal.sentence}",
             "- purple over green to yellow: tool points of the goal, with growing uncertainty",
-            f"- U (k = {k:g}): RMS {k * plan.u_mean * 1e6:.3g} µm, "
+            f"- U ({factor_words(k)}): RMS {k * plan.u_mean * 1e6:.3g} µm, "
             f"worst {k * plan.u_worst * 1e6:.3g} µm",
+            *(f"- {text}" for text in (*reach_warnings(plan), *reach_words(plan))),
         ),
         draw=draw,
         plots={"goal": "4 U in um at each goal pose"},

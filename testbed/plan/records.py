@@ -1,11 +1,14 @@
-"""What a plan holds: frozen records of finished values, SI inside; nothing is computed."""
+"""What a plan holds: frozen records of finished values, SI inside."""
 
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from calib.arrays import Array, Index
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from calib.uncertainty.statement.applicability import Applicability
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.laboratory.cell import Obstacle
 from testbed.laboratory.goal import Goal
@@ -27,6 +30,8 @@ class Curve:
     """(k,) numbers of poses, beyond those measured already."""
     u: Array
     """(k,) goal uncertainty of the designed set, k = 1 [m]."""
+    shared: Array
+    """(k,) the part of it from errors that all readings share [m]."""
     bound: Array
     """(k,) no set of so many poses from this pool goes below; nan where nothing is proven [m]."""
     random: Array
@@ -52,6 +57,34 @@ class Proof:
     bound: float | None
     """Best figure that any set of this size from this pool could have."""
     sentence: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Foresight:
+    """What the measurements will leave unknown, and what they will show."""
+
+    covariance: Array
+    """(p, p) predicted, of the numbers to identify in their own units, all included [m, rad]."""
+    noise: Array
+    """(g,) 3-D standard uncertainty of the tool point at each goal posture from what scatters
+    anew at each reading [m]."""
+    shared: Array
+    """(g,) from the tracker's systematic errors, which all readings share; zero if it states none
+    [m]."""
+    R95_over: float
+    """Distance within which the tool point is with 95 % probability, over the goal's postures
+    [m]."""
+    R95_worst: float
+    """The same at the worst posture [m]."""
+    misfit_seen: float
+    """Size per axis of a misfit of the model that the measurements will show [m]."""
+    applies: Applicability | None
+    """Whether the statement will reach the goal's postures; None without held-out poses."""
+
+    @property
+    def u(self) -> Array:
+        """(g,) noise and shared errors together, k = 1 [m]."""
+        return np.hypot(self.noise, self.shared)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,6 +131,9 @@ class Tour:
     """(s,) time of the move to each pose, stops on the way included [s]."""
     speeds: Array
     """(n,) joint speeds of the moves [rad/s, m/s]."""
+    other: float
+    """Time of all moves in the order not chosen: at random, or the shortest found; inf if one of
+    them is blocked [s]."""
     settle: float
     """Rest at each pose [s]."""
     blocked: tuple[int, ...]
@@ -118,6 +154,11 @@ class Tour:
     def duration(self) -> float:
         """Moves and rests together [s]."""
         return float(self.move.sum() + self.settle * len(self.q))
+
+    @property
+    def other_duration(self) -> float:
+        """The same in the order not chosen [s]."""
+        return self.other + self.settle * len(self.q)
 
     def __len__(self) -> int:
         return len(self.q)
@@ -147,13 +188,10 @@ class Plan:
     readings: tuple[Reading, ...]
     T_world_tracker: Array
     """(4, 4) the station the plan is for [m]."""
-    covariance: Array
-    """(p, p) predicted, of `parameters` in their own units [m, rad]."""
     goal: Goal
     method: str
     """By which the chosen set was found."""
-    u: Array
-    """(g,) predicted 3-D standard uncertainty of the tool point at each goal posture [m]."""
+    foresight: Foresight
     u_of_step: Array
     """(m,) goal uncertainty after each identification pose in measuring order; nan before all
     numbers can be told apart [m]."""
@@ -186,9 +224,18 @@ class Plan:
         return x, y, z
 
     @property
+    def u(self) -> Array:
+        """(g,) predicted 3-D standard uncertainty of the tool point at each goal posture [m]."""
+        return self.foresight.u
+
+    @property
     def u_mean(self) -> float:
         """Weighted root mean square of `u` [m]."""
-        return float((self.goal.weights @ self.u**2) ** 0.5)
+        return self.over_goal(self.u)
+
+    def over_goal(self, u: Array) -> float:
+        """Weighted root mean square of values (g,) over the goal."""
+        return float((self.goal.weights @ u**2) ** 0.5)
 
     @property
     def u_worst(self) -> float:

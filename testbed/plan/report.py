@@ -4,22 +4,26 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from calib.arrays import Array
 from testbed.plan import plots
+from testbed.plan.promises import (
+    expanded,
+    factor_words,
+    has_shared,
+    or_dash,
+    promise,
+)
 from testbed.plan.records import Plan
-from testbed.plan.results import joint_columns, joint_units, pose_ids
+from testbed.plan.report_goal import joint_cells, joint_head, number_section, prediction_section
+from testbed.plan.results import pose_ids
 from testbed.plan.words import (
     PROMISED,
     certificate_word,
-    expanded,
     headline_rows,
     mark,
     next_step,
-    or_dash,
-    promise,
     reasons,
     station_words,
-    untested,
+    warnings,
 )
 from testbed.report.page import (
     SIMULATED,
@@ -71,7 +75,7 @@ def plan_report_html(plan: Plan, robot: Robot, *, versions: Mapping[str, str]) -
         title=scenario.title or scenario.name,
         subtitle=f"Measuring plan {scenario.name}, seed {scenario.seed}, {robot.title}. Predicted "
         "from the nominal robot; nothing has been measured.",
-        believable=not plan.tour.blocked and not untested(plan),
+        believable=not plan.tour.blocked and not warnings(plan),
         mark=mark(plan),
         verdict=promise(plan),
         reasons=reasons(plan),
@@ -90,21 +94,17 @@ def headline(plan: Plan) -> Table:
         rows=tuple(headline_rows(plan)),
         align="lrl",
         strong=PROMISED,
-        note="u: standard uncertainty of the tool point, root of the sum over x, y, z. U = k u. It "
-        "counts what the tracker and the joints scatter, through the numbers identified; it does "
-        "not count what the model leaves out (sag, harmonics, backlash) nor the repeatability of "
-        "the later move.",
+        note="The tool point is the mean of many moves to a posture; the repeatability of one move "
+        "comes on top. u: its standard uncertainty, root of the sum over x, y, z. Counted are the "
+        f"scatter of tracker and joints{counted_too(plan)}, through the numbers identified. What "
+        "the model leaves out (sag, harmonics, backlash) is not: how much of it the measurements "
+        "will show is the last line of the promise.",
     )
 
 
-def joint_head(plan: Plan) -> tuple[str, ...]:
-    """Heads of the columns of joints."""
-    return tuple(name.replace("_", " ") for name in joint_columns(plan))
-
-
-def joint_cells(plan: Plan, q: Array) -> tuple[str, ...]:
-    """One posture (n,), a cell per joint."""
-    return tuple(fixed(value, 2) for value in q * joint_units(plan))
+def counted_too(plan: Plan) -> str:
+    """What else is counted."""
+    return " and the errors that all readings of the tracker share" if has_shared(plan) else ""
 
 
 def order_section(plan: Plan) -> Section:
@@ -142,57 +142,6 @@ def order_section(plan: Plan) -> Section:
     return Section("order", "Measuring order", (Figure(caption, plots.order_map(plan)), table))
 
 
-def number_section(plan: Plan) -> Section:
-    """How many poses, how good they are, which to add."""
-    curve = plan.curve
-    caption = (
-        f"Predicted U (k = {plan.coverage:g}) against the number of poses. Blue: the designed "
-        "sets. Dashed: no set of so many poses from this pool can go below (proven). Line: the "
-        "plan."
-        + (f" Dotted: median of {curve.random_sets} random sets." if curve.random_sets else "")
-    )
-    table = Table(
-        caption="Uncertainty against the number of poses",
-        head=("poses", "designed U µm", "no set below µm", "efficiency", "random U µm"),
-        rows=tuple(
-            (
-                str(int(m)),
-                expanded(plan, u, 4),
-                expanded(plan, bound, 4),
-                or_dash(bound / u),
-                expanded(plan, random, 4),
-            )
-            for m, u, bound, random in zip(
-                curve.counts, curve.u, curve.bound, curve.random, strict=True
-            )
-        ),
-    )
-    blocks: list[Block] = [Figure(caption, plots.budget(plan)), table]
-    if plan.next_poses:
-        ranking = Table(
-            caption="The best next pose, if one more can be measured",
-            head=("", *joint_head(plan), "U with it µm"),
-            rows=tuple(
-                (str(rank), *joint_cells(plan, plan.pool.q[one.place]), expanded(plan, one.u, 4))
-                for rank, one in enumerate(plan.next_poses, start=1)
-            ),
-            note="Each alone in addition to the plan, best first.",
-        )
-        blocks.append(ranking)
-    return Section("number", "Number of poses", tuple(blocks))
-
-
-def prediction_section(plan: Plan) -> Section:
-    """Where the tool will be known how well."""
-    figure = Figure(
-        "Left: U over the goal after each pose, in the order of the plan; nothing is drawn while "
-        "some number cannot be told yet. Right: U of each posture of the goal.",
-        plots.prediction(plan),
-    )
-    goal = Text(f"The goal: {plan.goal.sentence}.")
-    return Section("prediction", "Predicted uncertainty", (goal, figure))
-
-
 def station_section(plan: Plan) -> Section | None:
     """Where the tracker should stand, and why."""
     seen = plan.stations
@@ -221,7 +170,7 @@ def station_section(plan: Plan) -> Section | None:
         strong=(0,),
         note="seen: candidates that can be measured from there; turned away: the probe does not "
         "face the tracker; hidden: the beam is blocked. U: of the best design of "
-        f"{len(seen.designs[seen.best])} poses found from there.",
+        f"{len(seen.designs[seen.best])} poses found from there ({factor_words(plan.coverage)}).",
     )  # fmt: skip
     figure = Figure(
         "Stations from above and the uncertainty of the design from each; vermilion: the best, "
@@ -260,7 +209,7 @@ def candidate_section(plan: Plan) -> Section:
 
 def parameter_section(plan: Plan) -> Section:
     """What will be identified, and how well."""
-    u = np.sqrt(np.diagonal(plan.covariance))
+    u = np.sqrt(np.diagonal(plan.foresight.covariance))
     lengths = plan.parameters.is_length[plan.parameters.free]
     names = plan.parameters.free_names
     table = Table(

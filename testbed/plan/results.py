@@ -9,6 +9,7 @@ import numpy as np
 
 from calib.arrays import Array
 from testbed.laboratory.route.moves import travel_times
+from testbed.plan.promises import factor_words, promise, reach_warnings, reach_words
 from testbed.plan.records import Move, Plan
 from testbed.plan.words import station_words, untested
 from testbed.report.page import SIMULATED
@@ -153,24 +154,48 @@ def _task(plan: Plan, robot: Robot) -> Iterator[Quantity]:
 
 def _promise(plan: Plan) -> Iterator[Quantity]:
     """What will come out, and what is proven about it."""
-    settings, curve, k = plan.scenario.plan, plan.curve, plan.coverage
+    settings, curve, k, seen = plan.scenario.plan, plan.curve, plan.coverage, plan.foresight
+    yield Quantity("predicted/sentence", promise(plan))
+    yield Quantity("predicted/R95_over_goal_um", seen.R95_over, METRE)
+    yield Quantity("predicted/R95_worst_um", seen.R95_worst, METRE)
     yield Quantity("predicted/u_mean_um", plan.u_mean, METRE)
+    yield Quantity("predicted/u_noise_mean_um", plan.over_goal(seen.noise), METRE)
+    yield Quantity("predicted/u_systematic_mean_um", plan.over_goal(seen.shared), METRE)
     yield Quantity("predicted/u_worst_um", plan.u_worst, METRE)
     yield Quantity("predicted/coverage_factor", k)
+    yield Quantity("predicted/U_is", factor_words(k))
     yield Quantity("predicted/U_mean_um", k * plan.u_mean, METRE)
     yield Quantity("predicted/U_worst_um", k * plan.u_worst, METRE)
+    yield Quantity("predicted/misfit_seen_um", _or_nan(np.array(seen.misfit_seen)), METRE)
     yield Quantity("certificate/efficiency", plan.proof.efficiency)
     yield Quantity("certificate/sentence", plan.proof.sentence)
     yield Quantity("budget/target_U_um", settings.target_um or None, AS_NAMED)
     yield Quantity("budget/target_is", settings.target_is)
     yield Quantity("budget/poses", curve.counts)
     yield Quantity("budget/U_um", k * curve.u, METRE)
+    yield Quantity("budget/U_systematic_um", k * curve.shared, METRE)
     yield Quantity("budget/U_bound_um", _or_nan(k * curve.bound), METRE)
     yield Quantity("budget/U_random_um", _or_nan(k * curve.random), METRE)
     yield Quantity("budget/random_sets", curve.random_sets)
     yield Quantity("budget/smallest_reaching", curve.reached)
     yield Quantity("budget/proven_fewest", curve.fewest)
     yield Quantity("budget/sentence", curve.sentence)
+    yield from _reach(plan)
+
+
+def _reach(plan: Plan) -> Iterator[Quantity]:
+    """Where the statement will hold."""
+    seen = plan.foresight.applies
+    yield Quantity("applies/sentences", [*reach_warnings(plan), *reach_words(plan)])
+    if seen is None:
+        return
+    yield Quantity("applies/reaches", seen.reaches)
+    for word in ("inside", "edge", "outside"):
+        yield Quantity(f"applies/share_{word}", float((seen.place == word).mean()))
+    for name, values in (("transfer", seen.transfer), ("leverage", seen.leverage)):
+        yield Quantity(f"applies/{name}_median", float(np.median(values)))
+        yield Quantity(f"applies/{name}_largest", float(values.max()))
+    yield Quantity("applies/joint_beyond_share", seen.beyond.mean(axis=0))
 
 
 def _poses(plan: Plan) -> Iterator[Quantity]:
@@ -185,6 +210,8 @@ def _poses(plan: Plan) -> Iterator[Quantity]:
     yield Quantity("moving_s", float(tour.move.sum()), SECOND)
     yield Quantity("settle_s", tour.settle, SECOND)
     yield Quantity("route", tour.sentence)
+    yield Quantity("order_is", plan.scenario.plan.order)
+    yield Quantity("other_order_duration_s", _or_nan(np.array(tour.other_duration)), SECOND)
     order = [
         {"pose_id": name, "role": role, "pool": int(place) if place >= 0 else None}
         for name, role, place in zip(names, tour.roles, tour.pool_place, strict=True)

@@ -63,7 +63,7 @@ def tour_of(
     held_out: Array,
     offered: Array,
 ) -> Tour:
-    """Identification and held-out poses in one short tour.
+    """Identification and held-out poses mixed in one order: a short tour, or at random.
 
     Parameters
     ----------
@@ -80,28 +80,32 @@ def tour_of(
     offered : (k, n) array
         Free postures that detours may pass through [rad, m].
     """
-    plan, q = bench.scenario.plan, np.vstack([chosen, held_out])
+    plan, every = bench.scenario.plan, np.vstack([chosen, held_out])
+    at_random = stream(bench.scenario.seed, "plan", "order").permutation(len(every))
     route = measuring_route(
         bench.robot,
         bench.simulator,
-        q,
+        every[at_random],
         stream(bench.scenario.seed, "plan", "route"),
         speed_share=plan.speed_share,
         settle=plan.settle_s,
         start=start,
         vias=offered,
         ranges=joint_ranges(bench.robot, bench.scenario.pool),
+        keep=plan.order == "random",
     )
     everywhere = np.concatenate([places, np.full(len(held_out), -1)])
+    listed = at_random[route.order]
     at = {int(k): i for i, k in enumerate(route.order)}
     blocked = tuple(sorted(max(at[a] if a >= 0 else -1, at[b]) for a, b in route.blocked))
     return Tour(
         q=route.q,
-        roles=tuple("identify" if k < len(chosen) else "test" for k in route.order),
-        pool_place=frozen(everywhere[route.order], np.int64),
+        roles=tuple("identify" if k < len(chosen) else "test" for k in listed),
+        pool_place=frozen(everywhere[listed], np.int64),
         start=route.start,
         vias=route.via,
         move=route.times,
+        other=route.best_time if plan.order == "random" else route.given_time,
         speeds=frozen(bench.robot.speeds * plan.speed_share),
         settle=route.settle,
         blocked=blocked,

@@ -6,66 +6,39 @@ import numpy as np
 
 from calib.uncertainty.statement.conditions import departure
 from testbed.laboratory.tracker.stations import place_word
+from testbed.plan.promises import (
+    OVER,
+    expanded,
+    factor_words,
+    has_shared,
+    order_words,
+    parts_words,
+    promise,
+    reach_warnings,
+    reach_words,
+)
 from testbed.plan.records import FAR, Plan
 from testbed.report.page import SIMULATED
 from testbed.units import (
     MM,
-    UM,
     counted,
     fixed,
     micrometres,
     millimetres,
     percent,
     sentence,
-    significant,
 )
 
 CLOSE = 0.01
 """Stations whose uncertainty differs by less than this part are called equally good."""
-PROMISED = (3, 4)
+PROMISED = (3, 4, 5, 6)
 """Rows of the headline that say what will come out."""
-
-
-def promise(plan: Plan) -> str:
-    """The one sentence of a plan."""
-    poses = counted(len(plan.places), "more pose" if len(plan.measured_q) else "pose")
-    return (
-        f"{poses} in about {minutes(plan.tour.duration)} will make the tool point known to "
-        f"U = {expanded(plan, plan.u_mean)} µm (k = {plan.coverage:g}, RMS over the goal), "
-        f"{expanded(plan, plan.u_worst)} µm at its worst, if the robot is as its model says."
-    )
-
-
-def expanded(plan: Plan, u: float, digits: int = 3) -> str:
-    """Expanded uncertainty [µm] of a standard one [m]."""
-    return or_dash(plan.coverage * u * UM, digits)
-
-
-def or_dash(value: float, digits: int = 3) -> str:
-    """A number with so many digits, a dash where there is none."""
-    return significant(float(value), digits) if np.isfinite(value) else "–"
-
-
-def minutes(seconds: float) -> str:
-    """A duration for people.
-
-    Examples
-    --------
-    >>> minutes(94.2), minutes(3723)
-    ('1 min 34 s', '62 min')
-    """
-    whole = round(seconds)
-    if whole < 60:
-        return f"{whole} s"
-    if whole < 600:
-        return f"{whole // 60} min {whole % 60} s" if whole % 60 else f"{whole // 60} min"
-    return f"{round(whole / 60)} min"
 
 
 def headline_rows(plan: Plan) -> list[tuple[str, str, str]]:
     """What, value, unit."""
     settings, tour, target = plan.scenario.plan, plan.tour, plan.curve.target
-    count, k = len(plan.measured_q), f"(k = {plan.coverage:g})"
+    count, seen = len(plan.measured_q), plan.foresight
     beyond = f"beyond {counted(count, 'pose')} measured already" if count else ""
     minutes_moving = fixed(float(tour.move.sum()) / 60, 1)
     efficiency = plan.proof.efficiency
@@ -74,16 +47,21 @@ def headline_rows(plan: Plan) -> list[tuple[str, str, str]]:
         ("held-out poses, to check with", str(tour.roles.count("test")), ""),
         ("expected time", fixed(tour.duration / 60, 1),
          f"min, {minutes_moving} min moving at {percent(settings.speed_share)} speed"),
-        (f"predicted U over the goal {k}", expanded(plan, plan.u_mean),
-         f"µm, RMS; u = {micrometres(plan.u_mean)} µm"),
-        (f"predicted U at the worst of the goal {k}", expanded(plan, plan.u_worst),
-         f"µm; u = {micrometres(plan.u_worst)} µm"),
+        ("R95 of the tool point over the goal", micrometres(seen.R95_over),
+         "µm: 3-D radius, 95 % probability"),
+        ("R95 at the worst of the goal", micrometres(seen.R95_worst),
+         "µm: 3-D radius, 95 % probability"),
+        ("standard uncertainty u over the goal", micrometres(plan.u_mean),
+         f"µm (3-D, k = 1, RMS): {parts_words(plan)}"),
+        ("misfit that would be seen", micrometres(seen.misfit_seen, 2), "µm per axis"),
         ("certified efficiency", "–" if efficiency is None else fixed(efficiency, 4),
          f"of the best possible, {settings.criterion}"),
     ]  # fmt: skip
     if target is not None:
-        over = "RMS over the goal" if settings.target_is == "mean" else "worst"
-        rows.append(("target", expanded(plan, target), f"µm, {over}"))
+        over = OVER["V" if settings.target_is == "mean" else "G"]
+        u = plan.u_mean if settings.target_is == "mean" else plan.u_worst
+        reached = f"µm for U = {plan.coverage:g} u ({factor_words(plan.coverage, over)})"
+        rows.append(("target", expanded(plan, target), f"{reached}; predicted {expanded(plan, u)}"))
         if plan.curve.fewest is not None:
             rows.append(("proven least number of poses for it", str(plan.curve.fewest), "poses"))
     rows.append(("tracker station", in_mm(plan.station_mm), "mm in the base frame"))
@@ -95,18 +73,26 @@ def certificate_word(plan: Plan) -> str:
     """What the certificate is about."""
     if plan.proof.efficiency is None:
         return "This criterion has no certificate."
+    certificate = "The certificate holds for every set of the same size, without repeats, from the"
+    if not has_shared(plan):
+        return f"{certificate} same pool."
+    if plan.scenario.plan.criterion not in OVER:
+        return f"{certificate} same pool, and counts the noise alone, as this criterion does."
     return (
-        "The certificate holds for every set of the same size, without repeats, from the same pool."
+        f"{certificate} same pool, whether the estimate finds the tracker's systematic errors or, "
+        "as it does, not; the true optimum may lie well above the bound."
     )
 
 
 def reasons(plan: Plan) -> tuple[str, ...]:
     """The sentences under the promise: warnings, what is proven, how long, from where."""
     said = (
-        *untested(plan),
+        *warnings(plan),
+        *reach_words(plan),
         plan.proof.sentence,
         plan.curve.sentence,
         plan.tour.sentence,
+        order_words(plan),
         clearance_words(plan),
         measured_words(plan),
         *use_words(plan),
@@ -132,6 +118,11 @@ def mark(plan: Plan) -> str:
 def tests_cone(plan: Plan) -> bool:
     """Whether poses were tested for facing the tracker."""
     return plan.scenario.tracker.acceptance_deg < 180.0
+
+
+def warnings(plan: Plan) -> tuple[str, ...]:
+    """Why the plan should not be followed as it is."""
+    return (*untested(plan), *reach_warnings(plan))
 
 
 def untested(plan: Plan) -> tuple[str, ...]:
@@ -201,7 +192,7 @@ def station_words(plan: Plan) -> str:
     head = (
         f"Of {counted(len(order), 'station')}, {place_word(top, seen.stations[top])} is best: "
         f"{counted(poses, 'pose')} designed from there {'gives' if poses == 1 else 'give'} U = "
-        f"{expanded(plan, seen.u_mean[top])} µm (k = {plan.coverage:g}, RMS over the goal)"
+        f"{expanded(plan, seen.u_mean[top])} µm ({factor_words(plan.coverage, OVER['V'])})"
     )
     if not others:
         return f"{head}; no other can be used." if len(order) > 1 else f"{head}."

@@ -263,13 +263,17 @@ class StationSettings(Settings):
         return bool(self.list_mm) or self.grid is not None
 
 
+PlanOrder = Literal["tour", "random"]
+
+
 class PlanSettings(Settings):
     """[plan]: poses, goal, stations and times of one real calibration."""
 
     poses: Annotated[int, Field(ge=0, le=5000)]
     """Poses to measure, beyond those in `measured`; 0: as many as `target_um` needs."""
     target_um: Annotated[float, Field(ge=0.0, le=100_000.0)] = 0.0
-    """Wanted expanded uncertainty U = coverage * u of the tool point; 0: none, poses decides."""
+    """Wanted expanded uncertainty U = coverage * u of the tool point, u the 3-D standard
+    uncertainty: a ball of twice u holds at least 95 %; 0: none, poses decides."""
     target_is: Literal["mean", "worst"] = "mean"
     """What must not exceed the target: the mean (RMS) over the goal, or its worst pose."""
     coverage: Annotated[float, Field(ge=1.0, le=10.0)] = 2.0
@@ -279,7 +283,7 @@ class PlanSettings(Settings):
     goal: GoalSettings = BoxGoal()
     point_mm: Point = (0.0, 0.0, 0.0)
     """Point in the tool frame whose uncertainty counts."""
-    held_out: Annotated[int, Field(ge=0, le=1000)] = 10
+    held_out: Annotated[int, Field(ge=0, le=1000)] = 20
     """Poses that check the calibration afterwards and take no part in it."""
     measured: Text = ""
     """CSV of joint targets measured already (deg, mm where a joint slides); "": none."""
@@ -287,6 +291,9 @@ class PlanSettings(Settings):
     """Joint speed of the moves, as a share of the robot's largest."""
     settle_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 3.0
     """Rest at each pose: settling and measuring."""
+    order: PlanOrder = "tour"
+    """The shortest way found from pose to pose, or poses at random, which takes longer and lets the
+    calibration tell drift from misfit."""
     clearance_mm: Annotated[float, Field(ge=0.0, le=1000.0)] = 10.0
     """Poses and moves keep so far from obstacles and floor; 0: only no touch. The base may stand on
     either, and the goal may lie nearer."""

@@ -1,9 +1,10 @@
 """What is damaged, and who reads it: small whole files of every kind, each with its reader."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from random import Random
+from typing import get_type_hints
 
 import numpy as np
 
@@ -80,9 +81,11 @@ def read_scenario(folder: Path) -> object:
 def read_measured(folder: Path) -> object:
     """A session, with the files it names or the one beside it."""
     toml, beside = folder / "session.toml", folder / "a.csv"
-    if beside.exists():
-        return read_session(beside, ROBOT, config=toml)
-    return read_session(toml, ROBOT)
+    data, config = (beside, toml) if beside.exists() else (toml, None)
+    session = read_session(data, ROBOT, config=config)
+    if not all(map(session.pose_name, range(len(session.measurements)))):
+        raise AssertionError("a row belongs to a pose without a name")
+    return session
 
 
 def read_program(folder: Path) -> object:
@@ -106,7 +109,24 @@ def read_record(folder: Path) -> object:
     """A record, by the class that its file is named after."""
     (file,) = folder.glob("*.npz")
     found = npz.record_from(file.read_bytes(), file.stem, whole.KINDS[file.stem], whole.SPEC)
-    return found.reason if isinstance(found, npz.Failure) else found
+    if isinstance(found, npz.Failure):
+        return found.reason
+    check_sizes(found)
+    return found
+
+
+def check_sizes(record: object) -> None:
+    """Every array is as long as its field says, and a letter is one size in all of a class."""
+    sizes: dict[object, int] = {}
+    for name, hint in get_type_hints(type(record), include_extras=True).items():
+        value = getattr(record, name)
+        if is_dataclass(value):
+            check_sizes(value)
+        stated = getattr(hint, "__metadata__", ())
+        if stated and isinstance(value, np.ndarray):
+            for size, one in zip(value.shape, stated, strict=True):
+                expected = one if isinstance(one, int) else sizes.setdefault(one, size)
+                assert size == expected, f"{name} {value.shape} is not {stated}"
 
 
 def read_robot(name: str) -> Callable[[Path], object]:

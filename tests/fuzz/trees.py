@@ -100,7 +100,7 @@ def xml_changed(data: bytes, rng: Random) -> bytes:
         elif what == 10:
             other.append(again)
         else:
-            element.tag = rng.choice((*(one.tag for one in elements), "unknown", "include"))
+            element.tag = rng.choice((*(one.tag for one in elements), "unknown", "include", "cone"))
     else:
         element.text = rng.choice(("1 2 3", "x" * 1000, " "))
     return bytes(etree.tostring(root))

@@ -71,7 +71,8 @@ MESH = """
       <geometry><mesh filename="part.{}" scale="0.01 0.01 0.01"/></geometry>
       <material name="gray"><color rgba="0.5 0.5 0.5 1"/></material>
     </visual>
-    <collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>"""
+    <collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>
+    <collision><geometry><capsule radius="0.05" length="0.1"/></geometry></collision>"""
 LINKS = [
     ("pan", "revolute", "0 0 0.3", "0 0 0", "0 0 1", (-3.0, 3.0)),
     ("slide", "prismatic", "0.1 0 0.1", "0 1.5 0", "0 0 1", (0, 0.5)),

@@ -117,6 +117,13 @@ class Certifiable(Criterion):
     """Orders k of the smooth stand-ins for a maximum or minimum, in turn; (1,) where there is none.
     """
 
+    slack: ClassVar[float] = 1.0
+    """Factor on the tolerance of a relaxation: larger where sets stay away from their bound."""
+
+    def value_bounded(self, M: Array) -> Array:
+        """Value (...,) that the ceiling comes down to: this one's, or one that is never below."""
+        return self.value(M)
+
     @abstractmethod
     def dual(self, M: Array, sharpness: float) -> Array:
         """Matrix S (p, p), positive semidefinite: the weight of a unit of information, at M."""

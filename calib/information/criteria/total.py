@@ -43,6 +43,10 @@ class Total(Variance):
     """(g, c, p) what counts, of each goal together [m]: all goals at once for the mean."""
     eased: Certifiable
     """V or G of an estimate that finds the inputs, too; for p + k numbers."""
+    noise: Certifiable
+    """V or G of the noise alone; for p numbers."""
+
+    slack: ClassVar[float] = 10.0
 
     @property
     def n_numbers(self) -> int | None:
@@ -89,6 +93,10 @@ class Total(Variance):
 
         place, value, evaluated = best_first(upper * (1 - SLACK), exact, floor=floor)
         return Move(place, value + float(now.max()), evaluated)
+
+    def value_bounded(self, M: Array) -> Array:
+        """That of the eased criterion."""
+        return self.eased.value(M)
 
     def dual(self, M: Array, sharpness: float) -> Array:
         """That of the eased criterion."""
@@ -144,16 +152,15 @@ class TotalG(Total):
 
 def total_v(goals: Goals, inputs: int, name: str = "V") -> TotalV:
     """The whole V for a goal and so many inputs that all readings share."""
-    eased = v_of(_wide(goals, inputs), name)
-    root = v_of(goals).root
-    assert root is not None
-    return TotalV(name, frozen(root.T[None]), eased)
+    noise = v_of(goals, name)
+    assert noise.root is not None
+    return TotalV(name, frozen(noise.root.T[None]), v_of(_wide(goals, inputs), name), noise)
 
 
 def total_g(goals: Goals, inputs: int, name: str = "G") -> TotalG:
     """The whole G."""
-    eased = g_of(_wide(goals, inputs), name)
-    return TotalG(name, frozen(eased.rows[:, :, : goals.rows.shape[2]]), eased)
+    noise = g_of(goals, name)
+    return TotalG(name, noise.rows, g_of(_wide(goals, inputs), name), noise)
 
 
 def _wide(goals: Goals, inputs: int) -> Goals:

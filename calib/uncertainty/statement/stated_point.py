@@ -3,16 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from calib.arrays import Array, FloatOrNan
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.statement.belief import Belief
-from calib.uncertainty.statement.distance import content, spread_over_directions
+from calib.uncertainty.statement.distance import radius_over
 from calib.uncertainty.tool_point import ToolStatement
-
-ROOM, PRECISION = 1e-5, 1e-6
-"""Of the search for a radius, as part of it: content is computed to 1e-6."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,17 +95,7 @@ def common_radius(stated: ToolStatement) -> float:
     one k_3 widens S first.
     """
     S = widened(stated)
-    longest = np.sqrt(np.linalg.eigvalsh(S)[:, -1])
-    length, weight = spread_over_directions(S)
-    # a line is held by the least factor, a ball by the largest
-    low = coverage_factor(1, stated.probability) * float(longest.min()) * (1 - ROOM)
-    high = coverage_factor(3, stated.probability) * float(longest.max()) * (1 + ROOM)
-
-    def excess(radius: float) -> float:
-        """Probability beyond the one asked for."""
-        return float((content(radius, length) @ weight).mean()) - stated.probability
-
-    return float(brentq(excess, low, high, xtol=PRECISION * high))
+    return radius_over(S, np.full(len(S), 1 / len(S)), stated.probability)
 
 
 def widened(stated: ToolStatement) -> Array:

@@ -37,6 +37,8 @@ class Route:
     """Rest at each pose [s]."""
     given_time: float
     """Time of the moves in the order given, with its own detours; inf if one is blocked [s]."""
+    best_time: float
+    """The same of the shortest order found [s]."""
     blocked: tuple[tuple[int, int], ...]
     """Pairs of poses, by position in the given list (-1: start), with no way between them."""
 
@@ -80,6 +82,7 @@ def measuring_route(
     start: ArrayLike | None = None,
     vias: ArrayLike | None = None,
     ranges: ArrayLike | None = None,
+    keep: bool = False,
 ) -> Route:
     """Order poses for a short time on the way and make every move free of collisions.
 
@@ -108,6 +111,8 @@ def measuring_route(
         start always are.
     ranges : (n, 2) array_like, optional
         Joint values between which a way around is searched; the joint limits by default [rad, m].
+    keep : bool
+        Whether the poses are gone to as given, whatever the time.
 
     Raises
     ------
@@ -136,6 +141,11 @@ def measuring_route(
             ways[a, b] = way = mover.way(stops[a], stops[b], offered, rng)
             times[a, b] = times[b, a] = way.time if way.found else BLOCKED_TIME
         tour = best_tour(times, given)
+    given_time, best_time = (
+        float(sum(ways[pair].time for pair in _pairs(order))) for order in (given, tour)
+    )
+    if keep:
+        tour = given
     via, times_taken, lost = list[Array](), list[float](), list[tuple[int, int]]()
     for a, b in pairwise(tour.tolist()):
         way = ways[min(a, b), max(a, b)]
@@ -153,7 +163,8 @@ def measuring_route(
         via=tuple(via),
         times=frozen(times_taken),
         settle=float(settle),
-        given_time=float(sum(ways[pair].time for pair in _pairs(given))),
+        given_time=given_time,
+        best_time=best_time,
         blocked=tuple(lost),
     )
 

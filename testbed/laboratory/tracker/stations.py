@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from calib.arrays import Array, Bool, Index, frozen
-from calib.design.blocks import has_full_rank, information
 from calib.errors import CalibError, InputError, refuse
 from calib.geometry.chain import Chain
 from calib.geometry.parameters import Parameters
 from calib.information.goals import Goals
 from calib.measurement.observations import DISTANCE
 from testbed.laboratory.bench import Bench
+from testbed.laboratory.tracker.predicted import goal_uncertainty, shared_rows
 from testbed.robots.placements import placements
 from testbed.scenario.tables import StationSettings
 
@@ -23,8 +23,9 @@ NEAREST = 0.8
 """Nearest target a tracker is asked to measure [m]."""
 NAMED = 5
 """Stations whose fault is named when none can be used."""
-Designer = Callable[[Array], Index]
-"""From blocks (V, r, p) of the visible poses to the positions of the chosen ones."""
+Designer = Callable[[Array, Array], Index]
+"""From blocks (V, r, p) of the visible poses, and (V, r, k) of errors that all their readings
+share, to the positions of the chosen ones."""
 
 
 class View(NamedTuple):
@@ -60,8 +61,8 @@ class StationComparison:
     designs: tuple[Index, ...]
     """(s,) the poses designed for each station, as positions in the common pool; maybe none."""
     u_mean: Array
-    """(s,) predicted RMS standard uncertainty of the tool point over the goal; inf: no design
-    [m]."""
+    """(s,) predicted RMS standard uncertainty of the tool point over the goal, errors that all
+    readings share included; inf: no design [m]."""
     u_worst: Array
     """(s,) the same at the worst goal pose [m]."""
     statements: tuple[str, ...]
@@ -167,7 +168,7 @@ def compare_stations(
     goals : Goals
         The goal poses in these numbers.
     designer : callable
-        Chooses poses from blocks; must be the same procedure for every station.
+        Chooses poses; must be the same procedure for every station.
 
     Raises
     ------
@@ -177,7 +178,8 @@ def compare_stations(
     References
     ----------
     Predicted covariance of the parameters: the inverse of M = sum of B'B over the designed poses,
-    whitened by the tracker's covariance from that station; u^2 at a goal is tr(G M^-1 G').
+    whitened by the tracker's covariance from that station; u^2 at a goal is tr(G M^-1 G'), and what
+    the errors in common add (`predicted.goal_u`).
     """
     rows = [
         view_from(bench.standing_at(station), q, parameters, goals, designer)
@@ -222,12 +224,12 @@ def view_from(
     targets = bench.tracker.targets(bench.robot.model.poses(q[left]))
     distance = float(np.linalg.norm(targets - bench.tracker.station, axis=1).mean())
     counted = (away, hidden, len(left), distance)
-    blocks = bench.blocks(q[left], parameters)
+    blocks, shared = bench.blocks(q[left], parameters), shared_rows(bench, q[left])
     try:
-        chosen = np.asarray(designer(blocks), dtype=np.int64)
+        chosen = np.asarray(designer(blocks, shared), dtype=np.int64)
     except CalibError as error:
         return View(*counted, none, np.inf, np.inf, _why(error))
-    u = goal_uncertainty(blocks[chosen], goals.rows)
+    u = goal_uncertainty(np.concatenate([blocks, shared], axis=2)[chosen], goals.rows)
     if not np.isfinite(u).all():
         return View(*counted, none, np.inf, np.inf, "the design cannot tell the parameters apart")
     mean = float(np.sqrt(np.average(u**2, weights=goals.weights)))
@@ -247,30 +249,6 @@ def visible_from(bench: Bench, q: Array) -> tuple[Bool, Bool]:
     if candidates.settings.line_of_sight:
         seen[facing] = candidates.sees(q[facing])
     return facing, seen
-
-
-def goal_uncertainty(blocks: Array, goal: Array) -> Array:
-    """Predicted 3-D standard uncertainty (g,) of the tool point after measuring blocks (m, r, p).
-
-    `goal` (g, 3, p) [m]. Infinite if the rows leave a number undetermined.
-    """
-    if not has_full_rank(blocks.reshape(-1, blocks.shape[-1])):
-        return np.full(len(goal), np.inf)
-    return point_u(information(blocks), goal)
-
-
-def point_u(M: Array, rows: Array) -> Array:
-    """3-D standard uncertainty (g,) of the tool point at the goal, from its rows (g, 3, p) [m].
-
-    References
-    ----------
-    JCGM 102:2011, 6.2: the covariance of a linear function y = J x is J C J'; here C = M^-1, and
-    u^2 = tr(J_t M^-1 J_t') adds the variances of the three coordinates.
-    """
-    lower = np.linalg.cholesky(M)
-    g, _, p = rows.shape
-    half = np.linalg.solve(lower, rows.reshape(-1, p).T)
-    return np.asarray(np.sqrt((half**2).sum(axis=0).reshape(g, 3).sum(axis=1)))
 
 
 def place_word(k: int, station: Array) -> str:

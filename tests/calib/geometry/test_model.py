@@ -8,6 +8,8 @@ from calib.geometry.chain import forward
 from calib.geometry.joint_errors import JointErrors, JointTerm, gravity_terms, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
+from calib.identification.identify import identify
+from calib.measurement.tables import poses
 from tests.reference import WEN24, pool_r, tx60
 
 
@@ -82,6 +84,18 @@ def test_terms_without_coefficients_do_nothing():
     errors = JointErrors(gravity_terms(6))
     assert np.array_equal(errors.coefficients, np.zeros(3))
     assert (errors.offsets(pool_r(5)) == 0).all()
+
+
+def test_a_summary_lists_joint_terms_with_their_values():
+    """What is listed is a step from a model of nothing, which has the terms but no coefficients."""
+    nominal, q = RobotModel(tx60().chain, JointErrors(gravity_terms(6))), pool_r(20)
+    true = nominal.moved(np.r_[np.zeros(42), np.radians([1e-3, 2e-3, 3e-3])])
+    table = poses(q, true.poses(q), sd=(1e-5, 1e-4))
+    found = identify(nominal, table, parameters_of(nominal, nominal.joint_errors.names))
+    lines = dict(line.split()[:2] for line in found.summary().splitlines()[1:4])
+    assert {name: float(value) for name, value in lines.items()} == pytest.approx(
+        {"gravity2.upper": 1e-3, "gravity2.fore": 2e-3, "gravity3.fore": 3e-3}, rel=0.05
+    )
 
 
 def test_terms_and_coefficients_must_match():

@@ -9,14 +9,14 @@ from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.chain import Chain
 from calib.geometry.fixtures import Fixtures
-from calib.geometry.frames import log_so3
-from calib.geometry.gravity import Weight, guessed_moments, moments_of
+from calib.geometry.frames import exp_so3, log_so3
+from calib.geometry.gravity import DOWN, Weight, guessed_moments, moments_of
 from calib.geometry.inverse import inverse_kinematics
 from calib.geometry.inverse_search import joint_jacobian
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
-from calib.geometry.springs import SprungJoints, felt_springs
+from calib.geometry.springs import SprungJoints, across, felt_springs
 from calib.identification.identify import Status, identify
 from calib.measurement.tables import poses
 from tests.calib.geometry.bent import random_arm
@@ -25,13 +25,20 @@ from tests.reference import TX60_LIMITS, pool_r, tx60
 
 TX60 = tx60().chain
 ALL = np.random.default_rng(0).uniform(*TX60_LIMITS.T, (500, 6))
+LEAN = (0.06, -0.04)
+"""How the base leans [rad]."""
+LEANING = Weight(
+    TX60,
+    guessed_moments(TX60),
+    gravity=exp_so3(np.array([LEAN[0], 0, 0])) @ exp_so3(np.array([0, LEAN[1], 0])) @ DOWN,
+)
 PASSES = pytest.mark.parametrize("passes", [1, 3])
 
 
 def sprung(
     rng: np.random.Generator, passes: int, *, bend: float = 0.02, free_moments: bool = True
 ) -> RobotModel:
-    """A random arm with slides, waves, springs everywhere and a reflector."""
+    """A random arm with slides, waves, springs everywhere, tilts and a reflector."""
     chain = random_arm(rng)
     weight = Weight(
         chain.moved(rng.normal(size=42) * 1e-3),  # as a rule the springs know the nominal arm
@@ -39,9 +46,8 @@ def sprung(
         random_moments(rng, 1)[0],
         rng.normal(size=3) * 5,
     )
-    springs, silent = felt_springs(
-        weight, rng.uniform(-2, 2, (50, 6)), free_moments=free_moments, passes=passes
-    )
+    q = rng.uniform(-2, 2, (50, 6))
+    springs, silent = felt_springs(weight, q, free_moments=free_moments, passes=passes, tilt=0.2)
     assert not silent
     terms = harmonic_terms(6, (1,))
     numbers = rng.normal(0, bend, len(terms) + len(springs.names))
@@ -89,14 +95,12 @@ def test_at_rest_springs_carry_the_slope_of_the_potential_energy():
     springs = model.joint_errors.sprung
     moments = np.vstack([springs.weight.moments, springs.weight.payload])
     numbers = model.joint_errors.of_springs
-    bends = springs.bends(q, numbers)
+    bends, gravity = springs.bends(q, numbers), springs.gravity(numbers)
     for row in range(3):
-        for k in range(len(numbers)):
+        for k in range(len(springs.load)):
             step = np.zeros((6, 3), dtype=complex)
             step[springs.joint[k], springs.axis[k]] = 1j * h
-            pulled = energy(
-                springs.weight.chain, q[row], bends[row] + step, moments, springs.weight.gravity
-            )
+            pulled = energy(springs.weight.chain, q[row], bends[row] + step, moments, gravity)
             load = -pulled.imag / h
             here = bends[row, springs.joint[k], springs.axis[k]]
             # rounding of loads that are larger than the one of the spring
@@ -119,11 +123,9 @@ def test_one_product_of_compliances_and_moments_is_free():
     model, q = sprung(rng, 1), rng.uniform(-2, 2, (5, 6))
     springs, numbers = model.joint_errors.sprung, model.joint_errors.of_springs
     bare = replace(springs, weight=replace(springs.weight, payload=np.zeros(4)))
-    p = len(springs.load)
-    twice = numbers.copy()
-    twice[:p] /= 2
-    twice[p:] = 2 * (springs.weight.moments[springs.free] + numbers[p:])
-    twice[p:] -= springs.weight.moments[springs.free]
+    twice, own = numbers.copy(), springs.weight.moments[springs.free]
+    twice[:18] /= 2
+    twice[18:-2] = 2 * (own + numbers[18:-2]) - own
     assert bare.bends(q, twice) == pytest.approx(bare.bends(q, numbers), abs=1e-15)
 
 
@@ -133,6 +135,7 @@ def test_numbers_are_named_and_come_back():
     names = model.names
     assert names[54:72] == tuple(f"spring{i + 1}.{axis}" for i in range(6) for axis in "xyz")
     assert "moment6.m" in names
+    assert names[-5:-3] == ("tilt1", "tilt2")
     assert names[-3:] == ("reflector1.x", "reflector1.y", "reflector1.z")
     lengths = dict(zip(names, model.is_length, strict=True))
     assert len(names) == len(model.is_length) == model.n_numbers
@@ -165,12 +168,32 @@ def test_what_gravity_never_bends_is_said():
     assert felt_springs(loaded, ALL)[1] == silent[:1]
     tilted = replace(weight, gravity=(3.0, 0.0, -9.0))
     assert felt_springs(tilted, ALL)[1] == wrist
+    leaning, silent = felt_springs(weight, ALL, tilt=0.02)
+    assert silent == wrist
+    assert leaning.names[2] == "spring1.z"
+    assert leaning.names[-2:] == ("tilt1", "tilt2")
     # a level slide, and a mast on it: nothing pulls along, everything bends
     level = Chain([[0, 0, 0, np.pi / 2, 0], [0, 0, 0.5, 0, 0]], ("revolute", "prismatic"))
     pulled = Weight(level, moments_of([1.0, 2.0], np.zeros((2, 3))))
     _, silent = felt_springs(pulled, np.random.default_rng(1).normal(size=(20, 2)))
     assert "joint 1 z: gravity never turns it" in silent
     assert "joint 2 z: gravity never pulls along it" in silent
+
+
+@pytest.mark.parametrize("gravity", [(0, 0, -9.81), (-9.81, 0, 0), (3.0, -4.0, 5.0), (0, 0, 0)])
+def test_tilts_turn_gravity_about_two_axes_across_it(gravity):
+    weight, tilt = Weight(TX60, guessed_moments(TX60), gravity=gravity), np.array([0.03, -0.05])
+    axes = across(weight.gravity)
+    assert axes @ axes.T == pytest.approx(np.eye(2), abs=1e-15)
+    assert axes @ weight.gravity == pytest.approx([0, 0], abs=1e-14)
+    if gravity == (0, 0, -9.81):
+        assert axes == pytest.approx(np.eye(3)[:2], abs=1e-15)
+    springs = SprungJoints(weight, [1, 3], [2, 0], [50.0, 9.0], np.zeros((6, 4)), 2, tilts=True)
+    numbers, q = np.array([0.01, 0.02, *tilt]), pool_r(4)
+    turned = exp_so3(tilt[0] * axes[0]) @ exp_so3(tilt[1] * axes[1]) @ gravity
+    assert springs.gravity(numbers) == pytest.approx(turned, abs=1e-14)
+    stated = replace(springs, weight=replace(weight, gravity=turned), tilts=False)
+    assert springs.bends(q, numbers) == pytest.approx(stated.bends(q, numbers[:2]), abs=1e-15)
 
 
 @PASSES
@@ -200,6 +223,14 @@ def test_identification_finds_the_springs_and_says_which_act_alike():
     assert found.names == telling.free_names
     # poses are rounded to 1e-16 m of 0.5 m; the least telling spring is 260 times weaker
     assert found.model.joint_errors.coefficients == pytest.approx(numbers, abs=1e-12)
+    # nor need it be known how the arm stands
+    leaning = replace(true.joint_errors, springs=replace(springs, weight=LEANING))
+    table = poses(q, replace(true, joint_errors=leaning).poses(q), sd=(1e-5, 1e-4))
+    errors = JointErrors((), [*numbers / 2, 0.0, 0.0], replace(springs, tilts=True))
+    free = RobotModel(TX60, errors)  # a stiff arm would not tell: its tilts have no columns yet
+    found = identify(free, table, parameters_of(free, [*telling.free_names, "tilt1", "tilt2"]))
+    # what a tilt moves is a twentieth of what a spring does
+    assert found.model.joint_errors.coefficients == pytest.approx([*numbers, *LEAN], abs=1e-9)
     # about one point and one axis: the drive of joint 2 and the bearing of joint 1
     said = identify(nominal, table, parameters_of(nominal, springs.names)).reduction.sentences
     assert len(said) == len(alike)
@@ -209,11 +240,12 @@ def test_identification_finds_the_springs_and_says_which_act_alike():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"axis": [3]}, "axis is .*0 to 2"),
-        ({"joint": [-1]}, "joint is .*0 to 5"),
+        ({"axis": [3]}, r"axis is \[3\]; each 0 to 2"),
+        ({"joint": [-1]}, r"joint is \[-1\]; each 0 to 5"),
         ({"joint": [1, 2]}, r"joint has shape \(2,\); one per load, 1"),
         ({"load": [0.0]}, "load must be positive; leave out springs that nothing loads"),
         ({"free": np.zeros((5, 4), bool)}, r"free has shape \(5, 4\)"),
+        ({"joint": [1, 1], "axis": [2, 2], "load": [1.0, 1.0]}, "two springs about one axis"),
         ({"passes": 0}, "passes is 0; 1 or more"),
     ],
 )
@@ -221,6 +253,20 @@ def test_springs_that_make_no_sense_are_refused(change, message):
     values = {"joint": [1], "axis": [2], "load": [10.0], "free": np.zeros((6, 4), bool)}
     with pytest.raises(InputError, match=message):
         SprungJoints(Weight(TX60, guessed_moments(TX60)), **(values | change))
+
+
+def test_an_arm_that_nothing_bends_has_no_springs():
+    weight = Weight(TX60, np.zeros((6, 4)))
+    springs, silent = felt_springs(weight, ALL, free_moments=True)
+    assert len(silent) == 18
+    assert springs.names == ()
+    model, q = RobotModel(TX60, JointErrors(springs=springs)), pool_r(3)
+    assert np.array_equal(model.poses(q), tx60().poses(q))
+    assert model.poses_and_jacobian(q)[1].shape == (3, 6, 42)
+    with pytest.raises(InputError, match='axes names "w"; x, y and z'):
+        felt_springs(weight, ALL, axes=("w",))
+    with pytest.raises(InputError, match="tilt is -1; 0 rad or more"):
+        felt_springs(weight, ALL, tilt=-1.0)
 
 
 def test_who_asks_for_offsets_alone_is_told_of_the_springs():

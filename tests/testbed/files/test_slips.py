@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 from calib.errors import InputError
 from testbed.cli import app
 from testbed.files.frames_fit import flange_poses
+from testbed.files.probe import probe
 from testbed.files.read import read_session
 from testbed.files.slips import find_slip
 from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
@@ -69,6 +70,42 @@ def test_one_shot_is_found_at_every_row_of_every_file(m, kind):
                 check(m, int(at), kind, poses=poses, seed=seed)
 
 
+def outcome(file, rows):
+    """What becomes of a file whose readings belong to these joints: named, left out, or refused."""
+    wrong = set(np.flatnonzero(rows != np.arange(len(rows))).tolist())
+    try:
+        session = read_session(file, ROBOT)
+        left = {int(place.rpartition(":")[2]) - 2 for place in session.place}
+        if not left & wrong and len(left) >= len(rows) - 3:
+            return "left out"
+        probe(ROBOT, session).raise_if_wrong()
+    except InputError as error:
+        return "named" if "from line" in str(error) else "refused"
+    return "taken"
+
+
+@pytest.mark.parametrize(
+    "counts", [(8, 10), *(pytest.param((m,), marks=pytest.mark.study) for m in range(7, 31))]
+)
+def test_no_row_of_other_joints_is_ever_taken_in_silence(counts, tmp_path):
+    """At every row of short files, the first and the last too."""
+    file, seen = tmp_path / "a.csv", []
+    for m in counts:
+        step = 4 if len(counts) > 1 else 1
+        for kind in ("missing", "twice", "elsewhere"):
+            for at in range(1, m - (kind == "missing"), step):
+                table = slipped(at, kind, m)
+                file.write_text(csv(table))
+                seen.append((kind, at, outcome(file, order(m, at, kind))))
+    assert not [one for one in seen if one[2] == "taken"]
+    told = [at for _, at, what in seen if what != "refused"]
+    assert len(told) >= (0.0 if counts[0] < 8 else 0.25 if counts[0] < 11 else 0.85) * len(seen)
+    if counts[0] > 15:
+        for which in ("missing", "twice", "elsewhere"):
+            of_kind = {at for kind, at, what in seen if (kind, what) == (which, "named")}
+            assert of_kind >= set(range(2, counts[0] - 3)), which
+
+
 def test_two_missed_shots_and_one_of_each_are_told_apart():
     data = made(0, 60)
     F, whole = flange_poses(ROBOT.model, data.q), np.arange(60)
@@ -110,10 +147,10 @@ def test_right_rows_and_rows_that_fit_nowhere_are_no_slip():
 READINGS = ("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg")
 
 
-def slipped(at, kind):
+def slipped(at, kind, m=29):
     """One table whose readings have slipped against the joints."""
-    table = with_spread(columns(made())) | {"euler": np.array(["XYZ"] * 29)}
-    rows = order(29, at, kind)
+    table = with_spread(columns(made(0, m))) | {"euler": np.array(["XYZ"] * m)}
+    rows = order(m, at, kind)
     joints = {name: values[: len(rows)] for name, values in table.items() if name not in READINGS}
     readings = {name: table[name][rows] for name in READINGS}
     readings["x_mm"] += 1e-3 * np.arange(len(rows))  # no digits come twice

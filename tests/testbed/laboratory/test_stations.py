@@ -12,10 +12,10 @@ from calib.geometry.parameters import parameters_of
 from calib.information.goals import Goals
 from calib.measurement.residual import whitened_blocks
 from testbed.laboratory.bench import Bench, open_bench
+from testbed.laboratory.tracker.predicted import goal_uncertainty
 from testbed.laboratory.tracker.stations import (
     StationComparison,
     compare_stations,
-    goal_uncertainty,
     station_grid,
     visible_from,
 )
@@ -34,7 +34,7 @@ SCREEN = CellSettings(
 STATIONS = [[2.6, -2.0, 0.3], [1.5, 1.5, 0.5], [-2.0, 0.0, 0.3], [5.0, 5.0, 0.0], [0.8, -0.7, 0.3]]
 
 
-def designer(blocks: Array) -> Index:
+def designer(blocks: Array, _shared: Array) -> Index:
     """Plain greedy D design of 29 poses; nothing here depends on how it chooses."""
     if len(blocks) < 29:
         raise InputError("29 poses wanted", code="M27", allowed=f"the pool has {len(blocks)}")

@@ -214,13 +214,23 @@ def test_with_a_blocked_move_there_is_no_program_and_that_is_said(monkeypatch, t
 def test_the_words_name_poses_uncertainty_time_and_station():
     made = small_plan()
     assert promise(made).startswith(f"{len(made.places)} poses in about 1 min")
-    assert f"U = {2e6 * made.u_mean:.1f} µm (k = 2, RMS over the goal)" in promise(made)
-    proof, count, route, clearance, station = reasons(made)
+    over, worst = (f"{1e6 * r:.1f} µm" for r in (made.foresight.R95_over, made.foresight.R95_worst))
+    assert (
+        f"to within {over} with 95\u202f% probability (3-D radius, over the goal; {worst} at its "
+        "worst), as far as noise goes"
+    ) in promise(made)
+    assert (
+        f"a misfit of {1e6 * made.foresight.misfit_seen:.2g} µm per axis or more would be seen"
+    ) in promise(made)
+    reach, guard, proof, count, route, order, clearance, station = reasons(made)
+    assert reach.startswith("The statement will reach")
+    assert guard == "6 held-out poses cannot guard the factor of the statement, which 19 can."
+    assert "drift of the station and misfit of the model look alike" in order
     assert f"comes to {1e3 * made.tour.clearance:.1f} mm from floor or obstacles" in clearance
     assert "V-efficiency at least" in proof
     assert count == (
-        f"{len(made.places)} poses reach U = 20 µm (k = 2, RMS over the goal); it is proven that "
-        f"fewer than {made.curve.fewest} from this pool do not."
+        f"{len(made.places)} poses reach U = 20 µm (k = 2, 3-D, at least 95\u202f%, RMS over the "
+        f"goal); it is proven that fewer than {made.curve.fewest} from this pool do not."
     )
     assert "stop on the way around" in route
     best = made.stations.best

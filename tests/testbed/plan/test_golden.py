@@ -20,6 +20,11 @@ def test_the_shipped_plan_has_the_headline_that_is_published():
     # the last digit printed
     assert 2e6 * made.u_mean == pytest.approx(wanted["U_mean_um"], abs=0.005)
     assert 2e6 * made.u_worst == pytest.approx(wanted["U_worst_um"], abs=0.005)
+    seen = made.foresight
+    assert 1e6 * seen.R95_over == pytest.approx(wanted["R95_over_goal_um"], abs=0.005)
+    assert 1e6 * seen.R95_worst == pytest.approx(wanted["R95_worst_um"], abs=0.005)
+    assert 1e6 * made.over_goal(seen.shared) == pytest.approx(wanted["u_systematic_um"], abs=0.005)
+    assert 1e6 * seen.misfit_seen == pytest.approx(wanted["misfit_seen_um"], abs=0.005)
     assert made.proof.efficiency == pytest.approx(wanted["efficiency"], abs=5e-5)
     assert made.tour.duration == pytest.approx(wanted["duration_s"], abs=0.05)
     assert 1e3 * made.tour.clearance == pytest.approx(wanted["clearance_mm"], abs=0.05)

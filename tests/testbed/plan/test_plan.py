@@ -198,7 +198,7 @@ def test_the_certificate_says_what_bound_and_figure_say(made):
     at = made.curve.counts == len(made.places)
     assert made.curve.bound[at] == pytest.approx(proof.bound, rel=1e-9)
     said = (
-        f"U = {2e6 * proof.bound:#.4g} µm (k = 2, RMS over the goal); "
+        f"U = {2e6 * proof.bound:#.4g} µm (k = 2, 3-D, at least 95\u202f%, RMS over the goal); "
         f"this one reaches {2e6 * made.u_mean:#.4g} µm"
     )
     assert said in proof.sentence

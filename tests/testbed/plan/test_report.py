@@ -48,7 +48,8 @@ def test_the_first_screen_has_promise_proof_time_and_next_step(text):
     first = text[: text.index("In this report:")]
     assert first.startswith(SIMULATED)
     for wanted in (
-        f"U = {2e6 * made.u_mean:.1f} µm (k = 2, RMS over the goal)",
+        f"to within {1e6 * made.foresight.R95_over:.1f} µm with 95 % probability",
+        "noise alone: the tracker states no systematic errors",
         "V-efficiency at least",
         "it is proven that fewer than",
         "✓ Every pose is free of collisions, faces the tracker and is in its line of sight, and "

@@ -35,6 +35,7 @@ FULL = {
     "plan": {
         "target_um": 30.0,
         "target_is": "worst",
+        "order": "random",
         "criterion": "G",
         "goal": {"kind": "path", "tool_mm_deg": [ZERO, ZERO], "weights": [2.0]},
         "stations": {"grid": {"from_mm": [0, 0, 0], "to_mm": [1, 1, 1], "count": [2, 3, 1]}},

@@ -8,7 +8,9 @@ from calib.errors import InputError
 from calib.uncertainty.statement.distance import (
     content,
     distance_radius,
+    least_content,
     probability_within,
+    radius_over,
     spread_over_directions,
 )
 
@@ -74,6 +76,26 @@ def test_against_draws():
     held = int((np.linalg.norm(e, axis=1) <= T).sum())
     low, high = binom.ppf([1e-4, 1 - 1e-4], draws, probability_within(T, S, d)[0])
     assert low <= held <= high
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.5, 2.0, 3.0])
+def test_what_a_multiple_of_u_holds_at_least_is_that_of_the_worst_shape(factor):
+    S = np.array([np.diag(d) for d in np.random.default_rng(4).dirichlet([0.3] * 3, 400) + 1e-9])
+    held = probability_within(factor * np.sqrt(np.trace(S, axis1=1, axis2=2)), S)
+    least = least_content(factor)
+    # 400 shapes come within 1 % of the extreme one; the nodes promise 1e-7
+    assert least - 1e-7 <= held.min() <= least + 0.01
+
+
+def test_the_radius_over_several_points_holds_the_share_it_says():
+    rng = np.random.default_rng(5)
+    S = turned(rng, 12) * rng.uniform(0.1, 10, 12)[:, None, None]
+    weights = rng.dirichlet(np.ones(12))
+    R = radius_over(S, weights)
+    assert weights @ probability_within(R, S) == pytest.approx(0.95, abs=1e-6)
+    same = np.broadcast_to(S[:1], S.shape)
+    assert radius_over(same, weights) == pytest.approx(distance_radius(S[:1])[0], rel=1e-5)
+    assert radius_over(1e6 * S, weights) == pytest.approx(1e3 * R, rel=1e-6)
 
 
 def test_no_regions_no_radii():

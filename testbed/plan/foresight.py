@@ -1,0 +1,103 @@
+"""What a plan's measurements will leave unknown at the goal, what they will show, and where."""
+
+import numpy as np
+
+from calib.arrays import Array, Index, frozen
+from calib.geometry.parameters import Parameters
+from calib.measurement import tables
+from calib.measurement.observations import Measurements
+from calib.uncertainty.statement.applicability import Applicability, proven_by
+from calib.uncertainty.statement.distance import distance_radius, radius_over
+from calib.uncertainty.statement.gain import least_squares_gain
+from calib.uncertainty.statement.misfit import detectable_size, evidence_rows
+from testbed.laboratory.bench import Bench
+from testbed.laboratory.goal import Goal
+from testbed.laboratory.tracker.predicted import goal_u
+from testbed.plan.records import Foresight
+from testbed.plan.task import DesignTask
+
+MOST_OVER_U = 1.96
+"""Largest R95 of a point over its 3-D standard uncertainty: of a line."""
+
+
+def foresight(
+    bench: Bench,
+    goal: Goal,
+    task: DesignTask,
+    parameters: Parameters,
+    places: Index,
+    q: Array,
+    held_out: Array,
+) -> Foresight:
+    """What will be known after a plan.
+
+    Parameters
+    ----------
+    bench : Bench
+        The laboratory, at the plan's station.
+    goal : Goal
+        Where the tool must be right.
+    task : DesignTask
+        With what was measured already.
+    parameters : Parameters
+        The numbers to be identified.
+    places : (m,) array
+        The chosen poses, in the pool.
+    q : (b + m, n) array
+        All poses that will be identified from, those measured already among them [rad, m].
+    held_out : (h, n) array
+        Poses kept apart [rad, m].
+    """
+    M, rows = task.information(places), task.goals.rows
+    covariance = task.covariance(M)
+    sigma = np.asarray(rows @ covariance @ np.swapaxes(rows, 1, 2))
+    u, scale = goal_u(M, rows), parameters.free_scale
+    train, apart = planned_rows(bench, q), planned_rows(bench, held_out)
+    _, evidence = evidence_rows(bench.robot.model, parameters, train, apart, np.ones(len(train)))
+    return Foresight(
+        covariance=frozen(covariance * np.outer(scale, scale)),
+        noise=frozen(u.noise),
+        shared=frozen(u.shared),
+        R95_over=radius_over(sigma, goal.weights),
+        R95_worst=_largest(sigma, u.whole),
+        misfit_seen=detectable_size(evidence),
+        applies=applies(bench, goal, parameters, train, held_out),
+    )
+
+
+def planned_rows(bench: Bench, q: Array) -> Measurements:
+    """What the tracker would read of the nominal robot at joints q (m, n), with its noise."""
+    T, covariance = bench.robot.model.poses(q), bench.covariance(q)
+    numbers = np.arange(len(q))
+    if bench.tracker.measures == "pose":
+        return tables.poses(q, T, sd=covariance, pose_id=numbers)
+    return tables.points(
+        q,
+        bench.tracker.targets(T),
+        sd=covariance[:, :3, :3],
+        offset=bench.tracker.reflector,
+        pose_id=numbers,
+    )
+
+
+def applies(
+    bench: Bench, goal: Goal, parameters: Parameters, train: Measurements, held_out: Array
+) -> Applicability | None:
+    """Whether the statement after the plan will reach the goal; None without held-out poses."""
+    if not len(held_out):
+        return None
+    model = bench.robot.model
+    gain = least_squares_gain(model, parameters, train)
+    noise = np.einsum("mfe,meg,mhg->fh", gain, train.covariance, gain)
+    full = np.zeros((model.n_numbers,) * 2)
+    full[np.ix_(parameters.free_index, parameters.free_index)] = noise
+    return proven_by(
+        model, parameters, gain, full, train, held_out,
+        target=goal.point, up=model.chain.T_world_base[2, :3],
+    ).applies(goal.q)  # fmt: skip
+
+
+def _largest(sigma: Array, u: Array) -> float:
+    """Largest R95 of points with covariances (g, 3, 3), asked of those that can have it."""
+    first = distance_radius(sigma[np.argmax(u)][None])[0]
+    return float(distance_radius(sigma[MOST_OVER_U * u * (1 + 1e-6) >= first]).max())

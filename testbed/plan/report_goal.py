@@ -1,0 +1,115 @@
+"""Sections of a plan's report about the goal: how many poses, how good, and where it will hold."""
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.uncertainty.statement.applicability import REFUSED, WARNED
+from testbed.plan import plots
+from testbed.plan.promises import OVER, expanded, factor_words, has_shared, or_dash
+from testbed.plan.records import Plan
+from testbed.plan.results import joint_columns, joint_units
+from testbed.report.page import Block, Figure, Section, Table, Text
+from testbed.units import fixed, percent, significant
+
+
+def joint_head(plan: Plan) -> tuple[str, ...]:
+    """Heads of the columns of joints."""
+    return tuple(name.replace("_", " ") for name in joint_columns(plan))
+
+
+def joint_cells(plan: Plan, q: Array) -> tuple[str, ...]:
+    """One posture (n,), a cell per joint."""
+    return tuple(fixed(value, 2) for value in q * joint_units(plan))
+
+
+def number_section(plan: Plan) -> Section:
+    """How many poses, how good they are, which to add."""
+    curve = plan.curve
+    parts = has_shared(plan)
+    caption = (
+        f"Predicted U ({factor_words(plan.coverage)}) against the number of poses. Blue: the "
+        "designed sets. Dashed: no set of so many poses from this pool can go below (proven). "
+        "Line: the plan."
+        + (" Gray: its parts, from noise and from systematic errors." if parts else "")
+        + (f" Dotted: median of {curve.random_sets} random sets." if curve.random_sets else "")
+    )
+    table = Table(
+        caption="Uncertainty against the number of poses",
+        head=(
+            "poses",
+            "designed U µm",
+            *(("of noise", "of systematic errors") if parts else ()),
+            "no set below µm",
+            "efficiency",
+            "random U µm",
+        ),
+        rows=tuple(
+            (
+                str(int(m)),
+                expanded(plan, u, 4),
+                *((expanded(plan, (u**2 - b**2) ** 0.5, 4), expanded(plan, b, 4)) if parts else ()),
+                expanded(plan, bound, 4),
+                or_dash(bound / u),
+                expanded(plan, random, 4),
+            )
+            for m, u, b, bound, random in zip(
+                curve.counts, curve.u, curve.shared, curve.bound, curve.random, strict=True
+            )
+        ),
+        note="U is the root of the sum of the squares of its parts; more poses hardly lower the "
+        "second."
+        if parts
+        else "",
+    )
+    blocks: list[Block] = [Figure(caption, plots.budget(plan)), table]
+    if plan.next_poses:
+        ranking = Table(
+            caption="The best next pose, if one more can be measured",
+            head=("", *joint_head(plan), "U with it µm"),
+            rows=tuple(
+                (str(rank), *joint_cells(plan, plan.pool.q[one.place]), expanded(plan, one.u, 4))
+                for rank, one in enumerate(plan.next_poses, start=1)
+            ),
+            note=f"Each alone in addition to the plan, best first. U: "
+            f"{factor_words(plan.coverage)}.",
+        )
+        blocks.append(ranking)
+    return Section("number", "Number of poses", tuple(blocks))
+
+
+def prediction_section(plan: Plan) -> Section:
+    """Where the tool will be known how well."""
+    figure = Figure(
+        f"Left: U ({factor_words(plan.coverage, OVER['V'])}) after each pose, in the order of the "
+        "plan; nothing is drawn while some number cannot be told yet. Right: U of each posture of "
+        "the goal.",
+        plots.prediction(plan),
+    )
+    goal = Text(f"The goal: {plan.goal.sentence}.")
+    return Section("prediction", "Predicted uncertainty", (goal, figure, *reach_blocks(plan)))
+
+
+def reach_blocks(plan: Plan) -> tuple[Block, ...]:
+    """How much of what no model holds will arrive at the goal, and of the noise."""
+    seen = plan.foresight.applies
+    if seen is None:
+        return ()
+    table = Table(
+        caption="Where the statement will hold: the goal against the held-out poses",
+        head=("what arrives there", "median", "largest", "above 4", "above 9"),
+        rows=tuple(
+            (
+                name,
+                significant(float(np.median(values))),
+                significant(float(values.max())),
+                *(percent(float((values > limit).mean())) for limit in (WARNED, REFUSED)),
+            )
+            for name, values in (
+                ("transfer g, of errors that no model holds", seen.transfer),
+                ("leverage h, of noise", seen.leverage),
+            )
+        ),
+        note="Ratios of variances, to the mean over the held-out poses. The region will grow with "
+        f"g; above {WARNED:g} the posture is at the edge, above {REFUSED:g} no region is stated.",
+    )
+    return (table,)

@@ -1,0 +1,175 @@
+"""What a plan counts beside noise, what it says of its reach, and in which order it measures."""
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from calib.identification.identify import identify
+from calib.uncertainty.statement import believe, distance_radius, proven_at
+from testbed.laboratory.bench import open_bench
+from testbed.laboratory.tracker.tracker import bias_size
+from testbed.plan.foresight import planned_rows
+from testbed.plan.plan import plan
+from testbed.plan.promises import factor_words, order_words, promise, reach_words
+from testbed.plan.report import plan_report_html
+from testbed.plan.results import plan_numbers
+from testbed.plan.words import terminal_text
+from tests.planned import QUICK, ROBOT, legs, quick_plan, scenario
+from tests.reported import VERSIONS, read
+
+CHAIN = ROBOT.model.chain
+WHOLE = {"tracker.systematic": True, "plan.method": "exchange", "plan.held_out": 20}
+
+
+@cache
+def whole_plan():
+    """Eight poses by a tracker that states systematic errors."""
+    return plan(scenario(QUICK, **WHOLE))
+
+
+def bench_of(made):
+    """The laboratory at the station of a plan."""
+    return open_bench(made.scenario).standing_at(np.array(made.station_mm) / 1e3)
+
+
+def fit_of(made):
+    """A calibration from the planned poses, without noise: its gain and covariance are linear."""
+    bench = bench_of(made)
+    train = planned_rows(bench, made.pool.q[made.places])
+    return identify(ROBOT.model, train, made.parameters), train
+
+
+def at_goal(made):
+    """Derivative (g, 3, p) of the tool point by the numbers, by central differences."""
+    free, step = np.flatnonzero(made.parameters.free), 1e-6
+    columns = []
+    for k in free:
+        ends = []
+        for sign in (1, -1):
+            moved = np.zeros(ROBOT.model.n_numbers)
+            moved[k] = sign * step
+            T = ROBOT.model.moved(moved).poses(made.goal.q)
+            ends.append(T[:, :3, 3] + T[:, :3, :3] @ made.goal.point)
+        columns.append((ends[0] - ends[1]) / (2 * step))
+    return np.stack(columns, axis=2)
+
+
+def shared_u(made, plan_of):
+    """Systematic part (g,) at the goal after the poses of a plan, by its estimator F = C A'W."""
+    bench, (fit, train) = bench_of(made), fit_of(plan_of)
+    q, size = plan_of.pool.q[plan_of.places], bias_size(made.scenario.tracker)
+    T, A = ROBOT.model.poses_and_jacobian(q)
+    B = size.sensitivity(bench.tracker.targets(T), T[:, :3, :3], made.T_world_tracker)
+    W = np.linalg.inv(train.covariance)
+    F = fit.covariance @ np.swapaxes(A[:, :, made.parameters.free], 1, 2) @ W
+    moved = at_goal(made) @ (F @ (B * np.sqrt(size.variance))).sum(axis=0)
+    return np.sqrt((moved**2).sum(axis=(1, 2)))
+
+
+def test_both_parts_and_the_radii_are_those_of_an_identification():
+    made = whole_plan()
+    seen, (fit, _) = made.foresight, fit_of(made)
+    J = at_goal(made)
+    noise = np.einsum("gip,pq,giq->g", J, fit.covariance, J)
+    assert seen.noise == pytest.approx(np.sqrt(noise), rel=1e-6)
+    assert seen.shared == pytest.approx(shared_u(made, made), rel=1e-6)
+    sigma = J @ seen.covariance @ np.swapaxes(J, 1, 2)
+    assert made.u == pytest.approx(np.sqrt(np.trace(sigma, axis1=1, axis2=2)), rel=1e-6)
+    assert seen.R95_worst == pytest.approx(distance_radius(sigma).max(), rel=1e-5)
+    rng, draws = np.random.default_rng(1), 4000
+    root = np.linalg.cholesky(sigma)
+    e = np.linalg.norm(root[:, None] @ rng.normal(size=(len(J), draws, 3, 1)), axis=2)[..., 0]
+    inside = float((made.goal.weights @ (e <= seen.R95_over)).mean())
+    # 80,000 draws: sd of the share .0008
+    assert inside == pytest.approx(0.95, abs=0.004)
+
+
+def test_the_search_for_the_whole_is_no_worse_than_the_search_for_the_noise():
+    made = whole_plan()
+    noise_only = plan(scenario(QUICK, **WHOLE | {"tracker.systematic": False}))
+    assert not noise_only.foresight.shared.any()
+    counted = np.sqrt((noise_only.u**2 + shared_u(made, noise_only) ** 2).mean())
+    assert made.u_mean <= counted * (1 + 1e-9)
+    assert made.proof.bound < made.u_mean
+    assert "even if its estimate found the tracker's systematic errors as well" in (
+        made.proof.sentence
+    )
+
+
+def test_parts_and_whole_are_everywhere():
+    made = whole_plan()
+    noise, shared = (1e6 * made.over_goal(u) for u in (made.foresight.noise, made.foresight.shared))
+    assert 1e6 * made.u_mean == pytest.approx(np.hypot(noise, shared), rel=1e-12)
+    parts = f"noise {noise:#.3g}, systematic errors {shared:#.3g}"
+    page = " ".join(read(plan_report_html(made, ROBOT, versions=VERSIONS)).text)
+    for said in (" ".join(terminal_text(made).split()), page):
+        assert parts in said
+        assert "as far as noise and the tracker's systematic errors go" in said
+    assert "of systematic errors" in page
+    document = json.loads(json.dumps(plan_numbers(made, ROBOT), allow_nan=False))
+    predicted, budget = document["predicted"], document["budget"]
+    assert predicted["u_noise_mean_um"] == pytest.approx(noise, rel=1e-12)
+    assert predicted["u_systematic_mean_um"] == pytest.approx(shared, rel=1e-12)
+    assert predicted["R95_over_goal_um"] == pytest.approx(1e6 * made.foresight.R95_over, rel=1e-12)
+    assert predicted["sentence"] == promise(made)
+    at = budget["poses"].index(len(made.places))
+    assert budget["U_systematic_um"][at] == pytest.approx(2 * shared, rel=1e-9)
+    assert predicted["U_is"] == factor_words(2.0) == "k = 2, 3-D, at least 95\u202f%"
+
+
+def test_the_misfit_that_would_be_seen_and_the_reach_are_those_after_such_a_calibration():
+    made, bench = whole_plan(), bench_of(whole_plan())
+    fit, train = fit_of(made)
+    held = planned_rows(bench, made.tour.q[[role == "test" for role in made.tour.roles]])
+    belief = believe(fit, train, held)
+    assert made.foresight.misfit_seen == pytest.approx(belief.misfit.detectable, rel=1e-6)
+    after = proven_at(fit, train, held.q, target=made.goal.point).applies(made.goal.q)
+    assert made.foresight.applies.transfer == pytest.approx(after.transfer, rel=1e-5)
+    assert made.foresight.applies.leverage == pytest.approx(after.leverage, rel=1e-5)
+    assert np.array_equal(made.foresight.applies.beyond, after.beyond)
+
+
+def test_a_goal_that_the_statement_will_not_reach_is_warned_of():
+    """The arm turned away from the tracker: no held-out pose can stand there."""
+    around = np.array([160.0, 70.0, -110.0, 60.0, -100.0, 0.0])
+    away = (around + np.random.default_rng(1).uniform(-10, 10, (8, 6))).tolist()
+    here = np.array([40.0, 20.0, 90.0, 0.0, 0.0, 0.0])
+    narrow = {
+        "plan.goal": {"kind": "list", "joints_deg": away},
+        "pool.joint_ranges_deg": np.stack([here - 30, here + 30], axis=1).tolist(),
+        "pool.box_size_mm": [3000.0] * 3,
+    }
+    changes = {key: value for key, value in QUICK.items() if key != "plan.goal.poses"}
+    made = plan(scenario(changes | narrow))
+    assert not made.foresight.applies.reaches
+    page = " ".join(read(plan_report_html(made, ROBOT, versions=VERSIONS)).text)
+    document = plan_numbers(made, ROBOT)["applies"]
+    for said in (" ".join(terminal_text(made).split()), page, *document["sentences"][:1]):
+        assert "Warning: the statement will not reach there" in said
+    assert document["reaches"] is False
+    assert document["share_outside"] > 0.25
+
+
+def test_without_held_out_poses_that_is_said():
+    made = quick_plan()
+    alone = replace(made, foresight=replace(made.foresight, applies=None))
+    assert "No pose is held out" in reach_words(alone)[0]
+    assert plan_numbers(alone, ROBOT)["applies"].keys() == {"sentences"}
+
+
+def test_in_random_order_poses_of_both_kinds_are_mixed_and_moves_are_free():
+    tour, made = quick_plan(), plan(scenario(QUICK, **{"plan.order": "random"}))
+    assert sorted(made.tour.pool_place) == sorted(tour.tour.pool_place)
+    assert made.tour.blocked == ()
+    assert not np.array_equal(made.tour.q, tour.tour.q)
+    # each says what the other would take
+    assert made.tour.other == pytest.approx(tour.tour.move.sum())
+    assert tour.tour.other == pytest.approx(made.tour.move.sum())
+    assert tour.tour.other_duration > tour.tour.duration
+    for one, word in ((made, "random order"), (tour, "in a tour")):
+        assert word in order_words(one)
+    seconds = np.abs(np.diff(legs(made), axis=1)[:, 0]) / (0.3 * ROBOT.speeds)
+    assert made.tour.move.sum() == pytest.approx(seconds.max(axis=1).sum(), rel=1e-12)
