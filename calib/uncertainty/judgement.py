@@ -25,7 +25,7 @@ from calib.uncertainty.statement.other_frame import FEWEST as FEWEST_OF_A_FRAME
 from calib.uncertainty.statement.other_frame import OtherFrame, other_frame
 from calib.uncertainty.statement.questions import Questions, fisher
 from calib.uncertainty.statement.repeats import noise_repeats
-from calib.uncertainty.statement.stated_point import StatedPoint, stated_point
+from calib.uncertainty.statement.stated_point import StatedPoint, common_radius, stated_point
 from calib.uncertainty.trust import Trust, trust
 from calib.uncertainty.validation import LinearCheck
 
@@ -206,7 +206,9 @@ def _belief(
     if points.n_poses >= FEWEST_OF_A_FRAME and one_station and np.isfinite(belief.misfit.upper):
         frame = other_frame(belief, points, fit, train)
         if frame.found:
-            use, belief = None, believed(None)
+            alone = believed(None)
+            frame = replace(frame, within=_half_radius(alone, points, known))
+            use, belief = (None, alone) if frame.found else (use, belief)
     slow = None
     if known.order is not None:
         nobody = np.zeros(0, dtype=np.int64)
@@ -218,6 +220,13 @@ def _belief(
         if slow is not None and slow.drift is not None:
             belief = adding(belief, slow.drift.covariance, use)
     return (belief if np.isfinite(belief.misfit.upper) else None), frame, slow
+
+
+def _half_radius(alone: Belief, points: Measurements, known: Circumstances) -> float:
+    """Half of R95 at the held-out poses, by what is believed without their readings [m]."""
+    if not np.isfinite(alone.misfit.upper):
+        return 0.0
+    return common_radius(alone.regions(points.q, target=known.target)) / 2
 
 
 def _stated(

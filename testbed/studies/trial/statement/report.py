@@ -174,6 +174,9 @@ def tests_table(statements: list[tuple[Trial, Statement]]) -> Table:
         answers = zip(asked.names, asked.p_values, asked.adjusted, strict=True)
         for first, (name, p, adjusted) in zip(names, answers, strict=False):
             answer = "yes" if adjusted < QUESTION_LEVEL else "not seen"
+            frame = statement.frame
+            if answer == "yes" and name == "another frame" and frame and not frame.found:
+                answer = "by less than the region holds"
             rows.append((first, QUESTIONS[name], probability(p), probability(adjusted), answer))
         answer = "nothing seen, which is no proof" if asked.agree else "larger than the noise"
         first = "" if asked.names else trial.name

@@ -12,6 +12,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.measurement.observations import joined
 from calib.measurement.prediction import predict, predicted_positions
+from calib.uncertainty.judgement import judge
 from calib.uncertainty.statement.belief import believe
 from calib.uncertainty.statement.other_frame import other_frame
 from tests.calib import kinds
@@ -164,3 +165,23 @@ def test_a_thousand_poses_are_asked_within_a_second():
     began = process_time()
     assert other_frame(belief, many, fit, train).n_poses == 50 * held_out.n_poses
     assert process_time() - began < 1.0
+
+
+def test_a_motion_that_the_region_holds_is_no_other_frame():
+    """A third of the believed radius may be more than chance: the region has it, rows go on to
+    prove; three radii are another frame."""
+    small = far = 0
+    for robot in range(6):
+        rng = np.random.default_rng([robot, 45])
+        _, fit, train, held_out = campaign(rng, 5e-6, m=40, n=60)
+        radius = believe(fit, train).regions(held_out.q).mean_radius
+        near, away = (shifted(held_out, [k * radius, 0.0, 0.0]) for k in (0.35, 3.0))
+        judged, again = judge(fit, near, train=train), judge(fit, away, train=train)
+        assert not judged.frame.found
+        assert judged.belief.n_guards == 60
+        small += judged.frame.p_base < 1e-3
+        far += again.frame.found
+        assert again.belief.n_guards == 0
+        assert 0 < again.frame.within < radius
+    assert small > 0  # else a limit by size would prove nothing
+    assert far == 6
