@@ -7,6 +7,7 @@ already is read instead. The seeds are 1 to 5 for every scene, so that none is c
 
 import argparse
 import json
+import re
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -71,6 +72,12 @@ def believed(*trials: str, mode: str = "whitened") -> Iterator[Figure]:
     for trial in trials:
         path = f"trials/{trial}/estimates/{mode}/believable"
         yield Figure(f"{whose} statement believable, `{trial}`", path, 0, " %", PERCENT)
+        if mode == "whitened":
+            path = f"trials/{trial}/estimates/{mode}/statement"
+            yield Figure(f"believed radius R95, `{trial}`", f"{path}/R95_mean_um", 0, " µm")
+            inside = f"{path}/statements/region/attained"
+            row = f"true points inside the believed region, `{trial}`"
+            yield Figure(row, inside, 1, " %", PERCENT)
 
 
 def covered() -> Iterator[Figure]:
@@ -132,9 +139,14 @@ def campaign_of_the_paper() -> Iterator[Figure]:
         region = f"{place}/held_out_inside_parameters_alone"
         row = f"held-out points inside the region of the parameters alone, `{trial}`"
         yield Figure(row, region, 0, " %", PERCENT)
-        radius = f"{place}/statement/statements/conformal/attained"
-        row = f"true points within the conformal radius, `{trial}`"
-        yield Figure(row, radius, 1, " %", PERCENT)
+        radius = f"{place}/statement/R95_mean_um"
+        yield Figure(f"believed radius R95, `{trial}`", radius, 0, " µm")
+        for row, name in (
+            ("true points inside the believed region", "region"),
+            ("true points within the conformal radius", "conformal"),
+        ):
+            path = f"{place}/statement/statements/{name}/attained"
+            yield Figure(f"{row}, `{trial}`", path, 1, " %", PERCENT)
         yield Figure(f"chi-square per dof, `{trial}`", f"{place}/chi_square_per_dof", 1)
     for index in ("O1", "O2"):
         yield Figure(f"number of poses by {index}", f"pose_count/{index}_poses", 0)
@@ -226,15 +238,15 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as away:
         for scene in words.scenes:
             known = kept() if FILE.exists() else {}
-            before = table(scene) if scene in known else ""
             known[scene] = spread(scene, words.runs or Path(away))
             text = json.dumps(known, indent=1, sort_keys=True, ensure_ascii=False)
             FILE.write_text(text + "\n", encoding="utf-8")
             readme = README.read_text(encoding="utf-8")
-            if before and before in readme:
-                README.write_text(readme.replace(before, table(scene)), encoding="utf-8")
-            else:
-                print(f"### `{scene}`\n\n{table(scene)}")  # noqa: T201 - to be put in by hand
+            before, heading, after = readme.partition(f"### `{scene}`\n")
+            old = re.search(r"(\|.*\n)+", after)
+            assert old is not None, f"scenes/README.md has no table of {scene}"
+            after = after[: old.start()] + table(scene) + after[old.end() :]
+            README.write_text(before + heading + after, encoding="utf-8")
 
 
 if __name__ == "__main__":
