@@ -91,8 +91,9 @@ def shared_section(calibration: Calibration) -> Section:
             rows=(*rows, whole),
             align="lrrl",
             note="At the tool: what the estimate takes over, and what the predicted tool point is "
-            "wrong by; more poses do not make it smaller. Seen: what of it the residuals show. The "
-            "level of a station counts for positions against gravity alone.",
+            "wrong by; a believed region contains it, and more poses do not make it smaller. Seen: "
+            "what of it the residuals show. The level of a station counts for positions against "
+            "gravity alone.",
         )
         blocks = [table]
     return Section("shared", "What all readings share", tuple(blocks))

@@ -8,13 +8,16 @@ from calib.measurement import tables
 from calib.measurement.observations import Measurements
 from calib.uncertainty.statement.applicability import Applicability, proven_by
 from calib.uncertainty.statement.distance import distance_radius, radius_over
-from calib.uncertainty.statement.gain import least_squares_gain
+from calib.uncertainty.statement.gain import beside_held, least_squares_gain
+from calib.uncertainty.statement.instrument import SharedErrors, planned_errors
 from calib.uncertainty.statement.misfit import detectable_size, evidence_rows
 from testbed.laboratory.bench import Bench
 from testbed.laboratory.goal import Goal
 from testbed.laboratory.tracker.predicted import goal_u
+from testbed.laboratory.tracker.tracker import bias_size
 from testbed.plan.records import Foresight
 from testbed.plan.task import DesignTask
+from testbed.scenario.laboratory import At960Tracker
 
 MOST_OVER_U = 1.96
 """Largest R95 of a point over its 3-D standard uncertainty: of a line."""
@@ -53,6 +56,7 @@ def foresight(
     sigma = np.asarray(rows @ covariance @ np.swapaxes(rows, 1, 2))
     u, scale = goal_u(M, rows), parameters.free_scale
     train, apart = planned_rows(bench, q), planned_rows(bench, held_out)
+    gain = least_squares_gain(bench.robot.model, parameters, train)
     _, evidence = evidence_rows(bench.robot.model, parameters, train, apart, np.ones(len(train)))
     return Foresight(
         covariance=frozen(covariance * np.outer(scale, scale)),
@@ -61,7 +65,8 @@ def foresight(
         R95_over=radius_over(sigma, goal.weights),
         R95_worst=_largest(sigma, u.whole),
         misfit_seen=detectable_size(evidence),
-        applies=applies(bench, goal, parameters, train, held_out),
+        applies=applies(bench, goal, parameters, gain, train, held_out),
+        sources=sources(bench, parameters, gain, train, apart if len(apart) else train),
     )
 
 
@@ -81,20 +86,33 @@ def planned_rows(bench: Bench, q: Array) -> Measurements:
 
 
 def applies(
-    bench: Bench, goal: Goal, parameters: Parameters, train: Measurements, held_out: Array
+    bench: Bench,
+    goal: Goal,
+    parameters: Parameters,
+    gain: Array,
+    train: Measurements,
+    held_out: Array,
 ) -> Applicability | None:
     """Whether the statement after the plan will reach the goal; None without held-out poses."""
     if not len(held_out):
         return None
     model = bench.robot.model
-    gain = least_squares_gain(model, parameters, train)
-    noise = np.einsum("mfe,meg,mhg->fh", gain, train.covariance, gain)
-    full = np.zeros((model.n_numbers,) * 2)
-    full[np.ix_(parameters.free_index, parameters.free_index)] = noise
+    noise = beside_held(parameters, np.einsum("mfe,meg,mhg->fh", gain, train.covariance, gain))
     return proven_by(
-        model, parameters, gain, full, train, held_out,
+        model, parameters, gain, noise, train, held_out,
         target=goal.point, up=model.chain.T_world_base[2, :3],
     ).applies(goal.q)  # fmt: skip
+
+
+def sources(
+    bench: Bench, parameters: Parameters, gain: Array, train: Measurements, judged: Measurements
+) -> SharedErrors | None:
+    """The tracker's systematic errors one by one; None if it states none."""
+    settings, beam = bench.scenario.tracker, bench.tracker.T_world_tracker[None]
+    if not isinstance(settings, At960Tracker) or not settings.systematic:
+        return None
+    model, size = bench.robot.model, bias_size(settings)
+    return planned_errors(size, model, parameters, gain, train, judged, beam)
 
 
 def _largest(sigma: Array, u: Array) -> float:

@@ -86,6 +86,17 @@ def minutes(seconds: float) -> str:
     return f"{round(whole / 60)} min"
 
 
+def hidden_words(plan: Plan) -> str:
+    """Which systematic errors nothing measured by this plan can show."""
+    seen = plan.foresight.sources
+    if seen is None or not seen.hidden:
+        return ""
+    return (
+        f"No held-out pose of this tracker can show what it gets wrong by {listed(seen.hidden)}: "
+        "that is promised as stated"
+    )
+
+
 def order_words(plan: Plan) -> str:
     """What the measuring order lets the calibration tell, and what the other one would take."""
     other = plan.tour.other_duration

@@ -10,6 +10,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.uncertainty.statement.applicability import Applicability
 from calib.uncertainty.statement.conditions import Conditions
+from calib.uncertainty.statement.instrument import SharedErrors
 from testbed.laboratory.cell import Obstacle
 from testbed.laboratory.goal import Goal
 from testbed.laboratory.pool import PosePool
@@ -80,6 +81,8 @@ class Foresight:
     """Size per axis of a misfit of the model that the measurements will show [m]."""
     applies: Applicability | None
     """Whether the statement will reach the goal's postures; None without held-out poses."""
+    sources: SharedErrors | None
+    """The systematic errors one by one, at the held-out poses; None if the tracker states none."""
 
     @property
     def u(self) -> Array:

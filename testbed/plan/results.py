@@ -167,6 +167,12 @@ def _promise(plan: Plan) -> Iterator[Quantity]:
     yield Quantity("predicted/U_mean_um", k * plan.u_mean, METRE)
     yield Quantity("predicted/U_worst_um", k * plan.u_worst, METRE)
     yield Quantity("predicted/misfit_seen_um", _or_nan(np.array(seen.misfit_seen)), METRE)
+    if seen.sources is not None:
+        for name, at_tool, shown in zip(
+            seen.sources.names, seen.sources.at_tool, seen.sources.seen, strict=True
+        ):
+            yield Quantity(f"predicted/systematic/{name}/u_at_tool_um", float(at_tool), METRE)
+            yield Quantity(f"predicted/systematic/{name}/u_seen_um", float(shown), METRE)
     yield Quantity("certificate/efficiency", plan.proof.efficiency)
     yield Quantity("certificate/sentence", plan.proof.sentence)
     yield Quantity("budget/target_U_um", settings.target_um or None, AS_NAMED)

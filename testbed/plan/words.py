@@ -11,6 +11,7 @@ from testbed.plan.promises import (
     expanded,
     factor_words,
     has_shared,
+    hidden_words,
     order_words,
     parts_words,
     promise,
@@ -89,6 +90,7 @@ def reasons(plan: Plan) -> tuple[str, ...]:
     said = (
         *warnings(plan),
         *reach_words(plan),
+        hidden_words(plan),
         plan.proof.sentence,
         plan.curve.sentence,
         plan.tour.sentence,

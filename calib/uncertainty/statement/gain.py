@@ -60,8 +60,13 @@ def estimator_gain(identification: Identification, table: Measurements) -> Array
 
 def of_all_numbers(identification: Identification, covariance: Array) -> Array:
     """Covariance (P, P) of all numbers from that of the free ones (f, f); zero elsewhere."""
-    full = np.zeros((len(identification.parameters.names),) * 2)
-    index = identification.parameters.free_index
+    return beside_held(identification.parameters, covariance)
+
+
+def beside_held(parameters: Parameters, covariance: Array) -> Array:
+    """The same, of numbers not identified yet: those held have none."""
+    full = np.zeros((len(parameters.names),) * 2)
+    index = parameters.free_index
     full[np.ix_(index, index)] = (covariance + covariance.T) / 2
     return frozen(full)
 

@@ -12,10 +12,11 @@ import numpy as np
 from calib.arrays import Array, frozen
 from calib.geometry.frames import skew
 from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification
 from calib.measurement.observations import GIVEN, POINT, Measurements, joined
 from calib.measurement.prediction import predict, predicted_positions
-from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers
+from calib.uncertainty.statement.gain import beside_held, estimator_gain
 
 SOURCES = (
     "range offset",
@@ -200,6 +201,24 @@ def shared_errors(
     judged: Measurements,
     T_station_beam: Array,
 ) -> SharedErrors:
+    """What the errors of the instrument leave after an identification by weighted least squares.
+
+    Parameters as in `planned_errors`.
+    """
+    model, parameters = identification.model, identification.parameters
+    gain = estimator_gain(identification, train)
+    return planned_errors(errors, model, parameters, gain, train, judged, T_station_beam)
+
+
+def planned_errors(
+    errors: InstrumentErrors,
+    model: RobotModel,
+    parameters: Parameters,
+    gain: Array,
+    train: Measurements,
+    judged: Measurements,
+    T_station_beam: Array,
+) -> SharedErrors:
     """What the errors of the instrument leave at the tool, and what of it residuals can show.
 
     Each target on the tool has a place of its own that it is wrong by.
@@ -208,10 +227,14 @@ def shared_errors(
     ----------
     errors : InstrumentErrors
         Their sizes.
-    identification : Identification
-        By weighted least squares, from `train`.
+    model : RobotModel
+        Identified; of a plan the nominal one.
+    parameters : Parameters
+        Its free numbers.
+    gain : (m, f, 6) array
+        F: how they follow each row of `train` [m, rad].
     train : Measurements
-        What was identified from.
+        What is identified from; its readings play no part.
     judged : Measurements
         Rows of the same campaign, held out where there are any: both columns are of these.
     T_station_beam : (s, 4, 4) array
@@ -222,12 +245,11 @@ def shared_errors(
     C_sys = F B S B' F'; at the tool J C_sys J', in a residual (B_h - J_h F B) S (B_h - J_h F B)'.
     JCGM 100:2008, 4.3, 5.2.
     """
-    model, free = identification.model, identification.parameters.free_index
+    free = parameters.free_index
     both, m = joined([train, judged]), len(train)
     B = shared_rows(errors, model, both, T_station_beam) * np.sqrt(errors.variance)
     looked_at = np.column_stack([both.offset, both.is_pose, both.reflector])
     _, target = np.unique(looked_at, axis=0, return_inverse=True)
-    gain = estimator_gain(identification, train)
     rows, tool = predict(model, judged).rows[:, :3, free], _tool_rows(model, judged)[:, :, free]
     names, left, seen, covariance = [], [], [], np.zeros((len(free), len(free)))
     for name in dict.fromkeys(SOURCES):
@@ -247,7 +269,7 @@ def shared_errors(
         seen.append(np.sqrt(shown.mean()))
         covariance += part
     return SharedErrors(
-        tuple(names), frozen(left), frozen(seen), of_all_numbers(identification, covariance)
+        tuple(names), frozen(left), frozen(seen), beside_held(parameters, covariance)
     )
 
 

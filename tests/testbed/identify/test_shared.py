@@ -77,6 +77,23 @@ def test_a_calibration_has_what_readings_shifted_by_a_source_do_to_it():
     assert set(found.shared.hidden) >= {"range scale", "target's place", "level of the station"}
 
 
+def test_the_believed_region_holds_what_is_shared():
+    found = calibrated()
+    whole = found.fit.identification.full_covariance + found.shared.covariance
+    drifting = found.proof.drifting
+    if drifting is not None and drifting.drift is not None:  # by chance
+        whole = whole + drifting.drift.covariance
+    index = found.fit.identification.parameters.free_index
+    own = np.sqrt(np.diag(whole))[index]
+    believed = found.proof.belief.covariance[np.ix_(index, index)] / np.outer(own, own)
+    # one sum in another order
+    np.testing.assert_allclose(
+        believed, whole[np.ix_(index, index)] / np.outer(own, own), atol=1e-12
+    )
+    # the ball that is believed is no smaller than what is shared alone: 95 % of a Gaussian
+    assert found.proof.point.radius_mean > 1.6 * found.shared.combined
+
+
 def test_the_report_and_the_results_have_both_columns_and_the_words():
     found = calibrated()
     section = shared_section(found)

@@ -72,6 +72,11 @@ def shared_u(made, plan_of):
 def test_both_parts_and_the_radii_are_those_of_an_identification():
     made = whole_plan()
     seen, (fit, _) = made.foresight, fit_of(made)
+    # at the held-out poses by source, at the goal all together: two codes, one place
+    free = made.parameters.free_index
+    assert seen.sources.covariance[np.ix_(free, free)] == pytest.approx(
+        seen.covariance - fit.covariance, rel=1e-5, abs=1e-9 * seen.covariance.max()
+    )
     J = at_goal(made)
     noise = np.einsum("gip,pq,giq->g", J, fit.covariance, J)
     assert seen.noise == pytest.approx(np.sqrt(noise), rel=1e-6)
@@ -115,6 +120,12 @@ def test_parts_and_whole_are_everywhere():
     assert predicted["u_systematic_mean_um"] == pytest.approx(shared, rel=1e-12)
     assert predicted["R95_over_goal_um"] == pytest.approx(1e6 * made.foresight.R95_over, rel=1e-12)
     assert predicted["sentence"] == promise(made)
+    each = {name: one["u_at_tool_um"] for name, one in predicted["systematic"].items()}
+    assert each == pytest.approx(
+        dict(zip(made.foresight.sources.names, 1e6 * made.foresight.sources.at_tool, strict=True))
+    )
+    assert "target's place" in made.foresight.sources.hidden
+    assert "No held-out pose of this tracker can show what it gets wrong by" in page
     at = budget["poses"].index(len(made.places))
     assert budget["U_systematic_um"][at] == pytest.approx(2 * shared, rel=1e-9)
     assert predicted["U_is"] == factor_words(2.0) == "k = 2, 3-D, at least 95\u202f%"
