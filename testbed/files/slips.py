@@ -5,10 +5,10 @@ rows away that fit it, by the cheapest way (Viterbi): to change the distance cos
 rows that fit nowhere.
 
 So a change is named from two rows on: the first row of a file, or the last two, may not hang
-together with the others. From 15 rows on every other one is named; of fewer rows most are, none
-below 8. What is not named is not taken either: one or two rows that fit nowhere are left out with
-a warning, and a file of 6 poses or more of which nothing else holds is refused by the probe, as
-that of another robot.
+together with the others. From 15 rows on nearly every other one is named; of fewer rows most are,
+none below 8. What is not named is not taken either: one or two rows that fit nowhere are left out
+with a warning, and a file of 6 poses or more of which nothing else holds is refused by the probe,
+as that of another robot.
 """
 
 from collections.abc import Sequence
