@@ -160,7 +160,7 @@ class Calibration:
     set_up: SetUp
     order_told_by: str
     """What tells the order of the rows in time; empty if nothing does."""
-    repeatability: Array
+    repeatability: Annotated[Array, "n"]
     """(n,) standard deviation with which each joint comes back; zero where nothing tells it [rad,
     m]."""
     decision: Decision | None
@@ -277,17 +277,17 @@ class Calibration:
 class TargetStatement:
     """What is believed at m targets of a program, and decided on them."""
 
-    radius_mean: Array
+    radius_mean: Annotated[Array, "m"]
     """(m,) R95 of the mean of many moves; zero where no region is stated [m]."""
     radius_move: Array
     """(m,) the same of where one move ends; (0,) if nothing tells how well joints come back [m]."""
-    transfer: Array
+    transfer: Annotated[Array, "m"]
     """(m,) g: what reaches the target of what the model misses, as against the held-out poses."""
-    leverage: Array
+    leverage: Annotated[Array, "m"]
     """(m,) h: the same of the noise."""
-    place: NDArray[np.str_]
+    place: Annotated[NDArray[np.str_], "m"]
     """(m,) inside, edge or outside of what was proven."""
-    stated: Bool
+    stated: Annotated[Bool, "m"]
     """(m,) whether a region is stated."""
     reaches: bool
     """Whether the statement reaches the program: not too many of its targets lie outside."""

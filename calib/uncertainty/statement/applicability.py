@@ -6,6 +6,7 @@ from the kinematics alone: transfer, of errors of the joints and the foot, and l
 """
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -72,23 +73,23 @@ class Proven:
 
     wide: RobotModel
     """The identified model with joint terms that it has no numbers for, all zero."""
-    columns: Index
+    columns: Annotated[Index, "k"]
     """(k,) their columns in its derivative."""
-    own: Index
+    own: Annotated[Index, "P"]
     """(P,) the columns of the identified model's numbers."""
-    up: Array
+    up: Annotated[Array, 3]
     """(3,) upwards, in the axes of the base."""
-    target: Array
+    target: Annotated[Array, 3]
     """(3,) point in the tool frame that is stated [m]."""
-    absorbed: Array
+    absorbed: Annotated[Array, "P", "k + 1"]
     """(P, k + 1) how the estimate follows a unit of each term, and of a foot that yields."""
-    covariance: Array
+    covariance: Annotated[Array, "P", "P"]
     """(P, P) of all numbers, from the noise."""
-    usual: Array
+    usual: Annotated[Array, 3]
     """(3,) means over the held-out poses: what is left of the terms, of the foot, of the noise."""
-    low: Array
+    low: Annotated[Array, "n"]
     """(n,) least joint values over the held-out poses [rad, m]."""
-    high: Array
+    high: Annotated[Array, "n"]
     """(n,) largest."""
 
     @property

@@ -4,6 +4,7 @@ One rule, whatever the tests say: no switch between statements at a level of sig
 """
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,10 +35,10 @@ class Belief:
     """What is believed of an identified robot's tool point, wherever it is asked for."""
 
     model: RobotModel
-    covariance: Array
+    covariance: Annotated[Array, "P", "P"]
     """(P, P) of all numbers, from the noise and what else is stated [m, rad]."""
     misfit: HiddenMisfit
-    misfit_covariance: Array
+    misfit_covariance: Annotated[Array, "P", "P"]
     """(P, P) of all numbers from a misfit of 1 m per axis in the training rows."""
     factor: float
     """k of the regions: the chi-square factor, or more if held-out errors ask for it."""

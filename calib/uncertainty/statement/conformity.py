@@ -1,7 +1,7 @@
 """Whether a tool point conforms to a tolerance: pass, fail or undecided, by a stated rule."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,13 +25,13 @@ class Conformity:
     """Largest distance from the nominal point that conforms [m]."""
     probability: float
     """Content of the guard band."""
-    distance: Array
+    distance: Annotated[Array, "N"]
     """(N,) length of the predicted deviation [m]."""
-    guard: Array
+    guard: Annotated[Array, "N"]
     """(N,) width of the guard band, R95 of the region; zero under the simple rule [m]."""
-    risk: Array
+    risk: Annotated[Array, "N"]
     """(N,) specific consumer's risk: probability that the point is out of tolerance."""
-    outcome: NDArray[np.str_]
+    outcome: Annotated[NDArray[np.str_], "N"]
     """(N,) "pass", "fail" or "undecided"."""
 
     def __repr__(self) -> str:

@@ -5,6 +5,7 @@ The test needs poses in random order; on a tour the misfit of neighbors passes f
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -43,7 +44,7 @@ class SlowDrift:
     """Standard deviation per axis [m]."""
     memory: float
     """Rows over which it is forgotten."""
-    covariance: Array
+    covariance: Annotated[Array, "P", "P"]
     """(P, P) of all numbers [m, rad]."""
 
     def __repr__(self) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy.special import chdtrc
@@ -27,11 +28,11 @@ FEWEST = 6
 class OtherFrame:
     """The rigid motion that explains held-out errors best, and whether there is one."""
 
-    shift: Array
+    shift: Annotated[Array, 3]
     """(3,) of the mean point of the poses, axes of the station [m]."""
-    turn: Array
+    turn: Annotated[Array, 3]
     """(3,) rotation vector about that point [rad]."""
-    tool: Array
+    tool: Annotated[Array, 3]
     """(3,) the same errors as an offset of the target, axes of the tool [m]."""
     size: float
     """Root mean square of what the motion does at the poses [m]."""

@@ -1,6 +1,7 @@
 """What a misfit looks like: half in the joints, half at the target, one draw for each pose."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -23,9 +24,9 @@ class MisfitShape:
     D = [J_q J_q' / s2 + diag(1, 1, 1, 0, 0, 0)] / 2 with s2 the mean of tr(J_q J_q')_pp / 3.
     """
 
-    columns: Index
+    columns: Annotated[Index, "k"]
     """(k,) numbers of the model that a draw moves: the base's place, and every joint."""
-    sd: Array
+    sd: Annotated[Array, "k"]
     """(k,) standard deviation of each, per metre of size [1, rad/m]."""
 
     def rows(self, rows: Array) -> Array:

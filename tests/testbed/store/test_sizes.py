@@ -20,7 +20,12 @@ from testbed.studies import all_studies, load_scenario
 
 SCENES = ("quick", "wen2022", "stations", "pose_sets", "coverage", "compensate",
           "wen2022_reexamined")  # fmt: skip
-EMPTY = {"TrialSets.indices", "Choice.confirmation", "CoverageStudy.nees"}
+EMPTY = {
+    "TrialSets.indices",
+    "Choice.confirmation",
+    "CoverageStudy.nees",
+    "TargetStatement.radius_move",
+}
 """May have no entries instead."""
 ALONE = {"Identification.trace"}
 """Its length is that of nothing else."""
