@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from typer.testing import CliRunner
 
-from calib.errors import STEERING, InputError, visible
+from calib.errors import STEERING, InputError
 from testbed.__main__ import main
 from testbed.cli import app
 from testbed.cli.exit_codes import exit_codes
@@ -20,7 +20,7 @@ from testbed.robots.write.toml import robot_toml
 WILD = "a\x1b[2J\x9b31m\x07\x7f\u202e\u2066\u2028b"
 SHOWN = r"a\x1b[2J\x9b31m\x07\x7f\u202e\u2066\u2028b"
 TITLED = "a\x9b31m\u202eb"
-"""What a title may hold."""
+"""A title that steers a terminal."""
 
 
 class Terminal(io.StringIO):
@@ -115,7 +115,7 @@ def test_faults_of_a_file_are_told_in_lines_that_only_show_them(name, tmp_path, 
     assert list(tmp_path.iterdir()) == [file]
 
 
-def test_what_a_robot_says_of_itself_and_where_it_lies_is_only_shown(tmp_path, monkeypatch):
+def test_a_title_that_steers_is_refused_and_where_a_robot_lies_is_only_shown(tmp_path):
     folder = tmp_path / "a\x1b[2Jm"
     folder.mkdir()
     robot = replace(load_robot("staubli_tx60"), visuals=())
@@ -123,8 +123,10 @@ def test_what_a_robot_says_of_itself_and_where_it_lies_is_only_shown(tmp_path, m
     assert TITLED in text
     (folder / "robot.toml").write_text(text, encoding="utf-8")
     code, told, warned = truebed("robots", folder / "robot.toml")
-    assert (code, warned) == (0, "")
-    assert visible(TITLED) in told
+    assert (code, told) == (2, "")
+    assert r"a\x1b[2Jm/robot.toml" in warned
+    assert "title" in warned
+    assert not STEERING.search(warned)
     code, _, warned = truebed("compare", folder, folder)
     assert code == 2
     assert r"a\x1b[2Jm: is not a run folder" in warned
