@@ -164,7 +164,7 @@ def judge(
     bent = (replayed is not None and not replayed.agrees) or (
         linear is not None and linear.outcome == "not validated"
     )
-    settled = replayed is not None and not replayed.unconverged
+    settled = replayed is not None and replayed.settled
     belief = frame = slow = point = None
     sound = identification.status is Status.CONVERGED and identification.mode == "whitened"
     if sound and (settled or not bent):

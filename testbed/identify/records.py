@@ -268,7 +268,7 @@ class Calibration:
         """
         repeated = self.proof.bootstrap
         if repeated is not None and self.not_linear:
-            settled = not repeated.unconverged
+            settled = repeated.settled
             return repeated.empirical if settled else self.fit.identification.covariance
         return self.fit.scatter if self.refuted else self.fit.identification.covariance
 

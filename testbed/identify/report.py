@@ -150,7 +150,8 @@ def parameter_section(calibration: Calibration) -> Section:
     result = calibration.fit.identification
     how = "from the stated noise, if the model is right"
     if calibration.not_linear:
-        unsettled = calibration.proof.bootstrap is None or calibration.proof.bootstrap.unconverged
+        played = calibration.proof.bootstrap
+        unsettled = played is None or not played.settled
         how = "where linear propagation does not hold: " + (
             "a rough size only, because virtual calibrations did not settle"
             if unsettled

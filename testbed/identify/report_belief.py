@@ -4,6 +4,7 @@ from calib.arrays import Array
 from testbed.identify.records import Calibration, Delivered, TargetStatement
 from testbed.identify.statements import statements_of
 from testbed.identify.targets import target_words
+from testbed.report.glossary import GLOSSARY
 from testbed.report.page import Block, Points, Section, Table, Text, heads
 from testbed.units import (
     DEG,
@@ -17,19 +18,6 @@ from testbed.units import (
 
 MOST_TARGETS = 30
 """Targets of a program in the report; all are in a file beside it."""
-GLOSSARY = (
-    "R95: radius of the ball about the predicted tool point that holds the true one with 95 % "
-    "probability; of a distance in space, in three dimensions.",
-    "u, U: standard uncertainty; U = 2 u of one number holds it with 95.4 %. In three dimensions "
-    "the ellipsoid of k = 2 would hold 73.9 %, so that no U of a point is stated by k alone.",
-    "k: factor of the region, 2.80 for 95 % in three dimensions, more where the guard asks for it.",
-    "misfit: what the true robot does and the model cannot; in um per axis, one standard "
-    "deviation. What could hide behind the noise is in the region.",
-    "guard: held-out poses whose errors may raise k, so that the region would have held 95 % of "
-    "them; it needs 19.",
-    "transfer g: how much of what the model leaves out reaches a target, as against the held-out "
-    "poses; leverage h: the same of the noise. The region grows with g; above 9 there is none.",
-)
 
 
 def belief_section(calibration: Calibration) -> Section:

@@ -78,7 +78,7 @@ def _compared(calibration: Calibration, other: str) -> list[StatedRadius]:
         found.append(StatedRadius("parameters", "parameters alone", radius, what, why))
     if proof.bootstrap is not None:
         why = other if proof.bootstrap.agrees else "its covariance is in the region"
-        why = "did not settle" if proof.bootstrap.unconverged else why
+        why = why if proof.bootstrap.settled else "did not settle"
         covariance = of_all_numbers(result, proof.bootstrap.empirical)
         radius = common_radius(_by_numbers(calibration, covariance))
         what = f"the same by {counted(proof.bootstrap.replicates, 'virtual calibration')}"

@@ -161,7 +161,7 @@ def test_every_radius_says_its_dimension_and_no_u_of_a_point_is_told_by_k_alone(
         shown = " ".join(read(html(make)).text)
         assert "k = 2)" not in shown
         assert "agree" not in shown
-        for word in ("R95 (3-D radius, 95 %)", "95.4 %", "guard:", "misfit:", "transfer g:"):
+        for word in ("R95 (3-D radius, 95 %)", "95.4 %", "Guard:", "Misfit:", "Transfer g:"):
             assert word in shown, word
         table = statements_of(make())
         assert [one.key for one in table[:3]] == ["region_mean", "region_move", "parameters"]

@@ -6,6 +6,7 @@ import numpy as np
 
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.questions import LEVEL as QUESTION_LEVEL
+from testbed.report.glossary import GLOSSARY
 from testbed.report.page import Block, Figure, Points, Section, Table, Text
 from testbed.studies.trial import plots, plots_uncertainty
 from testbed.studies.trial.records import Campaign, Trial
@@ -53,21 +54,6 @@ QUESTIONS = {
     "another frame": "do the held-out readings stand in another frame?",
     "drift": "do readings follow their neighbors in time?",
 }
-GLOSSARY = (
-    "u: standard uncertainty. Of a point it is 3-D: the root of the summed variances along x, y "
-    "and z, k = 1; a ball of that radius holds about 61 % of a round distribution.",
-    "R95, 3-D radius: distance from the predicted point within which the true one lies with 95 % "
-    "probability, at poses drawn like the held-out ones. It is 1.61 u of a round region, 1.96 u of "
-    "a line.",
-    "Region: an ellipsoid at each pose that holds the point with 95 % probability; its semi-axes "
-    "are k standard deviations, k = 2.80 in three dimensions (2.45 in two, 1.96 in one), or more "
-    "where held-out poses ask for it.",
-    "Misfit: what the robot does and no number of the model can follow, per axis, after the best "
-    "fit. Below the size that would have been seen it hides behind the noise, and is in the "
-    "region up to its limit.",
-    "Mean of many moves, one move: a robot that is sent to a pose again and again scatters about a "
-    "mean. The first statement is of that mean, the second of where one of these moves ends.",
-)
 
 
 def statement_section(campaign: Campaign) -> Section | None:

@@ -12,7 +12,7 @@ from calib.measurement.noise import with_joint_noise
 from calib.measurement.observations import Measurements
 from calib.uncertainty.budget import RowNoise, budget
 from calib.uncertainty.refit import Frozen, freeze
-from calib.uncertainty.statement.instrument import SOURCES, shared_rows
+from calib.uncertainty.statement.instrument import SOURCES, shared_errors, shared_rows
 from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.type_b import CommonInput, common_inputs, type_b_covariance
 from testbed.laboratory.tracker.tracker import bias_size
@@ -147,6 +147,17 @@ def systematic_covariance(
     if not common or result.mode == "paper":
         return np.zeros_like(result.covariance)
     return type_b_covariance(plan_of(result, measured), common)
+
+
+def unseen_sources(
+    bench: Laboratory, result: Identification, measured: Measurements, judged: Measurements
+) -> tuple[str, ...]:
+    """Errors of the tracker that count at the tool and that no held-out pose can show."""
+    settings = bench.scenario.tracker
+    if not isinstance(settings, At960Tracker) or not settings.systematic or not len(judged):
+        return ()
+    station = bench.tracker.T_world_tracker[None]
+    return shared_errors(bias_size(settings), result, measured, judged, station).hidden
 
 
 def drift_left(bench: Laboratory) -> float:

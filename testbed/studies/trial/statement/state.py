@@ -13,12 +13,10 @@ from scipy.special import chdtri
 from calib.arrays import Array, Bool, Index
 from calib.identification.fit_statistics import MOST_OUTLIERS
 from calib.identification.identify import Identification
-from calib.identification.joint_models import shared_waves
 from calib.identification.outlier_search import search_outliers
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
 from calib.uncertainty.bootstrap import Bootstrap
-from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.discrepancy import FEWEST
 from calib.uncertainty.held_out import held_out
 from calib.uncertainty.judgement import Circumstances, judge
@@ -32,6 +30,7 @@ from testbed.scenario.fixtures import rounds_per_visit
 from testbed.streams import stream
 from testbed.studies.trial.compare import attained, held_by
 from testbed.studies.trial.estimator import Estimator
+from testbed.studies.trial.statement.caveats import warnings_of
 from testbed.studies.trial.statement.linear_check import linear_check
 from testbed.studies.trial.statement.records import LEVEL, Replayed, Statement, Validation
 from testbed.studies.trial.statement.regions import honest_share, radii, tool_regions
@@ -39,6 +38,7 @@ from testbed.studies.trial.statement.sources import (
     systematic_reach,
     uncertainty_sources,
     unmodelled_effects,
+    unseen_sources,
 )
 
 SET_ASIDE = 0.05
@@ -168,7 +168,14 @@ def state(
             else honest_share(belief, judge_q, target, stream(seed, "statement", "honest", name))
         ),
         inside=held_by(at_held_out.get("region"), setting),
-        warnings=warnings_of(result, len(held_out), len(outliers), set_aside, shared),
+        warnings=warnings_of(
+            result,
+            len(held_out),
+            len(outliers),
+            set_aside,
+            shared,
+            unseen_sources(bench, result, first, observations),
+        ),
     )
 
 
@@ -220,52 +227,6 @@ def summary(played: Bootstrap) -> Replayed:
     worst = played.ratio[np.argmax(np.abs(played.ratio - 1))]
     bias = played.bias[np.argmax(np.abs(played.bias))]
     return Replayed(played.replicates, played.agrees, float(worst), float(bias), played.sentence)
-
-
-def warnings_of(
-    result: Identification, held_out: int, outliers: int, set_aside: Index, shared: float
-) -> tuple[str, ...]:
-    """What a reader must know of the statements, and what to do about it.
-
-    Too few held-out poses are a warning, not an error: the calibration itself is as good as before.
-    Gross errors count where some are in the fit or were set aside; `shared` [m] was added to the
-    conformal radius.
-    """
-    need, warnings = fewest_poses(LEVEL), []
-    if held_out < need:
-        warnings.append(
-            f"too few held-out poses were measured ({held_out}) for a {100 * LEVEL:g} % radius "
-            f"that needs no model of the error: {need} are the fewest; write [test] poses = {need} "
-            "or more"
-        )
-    if held_out < FEWEST:
-        warnings.append(
-            f"too few held-out poses were measured ({held_out}) to show a discrepancy: {FEWEST} "
-            "are the fewest for a covariance"
-        )
-    if outliers and result.loss == "squared":
-        some = "a shot" if outliers == 1 else f"{outliers} shots"
-        warnings.append(
-            f"{some} of the calibration may pull at the result; measure again what does not fit, "
-            'or write loss = "cauchy" in [identification]'
-        )
-    if len(set_aside):
-        poses = ", ".join(map(str, set_aside))
-        warnings.append(
-            f"the shots of held-out poses {poses} were grossly wrong and are set aside; measure "
-            "them again"
-        )
-    if shared > 0:
-        warnings.append(
-            "what the tracker gets wrong the same way in both visits shows at no held-out pose: "
-            f"{1e6 * shared:.0f} um for it are added to the conformal radius in the table"
-        )
-    if result.prior is not None:
-        warnings.append(
-            "the estimate rests on a prior as well: its intervals hold over robots like those that "
-            "the prior describes, not over repeats of one"
-        )
-    return (*warnings, *shared_waves(result))
 
 
 def sound_held_out(result: Identification, validation: Measurements, used: Measurements) -> Index:

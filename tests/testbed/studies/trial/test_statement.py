@@ -198,6 +198,14 @@ def test_the_systematic_part_is_what_shifted_readings_do_to_the_fit():
     assert any("are added to the conformal radius" in text for text in told.warnings)
 
 
+def test_errors_that_no_held_out_pose_can_show_are_named():
+    """Target's place and range scale follow the estimate; both ways of telling them agree."""
+    (said,) = [text for text in estimate(systematic()).statement.warnings if "can show its" in text]
+    assert "target's place" in said
+    assert "in the believed region" in said
+    assert not [text for text in estimate(at960()).statement.warnings if "can show its" in text]
+
+
 def test_what_is_stated_contains_the_systematic_part_and_the_words_do_not_promise_it_away():
     of = systematic()
     told, found = estimate(of).statement, estimate(of).identification
