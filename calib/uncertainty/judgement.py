@@ -26,7 +26,7 @@ from calib.uncertainty.statement.other_frame import OtherFrame, other_frame
 from calib.uncertainty.statement.questions import Questions, fisher
 from calib.uncertainty.statement.repeats import noise_repeats
 from calib.uncertainty.statement.stated_point import StatedPoint, common_radius, stated_point
-from calib.uncertainty.trust import Trust, trust
+from calib.uncertainty.trust import FRAME, Trust, trust
 from calib.uncertainty.validation import LinearCheck
 
 
@@ -256,7 +256,7 @@ def _asked(
         names.append("misfit")
         p.append(belief.misfit.p_value)
     if frame is not None:
-        names.append("another frame")
+        names.append(FRAME)
         p.append(min(1.0, 2 * min(frame.p_base, frame.p_tool)))
     if slow is not None:
         names.append("drift")

@@ -16,6 +16,8 @@ from calib.uncertainty.statement.questions import Questions
 from calib.uncertainty.statement.stated_point import StatedPoint
 from calib.uncertainty.validation import LinearCheck
 
+FRAME = "another frame"
+"""Name of that question."""
 StatementName = Literal["region", "none"]
 
 
@@ -86,7 +88,7 @@ def trust(
     if reasons:
         words.append("The parameters alone do not explain the readings: " + "; ".join(reasons))
     else:
-        words.append(_unrefuted(questions, held_out))
+        words.append(_unrefuted(questions, held_out, frame))
     if nonlinear and belief is not None:
         words.append(
             "Linear propagation does not hold here, so the parameters' part is that of virtual "
@@ -159,12 +161,15 @@ def _against(fit: Identification, held_out: HeldOut | None) -> list[str]:
     return reasons
 
 
-def _unrefuted(questions: Questions, held_out: HeldOut | None) -> str:
+def _unrefuted(questions: Questions, held_out: HeldOut | None, frame: OtherFrame | None) -> str:
     """What the tests saw where none refutes: nothing, or a doubt; never a proof."""
     p = f"combined p {_chance(questions.combined)}"
     of = "residuals" if held_out is None else "residuals and held-out errors"
     if questions.said:
-        return f"A test of the {of} answers: {' and '.join(questions.said)} ({p})"
+        said = " and ".join(questions.said)
+        if frame is not None and not frame.found:
+            said = said.replace(FRAME, f"{FRAME}, by less than the region holds")
+        return f"A test of the {of} answers: {said} ({p})"
     if not questions.agree:
         return f"The {of} together are larger than the stated noise makes likely ({p})"
     return f"No test of the {of} speaks against the stated noise ({p}): that is no proof"

@@ -11,6 +11,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Status, identify
 from calib.uncertainty.judgement import Circumstances, judge
 from calib.uncertainty.tool_point import tool_statement
+from calib.uncertainty.trust import trust
 from calib.uncertainty.validation import LinearCheck
 from tests.reference import DEG, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
@@ -85,6 +86,18 @@ def test_held_out_poses_of_another_frame_are_no_evidence_and_come_first_in_words
     alone = judge(fit, test.rows([]), train=train)
     assert made.belief.misfit.upper == alone.belief.misfit.upper
     assert not made.point.held_out
+
+
+def test_a_motion_that_the_region_holds_is_said_to_be_in_it():
+    _, fit, train, test = campaign(3)
+    made = judge(fit, test, train=train)
+    asked = dataclasses.replace(made.questions, p_values=(0.5, 1e-4))
+    small = dataclasses.replace(made.frame, p_base=1e-4, within=1.0)
+    verdict = trust(
+        fit, belief=made.belief, point=made.point, questions=asked, held_out=made.held_out,
+        frame=small,
+    )  # fmt: skip
+    assert "answers: another frame, by less than the region holds (" in verdict.sentence
 
 
 def test_nothing_is_believed_of_a_fit_that_did_not_converge():
