@@ -85,8 +85,8 @@ def load_document(document):
     [
         ("mass_kg", 1e308, r"mass_kg is 1e\+308; it must be 1000000 kg or smaller"),
         ("mass_kg", 1e-300, r"mass_kg is 1e-300; it must be 1e-09 kg or larger"),
-        ("max_speed_deg_s", 1e300, r"max_speed_deg_s is 1e\+300; it must be 1000000 deg/s or sma"),
-        ("max_speed_deg_s", 1e-300, r"max_speed_deg_s is 1e-300; it must be 0.0001 deg/s or larg"),
+        ("max_speed_deg_s", 1e300, r"max_speed_deg_s is 1e\+300; it must be 1000000 deg/s or "),
+        ("max_speed_deg_s", 1e-300, r"max_speed_deg_s is 1e-300; it must be 0.0001 deg/s or "),
         ("a_mm", 1e300, r"a_mm is 1e\+300; it must be 1000000 mm or smaller"),
         ("repeatability_urad", 1e300, r"repeatability_urad is 1e\+300; it must be 1000000 urad or"),
     ],
