@@ -104,10 +104,11 @@ class Bootstrap:
                 "allowed; take more steps"
             )
         if self.agrees:
+            late = f"; {self.unconverged} of them did not settle" if self.unconverged else ""
             return (
                 f"{N} virtual calibrations scatter as the stated covariance says: standard "
                 f"deviations within {100 * off[worst]:.1f} %, bias within "
-                f"{abs(self.bias[lean]):.3f} standard deviations"
+                f"{abs(self.bias[lean]):.3f} standard deviations{late}"
             )
         return (
             f"{N} virtual calibrations do not scatter as the stated covariance says: "
