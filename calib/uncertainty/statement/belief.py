@@ -175,9 +175,13 @@ def _region(belief: Belief, rows: Array, growth: Array) -> Array:
 
 
 def _scores(belief: Belief, points: Measurements) -> Array:
-    """Largest e'inv(S + N)e (n,) of each held-out pose: the rows of one are not independent."""
+    """Largest e'inv(S + N)e (n,) of each held-out pose: the rows of one are not independent.
+
+    S as it is stated there, with its growth: any score makes a split conformal factor.
+    """
     seen = predict(belief.model, points)
-    sigma = _region(belief, seen.rows[:, :3], np.ones(len(points)))
+    growth = belief.proven.applies(points.q).growth
+    sigma = _region(belief, seen.rows[:, :3], growth)
     noise = belief.misfit.larger_noise**2 * points.covariance[:, :3, :3]
     square = mahalanobis_squared(seen.residual[:, :3], sigma + noise)
     return points.largest_of_poses(square)
