@@ -14,6 +14,7 @@ from calib.design.problem import Problem
 from calib.design.random import nonsingular_set, starting_set
 from calib.design.selection import Selection, selection_of
 from calib.errors import refuse
+from calib.information.criteria.base import Pool
 from calib.information.criteria.d import D
 from calib.information.criteria.g import G
 from calib.information.criteria.linear import Linear
@@ -91,7 +92,7 @@ def best_exchange(
             by_d = replace(problem, criterion=D())
             begin = best_exchange(by_d, rng, restarts=RESTARTS_OF_D).chosen
         elif start == 1 and isinstance(criterion, Total):
-            by_noise = problem.of_noise(criterion)
+            by_noise = _of_noise(problem, criterion)
             begin = best_exchange(by_noise, rng, restarts=restarts, pairs=pairs).chosen
         else:
             begin = nonsingular_set(problem, rng)
@@ -105,6 +106,18 @@ def best_exchange(
         chosen, value, evaluated = end.chosen, end.value, evaluated + end.evaluated
         trace.append(criterion.figure(problem.information(chosen), problem.n_poses))
     return Best(chosen, value, trace, evaluated)
+
+
+def _of_noise(problem: Problem, criterion: Total) -> Problem:
+    """The same without the inputs that all readings share, which the last columns are of."""
+    p = criterion.rows.shape[2]
+    return replace(
+        problem,
+        pool=Pool(problem.blocks[:, :, :p]),
+        criterion=criterion.noise,
+        before=problem.before[:, :p],
+        base=problem.base[:p, :p],
+    )
 
 
 def _first(problem: Problem, rng: np.random.Generator, first: Sequence[int] | None) -> Index:

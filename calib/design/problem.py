@@ -21,7 +21,6 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from calib.information.criteria.base import Criterion, Pool
 from calib.information.criteria.named import criterion_named
-from calib.information.criteria.total import Total
 from calib.information.goals import goal_matrix
 
 NO_POSES = frozen(np.zeros(0), np.int64)
@@ -221,17 +220,6 @@ class Problem:
         if not self.repeats:
             free[np.asarray(chosen, dtype=np.int64)] = False
         return free
-
-    def of_noise(self, criterion: Total) -> "Problem":
-        """The same without the inputs that all readings share, which the last columns are of."""
-        p = criterion.rows.shape[2]
-        return replace(
-            self,
-            pool=Pool(self.blocks[:, :, :p]),
-            criterion=criterion.noise,
-            before=self.before[:, :p],
-            base=self.base[:p, :p],
-        )
 
     def require_set(self, chosen: ArrayLike, field: str) -> Index:
         """Places (m,) of a set that the caller names, after refusing what is none."""

@@ -136,7 +136,7 @@ class Weight:
     """(n, 4) mass and first moments of the links in their body frames [kg, kg m]."""
     payload: Array = (0.0, 0.0, 0.0, 0.0)  # type: ignore[assignment]  # an array in __post_init__
     """(4,) of what hangs on the flange, in its frame [kg, kg m]."""
-    gravity: Array = DOWN  # type: ignore[assignment]
+    gravity: Array = DOWN  # type: ignore[assignment]  # likewise
     """(3,) in the frame of the base [m/s^2]."""
 
     def __post_init__(self) -> None:

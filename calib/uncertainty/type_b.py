@@ -8,10 +8,9 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
 from calib.errors import refuse
-from calib.geometry.jacobian import reflector_rows
-from calib.measurement.prediction import predict
 from calib.uncertainty.covariance import common_input_covariance, covariance_factor
-from calib.uncertainty.refit import Frozen, unknown_to_loops
+from calib.uncertainty.refit import Frozen
+from calib.uncertainty.statement.gain import least_squares_gain
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,16 +83,11 @@ def estimator_maps(start: Frozen) -> Array:
     ----------
     F = inv(A'A + Lambda0) A'N; zero for the rotation of point rows, which nobody measured.
     """
-    plan = start.measurements
-    if unknown_to_loops(start.model, plan, start.parameters) is not None:
-        rows = predict(start.model, plan).rows[:, :, start.parameters.free_index]
-        return np.asarray(start.covariance @ np.swapaxes(rows, -1, -2) @ start.weight)
-    T, J = start.model.poses_and_jacobian(plan.q)
-    points = np.flatnonzero(~plan.is_pose)
-    if len(points):
-        J[points, :3] = reflector_rows(T[points], J[points], plan.offset[points])[1]
-    free = J[:, :, start.parameters.free_index]
-    return np.asarray(start.covariance @ np.swapaxes(free, -1, -2) @ start.weight)
+    scale = start.parameters.free_scale
+    precision = scale[:, None] * start.prior * scale
+    return least_squares_gain(
+        start.model, start.parameters, start.measurements, precision=precision
+    )
 
 
 def type_b_covariance(start: Frozen, common: Sequence[CommonInput]) -> Array:

@@ -5,7 +5,6 @@ change, and columns with the result of each row are added. A target that cannot 
 reserve stays as it was: the robot then does what it did before, and the row states why.
 """
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -43,8 +42,6 @@ WORDS: dict[InverseStatus, str] = {
     "out of reach": "left as written: the robot does not reach it from a posture near this one",
 }
 STARTS = 64
-LONGEST_NAME = 200
-"""Bytes of a program's name that its corrected one keeps: 255 make a file, and some come on top."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,19 +163,6 @@ def correct_program(
     sentences = (done, *status_sentences(result.status, "target", WORDS), *away.sentences)
     sentences += (*away.unsaid, *result.sentences)
     return replace(result, sentences=sentences, conditions=away.words, departed=away.outside)
-
-
-def corrected_name(program: Path) -> str:
-    """Name of the corrected program: ``NAME_corrected.csv``."""
-    return f"{short_stem(program)}_corrected.csv"
-
-
-def short_stem(program: Path) -> str:
-    """Name of a program without its ending, short enough for a file with more behind it."""
-    stem = program.stem
-    while len(os.fsencode(stem)) > LONGEST_NAME:
-        stem = stem[:-1]
-    return stem
 
 
 def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:

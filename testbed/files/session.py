@@ -12,10 +12,11 @@ from calib.measurement.observations import Measurements
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.conditions import SetUp
 from testbed.files.refusal import refusal
-from testbed.files.session_toml import SESSION_FILE, IdentificationTable, SystematicTable
+from testbed.files.session_toml import SESSION_FILE, IdentificationTable
 from testbed.gates.paths import real
 from testbed.gates.text import FileText, SourceFile, read_text
 from testbed.robots.robot import Reflector
+from testbed.scenario.systematic import SystematicTable
 from testbed.scenario.tolerance import Decision
 
 Record = TypeVar("Record", bound=Any)

@@ -1,6 +1,7 @@
 """Paths that people and their files name: what no file system can hold is refused in our words."""
 
 import errno
+import os
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -9,6 +10,8 @@ from calib.errors import refuse
 
 SHOWN = 60
 """Characters, the last ones, of a path in a message about the path itself."""
+LONGEST_NAME = 200
+"""Bytes of a name that one made of it keeps: 255 make a file, and some come on top."""
 REASONS = {errno.ELOOP: "is a ring of links", errno.ENAMETOOLONG: "is too long for a path"}
 
 
@@ -60,3 +63,11 @@ def is_there(path: Path, kind: Callable[[Path], bool] = Path.exists) -> bool:
     with suppress(OSError, ValueError):
         return kind(path)
     return False
+
+
+def short_stem(path: Path) -> str:
+    """Name of a file without its ending, short enough for one with more behind it."""
+    stem = path.stem
+    while len(os.fsencode(stem)) > LONGEST_NAME:
+        stem = stem[:-1]
+    return stem

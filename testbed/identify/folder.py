@@ -9,12 +9,13 @@ from typing import Any
 
 from calib.geometry.model import RobotModel
 from testbed.disk import atomic_write
-from testbed.files.program import correct_program, corrected_name, read_program, short_stem
+from testbed.files.program import correct_program, read_program
 from testbed.files.session import Session
-from testbed.gates.paths import real
+from testbed.gates.paths import real, short_stem
 from testbed.identify.calibrate import STEPS, Options, calibrate
 from testbed.identify.conditions import measured
-from testbed.identify.records import Calibration, Delivered, FittedModel
+from testbed.identify.delivered import Delivered
+from testbed.identify.records import Calibration, FittedModel
 from testbed.identify.results import arrays, dh_table, headline, split_csv
 from testbed.identify.targets import statement_at, statement_csv, target_words
 from testbed.identify.words import mm
@@ -244,6 +245,11 @@ def reflectors_on(calibration: Calibration, fit: FittedModel) -> tuple[Reflector
             name += "_"
         named[name] = replace(one, name=name)
     return tuple(named.values())
+
+
+def corrected_name(program: Path) -> str:
+    """Name of the corrected program: ``NAME_corrected.csv``."""
+    return f"{short_stem(program)}_corrected.csv"
 
 
 def statement_name(program: Path) -> str:

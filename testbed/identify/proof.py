@@ -113,7 +113,7 @@ def repeatability(
     stated, said = robot.repeatability, "the robot's description"
     some = np.flatnonzero(visits & ~measurements.is_distance)
     seen = measurements.rows(some)
-    freedom = sum(3 * (len(rows) - 1) for rows in repeated(seen)) if len(seen) else 0
+    freedom = sum(3 * (rows.size - len(rows)) for rows in repeated(seen)) if len(seen) else 0
     if not session.joint_scatter.any() or freedom < FEWEST_FREEDOM:
         return stated, said
     own = session.measurements.covariance[some, :3, :3]

@@ -9,7 +9,8 @@ from calib.geometry.fixtures import POINT_AXES
 from calib.geometry.frames import log_so3
 from testbed.identify.conditions import conditions_words
 from testbed.identify.decisions import decided_at, decision_section
-from testbed.identify.records import Calibration, Delivered
+from testbed.identify.delivered import Delivered
+from testbed.identify.records import Calibration
 from testbed.identify.report_belief import belief_section, reach_section
 from testbed.identify.report_errors import accuracy_section, outlier_section, residual_section
 from testbed.identify.results import dh_table

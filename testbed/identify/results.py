@@ -8,13 +8,8 @@ import numpy as np
 
 from calib.measurement.accuracy import Accuracy
 from testbed.identify.conditions import conditions_numbers
-from testbed.identify.records import (
-    Calibration,
-    Delivered,
-    Figures,
-    FittedModel,
-    RowErrors,
-)
+from testbed.identify.delivered import Delivered
+from testbed.identify.records import Calibration, Figures, FittedModel, RowErrors
 from testbed.identify.results_statement import decisions, statements, targets
 from testbed.identify.shared import shared_numbers
 from testbed.identify.words import notice, reasons, verdict

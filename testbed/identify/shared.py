@@ -9,9 +9,9 @@ from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.uncertainty.statement.instrument import InstrumentErrors, SharedErrors, shared_errors
 from testbed.files.session import Session
-from testbed.files.session_toml import SystematicTable
 from testbed.identify.records import Calibration
 from testbed.report.page import Block, Section, Table, Text
+from testbed.scenario.systematic import SystematicTable
 from testbed.store.quantities import METRE, Quantity, below
 from testbed.units import UM, fixed
 

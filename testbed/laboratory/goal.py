@@ -13,8 +13,8 @@ from calib.information.goals import Goals, goal_matrix
 from testbed.laboratory.bench import PROBED_POSES, Bench
 from testbed.laboratory.joint_lists import from_deg
 from testbed.laboratory.pool import joint_ranges
+from testbed.scenario.planning import BoxGoal, ListGoal, PathGoal
 from testbed.scenario.scenario import Scenario
-from testbed.scenario.tables import BoxGoal, ListGoal, PathGoal
 from testbed.streams import stream
 from testbed.units import counted
 

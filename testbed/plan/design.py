@@ -22,7 +22,7 @@ from testbed.laboratory.tracker.predicted import goal_u
 from testbed.plan.promises import OVER, factor_words
 from testbed.plan.records import Curve, NextPose, Proof
 from testbed.plan.task import DesignTask, rms
-from testbed.scenario.tables import DEFAULT_POSES
+from testbed.scenario.planning import DEFAULT_POSES
 from testbed.units import UM, counted, significant
 
 RANDOM_SETS = 40

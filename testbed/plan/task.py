@@ -13,7 +13,7 @@ from calib.information.criteria.named import criterion_named
 from calib.information.criteria.total import Total
 from calib.information.goals import Goals
 from testbed.laboratory.tracker.predicted import GoalU, goal_u
-from testbed.scenario.tables import PlanSettings
+from testbed.scenario.planning import PlanSettings
 
 
 @dataclass(frozen=True, slots=True, eq=False)

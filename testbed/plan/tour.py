@@ -11,7 +11,7 @@ from testbed.laboratory.pool import is_new, joint_ranges
 from testbed.laboratory.route.moves import RESOLUTION
 from testbed.laboratory.route.route import Route, measuring_route
 from testbed.plan.records import FAR, Reading, Tour
-from testbed.scenario.tables import BoxGoal
+from testbed.scenario.planning import BoxGoal
 from testbed.streams import stream
 from testbed.units import sentence
 

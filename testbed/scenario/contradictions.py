@@ -7,17 +7,15 @@ from calib.information.criteria.named import NEEDS_GOALS
 from testbed.bounds import LENGTH_SD, shown
 from testbed.scenario.fixtures import fixture_contradictions
 from testbed.scenario.laboratory import SYSTEMATIC, At960Tracker, TruthSettings
-from testbed.scenario.scenario import RESERVED, Scenario
-from testbed.scenario.tables import (
+from testbed.scenario.planning import (
     MAX_STATIONS,
     BoxGoal,
-    BudgetSettings,
-    IdentificationSettings,
     ListGoal,
     PathGoal,
     PlanSettings,
-    TrialSettings,
 )
+from testbed.scenario.scenario import RESERVED, Scenario
+from testbed.scenario.tables import BudgetSettings, IdentificationSettings, TrialSettings
 from testbed.units import counted
 
 MOST_ROUNDS = 100

@@ -5,7 +5,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from calib.errors import CalibError
-from testbed.scenario.tables import DEFAULT_POSES, PAPER_SET
+from testbed.scenario.planning import DEFAULT_POSES
+from testbed.scenario.tables import PAPER_SET
 from testbed.strict import KeyPath, flat, nested
 
 if TYPE_CHECKING:

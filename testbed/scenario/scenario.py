@@ -15,12 +15,12 @@ from testbed.scenario.laboratory import (
     TrackerSettings,
     TruthSettings,
 )
+from testbed.scenario.planning import PlanSettings
 from testbed.scenario.tables import (
     BudgetSettings,
     HeldOutSettings,
     IdentificationSettings,
     Name,
-    PlanSettings,
     PoolSettings,
     Settings,
     StudySettings,

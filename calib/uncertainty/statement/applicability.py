@@ -134,12 +134,8 @@ def proven_at(
         From `train`.
     train : Measurements
         What was identified from.
-    q : (n, j) array_like
-        Joints of the held-out poses [rad, m].
-    target : (3,) array_like
-        Point in the tool frame that is stated [m].
-    up : (3,) array_like
-        Upwards in the axes of the base: a foot yields under the weight of the arm.
+    q, target, up
+        As in `proven_by`.
     """
     return proven_by(
         identification.model,
@@ -178,8 +174,12 @@ def proven_by(
         Of all numbers, from the noise [m, rad].
     train : Measurements
         Rows it comes from; their readings play no part.
-    q, target, up
-        As in `proven_at`.
+    q : (n, j) array_like
+        Joints of the held-out poses [rad, m].
+    target : (3,) array_like
+        Point in the tool frame that is stated [m].
+    up : (3,) array_like
+        Upwards in the axes of the base: a foot yields under the weight of the arm.
 
     References
     ----------

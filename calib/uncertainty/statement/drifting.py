@@ -59,12 +59,8 @@ def drifting(
 
     Parameters
     ----------
-    identification : Identification
-        From `train`.
-    train, held_out : Measurements
-        Poses and points.
-    train_order, held_out_order : (m,) and (n,) arrays
-        Place of each row in time, one numbering for both.
+    identification, train, train_order, held_out, held_out_order
+        As in `drift`.
     hidden : HiddenMisfit
         What misfit there may be beside a drift.
     whatever : bool

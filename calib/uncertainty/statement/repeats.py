@@ -7,6 +7,7 @@ from calib.geometry.model import RobotModel
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.uncertainty.statement.evidence import NoiseRepeats
+from calib.uncertainty.statement.misfit import UNGUARDED_DROP
 
 FEWEST_FREEDOM = 30
 """Degrees of freedom below which repeats tell the scale of the noise no better than 13 %."""
@@ -39,19 +40,20 @@ def noise_repeats(
     freedom, square = 0, 0.0
     for rows in repeated(points):
         square += _about_mean(residual[rows], points.covariance[rows, :3, :3])[0]
-        freedom += 3 * (len(rows) - 1)
+        freedom += 3 * (rows.size - len(rows))
     if freedom < FEWEST_FREEDOM or square <= 0:
         return None
     return NoiseRepeats(freedom, square, in_evidence)
 
 
 def repeated(points: Measurements) -> list[Index]:
-    """Rows of each pose, station and target that was visited more than once."""
+    """Rows (g, r) of what was visited r > 1 times: the same pose, station and target."""
     keys = np.column_stack([points.pose_id, points.target_key])
     _, group, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
     order = np.argsort(group.ravel(), kind="stable")
     parts = np.split(order, np.cumsum(count)[:-1])
-    return [part for part in parts if len(part) > 1]
+    times = sorted({len(part) for part in parts} - {1})
+    return [np.array([part for part in parts if len(part) == r]) for r in times]
 
 
 def joint_scatter(
@@ -73,7 +75,7 @@ def joint_scatter(
     References
     ----------
     Likelihood of the differences from pose means, covariance own + factor^2 shape; one-sided limit
-    where it falls by chi2_1(.90) / 2 = 1.353.
+    where it falls by `UNGUARDED_DROP`.
     """
     points = visits.rows(~visits.is_distance)
     groups = repeated(points) if len(points) else []
@@ -85,7 +87,7 @@ def joint_scatter(
     factors = np.concatenate([[0.0], np.geomspace(0.02, 50.0, 320)])
     value = np.array([_of_differences(residual, own + f**2 * shape, groups) for f in factors])
     best = int(np.argmax(value))
-    last = int(np.flatnonzero(value >= value[best] - 1.353)[-1])
+    last = int(np.flatnonzero(value >= value[best] - UNGUARDED_DROP)[-1])
     return float(factors[best]), float(factors[min(last + 1, len(factors) - 1)])
 
 
@@ -94,16 +96,14 @@ def _of_differences(residual: Array, V: Array, groups: list[Index]) -> float:
     total = 0.0
     for rows in groups:
         square, precision = _about_mean(residual[rows], V[rows])
-        logarithms = np.linalg.slogdet(V[rows])[1].sum() + np.linalg.slogdet(precision)[1]
-        total -= (logarithms + square) / 2
-    return float(total)
+        logarithms = np.linalg.slogdet(V[rows])[1].sum() + np.linalg.slogdet(precision)[1].sum()
+        total -= float(logarithms + square) / 2
+    return total
 
 
 def _about_mean(y: Array, V: Array) -> tuple[float, Array]:
-    """Whitened square of rows y (r, 3) about their weighted mean, and the mean's precision."""
-    pull = np.linalg.solve(V, y[:, :, None]).sum(axis=0)[:, 0]
-    precision = np.linalg.solve(V, np.broadcast_to(np.eye(3), V.shape)).sum(axis=0)
-    apart = y - np.linalg.solve(precision, pull)
-    return float(
-        np.einsum("ki,ki->", apart, np.linalg.solve(V, apart[:, :, None])[..., 0])
-    ), precision
+    """Whitened square of rows y (g, r, 3) about their weighted means, and precisions (g, 3, 3)."""
+    pull = np.linalg.solve(V, y[..., None]).sum(axis=1)
+    precision = np.linalg.solve(V, np.broadcast_to(np.eye(3), V.shape)).sum(axis=1)
+    apart = y - np.swapaxes(np.linalg.solve(precision, pull), 1, 2)
+    return float((apart * np.linalg.solve(V, apart[..., None])[..., 0]).sum()), precision

@@ -15,7 +15,7 @@ from calib.measurement.observations import DISTANCE
 from testbed.laboratory.bench import Bench
 from testbed.laboratory.tracker.predicted import goal_uncertainty, shared_rows
 from testbed.robots.placements import placements
-from testbed.scenario.tables import StationSettings
+from testbed.scenario.planning import StationSettings
 
 BESIDE = 0.5
 """A tracker stands at least so far outside the robot's reach [m]."""

@@ -13,9 +13,8 @@ from calib.measurement.prediction import predict
 from calib.uncertainty.statement.gain import estimator_gain
 from calib.uncertainty.statement.instrument import UNSEEN
 from testbed.files.read import read_session
-from testbed.files.session_toml import SystematicTable
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.records import Delivered
+from testbed.identify.delivered import Delivered
 from testbed.identify.results import headline
 from testbed.identify.session import with_test
 from testbed.identify.shared import beam_of, errors_of, shared_of, shared_section
@@ -23,6 +22,7 @@ from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.robots.catalog import load_robot
 from testbed.run.export import export_campaign
 from testbed.scenario.read import changed
+from testbed.scenario.systematic import SystematicTable
 from testbed.studies import load_scenario
 from tests import campaign
 from tests.calibrated import robot, session_of, table_of, true_model

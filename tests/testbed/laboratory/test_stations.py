@@ -22,7 +22,7 @@ from testbed.laboratory.tracker.stations import (
 from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.robots.catalog import load_robot
 from testbed.scenario.laboratory import At960Tracker, BoxObstacle, CellSettings, PaperTracker
-from testbed.scenario.tables import StationSettings
+from testbed.scenario.planning import StationSettings
 from testbed.studies import scenario_of
 
 ROBOT = load_robot("staubli_tx60")

@@ -1,0 +1,53 @@
+"""What leaves with a calibration, and what is believed of a program's targets."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.arrays import Array, Bool
+from calib.uncertainty.statement.conformity import Conformity
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TargetStatement:
+    """What is believed at m targets of a program, and decided on them."""
+
+    radius_mean: Annotated[Array, "m"]
+    """(m,) R95 of the mean of many moves; zero where no region is stated [m]."""
+    radius_move: Array
+    """(m,) the same of where one move ends; (0,) if nothing tells how well joints come back [m]."""
+    transfer: Annotated[Array, "m"]
+    """(m,) g: what reaches the target of what the model misses, as against the held-out poses."""
+    leverage: Annotated[Array, "m"]
+    """(m,) h: the same of the noise."""
+    place: Annotated[NDArray[np.str_], "m"]
+    """(m,) inside, edge or outside of what was proven."""
+    stated: Annotated[Bool, "m"]
+    """(m,) whether a region is stated."""
+    reaches: bool
+    """Whether the statement reaches the program: not too many of its targets lie outside."""
+    why: tuple[str, ...]
+    """(m,) what grows or refuses the region; empty where nothing does."""
+    before: Conformity | None
+    """Decisions on the program as it was, at the targets with a region; None without a tolerance,
+    or without such a target."""
+    after: Conformity | None
+    """The same of the corrected program."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Delivered:
+    """What was written beside the record, in words."""
+
+    robot: tuple[str, ...]
+    """How each file of the identified robot was proven."""
+    program: tuple[str, ...]
+    """What became of each target of the program; empty without one."""
+    program_failed: int
+    """Targets that could not be corrected."""
+    program_conditions: tuple[str, ...] = ()
+    """What the conditions of each target of the program are, beside those of the rows."""
+    targets: TargetStatement | None = None
+    """What is believed there; None without a program, or where nothing is believed."""
