@@ -49,7 +49,7 @@ def by_order(joints: Joints, readings: Readings, model: RobotModel) -> Match:
     if len(joints) != len(readings):
         most = Counter(readings.target).most_common(1)[0][0] if len(readings) else ""
         rows = np.flatnonzero(np.array(readings.target) == most)
-        where, parting = parted(model, joints, readings, rows, rows)
+        where, parting = parted(model, joints, readings, rows)
         raise refusal(
             where, "match",
             f"there are {len(readings)} readings for {len(joints)} joint vectors in {joints.where}"
@@ -75,7 +75,7 @@ def by_cycle(joints: Joints, readings: Readings, model: RobotModel) -> Match:
         shown = ", ".join(f"{name or 'it'} {count}" for name, count in sorted(counts.items())[:8])
         odd = next((name for name, count in counts.items() if count != len(joints)), "")
         rows = np.flatnonzero(np.array(readings.target) == odd)
-        where, parting = parted(model, joints, readings, number[rows], rows)
+        where, parting = parted(model, joints, readings, rows)
         raise refusal(
             where, "target",
             f"targets were shot {shown} times for {len(joints)} joint vectors{parting}", code="M31",

@@ -1,14 +1,14 @@
 """Shots that were missed, or taken twice, inside a file: from there on rows belong to other poses.
 
-Frames are fitted to a stretch of rows that hang together; then each row is given the joints so many
-rows away that fit it, by the cheapest way (Viterbi): to change the distance costs as much as some
-rows that fit nowhere.
+Readings and joints are aligned with gaps (Needleman, Wunsch 1970): base and tool from a stretch of
+rows that hang together say where each pose should be seen; a row at its joints costs the square of
+its error, leaving a reading or a pose alone costs as much as a row that fits nowhere. What is found
+is where the cheapest way leaves some alone, fits the rest, and where other ways cost as little.
 
-So a change is named from two rows on: the first row of a file, or the last two, may not hang
-together with the others. From 15 rows on nearly every other one is named; of fewer rows most are,
-none below 8. What is not named is not taken either: one or two rows that fit nowhere are left out
-with a warning, and a file of 6 poses or more of which nothing else holds is refused by the probe,
-as that of another robot.
+So one missed and one extra shot are named wherever they stand, as soon as one row between them fits
+other joints. What a file cannot tell is not guessed: a reading and its joints that are wrong side
+by side are one wrong shot, two rows in each other's place are swapped; both are left out with a
+warning, as are the rows behind the last joints. Below 8 rows nothing is asked.
 """
 
 from collections.abc import Sequence
@@ -16,12 +16,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array, Index
+from calib.arrays import Array, Bool, Index
+from calib.geometry.frames import log_so3
 from calib.geometry.model import RobotModel
 from calib.measurement.observations import Measurements
 from testbed.files.frames_fit import (
     ENOUGH,
     FAR,
+    LEVER,
     PARTED,
     Frames,
     Misfit,
@@ -33,16 +35,22 @@ from testbed.files.joints import Joints
 from testbed.files.readings import Readings
 from testbed.files.refusal import refusal
 
-SHIFTS = np.arange(-3, 4)
-"""How many rows away joints are looked for."""
-MOST = 20_000
-"""Rows above which nothing is tried."""
+BAND = 6
+"""Rows that joints may be away, besides those that one side has more than the other."""
+MOST, MOST_MORE = 20_000, 100
+"""Rows, and rows more on one side, above which nothing is tried."""
 MOST_FITTED = 60
 """Rows that frames are fitted to."""
-ROUNDS = 3
-"""Fits to all rows at the joints found for them."""
-TIMES, CHANGE = 5.0, 40.0
-"""A row fits nowhere if its error is so many usual ones; what a change costs, in their squares."""
+STARTS, ROUNDS = 3, 5
+"""Stretches whose frames are aligned with, and alignments with frames of all rows that fit."""
+ALONE = 50.0
+"""What a reading or a pose left alone costs, in squares of usual errors; a row that fits nowhere
+costs as much as both, less a little, so that it stays where it is."""
+TIMES = 7.0
+"""A row fits its joints if its error is below so many usual ones."""
+ALIKE = 10.0
+"""Ways that cost no more than this on top are as good: errors of a nominal robot are alike in
+neighboring poses, so this is more than chance would need."""
 WHOLE = 0.8
 """Part of the rows that must fit in the end."""
 SHOWN = 4
@@ -57,6 +65,9 @@ class Slip:
     """First readings that do, by their place among those looked at."""
     shifts: tuple[int, ...]
     """How many rows further their joints stand; below zero: before."""
+    spans: tuple[tuple[int, int], ...]
+    """First and last reading that a missed shot may stand before, or that may be the extra one:
+    what lies between fits alike."""
     left: Misfit
     """What base and tool leave with every row at its joints."""
 
@@ -65,13 +76,15 @@ class Slip:
 
         `place` has file and line of each reading looked at.
         """
+        lines = [int(each.rpartition(":")[2]) for each in place]
         parts, before = [], 0
-        for row, shift in zip(self.rows, self.shifts, strict=True):
-            count, what = abs(shift - before), "missing" if shift > before else "too many"
+        for row, shift, span in zip(self.rows, self.shifts, self.spans, strict=True):
+            count, missing = abs(shift - before), shift > before
             shots = "one shot is" if count == 1 else f"{count} shots are"
             k = f"k{-shift:+d}" if shift else "k"
-            line = place[row].rpartition(":")[2]
-            parts.append(f"from line {line} on, row {k} belongs to pose k; {shots} {what}")
+            begin = _lines(lines, span) if missing else f"line {lines[row]}"
+            what = "missing" if missing else f"too many ({_lines(lines, span)})"
+            parts.append(f"from {begin} on, row {k} belongs to pose k; {shots} {what}")
             before = shift
         return "; ".join(parts[:SHOWN])
 
@@ -83,53 +96,32 @@ class Slip:
         return "take out the joints of the pose that was missed, or measure it again"
 
 
-def find_slip(F: Array, index: Index, position: Array, rotation: Array | None) -> Slip | None:
+def find_slip(F: Array, position: Array, rotation: Array | None) -> Slip | None:
     """Where readings and joints part; None if nowhere, or if nothing fits.
 
     Parameters
     ----------
     F : (n, 4, 4) array
         Flange poses at the joints, in their order [m].
-    index : (m,) array of int
-        Joints that each reading is taken to belong to.
     position : (m, 3) array
         Readings of one target from one station, in their order [m].
     rotation : (m, 3, 3) array, optional
         The same of full poses.
     """
-    m = len(index)
-    if not PARTED <= m <= MOST:
+    n, m = len(F), len(position)
+    if not PARTED <= m <= MOST or abs(n - m) > MOST_MORE:
         return None
+    shifts = np.arange(min(n - m, 0) - BAND, max(n - m, 0) + BAND + 1)
     starts = [
-        _fitted(F, index + shift, position, rotation, rows)
+        _fitted(F, np.arange(m) + shift, position, rotation, rows)
         for rows in stretches(np.arange(m))
         for shift in (0, 1, -1)
     ]
-    errors = [_errors(frames, F, index, position) for frames in starts if frames is not None]
-    if not errors:
-        return None
-    found = min(errors, key=lambda each: float(np.minimum(each.min(axis=1), FAR).sum()))
-    for _ in range(ROUNDS):
-        path = _path(found)
-        joints = index + SHIFTS[path]
-        each = np.take_along_axis(found, path[:, None], axis=1)[:, 0]
-        good = np.flatnonzero(each <= TIMES * _usual(found))
-        frames = _fitted(F, joints, position, rotation, good)
-        if frames is None or len(good) < WHOLE * m:
-            return None
-        found = _errors(frames, F, index, position)
-    assert frames is not None  # one of the last round
-    turned = None if rotation is None else rotation[good]
-    left = frames.misfit(F[joints[good]], position[good], turned)
-    # one row before the first change fits nowhere: the way cannot know its joints
-    shifts = np.concatenate([[0], SHIFTS[path[good]]])
-    changes = np.flatnonzero(np.diff(shifts))
-    if not len(changes) or left.score > FAR:
-        return None
-    rows = good[changes]
-    if changes[0] == 0 and rows[0] == np.argmax((joints >= 0) & (joints < len(F))):
-        rows[0] = 0  # no row before could have joints
-    return Slip(tuple(rows.tolist()), tuple(shifts[changes + 1].tolist()), left)
+    errors = [_errors(frames, F, position, rotation, shifts) for frames in starts if frames]
+    errors.sort(key=lambda each: float(np.minimum(each.min(axis=1), FAR).sum()))
+    tried = [_settled(F, position, rotation, each, shifts) for each in errors[:STARTS]]
+    found = [each for each in tried if each is not None]
+    return min(found, key=lambda each: each[0])[1] if found else None
 
 
 def raise_if_slipped(
@@ -146,8 +138,7 @@ def raise_if_slipped(
     """
     for rows in groups:
         rotation = table.rotation[rows] if table.is_pose[rows[0]] else None
-        F, index = flange_poses(model, table.q[rows]), np.arange(len(rows))
-        slip = find_slip(F, index, table.position[rows], rotation)
+        slip = find_slip(flange_poses(model, table.q[rows]), table.position[rows], rotation)
         if slip is not None and slip.rows != (0,):
             lines = [place[row] for row in rows]
             raise refusal(
@@ -156,17 +147,14 @@ def raise_if_slipped(
             )  # fmt: skip
 
 
-def parted(
-    model: RobotModel, joints: Joints, readings: Readings, index: Index, rows: Index
-) -> tuple[str, str]:
-    """Place and sentence of where readings in `rows`, for joints in `index`, part from them.
+def parted(model: RobotModel, joints: Joints, readings: Readings, rows: Index) -> tuple[str, str]:
+    """Place and sentence of where readings in `rows` part from the joints in their order.
 
     Where nobody knows, the file and nothing.
     """
     if readings.kind != "distance":
         rotation = readings.rotation[rows] if readings.kind == "pose" else None
-        F = flange_poses(model, joints.q)
-        slip = find_slip(F, index, readings.position[rows], rotation)
+        slip = find_slip(flange_poses(model, joints.q), readings.position[rows], rotation)
         if slip is not None:
             lines = [readings.place[row] for row in rows]
             return lines[slip.rows[0]], f": {slip.sentence(lines)}"
@@ -186,30 +174,135 @@ def _fitted(
     return fit_frames(F[joints[some]], position[some], turned)
 
 
-def _errors(frames: Frames, F: Array, index: Index, position: Array) -> Array:
-    """Distance (m, s) of each reading from where each shift has it; inf beyond the ends [m]."""
+def _errors(
+    frames: Frames, F: Array, position: Array, rotation: Array | None, shifts: Index
+) -> Array:
+    """How far (m, s) each reading is from where each shift has it; inf beyond the ends [m].
+
+    A turn counts as in `Misfit.score`.
+    """
     known = (F[:, :3, 3] + F[:, :3, :3] @ frames.arm) @ frames.R.T + frames.t
-    joints = index[:, None] + SHIFTS
+    joints = np.arange(len(position))[:, None] + shifts
     inside = (joints >= 0) & (joints < len(F))
-    at = known[np.clip(joints, 0, len(F) - 1)]
-    return np.where(inside, np.linalg.norm(position[:, None] - at, axis=2), np.inf)
+    at = np.clip(joints, 0, len(F) - 1)
+    errors = np.linalg.norm(position[:, None] - known[at], axis=2)
+    if rotation is not None and frames.Y is not None:
+        turned = rotation[:, None] @ np.swapaxes(frames.R @ F[:, :3, :3] @ frames.Y, 1, 2)[at]
+        errors = np.hypot(errors, LEVER * np.linalg.norm(log_so3(turned), axis=2))
+    return np.where(inside, errors, np.inf)
 
 
-def _usual(errors: Array) -> float:
-    """Error of a row at the joints that fit it best [m]."""
-    return max(float(np.median(errors.min(axis=1))), 1e-4)
+def _settled(
+    F: Array, position: Array, rotation: Array | None, errors: Array, shifts: Index
+) -> tuple[float, Slip | None] | None:
+    """What the alignment that begins with some errors (m, s) costs, and the slip in it.
+
+    Frames are fitted again to all rows that fit. None if too few do.
+    """
+    m, before = len(position), None
+    for _ in range(ROUNDS):
+        usual = max(float(np.median(errors.min(axis=1))), 1e-4)
+        cost = np.minimum((errors / usual) ** 2, 2 * ALONE - 1)
+        total, way = _aligned(cost, shifts, len(F))
+        own = np.take_along_axis(errors, np.clip(way, 0, None)[:, None], axis=1)[:, 0]
+        fits = (way >= 0) & (own <= TIMES * usual)
+        frames = _fitted(F, np.arange(m) + shifts[way], position, rotation, np.flatnonzero(fits))
+        if frames is None or fits.sum() < WHOLE * m:
+            return None
+        if before is not None and np.array_equal(before, way):
+            break
+        errors, before = _errors(frames, F, position, rotation, shifts), way
+    assert frames is not None  # one of the last round
+    good = _not_swapped(np.flatnonzero(fits), way, errors <= TIMES * usual, shifts)
+    turned = None if rotation is None else rotation[good]
+    left = frames.misfit(F[good + shifts[way[good]]], position[good], turned)
+    return (total, _slip(cost, way, good, shifts, left)) if left.score <= FAR else None
 
 
-def _path(errors: Array) -> Index:
-    """The cheapest way (m,) through the shifts of all rows."""
-    cost = np.minimum(errors / _usual(errors), TIMES) ** 2
-    total, back = cost[0], np.zeros(cost.shape, dtype=np.int64)
-    for k in range(1, len(cost)):
-        cheapest = int(np.argmin(total))
-        stay = total <= total[cheapest] + CHANGE
-        back[k] = np.where(stay, np.arange(len(SHIFTS)), cheapest)
-        total = np.minimum(total, total[cheapest] + CHANGE) + cost[k]
-    path = np.full(len(cost), int(np.argmin(total)), dtype=np.int64)
-    for k in range(len(cost) - 1, 0, -1):
-        path[k - 1] = back[k, path[k]]
-    return path
+def _aligned(cost: Array, shifts: Index, n: int) -> tuple[float, Index]:
+    """What the cheapest way through m readings and n poses costs, and each reading's shift in it.
+
+    The shift (m,) is a place among `shifts`; -1 where the reading is left alone.
+
+    Parameters
+    ----------
+    cost : (m, s) array
+        Of each reading at each shift.
+    shifts : (s,) array of int
+        One after the other.
+    n : int
+        Poses.
+    """
+    m, price, places = len(cost), ALONE * shifts, np.arange(len(shifts))
+    total = np.where(shifts >= 0, price, np.inf)
+    matched, source = np.zeros(cost.shape, dtype=bool), np.zeros(cost.shape, dtype=np.int64)
+    for i in range(m):
+        joints = i + shifts
+        stay = np.where((joints >= 0) & (joints < n), total + cost[i], np.inf)
+        extra = np.append(total[1:] + ALONE, np.inf)
+        matched[i] = stay <= extra
+        # a pose left alone moves on by one shift: the cheapest of all before
+        ahead = np.where(joints + 1 <= n, np.minimum(stay, extra), np.inf) - price
+        least = np.minimum.accumulate(ahead)
+        source[i] = np.maximum.accumulate(np.where(ahead == least, places, 0))
+        total = np.where((joints + 1 >= 0) & (joints + 1 <= n), least + price, np.inf)
+    place = int(np.searchsorted(shifts, n - m))
+    best, way = float(total[place]), np.full(m, -1)
+    for i in range(m - 1, -1, -1):
+        place = int(source[i, place])
+        if matched[i, place]:
+            way[i] = place
+        else:
+            place += 1
+    return best, way
+
+
+def _not_swapped(good: Index, way: Index, near: Bool, shifts: Index) -> Index:
+    """The rows that fit without one of each two in each other's place: they are no missed shot."""
+    kept, here = [], shifts[way]
+    for k, row in enumerate(good):
+        around = {int(here[other]) for other in (*good[max(k - 1, 0) : k], *good[k + 1 : k + 2])}
+        if len(around) == 1 and int(here[row]) not in around:
+            usual = around.pop()
+            other, back = int(row + here[row] - usual), int(2 * usual - here[row])
+            place = back - int(shifts[0])
+            inside = 0 <= other < len(way) and 0 <= place < len(shifts)
+            if inside and other not in good and near[other, place]:
+                continue
+        kept.append(row)
+    return np.array(kept, dtype=np.int64)
+
+
+def _slip(cost: Array, way: Index, good: Index, shifts: Index, left: Misfit) -> Slip | None:
+    """The changes of shift along a way at the rows that fit; None if there are none."""
+    place = np.concatenate([[-int(shifts[0])], way[good]])
+    changes = np.flatnonzero(np.diff(place))
+    begins = [0, *good[changes].tolist(), len(way)]
+    rows, spans = [], []
+    for k, row, low, high in zip(changes, begins[1:], [0, *begins[1:]], begins[2:], strict=False):
+        old, new = int(place[k]), int(place[k + 1])
+        alone = max(old - new, 0)
+        # the cost of rows before c at the old joints and of those behind the ones left alone
+        before = np.concatenate([[0.0], np.cumsum(cost[low:high, old])])
+        after = np.concatenate([[0.0], np.cumsum(cost[low:high, new][::-1])])[::-1]
+        each = before[: len(before) - alone] + after[alone:]
+        first = last = row - alone - low
+        most = each[first] + ALIKE
+        while first > 0 and each[first - 1] <= most:
+            first -= 1
+        while last < len(each) - 1 and each[last + 1] <= most:
+            last += 1
+        first, last = first + low, last + low
+        spans.append((first, last + alone - 1) if alone else (first, last))
+        # nothing stands before an extra first row
+        rows.append(row if not alone else first + alone if first else 0)
+    then = tuple(int(shifts[place[k + 1]]) for k in changes)
+    return Slip(tuple(rows), then, tuple(spans), left) if rows else None
+
+
+def _lines(lines: Sequence[int], span: tuple[int, int]) -> str:
+    """``line 12``, ``line 12 or 13``, ``one of lines 12 to 14``: they fit alike."""
+    shown = lines[span[0] : span[1] + 1]
+    if len(shown) < 3:
+        return f"line {' or '.join(map(str, shown))}"
+    return f"one of lines {shown[0]} to {shown[-1]}"

@@ -11,7 +11,7 @@ from testbed.cli import app
 from testbed.files.frames_fit import flange_poses
 from testbed.files.probe import probe
 from testbed.files.read import read_session
-from testbed.files.slips import find_slip
+from testbed.files.slips import ALONE, _aligned, find_slip
 from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
 
 ARM = np.array([0.05, 0.03, 0.08])
@@ -32,7 +32,6 @@ def found(m, at, kind, *, poses, seed=0):
     position = position if poses else position + rotation @ ARM
     return find_slip(
         flange_poses(ROBOT.model, data.q),
-        np.arange(len(rows)),
         position[rows],
         rotation[rows] if poses else None,
     )
@@ -46,8 +45,12 @@ def check(m, at, kind, *, poses, seed=0):
     # a row of elsewhere belongs nowhere: either side of it is right
     assert slip.rows[0] in ((at,) if kind != "elsewhere" else (at, at + 1))
     assert slip.left.score < 2e-3
+    # of two shots of one pose nobody knows which one is too many
+    first, last = slip.spans[0]
+    assert (first, last) == ((at - 1, at) if kind == "twice" else (at, at))
     line = f"line {slip.rows[0] + 2} on, row k{-by:+d} belongs to pose k"
-    told = f"from {line}; one shot is {'missing' if by > 0 else 'too many'}"
+    extra = f"line {at + 1} or {at + 2}" if kind == "twice" else f"line {at + 2}"
+    told = f"from {line}; one shot is {'missing' if by > 0 else f'too many ({extra})'}"
     assert slip.sentence(LINES) == told
 
 
@@ -126,22 +129,22 @@ def test_two_missed_shots_and_one_of_each_are_told_apart():
             "from line 22 on, row k-2 belongs to pose k; 2 shots are",
         ),
     ):
-        slip = find_slip(F, np.arange(len(rows)), data.T[rows, :3, 3], data.T[rows, :3, :3])
+        slip = find_slip(F, data.T[rows, :3, 3], data.T[rows, :3, :3])
         assert slip.shifts == shifts
         assert re.search(words, slip.sentence(LINES))
 
 
 def test_right_rows_and_rows_that_fit_nowhere_are_no_slip():
     data = made(0, 29)
-    F, index = flange_poses(ROBOT.model, data.q), np.arange(29)
+    F = flange_poses(ROBOT.model, data.q)
     position, rotation = data.T[:, :3, 3], data.T[:, :3, :3]
-    assert find_slip(F, index, position, rotation) is None
+    assert find_slip(F, position, rotation) is None
     swapped = np.array([0, 2, 1, *range(3, 29)])
-    assert find_slip(F, index, position[swapped], rotation[swapped]) is None
+    assert find_slip(F, position[swapped], rotation[swapped]) is None
     anywhere = np.random.default_rng(0).permutation(29)
-    assert find_slip(F, index, position[anywhere], rotation[anywhere]) is None
-    assert find_slip(F, index, position * 1e3, rotation) is None
-    assert find_slip(F[:7], index[:7], position[:7], rotation[:7]) is None
+    assert find_slip(F, position[anywhere], rotation[anywhere]) is None
+    assert find_slip(F, position * 1e3, rotation) is None
+    assert find_slip(F[:7], position[:7], rotation[:7]) is None
 
 
 READINGS = ("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg")
@@ -190,14 +193,87 @@ def test_two_wrong_rows_never_spoil_the_whole_file(first, poses, tmp_path):
     assert len(session.measurements) == 27
 
 
-def test_the_last_two_rows_are_left_out_where_no_joints_remain_for_the_last(tmp_path):
-    """One fit of all rows is spoiled by them: a part of the rows is not."""
+def test_one_row_that_fits_other_joints_shows_a_missing_shot(tmp_path):
+    """The next to last row has the joints of the one before, the last one has none."""
     file = tmp_path / "a.csv"
     file.write_text(csv(slipped(26, "missing")))
-    session = read_session(file, ROBOT)
-    assert [text.split(": ")[0] for text in session.masked] == [f"{file}:28", f"{file}:29"]
-    assert "fits the joints of row +1" in session.masked[0]
-    assert len(session.measurements) == 26
+    with pytest.raises(InputError, match=r"from line 28 on, row k-1 .*; one shot is missing;"):
+        read_session(file, ROBOT)
+
+
+def gap_and_extra(seed, m=60):
+    """Where a shot was missed, which row is too many, and the poses of the readings."""
+    rng = np.random.default_rng([15, seed])
+    gap, extra = (int(k) for k in rng.integers(m, size=2))
+    left = np.delete(np.arange(m), gap)
+    twice = seed % 2 and extra > 0
+    return gap, extra, np.insert(left, extra, left[extra - 1] if twice else (gap + m // 2) % m)
+
+
+@pytest.mark.parametrize(
+    "seeds", [range(8), pytest.param(range(8, 208), marks=pytest.mark.study)], ids=["few", "all"]
+)
+def test_one_gap_and_one_extra_row_are_found_anywhere_in_60_rows(seeds):
+    for seed in seeds:
+        gap, extra, rows = gap_and_extra(seed)
+        data = made(seed, 60)
+        T = data.T[rows]
+        for poses in (True, False):
+            at = T[:, :3, 3] if poses else T[:, :3, 3] + T[:, :3, :3] @ ARM
+            F = flange_poses(ROBOT.model, data.q)
+            slip = find_slip(F, at, T[:, :3, :3] if poses else None)
+            if slip is None:
+                # side by side they are one wrong row, which is left out by name
+                assert (rows != np.arange(60)).sum() == 1, seed
+                continue
+            before = (0, *slip.shifts[:-1])
+            told = {
+                "gap" if shift > old else "extra": span
+                for shift, old, span in zip(slip.shifts, before, slip.spans, strict=True)
+            }
+            # at the end of a file nothing is behind them
+            row = gap + (extra <= gap)
+            assert told.get("gap", (59, 60))[0] <= row <= told.get("gap", (59, 60))[1], seed
+            first, last = told.get("extra", (59, 59))
+            assert first <= extra <= last <= first + 1, seed
+
+
+def test_the_cheapest_way_is_that_of_all_ways():
+    """All alignments of five readings with six poses, one by one."""
+    rng, shifts = np.random.default_rng(0), np.arange(-3, 5)
+    for _ in range(20):
+        cost = rng.uniform(0, 120, (5, len(shifts)))
+
+        def best(i, j, cost=cost):
+            if i == 5 or j == 6:
+                return ALONE * (5 - i + 6 - j)
+            ways = [best(i + 1, j) + ALONE, best(i, j + 1) + ALONE]
+            if j - i in shifts:
+                ways.append(best(i + 1, j + 1) + cost[i, j - i + 3])
+            return min(ways)
+
+        total, way = _aligned(cost, shifts, 6)
+        assert total == pytest.approx(best(0, 0), rel=1e-12)
+        used = np.flatnonzero(way >= 0)
+        poses = used + shifts[way[used]]
+        assert (np.diff(poses) > 0).all()
+        alone = ALONE * (11 - 2 * len(used))
+        assert total == pytest.approx(cost[used, way[used]].sum() + alone, rel=1e-12)
+
+
+def test_what_the_file_cannot_tell_apart_is_said():
+    """Poses 20 to 23 are one: which of their shots was missed nobody knows."""
+    data = made(0, 60)
+    same = np.where((np.arange(60) > 19) & (np.arange(60) < 24), 20, np.arange(60))
+    F, T = flange_poses(ROBOT.model, data.q)[same], data.T[same]
+    rows = np.delete(np.arange(60), 21)
+    slip = find_slip(F, T[rows, :3, 3], T[rows, :3, :3])
+    assert slip.spans == ((20, 23),)
+    assert slip.sentence(LINES).startswith("from one of lines 22 to 25 on, row k-1 belongs to")
+    rows = np.insert(np.arange(60), 22, 21)
+    slip = find_slip(F, T[rows, :3, 3], T[rows, :3, :3])
+    assert slip.spans == ((20, 24),)
+    assert slip.sentence(LINES).endswith("one shot is too many (one of lines 22 to 26)")
 
 
 def test_the_missing_shot_is_named_where_the_order_matches_rows(tmp_path):
