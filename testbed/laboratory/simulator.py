@@ -70,7 +70,7 @@ class Simulator:
 
         from testbed.robots.write.mjcf import build_spec, compile_spec
 
-        mujoco.set_mju_user_warning(_log_warning)
+        mujoco.set_mju_user_warning(log_warning)
         if robot is not None and not robot.folder.resolve().is_relative_to(assets.models()):
             check_meshes(*(visual.file for visual in robot.visuals))
         spec = build_spec(chain, robot)
@@ -292,7 +292,7 @@ def _stand(spec: Any, obstacle: Obstacle, margin: float) -> None:
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=obstacle.name, **place)
 
 
-def _log_warning(message: str) -> None:
+def log_warning(message: str) -> None:
     """Send a MuJoCo warning to the log; its own way is a file in the current folder.
 
     Must not raise: MuJoCo calls this from C++ and would end the process.

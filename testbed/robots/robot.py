@@ -32,6 +32,8 @@ TURNS = 1.5
 """Joints that turn farther than so many turns are kept to half a turn about their middle."""
 STEP = 0.01
 """All numbers are rounded to this, for people [m]."""
+NO_MASS = "no mass is given for what"
+"""Begins the note on bodies whose masses are assumed."""
 
 
 @dataclass(frozen=True, slots=True)

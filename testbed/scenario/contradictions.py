@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from calib.information.criteria.named import NEEDS_GOALS
 from testbed.bounds import LENGTH_SD, shown
 from testbed.scenario.fixtures import fixture_contradictions
-from testbed.scenario.laboratory import SYSTEMATIC, At960Tracker, TruthSettings
+from testbed.scenario.laboratory import SYSTEMATIC, At960Tracker
 from testbed.scenario.planning import (
     MAX_STATIONS,
     BoxGoal,
@@ -16,6 +16,7 @@ from testbed.scenario.planning import (
 )
 from testbed.scenario.scenario import RESERVED, Scenario
 from testbed.scenario.tables import BudgetSettings, IdentificationSettings, TrialSettings
+from testbed.scenario.truth import truth_contradictions
 from testbed.units import counted
 
 MOST_ROUNDS = 100
@@ -99,7 +100,7 @@ def contradictions(scenario: Scenario) -> Iterator[str]:
                 "or more than 1"
             )
     yield from _of_identification(scenario.identification)
-    yield from _of_truth(scenario.truth)
+    yield from truth_contradictions(scenario.truth, scenario.tracker.pose_s)
     yield from _of_tracker(scenario)
     if scenario.fixtures is not None:
         yield from fixture_contradictions(scenario, scenario.fixtures)
@@ -176,39 +177,6 @@ def _of_identification(settings: IdentificationSettings) -> Iterator[str]:
                 f"[identification] {key} belongs to the default estimator, and estimators has "
                 f'"paper" only; add "whitened" or remove {key}'
             )
-
-
-def _of_truth(truth: TruthSettings) -> Iterator[str]:
-    """Contradictions in [truth]."""
-    sprung = bool(truth.drive_nm_per_mrad)
-    if sprung and any(truth.gravity_mdeg):
-        yield (
-            "[truth] gravity_mdeg and drive_nm_per_mrad would both make the arm droop; "
-            "write gravity_mdeg = [0, 0, 0] or drive_nm_per_mrad = []"
-        )
-    if truth.bearing_nm_per_mrad and not sprung:
-        yield (
-            "[truth] bearing_nm_per_mrad is set, but the drives are stiff; "
-            "give drive_nm_per_mrad or write bearing_nm_per_mrad = []"
-        )
-    if truth.payload_kg and not sprung:
-        yield (
-            f"[truth] payload_kg is {truth.payload_kg:g}, but no spring feels it; "
-            "give drive_nm_per_mrad or write payload_kg = 0"
-        )
-    if truth.backlash_side == "posture" and (wrong := _outside_posture(truth.backlash_mdeg)):
-        yield (
-            f'[truth] backlash_side is "posture", which knows joints 3 and 5 only; backlash_mdeg '
-            f"has play at {wrong}; write 0 there, or choose another backlash_side"
-        )
-
-
-def _outside_posture(width: float | tuple[float, ...]) -> str:
-    """Joints with play that the closed form does not know, in words; empty if there are none."""
-    if isinstance(width, float):
-        return "every joint" if width else ""
-    joints = [str(i + 1) for i, one in enumerate(width) if one and i not in (2, 4)]
-    return f"joint{'s' if len(joints) > 1 else ''} {', '.join(joints)}" if joints else ""
 
 
 def _of_tracker(scenario: Scenario) -> Iterator[str]:

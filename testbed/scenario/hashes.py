@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from calib.errors import refuse
 from testbed.disk import read_bounded
+from testbed.scenario.laboratory import TruthSettings
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import BudgetSettings, TrialSettings
 from testbed.store.npz import canonical
@@ -18,6 +19,13 @@ if TYPE_CHECKING:
 
 MOST_BYTES = 20_000_000
 """Of a file that a scenario names: the largest mesh that is read, and more than any table."""
+LATER_TRUTH = {
+    "transmission_mdeg": ("transmission_waves",),
+    "motion": (
+        *("speed_deg_s", "speed_mm_s", "approach_deg", "dwell_s", "friction_nm", "damping"),
+    ),
+}
+"""Switches of [truth] that earlier versions had not, and the keys that only count beside them."""
 SETTING_TABLES = ("format", "seed", "truth", "tracker", "pool", "cell", "test")
 
 
@@ -62,7 +70,7 @@ def goal_part(scenario: Scenario) -> dict[str, Any]:
 
 def hashed_document(scenario: Scenario) -> dict[str, Any]:
     """The scenario for hashing: files by what is in them, with no path of this machine in it."""
-    document = scenario.document()
+    document = scenario.document() | {"truth": truth_part(scenario.truth)}
     _leave_out_later_keys(document)
     for table, key in (
         *((entry, "file") for entry in document["cell"]["obstacle"]),
@@ -95,6 +103,16 @@ def _leave_out_later_keys(document: dict[str, Any]) -> None:
     for trial in document["trial"]:
         if trial["detmax"] == usual:
             del trial["detmax"]
+
+
+def truth_part(truth: TruthSettings) -> dict[str, Any]:
+    """A truth as it is hashed: without later keys where the term they belong to is off."""
+    document = truth.model_dump(mode="json")
+    for switch, keys in LATER_TRUTH.items():
+        if document[switch] == TruthSettings.model_fields[switch].default:
+            for key in (switch, *keys):
+                del document[key]
+    return document
 
 
 @lru_cache(maxsize=4)

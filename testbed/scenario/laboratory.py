@@ -23,9 +23,12 @@ Stiffness = Annotated[float, Field(ge=1e-3, le=1e9)]
 PerJoint = Amplitude | Annotated[tuple[Amplitude, ...], Field(min_length=1, max_length=MAX_JOINTS)]
 """One number for every joint, or one per joint."""
 Springs = Annotated[tuple[Stiffness, ...], Field(max_length=MAX_JOINTS)]
+Friction = Annotated[float, Field(ge=0.0, le=1e5)]
+Waves = Annotated[int, Field(ge=8, le=200)]
+"""Waves a turn: more than the harmonics have."""
 
 
-TruthPreset = Literal["rigid", "wen2022", "soft", "unmodelled", "elastic"]
+TruthPreset = Literal["rigid", "wen2022", "soft", "unmodelled", "elastic", "drives", "moving"]
 
 
 class TruthSettings(Settings):
@@ -49,6 +52,11 @@ class TruthSettings(Settings):
     frame_sd_mm: LengthSd
     """Base and tool frames, per axis."""
     frame_sd_deg: AngleSd
+    transmission_mdeg: PerJoint = 0.0
+    """Standard deviation, around the turn, of gear errors at each number of waves in the range
+    below; no model of an identification has them all."""
+    transmission_waves: tuple[Waves, Waves] = (10, 40)
+    """Fewest and most waves a turn."""
     encoder_mdeg: PerJoint = 0.0
     """Amplitude of the error between two lines of the encoder: the same at every return."""
     encoder_periods: Annotated[int, Field(ge=8, le=1_000_000)] = 1024
@@ -72,6 +80,22 @@ class TruthSettings(Settings):
     """Mass beyond the robot's own that hangs on a sprung arm."""
     payload_center_mm: Point = (0.0, 0.0, 50.0)
     """Its center of mass in the flange frame."""
+    motion: bool = False
+    """Whether the sprung arm moves: the next six keys, played by MuJoCo. Else it is at rest."""
+    speed_deg_s: Annotated[float, Field(ge=0.1, le=2000.0)] = 60.0
+    """Largest speed of a joint in the last part of a move."""
+    speed_mm_s: Annotated[float, Field(ge=0.0, le=20_000.0)] = 0.0
+    """Largest speed of the tool there; 0: that of the joints decides alone."""
+    approach_deg: Annotated[float, Field(ge=0.1, le=90.0)] = 10.0
+    """Last part of each move that is played, of the joint that moves farthest."""
+    dwell_s: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
+    """From the stop of the motors until the tracker looks."""
+    friction_nm: (
+        Friction | Annotated[tuple[Friction, ...], Field(min_length=1, max_length=MAX_JOINTS)]
+    ) = 0.0
+    """Dry friction of each joint, between its drive's spring and the link."""
+    damping: Annotated[float, Field(ge=0.0, le=5.0)] = 0.05
+    """Of every spring, as a share of the critical damping of what it carries on average."""
     joint_repeatability_mdeg: Annotated[float, Field(ge=0.0, le=1000.0)] | None
     """Every joint, per approach; None: the robot's own (written "robot" in the file)."""
 

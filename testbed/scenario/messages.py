@@ -19,7 +19,10 @@ TEXTS = (("truth", "perturb"), ("identification", "free"))
 """Keys that hold one text or a list of texts."""
 NUMBERS = tuple(
     ("truth", key)
-    for key in ("harmonic_mdeg", "high_harmonic_mdeg", "encoder_mdeg", "backlash_mdeg")
+    for key in (
+        *("harmonic_mdeg", "high_harmonic_mdeg", "transmission_mdeg", "encoder_mdeg"),
+        *("backlash_mdeg", "friction_nm"),
+    )
 )
 """Keys that hold one number or one per joint."""
 UNITS = {"um": 1e-6, "mm": 1e-3, "m": 1.0, "mdeg": 1e-3, "deg": 1.0, "rad": 180 / math.pi}

@@ -20,6 +20,12 @@ SOFT: dict[str, object] = {
     "frame_sd_mm": 0.1,
     "frame_sd_deg": 0.01,
 }
+ELASTIC: dict[str, object] = SOFT | {
+    "gravity_mdeg": [0.0, 0.0, 0.0],
+    "drive_nm_per_mrad": [90.0, 90.0, 40.0, 12.0, 10.0, 6.0],
+    "bearing_nm_per_mrad": [600.0, 500.0, 300.0, 100.0, 80.0, 50.0],
+    "payload_kg": 2.0,
+}
 TRUTH_PRESETS: dict[str, dict[str, object]] = {
     "rigid": {"gravity_mdeg": [0.0, 0.0, 0.0], "harmonic_mdeg": 0.0},
     "wen2022": {"gravity_mdeg": [10.0, 6.0, 8.0], "harmonic_mdeg": 6.0},
@@ -29,16 +35,23 @@ TRUTH_PRESETS: dict[str, dict[str, object]] = {
         "backlash_mdeg": [0.0, 0.0, 8.0, 0.0, 8.0, 0.0],
         "backlash_side": "posture",
     },
-    "elastic": SOFT
+    "elastic": ELASTIC,
+    "drives": SOFT
     | {
         "gravity_mdeg": [0.0, 0.0, 0.0],
-        "drive_nm_per_mrad": [90.0, 90.0, 40.0, 12.0, 10.0, 6.0],
-        "bearing_nm_per_mrad": [600.0, 500.0, 300.0, 100.0, 80.0, 50.0],
-        "payload_kg": 2.0,
+        "transmission_mdeg": [8.0, 8.0, 8.0, 5.0, 5.0, 5.0],
     },
+    "moving": ELASTIC
+    | {"motion": True, "friction_nm": [3.0, 3.0, 1.5, 0.5, 0.35, 0.2]},  # 1 % of rated torque
 }
 """What differs between the presets; the rest is common (project specification, section 5)."""
-ALONG = ("harmonic_mdeg", "drive_nm_per_mrad", "bearing_nm_per_mrad")
+ALONG = (
+    "harmonic_mdeg",
+    "transmission_mdeg",
+    "drive_nm_per_mrad",
+    "bearing_nm_per_mrad",
+    "friction_nm",
+)
 """Keys whose lists follow the number of joints; play belongs to joints 3 and 5 of any arm."""
 TRUTH_COMMON: dict[str, object] = {
     "angle_sd_deg": 0.02,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
 
 from testbed.laboratory.truth.laboratory import Setting
 from testbed.report.page import Section
-from testbed.scenario.hashes import goal_part, part, shared_part
+from testbed.scenario.hashes import goal_part, part, shared_part, truth_part
 from testbed.scenario.scenario import Scenario
 from testbed.store.quantities import Quantity, below
 from testbed.studies.many_robots import (
@@ -83,7 +83,7 @@ class KindsStudy(Generic[R]):
         needs, pieces = (SETTING, trials[0].name), pieces_of(table.robots)
         found = []
         for key in played_keys(table):
-            truth = table.truth_of(scenario, kind_of(key)).model_dump(mode="json")
+            truth = truth_part(table.truth_of(scenario, kind_of(key)))
             own = {self.name: part(scenario, self.name)[self.name] | {"truths": truth}}
             found.append(Record(key, self.record, reads | own, needs, pieces))
         return tuple(found)

@@ -13,11 +13,11 @@ from pydantic import Field
 from scipy.special import stdtrit
 
 from calib.arrays import Array
-from testbed.scenario.checks import truth_faults
 from testbed.scenario.laboratory import TruthSettings
 from testbed.scenario.presets import resolved_truth, robot_of
 from testbed.scenario.scenario import Scenario, StudyTable
 from testbed.scenario.tables import PAPER_SET
+from testbed.scenario.truth import truth_faults
 from testbed.strict import Fault
 from testbed.studies.protocol import Records
 from testbed.units import MM, NARROW, Mean, decimals, fixed, percent
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 
 
 T = TypeVar("T")
-TruthName = Literal["rigid", "wen2022", "soft", "elastic", "unmodelled"]
+TruthName = Literal["rigid", "wen2022", "soft", "elastic", "unmodelled", "drives", "moving"]
 
 
 TRUTHS: tuple[TruthName, ...] = get_args(TruthName)
-"""Presets of the truth, from the one a geometric model knows to the one no model knows."""
+"""Presets of the truth, from the one a geometric model knows to those no model knows."""
 
 
 BLOCK = 25

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from testbed.studies import load_scenario
-from testbed.studies.coverage.settings import CoverageSettings
+from testbed.studies.coverage.settings import DEFAULT, CoverageSettings
 from testbed.studies.coverage.study import MODELS, STUDY
 from testbed.studies.coverage.summary import cells, followed, numbers_check
-from testbed.studies.many_robots import TRUTHS
 from tests.reported import played
 from tests.sbc import evenness, prior_ranks
 
@@ -43,7 +42,7 @@ def share(campaign):
 def test_the_scene_has_at_least_200_robots_of_every_kind():
     coverage = load_scenario("coverage").table(CoverageSettings)
     assert coverage.robots >= 200
-    assert coverage.truths == (*TRUTHS, "slight")
+    assert coverage.truths == DEFAULT
 
 
 def test_on_rigid_robots_the_geometric_model_states_what_is_true(studies, campaign):

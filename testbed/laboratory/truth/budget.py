@@ -7,7 +7,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.geometry.jacobian import joint_columns
 from testbed.laboratory.truth.robot import draw_truth
-from testbed.laboratory.truth.terms import only, terms_of
+from testbed.laboratory.truth.terms import NEEDED, only, terms_of
 from testbed.robots.catalog import Robot
 from testbed.scenario.laboratory import TruthSettings
 
@@ -50,7 +50,8 @@ def truth_budget(
 ) -> TruthBudget:
     """What each term of a scenario's truth contributes to the error of the tool.
 
-    Each term is switched on alone, with what it draws in the scenario, and moves the nominal robot.
+    Each term is switched on alone, with what it draws in the scenario, and moves the nominal robot;
+    one that is nothing without others, beside these, and moves them.
     Repeatability counts with its expectation, to first order.
 
     Parameters
@@ -69,9 +70,13 @@ def truth_budget(
     model = robot.model
     nominal = model.poses(q)[:, :3, 3]
 
-    def displacement(*terms: str) -> Array:
+    def position(*terms: str) -> Array:
         true = draw_truth(robot, only(truth, *terms), seed)
-        return 1e3 * (true.poses(q, time=time, previous=previous)[:, :3, 3] - nominal)
+        return true.poses(q, time=time, previous=previous)[:, :3, 3]
+
+    def displacement(term: str) -> Array:
+        beside = NEEDED.get(term, ())
+        return 1e3 * (position(*beside, term) - (position(*beside) if beside else nominal))
 
     names = terms_of(truth)
     fixed = [name for name in names if name != REPEATABILITY]
@@ -81,7 +86,7 @@ def truth_budget(
         sd = draw_truth(robot, only(truth, REPEATABILITY), seed).joint_repeatability
         J = model.poses_and_jacobian(q)[1][:, :3, joint_columns(model.chain)] * sd
         rms.append(1e3 * float(np.sqrt((J**2).sum(axis=(1, 2)).mean())))
-    return TruthBudget(names, np.array(rms), alone, displacement(*fixed))
+    return TruthBudget(names, np.array(rms), alone, 1e3 * (position(*fixed) - nominal))
 
 
 def _rms(displacement: Array) -> float:

@@ -2,23 +2,21 @@
 
 from dataclasses import dataclass, field
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array
 from calib.errors import refuse
-from calib.geometry.chain import chain_names, joint_vectors
+from calib.geometry.chain import Chain, chain_names, joint_vectors
 from calib.geometry.model import RobotModel
 from calib.identification.joint_models import gravity_quarters
 from testbed.laboratory.bench import joint_repeatability
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.truth.springs import ElasticArm
-from testbed.laboratory.truth.terms import (
-    Springs,
-    Thermal,
-    UnmodelledTerms,
-    backlash,
+from testbed.laboratory.truth.terms import Approach, Springs, Thermal, UnmodelledTerms, backlash
+from testbed.laboratory.truth.waves import (
     encoder,
     gravity,
     harmonics,
@@ -26,12 +24,16 @@ from testbed.laboratory.truth.terms import (
     joined,
     mdeg,
     per_joint,
+    transmission,
 )
 from testbed.robots.catalog import Robot
-from testbed.scenario.checks import require_truth
 from testbed.scenario.laboratory import TruthSettings
+from testbed.scenario.truth import require_truth
 from testbed.streams import stream
 from testbed.strict import choice_of
+
+if TYPE_CHECKING:
+    from testbed.laboratory.truth.moving import MovingArm
 
 LINKS = "links"
 """Value of `perturb` that means every link number."""
@@ -46,14 +48,12 @@ class TrueRobot:
     joint_repeatability: Array
     """(n,) standard deviation of each joint at each approach [rad or m]."""
     unmodelled: UnmodelledTerms = field(default_factory=UnmodelledTerms)
-    """Backlash, thermal growth and springs, which `model` cannot hold."""
-    simulator: Simulator | ElasticArm = field(init=False, repr=False)
+    """Backlash, thermal growth, springs and motion, which `model` cannot hold."""
+    simulator: "Simulator | ElasticArm | MovingArm" = field(init=False, repr=False)
     """The same geometry as a MuJoCo body tree, sprung where the arm gives way."""
 
     def __post_init__(self) -> None:
-        chain, springs = self.model.chain, self.unmodelled.springs
-        arm = ElasticArm(chain, springs) if springs else Simulator(None, chain)
-        object.__setattr__(self, "simulator", arm)
+        object.__setattr__(self, "simulator", _arm(self.model.chain, self.unmodelled))
 
     def poses(
         self,
@@ -80,16 +80,29 @@ class TrueRobot:
             Where each move came from; all joints at zero by default [rad, m].
         """
         q = joint_vectors(self.model.chain, q)
-        reached = q + self.model.joint_errors.offsets(q)
+        before = np.zeros_like(q) if previous is None else previous
+        reached, scatter = q + self.model.joint_errors.offsets(q), np.zeros_like(q)
         if self.unmodelled.backlash is not None:
-            before = np.zeros_like(q) if previous is None else previous
             reached = reached + self.unmodelled.backlash.offsets(q, before)
         if rng is not None:
-            reached = reached + rng.standard_normal(q.shape) * self.joint_repeatability
+            scatter = rng.standard_normal(q.shape) * self.joint_repeatability
         growth = None
         if self.unmodelled.thermal is not None:
             growth = self.unmodelled.thermal.growth(np.zeros(len(q)) if time is None else time)
-        return self.simulator.poses(reached, growth=growth)
+        if isinstance(self.simulator, Simulator | ElasticArm):
+            return self.simulator.poses(reached + scatter, growth=growth)
+        return self.simulator.poses(reached, travel=q - before, scatter=scatter, growth=growth)
+
+
+def _arm(chain: Chain, terms: UnmodelledTerms) -> "Simulator | ElasticArm | MovingArm":
+    """What plays a geometry: rigid, at rest on its springs, or in motion."""
+    if terms.springs is None:
+        return Simulator(None, chain)
+    if terms.motion is None:
+        return ElasticArm(chain, terms.springs)
+    from testbed.laboratory.truth.moving import MovingArm
+
+    return MovingArm(chain, terms.springs, terms.motion)
 
 
 def draw_truth(robot: Robot, truth: TruthSettings, seed: int) -> TrueRobot:
@@ -124,6 +137,11 @@ def draw_truth(robot: Robot, truth: TruthSettings, seed: int) -> TrueRobot:
     for name, amplitude, drawn in (
         ("harmonics", truth.harmonic_mdeg, harmonics),
         ("high harmonics", truth.high_harmonic_mdeg, high_harmonics),
+        (
+            "transmission",
+            truth.transmission_mdeg,
+            partial(transmission, orders=truth.transmission_waves),
+        ),
         ("encoder", truth.encoder_mdeg, partial(encoder, periods=truth.encoder_periods)),
     ):
         if np.any(amplitude):
@@ -134,14 +152,14 @@ def draw_truth(robot: Robot, truth: TruthSettings, seed: int) -> TrueRobot:
 
 
 def unmodelled_terms(robot: Robot, truth: TruthSettings) -> UnmodelledTerms:
-    """Backlash, thermal growth and springs of a scenario; no random numbers are drawn.
+    """Backlash, thermal growth, springs and motion of a scenario; no random numbers are drawn.
 
     Raises
     ------
     InputError
         If the play goes by the posture of an arm of another kind; see `gravity_quarters`.
     """
-    chain, play, warmth, springs = robot.model.chain, None, None, None
+    chain, play, warmth, springs, motion = robot.model.chain, None, None, None, None
     if np.any(truth.backlash_mdeg):
         upright = gravity_quarters(chain) == (0, 0) and chain.n_joints >= 5
         if truth.backlash_side == "posture" and not upright:
@@ -163,7 +181,16 @@ def unmodelled_terms(robot: Robot, truth: TruthSettings) -> UnmodelledTerms:
             truth.payload_kg,
             np.array(truth.payload_center_mm) / 1e3,
         )
-    return UnmodelledTerms(play, warmth, springs)
+    if truth.motion:
+        motion = Approach(
+            np.minimum(np.radians(truth.speed_deg_s), robot.speeds),
+            truth.speed_mm_s / 1e3,
+            np.radians(truth.approach_deg),
+            truth.dwell_s,
+            np.broadcast_to(np.asarray(truth.friction_nm, dtype=np.float64), (chain.n_joints,)),
+            truth.damping,
+        )
+    return UnmodelledTerms(play, warmth, springs, motion)
 
 
 def geometry_step(robot: Robot, truth: TruthSettings, rng: np.random.Generator) -> Array:

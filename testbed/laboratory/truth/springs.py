@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array
-from calib.errors import refuse
+from calib.errors import InputError, refuse
 from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.frames import transform
 from testbed.laboratory.simulator import grown
@@ -52,17 +52,10 @@ class ElasticArm:
         self._model = model = compile_spec(elastic_spec(chain, springs))
         self._data = mujoco.MjData(model)
         n = chain.n_joints
-        self._driven = _places(model, [f"joint{i + 1}" for i in range(n)])
+        self._driven = places(model, [f"joint{i + 1}" for i in range(n)])
         names = elastic_names(n, bearings=len(springs.bearing) > 0)
-        self._elastic = _places(model, names)
-        self._stiffness = np.concatenate(
-            [
-                [springs.drive[i], springs.bearing[i], springs.bearing[i]]
-                if len(springs.bearing)
-                else [springs.drive[i]]
-                for i in range(n)
-            ]
-        )
+        self._elastic = places(model, names)
+        self._stiffness = stiffnesses(springs)
         self._tool = model.site("tool").id
 
     @property
@@ -96,33 +89,55 @@ class ElasticArm:
 
     def _settle(self, joints: Array, row: int) -> Array:
         """Elastic angles (k,) that carry the weight at commanded joints (n,)."""
-        import mujoco
-
-        model, data = self._model, self._data
-        torque, angles = np.zeros(model.nv), np.zeros(len(self._elastic))
-        data.qpos[self._driven] = joints
-        for _ in range(MOST):
-            data.qpos[self._elastic] = angles
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_comPos(model, data)
-            mujoco.mj_rne(model, data, 0, torque)  # nothing moves: what holds the weight
-            step = -torque[self._elastic] / self._stiffness - angles
-            angles = angles + step
-            if not np.abs(angles).max() < BENT:
-                break
-            if np.abs(step).max() < SETTLED:
-                return np.asarray(angles)
-        message = f"the sprung arm gives way at q[{row}] by more than {np.degrees(BENT):g} deg"
-        allowed = "springs that carry the arm and its payload"
-        fix = "raise drive_nm_per_mrad and bearing_nm_per_mrad, or lower payload_kg"
-        key, value = "truth.drive_nm_per_mrad", float(self._stiffness.min() / 1e3)
-        raise refuse(key, value, allowed, code="S37", message=message, fix=fix)
+        self._data.qpos[self._driven] = joints
+        stands = np.zeros(len(self._elastic))
+        angles = sag(self._model, self._data, self._elastic, self._stiffness, stands)
+        if angles is None:
+            raise gives_way(row, self._stiffness)
+        return angles
 
     def _grow(self, share: float) -> None:
         """Let the links be longer by a share."""
         chain = grown(self._chain, share)
         set_geometry(self._model, chain)
         self._model.body("payload").pos[:] = placements(chain).flange[:3, 3]
+
+
+def sag(model: Any, data: Any, hinges: Any, stiffness: Array, stands: Array) -> Array | None:
+    """Angles (k,) by which sprung hinges give way at rest, from where they stand unloaded (k,).
+
+    None where the springs cannot carry the weight. Nothing may move in `data`.
+    """
+    import mujoco
+
+    torque, angles = np.zeros(model.nv), np.zeros(len(hinges))
+    for _ in range(MOST):
+        data.qpos[hinges] = stands + angles
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_rne(model, data, 0, torque)  # nothing moves: what holds the weight
+        step = -torque[hinges] / stiffness - angles
+        angles = angles + step
+        if not np.abs(angles).max() < BENT:
+            break
+        if np.abs(step).max() < SETTLED:
+            return np.asarray(angles)
+    return None
+
+
+def gives_way(row: int, stiffness: Array) -> InputError:
+    """The error of springs that do not carry the arm at a row of joints."""
+    message = f"the sprung arm gives way at q[{row}] by more than {np.degrees(BENT):g} deg"
+    allowed = "springs that carry the arm and its payload"
+    fix = "raise drive_nm_per_mrad and bearing_nm_per_mrad, or lower payload_kg"
+    key, value = "truth.drive_nm_per_mrad", float(stiffness.min() / 1e3)
+    return refuse(key, value, allowed, code="S37", message=message, fix=fix)
+
+
+def stiffnesses(springs: Springs) -> Array:
+    """(k,) of the sprung hinges, joint by joint [N m/rad]."""
+    bearing = [springs.bearing] * 2 if len(springs.bearing) else []
+    return np.stack([springs.drive, *bearing], axis=-1).ravel()
 
 
 def elastic_names(n_joints: int, *, bearings: bool) -> list[str]:
@@ -135,15 +150,9 @@ def elastic_spec(chain: Chain, springs: Springs) -> Any:
     """Body tree of a sprung arm as a `mujoco.MjSpec`, payload and gravity included."""
     import mujoco
 
-    spec = build_spec(chain)
-    spec.option.gravity = springs.gravity
+    spec = loaded_spec(chain, springs)
     for i in range(chain.n_joints):
         body = spec.body(body_name(i + 1))
-        body.mass, body.ipos, body.inertia = (
-            springs.masses[i],
-            springs.centers[i],
-            springs.inertias[i],
-        )
         body.joints[0].armature = ARMATURE
         hinges = [("drive{}", [0, 0, 1], springs.drive[i])]
         if len(springs.bearing):
@@ -159,6 +168,20 @@ def elastic_spec(chain: Chain, springs: Springs) -> Any:
                 stiffness=[stiffness, 0, 0],  # MuJoCo 4: a polynomial
                 armature=ARMATURE,
             )
+    return spec
+
+
+def loaded_spec(chain: Chain, springs: Springs) -> Any:
+    """Body tree of an arm with its masses, payload and gravity, still without springs."""
+    spec = build_spec(chain)
+    spec.option.gravity = springs.gravity
+    for i in range(chain.n_joints):
+        body = spec.body(body_name(i + 1))
+        body.mass, body.ipos, body.inertia = (
+            springs.masses[i],
+            springs.centers[i],
+            springs.inertias[i],
+        )
     flange = placements(chain).flange
     load = spec.body(body_name(chain.n_joints)).add_body(name="payload", pos=flange[:3, 3])
     load.quat = quaternion_wxyz(flange[:3, :3])
@@ -168,6 +191,6 @@ def elastic_spec(chain: Chain, springs: Springs) -> Any:
     return spec
 
 
-def _places(model: Any, names: list[str]) -> Any:
+def places(model: Any, names: list[str]) -> Any:
     """Where hinges stand in qpos; every joint is a hinge or slide, so also in qvel."""
     return np.array([int(model.joint(name).qposadr[0]) for name in names])

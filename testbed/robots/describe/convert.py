@@ -18,7 +18,7 @@ from testbed.robots.describe.description import Body, Description, plain_name
 from testbed.robots.describe.xml_gate import FileOptions, read_xml
 from testbed.robots.meshes.files import check_files, read_mesh
 from testbed.robots.placements import LIMIT, difference, link_poses
-from testbed.robots.robot import Robot, Visual, body_name
+from testbed.robots.robot import NO_MASS, Robot, Visual, body_name
 
 FULL_TURN, FULL_SLIDE = 2 * np.pi, 1.0
 """Limits of joints that have none: to both sides of zero [rad, m]."""
@@ -218,7 +218,7 @@ def _masses(
         inertias.append(moments)
     if bare:
         notes.append(
-            f"no mass is given for what {', '.join(bare)} moves: a rod to the next joint of "
+            f"{NO_MASS} {', '.join(bare)} moves: a rod to the next joint of "
             f"{MASS_PER_LENGTH:g} kg/m is assumed"
         )
     if odd:

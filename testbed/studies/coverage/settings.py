@@ -21,7 +21,7 @@ elsewhere than measured, noise that remembers, another load at use, single moves
 KINDS: tuple[KindName, ...] = get_args(KindName)
 SLIGHT = ("slight", "shift", "one_move")
 """Kinds that are wrong by less than any test sees."""
-DEFAULT: tuple[KindName, ...] = (*TRUTHS, "slight")
+DEFAULT: tuple[KindName, ...] = ("rigid", "wen2022", "soft", "elastic", "unmodelled", "slight")
 
 
 class CoverageSettings(ManyRobots):

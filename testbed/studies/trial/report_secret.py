@@ -10,10 +10,12 @@ MEANINGS = {
     "gravity": "joints that sag under the arm's own weight",
     "harmonics": "gear errors, once and twice a turn",
     "high_harmonics": "gear errors, three and seven times a turn",
+    "transmission": "gear errors of many waves a turn",
     "encoder": "errors between two lines of the encoders",
     "backlash": "play of the gears",
     "thermal": "links that grow warm",
     "elastic": "drives and links that give way under load",
+    "motion": "friction, and what still swings after a move; beyond the arm at rest",
     "repeatability": "scatter of every new approach",
 }
 """What each term of the truth stands for."""

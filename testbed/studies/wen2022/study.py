@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from testbed.laboratory.truth.laboratory import Setting
 from testbed.report.page import Section
-from testbed.scenario.hashes import goal_part, part, shared_part
+from testbed.scenario.hashes import goal_part, part, shared_part, truth_part
 from testbed.scenario.scenario import Scenario
 from testbed.store.quantities import Quantity
 from testbed.studies.many_robots import block_of, kind_of, pieces_of, played_keys, truth_of_kind
@@ -60,7 +60,7 @@ class Wen2022Study:
         pieces = pieces_of(table.pools)
         found.append(Record(SETS_KEY, PoolSets, reads, needs=(SETTING,), pieces=pieces))
         for key in played_keys(table):
-            truth = truth_of_kind(scenario, kind_of(key)).model_dump(mode="json")
+            truth = truth_part(truth_of_kind(scenario, kind_of(key)))
             kind = reads | judged | {"robots": table.robots, "kind": truth}
             pieces = pieces_of(table.robots)
             found.append(Record(key, Reexamined, kind, needs=(SETTING, SETS_KEY), pieces=pieces))

@@ -206,6 +206,19 @@ def test_script_noise_sweep_error_and_statement_grow_with_the_noise():
 
 
 @pytest.mark.slow
+def test_script_dwell_who_waits_comes_nearer_to_rest():
+    made = script("dwell")
+    made.ARMS, made.KINDS, made.AT_REST_S = {"fast": made.ARMS["fast"]}, made.KINDS[:2], 3.0
+    (*_, damped), (*_, swinging) = made.table(robots=1, poses=3)
+    assert damped.shape == (1, len(made.DWELLS_S) + 1, 3)
+    at_once, *_, after_1_s, other_side = damped.mean(axis=(0, 2))
+    assert at_once > 20
+    assert after_1_s < 1
+    assert other_side > 3
+    assert swinging[:, 1:4].mean() > damped[:, 1:4].mean()  # 0.1 to 0.5 s
+
+
+@pytest.mark.slow
 def test_script_own_robot_is_calibrated(tmp_path):
     campaign = script("own_robot").calibrate(Path(tmp_path))
     estimate = campaign.trials[0].estimates[0]

@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull
 from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.chain import Chain, forward
-from testbed.laboratory.simulator import Simulator, _log_warning
+from testbed.laboratory.simulator import Simulator, log_warning
 from testbed.robots.catalog import Robot
 from testbed.robots.meshes.files import load_mesh
 from testbed.robots.placements import link_poses
@@ -211,7 +211,7 @@ def test_a_mujoco_warning_goes_to_the_log_and_leaves_no_file(tmp_path):
 
 def test_a_warning_names_its_source(caplog):
     with caplog.at_level(logging.WARNING):
-        _log_warning("something")
+        log_warning("something")
     assert caplog.messages == ["MuJoCo: something"]
 
 

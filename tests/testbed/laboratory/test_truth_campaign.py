@@ -55,7 +55,7 @@ def small(truth: dict, tracker: dict, **changes) -> Scenario:
 
 @pytest.mark.parametrize("preset", TRUTH_PRESETS)
 def test_a_campaign_on_each_preset_with_all_that_can_go_wrong(preset):
-    truth = {"preset": preset} | EVERYTHING
+    truth = {"preset": preset, "dwell_s": 0.1} | EVERYTHING
     scenario = small(truth, MISHAPS)
     assert parse_scenario(dump_scenario(scenario), where="again") == scenario
     played = play_run(scenario).campaign
@@ -66,7 +66,8 @@ def test_a_campaign_on_each_preset_with_all_that_can_go_wrong(preset):
     (estimate,) = trial.estimates
     # an outlier of half a millimetre or not: the robot comes out better than it was
     found = estimate.comparison
-    assert found.after.mean() < 0.75 * found.before.mean()
+    # (gears that err at 10 to 40 waves leave more)
+    assert found.after.mean() < (0.8 if preset == "drives" else 0.75) * found.before.mean()
     assert not any("nan" in str(value) for value in (found.after.mean(), found.nees))
 
 
@@ -85,6 +86,24 @@ def test_the_bench_plays_what_was_drawn_for_the_setting():
     away = bench.truth.poses(setting.test_q, time=time)
     assert np.abs(cold - expected)[:, :3, 3].max() > 0.5e-6
     assert np.abs(away - expected)[:, :3, 3].max() > 10e-6
+
+
+def test_a_moving_robot_gives_the_same_bits_in_any_order_of_records():
+    truth = {"preset": "moving", "dwell_s": 0.3, "joint_repeatability_mdeg": 0.5}
+    scenario = small(truth, {"preset": "paper"}, test={"poses": 4})
+    setting = make_setting(scenario)
+    sets = {"a": np.arange(5), "b": np.arange(3, 8)}
+
+    def measured(order: str) -> dict:
+        bench = open_laboratory(scenario, setting)
+        return {name: bench.measure_pool(sets[name], name).position for name in order}
+
+    forth, back = measured("ab"), measured("ba")
+    for name in "ab":
+        np.testing.assert_array_equal(forth[name], back[name])
+    np.testing.assert_array_equal(setting.test_true, make_setting(scenario).test_true)
+    # a pose that both sets have was reached from elsewhere in each
+    assert (forth["a"][3:] != forth["b"][:2]).all()
 
 
 def test_repeated_visits_of_a_trial_see_the_robot_warm_up():

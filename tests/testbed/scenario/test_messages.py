@@ -31,6 +31,7 @@ from testbed.laboratory.truth.laboratory import make_setting
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.plan.plan import plan
 from testbed.robots.catalog import load_robot
+from testbed.robots.robot import NO_MASS
 from testbed.run.play import play_run, recording_of
 from testbed.run.result import read_result
 from testbed.scenario.checks import check_robot
@@ -139,6 +140,12 @@ def on_a_wall():
     robot = load_robot("staubli_tx60")
     lying = replace(robot.model.chain, T_world_base=rot_x(np.pi / 2))
     return replace(robot, model=RobotModel(lying))
+
+
+def sliding():
+    robot = load_robot("staubli_tx60")
+    kinds = ("prismatic", *["revolute"] * 5)
+    return replace(robot, model=RobotModel(replace(robot.model.chain, kinds=kinds)))
 
 
 def file_in_the_way(path):
@@ -262,6 +269,40 @@ CASES = {
     "droop twice": with_table(truth={"preset": "elastic", "gravity_mdeg": [10, 6, 8]}),
     "payload on a stiff arm": with_table(truth={"payload_kg": 2}),
     "bearings without drives": with_table(truth={"bearing_nm_per_mrad": [1, 2, 3, 4, 5, 6]}),
+    "friction below zero": with_table(truth={"preset": "moving", "friction_nm": -1}),
+    "friction below zero in a list": with_table(
+        truth={"preset": "moving", "friction_nm": [3, 3, 1.5, 0.5, -0.35, 0.2]}
+    ),
+    "friction of five joints": played(truth={"preset": "moving", "friction_nm": [3, 3, 1, 1, 1]}),
+    "friction of an arm at rest": with_table(truth={"preset": "elastic", "friction_nm": 1}),
+    "a motion in words": with_table(truth={"preset": "elastic", "motion": "slow"}),
+    "a motion without springs": with_table(truth={"preset": "rigid", "motion": True}),
+    "a wait before the arm is there": with_table(truth={"preset": "moving", "dwell_s": -0.5}),
+    "a wait longer than from shot to shot": with_table(
+        truth={"preset": "moving", "dwell_s": 12, "speed_deg_s": 30}
+    ),
+    "no speed": with_table(truth={"preset": "moving", "speed_deg_s": 0}),
+    "a speed in m/s": with_table(truth={"preset": "moving", "speed_m_s": 0.0625}),
+    "no way to a pose": with_table(truth={"preset": "moving", "approach_deg": 0}),
+    "damping below zero": with_table(truth={"preset": "moving", "damping": -0.1}),
+    "waves from many to few": with_table(
+        truth={"preset": "drives", "transmission_waves": [40, 10]}
+    ),
+    "waves of the harmonics": with_table(truth={"preset": "drives", "transmission_waves": [2, 40]}),
+    "a motion of unknown masses": lambda _: draw_truth(
+        replace(
+            load_robot("staubli_tx60"),
+            notes=(f"{NO_MASS} forearm, hand moves: a rod to the next joint of 5 kg/m is assumed",),
+        ),
+        outcome_settings("moving"),
+        0,
+    ),
+    "a motion of a slide": lambda _: draw_truth(
+        sliding(), outcome_settings("moving"), 0
+    ),
+    "an approach without end": lambda _: draw_truth(
+        load_robot("staubli_tx60"), outcome_settings("moving", speed_mm_s=1.0), 0
+    ).poses(np.full((1, 6), 0.5)),
     "half as many springs": played(truth={"preset": "elastic", "drive_nm_per_mrad": [90, 90, 40]}),
     "amplitudes of five joints": played(truth={"encoder_mdeg": [1, 1, 1, 1, 1]}),
     "play by the posture of a wall robot": lambda _: draw_truth(

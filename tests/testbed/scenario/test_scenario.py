@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from calib.errors import InputError
 from testbed.assets import scene_names
 from testbed.robots.catalog import load_robot
-from testbed.scenario.hashes import hashed_document, robot_hash, scenario_hash
+from testbed.scenario.hashes import LATER_TRUTH, hashed_document, robot_hash, scenario_hash
 from testbed.scenario.read import changed, dump_scenario
 from testbed.scenario.scenario import RESERVED, Scenario
 from testbed.studies import declared_tables, load_scenario, parse_scenario, scenario_of
@@ -362,6 +362,15 @@ def test_keys_that_came_later_move_a_hash_only_where_they_say_something_new():
     first, *others = SMALL["trial"]
     assert moved_by({"trial": [first | {"detmax": [40, 2, 1, 80]}, *others]}) == set()
     assert moved_by({"trial": [first | {"detmax": [40, 2, 1, 9]}, *others]}) == {"a"} | studies
+    # a motion and a transmission that are off have no keys, and one that is on has all of them
+    sprung = {"preset": "elastic", "drive_nm_per_mrad": [90.0] * 6}
+    rest, moving = (
+        hashed_document(small(truth=sprung | {"motion": on}))["truth"] for on in (False, True)
+    )
+    assert set(moving) - set(rest) == {"motion", *LATER_TRUTH["motion"]}
+    assert not set(LATER_TRUTH["transmission_mdeg"]) & set(rest)
+    assert moved_by({"truth": {"speed_deg_s": 9.0, "transmission_waves": [9, 11]}}) == set()
+    assert moved_by({"truth": {"transmission_mdeg": 1.0}}) == set(KEYS)
 
 
 def test_the_scenario_hash_moves_with_every_key():

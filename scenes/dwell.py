@@ -1,0 +1,77 @@
+"""How long must one wait? Arms that move to a pose, stop, swing out and are looked at too soon.
+
+Run it: python scenes/dwell.py
+"""
+
+import numpy as np
+
+from testbed.laboratory.truth.robot import draw_truth
+from testbed.robots.catalog import load_robot
+from testbed.scenario.laboratory import TruthSettings
+from testbed.scenario.read import changed
+from testbed.studies import load_scenario
+
+DWELLS_S = (0.0, 0.1, 0.3, 0.5, 1.0)
+AT_REST_S = 8.0
+ARMS = {
+    "fast": {"speed_deg_s": 120.0, "approach_deg": 20.0},
+    "at 62.5 mm/s": {"speed_mm_s": 62.5, "approach_deg": 5.0},
+}
+"""How they come: at an arm's usual speed, and as slowly as in Wen et al. 2022."""
+KINDS = ((0.05, 1.0), (0.02, 0.3), (0.02, 0.0))
+"""Damping, as a share of the critical one, and friction, as a share of 1 % of the rated torque."""
+
+
+def of_kind(truth: TruthSettings, share: float, rng: np.random.Generator) -> TruthSettings:
+    """One arm of a kind: stiffness and friction of every joint 30 % more or less."""
+    keys = {"drive_nm_per_mrad": 1.0, "bearing_nm_per_mrad": 1.0, "friction_nm": share}
+    return truth.model_copy(
+        update={
+            key: tuple(factor * rng.uniform(0.7, 1.3, 6) * getattr(truth, key))
+            for key, factor in keys.items()
+        }
+    )
+
+
+def waited(how: str, damping: float, friction: float, *, robots: int, poses: int) -> np.ndarray:
+    """Distance (robots, dwells + 1, poses) [um] of the tool from where it will come to rest.
+
+    The last row is how far the same poses end apart when they are approached from the other side,
+    which no wait takes away.
+    """
+    robot = load_robot("staubli_tx60")
+    changes = {"truth": {"preset": "moving", "damping": damping, **ARMS[how]}}
+    truth = changed(load_scenario("quick"), changes).truth
+    found = []
+    for seed in range(robots):
+        rng = np.random.default_rng(seed)
+        arm = draw_truth(robot, of_kind(truth, friction, rng), seed).simulator
+        q = rng.uniform(*(0.7 * robot.limits.T), (poses, 6))
+        way = np.radians(30) * rng.choice([-1.0, 1.0], q.shape)
+        looks, back = (
+            1e6 * arm.looks(q, side * way, (*DWELLS_S, AT_REST_S))[..., :3, 3] for side in (1, -1)
+        )
+        looks[-1], rest = back[-1], looks[-1].copy()
+        found.append(np.linalg.norm(looks - rest, axis=-1))
+    return np.array(found)
+
+
+def table(*, robots: int = 5, poses: int = 12) -> list[tuple[str, float, float, np.ndarray]]:
+    """Per kind of arm: how it comes, damping, friction, and what `waited` found."""
+    return [
+        (how, damping, friction, waited(how, damping, friction, robots=robots, poses=poses))
+        for how in ARMS
+        for damping, friction in KINDS
+    ]
+
+
+if __name__ == "__main__":
+    print("um from where the tool comes to rest: mean over poses and robots (the worst pose)")
+    times = "".join(f"{f'{dwell:g} s':>13}" for dwell in DWELLS_S)
+    print(f"{'':14}damping friction{times}{'other side':>13}")
+    for how, damping, friction, um in table():
+        row = "".join(
+            f"{mean:7.1f} ({most:4.0f})"
+            for mean, most in zip(um.mean(axis=(0, 2)), um.max(axis=(0, 2)), strict=True)
+        )
+        print(f"{how:14}{damping:7g}{friction:9g}{row}")

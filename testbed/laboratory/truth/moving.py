@@ -1,0 +1,269 @@
+"""The arm that moves: motors drive it through springs against friction, and MuJoCo plays the time.
+
+Each motor follows its path exactly. A spring and a damper lie between it and its link, which has
+mass and dry friction; where bearings are sprung, two hinges across the axis follow. The arm comes
+along the end of its way, stops, swings out, and is looked at after a dwell: no closed form is asked
+for what friction and haste leave.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array
+from calib.errors import refuse
+from calib.geometry.chain import Chain, joint_vectors
+from calib.geometry.frames import transform
+from testbed.laboratory.simulator import grown, log_warning
+from testbed.laboratory.truth.springs import (
+    BENT,
+    gives_way,
+    loaded_spec,
+    places,
+    sag,
+    stiffnesses,
+)
+from testbed.laboratory.truth.terms import Approach, Springs
+from testbed.robots.catalog import body_name
+from testbed.robots.write.mjcf import compile_spec, set_geometry
+from testbed.scenario.truth import PEAK
+
+STEP = 1e-3
+"""Of the integration; a tenth of it moves the tool by less than 1.5 um [s]."""
+RINGING = 1e5
+"""Stiffness of a drive over the inertia of its gear: alone it would ring at 50 Hz [1/s^2]."""
+BEARING_RINGING = 1e6
+"""The same of a bearing, at 160 Hz: with both no step of the integration is too long [1/s^2]."""
+CHORDS = 16
+"""Parts of a way in which the path of the tool is measured."""
+POSTURES = 200
+"""Postures over which the inertia that a damper is made for is averaged."""
+LONGEST = 60.0
+"""An approach that takes longer comes from a speed in another unit [s]."""
+KEPT = 50_000
+"""Approaches that are remembered: most visits of a pose come the same way."""
+
+
+class MovingArm:
+    """Tool poses of an arm that has come to its poses, with friction and what still swings.
+
+    Parameters
+    ----------
+    chain : Chain
+        True geometry; all joints turn.
+    springs : Springs
+        Masses, stiffnesses, payload and gravity.
+    motion : Approach
+        How it comes and how long it waits; friction and damping.
+    step : float
+        Of the integration [s].
+
+    Notes
+    -----
+    Every approach starts at rest on its springs, without friction, and takes a whole number of
+    equal steps, so that it does not depend on what was played before. Holds one `MjData`, so an
+    instance must not be shared between threads.
+
+    References
+    ----------
+    Todorov, MuJoCo: implicit-in-velocity integration, friction as a constraint; the solver's
+    noslip iterations keep dry friction from creeping.
+    """
+
+    def __init__(
+        self, chain: Chain, springs: Springs, motion: Approach, *, step: float = STEP
+    ) -> None:
+        import mujoco
+
+        mujoco.set_mju_user_warning(log_warning)
+        self._chain, self.springs, self.motion, self._step = chain, springs, motion, step
+        self._model = model = compile_spec(moving_spec(chain, springs, motion, step))
+        set_geometry(model, chain)  # as it is after a pose of an arm that has grown, to the bit
+        self._data = mujoco.MjData(model)
+        n, bearings = chain.n_joints, len(springs.bearing) > 0
+        self._driven = places(model, [f"joint{i + 1}" for i in range(n)])
+        self._elastic = places(model, hinge_names(n, bearings=bearings))
+        self._drives = np.arange(n) * (3 if bearings else 1)
+        self._stiffness = stiffnesses(springs)
+        self._tool = model.site("tool").id
+        damping = 2 * motion.damping * np.sqrt(self._stiffness * self._inertias())
+        model.dof_damping[self._elastic] = damping
+        model.dof_damping[self._driven] = 0.0  # the actuator's own: MuJoCo calls it a bias
+        model.actuator_biasprm[:, 2] = -damping[self._drives]
+        self._played = lru_cache(KEPT)(self._play)
+
+    @property
+    def model(self) -> Any:
+        """The compiled `mujoco.MjModel`; hinges ``joint1``, ``bend1x``, ``bend1y`` ..."""
+        return self._model
+
+    def poses(
+        self,
+        q: ArrayLike,
+        *,
+        travel: Array,
+        scatter: Array | None = None,
+        growth: Array | None = None,
+    ) -> Array:
+        """Tool poses T_world_tool (m, 4, 4) after the dwell, each pose an approach of its own.
+
+        Parameters
+        ----------
+        q : (m, n) array_like
+            Where the motors stop [rad].
+        travel : (m, n) array
+            How far each has come, of which the last part is played [rad].
+        scatter : (m, n) array, optional
+            By how much each stops elsewhere: some millidegrees, which leave the bends alone [rad].
+        growth : (m,) array, optional
+            How much longer the links are, as a share; that leaves the bends alone too.
+        """
+        q = joint_vectors(self._chain, q)
+        (angles,) = self.deflections(q, travel, (self.motion.dwell,))
+        return self._bent(q if scatter is None else q + scatter, angles, growth)
+
+    def looks(self, q: ArrayLike, travel: Array, dwells: tuple[float, ...]) -> Array:
+        """Tool poses (d, m, 4, 4) of the same approaches after rising dwells (d,) [s]."""
+        q = joint_vectors(self._chain, q)
+        return np.array([self._bent(q, one, None) for one in self.deflections(q, travel, dwells)])
+
+    def _bent(self, q: Array, angles: Array, growth: Array | None) -> Array:
+        """Tool poses (m, 4, 4) with the motors at q (m, n) and the springs at `angles` (m, k)."""
+        import mujoco
+
+        position, rotation = np.empty((len(q), 3)), np.empty((len(q), 9))
+        model, data = self._model, self._data
+        for k, (stopped, bent) in enumerate(zip(q, angles, strict=True)):
+            if growth is not None:
+                set_geometry(model, grown(self._chain, float(growth[k])))
+            data.qpos[self._elastic] = bent
+            data.qpos[self._driven] += stopped
+            mujoco.mj_kinematics(model, data)
+            position[k], rotation[k] = data.site_xpos[self._tool], data.site_xmat[self._tool]
+        if growth is not None:
+            set_geometry(model, self._chain)
+        return transform(rotation.reshape(-1, 3, 3), position)
+
+    def deflections(self, q: ArrayLike, travel: Array, dwells: tuple[float, ...]) -> Array:
+        """Angles (d, m, k) of the springs after rising dwells (d,) [s], as `ElasticArm` has them.
+
+        In rad; per joint its drive, then across x and y. `q`, `travel` as in `poses`.
+        """
+        q = joint_vectors(self._chain, q)
+        steps = np.ceil(self.durations(q, travel) / self._step).astype(int)
+        waits = tuple(round(dwell / self._step) for dwell in dwells)
+        out = np.empty((len(dwells), len(q), len(self._elastic)))
+        for k, (goal, way) in enumerate(zip(q, self._last_part(travel), strict=True)):
+            angles = self._played(goal.tobytes(), way.tobytes(), int(steps[k]), waits)
+            if angles is None:
+                raise gives_way(k, self._stiffness)
+            out[:, k] = angles
+        return out
+
+    def durations(self, q: Array, travel: Array) -> Array:
+        """How long the approaches (m,) take: no joint and no tool is too fast in them [s]."""
+        import mujoco
+
+        motion, data, ways = self.motion, self._data, self._last_part(travel)
+        seconds = PEAK * (np.abs(ways) / motion.speeds).max(axis=1)
+        for k in range(len(q)) if motion.tool_speed else ():
+            places = np.empty((CHORDS + 1, 3))
+            mujoco.mj_resetData(self._model, data)
+            for c in range(CHORDS + 1):
+                data.qpos[self._driven] = q[k] - ways[k] * (c / CHORDS)
+                mujoco.mj_kinematics(self._model, data)
+                places[c] = data.site_xpos[self._tool]
+            length = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+            seconds[k] = max(seconds[k], PEAK * length / motion.tool_speed)
+        if (seconds > LONGEST).any():
+            row, key, value = int(seconds.argmax()), "truth.speed_mm_s", motion.tool_speed * 1e3
+            message = f"the approach to q[{row}] takes {seconds[row]:.3g} s"
+            allowed, fix = f"at most {LONGEST:g} s", "raise speed_deg_s and speed_mm_s"
+            raise refuse(key, value, allowed, code="S37", message=message, fix=fix)
+        return np.asarray(seconds)
+
+    def _last_part(self, travel: Array) -> Array:
+        """What is played of each way (m, n): the joint that goes farthest moves by `approach`."""
+        far = np.abs(travel).max(axis=1, keepdims=True)
+        share = np.minimum(1.0, self.motion.approach / np.where(far > 0, far, 1.0))
+        return np.asarray(travel * share)
+
+    def _play(self, goal: bytes, way: bytes, steps: int, waits: tuple[int, ...]) -> Array | None:
+        """Angles (d, k) of the springs at a goal after so many steps; None if they give way."""
+        import mujoco
+
+        model, data, end, last = self._model, self._data, np.frombuffer(goal), np.frombuffer(way)
+        mujoco.mj_resetData(model, data)
+        data.qpos[self._driven] = data.ctrl[:] = end - last
+        stands = data.qpos[self._elastic]
+        angles = sag(model, data, self._elastic, self._stiffness, stands)
+        if angles is None:
+            return None
+        data.qpos[self._elastic] = stands + angles
+        for k in range(1, steps + 1):
+            left = 1 - k / steps  # a quintic, from rest to rest, seen from its end
+            data.ctrl[:] = end - last * (left**3 * (10 - 15 * left + 6 * left * left))
+            mujoco.mj_step(model, data)
+        data.ctrl[:] = end
+        out, waited = np.empty((len(waits), len(self._elastic))), 0
+        for k, wait in enumerate(waits):
+            mujoco.mj_step(model, data, wait - waited)
+            out[k], waited = data.qpos[self._elastic], wait
+        out[:, self._drives] -= end
+        return out if np.abs(out).max() < BENT else None  # also not where it is no number
+
+    def _inertias(self) -> Array:
+        """Inertia (k,) that each sprung hinge feels, the mean over postures all around [kg m^2]."""
+        import mujoco
+
+        model, data = self._model, self._data
+        turns = np.random.default_rng(0).uniform(-np.pi, np.pi, (POSTURES, self._chain.n_joints))
+        full, felt = np.empty((model.nv, model.nv)), np.zeros(len(self._elastic))
+        for q in turns:
+            data.qpos[self._driven] = q
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            mujoco.mj_crb(model, data)
+            mujoco.mj_fullM(model, data, full)
+            felt += np.diag(full)[self._elastic] / POSTURES
+        return felt
+
+
+def hinge_names(n_joints: int, *, bearings: bool) -> list[str]:
+    """Names of the sprung hinges, joint by joint."""
+    across = ("bend{}x", "bend{}y") if bearings else ()
+    return [name.format(i + 1) for i in range(n_joints) for name in ("joint{}", *across)]
+
+
+def moving_spec(chain: Chain, springs: Springs, motion: Approach, step: float) -> Any:
+    """Body tree of an arm behind driven motors as a `mujoco.MjSpec`, still without dampers."""
+    import mujoco
+
+    spec = loaded_spec(chain, springs)
+    for i in range(chain.n_joints):
+        body, drive = spec.body(body_name(i + 1)), float(springs.drive[i])
+        joint = body.joints[0]
+        joint.armature, joint.frictionloss = drive / RINGING, motion.friction[i]
+        joint.solref_friction, joint.solimp_friction = [2 * step, 1], [0.99, 0.9999, 1e-4, 0.5, 2]
+        motor = spec.add_actuator(
+            name=f"motor{i + 1}", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
+        )
+        motor.set_to_position(kp=drive)  # drive (ctrl - q): a spring whose other end is the motor
+        for name, axis in (("bend{}x", [1, 0, 0]), ("bend{}y", [0, 1, 0])):
+            if len(springs.bearing):
+                body.add_joint(
+                    name=name.format(i + 1),
+                    type=mujoco.mjtJoint.mjJNT_HINGE,
+                    axis=axis,
+                    stiffness=[springs.bearing[i], 0, 0],  # MuJoCo 4: a polynomial
+                    armature=springs.bearing[i] / BEARING_RINGING,
+                )
+    option, disable = spec.option, mujoco.mjtDisableBit
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.timestep = step
+    option.disableflags |= disable.mjDSBL_CONTACT | disable.mjDSBL_AUTORESET
+    option.iterations, option.tolerance = 20, 0
+    option.noslip_iterations = 10  # without them dry friction creeps
+    return spec
