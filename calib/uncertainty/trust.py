@@ -115,7 +115,7 @@ def _believed(belief: Belief, point: StatedPoint, drifting: Drifting | None) -> 
             f"No held-out pose guards the factor: {fewest_poses(belief.probability)} poses drawn "
             "from where the robot is used would, and a stricter limit of the misfit stands in"
         )
-    if drifting is not None and drifting.drift is not None:
+    if drifting is not None and (drifting.void or drifting.drift is not None):
         words.append(_capital(drifting.sentence))
     return words
 

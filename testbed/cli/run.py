@@ -165,7 +165,7 @@ def identify(
     """Calibrate a robot from measurements: parameters, a corrected model, proof on other poses."""
     with exit_codes(debug=debug, as_json=as_json, room=COMPUTING) as end:
         from testbed.cli.terminal import progress
-        from testbed.files.read import ReadOptions, read_session
+        from testbed.files.read import ReadOptions, read_held_out, read_session
         from testbed.identify.calibrate import Options
         from testbed.identify.folder import check_place, play_calibration
         from testbed.identify.session import with_test
@@ -184,7 +184,8 @@ def identify(
         how = ReadOptions(drop_invalid=drop_invalid, max_mb=max_mb)
         session = read_session(data, arm, config=config, options=how)
         if test is not None:
-            session = with_test(session, read_session(test, arm, config=config, options=how))
+            apart = read_held_out(test, arm, data, config=config, options=how)
+            session = with_test(session, apart)
         options = Options(train=train, held_out=held_out, seed=seed, model=model, loss=loss)
         with progress(quiet=quiet or as_json) as tell:
             calibration, delivered = play_calibration(

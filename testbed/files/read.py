@@ -81,6 +81,7 @@ def read_session(
     *,
     config: str | Path | None = None,
     options: ReadOptions | None = None,
+    alone: bool = False,
 ) -> Session:
     """Read a measuring session.
 
@@ -94,6 +95,8 @@ def read_session(
         A session.toml on how to read a CSV: column names, units, conventions.
     options : ReadOptions, optional
         What is allowed.
+    alone : bool
+        Whether `data` holds joints and readings, whatever files `config` names.
 
     Raises
     ------
@@ -109,6 +112,8 @@ def read_session(
         content = read_toml_bytes(Path(toml), str(toml))
         first.append(SourceFile(Path(toml), sha256(content).hexdigest()))
         settings = validated(toml_document(content, str(toml)), SessionFile, str(toml))
+    if alone:
+        settings = settings.of_one_table
     root = file.parent if toml is None else Path(toml).parent
     sources = Sources(root, None if toml == file else file, options.max_mb, {})
     drop = options.drop_invalid
@@ -142,6 +147,29 @@ def read_session(
         return session
     masked = tuple(f"{session.place[row]}: left out: {why[row]}" for row in sorted(why))
     return replace(session.rows(~mismatched), masked=(*session.masked, *masked))
+
+
+def read_held_out(
+    test: Path,
+    robot: Robot,
+    data: Path,
+    *,
+    config: Path | None = None,
+    options: ReadOptions | None = None,
+) -> Session:
+    """Read held-out poses from a file of their own.
+
+    A CSV says nothing of its own about units, conventions and uncertainties: what the session.toml
+    of `data` says holds for it, too, but for the files that are named there.
+    """
+    file, main = _session_file(test), _session_file(data)
+    own = config is not None or file.suffix.lower() == ".toml" or main.suffix.lower() != ".toml"
+    if own:
+        return read_session(test, robot, config=config, options=options)
+    try:
+        return read_session(file, robot, config=main, options=options, alone=True)
+    except InputError as error:
+        raise error.located(str(file)) from error
 
 
 def _session_file(path: Path) -> Path:

@@ -1,9 +1,10 @@
 """session.toml: its tables."""
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from calib.errors import refuse
 from testbed.bounds import (
     ANGLE_SD,
     CELL,
@@ -242,6 +243,27 @@ class SessionFile(Strict):
     def observed(self) -> tuple[ObservedTable, ...]:
         """The tables of readings that are there."""
         return tuple(table for table in (self.frames, self.points, self.ranges) if table)
+
+    @property
+    def of_one_table(self) -> Self:
+        """The same for one CSV of joints and readings, whatever files are named; M35 if it cannot.
+
+        A session that reads several files, or of another format, does not say how to read one.
+        """
+        several = len(self.observed) > 1 or any(one.files for one in self.observed)
+        if several or any(getattr(one, "format", "csv") != "csv" for one in self.observed):
+            raise refuse(
+                "--test", code="M35",
+                message="the session reads several files or another format, which does not say how "
+                "to read one CSV", fix="give --test a session.toml of its own",
+            )  # fmt: skip
+        own: dict[str, Any] = {
+            one.name: one.model_copy(update={"file": None}) for one in self.observed
+        }
+        own["joints"] = self.joints.model_copy(update={"file": None})
+        if self.drift is not None and self.drift.file is not None:
+            own["drift"] = None  # its nests belong to the other rows
+        return self.model_copy(update=own)
 
     @property
     def stated_reflectors(self) -> tuple[Reflector, ...]:

@@ -50,12 +50,11 @@ def belief_section(calibration: Calibration) -> Section:
 
 def questions_table(calibration: Calibration) -> Table:
     """Tests, together: one small p among several is no surprise."""
-    asked = calibration.proof.questions
-    when = (
-        f"asked of the rows in the order of {calibration.order_told_by}; on a tour of neighbors, "
-    )
-    when += "misfit passes for drift"
-    if not calibration.order_told_by:
+    asked, drifting = calibration.proof.questions, calibration.proof.drifting
+    when = f"asked of the rows in the order of {calibration.order_told_by}"
+    if drifting is not None and drifting.void:
+        when = "not asked, because poses near each other were measured after each other"
+    elif not calibration.order_told_by:
         when = "cannot be told from noise, because the order of the rows is not known"
     answers = ("not shown", "shown")
     rows = [

@@ -58,15 +58,15 @@ def with_test(session: Session, other: Session) -> Session:
     both = joined([mine, replace(theirs, pose_id=theirs.pose_id + len(session.pose_names))])
     return replace(
         session,
-        files=(*session.files, *other.files),
+        files=tuple(dict.fromkeys([*session.files, *other.files])),
         measurements=both,
         pose_names=(*session.pose_names, *(f"{name} (test)" for name in other.pose_names)),
         is_test=np.repeat([False, True], [len(mine), len(theirs)]),
         split_stated=True,
         approach=None,
         masked=(*session.masked, *other.masked),
-        warnings=(*session.warnings, *other.warnings),
-        notes=(*session.notes, *other.notes),
+        warnings=tuple(dict.fromkeys([*session.warnings, *other.warnings])),
+        notes=tuple(dict.fromkeys([*session.notes, *other.notes])),
         stated=_both_stated(session.stated, other.stated),
         simulated=session.simulated or other.simulated,
         place=(*session.place, *other.place),

@@ -1,16 +1,20 @@
-"""Whether noise remembers, asked of rows in time order; and what a drift then leaves."""
+"""Whether noise remembers, asked of rows in time order; and what a drift then leaves.
+
+Where the poses themselves follow their neighbors, misfit does, too: then the question is void.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Index
+from calib.arrays import FloatOrNan, Index
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements, joined
 from calib.uncertainty.statement.memory import (
     REMEMBERS,
     SlowDrift,
     drift,
+    interchangeable,
     memory_p,
     whitened_positions,
 )
@@ -20,23 +24,39 @@ SEED = 20_221
 """Of the permutations: the same readings give the same answer."""
 FEWEST = 12
 """Rows below which no memory is looked for."""
+ORDERED = 0.01
+"""Chance of poses as near their neighbors as these in a random order; below it the test is void."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drifting:
     """The answer of the rows in their order."""
 
-    p_value: float
-    """Chance of residuals that follow their neighbors as these do, if noise forgets."""
+    p_value: FloatOrNan
+    """Chance of residuals that follow their neighbors as these do, if noise forgets; nan where the
+    poses do not stand in a random order."""
     drift: SlowDrift | None
     """What it leaves in the estimate; None where the rows show no memory."""
 
     @property
+    def void(self) -> bool:
+        """Whether the order of the poses leaves nothing to ask."""
+        return bool(np.isnan(self.p_value))
+
+    @property
     def sentence(self) -> str:
         """The result in words."""
-        if self.drift is None:
-            return f"the readings do not follow their neighbors in time (p = {self.p_value:.2g})"
-        size = f"{1e6 * self.drift.sd:.1f} um per axis over {self.drift.memory:.0f} rows"
+        size = ""
+        if self.drift is not None:
+            size = f"{1e6 * self.drift.sd:.1f} um per axis over {self.drift.memory:.0f} rows"
+        if self.void:
+            left = f"one of up to {size} is" if size else "what it leaves is not"
+            return (
+                "whether the readings drift cannot be told: poses near each other were measured "
+                f"after each other, and what the model misses there is alike; {left} in the region"
+            )
+        if not size:
+            return f"no drift is seen in the order of the readings (p = {self.p_value:.2g})"
         if self.p_value >= REMEMBERS:
             return f"a drift of up to {size} is in the region"
         return (
@@ -71,8 +91,16 @@ def drifting(
         return None
     residual = whitened_positions(identification, both)
     order = np.concatenate([train_order, held_out_order])
-    p = memory_p(residual, order, np.random.default_rng(SEED))
-    if p >= REMEMBERS and not whatever:
+    is_test = np.repeat([False, True], [len(train), len(held_out)])
+    pose = np.concatenate([train.pose_id, -1 - held_out.pose_id])  # numbered apart
+    alike = interchangeable(order, pose, is_test)
+    spread = both.q.std(axis=0)
+    joints = both.q[:, spread > 0] / spread[spread > 0]
+    near, p = (
+        memory_p(values, order, np.random.default_rng(SEED), alike) for values in (joints, residual)
+    )
+    p = np.nan if near < ORDERED else p
+    if not p < REMEMBERS and not whatever:
         return Drifting(p, None)
     slow = drift(
         identification, train, train_order, held_out, held_out_order,

@@ -1,15 +1,18 @@
 """Noise that remembers: a test on residuals in time order, and what drift leaves in the estimate.
 
 A drift averages over its own memory, not over all rows: the base follows it, a link hardly does.
-The test needs poses in random order; on a tour the misfit of neighbors passes for drift.
+The test needs poses in random order; on a tour the misfit of neighbors passes for drift. Whether
+the order is random the poses themselves tell: the same test is asked of their joints.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
+from scipy.signal import lfilter
 
-from calib.arrays import Array, Index, check
+from calib.arrays import Array, Bool, Index, check
 from calib.errors import refuse
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements, joined
@@ -21,8 +24,6 @@ from calib.uncertainty.statement.shape import MisfitShape, noise_and_misfit
 
 KERNEL_ROWS = 8.0
 """Memory of the test's kernel [rows]."""
-FARTHEST = 64
-"""Lags beyond it have weights below 1/2000."""
 PERMUTATIONS = 500
 BLOCK = 200_000
 """Rows of permuted residuals at a time: 5 MB."""
@@ -51,41 +52,75 @@ class SlowDrift:
         return f"SlowDrift({1e6 * self.sd:.3g} um, memory {self.memory:g} rows)"
 
 
-def memory_p(residual: Array, order: Index, rng: np.random.Generator) -> float:
-    """Chance of residuals that follow their neighbors in time as these do, if noise forgets.
+def memory_p(
+    residual: Array, order: Index, rng: np.random.Generator, alike: Sequence[Index] | None = None
+) -> float:
+    """Chance of rows that follow their neighbors in time as these do, if noise forgets.
 
     Parameters
     ----------
-    residual : (m, 3) array
-        Whitened position residuals.
+    residual : (m, d) array
+        Whitened position residuals, or whatever else is asked.
     order : (m,) array
         Place of each row in time.
     rng : numpy.random.Generator
         Of the permutations.
+    alike : sequence of (k, c) arrays of int, optional
+        Rows that may change places, as `interchangeable` finds them; by default all.
 
     References
     ----------
-    T = sum over j < k of exp(-|j - k| / 8) r_j'r_k, lags below `FARTHEST`; `PERMUTATIONS` orders.
+    T = sum over j < k of exp(-|j - k| / 8) r_j'r_k, the rows of each kind about their mean;
+    `PERMUTATIONS` orders.
     """
-    (residual,) = check("m 3", residual=residual)
+    (residual,) = check("m d", residual=residual)
     m = len(residual)
-    seen = _likeness(residual[np.argsort(order, kind="stable")][None])[0]
-    orders = np.argsort(rng.random((PERMUTATIONS, m)), axis=1)
-    block = max(1, BLOCK // max(m, 1))
-    larger = sum(
-        int((_likeness(residual[orders[k : k + block]]) >= seen).sum())
-        for k in range(0, PERMUTATIONS, block)
-    )
+    alike = [np.arange(m)[:, None]] if alike is None else alike
+    residual = residual.copy()
+    for rows in alike:
+        residual[rows] -= residual[rows].mean(axis=(0, 1))
+    in_time = np.argsort(order, kind="stable")
+    seen = _likeness(residual[in_time][None])[0]
+    block, larger = max(1, BLOCK // max(m, 1)), 0
+    for k in range(0, PERMUTATIONS, block):
+        count = min(block, PERMUTATIONS - k)
+        which = np.tile(np.arange(m), (count, 1))
+        for rows in alike:
+            drawn = np.argsort(rng.random((count, len(rows))), axis=1)
+            which[:, rows.ravel()] = rows[drawn].reshape(count, -1)
+        larger += int((_likeness(residual[which[:, in_time]]) >= seen).sum())
     return (1 + larger) / (1 + PERMUTATIONS)
 
 
+def interchangeable(order: Index, pose: Index, held_out: Bool) -> tuple[Index, ...]:
+    """Rows that may change places if poses come in random order: (k, c), rows in time, per kind.
+
+    What the model misses is the same in all rows of a pose, so poses change places, not rows. A
+    pose that identifies is missed by less than a held-out one, all of which share the error of the
+    numbers: each stays among its like. So do poses of as many rows.
+
+    Parameters
+    ----------
+    order, pose : (m,) arrays
+        Place in time and pose of each row; no pose both identifies and is held out.
+    held_out : (m,) array of bool
+        Rows not identified from.
+    """
+    kinds: dict[tuple[bool, int], list[Index]] = {}
+    in_time = np.argsort(order, kind="stable")
+    numbers = pose[in_time]
+    by_pose = np.argsort(numbers, kind="stable")
+    starts = np.flatnonzero(np.diff(numbers[by_pose])) + 1
+    for rows in np.split(in_time[by_pose], starts):
+        kinds.setdefault((bool(held_out[rows[0]]), len(rows)), []).append(rows)
+    return tuple(map(np.array, kinds.values()))
+
+
 def _likeness(residual: Array) -> Array:
-    """T (k,) of residuals (k, m, 3) in time order, over the lags that count."""
-    total = np.zeros(len(residual))
-    for lag in range(1, min(residual.shape[1], FARTHEST)):
-        weight = np.exp(-lag / KERNEL_ROWS)
-        total += weight * np.einsum("kji,kji->k", residual[:, lag:], residual[:, :-lag])
-    return total
+    """T (k,) of residuals (k, m, d) in time order."""
+    keep = np.exp(-1 / KERNEL_ROWS)
+    before = lfilter([0.0, keep], [1.0, -keep], residual, axis=1)
+    return np.asarray(np.einsum("kjd,kjd->k", residual, before))
 
 
 def whitened_positions(identification: Identification, table: Measurements) -> Array:

@@ -223,7 +223,7 @@ def judge_model(found: Identification, measured: MeasuredRobot, level: float) ->
         "converged": found.status is Status.CONVERGED,
         "mean_error": float(error.mean()),
         "growth": growth,
-        "p_drift": 1.0 if slow is None else slow.p_value,
+        "p_drift": 1.0 if slow is None or slow.void else slow.p_value,
     }
 
 

@@ -22,7 +22,7 @@ from calib.identification.start.start import start_frames
 from testbed.files.columns import covariance_names
 from testbed.files.probe import probe
 from testbed.files.program import read_program
-from testbed.files.read import ReadOptions, read_session
+from testbed.files.read import ReadOptions, read_held_out, read_session
 from tests.testbed.files.made import ROBOT, Made, N, columns, csv, made, with_spread
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "file_messages.txt"
@@ -98,6 +98,17 @@ def stations(*seen):
             f'[joints]\nfile = "joints.csv"\n[frames]\nfiles = [{files}]\n'
         )
         return read_session(folder, ROBOT)
+
+    return case
+
+
+def held_out(config):
+    """Frames of held-out poses without joints, beside a session that names its files."""
+
+    def case(folder):
+        (folder / "session.toml").write_text(config)
+        (folder / "test.csv").write_text(csv(SEEN))
+        return read_held_out(folder / "test.csv", ROBOT, folder)
 
     return case
 
@@ -320,6 +331,10 @@ CASES = {
     "M35 rotations in two forms": read(table() | R),
     "M35 a unit twice": read(table(x_m=table()["x_mm"])),
     "M35 commanded and read-back": read(table() | READ),
+    "M35 held out by a session of several files": held_out(
+        '[frames]\nfiles = ["a.csv", "b.csv"]\n'),
+    "M35 held out in a table without joints": held_out(
+        '[joints]\nfile = "joints.csv"\n[frames]\nfile = "frames.csv"\n'),
     "M35 a name twice": read(TEXT.replace("y_mm", "x_mm", 1)),
     "M35 a column without a name": read(TEXT.replace("y_mm", "", 1)),
     "M35 a short line": read(TEXT.replace(",0.0175", "", 1)),

@@ -8,7 +8,7 @@ import pytest
 from calib.errors import InputError
 from calib.geometry.frames import inverse, step_transform
 from calib.identification.start.start import start_frames
-from testbed.files.read import ReadOptions, read_session
+from testbed.files.read import ReadOptions, read_held_out, read_session
 from tests.testbed.files.made import ROBOT, Made, N, columns, csv, made, poses_csv, with_spread
 
 # 15 digits are written: 1e-12 mm, and 1e-12 deg over an arm of 3 m
@@ -327,6 +327,39 @@ def test_expanded_uncertainties_are_halved_and_kept_above_a_stated_least(tmp_pat
     u = np.sqrt(np.diagonal(session.measurements.covariance, axis1=1, axis2=2))[0]
     np.testing.assert_allclose(u[:3], [20e-6, 10e-6, 8e-6], rtol=1e-12)
     np.testing.assert_allclose(u[3:], np.radians(0.01), rtol=1e-12)
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_held_out_rows_in_a_csv_are_read_as_the_session_says(tmp_path, named):
+    """Units, conventions and uncertainties; not its files. A session.toml says its own."""
+    said = '[joints]\nfile = "a.csv"\n[frames]\neuler = "XYZ"\nfile = "a.csv"\n'
+    said = said if named else '[frames]\neuler = "XYZ"\nfile = "a.csv"\n'
+    own = "[uncertainty]\nposition_um = 21\nrotation_mdeg = 12\n[conditions]\npayload_kg = 3\n"
+    (tmp_path / "a.csv").write_text(csv(columns(made())))
+    (tmp_path / "session.toml").write_text(said + own)
+    other = made(seed=5)
+    test = tmp_path / "far" / "test.csv"
+    test.parent.mkdir()
+    test.write_text(csv(columns(other)))
+    for data in (tmp_path, tmp_path / "session.toml"):
+        found = read_held_out(test, ROBOT, data)
+        np.testing.assert_allclose(found.measurements.q, other.q, atol=1e-12)
+        sd = np.sqrt(np.diagonal(found.measurements.covariance, axis1=1, axis2=2))
+        np.testing.assert_allclose(sd[:, :3], 21e-6, rtol=1e-12)
+        np.testing.assert_allclose(sd[:, 3:], np.radians(12e-3), rtol=1e-12)
+        assert found.conditions.payload.tolist() == [3.0] * 29
+        assert [file.path.name for file in found.files] == ["session.toml", "test.csv"]
+    # with a session.toml of its own nothing is taken over
+    (test.parent / "session.toml").write_text(said.replace("a.csv", "test.csv"))
+    with pytest.raises(InputError, match="uncertaint"):
+        read_held_out(test.parent, ROBOT, tmp_path)
+    # a CSV beside a CSV is read by --config, or as it stands
+    with pytest.raises(InputError, match="in which order they turn"):
+        read_held_out(test, ROBOT, tmp_path / "a.csv")
+    config = tmp_path / "config.toml"
+    config.write_text('[frames]\neuler = "XYZ"\n' + own)
+    found = read_held_out(test, ROBOT, tmp_path / "a.csv", config=config)
+    assert len(found.measurements) == 29
 
 
 def test_missed_shots_are_left_out_and_named(tmp_path):

@@ -151,6 +151,16 @@ def test_rows_of_unknown_order_are_not_asked_for_a_drift():
     assert "drift: cannot be told from noise" in note
 
 
+def test_a_drift_is_not_asked_for_on_a_tour_and_that_is_said():
+    session = sound_session()
+    time = np.argsort(np.argsort(session.measurements.q[:, 0])) * 10.0
+    found = calibrate(robot(), replace(session, time=time), Options(seed=1))
+    assert found.proof.drifting.void
+    assert "drift" not in found.proof.questions.names
+    assert "Whether the readings drift cannot be told: " in found.proof.trust.sentence
+    assert "drift: not asked, because poses near" in questions_table(found).note
+
+
 def test_rows_of_two_files_keep_the_order_of_their_own_times():
     one = replace(sound_session(), time=np.random.default_rng(1).permutation(80) * 1.0)
     apart = session_of(table_of(true_model(), pool_r(30, seed=99), seed=9))
