@@ -114,7 +114,7 @@ def identify(
         str, typer.Argument(metavar="ROBOT", help="A shipped robot, robot.toml, URDF or MJCF file.")
     ],
     data: Annotated[
-        Path, typer.Argument(metavar="DATA", help="A session.toml, or a CSV of measurements.")
+        Path, typer.Argument(metavar="DATA", help="A session.toml, or a table: CSV, xlsx.")
     ],
     config: Annotated[
         Path | None,
@@ -125,7 +125,8 @@ def identify(
         int | None, typer.Option(metavar="N", help="Poses to identify from; the rest is held out.")
     ] = None,
     held_out: Annotated[
-        int | None, typer.Option(metavar="N", help="Poses to hold out; the rest identifies.")
+        int | None,
+        typer.Option(metavar="N", help="Poses to hold out; the rest identifies. 0: no proof."),
     ] = None,
     seed: Annotated[int, typer.Option(help="Draws which poses are held out.")] = 0,
     test: Annotated[

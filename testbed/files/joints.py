@@ -141,6 +141,8 @@ class Joints:
     extras: Extras
     columns: Columns
     """Where `q` stands in the file."""
+    used: Columns
+    """All columns of numbers that were read."""
     warnings: tuple[str, ...]
 
     def __len__(self) -> int:
@@ -188,6 +190,7 @@ def read_joints(
         source=source,
         extras=extras,
         columns=chosen,
+        used=used,
         warnings=(*warnings, *extras.warnings),
     )
     return whole.rows(np.flatnonzero(good))

@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool
 from calib.geometry.frames import inverse, transform
-from testbed.files.columns import close_to, is_known, misspelling
+from testbed.files.columns import TEXTS, close_to, is_known, misspelling
 from testbed.files.joints import extra_columns, extras_of
 from testbed.files.readings import Readings, plain_readings
 from testbed.files.refusal import refusal, require_names
@@ -108,6 +108,7 @@ def read_observed(
         anchor=_names(table, "anchor", good if far else None) or plain.anchor,
         station=_names(table, "station", None if far else good) or plain.station,
         offset=np.where(good[:, None], table.values(offset), 0.0) if offset else None,
+        columns=columns,
         stated=stated,
         extras=extras,
         warnings=(*warnings, *spread.warnings, *extras.warnings),
@@ -116,7 +117,15 @@ def read_observed(
     return whole.rows(good)
 
 
-def unused_columns(table: DataTable) -> list[str]:
+def unused_columns(table: DataTable, *used: Columns) -> list[str]:
+    """A sentence that names every column that was not read; texts under our names are."""
+    read = {*together(*used).names, *TEXTS}
+    names = [name for name in table.names if name not in read]
+    shown = ", ".join(table.names[name] for name in names)
+    return [f"{table.where}: not used: {shown}"] if names else []
+
+
+def misspelt_columns(table: DataTable) -> list[str]:
     """Warnings of columns that look like a name of this program but are none."""
     hints = {name: close_to(name) for name in table.names if not is_known(name)}
     return [

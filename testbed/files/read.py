@@ -11,7 +11,12 @@ from testbed.files.drift import without_drift
 from testbed.files.frames_fit import mismatched_rows
 from testbed.files.joints import read_joints
 from testbed.files.matching import Match, by_cycle, by_order, by_pose, by_row
-from testbed.files.observed import read_observed, section_of, unused_columns
+from testbed.files.observed import (
+    misspelt_columns,
+    read_observed,
+    section_of,
+    unused_columns,
+)
 from testbed.files.readings import Readings, copied_rows, lost_readings
 from testbed.files.refusal import require_names
 from testbed.files.session import Drift, Session, Sources
@@ -65,6 +70,8 @@ class _Cleaned:
     readings: Readings
     section: ObservedTable
     text: FileText
+    table: DataTable | None
+    """None for an export of Spatial Analyzer."""
     masked: tuple[str, ...]
     warnings: tuple[str, ...]
     drift: Drift | None
@@ -182,9 +189,17 @@ def _observed(sources: Sources, settings: SessionFile, *, drop: bool) -> Iterato
     for section in settings.observed or (None,):
         files = (section.files or (section.file,)) if section is not None else (None,)
         for k, file in enumerate(files):
-            text = sources.text(file, section.name if section is not None else "joints")
+            key = section.name if section is not None else "joints"
+            text = sources.text(file, key, _sheet(section, settings.joints, file))
             station = f"{k + 1}" if len(files) > 1 else ""
             yield _cleaned(text, section, station, sources, settings, drop=drop)
+
+
+def _sheet(own: FileTable | None, other: FileTable | None, file: str | None) -> str | None:
+    """The sheet of a table of session.toml; one that names none has that of the same file."""
+    if own is not None and own.sheet is not None:
+        return own.sheet
+    return other.sheet if other is not None and other.file == file else None
 
 
 def _cleaned(
@@ -197,13 +212,13 @@ def _cleaned(
     drop: bool,
 ) -> _Cleaned:
     """Readings of one file without nests, lost readings, copies and drift."""
-    warnings = list[str]()
+    warnings, table = list[str](), None
     if isinstance(section, OpticalTable) and section.format == "sa":
         readings = read_sa(text, section, settings.uncertainty, drop=drop)
     else:
         _try_beginning(text, section, settings)
         table = _table(text, settings, section, settings.joints)
-        warnings += unused_columns(table)
+        warnings += misspelt_columns(table)
         section = section or section_of(table)
         readings = read_observed(table, section, settings.uncertainty, drop=drop)
     if station and not any(readings.station):
@@ -216,7 +231,9 @@ def _cleaned(
         warnings += more
     good, copies = copied_rows(readings)
     masked += copies
-    return _Cleaned(readings.rows(good), section, text, tuple(masked), tuple(warnings), drift)
+    return _Cleaned(
+        readings.rows(good), section, text, table, tuple(masked), tuple(warnings), drift
+    )
 
 
 def _try_beginning(text: FileText, section: ObservedTable | None, settings: SessionFile) -> None:
@@ -271,10 +288,16 @@ def _with_joints(
     """The joints of one file's readings; other files show the poses of `elsewhere`."""
     how, readings, section = settings.joints, cleaned.readings, cleaned.section
     apart = how.file is not None or sources.data is not None
-    text = sources.text(how.file, "joints") if apart else cleaned.text
+    text = (
+        sources.text(how.file, "joints", _sheet(how, section, how.file)) if apart else cleaned.text
+    )
     same = text is cleaned.text
     table = _table(text, settings, how, section if same else None)
     joints = read_joints(table, robot, how.source, drop=drop)
+    unused = unused_columns(table, joints.used, *([readings.columns] if same else []))
+    if not same and cleaned.table is not None:
+        unused += unused_columns(cleaned.table, readings.columns)
+    readings = replace(readings, notes=(*readings.notes, *unused))
     if same:
         match = by_row(joints, readings)
     elif readings.cycling:

@@ -8,7 +8,7 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 from testbed.files.joints import Extras
 from testbed.files.session import Stated, rows_of
-from testbed.files.table import DataTable
+from testbed.files.table import Columns, DataTable
 from testbed.files.uncertainty import Spread
 
 SHOWN = 10
@@ -42,6 +42,8 @@ class Readings:
     """Where the covariances come from."""
     offset: Array | None = None
     """(m, 3) place of the reflector in the tool frame, where the file gives it [m]."""
+    columns: Columns = field(default_factory=Columns)
+    """Columns of numbers that were read."""
     stated: Stated = field(default_factory=Stated)
     extras: Extras = field(default_factory=Extras)
     warnings: tuple[str, ...] = ()

@@ -15,6 +15,7 @@ from testbed.files.refusal import refusal
 from testbed.files.session_toml import SESSION_FILE, IdentificationTable
 from testbed.gates.paths import real
 from testbed.gates.text import FileText, SourceFile, read_text
+from testbed.gates.workbook import is_workbook, read_workbook
 from testbed.robots.robot import Reflector
 from testbed.scenario.systematic import SystematicTable
 from testbed.scenario.tolerance import Decision
@@ -177,9 +178,10 @@ class Sources:
     root: Path
     data: Path | None
     max_mb: float
-    texts: dict[Path, FileText]
+    texts: dict[tuple[Path, str | None], FileText]
+    """By file, and sheet of a workbook."""
 
-    def text(self, name: str | None, key: str) -> FileText:
+    def text(self, name: str | None, key: str, sheet: str | None = None) -> FileText:
         """Content of a file named in session.toml, or of DATA; each file is read once."""
         toml = str(self.root / SESSION_FILE)
         if name is None and self.data is None:
@@ -194,12 +196,22 @@ class Sources:
                 code="R6", value=name, allowed="a file beside session.toml or in a folder below it",
                 fix="copy it there",
             )  # fmt: skip
-        if path not in self.texts:
+        if (path, sheet) not in self.texts:
             where = str(path) if name is None else name
-            self.texts[path] = read_text(path, where, max_mb=self.max_mb)
-        return self.texts[path]
+            self.texts[path, sheet] = text_of(path, where, sheet=sheet, max_mb=self.max_mb)
+        return self.texts[path, sheet]
 
     @property
     def files(self) -> tuple[SourceFile, ...]:
         """What was read so far."""
-        return tuple(text.source for text in self.texts.values())
+        return tuple(dict.fromkeys(text.source for text in self.texts.values()))
+
+
+def text_of(path: Path, where: str, *, sheet: str | None, max_mb: float) -> FileText:
+    """Lines of a text file, or of a sheet of a workbook."""
+    if is_workbook(path):
+        return read_workbook(path, where, sheet=sheet, max_mb=max_mb)
+    if sheet is not None:
+        message, fix = f'has no sheet "{sheet[:40]}": it is no workbook', "remove the key sheet"
+        raise refusal(where, "sheet", message, code="S37", fix=fix)
+    return read_text(path, where, max_mb=max_mb)

@@ -48,6 +48,8 @@ class FileTable(Strict):
 
     file: Name | None = None
     """Beside session.toml or below; the DATA of the command if left out."""
+    sheet: Name | None = None
+    """Of a workbook that has several."""
     columns: dict[Name, Name] = Field(default_factory=dict)
     """Own column name, unit included, to the name in the file: ``x_mm = "measurement_x"``."""
 

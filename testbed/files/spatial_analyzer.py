@@ -178,6 +178,8 @@ def _read_points(
     spread = spread_of("point", table, position, good, uncertainty)
     pose, target, rule = _poses(table, k, section)
     note = f"Spatial Analyzer points, {lines.system.lower()}, {length}, {k} name fields; {rule}"
+    unread = room - sum(bool(own) for own in section.after)
+    note += f"; {unread} fields after the coordinates are not used" if unread else ""
     whole = replace(
         plain_readings(table, "point", position, spread),
         target=target,

@@ -200,6 +200,9 @@ def split_of(
         f"{counted(out, 'pose')} of {count} drawn at random (seed {seed}) and held out, "
         f"{count - out} to identify from"
         if out
+        else f"all {counted(count, 'pose')} identify, as --held-out 0 asks: none is held out, so "
+        "nothing tests this result"
+        if held_out == 0
         else f"all {counted(count, 'pose')} are needed to identify: none is held out, so nothing "
         "tests this result; measure more poses"
     )
@@ -261,9 +264,9 @@ def _count(measurements: Measurements, count: int, train: int | None, held_out: 
             "--train", train, code="C41", message="--train and --held-out are both given",
             fix="give one of them: all other poses go to the other side",
         )  # fmt: skip
-    for option, value in (("--train", train), ("--held-out", held_out)):
-        if value is not None and not 1 <= value <= count - 1:
-            allowed = f"1 to {count - 1}: the data hold {counted(count, 'pose')}"
+    for option, value, fewest in (("--train", train, 1), ("--held-out", held_out, 0)):
+        if value is not None and not fewest <= value <= count - 1:
+            allowed = f"{fewest} to {count - 1}: the data hold {counted(count, 'pose')}"
             raise refuse(option, value, allowed, code="C41")
     if train is not None:
         return count - train

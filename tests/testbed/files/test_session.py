@@ -425,3 +425,16 @@ def test_rounded_clocks_order_nothing(tmp_path):
     session = read_session(saved(tmp_path / "a.csv", csv(table)), ROBOT)
     assert session.time is None
     assert "rounded to 1 values" in session.warnings[0]
+
+
+def test_every_column_that_was_not_read_is_named(tmp_path):
+    """Foreign ones, and uncertainties that session.toml overrides."""
+    table = with_spread(columns(made())) | {"euler": ["XYZ"] * 29, "Operator": ["M"] * 29}
+    file = saved(tmp_path / "a.csv", csv(table | {"Goal x": np.arange(29.0)}))
+    (note,) = [text for text in read_session(file, ROBOT).notes if "not used" in text]
+    assert note == f"{file}: not used: Operator, Goal x"
+    toml = saved(tmp_path / "s.toml", "[uncertainty]\nposition_um = 20\nrotation_mdeg = 10\n")
+    (note,) = [t for t in read_session(file, ROBOT, config=toml).notes if "not used" in t]
+    assert note.endswith(
+        "not used: ux_mm, uy_mm, uz_mm, urx_deg, ury_deg, urz_deg, Operator, Goal x"
+    )

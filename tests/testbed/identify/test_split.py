@@ -48,6 +48,13 @@ def test_the_draw_hangs_on_the_seed_alone_and_is_counted_as_asked():
     assert len(np.unique(groups(table)[split_of(table, None, held_out=7).is_test])) == 7
 
 
+def test_all_poses_identify_where_that_is_asked_and_nothing_is_proven():
+    split = split_of(repeated(), None, held_out=0)
+    assert split.is_train.all()
+    told = "all 40 poses identify, as --held-out 0 asks: none is held out, so nothing tests this"
+    assert split.sentence == f"{told} result"
+
+
 def test_first_visits_only_leave_later_ones_to_neither_side():
     table = repeated()
     split = split_of(table, None, first_visits=True)
@@ -67,7 +74,7 @@ def test_a_stated_split_is_kept_as_it_is():
     ("options", "stated", "message"),
     [
         ({"train": 40}, False, "--train is 40; 1 to 39: the data hold 40 poses. [C41]"),
-        ({"held_out": 0}, False, "--held-out is 0; 1 to 39: the data hold 40 poses. [C41]"),
+        ({"held_out": -1}, False, "--held-out is -1; 0 to 39: the data hold 40 poses. [C41]"),
         (
             {"train": 5, "held_out": 5},
             False,
