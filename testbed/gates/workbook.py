@@ -16,6 +16,7 @@ from typing import Any
 
 from calib.errors import InputError, refuse
 from testbed.disk import read_bounded
+from testbed.gates.paths import is_there
 from testbed.gates.text import LARGER, MAX_ROWS, FileText, SourceFile
 from testbed.strict import choice_of
 
@@ -33,6 +34,8 @@ DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, ValueError, RuntimeError, O
 
 def is_workbook(path: Path) -> bool:
     """Whether a file is a zip archive that has a workbook in it."""
+    if not is_there(path, Path.is_file):  # to open a pipe would wait for ever
+        return False
     try:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
