@@ -114,7 +114,7 @@ class Proven:
         _, rows = reflector_rows(T, J, np.broadcast_to(self.target, (len(T), 3)))
         own = rows[:, :, self.own]
         G = unheld(self.wide, self.columns, self.up, q, rows) - own @ self.absorbed
-        noise = np.einsum("nip,pq,niq->n", own, self.covariance, own)
+        noise = ((own @ self.covariance) * own).sum((1, 2))
         return np.stack([(G[..., :-1] ** 2).sum((1, 2)), (G[..., -1] ** 2).sum(1), noise])
 
 

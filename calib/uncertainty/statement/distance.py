@@ -20,6 +20,8 @@ FAR = 9.0
 """Standard deviations beyond which a normal number is never looked for: 1e-19 lie there."""
 THINNEST = 1e-7
 """Least standard deviation of an axis, as part of the largest: a disk or a line is as good."""
+EXACT = 1e-10
+"""Of a radius over many points."""
 SPARE = 1e-6
 """Room on both sides of the smallest and the largest radius that can be."""
 EDGES = ((1, -SPARE), (3, SPARE))
@@ -128,6 +130,12 @@ def content(radius: Array | float, length: Array) -> Array:
     return np.asarray(inside)
 
 
+def density(radius: float, length: Array) -> Array:
+    """Derivative of `content` by the radius [1/m]."""
+    x = radius / length
+    return np.asarray(np.sqrt(2 / np.pi) * x**2 * np.exp(-(x**2) / 2) / length)
+
+
 def radius_over(covariance: ArrayLike, weights: ArrayLike, probability: float = 0.95) -> float:
     """Radius that holds the error of a point drawn from several with this probability [m].
 
@@ -144,8 +152,6 @@ def radius_over(covariance: ArrayLike, weights: ArrayLike, probability: float = 
     ----------
     sum of w_t P(|e_t| <= R) = p, e_t ~ N(0, S_t), solved for R.
     """
-    from scipy.optimize import brentq
-
     require_probability(probability)
     S, w = check("n 3 3, n", covariance=covariance, weights=weights)
     length, weight = spread_over_directions(S)
@@ -154,11 +160,17 @@ def radius_over(covariance: ArrayLike, weights: ArrayLike, probability: float = 
     low = coverage_factor(1, probability) * float(longest.min()) * (1 - SPARE)
     high = coverage_factor(3, probability) * float(longest.max()) * (1 + SPARE)
 
-    def excess(radius: float) -> float:
-        """Probability beyond the one asked for."""
-        return float(w @ (content(radius, length) @ weight)) - probability
-
-    return float(brentq(excess, low, high, xtol=1e-7 * high))
+    radius = float(np.sqrt(w @ np.trace(S, axis1=1, axis2=2))) * coverage_factor(1, probability)
+    while high - low > EXACT * high:
+        held = float(w @ (content(radius, length) @ weight)) - probability
+        slope = float(w @ (density(radius, length) @ weight))
+        low, high = (radius, high) if held < 0 else (low, radius)
+        step = held / slope if slope > 0 else np.inf
+        if abs(step) < EXACT * radius:
+            break
+        # Newton's step where it stays between the ends, else their middle
+        radius = radius - step if low < radius - step < high else (low + high) / 2
+    return radius
 
 
 def least_content(factor: float) -> float:

@@ -19,6 +19,8 @@ STEP = float(np.log(1.15)) / 2
 """Logarithmic step of the sizes that are tried: 7 %."""
 SMALLEST, LARGEST = 0.03, 1e4
 """Sizes tried, in standard deviations of the noise per axis; zero as well."""
+BLOCK = 2000
+"""Rows whose products are kept at a time: 10 MB."""
 DOUBT = 0.1
 """Standard deviation of the logarithm of the noise scale, where no repeats tell it."""
 SEEN, POWER = 0.001, 0.95
@@ -187,7 +189,7 @@ def likelihood(rows: PositionRows, unit: float, repeats: NoiseRepeats | None) ->
     count = int(np.log(LARGEST / SMALLEST) / STEP) + 1
     t = np.concatenate([[0.0], SMALLEST * np.exp(STEP * np.arange(-reach, count + reach))])
     lam = unit**2 * rows.lam
-    base, square = np.array([_terms(A, rows.y, lam, one) for one in t]).T
+    base, square = _terms(A, rows.y, lam, t)
     known = (log_g - center) ** 2 / (2 * sd**2) if repeats is None else repeats.against(log_g)
     of_both = -0.5 * (base[:, None] + 2 * freedom * log_g + square[:, None] * np.exp(-2 * log_g))
     of_both -= known
@@ -235,11 +237,22 @@ def reduced(A: Array) -> Array:
     return np.asarray(A @ directions[singular > RANK_TOLERANCE * singular[0]].T)
 
 
-def _terms(A: Array, y: Array, lam: Array, t: float) -> tuple[float, float]:
-    """ln|V| + ln|A'inv(V)A| and the quadratic form y'Py that is left of y, V = 1 + t^2 lam."""
-    w = 1 / (1 + t**2 * lam)
-    AW = A.T * w
-    root = np.linalg.cholesky(AW @ A)
-    b = np.linalg.solve(root, AW @ y)
-    logarithms = 2 * np.log(np.diag(root)).sum() - np.log(w).sum()
-    return float(logarithms), float((w * y**2).sum() - (b**2).sum())
+def _terms(A: Array, y: Array, lam: Array, t: Array) -> tuple[Array, Array]:
+    """ln|V| + ln|A'inv(V)A| and the quadratic form y'Py that is left of y, V = 1 + t^2 lam.
+
+    For sizes t (k,) at once: the weights of all, times products of two columns of [A, y].
+    """
+    both = np.column_stack([A, y])
+    i, j = np.tril_indices(both.shape[1])
+    products, logarithms = np.zeros((len(t), len(i))), np.zeros(len(t))
+    for k in range(0, len(y), BLOCK):
+        some = slice(k, k + BLOCK)
+        V = 1 + t[:, None] ** 2 * lam[some]
+        products += (1 / V) @ (both[some, i] * both[some, j])
+        logarithms += np.log(V).sum(axis=1)
+    H = np.empty((len(t), both.shape[1], both.shape[1]))
+    H[:, i, j] = H[:, j, i] = products
+    root = np.linalg.cholesky(H[:, :-1, :-1])
+    b = np.linalg.solve(root, H[:, :-1, -1:])[:, :, 0]
+    logarithms += 2 * np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
+    return logarithms, H[:, -1, -1] - (b**2).sum(axis=1)

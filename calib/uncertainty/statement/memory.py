@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
+from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.signal import lfilter
 
 from calib.arrays import Array, Bool, Index, check
@@ -20,7 +21,7 @@ from calib.measurement.prediction import predict
 from calib.uncertainty.statement.evidence import reduced
 from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers
 from calib.uncertainty.statement.misfit import DROP
-from calib.uncertainty.statement.shape import MisfitShape, noise_and_misfit
+from calib.uncertainty.statement.shape import MisfitShape, of_poses, same_count
 
 KERNEL_ROWS = 8.0
 """Memory of the test's kernel [rows]."""
@@ -31,8 +32,8 @@ MOST_ROWS, STRETCH = 300, 100
 """Rows whose likelihood is asked, and rows of one stretch: three times the longest memory."""
 MEMORIES = (3.0, 10.0, 30.0)
 """Memories of a drift that are tried [rows]."""
-SIZES = (0.0, *(0.15 * 1.45 ** np.arange(9)))
-"""Standard deviations of a drift that are tried, in those of the noise."""
+SIZES = 0.15 * 1.45 ** np.arange(9)
+"""Standard deviations of a drift that are tried beside zero, in those of the noise."""
 REMEMBERS = 0.05
 """A p-value below this adds what a drift leaves to the statement."""
 
@@ -168,23 +169,21 @@ def drift(
     order = np.concatenate([train_order, held_out_order])
     pose = np.concatenate([train.pose_id, -1 - held_out.pose_id])  # numbered apart
     some = stretches(order)
-    both, order, pose = both.rows(some), order[some], pose[some]
-    apart = np.abs(order[:, None] - order)
+    both, pose = both.rows(some), pose[some]
     parameters = identification.parameters
     seen, m = predict(identification.model, both), len(both)
     rows = seen.rows[:, :3]
     A = rows[..., parameters.free_index] * parameters.free_scale
-    A = reduced(A.reshape(3 * m, -1))
-    y = seen.residual[:, :3].ravel()
-    fixed = noise_and_misfit(shape, misfit, rows, both.covariance, pose)
+    X = np.column_stack([reduced(A.reshape(3 * m, -1)), seen.residual[:, :3].ravel()])
+    beside = beside_drift(X, rows, both.covariance, pose, shape, misfit)
+    gaps = np.maximum(np.diff(order[some]), 1)  # what came at once came one after the other
     unit = float(np.sqrt(np.trace(both.covariance[:, :3, :3], axis1=1, axis2=2).mean() / 3))
-    tried = []
-    for memory in MEMORIES:
-        kernel = np.kron(np.exp(-apart / memory), np.eye(3))
-        tried += [
-            (_likelihood(fixed + (size * unit) ** 2 * kernel, A, y), size * unit, memory)
-            for size in SIZES
-        ]
+    tried = [(beside.alone(), 0.0, memory) for memory in MEMORIES]
+    tried += [
+        (beside.likelihood(size * unit, np.exp(-gaps / memory)), size * unit, memory)
+        for memory in MEMORIES
+        for size in SIZES
+    ]
     best = max(tried)[0]
     _, sd, memory = max(
         (one for one in tried if one[0] >= best - DROP), key=lambda one: one[1] ** 2 * one[2]
@@ -196,19 +195,79 @@ def drift(
 
 
 def stretches(order: Index) -> Index:
-    """Rows (k,) whose likelihood is asked: all, or of many some stretches in a row, spread out."""
+    """Rows (k,) in time whose likelihood is asked: all, or of many some stretches, spread out."""
     in_time = np.argsort(order, kind="stable")
     if len(in_time) <= MOST_ROWS:
-        return np.arange(len(in_time))
+        return in_time
     parts = np.array_split(in_time, MOST_ROWS // STRETCH)
-    return np.sort(np.concatenate([part[:STRETCH] for part in parts]))
+    return np.concatenate([part[:STRETCH] for part in parts])
 
 
-def _likelihood(V: Array, A: Array, y: Array) -> float:
-    """Restricted log-likelihood of y with covariance V (n, n), numbers A (n, p) flat."""
-    root = np.linalg.cholesky(V)
-    white = np.linalg.solve(root, np.column_stack([A, y]))
-    Q, R = np.linalg.qr(white[:, :-1])
-    rest = white[:, -1] - Q @ (Q.T @ white[:, -1])
-    logarithms = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(R))).sum()
-    return -float(logarithms + rest @ rest / 2)
+@dataclass(frozen=True, slots=True, eq=False)
+class Beside:
+    """What a drift is asked beside, rows in time: noise and misfit V0, the numbers and residuals.
+
+    A drift that forgets exponentially knows of the past only what its last value was: its inverse
+    covariance couples neighbors alone, so that V0 + S costs no more than a band.
+    """
+
+    band: Array
+    """(w + 1, 3 m) inv(V0), lower bands."""
+    X: Array
+    """(3 m, p + 1) inv(V0) [A, y]."""
+    square: Array
+    """(p + 1, p + 1) [A, y]' inv(V0) [A, y]."""
+    logarithm: float
+    """ln|V0|."""
+
+    def alone(self) -> float:
+        """Restricted log-likelihood without a drift."""
+        return _restricted(self.square, self.logarithm)
+
+    def likelihood(self, sd: float, kept: Array) -> float:
+        """With a drift of `sd` [m] per axis that keeps the share `kept` (m - 1,) to the next row.
+
+        References
+        ----------
+        S = sd^2 K x I3. |V0 + S| = |V0| |S| |L| and inv(V0 + S) = inv(V0) - inv(V0) inv(L) inv(V0)
+        with L = inv(S) + inv(V0).
+        """
+        new = 1 - kept**2
+        own = np.append(1 / new, 1.0)
+        own[1:] += kept**2 / new
+        L = self.band.copy()
+        L[0] += np.repeat(own, 3) / sd**2
+        L[3, :-3] -= np.repeat(kept / new, 3) / sd**2
+        root = cholesky_banded(L, lower=True, overwrite_ab=True, check_finite=False)
+        follows = self.X.T @ cho_solve_banded((root, True), self.X, check_finite=False)
+        m = len(own)
+        logarithm = 3 * np.log(new).sum() + 6 * m * np.log(sd) + 2 * np.log(root[0]).sum()
+        return _restricted(self.square - follows, self.logarithm + float(logarithm))
+
+
+def beside_drift(
+    X: Array, rows: Array, covariance: Array, pose: Index, shape: MisfitShape, misfit: float
+) -> Beside:
+    """Noise and misfit of rows in time; rows of one pose share its misfit, wherever they stand."""
+    m, logarithm, blocks = len(pose), 0.0, []
+    for some in same_count(pose):
+        V = of_poses(shape, misfit, rows[some], covariance[some])
+        at = (3 * some[:, :, None] + np.arange(3)).reshape(len(some), -1)
+        blocks.append((at, np.linalg.solve(V, np.eye(V.shape[1]))))
+        logarithm += float(np.linalg.slogdet(V)[1].sum())
+    width = max(3, *(int(np.ptp(at, axis=1).max()) for at, _ in blocks))
+    band, white = np.zeros((width + 1, 3 * m)), np.empty_like(X)
+    for at, inverse in blocks:
+        row, column = np.broadcast_arrays(at[:, :, None], at[:, None])
+        low = row >= column
+        band[(row - column)[low], column[low]] = inverse[low]
+        white[at] = inverse @ X[at]
+    return Beside(band, white, X.T @ white, logarithm)
+
+
+def _restricted(square: Array, logarithm: float) -> float:
+    """Restricted log-likelihood from [A, y]' inv(V) [A, y] and ln|V|."""
+    root = np.linalg.cholesky(square[:-1, :-1])
+    b = np.linalg.solve(root, square[:-1, -1])
+    logarithm += 2 * float(np.log(np.diag(root)).sum())
+    return -0.5 * (logarithm + float(square[-1, -1] - b @ b))

@@ -16,7 +16,7 @@ from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict, predicted_positions
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.gain import estimator_gain
-from calib.uncertainty.statement.shape import noise_and_misfit
+from calib.uncertainty.statement.shape import of_poses, same_count
 
 FOLLOWED = 0.01
 """Part of a motion below which nothing of it is left: the model is not quite straight."""
@@ -172,13 +172,10 @@ def _whitened(
     noise = belief.misfit.larger_noise**2 * points.covariance
     whole = np.concatenate(columns, axis=2)
     white = np.empty_like(whole)
-    order = np.argsort(points.pose_id, kind="stable")
-    first = np.unique(points.pose_id[order], return_index=True)[1]
-    for some in np.split(order, first[1:]):
-        pose = points.pose_id[some]
-        own = noise_and_misfit(belief.misfit.shape, size, rows[some], noise[some], pose)
-        seen = np.linalg.solve(np.linalg.cholesky(own), whole[some].reshape(len(own), -1))
-        white[some] = seen.reshape(len(some), 3, -1)
+    for some in same_count(points.pose_id):  # (poses, rows of each)
+        own = of_poses(belief.misfit.shape, size, rows[some], noise[some])
+        flat = whole[some].reshape(*own.shape[:2], -1)
+        white[some] = np.linalg.solve(np.linalg.cholesky(own), flat).reshape(whole[some].shape)
     edges = np.cumsum([part.shape[2] for part in columns])[:-1]
     return [part.reshape(3 * len(rows), -1) for part in np.split(white, edges, axis=2)]
 

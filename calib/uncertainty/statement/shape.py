@@ -60,26 +60,31 @@ def misfit_shape(model: RobotModel, poses: Measurements) -> MisfitShape:
     )
 
 
-def noise_and_misfit(
-    shape: MisfitShape, size: float, rows: Array, covariance: Array, pose: Index
-) -> Array:
-    """Covariance (3 m, 3 m) of positions together [m^2]: noise of each, a misfit for each pose.
+def same_count(pose: Index) -> list[Index]:
+    """Rows (poses, k) of all poses of k rows, for each k; `pose` (m,) tells whose each row is."""
+    order = np.argsort(pose, kind="stable")
+    _, first, count = np.unique(pose[order], return_index=True, return_counts=True)
+    return [order[first[count == k][:, None] + np.arange(k)] for k in np.unique(count)]
+
+
+def of_poses(shape: MisfitShape, size: float, rows: Array, covariance: Array) -> Array:
+    """Covariances (n, 3 k, 3 k) of the k positions of each of n poses [m^2]: noise and a misfit.
 
     Parameters
     ----------
     shape : MisfitShape
         Of a misfit of 1 m per axis.
     size : float
-        Of the misfit [m].
-    rows : (m, 3, P) array
+        Of the misfit, one for each pose [m].
+    rows : (n, k, 3, P) array
         Derivative of the positions.
-    covariance : (m, 6, 6) array
+    covariance : (n, k, 6, 6) array
         Of the noise [m, rad].
-    pose : (m,) array
-        Which pose each row belongs to.
     """
-    own = size * shape.rows(rows).reshape(3 * len(rows), -1)
-    V = own @ own.T * np.repeat(np.repeat(pose[:, None] == pose, 3, axis=0), 3, axis=1)
-    for j, N in enumerate(covariance[:, :3, :3]):
-        V[3 * j : 3 * j + 3, 3 * j : 3 * j + 3] += N
+    n, k = rows.shape[:2]
+    own = size * shape.rows(rows).reshape(n, 3 * k, -1)
+    V = own @ np.swapaxes(own, 1, 2)
+    for j in range(k):
+        part = slice(3 * j, 3 * j + 3)
+        V[:, part, part] += covariance[:, j, :3, :3]
     return np.asarray(V)

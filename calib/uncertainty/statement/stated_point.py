@@ -75,10 +75,11 @@ def stated_point(
     told_by : str
         What tells it.
     """
-    mean = belief.regions(q, target=target)
+    growth = belief.proven.applies(q).growth
+    mean = belief.regions(q, target=target, growth=growth)
     u_move = radius_move = float("nan")
     if repeatability is not None and repeatability.any():
-        move = belief.regions(q, target=target, repeatability=repeatability)
+        move = belief.regions(q, target=target, growth=growth, repeatability=repeatability)
         u_move, radius_move = _usual(move), common_radius(move)
     return StatedPoint(
         _usual(mean), common_radius(mean), u_move, radius_move, belief.probability, len(q),
