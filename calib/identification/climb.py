@@ -1,0 +1,199 @@
+"""The climb: which joint errors the measurements ask for, level by level of all ladders.
+
+All models are compared about one geometric fit, where small steps are linear: one normal matrix of
+the richest model holds those of all others. Waves act on a joint each, so the whole climb costs
+less than one fit of the model that it finds.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.errors import refuse
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
+from calib.identification.identify import identify
+from calib.identification.ladders import Ladder, Level
+from calib.identification.normal_equations import NormalEquations, normal_equations
+from calib.identification.prior import Prior
+from calib.identification.robust import Loss, loss_weights
+from calib.measurement.observations import Measurements
+
+ASKED = float(np.log(20))
+"""Log evidence from which the data ask for another level: odds of 20 to 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClimbStep:
+    """One level that the evidence asked for, and whether it was taken."""
+
+    ladder: str
+    level: str
+    gain: float
+    """Log evidence against the model before it."""
+    before: float
+    """Mean miss at training poses left out in turn, by the model before it [m]."""
+    after: float
+    """The same with the level [m]."""
+    taken: bool
+    """Whether the poses left out confirm it: not worse by more than one standard error."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Climb:
+    """Where a climb ended, and how it went."""
+
+    levels: tuple[Level, ...]
+    """Those reached, one of each ladder."""
+    steps: tuple[ClimbStep, ...]
+    offered: tuple[tuple[str, str, float], ...]
+    """Ladder, level and log evidence against geometry alone of each level that was offered."""
+    gain: float
+    """Log evidence of the levels reached against geometry alone."""
+    noise_factor: float
+    """Noise that the richest model leaves, in units of the stated one, one or more."""
+    before: float
+    """Mean miss at training poses left out in turn, by geometry alone [m]."""
+    after: float
+    """The same by the model reached [m]."""
+
+    def __repr__(self) -> str:
+        return f"Climb({', '.join(level.name for level in self.taken) or 'geometry alone'})"
+
+    @property
+    def taken(self) -> tuple[Level, ...]:
+        """Levels reached that have terms."""
+        return tuple(level for level in self.levels if level.terms)
+
+
+def climb(
+    nominal: RobotModel,
+    measurements: Measurements,
+    parameters: Parameters,
+    ladders: Sequence[Ladder],
+    part: Index,
+    *,
+    prior: Prior,
+    loss: Loss = "squared",
+    report: Callable[[int, float], None] | None = None,
+) -> Climb:
+    """Climb by evidence, confirmed on poses left out of the training in turn.
+
+    Each round tries every other level of every ladder and takes the one with the most evidence,
+    until none gains odds of 20 to 1. A level at which the poses left out are missed by more is
+    not taken.
+
+    Parameters
+    ----------
+    nominal : RobotModel
+        Where fits begin.
+    measurements : Measurements
+        What may be looked at: training rows alone.
+    parameters : Parameters
+        Of `nominal`.
+    ladders : sequence of Ladder
+        What is offered; see `ladders.ladders_of`.
+    part : (m,) array of int
+        Part that each row belongs to; each part is left out once. Rows of one pose are in one.
+    prior : Prior
+        Of all free numbers, the same in every model.
+    loss : {"squared", "huber", "cauchy"}
+        As in `identify`; the weights are those of the richest model.
+    report : callable, optional
+        As in `identify`, of the geometric fit.
+
+    Raises
+    ------
+    InputError
+        If a free number has no prior.
+
+    References
+    ----------
+    MacKay 1992: evidence by Laplace's method, at one noise scale for all models: scales of their
+    own would hide small terms.
+    """
+    bare = [name for name in parameters.free_names if name not in prior.names]
+    if bare:
+        raise refuse(
+            "prior", tuple(bare), code="A3", message=f"{bare[0]} is free and has no prior",
+            allowed="a prior of every free number: evidence compares nothing else",
+            fix="add them to the prior, or leave it out for the weak one",
+        )  # fmt: skip
+    near = identify(nominal, measurements, parameters, prior=prior, loss=loss, report=report)
+    terms = {t.name: t for ladder in ladders for level in ladder.levels for t in level.terms}
+    system = normal_equations(
+        nominal, near.model, measurements, parameters, tuple(terms.values()), prior
+    )
+    richest = tuple(ladder.levels[-1] for ladder in ladders)
+    system = system.at_noise_of(*_asked(richest))
+    if loss != "squared":
+        system = system.weighed(loss_weights(system.sizes(*_asked(richest)), loss))
+        system = system.at_noise_of(*_asked(richest))
+    return _climbed(system, ladders, part)
+
+
+def _asked(levels: Sequence[Level]) -> tuple[tuple[str, ...], Array]:
+    """Names of the terms of some levels, and their prior sd."""
+    names = tuple(term.name for level in levels for term in level.terms)
+    return names, np.concatenate([level.sd for level in levels])
+
+
+def _climbed(system: NormalEquations, ladders: Sequence[Ladder], part: Index) -> Climb:
+    """The climb over levels of a linear system."""
+    held_out = [part == k for k in np.unique(part)]
+    rests = [system.without(rows) for rows in held_out]
+
+    def evidence_of(levels: Sequence[Level]) -> float:
+        return system.solved(*_asked(levels)).evidence
+
+    def left_out(levels: Sequence[Level]) -> Array:
+        names, sd = _asked(levels)
+        missed = np.zeros(len(part))
+        for rest, rows in zip(rests, held_out, strict=True):
+            missed[rows] = system.misses(names, rest.solved(names, sd).step, rows)
+        return missed
+
+    here = tuple(ladder.levels[0] for ladder in ladders)
+    bottom = evidence = evidence_of(here)
+    lowest = before = left_out(here)
+    steps: list[ClimbStep] = []
+    barred: set[tuple[str, ...]] = set()
+    while True:
+        tried = {}
+        for k, ladder in enumerate(ladders):
+            for level in ladder.levels:
+                levels = (*here[:k], level, *here[k + 1 :])
+                if level is not here[k] and _names(levels) not in barred:
+                    tried[k, level.name] = levels, evidence_of(levels)
+        best = max(tried, key=lambda key: tried[key][1], default=None)
+        if best is None or tried[best][1] - evidence <= ASKED:
+            break
+        levels, found = tried[best]
+        after = left_out(levels)
+        worse = after - before
+        taken = bool(worse.mean() < worse.std() / np.sqrt(len(worse)))
+        steps.append(
+            ClimbStep(
+                ladders[best[0]].name, best[1], found - evidence,
+                float(before.mean()), float(after.mean()), taken,
+            )
+        )  # fmt: skip
+        if taken:
+            here, evidence, before = levels, found, after
+        else:
+            barred.add(_names(levels))
+    offered = tuple(
+        (ladder.name, level.name, evidence_of([level]) - bottom)
+        for ladder in ladders
+        for level in ladder.levels[1:]
+    )
+    return Climb(
+        here, tuple(steps), offered, evidence - bottom, system.scale,
+        float(lowest.mean()), float(before.mean()),
+    )  # fmt: skip
+
+
+def _names(levels: Sequence[Level]) -> tuple[str, ...]:
+    return tuple(level.name for level in levels)

@@ -1,0 +1,148 @@
+"""Ladders of joint errors: for each cause the levels that a model may climb, from few to many.
+
+A level is a set of joint terms with what is believed of their sizes beforehand. The levels of one
+ladder replace each other, those of several ladders add up; the first level of each is empty.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.arrays import Array, check, frozen
+from calib.geometry.chain import Chain
+from calib.geometry.joint_errors import JointErrors, JointTerm, gravity_terms, harmonic_terms
+from calib.geometry.model import RobotModel
+from calib.identification.joint_models import gravity_quarters
+from calib.identification.prior import Prior
+
+MDEG = np.radians(1e-3)
+SAG = 50 * MDEG
+"""Prior sd of what gravity turns a joint by at its largest torque [rad]."""
+FIRST, SECOND = 20 * MDEG, 12 * MDEG
+"""The same of one wave a turn, and of two, as eccentric gears and encoders leave them [rad]."""
+SMALL = 0.25
+"""Part of these sizes at a level of small waves."""
+HIGHER = 6 * MDEG
+"""Of three and four waves a turn [rad]."""
+MAP, MAP_ORDERS = 3 * MDEG, 32
+"""Of each wave of a joint map from the third on, and how many waves a turn it knows [rad]: together
+they are a stationary Gaussian process on the circle."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Level:
+    """Joint terms that a model may have, and what is believed of their sizes."""
+
+    name: str
+    terms: tuple[JointTerm, ...] = ()
+    sd: Array = ()  # type: ignore[assignment]  # becomes an array in __post_init__
+    """(k,) prior standard deviation of each coefficient, about zero [rad]."""
+
+    def __post_init__(self) -> None:
+        (sd,) = check(f"{len(self.terms)}", sd=self.sd)
+        object.__setattr__(self, "sd", sd)
+
+    def __repr__(self) -> str:
+        return f"Level({self.name}: {len(self.terms)} terms)"
+
+
+NOTHING = Level("none")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ladder:
+    """The levels of one cause."""
+
+    name: str
+    levels: tuple[Level, ...]
+    """The first one has no terms."""
+    why_not: str = ""
+    """Why there is no further level; empty where there is one."""
+
+    def __repr__(self) -> str:
+        return f"Ladder({self.name}: {', '.join(level.name for level in self.levels)})"
+
+
+def ladders_of(
+    nominal: RobotModel,
+    mounted: Chain | None = None,
+    *,
+    waves: tuple[float, float] = (FIRST, SECOND),
+    sag: float = SAG,
+) -> tuple[Ladder, ...]:
+    """Ladders of gravity and of waves for an arm; its own terms are in every model.
+
+    Parameters
+    ----------
+    nominal : RobotModel
+        What terms are added to.
+    mounted : Chain, optional
+        The arm as it stands, with world z up; see `joint_models.extended_model`.
+    waves, sag : float, optional
+        Prior sd of one and two waves a turn, and of sag [rad].
+    """
+    return _gravity(nominal, mounted, sag), _waves(nominal, waves)
+
+
+def _gravity(nominal: RobotModel, mounted: Chain | None, sag: float) -> Ladder:
+    """Sag of joints 2 and 3, where its closed form holds."""
+    quarters = gravity_quarters(nominal.chain if mounted is None else mounted)
+    if quarters is None:
+        why = (
+            "sag: gravity does not turn joints 2 and 3 of this arm by waves of q2 and q2 + q3 alone"
+        )
+        return Ladder("gravity", (NOTHING,), why)
+    terms = _new(nominal, gravity_terms(nominal.chain.n_joints, quarters))
+    if not terms:
+        return Ladder("gravity", (NOTHING,), "sag: the model has it already")
+    return Ladder("gravity", (NOTHING, Level("sag", terms, np.full(len(terms), sag))))
+
+
+def _waves(nominal: RobotModel, sizes: tuple[float, float]) -> Ladder:
+    """Waves of each turning joint: small ones, usual ones, and whole maps."""
+    chain = nominal.chain
+    if not (chain.prismatic == 0).any():
+        return Ladder("waves", (NOTHING,), "waves: no joint of this robot turns")
+
+    def level(name: str, share: float, orders: Iterable[int] = (), size: float = 0.0) -> Level:
+        known = {1: share * sizes[0], 2: share * sizes[1]} | dict.fromkeys(orders, size)
+        terms = _new(nominal, harmonic_terms(chain.n_joints, tuple(known)))
+        terms = tuple(term for term in terms if chain.kinds[term.joint] == "revolute")
+        return Level(name, terms, np.array([known[order_of(term)] for term in terms]))
+
+    beyond = range(3, MAP_ORDERS + 1)
+    wider = (
+        level("small waves", SMALL),
+        level("waves", 1.0),
+        level("waves 1 to 4", 1.0, (3, 4), HIGHER),
+        level("joint map, small waves", SMALL, beyond, MAP),
+        level("joint map", 1.0, beyond, MAP),
+    )
+    return Ladder("waves", (NOTHING, *(each for each in wider if each.terms)))
+
+
+def order_of(term: JointTerm) -> int:
+    """Waves a turn of a term of one joint."""
+    return max(abs(weight) for weight in term.weights)
+
+
+def _new(nominal: RobotModel, terms: tuple[JointTerm, ...]) -> tuple[JointTerm, ...]:
+    """Those that the model does not have yet."""
+    known = set(nominal.joint_errors.names)
+    return tuple(term for term in terms if term.name not in known)
+
+
+def with_terms(nominal: RobotModel, terms: Sequence[JointTerm]) -> RobotModel:
+    """The model with joint terms added, all of them zero: same poses as before."""
+    known = nominal.joint_errors
+    coefficients = np.concatenate([known.coefficients, np.zeros(len(terms))])
+    return replace(nominal, joint_errors=JointErrors((*known.terms, *terms), coefficients))
+
+
+def prior_of(levels: Iterable[Level]) -> Prior:
+    """What is believed of the terms of some levels: small, and independent."""
+    levels = tuple(levels)
+    sd = np.concatenate([level.sd for level in levels])
+    names = tuple(term.name for level in levels for term in level.terms)
+    return Prior(frozen(np.zeros(len(sd))), frozen(sd), names)
