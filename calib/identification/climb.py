@@ -5,16 +5,15 @@ the richest model holds those of all others. Waves act on a joint each, so the w
 less than one fit of the model that it finds.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array, Index
+from calib.arrays import Array, FloatOrNan, Index
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.identification.identify import identify
 from calib.identification.ladders import Ladder, Level
 from calib.identification.normal_equations import NormalEquations, normal_equations
 from calib.identification.prior import Prior
@@ -41,6 +40,18 @@ class ClimbStep:
     """Whether the poses left out confirm it: not worse by more than one standard error."""
 
 
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """A level of a ladder, or why a ladder has none, and what became of it."""
+
+    ladder: str
+    level: str
+    gain: FloatOrNan
+    """Log evidence against geometry alone, without any other level; nan where it is not offered."""
+    outcome: str
+    """taken, replaced, refused, asked for, not asked for, or not offered and why."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Climb:
     """Where a climb ended, and how it went."""
@@ -48,8 +59,8 @@ class Climb:
     levels: tuple[Level, ...]
     """Those reached, one of each ladder."""
     steps: tuple[ClimbStep, ...]
-    offered: tuple[tuple[str, str, float], ...]
-    """Ladder, level and log evidence against geometry alone of each level that was offered."""
+    offered: tuple[Offer, ...]
+    """One for each level of each ladder, or for a ladder that has none."""
     gain: float
     """Log evidence of the levels reached against geometry alone."""
     noise_factor: float
@@ -63,6 +74,11 @@ class Climb:
         return f"Climb({', '.join(level.name for level in self.taken) or 'geometry alone'})"
 
     @property
+    def confirmed(self) -> bool:
+        """Whether poses were left out to confirm anything."""
+        return not np.isnan(self.before)
+
+    @property
     def taken(self) -> tuple[Level, ...]:
         """Levels reached that have terms."""
         return tuple(level for level in self.levels if level.terms)
@@ -70,14 +86,14 @@ class Climb:
 
 def climb(
     nominal: RobotModel,
+    near: RobotModel,
     measurements: Measurements,
     parameters: Parameters,
     ladders: Sequence[Ladder],
-    part: Index,
+    part: Index | None,
     *,
     prior: Prior,
     loss: Loss = "squared",
-    report: Callable[[int, float], None] | None = None,
 ) -> Climb:
     """Climb by evidence, confirmed on poses left out of the training in turn.
 
@@ -88,21 +104,22 @@ def climb(
     Parameters
     ----------
     nominal : RobotModel
-        Where fits begin.
+        What the prior speaks of.
+    near : RobotModel
+        The same after a fit of its geometry.
     measurements : Measurements
         What may be looked at: training rows alone.
     parameters : Parameters
         Of `nominal`.
     ladders : sequence of Ladder
         What is offered; see `ladders.ladders_of`.
-    part : (m,) array of int
-        Part that each row belongs to; each part is left out once. Rows of one pose are in one.
+    part : (m,) array of int or None
+        Part that each row belongs to; each part is left out once. Rows of one pose are in one. None
+        where nothing can be confirmed: then no level is taken.
     prior : Prior
         Of all free numbers, the same in every model.
     loss : {"squared", "huber", "cauchy"}
         As in `identify`; the weights are those of the richest model.
-    report : callable, optional
-        As in `identify`, of the geometric fit.
 
     Raises
     ------
@@ -121,11 +138,8 @@ def climb(
             allowed="a prior of every free number: evidence compares nothing else",
             fix="add them to the prior, or leave it out for the weak one",
         )  # fmt: skip
-    near = identify(nominal, measurements, parameters, prior=prior, loss=loss, report=report)
     terms = {t.name: t for ladder in ladders for level in ladder.levels for t in level.terms}
-    system = normal_equations(
-        nominal, near.model, measurements, parameters, tuple(terms.values()), prior
-    )
+    system = normal_equations(nominal, near, measurements, parameters, tuple(terms.values()), prior)
     richest = tuple(ladder.levels[-1] for ladder in ladders)
     system = system.at_noise_of(*_asked(richest))
     if loss != "squared":
@@ -140,9 +154,9 @@ def _asked(levels: Sequence[Level]) -> tuple[tuple[str, ...], Array]:
     return names, np.concatenate([level.sd for level in levels])
 
 
-def _climbed(system: NormalEquations, ladders: Sequence[Ladder], part: Index) -> Climb:
+def _climbed(system: NormalEquations, ladders: Sequence[Ladder], part: Index | None) -> Climb:
     """The climb over levels of a linear system."""
-    held_out = [part == k for k in np.unique(part)]
+    held_out = [] if part is None else [part == k for k in np.unique(part)]
     rests = [system.without(rows) for rows in held_out]
 
     def evidence_of(levels: Sequence[Level]) -> float:
@@ -150,7 +164,7 @@ def _climbed(system: NormalEquations, ladders: Sequence[Ladder], part: Index) ->
 
     def left_out(levels: Sequence[Level]) -> Array:
         names, sd = _asked(levels)
-        missed = np.zeros(len(part))
+        missed = np.full(len(system.r), np.nan)
         for rest, rows in zip(rests, held_out, strict=True):
             missed[rows] = system.misses(names, rest.solved(names, sd).step, rows)
         return missed
@@ -173,6 +187,7 @@ def _climbed(system: NormalEquations, ladders: Sequence[Ladder], part: Index) ->
         levels, found = tried[best]
         after = left_out(levels)
         worse = after - before
+        # never true of nothing left out
         taken = bool(worse.mean() < worse.std() / np.sqrt(len(worse)))
         steps.append(
             ClimbStep(
@@ -185,14 +200,33 @@ def _climbed(system: NormalEquations, ladders: Sequence[Ladder], part: Index) ->
         else:
             barred.add(_names(levels))
     offered = tuple(
-        (ladder.name, level.name, evidence_of([level]) - bottom)
-        for ladder in ladders
-        for level in ladder.levels[1:]
+        offer
+        for k, ladder in enumerate(ladders)
+        for offer in _offers(ladder, here[k], steps, lambda level: evidence_of([level]) - bottom)
     )
     return Climb(
         here, tuple(steps), offered, evidence - bottom, system.scale,
         float(lowest.mean()), float(before.mean()),
     )  # fmt: skip
+
+
+def _offers(
+    ladder: Ladder, reached: Level, steps: Sequence[ClimbStep], gain: Callable[[Level], float]
+) -> Iterator[Offer]:
+    """What became of each level of a ladder."""
+    if ladder.why_not:
+        yield Offer(ladder.name, "none", float("nan"), f"not offered: {ladder.why_not}")
+    tried = {step.level: step.taken for step in steps if step.ladder == ladder.name}
+    for level in ladder.levels[1:]:
+        gained = gain(level)
+        outcome = "asked for" if gained > ASKED else "not asked for"
+        if level is reached:
+            outcome = "taken"
+        elif level.name in tried:
+            outcome = "replaced" if tried[level.name] else "refused by the poses left out"
+        elif reached.terms and gained > ASKED:
+            outcome = f"less than {reached.name}"
+        yield Offer(ladder.name, level.name, gained, outcome)
 
 
 def _names(levels: Sequence[Level]) -> tuple[str, ...]:

@@ -38,6 +38,8 @@ class Level:
     terms: tuple[JointTerm, ...] = ()
     sd: Array = ()  # type: ignore[assignment]  # becomes an array in __post_init__
     """(k,) prior standard deviation of each coefficient, about zero [rad]."""
+    usual: bool = False
+    """Whether this is the level at which a model is shown that nobody asked for."""
 
     def __post_init__(self) -> None:
         (sd,) = check(f"{len(self.terms)}", sd=self.sd)
@@ -96,7 +98,7 @@ def _gravity(nominal: RobotModel, mounted: Chain | None, sag: float) -> Ladder:
     terms = _new(nominal, gravity_terms(nominal.chain.n_joints, quarters))
     if not terms:
         return Ladder("gravity", (NOTHING,), "sag: the model has it already")
-    return Ladder("gravity", (NOTHING, Level("sag", terms, np.full(len(terms), sag))))
+    return Ladder("gravity", (NOTHING, Level("sag", terms, np.full(len(terms), sag), True)))
 
 
 def _waves(nominal: RobotModel, sizes: tuple[float, float]) -> Ladder:
@@ -105,16 +107,22 @@ def _waves(nominal: RobotModel, sizes: tuple[float, float]) -> Ladder:
     if not (chain.prismatic == 0).any():
         return Ladder("waves", (NOTHING,), "waves: no joint of this robot turns")
 
-    def level(name: str, share: float, orders: Iterable[int] = (), size: float = 0.0) -> Level:
+    def level(
+        name: str,
+        share: float,
+        orders: Iterable[int] = (),
+        size: float = 0.0,
+        usual: bool = False,
+    ) -> Level:
         known = {1: share * sizes[0], 2: share * sizes[1]} | dict.fromkeys(orders, size)
         terms = _new(nominal, harmonic_terms(chain.n_joints, tuple(known)))
         terms = tuple(term for term in terms if chain.kinds[term.joint] == "revolute")
-        return Level(name, terms, np.array([known[order_of(term)] for term in terms]))
+        return Level(name, terms, np.array([known[order_of(term)] for term in terms]), usual)
 
     beyond = range(3, MAP_ORDERS + 1)
     wider = (
         level("small waves", SMALL),
-        level("waves", 1.0),
+        level("waves", 1.0, usual=True),
         level("waves 1 to 4", 1.0, (3, 4), HIGHER),
         level("joint map, small waves", SMALL, beyond, MAP),
         level("joint map", 1.0, beyond, MAP),

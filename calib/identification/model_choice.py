@@ -1,29 +1,35 @@
-"""Geometry alone, or joint errors as well: both identified, and the choice between them."""
+"""Geometry alone, or joint errors as well: which of them the measurements ask for, and both fits.
 
-from collections.abc import Callable
+The one choice of a model, wherever one is chosen: by evidence, confirmed on training poses left out
+in turn. Held-out poses have no say in it: they would no longer be a test.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from calib.arrays import Array, Index, frozen
-from calib.errors import refuse
+from calib.arrays import Index
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
+from calib.identification.climb import Climb, Offer, climb
 from calib.identification.identify import identify
-from calib.identification.joint_models import with_joint_terms
+from calib.identification.joint_models import extended_parameters, with_joint_terms
+from calib.identification.ladders import Ladder, Level, ladders_of, prior_of, with_terms
 from calib.identification.outlier_search import HONEST, noise_factor
 from calib.identification.prior import Prior, weak_prior
 from calib.identification.result import Identification
 from calib.identification.robust import Loss
 from calib.measurement.observations import Measurements
-from calib.measurement.prediction import predict
 
-ASKED = float(np.log(20))
-"""Log evidence from which the data ask for the extended model: odds of 20 to 1."""
-TRIMMED = 0.95
-"""Part of the errors at poses left out, the smaller ones, that counts."""
+FOLDS = 4
+"""Parts of the training poses that are left out in turn to confirm a level."""
+FEWEST_TO_CONFIRM = 5
+"""Poses in each part."""
+MANY = 400
+"""Of more poses this many are asked which model they want."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,9 +38,13 @@ class ModelChoice:
 
     chosen: Literal["geometric", "extended"]
     identifications: tuple[Identification, Identification]
-    """Geometric and extended, both with the same geometric prior."""
+    """Geometric, and extended by the levels reached, or by the usual ones where none is."""
+    starts: tuple[RobotModel, RobotModel]
+    """Where their fits began."""
+    climb: Climb
     log_evidence: float
-    """Natural logarithm of the odds that the measurements give the extended model."""
+    """Natural logarithm of the odds that the measurements give the levels reached; where none is,
+    the best of those that were offered."""
     sentence: str
     """What was chosen and why."""
 
@@ -53,73 +63,168 @@ def choose(
     parameters: Parameters | None = None,
     *,
     prior: Prior | None = None,
-    term_prior: Prior | None = None,
+    ladders: Sequence[Ladder] | None = None,
     loss: Loss = "squared",
     report: Callable[[int, float], None] | None = None,
     mounted: Chain | None = None,
+    rng: np.random.Generator | None = None,
 ) -> ModelChoice:
-    """Identify the geometric and the extended model, and choose by evidence.
+    """Choose a model by evidence, and identify it from all measurements beside the geometry.
 
     The evidence rewards a better fit and charges for freedom: terms that the measurements do not
-    ask for cost it about ln(prior sd / posterior sd) each. It is fooled by what neither model
-    explains: `left_out_errors` confirms it, or not.
+    ask for cost it about ln(prior sd / posterior sd) each. It is fooled by what no model explains:
+    poses left out in turn confirm it, or not.
 
     Parameters
     ----------
     nominal : RobotModel
-        Start of both.
+        Start of all fits.
     measurements : Measurements
-        What both are identified from.
+        What is identified from.
     parameters : Parameters, optional
         Which numbers of `nominal` are free; all by default.
     prior : Prior, optional
-        Of all free numbers, the same in both models; `weak_prior(parameters)` by default.
-    term_prior : Prior, optional
-        Of the added joint terms; the weak one by default.
+        Of all free numbers, the same in every model; `weak_prior(parameters)` by default.
+    ladders : sequence of Ladder, optional
+        What is offered; `ladders_of(nominal, mounted)` by default.
     loss : {"squared", "huber", "cauchy"}
         As in `identify`; a robust one keeps gross errors from calling for more terms.
     report : callable, optional
-        As in `identify`, of both fits one after the other.
+        As in `identify`, of all fits one after the other.
     mounted : Chain, optional
         The arm as it stands, where the world of `nominal` need not be level; see `extended_model`.
+    rng : Generator, optional
+        Draws the poses left out together, and which of very many are asked; seed 0 by default.
 
     Raises
     ------
     InputError
-        If a free number has no prior, or if there is no joint term to add.
-
-    References
-    ----------
-    MacKay 1992: evidence by Laplace's method.
+        If a free number has no prior.
     """
     parameters = parameters_of(nominal) if parameters is None else parameters
     prior = weak_prior(parameters) if prior is None else prior
-    bare = [name for name in parameters.free_names if name not in prior.names]
-    if bare:
-        raise refuse(
-            "prior", tuple(bare), code="A3", message=f"{bare[0]} is free and has no prior",
-            allowed="a prior of every free number: evidence compares nothing else",
-            fix="add them to the prior, or leave it out for the weak one",
-        )  # fmt: skip
-    wide, table, added = with_joint_terms(nominal, parameters, mounted)
-    both = prior.joined(weak_prior(added) if term_prior is None else term_prior)
+    ladders = ladders_of(nominal, mounted) if ladders is None else ladders
+    rng = np.random.default_rng(0) if rng is None else rng
+    pose = pose_groups(measurements)
+    asked = some_poses(measurements, pose, rng)
     geometric = identify(nominal, measurements, parameters, prior=prior, loss=loss, report=report)
-    extended = identify(wide, measurements, table, prior=both, loss=loss, report=report)
-    evidence = extended.log_evidence - geometric.log_evidence
-    asked = evidence > ASKED
-    ratios = " to ".join(
-        f"{result.chi_square / result.dof_effective:.2f}" for result in (geometric, extended)
+    found = climb(
+        nominal, geometric.model, asked, parameters, ladders,
+        parts_of(pose_groups(asked), rng), prior=prior, loss=loss,
+    )  # fmt: skip
+    levels = found.taken or tuple(
+        level for ladder in ladders for level in ladder.levels if level.usual
     )
+    wide, extended = extended_by(
+        nominal, measurements, parameters, levels,
+        prior=prior, factor=found.noise_factor, loss=loss, report=report,
+    )  # fmt: skip
+    best = best_offer(found)
     return ModelChoice(
-        chosen="extended" if asked else "geometric",
+        chosen="extended" if found.taken else "geometric",
         identifications=(geometric, extended),
-        log_evidence=evidence,
-        sentence=(
-            f"{'extended' if asked else 'geometric'}: the measurements "
-            f"{'ask' if asked else 'do not ask'} for joint errors (log evidence {evidence:+.1f}, "
-            f"chi-square per degree of freedom {ratios})"
-        ),
+        starts=(nominal, wide),
+        climb=found,
+        log_evidence=found.gain if found.taken else best.gain if best else float("nan"),
+        sentence=sentence_of(found),
     )
+
+
+def extended_by(
+    nominal: RobotModel,
+    measurements: Measurements,
+    parameters: Parameters,
+    levels: Sequence[Level],
+    *,
+    prior: Prior,
+    factor: float = 1.0,
+    loss: Loss = "squared",
+    report: Callable[[int, float], None] | None = None,
+) -> tuple[RobotModel, Identification]:
+    """The model with some levels of joint errors, before its fit and after.
+
+    Where the noise is larger than stated the prior is weighed against the noise that there is: else
+    it would be overruled by what is no information.
+
+    Parameters
+    ----------
+    nominal, measurements, parameters, prior, loss, report
+        As in `choose`.
+    levels : sequence of Level
+        What is added.
+    factor : float
+        How many times the stated noise there is.
+    """
+    terms = [term for level in levels for term in level.terms]
+    wide = with_terms(nominal, terms)
+    table = extended_parameters(nominal, wide, parameters) if terms else parameters
+    belief = prior.joined(prior_of(levels)) if terms else prior
+    tighter = Prior.of_precision(belief.mean, belief.precision * factor**2, belief.names)
+    return wide, identify(wide, measurements, table, prior=tighter, loss=loss, report=report)
+
+
+def sentence_of(found: Climb) -> str:
+    """What was chosen and why."""
+    if found.taken:
+        names = " and ".join(level.name for level in found.taken)
+        text = f"extended by {names}: the measurements ask for it (log evidence {found.gain:+.1f})"
+        if found.confirmed:
+            text += f", and {_misses(found.before, found.after)} with it"
+        return text
+    if refused := [step for step in found.steps if not step.taken]:
+        step = refused[0]
+        why = (
+            f"but {_misses(step.before, step.after)} with it"
+            if found.confirmed
+            else f"but fewer than {FOLDS * FEWEST_TO_CONFIRM} poses cannot confirm any"
+        )
+        return (
+            f"geometric: the measurements ask for {step.level} (log evidence {step.gain:+.1f}), "
+            f"{why}"
+        )
+    best = best_offer(found)
+    if best is None:
+        return "geometric: no joint of this robot has terms to add"
+    return (
+        "geometric: the measurements do not ask for joint errors (log evidence "
+        f"{best.gain:+.1f} at best, for {best.level})"
+    )
+
+
+def best_offer(found: Climb) -> Offer | None:
+    """The level that has the most evidence by itself, if any was offered."""
+    offers = [offer for offer in found.offered if not np.isnan(offer.gain)]
+    return max(offers, key=lambda offer: offer.gain, default=None)
+
+
+def _misses(before: float, after: float) -> str:
+    return (
+        "at training poses left out in turn the mean miss goes from "
+        f"{1e3 * before:.4f} mm to {1e3 * after:.4f} mm"
+    )
+
+
+def pose_groups(measurements: Measurements) -> Index:
+    """Number (m,) of the pose of each row, by its joints."""
+    return np.asarray(np.unique(measurements.q, axis=0, return_inverse=True)[1]).ravel()
+
+
+def some_poses(
+    measurements: Measurements, pose: Index, rng: np.random.Generator, most: int = MANY
+) -> Measurements:
+    """The rows of at most so many poses, drawn at random."""
+    count = int(pose.max()) + 1
+    if count <= most:
+        return measurements
+    return measurements.rows(np.isin(pose, rng.permutation(count)[:most]))
+
+
+def parts_of(pose: Index, rng: np.random.Generator) -> Index | None:
+    """Part (m,) in which each row is left out; None with too few poses to confirm anything."""
+    count = int(pose.max()) + 1
+    if count < FOLDS * FEWEST_TO_CONFIRM:
+        return None
+    return np.asarray(rng.permutation(count)[pose] % FOLDS)
 
 
 def identify_extended(
@@ -130,7 +235,7 @@ def identify_extended(
     loss: Loss = "squared",
     mounted: Chain | None = None,
 ) -> Identification:
-    """Identify geometry as the data show it, and joint terms under the weak prior.
+    """Identify geometry as the data show it, and usual joint terms under the weak prior.
 
     Where the residuals stay larger than the stated noise, the prior is weighed against the noise
     that they have: else it would be overruled by what is no information.
@@ -143,49 +248,3 @@ def identify_extended(
         return result
     tighter = Prior(terms.mean, terms.sd / factor, terms.names)
     return identify(wide, measurements, table, prior=tighter, loss=loss)
-
-
-def left_out_errors(
-    nominal: RobotModel,
-    measurements: Measurements,
-    parameters: Parameters,
-    part: Index,
-    *,
-    rounds: int,
-    loss: Loss = "squared",
-    mounted: Chain | None = None,
-) -> Array:
-    """Trimmed mean error (2,) of both models at poses left out in turn, geometric first [m].
-
-    Parameters
-    ----------
-    nominal : RobotModel
-        Where fits begin.
-    measurements : Measurements
-        What is left out, part by part, and identified from.
-    parameters : Parameters
-        Of `nominal`.
-    part : (m,) array of int
-        Part that each row belongs to; rows of one pose are in one part.
-    rounds : int
-        So many parts are left out in turn, from 0.
-    loss, mounted : optional
-        As in `choose`.
-
-    References
-    ----------
-    Cross-validation; the geometric model without a prior, the extended one by `identify_extended`.
-    """
-    errors: tuple[list[Array], list[Array]] = ([], [])
-    for k in range(rounds):
-        used, left_out = measurements.rows(part != k), measurements.rows(part == k)
-        geometric = identify(nominal, used, parameters, loss=loss)
-        extended = identify_extended(nominal, used, parameters, loss=loss, mounted=mounted)
-        for own, result in zip(errors, (geometric, extended), strict=True):
-            own.append(predict(result.model, left_out).misses)
-    return frozen([_trimmed_mean(np.concatenate(own)) for own in errors])
-
-
-def _trimmed_mean(errors: Array) -> float:
-    """Mean without the largest twentieth: a number that rests on one pose may miss that by all."""
-    return float(np.sort(errors)[: int(np.ceil(TRIMMED * len(errors)))].mean())

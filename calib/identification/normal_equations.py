@@ -103,7 +103,10 @@ class NormalEquations:
         own = float(np.linalg.slogdet(self.precision)[1])
         left = self.square + step @ (seen @ step - 2 * size * self.pull[at] / s**2) * s**2
         return Solved(
-            size * step, float(own - loss - spread) / 2, len(at) - float(np.trace(held)), float(left)
+            size * step,
+            float(own - loss - spread) / 2,
+            len(at) - float(np.trace(held)),
+            float(left),
         )
 
     def at_noise_of(self, terms: Sequence[str], sd: Array) -> "NormalEquations":

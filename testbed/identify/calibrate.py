@@ -7,7 +7,6 @@ import numpy as np
 from calib.arrays import frozen
 from calib.errors import InputError, refuse
 from calib.identification.identify import identify
-from calib.identification.joint_models import extended_model
 from calib.identification.robust import LOSSES, Loss
 from testbed.files.probe import Probe, probe
 from testbed.files.session import Session
@@ -140,15 +139,8 @@ def _calibrated(
         mounted=robot.model.chain,
     )
     models = tuple(
-        fitted_model(
-            name,
-            identification,
-            extended_model(frames.start, robot.model.chain) if name == "extended" else frames.start,
-            measurements,
-            used,
-            split.is_test,
-        )
-        for name, identification in pairs
+        fitted_model(name, identification, began, measurements, used, split.is_test)
+        for name, began, identification in pairs
     )
     chosen = next(each for each in models if each.model == choice.chosen)
     report(STEPS[3], 3, len(STEPS))

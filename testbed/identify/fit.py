@@ -9,8 +9,8 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification, identify
 from calib.identification.joint_models import extended_model, extended_parameters
-from calib.identification.model_choice import ASKED, choose, identify_extended, left_out_errors
-from calib.identification.outlier_search import noise_factor, with_noise
+from calib.identification.model_choice import best_offer, choose, identify_extended
+from calib.identification.outlier_search import noise_factor
 from calib.identification.prior import Prior, prior_rows, weak_prior
 from calib.identification.robust import Loss
 from calib.identification.tangent import covariance_factor
@@ -19,19 +19,11 @@ from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.measurement.residual import linearize
 from testbed.identify.records import Choice, Figures, FittedModel, ModelName, RowErrors
-from testbed.identify.session import groups
 from testbed.streams import stream
-from testbed.units import MM
 
 MODELS = ("geometric", "extended", "choose")
-Pair = tuple[ModelName, Identification]
-"""A model and what was identified of it."""
-FOLDS = 4
-"""Parts of the training poses that are left out in turn to confirm a choice."""
-FEWEST_TO_CONFIRM = 5
-"""Poses in each part."""
-MANY = 400
-"""Of more training poses this many are asked for the evidence, and one part confirms."""
+Fitted = tuple[ModelName, RobotModel, Identification]
+"""A model, where its fit began, and what was identified of it."""
 WIDE = 10.0
 """How many times wider than usual frames may lie from their start while models compete."""
 
@@ -46,111 +38,46 @@ def fit(
     seed: int,
     plain: Identification | None = None,
     mounted: Chain | None = None,
-) -> tuple[tuple[Pair, ...], Choice]:
-    """Identify as asked; with "choose" both models, and one of them chosen within the training.
+) -> tuple[tuple[Fitted, ...], Choice]:
+    """Identify as asked; with "choose" two models, and one of them chosen within the training.
 
-    The geometric fit knows no prior: what the data cannot tell apart is left nominal. The extended
-    one has the weak prior on its joint terms alone. `plain` is the geometric one, if it is there
-    already; `mounted` the arm as it stands, see `extended_model`.
+    The geometric fit knows no prior: what the data cannot tell apart is left nominal. A model with
+    joint errors has the weak prior on its terms; a chosen one on its geometry, too. `plain` is the
+    geometric one, if it is there already; `mounted` the arm as it stands, see `extended_model`.
     """
     wide = extended_model(start, mounted)
     if model == "extended":
         extended_parameters(start, wide, parameters)  # refuses a robot without a term to add
     geometric = plain or identify(start, train, parameters, loss=loss)
-    only = ""
+    first: Fitted = ("geometric", start, geometric)
     if model == "geometric":
-        only = "geometric, as asked for"
-    elif len(wide.names) == len(start.names):
-        only = "geometric: no joint of this robot has terms to add"
-    if only:
-        return (("geometric", geometric),), _unasked("geometric", model, only)
-    extended = identify_extended(start, train, parameters, loss=loss, mounted=mounted)
-    both: tuple[Pair, ...] = (("geometric", geometric), ("extended", extended))
+        return (first,), _unasked("geometric", model, "geometric, as asked for")
     if model == "extended":
-        return both, _unasked("extended", model, "extended, as asked for")
-    factor = noise_factor(extended.model, train)
-    choice = choose_within(
-        start, train, parameters, factor=factor, loss=loss, seed=seed, mounted=mounted
-    )
-    return both, choice
-
-
-def _unasked(chosen: ModelName, asked: str, sentence: str) -> Choice:
-    """A choice that no measurement was asked for."""
-    return Choice(chosen, asked, float("nan"), frozen(()), sentence)
-
-
-def choose_within(
-    start: RobotModel,
-    train: Measurements,
-    parameters: Parameters,
-    *,
-    factor: float,
-    loss: Loss,
-    seed: int,
-    mounted: Chain | None = None,
-) -> Choice:
-    """Evidence asks, and training poses left out in turn confirm; held-out poses stay untouched.
-
-    Each pose is left out once; of many poses one part is enough. With too few poses to confirm,
-    geometry it is: evidence alone is fooled by what neither model explains.
-
-    Parameters
-    ----------
-    start : RobotModel
-        Where fits begin.
-    train : Measurements
-        Rows to identify from.
-    parameters : Parameters
-        Of `start`.
-    factor : float
-        How much larger the noise is than stated.
-    loss : str
-        As in `identify`.
-    seed : int
-        Of the draw of poses left out.
-    mounted : Chain, optional
-        The arm as it stands; see `extended_model`.
-    """
-    evidence = choose(
+        extended = identify_extended(start, train, parameters, loss=loss, mounted=mounted)
+        choice = _unasked("extended", model, "extended, as asked for")
+        return (first, ("extended", wide, extended)), choice
+    found = choose(
         start,
-        with_noise(some_poses(train, MANY, seed), factor),
+        train,
         parameters,
         prior=_wide_prior(parameters),
         loss=loss,
         mounted=mounted,
-    ).log_evidence
-    asks = evidence > ASKED
-    reason = (
-        f"the measurements {'ask' if asks else 'do not ask'} for joint errors (log evidence "
-        f"{evidence:+.0f})"
+        rng=stream(seed, "confirm"),
     )
-    pose = groups(train)
-    count, needed = int(pose.max()) + 1, FOLDS * FEWEST_TO_CONFIRM
-    if count < needed:
-        text = f"geometric: {reason}; fewer than {needed} training poses cannot confirm any"
-        return Choice("geometric", "choose", evidence, frozen(()), text)
-    fold = stream(seed, "confirm").permutation(count) % FOLDS
-    rounds = 1 if count > MANY else FOLDS
-    error = left_out_errors(
-        start, train, parameters, fold[pose], rounds=rounds, loss=loss, mounted=mounted
-    )
-    name: ModelName = "extended" if asks and error[1] < error[0] else "geometric"
-    text = (
-        f"{name}: {reason}, {'and' if asks == (name == 'extended') else 'but'} at training poses "
-        f"left out in turn the mean miss of the best 95 % goes from {error[0] * MM:.4f} mm to "
-        f"{error[1] * MM:.4f} mm with them"
-    )
-    return Choice(name, "choose", evidence, error, text)
+    climbed = found.climb
+    choice = Choice(
+        found.chosen, model, found.log_evidence, frozen([climbed.before, climbed.after]),
+        found.sentence, climbed.steps, climbed.offered,
+    )  # fmt: skip
+    if best_offer(climbed) is None:
+        return (first,), choice
+    return (first, ("extended", found.starts[1], found.identifications[1])), choice
 
 
-def some_poses(train: Measurements, most: int, seed: int) -> Measurements:
-    """The rows of at most so many poses, drawn at random."""
-    pose = np.unique(train.q, axis=0, return_inverse=True)[1].ravel()
-    count = int(pose.max()) + 1
-    if count <= most:
-        return train
-    return train.rows(np.isin(pose, stream(seed, "evidence").permutation(count)[:most]))
+def _unasked(chosen: ModelName, asked: str, sentence: str) -> Choice:
+    """A choice that no measurement was asked for."""
+    return Choice(chosen, asked, float("nan"), frozen(()), sentence, (), ())
 
 
 def checked_model(model: str) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool, FloatOrNan, wrong_shape
 from calib.geometry.model import RobotModel
+from calib.identification.climb import ClimbStep, Offer
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
 from calib.measurement.accuracy import Accuracy
@@ -113,10 +114,16 @@ class Choice:
     asked: str
     """What was asked for: geometric, extended or choose."""
     log_evidence: FloatOrNan
-    """Of the extended model against the geometric one; nan if only one was looked at."""
+    """Of the levels chosen against geometry alone, or of the best that was offered; nan if only one
+    model was looked at."""
     confirmation: Array
-    """(2,) trimmed mean miss of both at training poses left out in turn [m]; or empty."""
+    """(2,) mean miss of geometry alone and of the levels chosen, at training poses left out in turn
+    [m]; empty where nothing was chosen, nan where poses were too few."""
     sentence: str
+    steps: tuple[ClimbStep, ...]
+    """How the choice went, level by level."""
+    offered: tuple[Offer, ...]
+    """Each level of joint errors, what speaks for it and what became of it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

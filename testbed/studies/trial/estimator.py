@@ -1,6 +1,6 @@
 """What an estimator of a scenario fits: model, free numbers, prior and loss; and which model."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification, Mode, identify
 from calib.identification.joint_models import with_joint_terms
+from calib.identification.ladders import Ladder, Level, ladders_of
 from calib.identification.model_choice import choose
 from calib.identification.prior import Prior
 from calib.identification.robust import Loss
@@ -68,15 +69,19 @@ def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Esti
     if extended:
         why = "extended: as the scenario says"
     elif settings.model == "choose":
+        own = settings.prior or WEAK
         choice = choose(
             nominal,
             measured,
             free,
-            prior=given or scenario_prior(WEAK, free),
-            term_prior=scenario_prior(settings.prior or WEAK, with_joint_terms(nominal, free)[2]),
+            prior=scenario_prior(own, free),
+            ladders=scenario_ladders(own, nominal),
             loss=settings.loss,
         )
-        extended, why, evidence = choice.chosen == "extended", choice.sentence, choice.log_evidence
+        why, evidence = choice.sentence, choice.log_evidence
+        if choice.chosen == "extended":
+            found = choice.identification
+            nominal, free, given = choice.starts[1], found.parameters, found.prior
     if extended:
         nominal, free, _ = with_joint_terms(nominal, free)
         given = scenario_prior(settings.prior or WEAK, free)
@@ -91,6 +96,22 @@ def scenario_prior(settings: PriorSettings, parameters: Parameters) -> Prior:
         [_spread(settings, name, bool(kind)) for name, kind in zip(names, is_length, strict=True)]
     )
     return Prior(np.zeros(len(names)), sd, names)
+
+
+def scenario_ladders(settings: PriorSettings, nominal: RobotModel) -> tuple[Ladder, ...]:
+    """The ladders of an arm with the sizes that a scenario believes in."""
+    first, second = (MDEG * size for size in settings.harmonics_mdeg)
+    return tuple(
+        replace(ladder, levels=tuple(_with_own_sizes(level, settings) for level in ladder.levels))
+        for ladder in ladders_of(nominal, waves=(first, second), sag=MDEG * settings.gravity_mdeg)
+    )
+
+
+def _with_own_sizes(level: Level, settings: PriorSettings) -> Level:
+    """A level whose terms have the sizes that the scenario gives them by name."""
+    named = {name: np.radians(size) for name, size in settings.sd_deg.items()}
+    both = zip(level.terms, level.sd, strict=True)
+    return replace(level, sd=np.array([named.get(term.name, sd) for term, sd in both]))
 
 
 def _spread(settings: PriorSettings, name: str, is_length: bool) -> float:

@@ -7,9 +7,11 @@ import pytest
 
 from calib.errors import InputError
 from calib.geometry.parameters import parameters_of
+from calib.identification.climb import ASKED
 from calib.identification.identify import Status, identify
 from calib.identification.joint_models import extended_model, shared_waves
-from calib.identification.model_choice import ASKED, choose, identify_extended, left_out_errors
+from calib.identification.ladders import ladders_of, with_terms
+from calib.identification.model_choice import choose
 from calib.identification.prior import Prior, weak_prior
 from calib.measurement.residual import linearize
 from tests.calib.identification.test_joint_models import GOALS, MDEG, POOL, bent, seen
@@ -31,7 +33,7 @@ def test_a_bent_robot_asks_for_the_extended_model_and_a_rigid_one_does_not(free,
             assert choice.chosen == expected
             assert choice.identification is choice.identifications[expected == "extended"]
             assert all(found.status is Status.CONVERGED for found in choice.identifications)
-            assert choice.sentence.startswith(f"{expected}: the measurements")
+            assert choice.sentence.startswith(expected)
             off = choice.identification.model.poses(GOALS)[:, :3, 3] - truth.poses(GOALS)[:, :3, 3]
             assert np.linalg.norm(off, axis=1).mean() < 0.03e-3
 
@@ -41,44 +43,30 @@ def test_log_evidence_is_the_ratio_of_the_densities_of_the_measurements():
     table = measured(tx60(), POOL[:12], np.random.default_rng(1))
     parameters, tight = parameters_of(tx60()), weak_prior(parameters_of(tx60()))
     prior = Prior(tight.mean, 1e-2 * tight.sd, tight.names)
-    wide = extended_model(tx60())
-    added = weak_prior(parameters_of(wide, wide.names[42:]))
-    terms = Prior(added.mean, 1e-2 * added.sd, added.names)
-    choice = choose(tx60(), table, parameters, prior=prior, term_prior=terms)
-    stack, density = linearize(wide, table), []
-    for k, sd in ((42, prior.sd), (69, np.concatenate([prior.sd, terms.sd]))):
-        B = stack.A[:, :k] * sd
-        C = np.eye(len(B)) + B @ B.T
-        density.append(-(stack.r @ np.linalg.solve(C, stack.r) + np.linalg.slogdet(C)[1]) / 2)
-    assert choice.log_evidence == pytest.approx(density[1] - density[0], abs=1e-3)
+    ladders = [
+        replace(one, levels=tuple(replace(level, sd=1e-2 * level.sd) for level in one.levels))
+        for one in ladders_of(tx60())
+    ]
+    choice = choose(tx60(), table, parameters, prior=prior, ladders=ladders)
+    scale = choice.climb.noise_factor
+    levels = {level.name: level for ladder in ladders for level in ladder.levels}
+    for offer in choice.climb.offered:
+        level = levels[offer.level]
+        wide, density = with_terms(tx60(), level.terms), []
+        stack = linearize(wide, table)
+        for k, sd in ((42, prior.sd), (42 + len(level.sd), np.append(prior.sd, level.sd))):
+            B, r = stack.A[:, :k] * sd / scale, stack.r / scale
+            C = np.eye(len(B)) + B @ B.T
+            density.append(-(r @ np.linalg.solve(C, r) + np.linalg.slogdet(C)[1]) / 2)
+        assert offer.gain == pytest.approx(density[1] - density[0], abs=1e-3)
 
 
-def test_poses_left_out_in_turn_confirm_what_the_evidence_asks_for_or_not():
-    part = np.arange(61) % 4
-    for truth, bends in ((bent(2), True), (rigid_truth(np.random.default_rng(2)), False)):
-        table = seen(truth, 61, 3)
-        error = left_out_errors(tx60(), table, parameters_of(tx60()), part, rounds=4)
-        assert (error[1] < 0.6 * error[0]) == bends
-        assert (choose(tx60(), table).log_evidence > ASKED) == bends
-
-
-def test_an_error_left_out_is_the_mean_distance_without_the_largest_twentieth():
-    table = seen(bent(4), 40, 6)
-    part = (np.arange(40) >= 29).astype(np.int64)
-    error = left_out_errors(
-        tx60(), table, parameters_of(tx60()), 1 - part, rounds=1, loss="squared"
-    )
-    used, left_out = table.rows(part == 0), table.rows(part == 1)
-    for model, stated in zip(
-        (
-            identify(tx60(), used, parameters_of(tx60())).model,
-            identify_extended(tx60(), used, parameters_of(tx60())).model,
-        ),
-        error,
-        strict=True,
-    ):
-        gap = np.linalg.norm(model.poses(left_out.q)[:, :3, 3] - left_out.position, axis=1)
-        assert stated == pytest.approx(np.sort(gap)[:11].mean(), rel=1e-12)
+def test_few_poses_confirm_nothing():
+    """The evidence asks, and on a measured UR10 was wrong: 0.9 mm before, 82 mm after."""
+    choice = choose(tx60(), seen(bent(2), 19, 3))
+    assert choice.chosen == "geometric"
+    assert choice.climb.steps[0].gain > ASKED
+    assert choice.sentence.endswith("but fewer than 20 poses cannot confirm any")
 
 
 def test_the_wave_that_stands_twice_is_reported_as_its_sum():
@@ -139,11 +127,12 @@ def test_evidence_needs_a_prior_of_every_number():
     assert "base.x is free and has no prior" in str(error)
 
 
-def test_a_model_that_has_all_terms_already_cannot_be_extended():
-    wide = extended_model(tx60())
-    with pytest.raises(InputError, match="no joint term to add") as caught:
-        choose(wide, seen(tx60(), 29, 12))
-    assert caught.value.field == "nominal"
+def test_a_model_that_has_some_terms_already_is_offered_the_others():
+    choice = choose(extended_model(tx60()), seen(tx60(), 29, 12))
+    assert choice.chosen == "geometric"
+    offered = {offer.level: offer.outcome for offer in choice.climb.offered}
+    assert offered.pop("none") == "not offered: sag: the model has it already"
+    assert set(offered) == {"waves 1 to 4", "joint map, small waves", "joint map"}
 
 
 def test_progress_is_told_for_both_fits():
