@@ -63,6 +63,7 @@ def choose(
     parameters: Parameters | None = None,
     *,
     prior: Prior | None = None,
+    own_prior: Prior | None = None,
     ladders: Sequence[Ladder] | None = None,
     loss: Loss = "squared",
     report: Callable[[int, float], None] | None = None,
@@ -85,6 +86,9 @@ def choose(
         Which numbers of `nominal` are free; all by default.
     prior : Prior, optional
         Of all free numbers, the same in every model; `weak_prior(parameters)` by default.
+    own_prior : Prior, optional
+        Of the geometry in the extended fit itself, if not `prior`: without numbers of which nothing
+        but their start is known.
     ladders : sequence of Ladder, optional
         What is offered; `ladders_of(nominal, mounted)` by default.
     loss : {"squared", "huber", "cauchy"}
@@ -117,7 +121,8 @@ def choose(
     )
     wide, extended = extended_by(
         nominal, measurements, parameters, levels,
-        prior=prior, factor=found.noise_factor, loss=loss, report=report,
+        prior=prior if own_prior is None else own_prior,
+        factor=found.noise_factor, loss=loss, report=report,
     )  # fmt: skip
     best = best_offer(found)
     return ModelChoice(

@@ -48,6 +48,9 @@ class Circumstances:
     """Whether held-out poses were drawn where the robot is used: designed ones guard nothing."""
     target: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Point in the tool frame that is stated [m]."""
+    doubted: tuple[Array, Array] | None = None
+    """Part of the covariances (m, 6, 6) of what identified and (n, 6, 6) of what is held out that
+    nothing measured tells: as noise it is in the weights, as misfit in the region."""
     unmodelled: tuple[str, ...] = ()
     """What is known to be in no covariance: then a drift is looked for whatever a test says."""
 
@@ -193,10 +196,19 @@ def _belief(
         visits = joined([train, replace(test, pose_id=-1 - test.pose_id)]) if len(test) else train
     repeats = noise_repeats(fit.model, visits, in_evidence=known.visits is None)
 
+    quiet_train, quiet_test = train, test
+    if known.doubted is not None and repeats is None:
+        quiet_train, quiet_test = (
+            replace(table, covariance=table.covariance - part)
+            for table, part in zip((train, test), known.doubted, strict=True)
+        )
+
     def believed(held_out: Measurements | None) -> Belief:
+        quiet = (quiet_train, None if held_out is None else quiet_test)
         return believe(
             fit, train, held_out, covariance=numbers, shared=known.shared, repeats=repeats,
             probability=probability, target=known.target, drawn=known.drawn,
+            quiet=None if quiet_train is train else quiet,
         )  # fmt: skip
 
     use: Measurements | None = test if len(test) else None
@@ -218,7 +230,7 @@ def _belief(
             hidden=belief.misfit, whatever=bool(known.unmodelled),
         )  # fmt: skip
         if slow is not None and slow.drift is not None:
-            belief = adding(belief, slow.drift.covariance, use)
+            belief = adding(belief, slow.drift.covariance, None if use is None else quiet_test)
     return (belief if np.isfinite(belief.misfit.upper) else None), frame, slow
 
 

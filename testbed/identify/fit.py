@@ -24,7 +24,7 @@ from testbed.streams import stream
 MODELS = ("geometric", "extended", "choose")
 Fitted = tuple[ModelName, RobotModel, Identification]
 """A model, where its fit began, and what was identified of it."""
-WIDE = 10.0
+WIDE = 100.0
 """How many times wider than usual frames may lie from their start while models compete."""
 
 
@@ -42,7 +42,7 @@ def fit(
     """Identify as asked; with "choose" two models, and one of them chosen within the training.
 
     The geometric fit knows no prior: what the data cannot tell apart is left nominal. A model with
-    joint errors has the weak prior on its terms; a chosen one on its geometry, too. `plain` is the
+    joint errors has the weak prior on its terms; a chosen one on its links, too. `plain` is the
     geometric one, if it is there already; `mounted` the arm as it stands, see `extended_model`.
     """
     wide = extended_model(start, mounted)
@@ -61,6 +61,7 @@ def fit(
         train,
         parameters,
         prior=_wide_prior(parameters),
+        own_prior=weak_prior(parameters.freeing(links)) if (links := _links(parameters)) else None,
         loss=loss,
         mounted=mounted,
         rng=stream(seed, "confirm"),
@@ -87,6 +88,11 @@ def checked_model(model: str) -> str:
             "--model", model, ", ".join(MODELS), code="C41", message=f'--model is "{model}"'
         )
     return model
+
+
+def _links(parameters: Parameters) -> list[str]:
+    """Names of the free numbers of the links."""
+    return [name for name in parameters.free_names if "." not in name]
 
 
 def _wide_prior(parameters: Parameters) -> Prior:
@@ -128,11 +134,12 @@ def fitted_model(
     """One identification from `start` with its errors at the rows used and held out."""
     train = measurements.rows(used)
     errors = row_errors(identification.model, measurements)
+    factor = noise_factor(identification.model, train)
     return FittedModel(
         model=name,
         identification=identification,
-        scatter=scatter_covariance(start, identification, train),
-        noise_factor=noise_factor(identification.model, train),
+        scatter=scatter_covariance(start, identification, train, factor),
+        noise_factor=factor,
         misses=errors,
         train=figures_of(errors, measurements, used),
         test=figures_of(errors, measurements, is_test) if is_test.any() else None,
@@ -140,12 +147,13 @@ def fitted_model(
 
 
 def scatter_covariance(
-    nominal: RobotModel, result: Identification, measurements: Measurements
+    nominal: RobotModel, result: Identification, measurements: Measurements, factor: float
 ) -> Array:
     """Covariance (f, f) of an estimate from how its residuals scatter from pose to pose.
 
     It needs no stated noise, but poses drawn at random from where the robot works: what the model
-    leaves out then counts as scatter. With fewer poses than numbers it is too small.
+    leaves out then counts as scatter. With fewer poses than numbers it is too small. What a prior
+    holds is as uncertain as the prior is.
 
     Parameters
     ----------
@@ -155,10 +163,13 @@ def scatter_covariance(
         Of the default estimator.
     measurements : Measurements
         What it was identified from.
+    factor : float
+        How many times the stated noise there is: by so much the prior was tightened, at least.
 
     References
     ----------
-    White 1980, clustered by pose: inv(H) (sum_j A_j'r_j r_j'A_j) inv(H) m/(m - 1) n/(n - f).
+    White 1980, clustered by pose: inv(H) (sum_j A_j'r_j r_j'A_j m/(m - 1) n/dof + Lambda0') inv(H),
+    Lambda0' = factor^2 Lambda0 what the prior pulls with.
     """
     stack = linearize(result.model, measurements)
     columns = result.parameters.free_index
@@ -171,5 +182,6 @@ def scatter_covariance(
     pull = np.zeros((int(pose.max()) + 1, len(columns)))
     np.add.at(pull, pose.ravel()[stack.row_of], (weight * stack.r)[:, None] * A)
     moved = pull @ root @ root.T
-    m, n, f = len(pull), len(A), len(columns)
-    return frozen(moved.T @ moved * (m / max(m - 1, 1)) * (n / max(n - f, 1)))
+    m, n = len(pull), len(A)
+    held = max(1.0, factor) * rows @ root @ root.T
+    return frozen(moved.T @ moved * (m / max(m - 1, 1)) * (n / max(result.dof, 1)) + held.T @ held)

@@ -54,6 +54,7 @@ def proof_of(
     """
     train, test = measurements.rows(used), measurements.rows(is_test)
     order = order_of(session)
+    scatter = measurements.covariance - session.measurements.covariance
     known = Circumstances(
         visits=measurements.rows(visits) if session.wanted.visits == "first" else None,
         order=None if session.wanted.order == "unknown" else (order[used], order[is_test]),
@@ -61,6 +62,7 @@ def proof_of(
         repeatability=comes_back[0],
         told_by=comes_back[1],
         drawn=session.wanted.held_out == "drawn",
+        doubted=(scatter[used], scatter[is_test]) if session.joint_scatter.any() else None,
         target=stated_target(measurements),
     )
     rng = stream(seed, "bootstrap") if len(train) <= MOST_ROWS else None

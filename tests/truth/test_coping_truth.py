@@ -80,7 +80,7 @@ def test_rigid_robots_stay_geometric_and_the_extension_would_cost_what_is_specif
     """At 60 robots: 0 of 60 extended, .0134 to .0211 mm at 29 poses, .0086 to .0126 at 61."""
     choices, errors = chosen("rigid", m)
     assert sum(choice.chosen == "extended" for choice in choices) < 0.1 * ROBOTS
-    assert max(choice.log_evidence for choice in choices) < -20
+    assert max(choice.log_evidence for choice in choices) < 0
     # medians over 24 robots of a tenth of scatter each, and another draw of poses
     np.testing.assert_allclose(np.median(errors, axis=0), [plain, cost], rtol=0.2)
 

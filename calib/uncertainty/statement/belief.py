@@ -100,6 +100,7 @@ def believe(
     probability: float = 0.95,
     target: ArrayLike = (0.0, 0.0, 0.0),
     drawn: bool = True,
+    quiet: tuple[Measurements, Measurements | None] | None = None,
 ) -> Belief:
     """State what may be believed after an identification.
 
@@ -123,6 +124,9 @@ def believe(
         Point in the tool frame at which growth is counted [m].
     drawn : bool
         Whether the held-out poses were drawn at random: designed ones guard nothing.
+    quiet : tuple of Measurements, optional
+        Both tables with the noise that is known to be there, where more is stated than anything
+        measured tells: the rest bounds the misfit and guards the factor as if it were misfit.
 
     References
     ----------
@@ -134,9 +138,11 @@ def believe(
     where = train if held_out is None or not len(held_out) else held_out
     n = 0 if held_out is None else held_out.rows(~held_out.is_distance).n_poses
     guarded = drawn and n >= fewest_poses(probability)
-    size = misfit(
-        identification, train, held_out, repeats=repeats, drop=DROP if guarded else UNGUARDED_DROP
-    )
+    drop = DROP if guarded else UNGUARDED_DROP
+    size = misfit(identification, train, held_out, repeats=repeats, drop=drop)
+    if quiet is not None:
+        held_out = quiet[1]
+        size = size.at_least(misfit(identification, *quiet, repeats=repeats, drop=drop))
     P = identification.model.n_numbers
     of_noise = identification.full_covariance if covariance is None else covariance
     (whole,) = check(f"{P} {P}", covariance=of_noise)

@@ -5,7 +5,7 @@ alone hold the truth ever less often. So the size is not tested away but estimat
 and held-out rows in one likelihood, and its upper limit belongs into every region.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtrc
@@ -58,6 +58,8 @@ class HiddenMisfit:
     """Stated noise of the position rows, root mean square per axis [m]."""
     repeated: bool
     """Whether repeats told the noise; else it is taken on trust within 10 %."""
+    doubted: bool = False
+    """Whether a part of the stated noise counts as misfit in the upper limit, too."""
 
     def __repr__(self) -> str:
         return f"HiddenMisfit(up to {1e6 * self.upper:.3g} um per axis)"
@@ -66,6 +68,10 @@ class HiddenMisfit:
     def larger_noise(self) -> float:
         """Factor, one or more, by which repeats show more noise than was stated."""
         return max(1.0, self.noise_scale) if self.repeated else 1.0
+
+    def at_least(self, other: "HiddenMisfit") -> "HiddenMisfit":
+        """The same with the upper limit that less noise leaves to the misfit."""
+        return replace(self, upper=max(self.upper, other.upper), doubted=True)
 
     @property
     def p_value(self) -> float:
@@ -84,6 +90,11 @@ class HiddenMisfit:
                 f"{1e6 * self.upper:.1f} um is in the region"
             )
         told = "" if self.repeated else "; the stated noise is taken on trust: no pose was repeated"
+        if self.doubted:
+            told = (
+                "; how far the joints scatter is not known from repeats, so all of it counts as "
+                "misfit there"
+            )
         if np.isnan(self.detectable):
             least = "the measurements are too few to see for certain what hides"
         else:

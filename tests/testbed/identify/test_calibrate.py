@@ -114,7 +114,7 @@ def test_scatter_between_poses_shows_the_noise_that_is_there():
     table = table_of(true_model(own_frames=True), q, noise=3.0)
     nominal = robot().model
     found = identify(nominal, table, parameters_of(nominal))
-    scatter = scatter_covariance(nominal, found, table)
+    scatter = scatter_covariance(nominal, found, table, 1.0)
     ratio = np.sqrt(np.diag(scatter)) / found.standard_uncertainty
     # 300 poses leave some 5 % in each of 30 standard deviations
     assert ratio.mean() == pytest.approx(3.0, rel=0.05)

@@ -70,10 +70,10 @@ def test_the_model_is_chosen_with_reflectors_to_be_found_too():
     )
     found = calibrate(robot(), session)
     assert np.isfinite(found.choice.log_evidence)
-    # the joint terms alone have a prior, the places of the reflectors have none
+    # links and joint terms have a prior, the places of the reflectors have none
     prior = found.fits[1].identification.prior
-    assert len(prior.names) == 27
-    assert not any(name.startswith("reflector") for name in prior.names)
+    assert len(prior.names) == 57
+    assert not any("." in name for name in prior.names[:30])
 
 
 def test_held_out_targets_are_those_identified_from_by_name():

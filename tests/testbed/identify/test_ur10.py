@@ -7,16 +7,17 @@ import pytest
 
 from testbed.files.read import read_session
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.words import notice, reasons
+from testbed.identify.words import notice
 from testbed.robots.catalog import load_robot
 
 DATA = Path(__file__).parents[4] / "shared" / "data" / "ipa_ur10"
 SERIES = {
-    "B": ("measurements_joint_configurations.csv", 1493, 1.03, 0.43),
-    "C": ("measurements_random_poses.csv", 2773, 0.90, 0.46),
-    "D": ("measurements_iso_cubes.csv", 632, 0.72, 0.37),
+    "B": ("measurements_joint_configurations.csv", 1493, 1.03, 0.43, 0.17),
+    "C": ("measurements_random_poses.csv", 2773, 0.90, 0.46, 0.145),
+    "D": ("measurements_iso_cubes.csv", 632, 0.72, 0.37, 0.20),
 }
-"""File, poses (B holds two copies besides), mean error before, and what must be reached [mm]."""
+"""File, poses (B holds two copies besides), mean error before, of the published geometric fit, and
+what must be reached [mm]."""
 CONFIG = """
 name = "series {series}"
 robot = "universal_ur10"
@@ -75,15 +76,15 @@ def folder(tmp_path_factory):
 @pytest.mark.parametrize("series", SERIES)
 def test_a_hundred_training_poses_reach_the_published_level(series, folder):
     found = calibrated(series, folder)
-    _, count, before, after = SERIES[series]
+    _, count, before, published, after = SERIES[series]
     assert len(found.measurements) == count
     assert found.measurements.rows(found.is_used).n_poses + int(found.gross.left_out.sum()) == 100
     # the mean over other training poses differs by some 3 %
     assert found.before_test.position.mean * 1e3 == pytest.approx(before, rel=0.05)
     assert found.fit.test.position.mean * 1e3 <= after
     geometric = found.fits[0]
-    assert geometric.test.position.mean * 1e3 <= 1.03 * after  # the model of the published figure
-    assert 0.035 < found.fit.test.rotation.mean * 57.2958 < 0.056
+    assert geometric.test.position.mean * 1e3 <= 1.03 * published  # the model of that figure
+    assert found.fit.test.rotation.mean * 57.2958 < 0.025  # geometry alone 0.05 deg
 
 
 def test_thirty_numbers_of_forty_two_and_the_others_in_words(folder):
@@ -98,7 +99,6 @@ def test_real_residuals_refute_the_parameters_alone_and_their_misfit_is_in_the_r
     found = calibrated("B", folder)
     assert notice(found).startswith("MEASURED")
     assert found.refuted
-    assert any("times what the stated noise explains" in text for text in reasons(found))
     assert not found.own_frames
     point = found.proof.point
     # measured points lie within it where they were held out; its noise is small beside the misfit

@@ -8,8 +8,7 @@ from scipy import optimize, stats
 
 from calib.errors import InputError
 from calib.geometry.frames import log_so3
-from calib.identification.joint_models import extended_model
-from calib.information.rank import weak_prior_sd
+from calib.identification.ladders import with_terms
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.robots.catalog import load_robot
 from testbed.run.derive import arrays, headline, page_of
@@ -64,9 +63,9 @@ def fitted(visit, model):
         places = np.array([start.names.index(name) for name in names])
         sd = None
     else:
-        start = extended_model(bench.setting.nominal)
-        places = np.arange(start.n_numbers)
-        sd = weak_prior_sd(models(visit)[0][1].parameters)
+        found = models(visit)[0][1]
+        start = with_terms(bench.setting.nominal, found.model.joint_errors.terms)
+        places, sd = np.arange(start.n_numbers), found.prior.sd
     # sizes of the steps, so that the solver sees numbers near one
     unit = np.where(np.array(start.is_length)[places], 1e-4, 1e-4)
 

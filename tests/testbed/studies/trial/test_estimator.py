@@ -109,7 +109,9 @@ def test_the_model_is_chosen_by_what_the_robot_needs_and_the_result_says_why():
     climbed = estimator_for(sagging, "whitened", seen(sagging))
     assert climbed.extended
     assert climbed.log_evidence > 30
-    assert climbed.why.startswith("extended: the measurements ask for joint errors (log evidence")
+    assert climbed.why.startswith(
+        "extended by sag and small waves: the measurements ask for it (log"
+    )
     rigid = bench("rigid", model="choose")
     stayed = estimator_for(rigid, "whitened", seen(rigid))
     assert not stayed.extended
