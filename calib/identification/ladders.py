@@ -124,7 +124,7 @@ def _waves(nominal: RobotModel, sizes: tuple[float, float]) -> Ladder:
         level("small waves", SMALL),
         level("waves", 1.0, usual=True),
         level("waves 1 to 4", 1.0, (3, 4), HIGHER),
-        level("joint map, small waves", SMALL, beyond, MAP),
+        level("joint map with small waves", SMALL, beyond, MAP),
         level("joint map", 1.0, beyond, MAP),
     )
     return Ladder("waves", (NOTHING, *(each for each in wider if each.terms)))

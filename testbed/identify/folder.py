@@ -16,12 +16,11 @@ from testbed.identify.calibrate import STEPS, Options, calibrate
 from testbed.identify.conditions import measured
 from testbed.identify.delivered import Delivered
 from testbed.identify.records import Calibration, FittedModel
-from testbed.identify.results import arrays, dh_table, headline, split_csv
+from testbed.identify.results import arrays, dh_csv, headline, joint_map_csv, split_csv
 from testbed.identify.targets import statement_at, statement_csv, target_words
 from testbed.identify.words import mm
 from testbed.progress import Progress
 from testbed.report.page import render
-from testbed.report.text import csv_text
 from testbed.robots.catalog import ROBOT_FILE, Robot, load_robot
 from testbed.robots.robot import Reflector
 from testbed.robots.write.folder import identified_robot, write_robot_folder
@@ -35,6 +34,7 @@ from testbed.versions import all_versions, own_version
 
 RECORDS: dict[str, type] = {"calibration": Calibration, "delivered": Delivered}
 ROBOT, DH_TABLE, SPLIT_TABLE = "robot", "dh_table.csv", "split.csv"
+JOINT_MAP = "joint_map.csv"
 GEOMETRIC = "robot_geometric"
 """Folder of the geometric model beside an extended one."""
 LONGEST_NAME = 64
@@ -187,17 +187,9 @@ def deliver(
     sentences += (_frame_words(calibration, identified),)
     if package is not None:
         sentences += (f"its URDF finds the meshes where {ROBOT}/ is the root of {package}",)
-    rows = [
-        (
-            row.name,
-            row.unit,
-            *(f"{value:.9g}" for value in (row.old, row.new, row.delta)),
-            "" if row.expanded is None else f"{row.expanded:.3g}",
-        )
-        for row in dh_table(calibration)
-    ]
-    head = ("number", "unit", "old", "new", "delta", "U_k2")
-    (folder / DH_TABLE).write_bytes(csv_text(head, rows).encode())
+    (folder / DH_TABLE).write_bytes(dh_csv(calibration).encode())
+    if (text := joint_map_csv(calibration)) is not None:
+        (folder / JOINT_MAP).write_bytes(text.encode())
     if program is None:
         return Delivered(sentences, (), 0)
     model = in_own_frames(calibration)

@@ -7,12 +7,18 @@ import numpy as np
 from calib.arrays import Array
 from calib.geometry.fixtures import POINT_AXES
 from calib.geometry.frames import log_so3
+from calib.identification.ladders import order_of
 from testbed.identify.conditions import conditions_words
 from testbed.identify.decisions import decided_at, decision_section
 from testbed.identify.delivered import Delivered
 from testbed.identify.records import Calibration
 from testbed.identify.report_belief import belief_section, reach_section
-from testbed.identify.report_errors import accuracy_section, outlier_section, residual_section
+from testbed.identify.report_errors import (
+    accuracy_section,
+    joint_section,
+    outlier_section,
+    residual_section,
+)
 from testbed.identify.results import dh_table
 from testbed.identify.shared import shared_section
 from testbed.identify.words import (
@@ -29,6 +35,8 @@ from testbed.report.page import Block, Page, Points, Section, Table, Text, recor
 from testbed.robots.write.dh_table import DhRow
 from testbed.units import DEG, MM, counted, fixed, sentences, with_uncertainty
 
+HIGHEST_LISTED = 4
+"""Waves a turn up to which the numbers of a joint are listed."""
 ONE_NUMBER = "U = 2 u (95.4 %)"
 """Heads the U of single numbers: k = 2 in one dimension."""
 
@@ -52,6 +60,7 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         reach_section(calibration, delivered),
         decision_section(decided_at(calibration, delivered)),
         shared_section(calibration),
+        joint_section(calibration),
         residual_section(calibration),
         outlier_section(calibration),
         parameter_section(calibration),
@@ -103,8 +112,9 @@ def delivered_section(delivered: Delivered) -> Section:
     blocks: list[Block] = [
         Text(
             "robot/ holds the identified robot: robot.toml with every term, URDF and MJCF with "
-            "the geometric part. dh_table.csv: the table above. split.csv: every row with its "
-            "errors."
+            "the geometric part. dh_table.csv: every number old and new. joint_map.csv, where "
+            "there is one: what each joint turns beside its command, with U. split.csv: every row "
+            "with its errors."
         ),
         Points(sentences(delivered.robot)),
     ]
@@ -164,25 +174,33 @@ def parameter_section(calibration: Calibration) -> Section:
             "noise: it says how well the numbers of this model are known from poses like these, "
             "not that the model is right"
         )
+    waves = {t.name for t in result.model.joint_errors.terms if order_of(t) > HIGHEST_LISTED}
     blocks: list[Block] = [
         Text(
             f"Lengths in mm, angles in deg. U = 2 u holds one number with 95.4 %, {how}. What may "
             "hide behind the noise is in the region of the tool point, not in U. Numbers that "
-            "cannot be told from others are held at their old values; the others then stand for "
-            "them, too, so a single number is a number of this set, not a thing that could be "
-            "measured on the arm. The numbers are correlated: never combine them as if they were "
+            "cannot be told from others are held at their old values, or near them by a prior of "
+            "0.6 mm and 0.1 deg; the others then stand for them, too, so a single number is a "
+            "number of this set, not a thing that could be measured on the arm. The numbers are "
+            "correlated: never combine them as if they were "
             "independent."
         ),
         Table(
             caption=f"Base, links, tool: {result.parameters.n_free} numbers estimated in all"
             + (", joint terms included" if calibration.choice.chosen == "extended" else ""),
             head=("number", "unit", "old", "new", "delta", ONE_NUMBER),
-            rows=tuple(_cells(row) for row in dh_table(calibration)),
+            rows=tuple(_cells(row) for row in dh_table(calibration) if row.name not in waves),
             align="llrrrr",
             size="small",
             note="old: the nominal links, and base and tool as fitted to them. base, tool: "
             "position and rotation vector in the measuring frame and in the flange. held: not "
-            "estimated, or not to be told from others.",
+            "estimated, or not to be told from others."
+            + (
+                f" {counted(len(waves), 'wave')} of joint maps are drawn under Joint errors "
+                "instead and stand in dh_table.csv."
+                if waves
+                else ""
+            ),
         ),
     ]
     if result.model.fixtures.n_numbers:

@@ -1,12 +1,13 @@
-"""A calibration report's sections on its errors: before and after, where, outliers."""
+"""A calibration report's sections on errors: before and after, of joints, where, outliers."""
 
 import numpy as np
 
 from calib.identification.outlier_search import HONEST
 from testbed.identify import plots
 from testbed.identify.records import Calibration
+from testbed.identify.results import map_of
 from testbed.identify.words import mm
-from testbed.report.page import Block, Figure, Points, Section, Text
+from testbed.report.page import Block, Figure, Points, Section, Table, Text
 from testbed.units import counted, sentences, significant
 
 
@@ -19,6 +20,70 @@ def accuracy_section(calibration: Calibration) -> Section:
     )
     figure = Figure(caption, plots.histogram(calibration))
     return Section("accuracy", "Before and after", (figure,))
+
+
+def joint_section(calibration: Calibration) -> Section | None:
+    """Which joint errors the model has, which were offered, and how each joint turns."""
+    choice, found = calibration.choice, map_of(calibration)
+    if not choice.offered and (found is None or choice.chosen != "extended"):
+        return None
+    blocks: list[Block] = [
+        Text(
+            "Joint errors are what no length or angle of the links can say: sag, and waves of a "
+            "joint as gears and encoders leave them; a joint map is all waves up to 32 a turn."
+        ),
+        Points(sentences([choice.sentence])),
+    ]
+    if choice.offered:
+        rows = tuple(
+            (offer.ladder, offer.level, _odds(offer.gain), offer.outcome)
+            for offer in choice.offered
+        )
+        blocks.append(
+            Table(
+                caption="What was offered, and what became of it",
+                head=("cause", "level", "log evidence", "outcome"),
+                rows=rows,
+                align="llrl",
+                note="log evidence: natural logarithm of the odds that the training rows give this "
+                "level alone against geometry alone; asked for above 3.0, odds of 20 to 1.",
+            )
+        )
+    if choice.steps:
+        steps = tuple(
+            (
+                step.level,
+                _odds(step.gain),
+                "–" if np.isnan(step.before) else mm(step.before),
+                "–" if np.isnan(step.after) else mm(step.after),
+                "taken" if step.taken else "refused",
+            )
+            for step in choice.steps
+        )
+        blocks.append(
+            Table(
+                caption="How the choice went",
+                head=("level", "log evidence gained", "before [mm]", "after [mm]", "outcome"),
+                rows=steps,
+                align="lrrrl",
+                note="before, after: mean miss at training poses left out in turn; a level is "
+                "refused where they are missed by more than before, by a standard error.",
+            )
+        )
+    if found is not None and choice.chosen == "extended":
+        blocks.append(
+            Figure(
+                "What each joint turns beside its command; the band holds 2 u. Where a joint was "
+                "not moved, nothing but the prior speaks. joint_map.csv has the numbers.",
+                plots.joint_maps(found),
+            )
+        )
+    return Section("joints", "Joint errors", tuple(blocks))
+
+
+def _odds(gain: float) -> str:
+    """A log evidence, or a dash where nothing was asked."""
+    return "–" if np.isnan(gain) else f"{gain:+.1f}".replace("-", "−")
 
 
 def residual_section(calibration: Calibration) -> Section:

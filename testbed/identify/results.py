@@ -15,6 +15,7 @@ from testbed.identify.shared import shared_numbers
 from testbed.identify.words import notice, reasons, verdict
 from testbed.report.text import csv_text
 from testbed.robots.write.dh_table import DhRow, dh_rows
+from testbed.robots.write.joint_map import JointMap, joint_map, joint_map_rows
 from testbed.store.quantities import (
     AS_NAMED,
     METRE,
@@ -97,6 +98,33 @@ def dh_table(calibration: Calibration) -> tuple[DhRow, ...]:
     """Base, links, tool and joint terms: nominal links with fitted frames against the result."""
     result = calibration.fit.identification
     return dh_rows(calibration.before, result.model, result.parameters, calibration.covariance)
+
+
+def dh_csv(calibration: Calibration) -> str:
+    """dh_table.csv: every number old and new, and its U."""
+    rows = [
+        (
+            row.name,
+            row.unit,
+            *(f"{value:.9g}" for value in (row.old, row.new, row.delta)),
+            "" if row.expanded is None else f"{row.expanded:.3g}",
+        )
+        for row in dh_table(calibration)
+    ]
+    return csv_text(("number", "unit", "old", "new", "delta", "U_k2"), rows)
+
+
+def map_of(calibration: Calibration) -> JointMap | None:
+    """What each joint turns beside its command, if the chosen model has waves of joints."""
+    result = calibration.fit.identification
+    found = joint_map(result.model, result.parameters, calibration.covariance)
+    return found if len(found.joints) else None
+
+
+def joint_map_csv(calibration: Calibration) -> str | None:
+    """joint_map.csv, for controllers that take tables; None without waves of joints."""
+    found = map_of(calibration)
+    return None if found is None else csv_text(*joint_map_rows(found))
 
 
 def arrays(calibration: Calibration) -> dict[str, np.ndarray[Any, Any]]:

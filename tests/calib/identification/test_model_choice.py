@@ -132,7 +132,7 @@ def test_a_model_that_has_some_terms_already_is_offered_the_others():
     assert choice.chosen == "geometric"
     offered = {offer.level: offer.outcome for offer in choice.climb.offered}
     assert offered.pop("none") == "not offered: sag: the model has it already"
-    assert set(offered) == {"waves 1 to 4", "joint map, small waves", "joint map"}
+    assert set(offered) == {"waves 1 to 4", "joint map with small waves", "joint map"}
 
 
 def test_progress_is_told_for_both_fits():
