@@ -1,7 +1,6 @@
 """The joint map: what each joint turns beside its command over one turn, and how well it is known.
 
-For controllers that take tables, and to look at. Sag is not in it: it depends on more than one
-joint.
+For controllers that take tables, and to look at. Sag that follows several joints is not in it.
 """
 
 from dataclasses import dataclass
