@@ -55,6 +55,7 @@ FILES = {
     "robot",
     "robot_geometric",
     "dh_table.csv",
+    "joint_map.csv",
     "split.csv",
     "jobs_corrected.csv",
     "jobs_statement.csv",

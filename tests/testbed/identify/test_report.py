@@ -105,7 +105,7 @@ def test_sections_are_linked_and_drawn():
     reader = read(text)
     for section in page(real).sections:
         assert section.anchor in reader.ids
-    assert text.count("<svg") == 6
+    assert text.count("<svg") == 7
     assert len(text) < 1_500_000
 
 
