@@ -40,10 +40,11 @@ class Conformal:
         """The result in words."""
         low, high = self.content_range()
         return (
-            f"a new pose from where the {self.n_poses} validation poses were drawn lies within "
-            f"{1e6 * self.radius:.0f} um with {100 * self.probability:g} % probability, whatever "
-            f"the errors are made of; for this one set {100 * low:.0f} to {100 * high:.0f} %. It "
-            "contains the measuring noise: the true point lies closer"
+            f"a further reading of the same target, at a pose drawn like the {self.n_poses} held "
+            f"out, lies within {1e6 * self.radius:.0f} um with {100 * self.probability:g} % "
+            f"probability, whatever the errors are made of; for this one set {100 * low:.0f} to "
+            f"{100 * high:.0f} %. The noise of that reading is in it, and what all readings share "
+            "is not"
         )
 
 

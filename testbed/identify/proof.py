@@ -87,12 +87,17 @@ def guard_warnings(session: Session, test: Measurements) -> tuple[str, ...]:
 
 def target_warnings(measurements: Measurements) -> tuple[str, ...]:
     """What no region contains of a tool point that no row looked at."""
-    if not (measurements.reflector != GIVEN).any():
-        return ()
-    return (
-        "the places of the targets were found with the robot: where the tool point lies beside "
-        "them is taken from its description, and no region contains an error of that",
-    )
+    if (measurements.reflector != GIVEN).any():
+        return (
+            "the places of the targets were found with the robot: where the tool point lies beside "
+            "them is taken from its description, and no region contains an error of that",
+        )
+    if not measurements.is_pose.any() and len(np.unique(measurements.offset, axis=0)) == 1:
+        return (
+            "one point of the tool was measured: all that is said is of that point, and nothing of "
+            "the tool's orientation or of another tool",
+        )
+    return ()
 
 
 def stated_target(measurements: Measurements) -> tuple[float, float, float]:

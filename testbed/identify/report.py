@@ -267,7 +267,7 @@ def coverage_table(calibration: Calibration) -> Table:
         head=("joint", "unit", "identify from", "to", "held out from", "to"),
         rows=tuple(rows),
         align="llrrrr",
-        note="The result holds where the joints were. What a model leaves out grows outside.",
+        note="Nothing was tested where no joint was: what a model leaves out may grow there.",
     )
 
 

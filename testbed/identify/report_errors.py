@@ -93,13 +93,13 @@ def residual_section(calibration: Calibration) -> Section:
     blocks: list[Block] = [
         Figure(
             f"Errors of the {shown} against each joint, before and after; lines: running medians. "
-            "A wave that is left in one joint says that this joint does not turn as modeled."
+            "A wave that is left in one joint may come of a joint that does not turn as modeled."
             f"{plots.thinned(calibration)}",
             plots.by_joint(calibration),
         ),
         Figure(
-            "Error after calibration in the order of measuring; a trend or a step says that "
-            "something moved.",
+            "Error after calibration in the order of measuring; a trend or a step may say that "
+            "something moved, or that poses near each other were measured after each other.",
             plots.by_order(calibration),
         ),
         Figure(
@@ -122,7 +122,7 @@ def residual_section(calibration: Calibration) -> Section:
 def outlier_section(calibration: Calibration) -> Section:
     """Rows that do not fit, by name."""
     outliers = calibration.gross
-    blocks: list[Block] = [Text("Every training row fits the others.")]
+    blocks: list[Block] = [Text("No training row is far from what the others say.")]
     if outliers.sentences:
         rows = counted(len(outliers.sentences), "training row")
         part = (

@@ -90,7 +90,8 @@ def shared_section(calibration: Calibration) -> Section:
             head=("source", "at the tool µm", "seen µm", ""),
             rows=(*rows, whole),
             align="lrrl",
-            note="At the tool: what the estimate takes over, and what the predicted tool point is "
+            note="One instrument is taken to have made all readings. "
+            "At the tool: what the estimate takes over, and what the predicted tool point is "
             "wrong by; a believed region contains it, and more poses do not make it smaller. Seen: "
             "what of it the residuals show. The level of a station counts for positions against "
             "gravity alone.",

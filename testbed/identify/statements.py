@@ -49,11 +49,11 @@ def _believed(calibration: Calibration) -> list[StatedRadius]:
         f"{held} of true mean points; in it are noise and a misfit of up to "
         f"{belief.misfit.upper * UM:.1f} um per axis"
     )
-    if calibration.shared is not None:
-        within += ", what all readings share"
     drifting = calibration.proof.drifting
     if drifting is not None and drifting.drift is not None:
-        within += ", and a drift"
+        within += ", a drift"
+    stated = calibration.shared is not None
+    within += ", and what all readings share" if stated else "; what all readings share is not"
     use = BELIEVED if calibration.believable else "believed, but not tested: another frame"
     found = [StatedRadius("region_mean", "believed region: mean of many moves", point.radius_mean,
                        within, use)]  # fmt: skip

@@ -114,6 +114,11 @@ def reasons(calibration: Calibration) -> tuple[str, ...]:
         texts.append(
             f"Rows were left out while reading, before poses were held out: {masked} under The data"
         )
+    if calibration.shared is None and calibration.proof.belief is not None:
+        texts.append(
+            "What all readings of the instrument share is in no figure: the session states no "
+            "systematic part"
+        )
     texts += calibration.warnings
     texts += calibration.source.warnings
     return sentences(texts)
@@ -140,6 +145,11 @@ def next_step(calibration: Calibration) -> str:
             "another target, another tool. Then measure them again."
         )
     if proof.belief is None or proof.point is None:
+        if not calibration.converged:
+            use = (
+                "The fit did not settle: measure poses that tell its numbers apart, or free fewer "
+                "([identification] free), before the identified robot is used with another tool."
+            )
         if proof.conformal is None:
             return f"{use} Quote no uncertainty with it. {_more_poses()}"
         radius = f"{mm(proof.conformal.radius)} mm (95 % of measured points)"

@@ -105,7 +105,7 @@ def test_nothing_is_believed_of_a_fit_that_did_not_converge():
     made = judge(dataclasses.replace(fit, status=Status.LIMIT), test, train=train)
     assert (made.trust.believe, made.belief, made.point) == ("none", None, None)
     assert "iteration limit" in made.trust.sentences[0]
-    assert "A number that needs no model: a new pose" in made.trust.sentences[1]
+    assert "A number that needs no model: a further reading" in made.trust.sentences[1]
 
 
 def test_nothing_is_believed_of_an_unweighted_fit():

@@ -12,7 +12,7 @@ from calib.measurement import tables
 from calib.measurement.observations import joined
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.order import order_of, order_words, require_order
-from testbed.identify.proof import repeatability, stated_target
+from testbed.identify.proof import repeatability, stated_target, target_warnings
 from testbed.identify.report_belief import questions_table
 from testbed.identify.session import with_test
 from testbed.identify.words import ELSEWHERE, UNGUARDED, mark, verdict
@@ -126,6 +126,17 @@ def test_the_point_that_all_rows_look_at_is_stated_if_its_place_is_known():
     assert stated_target(joined([known, tables.points(q, xyz, sd=1e-5)])) == (0.0, 0.0, 0.0)
     unknown = tables.points(q, xyz, sd=1e-5, reflector=0)
     assert stated_target(unknown) == (0.0, 0.0, 0.0)
+
+
+def test_of_one_point_nothing_is_said_of_another():
+    q, xyz = pool_r(5), np.zeros((5, 3))
+    one, other = (
+        tables.points(q, xyz, sd=1e-5, offset=place) for place in ([0, 0, 0], [0.1, 0, 0])
+    )
+    assert "of that point, and nothing of the tool's orientation" in target_warnings(one)[0]
+    assert target_warnings(joined([one, other])) == ()
+    assert target_warnings(sound_session().measurements) == ()
+    assert "found with the robot" in target_warnings(tables.points(q, xyz, sd=1e-5, reflector=0))[0]
 
 
 def wanting(session, **wanted):

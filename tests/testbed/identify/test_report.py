@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from calib.identification.identify import Status
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.trust import Trust
@@ -32,6 +33,7 @@ from testbed.identify.words import (
 from testbed.report.page import SIMULATED, render
 from tests.calibrated import real, sound
 from tests.reported import VERSIONS, read
+from tests.testbed.identify.test_shared import calibrated as shared_session
 
 DELIVERED = Delivered(("robot.toml has the robot's poses to 1e-15 m",), ("2 of 2 corrected",), 0)
 
@@ -138,8 +140,25 @@ def test_what_may_be_quoted_follows_from_what_is_believed():
     none = without(found, belief=None, point=None, trust=Trust("none", True, ("Why",)))
     assert "Quote the held-out radius" in next_step(none)
     assert "Quote no uncertainty with it" in next_step(without(none, conformal=None))
+    (fit,) = [one for one in none.fits if one is none.fit]
+    stopped = replace(fit, identification=replace(fit.identification, status=Status.LIMIT))
+    left = replace(none, fits=tuple(stopped if one is fit else one for one in none.fits))
+    assert next_step(left).startswith("The fit did not settle: measure poses that tell its numbers")
     apart = without(found, frame=replace(found.proof.frame, p_base=1e-9))
     assert next_step(apart).startswith("Find out first why")
+
+
+def test_what_no_held_out_pose_can_show_is_said_to_be_in_no_figure():
+    """A scale of the instrument, say, would make a sentence untrue that did not say so."""
+    found, parts = sound(), shared_session()
+    assert any("share is in no figure: the session states" in text for text in reasons(found))
+    assert not any("share is in no figure" in text for text in reasons(parts))
+    for one, ending in ((found, "; what all readings share is not"), (parts, "all readings share")):
+        promise = next(each.promise for each in statements_of(one) if each.key == "region_mean")
+        assert promise.endswith(ending)
+    told = found.proof.conformal.sentence
+    assert told.startswith("a further reading of the same target, at a pose drawn like the ")
+    assert told.endswith("and what all readings share is not")
 
 
 def test_the_mark_is_good_only_where_held_out_poses_guard_the_region():
