@@ -125,11 +125,11 @@ def sag(model: Any, data: Any, hinges: Any, stiffness: Array, stands: Array) -> 
     return None
 
 
-def gives_way(row: int, stiffness: Array) -> InputError:
-    """The error of springs that do not carry the arm at a row of joints."""
+def gives_way(row: int, stiffness: Array, lower: str = "payload_kg") -> InputError:
+    """The error of springs that do not carry the arm at a row of joints; what to `lower`."""
     message = f"the sprung arm gives way at q[{row}] by more than {np.degrees(BENT):g} deg"
     allowed = "springs that carry the arm and its payload"
-    fix = "raise drive_nm_per_mrad and bearing_nm_per_mrad, or lower payload_kg"
+    fix = f"raise drive_nm_per_mrad and bearing_nm_per_mrad, or lower {lower}"
     key, value = "truth.drive_nm_per_mrad", float(stiffness.min() / 1e3)
     return refuse(key, value, allowed, code="S37", message=message, fix=fix)
 

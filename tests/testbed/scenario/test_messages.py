@@ -300,6 +300,9 @@ CASES = {
     "a motion of a slide": lambda _: draw_truth(
         sliding(), outcome_settings("moving"), 0
     ),
+    "a motion that friction holds back": lambda _: draw_truth(
+        load_robot("staubli_tx60"), outcome_settings("moving", friction_nm=1e5), 0
+    ).poses(np.full((1, 6), 0.5)),
     "an approach without end": lambda _: draw_truth(
         load_robot("staubli_tx60"), outcome_settings("moving", speed_mm_s=1.0), 0
     ).poses(np.full((1, 6), 0.5)),
