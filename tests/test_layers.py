@@ -60,7 +60,7 @@ FLOORS = {
         ("studies/trial", "studies/many_robots", "plan", "files"),
         ("studies/kinds",),
         ("studies/pose_sets", "studies/coverage", "studies/compensation", "studies/wen2022",
-         "identify", "run"),
+         "identify", "run", "proposal"),
         ("cli", "front"),
     ),
     "calib": (

@@ -17,12 +17,14 @@ from testbed.files.observed import (
     section_of,
     unused_columns,
 )
+from testbed.files.rapid import read_rapid
 from testbed.files.readings import Readings, copied_rows, lost_readings
 from testbed.files.refusal import require_names
 from testbed.files.session import Drift, Session, Sources
 from testbed.files.session_toml import (
     SESSION_FILE,
     FileTable,
+    JointsTable,
     ObservedTable,
     OpticalTable,
     PointsTable,
@@ -123,31 +125,47 @@ def read_session(
         settings = settings.of_one_table
     root = file.parent if toml is None else Path(toml).parent
     sources = Sources(root, None if toml == file else file, options.max_mb, {})
-    drop = options.drop_invalid
+    session = session_of(settings, sources, robot, drop=options.drop_invalid, where=str(toml))
+    named = replace(session, name=session.name or file.stem, files=(*first, *session.files))
+    return _without_strays(robot, named)
+
+
+def session_of(
+    settings: SessionFile, sources: Sources, robot: Robot, *, drop: bool, where: str
+) -> Session:
+    """The session that a session.toml describes, `where` in messages, with all its rows.
+
+    Raises
+    ------
+    InputError
+        As `read_session`, but for rows that belong to other joints.
+    """
     cleaned = list(_observed(sources, settings, drop=drop))
     joined = []
     for one in cleaned:
         elsewhere = {name for other in cleaned if other is not one for name in other.poses}
         joined.append(_with_joints(one, sources, settings, robot, elsewhere, drop=drop))
-    session = assemble(
-        [part for part, _ in joined], robot, settings, name=settings.name or file.stem
-    )
-    require_shown(settings.uncertainty, session.measurements, str(toml))
-    warnings = [f"{toml}: {text}" for text in settings.uncertainty.odd]
+    session = assemble([part for part, _ in joined], robot, settings, name=settings.name)
+    require_shown(settings.uncertainty, session.measurements, where)
+    warnings = [f"{where}: {text}" for text in settings.uncertainty.odd]
     warnings += [text for one in cleaned for text in one.warnings]
     warnings += [text for _, match in joined for text in match.warnings]
     if settings.robot and settings.robot != robot.name:
         warnings.append(f'the session names the robot "{settings.robot}", not {robot.name}')
     drifts = [one.drift for one in cleaned if one.drift is not None]
-    session = replace(
+    return replace(
         session,
-        files=(*first, *sources.files),
+        files=sources.files,
         stated_reflectors=settings.stated_reflectors,
         masked=tuple(text for one in cleaned for text in one.masked),
         warnings=tuple(dict.fromkeys([*warnings, *session.warnings])),
         notes=tuple(dict.fromkeys([*session.notes, *(drift.sentence for drift in drifts)])),
         drift=max(drifts, key=lambda drift: float(drift.shift.max()), default=None),
     )
+
+
+def _without_strays(robot: Robot, session: Session) -> Session:
+    """The session without rows that no base and tool bring near their joints, which are named."""
     mismatched, why, doubtful = mismatched_rows(robot.model, session.measurements)
     raise_if_slipped(robot.model, session.measurements, doubtful, session.place)
     if not why:
@@ -265,6 +283,8 @@ def _nests(sources: Sources, settings: SessionFile) -> Readings | None:
 def _table(text: FileText, settings: SessionFile, *sections: FileTable | None) -> DataTable:
     """The table of a CSV under our column names."""
     dialect = settings.dialect
+    if isinstance(sections[0], JointsTable) and sections[0].format == "rapid":
+        return table_of(read_rapid(text), {}, decimal=".")
     sheet = read_sheet(text, separator=dialect.separator or "", header=dialect.header)
     # what the first section maps must be there; the others may mean other files
     mapping = {

@@ -75,6 +75,7 @@ class ObservedTable(FileTable):
 class JointsTable(FileTable):
     """[joints]: where the robot was commanded to be, or read back that it was."""
 
+    format: Literal["csv", "rapid"] = "csv"
     source: Literal["commanded", "read-back"] | None = None
 
 

@@ -17,7 +17,7 @@ from typing import Any
 from calib.errors import InputError, refuse
 from testbed.disk import read_bounded
 from testbed.gates.paths import is_there
-from testbed.gates.text import LARGER, MAX_ROWS, FileText, SourceFile
+from testbed.gates.text import LARGER, MAX_MB, MAX_ROWS, FileText, SourceFile
 from testbed.strict import choice_of
 
 MOST_PARTS, MOST_COLUMNS = 1000, 1000
@@ -44,6 +44,18 @@ def is_workbook(path: Path) -> bool:
     return any(name.lower().endswith(("workbook.xml", "workbook.bin")) for name in names)
 
 
+def sheet_names(path: Path, where: str, *, max_mb: float = MAX_MB) -> tuple[str, ...]:
+    """Names of the sheets of a workbook.
+
+    Raises
+    ------
+    InputError
+        As `read_workbook`.
+    """
+    book = _opened(_packed(path, where, max_mb), where)
+    return tuple(sheet.title for sheet in book.worksheets)
+
+
 def read_workbook(path: Path, where: str, *, sheet: str | None, max_mb: float) -> FileText:
     """Lines of one sheet, one a row, with tabs between the cells.
 
@@ -66,6 +78,22 @@ def read_workbook(path: Path, where: str, *, sheet: str | None, max_mb: float) -
         M36 too large, packed or unpacked; S39 macros, a document type, or no sound workbook; M35
         several sheets, none of that name, a formula without a value; openpyxl is not installed.
     """
+    data = _packed(path, where, max_mb)
+    try:
+        with warnings.catch_warnings(action="ignore"):  # of styles and extensions it does not know
+            found = _chosen(_opened(data, where), sheet, where)
+            _check_formulas(data, found, where)
+            lines = _lines(found, where)
+    except InputError:
+        raise
+    except Exception as error:  # whatever openpyxl meets in a damaged part
+        raise _unsound(error, where) from error
+    source = SourceFile(path, sha256(data).hexdigest())
+    return FileText(where, lines, f"xlsx sheet {found.title}, values only", source)
+
+
+def _packed(path: Path, where: str, max_mb: float) -> bytes:
+    """The bytes of a workbook that passes."""
     try:
         size = path.stat().st_size
         data = read_bounded(path, min(size, int(max_mb * 1e6)))
@@ -74,25 +102,27 @@ def read_workbook(path: Path, where: str, *, sheet: str | None, max_mb: float) -
         message = f"cannot be read: {error.strerror or f'it has {size / 1e6:.3g} MB'}"
         raise _refused(where, message, code="M36", fix=fix) from error
     _check_parts(data, where, max_mb)
+    return data
+
+
+def _opened(data: bytes, where: str) -> Any:
+    """The workbook in openpyxl."""
     try:
         from openpyxl import load_workbook
     except ImportError as error:
         fix = "pip install 'truebed[xlsx]', or save the sheet as CSV"
         raise _refused(where, "is a workbook, and openpyxl is not installed", fix=fix) from error
     try:
-        with warnings.catch_warnings(action="ignore"):  # of styles and extensions it does not know
-            book = load_workbook(BytesIO(data), read_only=True, data_only=True, keep_links=False)
-            found = _chosen(book, sheet, where)
-            _check_formulas(data, found, where)
-            lines = _lines(found, where)
-    except InputError:
-        raise
-    except Exception as error:  # whatever openpyxl meets in a damaged part
-        message = f"is no sound workbook: {type(error).__name__}"
-        fix = "open and save it again, or save the sheet as CSV"
-        raise _refused(where, message, code="S39", fix=fix) from error
-    source = SourceFile(path, sha256(data).hexdigest())
-    return FileText(where, lines, f"xlsx sheet {found.title}, values only", source)
+        with warnings.catch_warnings(action="ignore"):
+            return load_workbook(BytesIO(data), read_only=True, data_only=True, keep_links=False)
+    except Exception as error:
+        raise _unsound(error, where) from error
+
+
+def _unsound(error: Exception, where: str) -> InputError:
+    """The error of a workbook that openpyxl cannot read."""
+    fix = "open and save it again, or save the sheet as CSV"
+    return _refused(where, f"is no sound workbook: {type(error).__name__}", code="S39", fix=fix)
 
 
 def _check_parts(data: bytes, where: str, max_mb: float) -> None:

@@ -1,0 +1,159 @@
+"""What the files of a user hold: tables with and without a head, exports, programs, workbooks."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from calib.errors import InputError
+from testbed.files.rapid import is_rapid, read_rapid
+from testbed.files.refusal import refusal
+from testbed.files.session import text_of
+from testbed.files.spatial_analyzer import name_fields, sa_lines
+from testbed.files.text import NUMBER, Sheet, read_sheet
+from testbed.gates.paths import is_there, real
+from testbed.gates.text import MAX_MB, FileText
+from testbed.gates.workbook import is_workbook, sheet_names
+from testbed.proposal.names import Meaning, meanings
+
+Kind = Literal["table", "bare", "points", "frames", "rapid"]
+WORD = re.compile(r"[A-Za-z]")
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """One table of a file, and what it seems to be."""
+
+    path: Path
+    name: str
+    """Of the file, as session.toml has it."""
+    sheet: str | None
+    text: FileText
+    kind: Kind
+    """A table, one without names of its columns, an export of points or frames, or a program."""
+    head: tuple[str, ...]
+    rows: int
+    meanings: tuple[Meaning, ...] = ()
+    width: int = 0
+    """Numbers of a row behind its names, where there is no head."""
+    names: int = 0
+    """Names of a row before its numbers, where there is no head."""
+    named: tuple[int, ...] = ()
+    """How many fields of an export may be names, the likely count first."""
+    length: str = ""
+    """Unit of an export, where it says one."""
+
+    @property
+    def stems(self) -> dict[str, Meaning]:
+        """What each column is, by its own name without the unit."""
+        return {meaning.plain: meaning for meaning in self.meanings}
+
+    def has(self, *stems: str) -> bool:
+        """Whether there are columns of all these stems."""
+        return set(stems) <= set(self.stems)
+
+    def column(self, name: str) -> tuple[str, ...]:
+        """Cells of a column."""
+        table = read_rapid(self.text) if self.kind == "rapid" else read_sheet(
+            self.text, header=False if self.kind == "bare" else None)  # fmt: skip
+        return tuple(row[table.head.index(name)] for row in table.rows)
+
+
+def look_at(paths: Sequence[Path], root: Path) -> tuple[Look, ...]:
+    """The tables of some files, each sheet of a workbook by itself.
+
+    Raises
+    ------
+    InputError
+        R6: a file does not lie in the folder of the session; or it cannot be read as any of these.
+    """
+    found = []
+    for path in paths:
+        where = str(path)
+        at = real(path, field="DATA", code="S37")
+        if is_there(at, Path.is_dir):
+            fix = "give the files in it"
+            raise refusal(where, "DATA", "is a folder", code="S37", fix=fix)
+        if is_there(at, Path.is_file) and not at.is_relative_to(root.resolve()):
+            raise refusal(
+                where, "DATA", "does not lie in the folder of the session", code="R6",
+                allowed=f"session.toml reads files in {root} or below",
+                fix="copy it there, or choose another --out",
+            )  # fmt: skip
+        sheets = sheet_names(path, where) if is_workbook(path) else (None,)
+        alone = len(sheets) == 1
+        for sheet in sheets:
+            text = text_of(path, where, sheet=sheet, max_mb=MAX_MB)
+            if any(line.strip() for line in text.lines):
+                name = at.relative_to(root.resolve()).as_posix() if at.exists() else path.name
+                found.append(_looked(path, name, None if alone else sheet, text))
+    return tuple(found)
+
+
+def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Look:
+    """What one table seems to be."""
+    if is_rapid(text):
+        return _of_sheet(path, name, sheet, text, "rapid", read_rapid(text))
+    content = text.content("#", "//")
+    commented = any(line.lstrip().startswith("//") for line in text.lines)
+    if commented or (content and not _has_head(content[0][1])):
+        try:
+            return _of_lines(path, name, sheet, text)
+        except InputError:
+            if commented:
+                raise
+    return _of_sheet(path, name, sheet, text, "table", read_sheet(text))
+
+
+def _cells(line: str) -> list[str]:
+    """Cells of a line, whatever stands between them."""
+    marks = [mark for mark in ("\t", ";", ",") if mark in line]
+    cells = line.split(marks[0]) if marks else line.split()
+    return [cell.strip() for cell in cells]
+
+
+def _has_head(line: str) -> bool:
+    """Whether a first line names columns: in data names stand first, then numbers."""
+    cells = [cell for cell in _cells(line) if cell]
+    numbers = [bool(NUMBER.fullmatch(cell)) for cell in cells]
+    return 2 * sum(numbers) < len(cells) and not any(numbers[1:])
+
+
+def _of_sheet(
+    path: Path, name: str, sheet: str | None, text: FileText, kind: Kind, table: Sheet
+) -> Look:
+    """A table with a head."""
+    means = meanings(table.head)
+    return Look(path, name, sheet, text, kind, table.head, len(table.rows), means)
+
+
+def _of_lines(path: Path, name: str, sheet: str | None, text: FileText) -> Look:
+    """Rows without a head: names, then numbers."""
+    comma = text.content("#", "//")[0][1]
+    if ";" in comma or "\t" in comma:
+        table = read_sheet(text, header=False)
+        fields, length = table.rows, ""
+        lines = None
+    else:
+        lines = sa_lines(text)
+        fields, length = lines.fields, lines.length
+    first = fields[0]
+    names = next((k for k, cell in enumerate(first) if NUMBER.fullmatch(cell)), len(first))
+    width = 0
+    for cell in first[names:]:
+        if not NUMBER.fullmatch(cell):
+            break
+        width += 1
+    kind: Kind = "bare"
+    if lines is not None and (names or any(line.lstrip()[:2] == "//" for line in text.lines)):
+        # coordinates behind up to three names are points; one name and a transform are a frame
+        kind = "frames" if names == 1 and width in (6, 7, 16, 19) else "points"
+    named: tuple[int, ...] = ()
+    if lines is not None and kind == "points":
+        try:
+            named = (name_fields(lines, None),)
+        except InputError:  # numbers may be names
+            named = tuple(k for k in range(names, 4) if k <= names + width - 3)
+    head = tuple(str(k + 1) for k in range(len(first)))
+    return Look(path, name, sheet, text, kind, head, len(fields), (), width, names, named, length)

@@ -1,0 +1,138 @@
+"""Columns of other programs under our names: what a name says, and what it leaves open."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from testbed.bounds import FACTORS
+from testbed.files.columns import is_known
+
+UNITS = {
+    "mm": "mm", "m": "m", "um": "um", "µm": "um", "in": "in", "inch": "in", "meter": "m",
+    "millimeter": "mm", "deg": "deg", "°": "deg", "degree": "deg", "degrees": "deg", "grad": "deg",
+    "rad": "rad", "radian": "rad", "radians": "rad", "mdeg": "mdeg", "c": "degC", "degc": "degC",
+    "°c": "degC", "kg": "kg", "s": "s",
+}  # fmt: skip
+"""Units as people write them at the end of a name."""
+ENDS = re.compile(r"^(.*?)[\s_]*[\[(/]\s*([^\])]+?)\s*[\])]?$")
+ROS = {
+    "shoulder_pan_joint": 1, "shoulder_lift_joint": 2, "elbow_joint": 3,
+    "wrist_1_joint": 4, "wrist_2_joint": 5, "wrist_3_joint": 6,
+}  # fmt: skip
+"""Joints of the Universal Robots descriptions."""
+JOINT = re.compile(r"(?:.*[\s_])?(?:j|a|q|joint|axis|achse|theta|ax)[\s_]*a?([1-9])")
+READ = {"read", "actual", "act", "feedback", "measured", "current"}
+"""Words of a joint that was read back."""
+WISHED = {
+    "goal", "target", "nominal", "nom", "cmd", "command", "commanded", "ref", "set", "t",
+    "dif", "diff", "difference", "delta", "err", "error", "dev", "deviation",
+}  # fmt: skip
+"""Words of a place that was not measured."""
+SPREAD = {"std", "sd", "sigma", "stdev", "rms"}
+EXPANDED = {"u95", "u95%", "unc95"}
+STANDARD = {"u", "u1", "unc", "uncertainty"}
+PLAIN = {
+    "pose_id": {"pose", "poseid", "pose id", "pose nr", "pose no", "nr", "no", "id", "index",
+                "number", "point", "point id", "point name", "pointname", "name", "step order"},
+    "target": {"target", "reflector", "smr", "target name"},
+    "temperature_degC": {"temperature", "temp", "t air", "ambient temperature",
+                         "measurement temperature"},
+    "payload_kg": {"payload", "load"},
+    "time": {"time", "timestamp", "date time", "datetime"},
+}  # fmt: skip
+TURNS = {
+    "rx": "rx", "ry": "ry", "rz": "rz", "roll": "rx", "pitch": "ry", "yaw": "rz",
+    "qw": "qw", "qx": "qx", "qy": "qy", "qz": "qz", "q0": "qw",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What a column may be."""
+
+    theirs: str
+    stem: str
+    """Own name without its unit: q1, x, rx, ux, U95x, pose_id; as it is where we know it."""
+    unit: str
+    """As the name says; empty if it says none."""
+    known: bool = False
+    """Whether it is a name of ours already."""
+
+    @property
+    def plain(self) -> str:
+        """The stem of a name of ours as well: q1 of q1_deg."""
+        stem, _, unit = self.stem.rpartition("_")
+        return stem if self.known and unit in FACTORS and stem else self.stem
+
+
+def meanings(head: Sequence[str]) -> tuple[Meaning, ...]:
+    """What the columns of a table are, each of ours once; the others are left out.
+
+    A stem that several columns claim alike is given to none.
+    """
+    found = [meaning for name in head if (meaning := _meaning(name, head)) is not None]
+    best: dict[str, list[Meaning]] = {}
+    for meaning in found:
+        best.setdefault(meaning.plain, []).append(meaning)
+    return tuple(
+        next((one for one in several if one.known), several[0])
+        for several in best.values()
+        if len(several) == 1 or any(one.known for one in several)
+    )
+
+
+def _meaning(name: str, head: Sequence[str]) -> Meaning | None:
+    """What one column is; None if its name says nothing that we know."""
+    if is_known(name):
+        return Meaning(name, name, "", known=True)
+    text, unit = _without_unit(name)
+    words = set(text.split())
+    if text.replace(" ", "_") in ROS:
+        return Meaning(name, f"q{ROS[text.replace(' ', '_')]}", unit)
+    # q0 beside q1 is a quaternion, its scalar first
+    scalar = any(other.strip().lower() == "q0" for other in head)
+    if scalar and text in ("q0", "q1", "q2", "q3"):
+        return Meaning(name, f"q{'wxyz'[int(text[1])]}", "")
+    for own, known in PLAIN.items():
+        if text in known:
+            return Meaning(name, own, "")
+    if words & SPREAD:
+        return None
+    joint = JOINT.fullmatch(" ".join(word for word in text.split() if word not in READ | WISHED))
+    if joint and not words & {"error", "diff", "dev", "deviation"}:
+        return Meaning(name, f"q{joint[1]}{'_read' if words & READ else ''}", unit)
+    if words & WISHED:
+        return None
+    return _coordinate(name, text, unit)
+
+
+def _coordinate(name: str, text: str, unit: str) -> Meaning | None:
+    """A coordinate, a turn, or the uncertainty of one."""
+    words = text.split()
+    for mark, prefix in ((EXPANDED, "U95"), (STANDARD, "u")):
+        glued = re.fullmatch(rf"({'|'.join(sorted(map(re.escape, mark), reverse=True))})(r?[xyz])",
+                             text)  # fmt: skip
+        if glued:
+            return Meaning(name, f"{prefix}{glued[2]}", unit)
+        if set(words) & mark and words[-1] in ("x", "y", "z", "rx", "ry", "rz"):
+            return Meaning(name, f"{prefix}{words[-1]}", unit)
+        if set(words) & mark and words[0] in ("x", "y", "z", "rx", "ry", "rz"):
+            return Meaning(name, f"{prefix}{words[0]}", unit)
+    for word in (words[-1], words[0]) if words else ():
+        if word in ("x", "y", "z"):
+            return Meaning(name, word, unit)
+        if word in TURNS:
+            return Meaning(name, TURNS[word], unit)
+    return None
+
+
+def _without_unit(name: str) -> tuple[str, str]:
+    """A name in small words, and the unit that it ends with."""
+    text, unit = name.strip(), ""
+    ends = ENDS.match(text)
+    if ends and ends[2].strip().lower() in UNITS:
+        text, unit = ends[1], UNITS[ends[2].strip().lower()]
+    words = re.sub(r"[\s_.:\-]+", " ", text).strip().lower().split()
+    if not unit and len(words) > 1 and words[-1] in UNITS and words[-1] not in ("c", "s", "m"):
+        unit = UNITS[words.pop()]
+    return " ".join(words), unit

@@ -1,0 +1,235 @@
+"""A session.toml from the files of a user: readings tried with the nominal robot, and told."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from calib.errors import InputError
+from calib.measurement.observations import Measurements
+from testbed.files.frames_fit import FAR, fit_frames, flange_poses, target_groups
+from testbed.files.probe import FEWEST, TIMES
+from testbed.files.read import session_of
+from testbed.files.refusal import refusal
+from testbed.files.session import Sources
+from testbed.files.session_toml import SESSION_FILE, SessionFile
+from testbed.gates.mistakes import validated
+from testbed.gates.text import MAX_MB, FileText
+from testbed.proposal.data import Look
+from testbed.proposal.parts import Document, Part, joint_parts, seen_parts
+from testbed.robots.robot import Robot
+
+JOINTS = 6
+"""Of a robot that nobody names."""
+TRIED, FITTED = 300, 60
+"""Lines of one file that readings are tried with, and rows of them that frames are fitted to."""
+PARTS = (1, 3)
+"""Parts of the rows of which the best one counts."""
+ASSUMED = {"position_um": 30, "rotation_mdeg": 10}
+"""Standard uncertainties where no file has any: of a laser tracker at some meters."""
+
+
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """A session that may be meant."""
+
+    document: Document
+    notes: tuple[str, ...]
+    """What was taken as it is not said anywhere, in words."""
+    jointless: bool = False
+    """Whether no file has joints."""
+
+
+@dataclass(frozen=True, slots=True)
+class Proposed:
+    """The session that fits, or that is likely, and how that is known."""
+
+    document: Document
+    assumed: tuple[str, ...]
+    """What no file says."""
+    tried: str
+    """How well this and other readings fit, in words."""
+    fits: bool
+    """Whether the robot has been where the file says."""
+
+
+def propose_session(looks: tuple[Look, ...], robot: Robot | None, root: Path) -> Proposed:
+    """The session that some files are most likely to be.
+
+    Parameters
+    ----------
+    looks : tuple of Look
+        Tables that were found.
+    robot : Robot or None
+        With which readings are tried; without it units are taken by their size.
+    root : Path
+        Folder of the session.
+
+    Raises
+    ------
+    InputError
+        M35: no file has readings, or heads that do not go together.
+    """
+    n = robot.model.chain.n_joints if robot is not None else _count(looks)
+    drafts = list(_drafts(looks, n))
+    if not drafts:
+        raise refusal(
+            looks[0].path.name if looks else "DATA", "DATA", "has no readings that can be told",
+            allowed="columns X Y Z, also with rotations; or points or frames of Spatial Analyzer",
+            fix="name the columns, or name them under columns in session.toml by hand",
+        )  # fmt: skip
+    if robot is None:
+        tried = "no robot was named: units and conventions are by size and by custom"
+        return Proposed(drafts[0].document, drafts[0].notes, tried, False)
+    if drafts[0].jointless:
+        tried = "there are no joints: nothing could be tried"
+        return Proposed(drafts[0].document, drafts[0].notes, tried, False)
+    texts = {(root / one.name, one.sheet): _beginning(one, looks) for one in looks}
+
+    def read(document: Document) -> Measurements | None:
+        try:
+            settings = validated(document, SessionFile, SESSION_FILE)
+            sources = Sources(root, None, MAX_MB, dict(texts))
+            return session_of(settings, sources, robot, drop=True, where=SESSION_FILE).measurements
+        except InputError:
+            return None
+
+    tables = [read(draft.document) for draft in drafts]
+    # where a shot was missed, a part of the rows still shows the reading
+    for parts in PARTS:
+        scores = [_misfit(robot, table, parts) for table in tables]
+        order = np.argsort(scores, kind="stable")
+        best, least = drafts[int(order[0])], scores[int(order[0])]
+        if least <= FAR:
+            break
+    else:
+        tried = (
+            f"none of {len(drafts)} readings of these files fits a nominal {robot.name}: is it the "
+            "robot that was measured? Units and conventions are by size and by custom"
+        )
+        return Proposed(drafts[0].document, drafts[0].notes, tried, False)
+    others = [scores[int(k)] for k in order[1:] if np.isfinite(scores[int(k)])]
+    tried = f"base and tool of a nominal {robot.name} alone leave {_shown(least)}"
+    if others:
+        tried += f"; the best of {len(drafts) - 1} other readings leaves {_shown(others[0])}"
+        if others[0] < TIMES * least:
+            tried += ": too little to tell them apart"
+    return Proposed(best.document, best.notes, tried, True)
+
+
+def _misfit(robot: Robot, table: Measurements | None, parts: int) -> float:
+    """What base and tool leave in the best of some parts of the rows of one target [m]."""
+    groups = target_groups(table) if table is not None else []
+    if table is None or not groups or len(groups[0]) < FEWEST * parts:
+        return np.inf
+    left = []
+    for stretch in np.array_split(groups[0], parts):
+        spread = np.linspace(0, len(stretch) - 1, min(len(stretch), FITTED))
+        rows = stretch[spread.round().astype(np.int64)]
+        F = flange_poses(robot.model, table.q[rows])
+        turned = table.rotation[rows] if table.is_pose[rows[0]] else None
+        frames = fit_frames(F, table.position[rows], turned)
+        left.append(frames.misfit(F, table.position[rows], turned).score)
+    return min(left)
+
+
+def _shown(score: float) -> str:
+    """A misfit for people."""
+    return f"{score * 1e3:.2g} mm" if score < 1 else f"{score:.2g} m"
+
+
+def _beginning(look: Look, looks: tuple[Look, ...]) -> FileText:
+    """The text that readings are tried with: of one file alone a part is enough."""
+    lines = look.text.lines if len(looks) > 1 else look.text.lines[:TRIED]
+    return replace(look.text, lines=lines)
+
+
+def _count(looks: tuple[Look, ...]) -> int:
+    """Joints of the robot, as the columns have them."""
+    for look in looks:
+        known = {f"q{k + 1}" for k in range(9)} & set(look.stems)
+        if known:
+            return len(known)
+    return JOINTS
+
+
+def _drafts(looks: tuple[Look, ...], n: int) -> Iterator[Draft]:
+    """Sessions that may be meant, the likely ones first."""
+    bare = [look for look in looks if look.kind == "bare"]
+    heads = [look for look in looks if look.kind == "table"]
+    if bare and heads:
+        message = f"has no line that names its columns, but {heads[0].name} has"
+        raise refusal(str(bare[0].path), "file", message, fix="name the columns of both")
+    joints: list[Part | None] = [part for look in looks for part in joint_parts(look, n)]
+    seen = [part for look in looks for part in seen_parts(look, n)]
+    taken: set[str] = set()
+    for one, two in product(joints or [None], seen):
+        # both in one file without a head must be parts of one layout, and of two files none
+        if (
+            one is not None
+            and (one[0] is two[0]) != (one[3] == two[3])
+            and "both" in one[3] + two[3]
+        ):
+            continue
+        if one is not None and one[0] is two[0] and one[3] != two[3]:
+            continue
+        for draft in _matched(one, two, n):
+            if (key := repr(draft.document)) not in taken:
+                taken.add(key)
+                yield draft
+
+
+def _matched(joints: Part | None, seen: Part, n: int) -> Iterator[Draft]:
+    """Sessions of joints and readings, by each way that may match them."""
+    look, keys, notes, _ = seen
+    keys = dict(keys)
+    section = keys.pop("section")
+    document: Document = {"joints": {"file": "joints.csv"}, section: {**_where(look), **keys}}
+    said = [f"joints: no file has q1 to q{n}; name it under [joints]", *notes]
+    ways: tuple[str, ...] = ("",)
+    if joints is not None:
+        document["joints"] = {**_where(joints[0]), **joints[1]}
+        said = [*joints[2], *notes]
+        ways = ("",) if joints[0] is look else _ways(joints[0], look)
+    if look.kind == "bare":
+        document["dialect"] = {"header": False}
+    stated, more = _uncertainty(look, section)
+    document["uncertainty"] = stated
+    for way in ways:
+        note = ("order: the k-th reading belongs to the k-th joints",) if way == "order" else ()
+        match = {"match": way} if way else {}
+        yield Draft({**match, **document}, (*said, *note, *more), joints is None)
+
+
+def _uncertainty(look: Look, section: str) -> tuple[Document, tuple[str, ...]]:
+    """[uncertainty] where no columns have it."""
+    missing = {"position_um": ("x", "y", "z"), "rotation_mdeg": ("rx", "ry", "rz")}
+    stated = {
+        key: ASSUMED[key]
+        for key, axes in missing.items()
+        if (key == "position_um" or section == "frames")
+        and not any(look.has(*(f"{u}{axis}" for axis in axes)) for u in ("u", "U95"))
+    }
+    return stated, tuple(
+        f"uncertainty: no column has it; {key} = {value} is assumed: your instrument's certificate "
+        "knows"
+        for key, value in stated.items()
+    )
+
+
+def _where(look: Look) -> Document:
+    """File, and sheet, of a table."""
+    return {"file": look.name} | ({"sheet": look.sheet} if look.sheet is not None else {})
+
+
+def _ways(one: Look, two: Look) -> tuple[str, ...]:
+    """pose_id where both sides have the same names, else order; an export's names are tried."""
+    if two.kind in ("points", "frames"):
+        return ("pose_id", "order") if one.has("pose_id") else ("order",)
+    sides = []
+    for look in (one, two):
+        found = look.stems.get("pose_id")
+        sides.append(set(look.column(found.theirs)) if found else None)
+    return ("pose_id",) if None not in sides and sides[0] == sides[1] else ("order",)

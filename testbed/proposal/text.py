@@ -1,0 +1,58 @@
+"""A proposal as a commented TOML file: how it is known, what is assumed, what is not used."""
+
+import shlex
+from collections.abc import Sequence
+
+from testbed.files.columns import is_known
+from testbed.proposal.data import Look
+from testbed.proposal.parts import Document
+from testbed.proposal.session import Proposed
+from testbed.strict import toml_lines, toml_value
+from testbed.units import counted
+
+MAY = """
+# Further tables that a session may have:
+# [drift]           nests = ["B1", "B2", "B3"]: targets that stay on the floor
+# [conditions]      payload_kg, tool, temperature_degC and date of all rows
+# [tolerance]       position_um: how far the tool may miss
+# [identification]  model = "choose", base = "free", tool = "free"
+"""
+
+
+def session_text(proposed: Proposed, looks: Sequence[Look], robot: str | None, name: str) -> str:
+    """The text of a session.toml; `robot` is how the user named it."""
+    files = ", ".join(f"{_named(look)} ({counted(look.rows, 'row')})" for look in looks)
+    lines = [f"# Proposed by truebed new session from {files}", f"# {proposed.tried}."]
+    if proposed.assumed:
+        lines.append("# Not said in any file, and taken so here; change what is wrong:")
+        lines += [f"#   {sentence}" for sentence in proposed.assumed]
+    arm = shlex.quote(robot) if robot is not None else "ROBOT"
+    lines += [f"# Then: truebed identify {arm} {name}", "format = 1"]
+    for line in toml_lines(proposed.document):
+        if line.startswith("["):
+            lines += _unused(line.strip("[]"), proposed.document, looks)
+        lines.append(line)
+    return "\n".join(lines).replace("\n\n# not used", "\n# not used") + "\n" + MAY
+
+
+def _named(look: Look) -> str:
+    """File and sheet of a table."""
+    return look.name + (f" sheet {look.sheet}" if look.sheet is not None else "")
+
+
+def _unused(section: str, document: Document, looks: Sequence[Look]) -> list[str]:
+    """A comment on the columns of a section's file that nothing reads, once for each file."""
+    table = document.get(section)
+    if not isinstance(table, dict) or "file" not in table:
+        return []
+    place = (table["file"], table.get("sheet"))
+    sections = [each for each in document.values() if isinstance(each, dict) and "file" in each]
+    mine = [each for each in sections if (each["file"], each.get("sheet")) == place]
+    if table is not mine[0]:
+        return []
+    read = {own for each in mine for own in each.get("columns", {}).values()}
+    look = next((one for one in looks if (one.name, one.sheet) == place), None)
+    if look is None or look.kind in ("points", "frames", "rapid"):
+        return []
+    left = [name for name in look.head if name not in read and not is_known(name)]
+    return [f"# not used: {', '.join(map(toml_value, left))}"] if left else []

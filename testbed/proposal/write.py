@@ -1,0 +1,32 @@
+"""New files: written whole or not at all, and never over another."""
+
+from pathlib import Path
+
+from calib.errors import visible
+from testbed.disk import atomic_write
+from testbed.files.refusal import refusal
+from testbed.gates.paths import is_there, real
+
+
+def require_new(path: Path) -> None:
+    """Refuse a place where something is, or that is no place for a file.
+
+    Raises
+    ------
+    InputError
+        C40: it exists already, or its folder does not.
+    """
+    real(path, field="--out", code="C40")
+    where = str(path)
+    if is_there(path) or path.is_symlink():
+        fix = "choose another --out, or move it away"
+        raise refusal(where, "--out", "exists already", code="C40", fix=fix)
+    if not is_there(path.parent, Path.is_dir):
+        message, fix = f"the folder {path.parent} does not exist", "make it, or choose another"
+        raise refusal(where, "--out", message, code="C40", fix=fix)
+
+
+def write_new(path: Path, text: str) -> None:
+    """Write a file that is not there yet; what steers a terminal is written out."""
+    require_new(path)
+    atomic_write(path, visible(text).encode())

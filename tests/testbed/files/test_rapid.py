@@ -1,0 +1,84 @@
+"""RAPID programs as joints: the moves in their order, or what is declared."""
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from testbed.files.rapid import is_rapid, read_rapid
+from testbed.files.read import read_session
+from testbed.gates.text import read_text
+from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
+
+NONE = "[9E9,9E9,9E9,9E9,9E9,9E9]"
+
+
+def sheet(folder, *lines):
+    (folder / "a.mod").write_text("\n".join(lines))
+    text = read_text(folder / "a.mod", "a.mod")
+    assert is_rapid(text)
+    return read_rapid(text)
+
+
+def test_declared_targets_are_rows_with_their_names(tmp_path):
+    found = sheet(
+        tmp_path,
+        "MODULE A",
+        f"  CONST jointtarget p1 := [[1,2,3,4,5,6],{NONE}];",
+        f"  PERS JointTarget p2:=[ [ 1.5 , -2, 3,4,5,6] , {NONE} ]; ! p3 := [[1,1,1,1,1,1],{NONE}]",
+        "  CONST robtarget r1 := [[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+        "ENDMODULE",
+    )
+    assert found.head == ("pose_id", *(f"q{k}_deg" for k in range(1, 7)))
+    assert found.rows == (
+        ("p1", "1", "2", "3", "4", "5", "6"),
+        ("p2", "1.5", "-2", "3", "4", "5", "6"),
+    )
+    assert found.lines == (2, 3)
+
+
+def test_moves_count_in_their_order_and_external_axes_are_named(tmp_path):
+    found = sheet(
+        tmp_path,
+        "CONST jointtarget p1 := [[1,2,3,4,5,6],[7,9E9,9E9,9E9,9E9,9E9]];",
+        "MoveAbsJ P1\\NoEOffs, v100, fine, tool0;",
+        "MoveAbsJ [[6,5,4,3,2,1],[8,9E9,9E9,9E9,9E9,9E9]]\\NoEOffs, v100, fine, tool0;",
+        "MoveAbsJ p1, v100, fine, tool0;",
+    )
+    assert found.head == (*(f"q{k}_deg" for k in range(1, 7)), "eax_a")
+    assert [row[0] for row in found.rows] == ["1", "6", "1"]
+    assert [row[-1] for row in found.rows] == ["7", "8", "7"]
+    assert found.lines == (2, 3, 4)
+
+
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        (["MoveAbsJ home, v100, fine, tool0;"], 'a.mod:1: moves to "home", of which there is no'),
+        (["CONST jointtarget p1 := "], "a.mod: has no joint target"),
+        ([f"CONST jointtarget p{k} := [[{row}],{NONE}];" for k, row in enumerate(("1,2", "1"))],
+         "a.mod: has targets of different robots"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_read_is_one_sentence(tmp_path, lines, told):
+    with pytest.raises(InputError) as caught:
+        sheet(tmp_path, *lines)
+    assert str(caught.value).startswith(told)
+
+
+def test_a_session_takes_its_joints_from_a_program(tmp_path):
+    data = made()
+    rows = np.degrees(data.q)
+    lines = [f"CONST jointtarget p{k} := [[{','.join(f'{v:.12f}' for v in row)}],[5,9E9]];"
+             for k, row in enumerate(rows)]  # fmt: skip
+    seen = {"pose_id": [f"p{k}" for k in range(29)]} | with_spread(
+        {k: v for k, v in columns(data).items() if k[0] in "xyzr"}
+    )
+    (tmp_path / "a.mod").write_text("\n".join(lines))
+    (tmp_path / "a.csv").write_text(csv(seen))
+    (tmp_path / "session.toml").write_text(
+        '[joints]\nfile = "a.mod"\nformat = "rapid"\n[frames]\nfile = "a.csv"\neuler = "XYZ"\n'
+    )
+    session = read_session(tmp_path, ROBOT)
+    # twelve decimals of a degree
+    np.testing.assert_allclose(session.measurements.q, data.q, rtol=0, atol=1e-14)
+    assert "a.mod: not used: eax_a" in session.notes

@@ -1,0 +1,242 @@
+"""Ten files of ten kinds: what `new session` writes of them, `identify` takes."""
+
+import re
+import tomllib
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from testbed.cli import app
+from testbed.files.probe import probe
+from testbed.files.read import read_session
+from tests.testbed.files.made import ROBOT, columns, csv, made, poses_csv
+
+M = 40
+ARM = np.array([0.05, 0.03, 0.08])
+JOINTS = ("q1_deg", "q2_deg", "q3_deg", "q4_deg", "q5_deg", "q6_deg")
+ROS = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint",
+       "wrist_2_joint", "wrist_3_joint")  # fmt: skip
+
+
+def data():
+    return made(3, M)
+
+
+def points():
+    """Of a reflector beside the flange [mm]."""
+    return (data().T[:, :3, 3] + data().T[:, :3, :3] @ ARM) * 1e3
+
+
+def joints(*names, factor=1.0):
+    own = columns(data())
+    return {name: own[joint] * factor for name, joint in zip(names, JOINTS, strict=True)}
+
+
+def places(*names, values=None):
+    return dict(zip(names, (points() if values is None else values).T, strict=True))
+
+
+def write(folder, **files):
+    for name, text in files.items():
+        (folder / name.replace("__", ".")).write_text(text, encoding="utf-8")
+    return [folder / name.replace("__", ".") for name in files]
+
+
+def own_csv(folder):
+    return write(folder, a__csv=poses_csv(data()))
+
+
+def sa_points(folder):
+    rows = [f"Coll,  Main,  {k + 1},  {x:.6f},  {y:.6f},  {z:.6f},  02/12/25 16:38:29"
+            for k, (x, y, z) in enumerate(points())]  # fmt: skip
+    head = [
+        "// Points Relative to Coordinate Frame 'A::WORLD'",
+        "// AXES = CARTESIAN: X, Y, Z (mm)",
+    ]
+    named = {"pose_id": np.arange(1, M + 1)} | joints(*JOINTS)
+    return write(folder, joints__csv=csv(named), points__txt="\n".join([*head, *rows]))
+
+
+def sa_frames(folder):
+    own = columns(data(), euler="xyz")
+    numbers = np.column_stack([own[f"{a}_mm"] for a in "xyz"] + [own[f"r{a}_deg"] for a in "xyz"])
+    rows = [", ".join([f"F{k}", *(f"{v:.6f}" for v in row)]) for k, row in enumerate(numbers)]
+    return write(
+        folder, joints__csv=csv(joints(*JOINTS)), frames__txt="\n".join(["// Frames", *rows])
+    )
+
+
+def leica(folder):
+    table = {"Point ID": [f"P{k}" for k in range(M)]} | places("X [mm]", "Y [mm]", "Z [mm]")
+    table |= joints(*(f"A{k} (deg)" for k in range(1, 7))) | {"Comment": ["ok"] * M}
+    return write(folder, export__csv=csv(table))
+
+
+def semicolons(folder):
+    table = joints(*(f"J{k}" for k in range(1, 7))) | places("X", "Y", "Z")
+    return write(folder, a__csv=csv(table, separator=";", decimal=","))
+
+
+def workbook(folder):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.title = "Joints"
+    tables = {"Joints": {"Pose": np.arange(M)} | joints(*(f"Joint {k} [°]" for k in range(1, 7))),
+              "Tracker": {"Pose": np.arange(M)} | places("x", "y", "z")}  # fmt: skip
+    for name, table in tables.items():
+        sheet = book[name] if name in book.sheetnames else book.create_sheet(name)
+        sheet.append(list(table))
+        for row in zip(*table.values(), strict=True):
+            sheet.append([float(value) for value in row])
+    book.save(folder / "a.xlsx")
+    return [folder / "a.xlsx"]
+
+
+def ros(folder):
+    own = columns(data())
+    table = joints(*ROS, factor=np.pi / 180) | {f"Goal {a}": own[f"{a}_mm"] for a in "xyz"}
+    table |= {f"measurement_{a}": own[f"{a}_mm"] / 1e3 for a in "xyz"}
+    table |= {f"measurement_r{a}": own[f"r{a}_deg"] for a in "xyz"}
+    return write(folder, a__csv=csv(table))
+
+
+def headerless(folder):
+    table = joints(*JOINTS) | places("x", "y", "z")
+    return write(folder, a__csv="\n".join(csv(table).splitlines()[1:]))
+
+
+def rapid(folder):
+    own = np.column_stack(list(joints(*JOINTS).values()))
+    absent = "[9E9,9E9,9E9,9E9,9E9,9E9]"
+    targets = [", ".join(f"{value:.9f}" for value in row) for row in own]
+    lines = [
+        f"  CONST jointtarget p{k} := [[{row}],{absent}]; ! {k}" for k, row in enumerate(targets)
+    ]
+    lines = ["MODULE Cal", *lines, "ENDMODULE"]
+    table = places("X/mm", "Y/mm", "Z/mm")
+    return write(folder, cal__mod="\n".join(lines), tracker__csv=csv(table))
+
+
+def tracker(folder):
+    table = places("X", "Y", "Z") | {f"U95{a}": np.full(M, 0.035) for a in "XYZ"}
+    named = joints(*(f"axis_{k}" for k in range(1, 7)))
+    return write(folder, joints__csv=csv(named), tracker__csv=csv(table | {"Time": ["12:00"] * M}))
+
+
+KINDS = (
+    own_csv,
+    sa_points,
+    sa_frames,
+    leica,
+    semicolons,
+    workbook,
+    ros,
+    headerless,
+    rapid,
+    tracker,
+)
+
+
+def call(*words):
+    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+
+
+def proposed(folder, files, *more):
+    done = call("new", "session", *files, "--out", folder / "session.toml", *more)
+    assert done.exit_code == 0, done.stderr
+    return done.stdout, (folder / "session.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+def test_what_is_proposed_is_read_as_it_was_meant(kind, tmp_path):
+    files = kind(tmp_path)
+    _, text = proposed(tmp_path, files, "--robot", "staubli_tx60")
+    session = read_session(tmp_path / "session.toml", ROBOT)
+    table = session.measurements
+    # nine decimals of a degree, or six of a millimeter, are written
+    np.testing.assert_allclose(table.q, data().q, rtol=0, atol=2e-11)
+    meant = points() / 1e3 if not table.is_pose.any() else data().T[:, :3, 3]
+    np.testing.assert_allclose(table.position, meant, rtol=0, atol=1e-9)
+    if table.is_pose.all():
+        np.testing.assert_allclose(table.rotation, data().T[:, :3, :3], rtol=0, atol=2e-8)
+    probe(ROBOT, session).raise_if_wrong()
+    assert re.search(
+        r"^# base and tool of a nominal staubli_tx60 alone leave [01]\.\d+ mm", text, re.MULTILINE
+    )
+    assert tomllib.loads(text)["format"] == 1
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+def test_what_is_proposed_identifies(kind, tmp_path):
+    proposed(tmp_path, kind(tmp_path), "--robot", "staubli_tx60")
+    out = tmp_path / "out"
+    done = call("identify", "staubli_tx60", tmp_path / "session.toml", "--out", out, "--quiet")
+    assert done.exit_code == 0, done.stderr
+    assert (out / "report.html").is_file()
+
+
+@pytest.mark.parametrize("kind", [leica, semicolons, headerless, rapid], ids=lambda k: k.__name__)
+def test_without_a_robot_units_are_by_size_and_that_is_said(kind, tmp_path):
+    said, text = proposed(tmp_path, kind(tmp_path))
+    assert said.startswith("no robot was named: units and conventions are by size and by custom.")
+    assert "no robot was named" in text
+    table = read_session(tmp_path / "session.toml", ROBOT).measurements
+    np.testing.assert_allclose(table.q, data().q, rtol=0, atol=2e-11)
+    np.testing.assert_allclose(table.position, points() / 1e3, rtol=0, atol=1e-9)
+
+
+def refused(tmp_path, *words):
+    out = tmp_path / "session.toml"
+    before = out.read_bytes() if out.exists() else None
+    done = call("new", "session", *words, "--out", out)
+    assert done.exit_code == 2, done.output
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    assert (out.read_bytes() if out.exists() else None) == before
+    return done.stderr
+
+
+def test_nothing_is_written_over_another_or_where_nothing_is_understood(tmp_path):
+    (file,) = semicolons(tmp_path)
+    folder = tmp_path / "below"
+    folder.mkdir()
+    (folder / "a.csv").write_text("x_t,x_dif,joint_1\n1,2,3\n4,5,6\n")
+    assert "has no readings that can be told; columns X Y Z" in refused(tmp_path, folder / "a.csv")
+    (folder / "b.csv").write_text("1,2,3,4,5,6,7,8,9\n")
+    assert "has no line that names its columns, but a.csv has" in refused(
+        tmp_path, file, folder / "b.csv"
+    )
+    assert "is a folder" in refused(tmp_path, folder)
+    assert "does not exist" in refused(tmp_path, tmp_path / "c.csv")
+    assert 'there is no robot "tx60"' in refused(tmp_path, file, "--robot", "tx60")
+    done = call("new", "session", file, "--out", folder / "session.toml")
+    assert (done.exit_code, "lie in the folder of the session" in done.stderr) == (2, True)
+    done = call("new", "session", file, "--out", folder / "none" / "session.toml")
+    assert (done.exit_code, "/none does not exist" in done.stderr) == (2, True)
+    (tmp_path / "session.toml").write_text("mine")
+    assert "session.toml: exists already; choose another --out" in refused(tmp_path, file)
+
+
+def test_another_robot_fits_no_reading_and_a_missed_shot_still_shows_it(tmp_path):
+    said, _ = proposed(tmp_path, headerless(tmp_path), "--robot", "universal_ur10")
+    assert re.search(r"none of \d+ readings of these files fits a nominal universal_ur10: is", said)
+    (tmp_path / "session.toml").unlink()
+    rows = (tmp_path / "a.csv").read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    slipped = [",".join([*one[:6], *other[6:]]) for one, other in pairwise(cells)]
+    (tmp_path / "a.csv").write_text("\n".join([*rows[:20], *slipped[20:]]))
+    said, _ = proposed(tmp_path, [tmp_path / "a.csv"], "--robot", "staubli_tx60")
+    assert re.search(r"alone leave [01]\.\d+ mm", said)
+
+
+def test_words_of_a_file_stay_words(tmp_path):
+    """Names that would end a string, a comment or a line of TOML."""
+    own = places("X", "Y", "Z") | joints(*(f"J{k}" for k in range(1, 7)))
+    odd = {'"a""b]"': np.arange(M), "c\\nd": np.arange(M), "x'#": np.arange(M)}
+    (file,) = write(tmp_path, a__csv=csv(own | odd, separator=";"))
+    _, text = proposed(tmp_path, [file])
+    assert tomllib.loads(text)["points"]["columns"] == {"x_mm": "X", "y_mm": "Y", "z_mm": "Z"}
+    assert '# not used: "a\\"b]", "c\\\\nd", "x\'#"' in text
