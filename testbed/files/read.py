@@ -1,51 +1,36 @@
 """A measuring session from its files: read, cleaned, matched, with every assumption stated."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
 from calib.errors import InputError, refuse
 from testbed.files.assembly import assemble
-from testbed.files.drift import without_drift
+from testbed.files.cleaned import Cleaned, readings_of, sheet_of, table_in
 from testbed.files.frames_fit import mismatched_rows
 from testbed.files.joints import read_joints
 from testbed.files.matching import Match, by_cycle, by_order, by_pose, by_row
 from testbed.files.observed import (
-    misspelt_columns,
-    read_observed,
-    section_of,
     unused_columns,
 )
-from testbed.files.rapid import read_rapid
-from testbed.files.readings import Readings, copied_rows, lost_readings
 from testbed.files.refusal import require_names
-from testbed.files.session import Drift, Session, Sources
+from testbed.files.session import Session, Sources
 from testbed.files.session_toml import (
     SESSION_FILE,
-    FileTable,
-    JointsTable,
-    ObservedTable,
-    OpticalTable,
-    PointsTable,
     SessionFile,
 )
 from testbed.files.slips import raise_if_slipped
-from testbed.files.spatial_analyzer import read_sa
-from testbed.files.table import DataTable, table_of
 from testbed.files.targets import TargetPart
-from testbed.files.text import read_sheet
 from testbed.files.uncertainty import require_shown
 from testbed.gates.mistakes import validated
 from testbed.gates.paths import is_there, real
-from testbed.gates.text import MAX_MB, FileText, SourceFile
+from testbed.gates.text import MAX_MB, SourceFile
 from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.robots.robot import Robot
 
 LARGEST_MB = 100_000.0
 """What a user may allow."""
-BEGINNING = 1000
-"""Lines that show whether the columns of a long file make sense."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,25 +48,6 @@ class ReadOptions:
             allowed = f"it must be above 0 and at most {LARGEST_MB:g} MB"
             fix = "give the size of the file in MB"
             raise refuse("--max-mb", self.max_mb, allowed, code="C41", fix=fix)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Cleaned:
-    """Readings of one file without what does not count, and what was left out."""
-
-    readings: Readings
-    section: ObservedTable
-    text: FileText
-    table: DataTable | None
-    """None for an export of Spatial Analyzer."""
-    masked: tuple[str, ...]
-    warnings: tuple[str, ...]
-    drift: Drift | None
-
-    @property
-    def poses(self) -> tuple[str, ...]:
-        """Names of the poses that are read."""
-        return self.readings.extras.pose or ()
 
 
 def read_session(
@@ -140,7 +106,7 @@ def session_of(
     InputError
         As `read_session`, but for rows that belong to other joints.
     """
-    cleaned = list(_observed(sources, settings, drop=drop))
+    cleaned = list(readings_of(sources, settings, drop=drop))
     joined = []
     for one in cleaned:
         elsewhere = {name for other in cleaned if other is not one for name in other.poses}
@@ -202,102 +168,8 @@ def _session_file(path: Path) -> Path:
     return path / SESSION_FILE if is_there(path, Path.is_dir) else path
 
 
-def _observed(sources: Sources, settings: SessionFile, *, drop: bool) -> Iterator[_Cleaned]:
-    """Readings of all files that session.toml names, or of DATA."""
-    for section in settings.observed or (None,):
-        files = (section.files or (section.file,)) if section is not None else (None,)
-        for k, file in enumerate(files):
-            key = section.name if section is not None else "joints"
-            text = sources.text(file, key, _sheet(section, settings.joints, file))
-            station = f"{k + 1}" if len(files) > 1 else ""
-            yield _cleaned(text, section, station, sources, settings, drop=drop)
-
-
-def _sheet(own: FileTable | None, other: FileTable | None, file: str | None) -> str | None:
-    """The sheet of a table of session.toml; one that names none has that of the same file."""
-    if own is not None and own.sheet is not None:
-        return own.sheet
-    return other.sheet if other is not None and other.file == file else None
-
-
-def _cleaned(
-    text: FileText,
-    section: ObservedTable | None,
-    station: str,
-    sources: Sources,
-    settings: SessionFile,
-    *,
-    drop: bool,
-) -> _Cleaned:
-    """Readings of one file without nests, lost readings, copies and drift."""
-    warnings, table = list[str](), None
-    if isinstance(section, OpticalTable) and section.format == "sa":
-        readings = read_sa(text, section, settings.uncertainty, drop=drop)
-    else:
-        _try_beginning(text, section, settings)
-        table = _table(text, settings, section, settings.joints)
-        warnings += misspelt_columns(table)
-        section = section or section_of(table)
-        readings = read_observed(table, section, settings.uncertainty, drop=drop)
-    if station and not any(readings.station):
-        readings = replace(readings, station=(station,) * len(readings))
-    good, masked = lost_readings(readings, settings.drift.nests if settings.drift else ())
-    readings, drift = readings.rows(good), None
-    if settings.drift is not None:
-        nests = _nests(sources, settings)
-        readings, drift, more = without_drift(readings, nests, settings.drift)
-        warnings += more
-    good, copies = copied_rows(readings)
-    masked += copies
-    return _Cleaned(
-        readings.rows(good), section, text, table, tuple(masked), tuple(warnings), drift
-    )
-
-
-def _try_beginning(text: FileText, section: ObservedTable | None, settings: SessionFile) -> None:
-    """Refuse a long file by its first lines, if its columns are wrong: all of it takes long."""
-    if len(text.lines) <= 2 * BEGINNING:
-        return
-    try:
-        table = _table(replace(text, lines=text.lines[:BEGINNING]), settings, section)
-        read_observed(table, section or section_of(table), settings.uncertainty, drop=True)
-    except InputError as error:
-        # whether numbers have a decimal comma, and what they are, only the whole file shows
-        if error.code in ("M24", "M35") and error.field != "decimal":
-            raise
-
-
-def _nests(sources: Sources, settings: SessionFile) -> Readings | None:
-    """Readings of the nests, where they have a file of their own."""
-    drift = settings.drift
-    if drift is None or drift.file is None:
-        return None
-    text = sources.text(drift.file, "drift")
-    section = settings.points or PointsTable()
-    if section.format == "sa":
-        return read_sa(text, section, settings.uncertainty, drop=False)
-    table = _table(text, settings, section)
-    return read_observed(table, section, settings.uncertainty, drop=False)
-
-
-def _table(text: FileText, settings: SessionFile, *sections: FileTable | None) -> DataTable:
-    """The table of a CSV under our column names."""
-    dialect = settings.dialect
-    if isinstance(sections[0], JointsTable) and sections[0].format == "rapid":
-        return table_of(read_rapid(text), {}, decimal=".")
-    sheet = read_sheet(text, separator=dialect.separator or "", header=dialect.header)
-    # what the first section maps must be there; the others may mean other files
-    mapping = {
-        own: theirs
-        for k, section in enumerate(sections)
-        for own, theirs in (section.columns if section else {}).items()
-        if k == 0 or theirs in sheet.head
-    }
-    return table_of(sheet, mapping, decimal=dialect.decimal)
-
-
 def _with_joints(
-    cleaned: _Cleaned,
+    cleaned: Cleaned,
     sources: Sources,
     settings: SessionFile,
     robot: Robot,
@@ -309,10 +181,12 @@ def _with_joints(
     how, readings, section = settings.joints, cleaned.readings, cleaned.section
     apart = how.file is not None or sources.data is not None
     text = (
-        sources.text(how.file, "joints", _sheet(how, section, how.file)) if apart else cleaned.text
+        sources.text(how.file, "joints", sheet_of(how, section, how.file))
+        if apart
+        else cleaned.text
     )
     same = text is cleaned.text
-    table = _table(text, settings, how, section if same else None)
+    table = table_in(text, settings, how, section if same else None)
     joints = read_joints(table, robot, how.source, drop=drop)
     unused = unused_columns(table, joints.used, *([readings.columns] if same else []))
     if not same and cleaned.table is not None:

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Literal
 
 from calib.errors import InputError
-from testbed.files.rapid import is_rapid, read_rapid
+from testbed.files.dialects.rapid import is_rapid, read_rapid
+from testbed.files.dialects.spatial_analyzer import name_fields, sa_lines
 from testbed.files.refusal import refusal
 from testbed.files.session import text_of
-from testbed.files.spatial_analyzer import name_fields, sa_lines
 from testbed.files.text import NUMBER, Sheet, read_sheet
 from testbed.gates.paths import is_there, real
 from testbed.gates.text import MAX_MB, FileText

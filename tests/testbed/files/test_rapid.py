@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from testbed.files.rapid import is_rapid, read_rapid
+from testbed.files.dialects.rapid import is_rapid, read_rapid
 from testbed.files.read import read_session
 from testbed.gates.text import read_text
 from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread

@@ -1,0 +1,141 @@
+"""Readings of each file of a session, without what does not count."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from calib.errors import InputError
+from testbed.files.dialects.rapid import read_rapid
+from testbed.files.dialects.spatial_analyzer import read_sa
+from testbed.files.drift import without_drift
+from testbed.files.observed import (
+    misspelt_columns,
+    read_observed,
+    section_of,
+)
+from testbed.files.readings import Readings, copied_rows, lost_readings
+from testbed.files.session import Drift, Sources
+from testbed.files.session_toml import (
+    FileTable,
+    JointsTable,
+    ObservedTable,
+    OpticalTable,
+    PointsTable,
+    SessionFile,
+)
+from testbed.files.table import DataTable, table_of
+from testbed.files.text import read_sheet
+from testbed.gates.text import FileText
+
+BEGINNING = 1000
+"""Lines that show whether the columns of a long file make sense."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cleaned:
+    """Readings of one file without what does not count, and what was left out."""
+
+    readings: Readings
+    section: ObservedTable
+    text: FileText
+    table: DataTable | None
+    """None for an export of Spatial Analyzer."""
+    masked: tuple[str, ...]
+    warnings: tuple[str, ...]
+    drift: Drift | None
+
+    @property
+    def poses(self) -> tuple[str, ...]:
+        """Names of the poses that are read."""
+        return self.readings.extras.pose or ()
+
+
+def readings_of(sources: Sources, settings: SessionFile, *, drop: bool) -> Iterator[Cleaned]:
+    """Readings of all files that session.toml names, or of DATA."""
+    for section in settings.observed or (None,):
+        files = (section.files or (section.file,)) if section is not None else (None,)
+        for k, file in enumerate(files):
+            key = section.name if section is not None else "joints"
+            text = sources.text(file, key, sheet_of(section, settings.joints, file))
+            station = f"{k + 1}" if len(files) > 1 else ""
+            yield _cleaned(text, section, station, sources, settings, drop=drop)
+
+
+def sheet_of(own: FileTable | None, other: FileTable | None, file: str | None) -> str | None:
+    """The sheet of a table of session.toml; one that names none has that of the same file."""
+    if own is not None and own.sheet is not None:
+        return own.sheet
+    return other.sheet if other is not None and other.file == file else None
+
+
+def _cleaned(
+    text: FileText,
+    section: ObservedTable | None,
+    station: str,
+    sources: Sources,
+    settings: SessionFile,
+    *,
+    drop: bool,
+) -> Cleaned:
+    """Readings of one file without nests, lost readings, copies and drift."""
+    warnings, table = list[str](), None
+    if isinstance(section, OpticalTable) and section.format == "sa":
+        readings = read_sa(text, section, settings.uncertainty, drop=drop)
+    else:
+        _try_beginning(text, section, settings)
+        table = table_in(text, settings, section, settings.joints)
+        warnings += misspelt_columns(table)
+        section = section or section_of(table)
+        readings = read_observed(table, section, settings.uncertainty, drop=drop)
+    if station and not any(readings.station):
+        readings = replace(readings, station=(station,) * len(readings))
+    good, masked = lost_readings(readings, settings.drift.nests if settings.drift else ())
+    readings, drift = readings.rows(good), None
+    if settings.drift is not None:
+        nests = _nests(sources, settings)
+        readings, drift, more = without_drift(readings, nests, settings.drift)
+        warnings += more
+    good, copies = copied_rows(readings)
+    masked += copies
+    return Cleaned(readings.rows(good), section, text, table, tuple(masked), tuple(warnings), drift)
+
+
+def _try_beginning(text: FileText, section: ObservedTable | None, settings: SessionFile) -> None:
+    """Refuse a long file by its first lines, if its columns are wrong: all of it takes long."""
+    if len(text.lines) <= 2 * BEGINNING:
+        return
+    try:
+        table = table_in(replace(text, lines=text.lines[:BEGINNING]), settings, section)
+        read_observed(table, section or section_of(table), settings.uncertainty, drop=True)
+    except InputError as error:
+        # whether numbers have a decimal comma, and what they are, only the whole file shows
+        if error.code in ("M24", "M35") and error.field != "decimal":
+            raise
+
+
+def _nests(sources: Sources, settings: SessionFile) -> Readings | None:
+    """Readings of the nests, where they have a file of their own."""
+    drift = settings.drift
+    if drift is None or drift.file is None:
+        return None
+    text = sources.text(drift.file, "drift")
+    section = settings.points or PointsTable()
+    if section.format == "sa":
+        return read_sa(text, section, settings.uncertainty, drop=False)
+    table = table_in(text, settings, section)
+    return read_observed(table, section, settings.uncertainty, drop=False)
+
+
+def table_in(text: FileText, settings: SessionFile, *sections: FileTable | None) -> DataTable:
+    """The table of a CSV under our column names."""
+    dialect = settings.dialect
+    if isinstance(sections[0], JointsTable) and sections[0].format == "rapid":
+        return table_of(read_rapid(text), {}, decimal=".")
+    sheet = read_sheet(text, separator=dialect.separator or "", header=dialect.header)
+    # what the first section maps must be there; the others may mean other files
+    mapping = {
+        own: theirs
+        for k, section in enumerate(sections)
+        for own, theirs in (section.columns if section else {}).items()
+        if k == 0 or theirs in sheet.head
+    }
+    return table_of(sheet, mapping, decimal=dialect.decimal)
