@@ -22,7 +22,7 @@ WORD = re.compile(r"[A-Za-z]")
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class Found:
     """One table of a file, and what it seems to be."""
 
     path: Path
@@ -60,7 +60,7 @@ class Look:
         return tuple(row[table.head.index(name)] for row in table.rows)
 
 
-def look_at(paths: Sequence[Path], root: Path) -> tuple[Look, ...]:
+def look_at(paths: Sequence[Path], root: Path) -> tuple[Found, ...]:
     """The tables of some files, each sheet of a workbook by itself.
 
     Raises
@@ -91,7 +91,7 @@ def look_at(paths: Sequence[Path], root: Path) -> tuple[Look, ...]:
     return tuple(found)
 
 
-def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Look:
+def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
     """What one table seems to be."""
     if is_rapid(text):
         return _of_sheet(path, name, sheet, text, "rapid", read_rapid(text))
@@ -122,13 +122,13 @@ def _has_head(line: str) -> bool:
 
 def _of_sheet(
     path: Path, name: str, sheet: str | None, text: FileText, kind: Kind, table: Sheet
-) -> Look:
+) -> Found:
     """A table with a head."""
     means = meanings(table.head)
-    return Look(path, name, sheet, text, kind, table.head, len(table.rows), means)
+    return Found(path, name, sheet, text, kind, table.head, len(table.rows), means)
 
 
-def _of_lines(path: Path, name: str, sheet: str | None, text: FileText) -> Look:
+def _of_lines(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
     """Rows without a head: names, then numbers."""
     comma = text.content("#", "//")[0][1]
     if ";" in comma or "\t" in comma:
@@ -156,4 +156,4 @@ def _of_lines(path: Path, name: str, sheet: str | None, text: FileText) -> Look:
         except InputError:  # numbers may be names
             named = tuple(k for k in range(names, 4) if k <= names + width - 3)
     head = tuple(str(k + 1) for k in range(len(first)))
-    return Look(path, name, sheet, text, kind, head, len(fields), (), width, names, named, length)
+    return Found(path, name, sheet, text, kind, head, len(fields), (), width, names, named, length)

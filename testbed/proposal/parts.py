@@ -10,7 +10,7 @@ from calib.arrays import Array
 from testbed.files.alternatives import BY_AXIS
 from testbed.files.columns import PLAIN
 from testbed.files.table import number_of
-from testbed.proposal.data import Look
+from testbed.proposal.data import Found
 from testbed.proposal.names import Meaning
 
 FEW = 300
@@ -20,11 +20,11 @@ TURN = 6.4
 REACH = 20.0
 """Positions never lie so far where they are in meters [m]."""
 Document = dict[str, Any]
-Part = tuple[Look, Document, tuple[str, ...], str]
+Part = tuple[Found, Document, tuple[str, ...], str]
 """File, keys of its table, what was taken without being said, and the layout of a bare file."""
 
 
-def joint_parts(look: Look, n: int) -> Iterator[Part]:
+def joint_parts(look: Found, n: int) -> Iterator[Part]:
     """[joints] of a file, in each unit that is left open."""
     if look.kind == "rapid":
         yield (
@@ -60,7 +60,7 @@ def joint_parts(look: Look, n: int) -> Iterator[Part]:
             yield look, keys, (*said, *notes), ""
 
 
-def seen_parts(look: Look, n: int) -> Iterator[Part]:
+def seen_parts(look: Found, n: int) -> Iterator[Part]:
     """[points] or [frames] of a file, in each unit and convention that is left open."""
     if look.kind in ("points", "frames"):
         yield from _exported(look)
@@ -86,7 +86,7 @@ def seen_parts(look: Look, n: int) -> Iterator[Part]:
                         _readings(look, tuple(place), turns, _more(look)))  # fmt: skip
 
 
-def _more(look: Look) -> dict[str, str]:
+def _more(look: Found) -> dict[str, str]:
     """Columns besides joints and places, by our names."""
     own = ("pose_id", "target", "time", "temperature_degC", "payload_kg")
     found = {one.stem: one.theirs for one in look.meanings if one.stem in own and not one.known}
@@ -99,7 +99,7 @@ def _more(look: Look) -> dict[str, str]:
 
 
 def _readings(
-    look: Look, place: tuple[str, ...], turns: tuple[str, ...], more: dict[str, str]
+    look: Found, place: tuple[str, ...], turns: tuple[str, ...], more: dict[str, str]
 ) -> Iterator[tuple[Document, tuple[str, ...]]]:
     """Keys and notes of [points] or [frames] with columns of these names."""
     means = {one.theirs: one for one in look.meanings}
@@ -126,7 +126,7 @@ def _readings(
 
 
 def _turnings(
-    look: Look, turns: tuple[str, ...], means: dict[str, Meaning]
+    look: Found, turns: tuple[str, ...], means: dict[str, Meaning]
 ) -> Iterator[tuple[dict[str, str], Document, tuple[str, ...]]]:
     """Columns, keys and notes of rotations in these columns."""
     if not turns:
@@ -168,7 +168,7 @@ def _direction(gives: Document) -> str:
     return f"transforms: taken as those of {what}"
 
 
-def _exported(look: Look) -> Iterator[Part]:
+def _exported(look: Found) -> Iterator[Part]:
     """[points] or [frames] of an export."""
     lengths: list[Document] = [{}] if look.length else [{"length": "mm"}, {"length": "m"}]
     for length in lengths:
@@ -197,7 +197,7 @@ def _exported(look: Look) -> Iterator[Part]:
             yield look, {"section": "frames", "format": "sa", **keys, **length}, (*note, words), ""
 
 
-def _layouts(look: Look, n: int) -> Iterator[tuple[str, dict[str, tuple[str, ...]]]]:
+def _layouts(look: Found, n: int) -> Iterator[tuple[str, dict[str, tuple[str, ...]]]]:
     """Where joints, position and rotation may stand in rows without a head, by column number."""
     begin = look.names
     for skip in (0, 1):
@@ -227,7 +227,7 @@ def _layouts(look: Look, n: int) -> Iterator[tuple[str, dict[str, tuple[str, ...
 
 
 def _by_size(
-    look: Look, names: Sequence[str], most: float, units: tuple[str, str]
+    look: Found, names: Sequence[str], most: float, units: tuple[str, str]
 ) -> tuple[str, ...]:
     """Both units, the one that the size of the numbers speaks for first."""
     sizes = _numbers(look, names)
@@ -235,7 +235,7 @@ def _by_size(
     return units if large else units[::-1]
 
 
-def _numbers(look: Look, names: Sequence[str]) -> Array:
+def _numbers(look: Found, names: Sequence[str]) -> Array:
     """Sizes of all numbers in some columns; nan where a cell is none."""
     cells = [cell.replace(",", ".") for name in names for cell in look.column(name)[:FEW]]
     values: Array = np.array([number_of(cell) for cell in cells] or [np.nan])

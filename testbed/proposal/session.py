@@ -17,7 +17,7 @@ from testbed.files.session import Sources
 from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.gates.mistakes import validated
 from testbed.gates.text import MAX_MB, FileText
-from testbed.proposal.data import Look
+from testbed.proposal.data import Found
 from testbed.proposal.parts import Document, Part, joint_parts, seen_parts
 from testbed.robots.robot import Robot
 
@@ -55,12 +55,12 @@ class Proposed:
     """Whether the robot has been where the file says."""
 
 
-def propose_session(looks: tuple[Look, ...], robot: Robot | None, root: Path) -> Proposed:
+def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Proposed:
     """The session that some files are most likely to be.
 
     Parameters
     ----------
-    looks : tuple of Look
+    looks : tuple of Found
         Tables that were found.
     robot : Robot or None
         With which readings are tried; without it units are taken by their size.
@@ -140,13 +140,13 @@ def _shown(score: float) -> str:
     return f"{score * 1e3:.2g} mm" if score < 1 else f"{score:.2g} m"
 
 
-def _beginning(look: Look, looks: tuple[Look, ...]) -> FileText:
+def _beginning(look: Found, looks: tuple[Found, ...]) -> FileText:
     """The text that readings are tried with: of one file alone a part is enough."""
     lines = look.text.lines if len(looks) > 1 else look.text.lines[:TRIED]
     return replace(look.text, lines=lines)
 
 
-def _count(looks: tuple[Look, ...]) -> int:
+def _count(looks: tuple[Found, ...]) -> int:
     """Joints of the robot, as the columns have them."""
     for look in looks:
         known = {f"q{k + 1}" for k in range(9)} & set(look.stems)
@@ -155,7 +155,7 @@ def _count(looks: tuple[Look, ...]) -> int:
     return JOINTS
 
 
-def _drafts(looks: tuple[Look, ...], n: int) -> Iterator[Draft]:
+def _drafts(looks: tuple[Found, ...], n: int) -> Iterator[Draft]:
     """Sessions that may be meant, the likely ones first."""
     bare = [look for look in looks if look.kind == "bare"]
     heads = [look for look in looks if look.kind == "table"]
@@ -203,7 +203,7 @@ def _matched(joints: Part | None, seen: Part, n: int) -> Iterator[Draft]:
         yield Draft({**match, **document}, (*said, *note, *more), joints is None)
 
 
-def _uncertainty(look: Look, section: str) -> tuple[Document, tuple[str, ...]]:
+def _uncertainty(look: Found, section: str) -> tuple[Document, tuple[str, ...]]:
     """[uncertainty] where no columns have it."""
     missing = {"position_um": ("x", "y", "z"), "rotation_mdeg": ("rx", "ry", "rz")}
     stated = {
@@ -219,12 +219,12 @@ def _uncertainty(look: Look, section: str) -> tuple[Document, tuple[str, ...]]:
     )
 
 
-def _where(look: Look) -> Document:
+def _where(look: Found) -> Document:
     """File, and sheet, of a table."""
     return {"file": look.name} | ({"sheet": look.sheet} if look.sheet is not None else {})
 
 
-def _ways(one: Look, two: Look) -> tuple[str, ...]:
+def _ways(one: Found, two: Found) -> tuple[str, ...]:
     """pose_id where both sides have the same names, else order; an export's names are tried."""
     if two.kind in ("points", "frames"):
         return ("pose_id", "order") if one.has("pose_id") else ("order",)

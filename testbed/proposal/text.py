@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Sequence
 
 from testbed.files.columns import is_known
-from testbed.proposal.data import Look
+from testbed.proposal.data import Found
 from testbed.proposal.parts import Document
 from testbed.proposal.session import Proposed
 from testbed.strict import toml_lines, toml_value
@@ -19,7 +19,7 @@ MAY = """
 """
 
 
-def session_text(proposed: Proposed, looks: Sequence[Look], robot: str | None, name: str) -> str:
+def session_text(proposed: Proposed, looks: Sequence[Found], robot: str | None, name: str) -> str:
     """The text of a session.toml; `robot` is how the user named it."""
     files = ", ".join(f"{_named(look)} ({counted(look.rows, 'row')})" for look in looks)
     lines = [f"# Proposed by truebed new session from {files}", f"# {proposed.tried}."]
@@ -35,12 +35,12 @@ def session_text(proposed: Proposed, looks: Sequence[Look], robot: str | None, n
     return "\n".join(lines).replace("\n\n# not used", "\n# not used") + "\n" + MAY
 
 
-def _named(look: Look) -> str:
+def _named(look: Found) -> str:
     """File and sheet of a table."""
     return look.name + (f" sheet {look.sheet}" if look.sheet is not None else "")
 
 
-def _unused(section: str, document: Document, looks: Sequence[Look]) -> list[str]:
+def _unused(section: str, document: Document, looks: Sequence[Found]) -> list[str]:
     """A comment on the columns of a section's file that nothing reads, once for each file."""
     table = document.get(section)
     if not isinstance(table, dict) or "file" not in table:
