@@ -15,6 +15,14 @@ from calib.geometry.model import RobotModel
 from testbed import assets
 from testbed.gates.paths import real
 from testbed.gates.toml import read_toml
+from testbed.robots.assumed import (
+    SLIDE_SCATTER,
+    SLIDE_SPEED,
+    TURN_SCATTER,
+    TURN_SPEED,
+    assumed,
+    bodies,
+)
 from testbed.robots.file import (
     Drawn,
     Frame,
@@ -91,16 +99,17 @@ def load_robot(
     model = RobotModel(chain, joint_errors(path, data))
     _check_free_sets(path, data, model.names)
     ranges = np.array([_in_si(joint) for joint in data.joints])
+    masses, centers, inertias = bodies(data.joints, chain)
     return Robot(
         name=data.name,
-        title=data.title,
+        title=data.title or data.name,
         folder=path.parent,
         model=model,
         limits=frozen(ranges[:, :2]),
         speeds=frozen(ranges[:, 2]),
-        masses=frozen([j.mass_kg for j in data.joints]),
-        centers=frozen(np.array([j.center_mm for j in data.joints]) / 1e3),
-        inertias=frozen([j.inertia_kg_m2 for j in data.joints]),
+        masses=frozen(masses),
+        centers=frozen(centers),
+        inertias=frozen(inertias),
         repeatability=frozen(ranges[:, 3]),
         visuals=visuals(path, data),
         base_offset=data.floor_mm / 1e3,
@@ -109,7 +118,7 @@ def load_robot(
         sources=MappingProxyType(dict(data.sources)),
         workspace=_workspace(data.workspace),
         reflectors=tuple(_reflector(entry) for entry in data.reflectors),
-        notes=data.notes,
+        notes=(*data.notes, *assumed(data.joints)),
     )
 
 
@@ -222,11 +231,13 @@ def _transform(frame: Frame) -> Array:
 
 def _in_si(joint: RevoluteLink | PrismaticLink) -> tuple[float, float, float, float]:
     """Lower limit, upper limit, speed and repeatability of a joint [rad or m]."""
+    turns = isinstance(joint, RevoluteLink)
+    speed = (TURN_SPEED if turns else SLIDE_SPEED) if joint.speed is None else joint.speed
+    scatter = (TURN_SCATTER if turns else SLIDE_SCATTER) if joint.scatter is None else joint.scatter
     if isinstance(joint, RevoluteLink):
-        turn = np.radians([joint.lower_deg, joint.upper_deg, joint.max_speed_deg_s])
-        return float(turn[0]), float(turn[1]), float(turn[2]), joint.repeatability_urad * 1e-6
-    lower, upper, speed = joint.lower_mm / 1e3, joint.upper_mm / 1e3, joint.max_speed_mm_s / 1e3
-    return lower, upper, speed, joint.repeatability_um * 1e-6
+        lower, upper = np.radians([joint.lower_deg, joint.upper_deg])
+        return float(lower), float(upper), speed, scatter
+    return joint.lower_mm / 1e3, joint.upper_mm / 1e3, speed, scatter
 
 
 def _check_free_sets(path: Path, data: RobotFile, known: tuple[str, ...]) -> None:

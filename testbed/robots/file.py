@@ -2,6 +2,7 @@
 
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from calib.geometry.chain import chain_names
@@ -51,13 +52,26 @@ class Link(Strict):
     a_mm: Length
     alpha_deg: Angle
     beta_deg: Angle = 0.0
-    mass_kg: Annotated[float, MASS.size("kg")]
-    center_mm: Vector
-    inertia_kg_m2: Annotated[tuple[Moment, ...], Field(min_length=3, max_length=3)]
+    mass_kg: Annotated[float, MASS.size("kg")] | None = None
+    """With center and inertia, all of them or none: only what moves by itself asks for them."""
+    center_mm: Vector | None = None
+    inertia_kg_m2: Annotated[tuple[Moment, ...], Field(min_length=3, max_length=3)] | None = None
+
+    @model_validator(mode="after")
+    def _body_is_whole(self) -> "Link":
+        """Mass, center and inertia are all there, or none of them."""
+        body = {key: getattr(self, key) for key in ("mass_kg", "center_mm", "inertia_kg_m2")}
+        missing = [key for key, value in body.items() if value is None]
+        if 0 < len(missing) < 3:
+            there = next(key for key, value in body.items() if value is not None)
+            raise ValueError(f"{there} stands without {' and '.join(missing)}; give all or none")
+        return self
 
     @model_validator(mode="after")
     def _inertia_can_exist(self) -> "Link":
         """The largest principal moment is at most the sum of the others."""
+        if self.inertia_kg_m2 is None:
+            return self
         *small, large = sorted(self.inertia_kg_m2)
         if large > sum(small) * (1 + 1e-12):
             raise ValueError("inertia_kg_m2: the largest moment exceeds the sum of the others")
@@ -79,8 +93,18 @@ class RevoluteLink(Link):
     kind: Literal["revolute"]
     lower_deg: Angle
     upper_deg: Angle
-    max_speed_deg_s: Annotated[float, TURN_SPEED.size("deg/s")]
-    repeatability_urad: Annotated[float, SCATTER.or_zero("urad")]
+    max_speed_deg_s: Annotated[float, TURN_SPEED.size("deg/s")] | None = None
+    repeatability_urad: Annotated[float, SCATTER.or_zero("urad")] | None = None
+
+    @property
+    def speed(self) -> float | None:
+        """Largest speed [rad/s]."""
+        return None if self.max_speed_deg_s is None else float(np.radians(self.max_speed_deg_s))
+
+    @property
+    def scatter(self) -> float | None:
+        """Standard deviation of its repeatability [rad]."""
+        return None if self.repeatability_urad is None else self.repeatability_urad * 1e-6
 
 
 class PrismaticLink(Link):
@@ -89,8 +113,18 @@ class PrismaticLink(Link):
     kind: Literal["prismatic"]
     lower_mm: Length
     upper_mm: Length
-    max_speed_mm_s: Annotated[float, SLIDE_SPEED.size("mm/s")]
-    repeatability_um: Annotated[float, SCATTER.or_zero("um")]
+    max_speed_mm_s: Annotated[float, SLIDE_SPEED.size("mm/s")] | None = None
+    repeatability_um: Annotated[float, SCATTER.or_zero("um")] | None = None
+
+    @property
+    def speed(self) -> float | None:
+        """Largest speed [m/s]."""
+        return None if self.max_speed_mm_s is None else self.max_speed_mm_s / 1e3
+
+    @property
+    def scatter(self) -> float | None:
+        """Standard deviation of its repeatability [m]."""
+        return None if self.repeatability_um is None else self.repeatability_um * 1e-6
 
 
 class Frame(Strict):
@@ -153,11 +187,11 @@ class Drawn(Strict):
 
     format: Literal[1]
     name: Name
-    title: PlainText
+    title: PlainText = ""
     drawing: PlainText = ""
     colors: dict[PlainText, Color] = Field(default_factory=dict)
     parts: tuple[Part, ...] = ()
-    sources: dict[PlainText, PlainText]
+    sources: dict[PlainText, PlainText] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _parts_are_sound(self) -> "Drawn":

@@ -14,20 +14,24 @@ from calib.geometry.frames import inverse
 from calib.geometry.inverse import spread
 from calib.geometry.model import RobotModel
 from testbed import bounds
+from testbed.robots.assumed import (
+    MASS_PER_LENGTH,
+    SHORTEST,
+    SLIDE_SCATTER,
+    SLIDE_SPEED,
+    TURN_SCATTER,
+    TURN_SPEED,
+    no_mass,
+    rod_moments,
+)
 from testbed.robots.describe.description import Body, Description, plain_name
 from testbed.robots.describe.xml_gate import FileOptions, read_xml
 from testbed.robots.meshes.files import check_files, read_mesh
 from testbed.robots.placements import LIMIT, difference, link_poses
-from testbed.robots.robot import NO_MASS, Robot, Visual, body_name
+from testbed.robots.robot import Robot, Visual, body_name
 
 FULL_TURN, FULL_SLIDE = 2 * np.pi, 1.0
 """Limits of joints that have none: to both sides of zero [rad, m]."""
-TURN_SPEED, SLIDE_SPEED = np.pi, 1.0
-"""Speeds of joints that have none [rad/s, m/s]."""
-TURN_SCATTER, SLIDE_SCATTER = 14.5e-6, 5e-6
-"""Standard deviation of a joint's repeatability, which no such file states [rad, m]."""
-MASS_PER_LENGTH, SHORTEST, RADIUS = 15.0, 0.1, 0.05
-"""Bodies without a mass: a rod of this mass per length, at least so long, so thick [kg/m, m]."""
 LOCKED = 1e-6
 """Half the range that a joint gets whose limits are equal [rad or m]."""
 PROOFS = 33
@@ -211,16 +215,13 @@ def _masses(
         elif np.abs(turned - np.diag(moments)).max() > 0.1 * moments.max():
             crossed.append(body.name)
         if body.name in bare + odd:
-            moments = np.full(3, masses[i] * (length**2 / 12 + RADIUS**2 / 4))
+            moments = rod_moments(masses[i], length)
         # rounding may leave the largest moment a hair above the sum of the others
         moments = np.minimum(moments, (moments.sum() - moments) * (1 - 1e-15))
         centers.append(frame[:3, :3].T @ (center - frame[:3, 3]))
         inertias.append(moments)
     if bare:
-        notes.append(
-            f"{NO_MASS} {', '.join(bare)} moves: a rod to the next joint of "
-            f"{MASS_PER_LENGTH:g} kg/m is assumed"
-        )
+        notes.append(no_mass(bare))
     if odd:
         notes.append(f"no body has the inertia given for {', '.join(odd)}: that of a rod is taken")
     if crossed:

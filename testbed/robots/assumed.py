@@ -1,0 +1,67 @@
+"""What the file of a robot may leave open, and what is taken then, in words."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.geometry.chain import Chain
+from testbed.robots.file import PrismaticLink, RevoluteLink
+from testbed.robots.placements import link_poses, placements
+from testbed.robots.robot import NO_MASS
+
+TURN_SPEED, SLIDE_SPEED = np.pi, 1.0
+"""Speeds of joints that have none [rad/s, m/s]."""
+TURN_SCATTER, SLIDE_SCATTER = 14.5e-6, 5e-6
+"""Standard deviation of the repeatability of joints that have none [rad, m]."""
+MASS_PER_LENGTH, SHORTEST, RADIUS = 15.0, 0.1, 0.05
+"""Bodies without a mass: a rod of this mass per length, at least so long, so thick [kg/m, m]."""
+Joint = RevoluteLink | PrismaticLink
+
+
+def no_mass(names: Sequence[str]) -> str:
+    """The note on bodies without a mass, by what moves them."""
+    return (
+        f"{NO_MASS} {', '.join(names)} moves: a rod to the next joint of {MASS_PER_LENGTH:g} kg/m "
+        "is assumed"
+    )
+
+
+def rod_moments(mass: float, length: float) -> Array:
+    """Three moments of inertia of a rod [kg m2], whichever way it lies."""
+    return np.full(3, mass * (length**2 / 12 + RADIUS**2 / 4))
+
+
+def bodies(joints: Sequence[Joint], chain: Chain) -> tuple[Array, Array, Array]:
+    """Masses (n,), centers (n, 3) and moments (n, 3) in the body frames, assumed where missing."""
+    frames = link_poses(chain, np.zeros((1, chain.n_joints)))[0, 1:]
+    tip = frames[-1] @ placements(chain).tool
+    ends = np.vstack([frames[:, :3, 3], tip[:3, 3]])
+    masses, centers, moments = [], [], []
+    for joint, frame, start, end in zip(joints, frames, ends, ends[1:], strict=False):
+        if joint.mass_kg is None or joint.center_mm is None or joint.inertia_kg_m2 is None:
+            length = max(float(np.linalg.norm(end - start)), SHORTEST)
+            masses.append(MASS_PER_LENGTH * length)
+            centers.append(frame[:3, :3].T @ (end - start) / 2)
+            moments.append(rod_moments(masses[-1], length))
+        else:
+            masses.append(joint.mass_kg)
+            centers.append(np.array(joint.center_mm) / 1e3)
+            moments.append(np.array(joint.inertia_kg_m2))
+    return np.array(masses), np.array(centers), np.array(moments)
+
+
+def assumed(joints: Sequence[Joint]) -> tuple[str, ...]:
+    """Notes on what the joints leave open."""
+    bare = [f"joint {k + 1}" for k, joint in enumerate(joints) if joint.mass_kg is None]
+    slow = [f"{k + 1}" for k, joint in enumerate(joints) if joint.speed is None]
+    exact = [f"{k + 1}" for k, joint in enumerate(joints) if joint.scatter is None]
+    notes = [no_mass(bare)] if bare else []
+    for which, what, taken in (
+        (slow, "a speed", "180 deg/s, or 1 m/s where it slides,"),
+        (exact, "a repeatability", f"{TURN_SCATTER * 1e6:g} urad, or {SLIDE_SCATTER * 1e6:g} um,"),
+    ):
+        if which:
+            plural = "s" if len(which) > 1 else ""
+            notes.append(f"joint{plural} {', '.join(which)} without {what}: {taken} is assumed")
+    return tuple(notes)
