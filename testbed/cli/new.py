@@ -5,9 +5,11 @@ from typing import Annotated
 
 import typer
 
-from testbed.cli.app import Debug, Quiet, app
+from testbed.cli.app import Debug, Json, Quiet, app
 from testbed.cli.exit_codes import exit_codes
-from testbed.cli.output import say
+from testbed.cli.output import say, say_json
+
+Out = Annotated[Path, typer.Option(metavar="FILE", help="File to write.")]
 
 new = typer.Typer(
     no_args_is_help=True,
@@ -27,9 +29,7 @@ def session(
         str | None,
         typer.Option(metavar="ROBOT", help="The robot that was measured: readings are tried."),
     ] = None,
-    out: Annotated[Path, typer.Option(metavar="FILE", help="File to write.")] = Path(
-        "session.toml"
-    ),
+    out: Out = Path("session.toml"),
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
@@ -53,3 +53,81 @@ def session(
             say()
             say(f"Session    {out}")
             say(f"Next       truebed identify {robot or 'ROBOT'} {out}")
+
+
+@new.command()
+def robot(
+    table: Annotated[
+        Path | None,
+        typer.Argument(metavar="TABLE", help="Link numbers: columns theta, d, a, alpha; limits."),
+    ] = None,
+    joints: Annotated[
+        int, typer.Option(metavar="N", min=1, max=64, help="Joints, where there is no table.")
+    ] = 6,
+    out: Out = Path("robot.toml"),
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Write the robot.toml of a table of link numbers, or one to fill in."""
+    with exit_codes(debug=debug):
+        from testbed.proposal.robot import robot_text
+        from testbed.proposal.write import plain_name, require_new, write_new
+
+        require_new(out)
+        name = plain_name(table if table is not None else out)
+        text, assumed = robot_text(table, joints, name)
+        write_new(out, text)
+        if not quiet:
+            for sentence in assumed:
+                say(f"  assumed  {sentence}")
+            say(f"Robot      {out}")
+            say(f"Next       truebed check {out}")
+
+
+@new.command()
+def scene(
+    robot: Annotated[
+        str, typer.Argument(metavar="ROBOT", help="A shipped robot, robot.toml, URDF or MJCF.")
+    ],
+    out: Out = Path("scene.toml"),
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Write a scenario for a robot, with the box it works in and a place for the tracker."""
+    with exit_codes(debug=debug):
+        from testbed.proposal.scene import scene_text
+        from testbed.proposal.write import plain_name, require_new, write_new
+        from testbed.robots.catalog import load_robot
+
+        require_new(out)
+        write_new(out, scene_text(load_robot(robot), robot, plain_name(out)))
+        if not quiet:
+            say(f"Scene      {out}")
+            say(f"Next       truebed run {out}")
+
+
+@app.command()
+def check(
+    file: Annotated[
+        Path,
+        typer.Argument(metavar="FILE", help="Session, scenario, robot, or a table of data."),
+    ],
+    robot: Annotated[
+        str | None, typer.Option(metavar="ROBOT", help="Whose joints the data are.")
+    ] = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Read a file whole, compute nothing, and say what it is and what is odd about it."""
+    with exit_codes(debug=debug, as_json=as_json):
+        from testbed.proposal.check import checked
+
+        said = checked(file, robot)
+        if as_json:
+            import json
+
+            say_json(json.dumps({"file": str(file), "sentences": said}, ensure_ascii=False))
+            return
+        say(f"{file}: {said[0]}")
+        for sentence in said[1:]:
+            say(f"  {sentence}")

@@ -85,7 +85,7 @@ def _meaning(name: str, head: Sequence[str]) -> Meaning | None:
     """What one column is; None if its name says nothing that we know."""
     if is_known(name):
         return Meaning(name, name, "", known=True)
-    text, unit = _without_unit(name)
+    text, unit = without_unit(name)
     words = set(text.split())
     if text.replace(" ", "_") in ROS:
         return Meaning(name, f"q{ROS[text.replace(' ', '_')]}", unit)
@@ -126,7 +126,7 @@ def _coordinate(name: str, text: str, unit: str) -> Meaning | None:
     return None
 
 
-def _without_unit(name: str) -> tuple[str, str]:
+def without_unit(name: str) -> tuple[str, str]:
     """A name in small words, and the unit that it ends with."""
     text, unit = name.strip(), ""
     ends = ENDS.match(text)

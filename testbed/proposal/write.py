@@ -1,5 +1,6 @@
 """New files: written whole or not at all, and never over another."""
 
+import re
 from pathlib import Path
 
 from calib.errors import visible
@@ -24,6 +25,12 @@ def require_new(path: Path) -> None:
     if not is_there(path.parent, Path.is_dir):
         message, fix = f"the folder {path.parent} does not exist", "make it, or choose another"
         raise refusal(where, "--out", message, code="C40", fix=fix)
+
+
+def plain_name(path: Path) -> str:
+    """A name of small letters, digits and _ from that of a file."""
+    letters = re.sub(r"[^a-z0-9]+", "_", path.stem.lower()).strip("_")
+    return (letters if letters[:1].isalpha() else f"r_{letters}".rstrip("_"))[:60]
 
 
 def write_new(path: Path, text: str) -> None:

@@ -1,0 +1,158 @@
+"""What a file is, and whether it can be used: read whole, and nothing computed from it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from calib.errors import InputError, refuse
+from testbed.files.probe import probe
+from testbed.files.read import read_session
+from testbed.files.session_toml import SESSION_FILE, SessionFile
+from testbed.gates.mistakes import validated
+from testbed.gates.paths import is_there, real
+from testbed.gates.toml import read_toml, read_toml_bytes, toml_document
+from testbed.proposal.data import look_at
+from testbed.robots.catalog import ROBOT_FILE, TRACKER_FILE, XML, load_robot
+from testbed.robots.file import TrackerFile
+from testbed.robots.robot import Robot
+from testbed.units import counted
+
+SCENARIO_FILE = "scenario.toml"
+OF_SESSIONS = {"joints", "frames", "points", "ranges", "drift", "dialect", "match", "uncertainty"}
+OF_SCENARIOS = {"trial", "truth", "tracker", "pool", "test", "plan", "studies", "seed", "cell"}
+
+
+def checked(file: Path, robot: str | None) -> list[str]:
+    """Sentences on a file: what it is, and what is odd about it.
+
+    Parameters
+    ----------
+    file : path
+        A session.toml, a scenario, a robot.toml, URDF or MJCF, a tracker.toml or a table.
+    robot : str or None
+        For sessions and tables: the robot whose joints these are.
+
+    Raises
+    ------
+    InputError
+        It cannot be used; as the verb that needs it would say.
+    """
+    at = real(file, field="FILE", code="S37")
+    if is_there(at, Path.is_dir):
+        known = (SESSION_FILE, SCENARIO_FILE, ROBOT_FILE)
+        inside = [name for name in known if is_there(file / name, Path.is_file)]
+        if not inside:
+            allowed = f"a folder with one of {', '.join(known)}"
+            raise refuse(
+                "FILE", str(file), allowed, code="S37", message=f"{file} has nothing to check"
+            )
+        file = file / inside[0]
+    if not is_there(file, Path.is_file):
+        raise refuse("FILE", str(file), code="S37", message="does not exist",
+                     fix="check the path", where=str(file))  # fmt: skip
+    if file.suffix.lower() in XML:
+        return _robot(load_robot(file), "a robot description", str(file))
+    if file.suffix.lower() == ".toml":
+        return _toml(file, robot)
+    arm = load_robot(robot) if robot is not None else None
+    return _table(file, arm)
+
+
+def _toml(file: Path, robot: str | None) -> list[str]:
+    """Sentences on a TOML file of ours, by what is in it."""
+    where = str(file)
+    document = toml_document(read_toml_bytes(file, where), where)
+    if isinstance(document.get("joints"), list):
+        return _robot(load_robot(file), "a robot", where)
+    if "beam_height_mm" in document or file.name == TRACKER_FILE:
+        return [f"a drawn instrument, {read_toml(file, TrackerFile).name}"]
+    keys = set(document)
+    if len(keys & OF_SCENARIOS) > len(keys & OF_SESSIONS):
+        return _scenario(file)
+    return _session(file, document, robot)
+
+
+def _robot(robot: Robot, what: str, where: str) -> list[str]:
+    """Sentences on a robot."""
+    chain = robot.model.chain
+    reach = float(abs(chain.links[:, 1:3]).sum())
+    if not reach:
+        message, fix = f"{robot.name} has no lengths: all d and a are 0", "write the link numbers"
+        raise refuse("joints", 0.0, code="S37", message=message, fix=fix, where=where)
+    said = f"{what}, {robot.name}: {counted(chain.n_joints, 'joint')}"
+    return [f"{said}, links of {reach * 1e3:.0f} mm in all", *(f"note: {n}" for n in robot.notes)]
+
+
+def _scenario(file: Path) -> list[str]:
+    """Sentences on a scenario."""
+    from testbed.scenario.checks import check_robot
+    from testbed.studies import load_scenario
+
+    scenario = load_scenario(file)
+    arm = load_robot(scenario.robot)
+    check_robot(scenario, arm, where=str(file))
+    trials = ", ".join(trial.name for trial in scenario.trial) or "none"
+    return [f"a scenario, {scenario.name}, for {arm.name}; trials: {trials}"]
+
+
+def _session(file: Path, document: dict[str, Any], robot: str | None) -> list[str]:
+    """Sentences on a session, and on its files where the robot is known."""
+    settings = validated(document, SessionFile, str(file))
+    tables = [table.name for table in settings.observed]
+    said = f"a session of {' and '.join(tables) or 'no readings yet'}"
+    named = robot or settings.robot or None
+    if named is None:
+        return [said, "its files were not read: name the robot by --robot"]
+    arm = load_robot(named)
+    return [said, *_read(file, arm)]
+
+
+def _read(file: Path, arm: Robot) -> list[str]:
+    """Sentences on measurements that were read whole."""
+    session = read_session(file, arm)
+    found = probe(arm, session)
+    found.raise_if_wrong()
+    table = session.measurements
+    rows = f"{counted(len(table), 'row')} of {counted(table.n_poses, 'pose')}"
+    if session.split_stated:
+        rows += f", {counted(int(session.is_test.sum()), 'row')} held out"
+    return [
+        f"{rows}; {session.joint_source} joints; uncertainties from {session.uncertainty}",
+        *session.notes,
+        *session.masked,
+        *(f"warning: {text}" for text in (*session.warnings, *found.warnings)),
+        found.sentence,
+    ]
+
+
+def _table(file: Path, arm: Robot | None) -> list[str]:
+    """Sentences on a table or an export."""
+    said = []
+    for one in look_at([file], file.parent):
+        kind = {
+            "table": "a table", "bare": "a table whose columns have no names",
+            "points": "an export of points", "frames": "an export of frames",
+            "rapid": "a RAPID program",
+        }[one.kind]  # fmt: skip
+        place = f" in sheet {one.sheet}" if one.sheet else ""
+        said.append(f"{kind}{place}, {counted(one.rows, 'row')}")
+        said += _columns(one.head, {m.theirs: m.plain for m in one.meanings}, one.kind)
+    if arm is None:
+        return [*said, "units and conventions were not tried: name the robot by --robot"]
+    try:
+        return [*said, *_read(file, arm)]
+    except InputError as error:
+        if error.code not in ("M24", "M33", "M35"):
+            raise
+        # not in the layout of the project: a session.toml says what is meant
+        return [*said, f"identify needs a session.toml: truebed new session {file} --robot ROBOT"]
+
+
+def _columns(head: Sequence[str], known: dict[str, str], kind: str) -> list[str]:
+    """What the columns are taken for."""
+    if kind in ("bare", "points", "frames"):
+        return []
+    told = [f"{name} as {known[name]}" for name in head if name in known]
+    left = [name for name in head if name not in known]
+    said = [f"columns: {', '.join(told)}"] if told else []
+    return said + ([f"not known: {', '.join(left)}"] if left else [])

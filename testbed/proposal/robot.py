@@ -1,0 +1,119 @@
+"""A robot.toml from a table of link numbers, or an empty one with what belongs where."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from testbed.files.refusal import refusal
+from testbed.files.session import text_of
+from testbed.files.table import number_of
+from testbed.files.text import Sheet, read_sheet
+from testbed.gates.text import MAX_MB
+from testbed.proposal.names import without_unit
+from testbed.units import counted
+
+KEYS = {
+    "theta_deg": {"theta", "θ", "offset", "theta offset"},
+    "d_mm": {"d", "link offset"},
+    "a_mm": {"a", "r", "link length"},
+    "alpha_deg": {"alpha", "α", "twist", "link twist"},
+    "beta_deg": {"beta", "β"},
+    "lower_deg": {"lower", "min", "q min", "lower limit", "lo"},
+    "upper_deg": {"upper", "max", "q max", "upper limit", "hi"},
+    "max_speed_deg_s": {"speed", "max speed", "velocity"},
+}
+"""Keys of a turning joint, and what people call them."""
+NEEDED = ("d_mm", "a_mm", "alpha_deg")
+TO = {"mm": {"mm": 1.0, "m": 1e3, "in": 25.4}, "deg": {"deg": 1.0, "rad": 180 / np.pi}}
+LONG, TURN = 8.0, 6.4
+"""Sizes above which lengths are no meters and angles no radians."""
+TURNS = {"lower_deg": -180.0, "upper_deg": 180.0}
+"""Limits of joints that have none."""
+HEAD = """\
+# {origin}
+# Link numbers in the order Rz(q + theta) Tz(d) Tx(a) Rx(alpha) Ry(beta), joint after joint.
+# In Craig's order a line has alpha and a of the joint before: move these up by one line.
+{assumed}format = 1
+name = "{name}"  # small letters, digits and _
+# title = "Maker, model, reach"
+"""
+JOINT = '\n[[joints]]  # {number}\nkind = "revolute"  # or "prismatic": lower_mm, upper_mm\n'
+REST = """
+# Only what needs them asks for more, in each [[joints]]:
+#   max_speed_deg_s, repeatability_urad            (plans; the scatter of single moves)
+#   mass_kg, center_mm, inertia_kg_m2              (a true robot that moves: [truth] motion)
+# [sources]  geometry = "..."  limits = "..."      where each number comes from
+"""
+
+
+def robot_text(table: Path | None, joints: int, name: str) -> tuple[str, tuple[str, ...]]:
+    """The text of a robot.toml, and what was assumed.
+
+    Raises
+    ------
+    InputError
+        M35: the table has no columns d, a and alpha, or cells that are no numbers.
+    """
+    if table is None:
+        rows: list[dict[str, float]] = [dict.fromkeys(("theta_deg", *NEEDED), 0.0)] * joints
+        origin = (
+            "Proposed by truebed new robot: no table was given, so all numbers are to be filled in"
+        )
+        assumed: tuple[str, ...] = ("every link number is 0: write those of the robot",)
+    else:
+        sheet = read_sheet(text_of(table, str(table), sheet=None, max_mb=MAX_MB))
+        rows, assumed = _rows(sheet)
+        origin = f"Proposed by truebed new robot from {table.name} ({counted(len(rows), 'joint')})"
+    limits = not all("lower_deg" in row and "upper_deg" in row for row in rows)
+    assumed += ("limits of 180 deg to either side: write those of the robot",) * limits
+    said = "".join(f"# Assumed: {sentence}\n" for sentence in assumed)
+    text = HEAD.format(origin=origin, name=name, assumed=said)
+    for number, row in enumerate(rows, 1):
+        whole = {"theta_deg": 0.0} | row | (TURNS if limits else {})
+        text += JOINT.format(number=number)
+        text += "".join(f"{key} = {value + 0.0!r}\n" for key, value in whole.items())
+    return text + REST, assumed
+
+
+def _rows(sheet: Sheet) -> tuple[list[dict[str, float]], tuple[str, ...]]:
+    """Numbers of each joint in mm and deg, and what was assumed."""
+    found: dict[str, tuple[str, Sequence[float], str]] = {}
+    used = set()
+    for name in sheet.head:
+        text, unit = without_unit(name)
+        for key, words in KEYS.items():
+            if (text in words or name == key) and key not in found:
+                column = sheet.head.index(name)
+                cells = [row[column].replace(",", ".") for row in sheet.rows]
+                found[key] = (name, [number_of(cell) for cell in cells], unit)
+                used.add(name)
+    missing = [key for key in NEEDED if key not in found]
+    if missing or not sheet.rows:
+        raise refusal(
+            sheet.where, "columns", f"has no column for {', '.join(missing) or 'any joint'}",
+            allowed="theta_deg, d_mm, a_mm, alpha_deg, and lower_deg, upper_deg if there are some",
+            fix=f"name the columns so; found: {', '.join(sheet.head)[:120]}",
+        )  # fmt: skip
+    assumed = []
+    columns: dict[str, Sequence[float]] = {}
+    for key, (name, values, unit) in found.items():
+        for row, value in enumerate(values):
+            if not np.isfinite(value):
+                cell = sheet.rows[row][sheet.head.index(name)][:20]
+                where = f"{sheet.where}:{sheet.lines[row]}"
+                raise refusal(where, name, f'{name} is "{cell}"', code="M25", fix="write a number")
+        kind = "mm" if key.endswith("_mm") else "deg"
+        size = float(np.abs(values).max())
+        usual = kind if size > (LONG if kind == "mm" else TURN) or not size else \
+            {"mm": "m", "deg": "rad"}[kind]  # fmt: skip
+        if unit not in TO[kind]:
+            unit = kind if name == key else usual
+            if name != key and size:
+                assumed.append(f"{name} is in {unit}, by its size")
+        columns[key] = [float(f"{value * TO[kind][unit]:.12g}") for value in values]
+    left = [name for name in sheet.head if name not in used]
+    if left:
+        assumed.append(f"not used: {', '.join(left)}")
+    return [{key: columns[key][k] for key in KEYS if key in columns}
+            for k in range(len(sheet.rows))], tuple(assumed)  # fmt: skip

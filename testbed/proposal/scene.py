@@ -1,0 +1,58 @@
+"""A scenario for a robot: a short campaign, each table with its reason."""
+
+from testbed.robots.robot import Robot, workspace
+from testbed.strict import toml_value
+
+SCENE = """\
+# Proposed by truebed new scene for {title}
+# Play it: truebed run FILE. All other keys and their defaults: truebed scenes quick
+format = 1
+name = {name}
+title = {about}
+seed = 1  # of every random number
+robot = {robot}
+
+[truth]  # the secret robot: "rigid" has other link numbers only; see truebed scenes
+preset = "rigid"
+
+[tracker]  # the instrument: noise and systematic errors of its data sheet
+preset = "at960"
+station_mm = {station}  # where its beam starts, base frame: {origin}
+
+[pool]  # candidate poses in a box where the robot works
+size = 300
+box_center_mm = {center}
+box_size_mm = {size}
+
+[test]  # poses never used, on which all is judged
+poses = 50
+
+[[trial]]  # one pose set that is chosen, measured and calibrated from
+name = "designed-{poses}"
+poses = {poses}
+method = "detmax"
+criterion = "O1"
+
+[[trial]]
+name = "random-{poses}"
+poses = {poses}
+method = "random"
+"""
+PER_JOINT = 5
+"""Poses of a set for each joint: some more than the numbers of a chain need."""
+
+
+def scene_text(robot: Robot, named: str, name: str) -> str:
+    """The text of a scenario; `named` is how the user named the robot."""
+    place = workspace(robot)
+    return SCENE.format(
+        title=robot.title,
+        name=toml_value(name),
+        about=toml_value(f"{robot.title[:100]}, designed poses against random ones"),
+        robot=toml_value(named),
+        station=list(place.station_mm),
+        origin="as the robot's file says" if robot.workspace else "derived from its reach",
+        center=list(place.box_center_mm),
+        size=list(place.box_size_mm),
+        poses=max(PER_JOINT * robot.model.chain.n_joints, 20),
+    )

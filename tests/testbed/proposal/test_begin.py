@@ -1,0 +1,143 @@
+"""New robots and scenes are taken by the verbs that follow, and check tells every kind of file."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from testbed.cli import app
+from testbed.robots.catalog import load_robot, robot_names
+from testbed.run.play import robot_of
+from testbed.studies import load_scenario
+from tests.testbed.files.made import poses_csv
+
+
+def call(*words):
+    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+
+
+def link_table(robot, folder, head, lengths, angles):
+    """The link numbers of a shipped robot as people write them."""
+    chain = load_robot(robot).model.chain
+    lower, upper = load_robot(robot).limits.T * angles
+    columns = [chain.links[:, 0] * angles, chain.links[:, 1] * lengths, chain.links[:, 2] * lengths,
+               chain.links[:, 3] * angles, lower, upper]  # fmt: skip
+    rows = [
+        ";".join(f"{v:.15g}".replace(".", ",") for v in row) for row in zip(*columns, strict=True)
+    ]
+    (folder / "ur10.csv").write_text("\n".join([";".join(head), *rows]), encoding="utf-8")
+    return folder / "ur10.csv"
+
+
+@pytest.mark.parametrize(
+    ("head", "lengths", "angles", "assumed"),
+    [
+        (("theta_deg", "d_mm", "a_mm", "alpha_deg", "lower_deg", "upper_deg"), 1e3, 180 / np.pi, 0),
+        (("Theta [rad]", "d [m]", "a [m]", "Alpha [rad]", "Min [rad]", "Max [rad]"), 1.0, 1.0, 0),
+        (("θ", "d", "a", "α", "min", "max"), 1.0, 1.0, 5),
+        (("Theta", "D", "A", "Alpha", "q min", "q max"), 1e3, 180 / np.pi, 5),
+    ],
+)
+def test_a_table_of_link_numbers_becomes_the_robot(head, lengths, angles, assumed, tmp_path):
+    out = tmp_path / "robot.toml"
+    done = call(
+        "new", "robot", link_table("universal_ur10", tmp_path, head, lengths, angles), "--out", out
+    )
+    assert done.exit_code == 0, done.stderr
+    # the angles theta are all 0: their unit is no matter
+    assert done.stdout.count("assumed") == assumed
+    mine, shipped = load_robot(out), load_robot("universal_ur10")
+    assert mine.name == "ur10"
+    np.testing.assert_allclose(
+        mine.model.chain.links, shipped.model.chain.links, rtol=0, atol=1e-12
+    )
+    np.testing.assert_allclose(mine.limits, shipped.limits, rtol=0, atol=1e-11)
+    assert call("check", out).exit_code == 0
+
+
+def test_a_robot_to_fill_in_is_told_as_such(tmp_path):
+    out = tmp_path / "robot.toml"
+    assert "every link number is 0" in call("new", "robot", "--joints", 7, "--out", out).stdout
+    assert load_robot(out).model.chain.n_joints == 7
+    done = call("check", out)
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
+    assert done.stderr.endswith(
+        "robot has no lengths: all d and a are 0; write the link numbers. [S37]\n"
+    )
+    out.write_text(out.read_text().replace("d_mm = 0.0", "d_mm = 100.0"))
+    assert "a robot, robot: 7 joints, links of 700 mm in all" in call("check", out).stdout
+
+
+def test_a_table_without_link_numbers_is_refused(tmp_path):
+    (tmp_path / "a.csv").write_text("theta,d,length\n1,2,3\n")
+    (tmp_path / "b.csv").write_text("theta,d,a,alpha\n1,x,3,4\n")
+    for name, told in (("a.csv", "a.csv: has no column for a_mm, alpha_deg; theta_deg, d_mm"),
+                       ("b.csv", 'b.csv:2: d is "x"; write a number. [M25]')):  # fmt: skip
+        done = call("new", "robot", tmp_path / name, "--out", tmp_path / "robot.toml")
+        assert (done.exit_code, done.stdout) == (2, "")
+        assert told in done.stderr
+    assert not (tmp_path / "robot.toml").exists()
+
+
+@pytest.mark.parametrize("robot", robot_names())
+def test_a_new_scene_fits_its_robot(robot, tmp_path):
+    out = tmp_path / "my scene.toml"
+    assert call("new", "scene", robot, "--out", out).exit_code == 0
+    scenario = load_scenario(out)
+    assert robot_of(scenario, "a").name == robot
+    assert (scenario.name, len(scenario.trial)) == ("my_scene", 2)
+    assert f"a scenario, my_scene, for {robot}; trials: designed-" in call("check", out).stdout
+    again = call("new", "scene", robot, "--out", out)
+    assert (again.exit_code, "exists already" in again.stderr) == (2, True)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("robot", robot_names())
+def test_a_new_scene_is_played(robot, tmp_path):
+    out = tmp_path / "scene.toml"
+    call("new", "scene", robot, "--out", out)
+    assert call("run", out, "--out", tmp_path / "run", "--quiet").exit_code == 0
+
+
+def test_check_tells_sessions_and_tables(tmp_path):
+    (tmp_path / "a.csv").write_text(poses_csv())
+    said = call("check", tmp_path / "a.csv", "--robot", "staubli_tx60").stdout
+    assert "a.csv: a table, 29 rows" in said
+    assert "29 rows of 29 poses; commanded joints; uncertainties from" in said
+    assert "base and tool alone leave 0." in said
+    (tmp_path / "b.csv").write_text(poses_csv().replace("q1_deg", "J1"))
+    said = call("check", tmp_path / "b.csv", "--robot", "staubli_tx60").stdout
+    assert "J1 as q1" in said
+    assert "identify needs a session.toml: truebed new session" in said
+    (tmp_path / "session.toml").write_text('[frames]\nfile = "a.csv"\n')
+    said = call("check", tmp_path).stdout
+    assert "a session of frames" in said
+    assert "name the robot by --robot" in said
+    (tmp_path / "session.toml").write_text(
+        'robot = "staubli_tx60"\n[joints]\nfile = "a.csv"\n[frames]\nfile = "a.csv"\n'
+    )
+    document = json.loads(call("check", tmp_path, "--json").stdout)
+    assert document["sentences"][0] == "a session of frames"
+    assert any(text.startswith("29 rows of 29 poses") for text in document["sentences"])
+    assert not (tmp_path / "runs").exists()
+
+
+def test_check_refuses_as_the_verb_would(tmp_path):
+    cases = {
+        "a.toml": ("[frames]\nfil = 1\n", 'has no key "fil"'),
+        "b.toml": ("= 1", "is not TOML"),
+        "c.toml": ('format = 1\nname = "x"\njoints = [{kind = "revolute"}]', "[joints 1] needs"),
+        "d.toml": ("[trial]\nseed = 1\n", "[S37]"),
+        "e.urdf": ("<robot", "[R"),
+        "f.csv": ("", "is empty"),
+    }
+    for name, (text, told) in cases.items():
+        (tmp_path / name).write_text(text)
+        done = call("check", tmp_path / name)
+        assert (done.exit_code, done.stdout) == (2, ""), name
+        assert told in done.stderr, done.stderr
+    (tmp_path / "none").mkdir()
+    for words in ((tmp_path / "none",), (tmp_path / "nothing.csv",)):
+        done = call("check", *words)
+        assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
