@@ -8,6 +8,9 @@ import pytest
 from testbed.laboratory.truth.moving import MovingArm
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.robots.catalog import load_robot
+from testbed.run.play import play_run
+from testbed.scenario.read import changed
+from testbed.studies import load_scenario
 from tests.testbed.laboratory.outcomes import settings
 
 ROBOT = load_robot("staubli_tx60")
@@ -97,3 +100,16 @@ def test_a_tenth_of_the_step_ends_at_the_same_place(bearings, friction, speed):
     # where a joint sticks is a matter of luck at some poses: up to 2.5 um at the worst of 36
     assert np.mean(away) < 0.6
     assert np.quantile(away, 0.95) <= 1.5
+
+
+def test_the_scene_of_the_paper_is_played_on_a_robot_that_moves_as_the_papers_did():
+    slow = {"preset": "moving", "speed_mm_s": 62.5, "approach_deg": 5.0, "dwell_s": 4.0}
+    changes = {"truth": slow, "studies.random_sets": 0}
+    campaign = play_run(changed(load_scenario("wen2022"), changes)).campaign
+    assert not campaign.records.failed
+    alone = dict(zip(campaign.validation.terms, campaign.validation.term_rms, strict=True))
+    assert 5e-6 < alone["motion"] < 5e-5
+    for trial in campaign.trials:
+        for estimate in trial.estimates:
+            found = estimate.comparison
+            assert found.after.mean() < found.before.mean()

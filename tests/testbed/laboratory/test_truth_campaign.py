@@ -55,7 +55,7 @@ def small(truth: dict, tracker: dict, **changes) -> Scenario:
 
 @pytest.mark.parametrize("preset", TRUTH_PRESETS)
 def test_a_campaign_on_each_preset_with_all_that_can_go_wrong(preset):
-    truth = {"preset": preset, "dwell_s": 0.1} | EVERYTHING
+    truth = {"preset": preset, "speed_deg_s": 120.0, "dwell_s": 0.1} | EVERYTHING
     scenario = small(truth, MISHAPS)
     assert parse_scenario(dump_scenario(scenario), where="again") == scenario
     played = play_run(scenario).campaign
