@@ -11,7 +11,6 @@ from typing import Annotated
 
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.signal import lfilter
 
 from calib.arrays import Array, Bool, Index, check
 from calib.errors import refuse
@@ -81,7 +80,7 @@ def memory_p(
     for rows in alike:
         residual[rows] -= residual[rows].mean(axis=(0, 1))
     in_time = np.argsort(order, kind="stable")
-    seen = _likeness(residual[in_time][None])[0]
+    seen = _likeness(residual[in_time][:, None])[0]
     block, larger = max(1, BLOCK // max(m, 1)), 0
     for k in range(0, PERMUTATIONS, block):
         count = min(block, PERMUTATIONS - k)
@@ -89,7 +88,7 @@ def memory_p(
         for rows in alike:
             drawn = np.argsort(rng.random((count, len(rows))), axis=1)
             which[:, rows.ravel()] = rows[drawn].reshape(count, -1)
-        larger += int((_likeness(residual[which[:, in_time]]) >= seen).sum())
+        larger += int((_likeness(residual[which[:, in_time].T]) >= seen).sum())
     return (1 + larger) / (1 + PERMUTATIONS)
 
 
@@ -118,10 +117,12 @@ def interchangeable(order: Index, pose: Index, held_out: Bool) -> tuple[Index, .
 
 
 def _likeness(residual: Array) -> Array:
-    """T (k,) of residuals (k, m, d) in time order."""
-    keep = np.exp(-1 / KERNEL_ROWS)
-    before = lfilter([0.0, keep], [1.0, -keep], residual, axis=1)
-    return np.asarray(np.einsum("kjd,kjd->k", residual, before))
+    """T (k,) of residuals (m, k, d) in time order, by what is remembered of the rows before."""
+    keep, before, total = np.exp(-1 / KERNEL_ROWS), np.zeros(residual.shape[1:]), 0.0
+    for now in residual:
+        total = total + (now * before).sum(axis=1)
+        before = keep * (before + now)
+    return np.asarray(total)
 
 
 def whitened_positions(identification: Identification, table: Measurements) -> Array:
