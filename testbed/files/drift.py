@@ -13,7 +13,6 @@ from testbed.files.readings import SHOWN, Readings
 from testbed.files.refusal import refusal
 from testbed.files.session import Drift
 from testbed.files.session_toml import DriftTable
-from testbed.units import counted
 
 TIMES = 2.0
 """A drift counts if it is larger than so many of its standard uncertainties."""
@@ -62,12 +61,13 @@ def judge_drift(
     ------
     InputError
         M27: fewer than three nests, nests in line, or too many rounds without three good shots;
-        M35: a nest was not measured, or not as often as the others.
+        M35: a nest was not measured, or too many rounds are unfinished.
     """
     rows, rounds, wrong = _rounds(readings, nests, limit)
     _require_nests(rounds, nests, readings.where)
     kept, warnings = _whole_rounds(readings, rows, rounds)
-    rounds, begins = rounds[kept], readings.order[rows[kept]].mean(axis=1)
+    rounds, there = rounds[kept], rows[kept] >= 0
+    begins = (readings.order[rows[kept]] * there).sum(axis=1) / there.sum(axis=1)
     steps, squares, freedom = [], 0.0, 0
     first = rounds[0]
     for k, now in enumerate(rounds):
@@ -124,26 +124,58 @@ def _rounds(
     readings: Readings, nests: Sequence[str], limit: float
 ) -> tuple[Index, Array, list[str]]:
     """Rows (r, k) of the shots by round, their places (r, k, 3), nan where wrong, and these."""
+    rows = _shots(readings, nests)
+    place = np.where((rows >= 0)[..., None], readings.position[rows], np.nan)
+    missed = np.asarray((place == 0).all(axis=2))
+    place[missed] = np.nan
+    gone = np.asarray(np.isnan(place).all(axis=(0, 2)))
+    middle = np.nanmedian(np.where(gone[:, None], 0.0, place), axis=0)
+    off = np.linalg.norm(place - middle, axis=2)
+    wrong = [
+        f"{readings.where}: nest {nests[k]} was not shot in round {r + 1}"
+        if rows[r, k] < 0
+        else f"{readings.place[rows[r, k]]}: nest {nests[k]} "
+        + ("was missed" if missed[r, k] else f"is {off[r, k] * 1e3:.3f} mm from its median")
+        for r, k in np.argwhere(missed | (rows < 0) | (off > limit))
+    ]
+    place[off > limit] = np.nan
+    return rows, place, wrong
+
+
+def _shots(readings: Readings, nests: Sequence[str]) -> Index:
+    """Row of each round's shot at each nest (r, k); -1 where it is not there.
+
+    The k-th shots at all nests are a round. Where some were left out, a round ends before a nest
+    that it has, or before poses of the robot, whichever leaves fewer rounds unfinished.
+    """
+    names = np.array(readings.target)
     counts = Counter(readings.target)
-    if not all(counts[nest] for nest in nests) or len(set(counts.values())) > 1:
+    if all(counts[nest] for nest in nests) and len(set(counts.values())) == 1:
+        return np.stack([np.flatnonzero(names == nest) for nest in nests], axis=1)
+    found = [_in_turn(readings, nests, apart=apart) for apart in (True, False)]
+    rows = min(found, key=lambda each: int((each < 0).any(axis=1).sum()))
+    unfinished = int((rows < 0).any(axis=1).sum())
+    if unfinished > max(1, MOST_LOST * len(rows)) or not all(counts[nest] for nest in nests):
         shown = ", ".join(f"{nest} {counts[nest]}" for nest in nests)
         message = f"the nests were not all shot equally often ({shown})"
         fix = "check their names under [drift], or remove the unfinished round"
         raise refusal(readings.where, "drift.nests", message, fix=fix)
-    names = np.array(readings.target)
-    rows = np.stack([np.flatnonzero(names == nest) for nest in nests], axis=1)
-    place = readings.position[rows]
-    missed = np.asarray((place == 0).all(axis=2))
-    middle = [np.median(at[~lost] if not lost.all() else at, axis=0)
-              for at, lost in zip(place.swapaxes(0, 1), missed.T, strict=True)]  # fmt: skip
-    off = np.linalg.norm(place - np.array(middle), axis=2)
-    wrong = [
-        f"{readings.place[rows[r, k]]}: nest {nests[k]} "
-        + ("was missed" if missed[r, k] else f"is {off[r, k] * 1e3:.3f} mm from its median")
-        for r, k in np.argwhere(missed | (off > limit))
-    ]
-    place[missed | (off > limit)] = np.nan
-    return rows, place, wrong
+    return rows
+
+
+def _in_turn(readings: Readings, nests: Sequence[str], *, apart: bool) -> Index:
+    """Rows of the shots (r, k) of rounds that end before a nest comes again; -1 where none is.
+
+    With `apart` they also end where other rows stand between.
+    """
+    rounds: list[list[int]] = []
+    last = -1
+    for row, (name, at) in enumerate(zip(readings.target, readings.order, strict=True)):
+        k = list(nests).index(name)
+        if not rounds or rounds[-1][k] >= 0 or (apart and at > last + 1):
+            rounds.append([-1] * len(nests))
+        rounds[-1][k], last = row, int(at)
+    return np.array(rounds, dtype=np.int64)
 
 
 def _whole_rounds(readings: Readings, rows: Index, rounds: Array) -> tuple[Index, list[str]]:
@@ -153,10 +185,13 @@ def _whole_rounds(readings: Readings, rows: Index, rounds: Array) -> tuple[Index
     lost = np.flatnonzero((good & good[first]).sum(axis=1) < 3)
     if not len(lost):
         return np.arange(len(rounds)), []
-    lines = ", ".join(readings.place[rows[r, 0]].rpartition(":")[2] for r in lost[:SHOWN])
+    begins = [readings.place[rows[r][rows[r] >= 0][0]].rpartition(":")[2] for r in lost[:SHOWN]]
     more = f" and {len(lost) - SHOWN} more" if len(lost) > SHOWN else ""
-    lines = f"line{'s' * (len(lost) > 1)} {lines}{more}"
-    which = f"{counted(len(lost), 'round')} over the nests (from {lines})"
+    plural = "s" if len(lost) > 1 else ""
+    which = (
+        f"round{plural} {', '.join(str(r + 1) for r in lost[:SHOWN])}{more} over the nests (from "
+        f"line{plural} {', '.join(begins)}{more})"
+    )
     if len(lost) > max(1, MOST_LOST * len(rounds)) or len(rounds) < 3:
         has = "has" if len(lost) == 1 else "have"
         message = f"{which} of {len(rounds)} {has} fewer than three good shots"

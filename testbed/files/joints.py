@@ -228,7 +228,7 @@ def _missing(table: DataTable, robot: Robot, tail: str) -> InputError:
         f"{robot.name}",
         value=", ".join(table.names)[:200],
         allowed=f"needed: {', '.join(missing)}; {table.found(120)}",
-        fix="name the columns so, with the unit, or map them with --config session.toml",
+        fix="name the columns so, with the unit, or let `truebed new session` propose them",
     )  # fmt: skip
 
 

@@ -45,7 +45,7 @@ def section_of(table: DataTable) -> ObservedTable:
         table.where, "columns", "has no readings", value=", ".join(table.names)[:200],
         allowed="needed: x_mm y_mm z_mm (also _m), with qw qx qy qz, rx_deg ry_deg rz_deg or r11 "
         f"... r33 for poses, or distance_mm; {table.found(120)}",
-        fix=hint or "name the columns so, or map them with --config session.toml",
+        fix=hint or "name the columns so, or let `truebed new session` propose them",
     )  # fmt: skip
 
 

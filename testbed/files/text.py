@@ -85,7 +85,8 @@ def _require_names(head: Sequence[str], where: str) -> None:
         raise refusal(
             where, "file", f'line {line} holds numbers ("{numbers[0]}")', value=numbers[0],
             allowed="the first line names the columns: pose_id, q1_deg ..., x_mm ...",
-            fix="name the columns, or say header = false under [dialect] in session.toml",
+            fix="name the columns, or say header = false in session.toml, "
+            "which `truebed new session` writes",
         )  # fmt: skip
 
 

@@ -8,11 +8,18 @@ from typing import get_type_hints
 
 import numpy as np
 
+from calib.errors import visible
 from testbed.cli.terminal import headline
 from testbed.files.program import correct_program
 from testbed.files.read import read_session
+from testbed.files.session_toml import SessionFile
+from testbed.gates.mistakes import validated
+from testbed.gates.toml import toml_document
 from testbed.laboratory.cell import cell_from
 from testbed.laboratory.joint_lists import read_conditions, read_joints
+from testbed.proposal.data import look_at
+from testbed.proposal.session import propose_session
+from testbed.proposal.text import session_text
 from testbed.robots.catalog import load_robot
 from testbed.robots.write.mjcf import build_spec, compile_spec
 from testbed.run.play import rederive, robot_of
@@ -88,6 +95,15 @@ def read_measured(folder: Path) -> object:
     return session
 
 
+def read_proposal(folder: Path) -> object:
+    """What `new session` writes of the files that are there, without a robot."""
+    files = sorted(file for file in folder.iterdir() if file.suffix != ".toml")
+    looks = look_at(files, folder)
+    proposed = propose_session(looks, None, folder)
+    text = session_text(proposed, looks, None, "session.toml")
+    return validated(toml_document(visible(text).encode(), "new"), SessionFile, "new")
+
+
 def read_program(folder: Path) -> object:
     """A program and what becomes of it."""
     return correct_program(folder / "program.csv", ROBOT, whole.REAL, folder / "corrected.csv")
@@ -149,6 +165,8 @@ TARGETS = {
     "session": Target(read_measured, whole.SESSIONS, ("session.toml",), NOT_STATED, share=3),
     "measurements": Target(read_measured, whole.SESSIONS, ("a.csv", "joints.csv"), NOT_STATED),
     "spatial analyzer": Target(read_measured, whole.SESSIONS, ("smr.txt",), NOT_STATED),
+    "joints of a program": Target(read_measured, whole.SESSIONS, ("cal.txt",), NOT_STATED),
+    "proposal": Target(read_proposal, whole.SESSIONS, ("a.csv", "smr.txt", "cal.txt")),
     "URDF": Target(read_robot("arm.urdf"), whole.ARMS, ("arm.urdf",)),
     "MJCF": Target(read_robot("arm.xml"), whole.ARMS, ("arm.xml",)),
     "mesh of a URDF": Target(read_robot("arm.urdf"), whole.ARMS, ("part.obj", "part.stl")),

@@ -30,6 +30,7 @@ def measured(
     limit=0.2,
     spoil=None,
     missed=(),
+    unshot=(),
     stated="position_um = 5",
 ):
     """Rounds over the nests among the poses, by a station that moves in proportion."""
@@ -53,6 +54,8 @@ def measured(
             seen[0] += 0.4e-3
         if n in missed:
             seen[:] = 0.0
+        if n in unshot:
+            continue
         q = DATA.q[k] if k >= 0 else np.zeros(N)
         for key, value in zip(rows, (str(max(k, 0)), name, *q, *seen), strict=True):
             rows[key].append(value)
@@ -155,11 +158,31 @@ def test_a_round_without_three_good_shots_is_named_and_left_out(tmp_path, bad):
     for spoiled in ({"spoil": shot}, {"missed": [shot]}):
         session, _ = measured(tmp_path, rounds=11, rng=rng(), **STILL, **spoiled)
         line = 2 + shot - 1
-        told = f"1 round over the nests (from line {line}) left out: fewer than three good shots"
+        told = f"round {bad + 1} over the nests (from line {line}) left out"
+        told += ": fewer than three good shots"
         assert [text for text in session.warnings if text == f"{tmp_path / 'a.csv'}: {told}"]
         assert len(session.drift.steps) == 10
         assert np.isfinite(session.measurements.position).all()
         assert session.drift.wrong[0].startswith(f"{tmp_path / 'a.csv'}:{line + 1}: nest B2 ")
+
+
+@pytest.mark.parametrize("bad", [0, 4, 10])
+@pytest.mark.parametrize("nests", [THREE, NESTS], ids=["three", "four"])
+def test_a_shot_that_is_not_in_the_file_is_named_and_the_other_rounds_count(tmp_path, bad, nests):
+    """As if it had been missed: the same rounds, the same drift."""
+    how = {**STILL, "drift": [80e-6, -50e-6, 30e-6, 0.0, 0.0, 0.0], "nests": nests}
+    shot = bad * (len(nests) + 4) + 1
+    session, _ = measured(tmp_path, rounds=11, rng=rng(), **how, unshot=[shot])
+    missed, _ = measured(tmp_path, rounds=11, rng=rng(), **how, missed=[shot])
+    file = tmp_path / "a.csv"
+    assert session.drift.wrong == (f"{file}: nest B2 was not shot in round {bad + 1}",)
+    told = [text for text in session.warnings if f"round {bad + 1} over the nests" in text]
+    assert len(told) == (len(nests) == 3)
+    np.testing.assert_array_equal(session.drift.steps, missed.drift.steps)
+    # times between the rounds are counted by rows, of which one is not there
+    np.testing.assert_allclose(
+        session.measurements.position, missed.measurements.position, rtol=0, atol=3e-6
+    )
 
 
 def test_the_drift_is_found_without_the_first_round(tmp_path):
@@ -171,7 +194,7 @@ def test_the_drift_is_found_without_the_first_round(tmp_path):
 
 def test_too_many_lost_rounds_are_refused_with_their_lines(tmp_path):
     with pytest.raises(
-        InputError, match=r"2 rounds over the nests \(from lines 2, 15\) of 5"
+        InputError, match=r"rounds 1, 2 over the nests \(from lines 2, 15\) of 5"
     ) as caught:
         measured(tmp_path, rng=rng(), **STILL, missed=[1, 14])
     assert caught.value.code == "M27"

@@ -166,6 +166,27 @@ def packed(folder):
     return read_session(folder / "a.csv", ROBOT)
 
 
+def rapid(*lines):
+    """Joints from a program."""
+
+    def case(folder):
+        (folder / "cal.mod").write_text("\n".join(lines))
+        (folder / "frames.csv").write_text(csv(SEEN))
+        (folder / "session.toml").write_text(
+            '[joints]\nfile = "cal.mod"\nformat = "rapid"\n[frames]\nfile = "frames.csv"\n'
+        )
+        return read_session(folder, ROBOT)
+
+    return case
+
+
+def slipped(rows):
+    """Readings of some poses at the first joints."""
+    seen = {k: np.asarray(v)[rows] for k, v in table().items() if k[0] in "xyzr"}
+    seen["x_mm"] = seen["x_mm"] + 1e-3 * np.arange(len(rows))  # no digits come twice
+    return read(some(table(), np.arange(len(rows))) | seen)
+
+
 def points(content, nests='["B1", "B2", "B3"]'):
     return read(content, f"[points]\n[drift]\nnests = {nests}\n[uncertainty]\nposition_um = 9\n")
 
@@ -322,6 +343,10 @@ CASES = {
     "M35 covariance not whole": read(table(cov_x_x_m2=[1e-10] * 29)),
     "M35 does not exist": lambda folder: read_session(folder / "a.csv", ROBOT),
     "session: a folder without session.toml": lambda folder: read_session(folder, ROBOT),
+    "M31 a missed shot": slipped(np.delete(np.arange(29), 10)),
+    "M31 a shot taken twice": slipped(np.insert(np.arange(29), 10, 9)[:29]),
+    "M35 no joint target": rapid("! CONST jointtarget p1 := [[1],[9E9]];", "jointtarget a := "),
+    "M35 a target that is not declared": rapid("MoveAbsJ home, v100, fine, tool0;"),
     "M35 empty": read("\n\n"),
     "M35 no joints": read(NO_JOINTS),
     "M35 a joint is missing": read(without("q4_deg")),

@@ -39,6 +39,14 @@ SA = "// AXES = CARTESIAN: X, Y, Z (mm)\n" + "".join(
     f"Coll, Main, {k + 1}, {x:.6f}, {y:.6f}, {z:.6f}, 02/12/25 16:38:29\n"
     for k, (x, y, z) in enumerate(1e3 * DATA.T[:, :3, 3])
 )
+RAPID = "\n".join(
+    f"CONST jointtarget p{k + 1} := [[{','.join(f'{v:.9f}' for v in np.degrees(row))}],[9E9,9E9]];"
+    for k, row in enumerate(DATA.q)
+)
+PROGRAM = (
+    'match = "order"\n[joints]\nfile = "cal.txt"\nformat = "rapid"\n'
+    f'[points]\nfile = "smr.txt"\nformat = "sa"\n{SIGMAS}'
+)
 CONFIG = f'[joints]\nfile = "joints.csv"\n[points]\nfile = "smr.txt"\nformat = "sa"\n{SIGMAS}'
 NESTS = f'[points]\n[drift]\nnests = ["A", "B", "C"]\n{SIGMAS}'
 FILES = {
@@ -54,6 +62,7 @@ FILES = {
     "spatial analyzer": (
         {"joints.csv": JOINTS, "smr.txt": SA, "session.toml": CONFIG}, "session.toml", None
     ),
+    "rapid": ({"cal.txt": RAPID, "smr.txt": SA, "session.toml": PROGRAM}, "session.toml", None),
 }  # fmt: skip
 PIECES = (
     b",",
