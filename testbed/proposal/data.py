@@ -45,6 +45,11 @@ class Found:
     """Unit of an export, where it says one."""
 
     @property
+    def called(self) -> str:
+        """File and sheet."""
+        return self.name + (f" sheet {self.sheet}" if self.sheet is not None else "")
+
+    @property
     def stems(self) -> dict[str, Meaning]:
         """What each column is, by its own name without the unit."""
         return {meaning.plain: meaning for meaning in self.meanings}
@@ -96,8 +101,10 @@ def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
     if is_rapid(text):
         return _of_sheet(path, name, sheet, text, "rapid", read_rapid(text))
     content = text.content("#", "//")
+    if not content:
+        raise refusal(text.where, "file", "has no table")
     commented = any(line.lstrip().startswith("//") for line in text.lines)
-    if commented or (content and not _has_head(content[0][1])):
+    if commented or not _has_head(content[0][1]):
         try:
             return _of_lines(path, name, sheet, text)
         except InputError:

@@ -231,7 +231,7 @@ def _by_size(
 ) -> tuple[str, ...]:
     """Both units, the one that the size of the numbers speaks for first."""
     sizes = _numbers(look, names)
-    large = bool(sizes.size) and float(np.nanmax(sizes)) > most
+    large = bool(np.nan_to_num(sizes).max(initial=0.0) > most)
     return units if large else units[::-1]
 
 

@@ -72,6 +72,16 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
     InputError
         M35: no file has readings, or heads that do not go together.
     """
+    proposed = _proposed(looks, robot, root)
+    read = {(each["file"], each.get("sheet")) for each in proposed.document.values()
+            if isinstance(each, dict) and "file" in each}  # fmt: skip
+    left = [one for one in looks if (one.name, one.sheet) not in read]
+    notes = tuple(f"files: {one.called} is not used" for one in left)
+    return replace(proposed, assumed=(*proposed.assumed, *notes))
+
+
+def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Proposed:
+    """The same without the files that it leaves aside."""
     n = robot.model.chain.n_joints if robot is not None else _count(looks)
     drafts = list(_drafts(looks, n))
     if not drafts:

@@ -21,7 +21,7 @@ MAY = """
 
 def session_text(proposed: Proposed, looks: Sequence[Found], robot: str | None, name: str) -> str:
     """The text of a session.toml; `robot` is how the user named it."""
-    files = ", ".join(f"{_named(look)} ({counted(look.rows, 'row')})" for look in looks)
+    files = ", ".join(f"{look.called} ({counted(look.rows, 'row')})" for look in looks)
     lines = [f"# Proposed by truebed new session from {files}", f"# {proposed.tried}."]
     if proposed.assumed:
         lines.append("# Not said in any file, and taken so here; change what is wrong:")
@@ -33,11 +33,6 @@ def session_text(proposed: Proposed, looks: Sequence[Found], robot: str | None, 
             lines += _unused(line.strip("[]"), proposed.document, looks)
         lines.append(line)
     return "\n".join(lines).replace("\n\n# not used", "\n# not used") + "\n" + MAY
-
-
-def _named(look: Found) -> str:
-    """File and sheet of a table."""
-    return look.name + (f" sheet {look.sheet}" if look.sheet is not None else "")
 
 
 def _unused(section: str, document: Document, looks: Sequence[Found]) -> list[str]:

@@ -232,6 +232,13 @@ def test_another_robot_fits_no_reading_and_a_missed_shot_still_shows_it(tmp_path
     assert re.search(r"alone leave [01]\.\d+ mm", said)
 
 
+def test_a_file_that_is_left_aside_is_named(tmp_path):
+    files = [*semicolons(tmp_path), *write(tmp_path, b__csv="time,note\n1,a\n")]
+    said, text = proposed(tmp_path, files)
+    assert "assumed  files: b.csv is not used" in said
+    assert "#   files: b.csv is not used" in text
+
+
 def test_words_of_a_file_stay_words(tmp_path):
     """Names that would end a string, a comment or a line of TOML."""
     own = places("X", "Y", "Z") | joints(*(f"J{k}" for k in range(1, 7)))
