@@ -45,7 +45,7 @@ def session(
         arm = load_robot(robot) if robot is not None else None
         looks = look_at(data, out.parent)
         proposed = propose_session(looks, arm, out.parent)
-        write_new(out, session_text(proposed, looks, robot, str(out)))
+        write_new(out, session_text(proposed, looks, str(out), robot, arm.name if arm else None))
         if not quiet:
             say(f"{proposed.tried}.")
             for sentence in proposed.assumed:

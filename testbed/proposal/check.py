@@ -12,7 +12,7 @@ from testbed.gates.mistakes import validated
 from testbed.gates.paths import is_there, real
 from testbed.gates.toml import read_toml, read_toml_bytes, toml_document
 from testbed.proposal.data import look_at
-from testbed.robots.catalog import ROBOT_FILE, TRACKER_FILE, XML, load_robot
+from testbed.robots.catalog import ROBOT_FILE, TRACKER_FILE, XML, load_robot, robot_names
 from testbed.robots.file import TrackerFile
 from testbed.robots.robot import Robot
 from testbed.units import counted
@@ -100,7 +100,7 @@ def _session(file: Path, document: dict[str, Any], robot: str | None) -> list[st
     settings = validated(document, SessionFile, str(file))
     tables = [table.name for table in settings.observed]
     said = f"a session of {' and '.join(tables) or 'no readings yet'}"
-    named = robot or settings.robot or None
+    named = robot or (settings.robot if settings.robot in robot_names() else None)
     if named is None:
         return [said, "its files were not read: name the robot by --robot"]
     arm = load_robot(named)

@@ -81,6 +81,12 @@ def meanings(head: Sequence[str]) -> tuple[Meaning, ...]:
     )
 
 
+def is_wished(name: str) -> bool:
+    """Whether a column is a coordinate that was wished for, or a difference."""
+    words = without_unit(name)[0].split()
+    return bool(words) and bool({"x", "y", "z"} & set(words)) and bool(WISHED & set(words))
+
+
 def _meaning(name: str, head: Sequence[str]) -> Meaning | None:
     """What one column is; None if its name says nothing that we know."""
     if is_known(name):

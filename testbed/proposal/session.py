@@ -18,6 +18,7 @@ from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.gates.mistakes import validated
 from testbed.gates.text import MAX_MB, FileText
 from testbed.proposal.data import Found
+from testbed.proposal.names import is_wished
 from testbed.proposal.parts import Document, Part, joint_parts, seen_parts
 from testbed.robots.robot import Robot
 
@@ -25,6 +26,8 @@ JOINTS = 6
 """Of a robot that nobody names."""
 TRIED, FITTED = 300, 60
 """Lines of one file that readings are tried with, and rows of them that frames are fitted to."""
+MATCHED = 2000
+"""Rows of several files above which they are tried with their first lines, too."""
 PARTS = (1, 3)
 """Parts of the rows of which the best one counts."""
 ASSUMED = {"position_um": 30, "rotation_mdeg": 10}
@@ -85,10 +88,14 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
     n = robot.model.chain.n_joints if robot is not None else _count(looks)
     drafts = list(_drafts(looks, n))
     if not drafts:
+        wished = [name for one in looks for name in one.head if is_wished(name)]
+        fix = "name the columns, or name them under columns in session.toml by hand"
+        if wished:
+            fix = f"{', '.join(wished[:6])} are targets or differences: give what was measured"
         raise refusal(
-            looks[0].path.name if looks else "DATA", "DATA", "has no readings that can be told",
+            looks[0].name if looks else "DATA", "DATA", "has no readings that can be told",
             allowed="columns X Y Z, also with rotations; or points or frames of Spatial Analyzer",
-            fix="name the columns, or name them under columns in session.toml by hand",
+            fix=fix,
         )  # fmt: skip
     if robot is None:
         tried = "no robot was named: units and conventions are by size and by custom"
@@ -151,8 +158,9 @@ def _shown(score: float) -> str:
 
 
 def _beginning(look: Found, looks: tuple[Found, ...]) -> FileText:
-    """The text that readings are tried with: of one file alone a part is enough."""
-    lines = look.text.lines if len(looks) > 1 else look.text.lines[:TRIED]
+    """The text that readings are tried with: of one file, and of long ones, a part is enough."""
+    whole = len(looks) > 1 and max(one.rows for one in looks) <= MATCHED
+    lines = look.text.lines if whole else look.text.lines[:TRIED]
     return replace(look.text, lines=lines)
 
 

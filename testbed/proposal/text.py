@@ -19,8 +19,10 @@ MAY = """
 """
 
 
-def session_text(proposed: Proposed, looks: Sequence[Found], robot: str | None, name: str) -> str:
-    """The text of a session.toml; `robot` is how the user named it."""
+def session_text(
+    proposed: Proposed, looks: Sequence[Found], name: str, robot: str | None, model: str | None
+) -> str:
+    """The text of a session.toml, of a name; `robot` is how the user called the robot `model`."""
     files = ", ".join(f"{look.called} ({counted(look.rows, 'row')})" for look in looks)
     lines = [f"# Proposed by truebed new session from {files}", f"# {proposed.tried}."]
     if proposed.assumed:
@@ -28,6 +30,7 @@ def session_text(proposed: Proposed, looks: Sequence[Found], robot: str | None, 
         lines += [f"#   {sentence}" for sentence in proposed.assumed]
     arm = shlex.quote(robot) if robot is not None else "ROBOT"
     lines += [f"# Then: truebed identify {arm} {name}", "format = 1"]
+    lines += [f"robot = {toml_value(model)}"] if model is not None else []
     for line in toml_lines(proposed.document):
         if line.startswith("["):
             lines += _unused(line.strip("[]"), proposed.document, looks)

@@ -100,7 +100,7 @@ def read_proposal(folder: Path) -> object:
     files = sorted(file for file in folder.iterdir() if file.suffix != ".toml")
     looks = look_at(files, folder)
     proposed = propose_session(looks, None, folder)
-    text = session_text(proposed, looks, None, "session.toml")
+    text = session_text(proposed, looks, "session.toml", None, None)
     return validated(toml_document(visible(text).encode(), "new"), SessionFile, "new")
 
 

@@ -165,7 +165,8 @@ def test_what_is_proposed_is_read_as_it_was_meant(kind, tmp_path):
     assert re.search(
         r"^# base and tool of a nominal staubli_tx60 alone leave [01]\.\d+ mm", text, re.MULTILINE
     )
-    assert tomllib.loads(text)["format"] == 1
+    assert tomllib.loads(text)["robot"] == "staubli_tx60"
+    assert call("check", tmp_path).exit_code == 0
 
 
 @pytest.mark.study
@@ -204,7 +205,9 @@ def test_nothing_is_written_over_another_or_where_nothing_is_understood(tmp_path
     folder = tmp_path / "below"
     folder.mkdir()
     (folder / "a.csv").write_text("x_t,x_dif,joint_1\n1,2,3\n4,5,6\n")
-    assert "has no readings that can be told; columns X Y Z" in refused(tmp_path, folder / "a.csv")
+    said = refused(tmp_path, folder / "a.csv")
+    assert "has no readings that can be told; columns X Y Z" in said
+    assert "x_t, x_dif are targets or differences: give what was measured" in said
     (folder / "b.csv").write_text("1,2,3,4,5,6,7,8,9\n")
     assert "has no line that names its columns, but a.csv has" in refused(
         tmp_path, file, folder / "b.csv"
