@@ -12,6 +12,8 @@ from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
+from calib.identification.model_choice import choose
+from calib.identification.prior import Prior, weak_prior
 from calib.measurement.noise import with_joint_noise
 from calib.measurement.observations import Measurements
 from calib.uncertainty.judgement import Circumstances, judge
@@ -67,6 +69,8 @@ class Cell:
     off_axis: float | None = None
     """Of the one reflector whose place is read, for a UR5 [m]; None: full poses, a TX60."""
     through_files: bool = False
+    chosen: bool = False
+    """Whether the readings choose the model, from geometry alone to joint maps."""
 
 
 @dataclass(frozen=True)
@@ -143,8 +147,23 @@ def readings(cell, arm, tracker, rng, train, held_out):
     )  # fmt: skip
     of_train = np.flatnonzero(order < len(train))
     of_test = np.flatnonzero(order >= len(train))
-    fit = identify(model, rows.rows(of_train), parameters_of(model))
-    return fit, rows.rows(of_train), rows.rows(of_test), (of_train, of_test)
+    seen = rows.rows(of_train)
+    choice = _chosen(model, seen) if cell.chosen else None
+    if choice is not None and choice.chosen == "extended":
+        fit = choice.identification
+    else:
+        fit = identify(model, seen, parameters_of(model))
+    return fit, seen, rows.rows(of_test), (of_train, of_test)
+
+
+def _chosen(model, seen):
+    """The choice as `identify` makes it: of frames no more is known than where to look."""
+    free = parameters_of(model)
+    usual = weak_prior(free)
+    frame = np.array(["." in name for name in usual.names])
+    wide = Prior(usual.mean, np.where(frame, 1.0, usual.sd), usual.names)
+    links = weak_prior(free.freeing([name for name in usual.names if "." not in name]))
+    return choose(model, seen, free, prior=wide, own_prior=links)
 
 
 def from_files(arm, tracker, rng, train, held_out, *, constants=False):

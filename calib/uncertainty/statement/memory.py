@@ -6,7 +6,7 @@ the order is random the poses themselves tell: the same test is asked of their j
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -17,7 +17,7 @@ from calib.errors import refuse
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
-from calib.uncertainty.statement.evidence import reduced
+from calib.uncertainty.statement.evidence import believed_before, reduced
 from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers
 from calib.uncertainty.statement.misfit import DROP
 from calib.uncertainty.statement.shape import MisfitShape, of_poses, same_count
@@ -160,8 +160,9 @@ def drift(
 
     References
     ----------
-    V = N + misfit^2 D + s^2 exp(-|j - k| / L) x I3, x flat; the pair of largest s^2 L within `DROP`
-    of the largest restricted likelihood. In the estimate F (s^2 exp(-|j - k| / L) x I3) F'.
+    V = N + misfit^2 D + s^2 exp(-|j - k| / L) x I3, x flat or with its prior; the pair of largest
+    s^2 L within `DROP` of the largest restricted likelihood. In the estimate
+    F (s^2 exp(-|j - k| / L) x I3) F'.
     """
     both = joined([train, held_out]) if len(held_out) else train
     if both.is_distance.any():
@@ -175,8 +176,12 @@ def drift(
     seen, m = predict(identification.model, both), len(both)
     rows = seen.rows[:, :3]
     A = rows[..., parameters.free_index] * parameters.free_scale
-    X = np.column_stack([reduced(A.reshape(3 * m, -1)), seen.residual[:, :3].ravel()])
-    beside = beside_drift(X, rows, both.covariance, pose, shape, misfit)
+    before = believed_before(identification)
+    A = reduced(np.concatenate([A.reshape(3 * m, -1), before.A]))
+    X = np.column_stack([A, np.concatenate([seen.residual[:, :3].ravel(), before.y])])
+    beside = beside_drift(X[: 3 * m], rows, both.covariance, pose, shape, misfit)
+    # no drift moves what was believed beforehand
+    beside = replace(beside, square=beside.square + X[3 * m :].T @ X[3 * m :])
     gaps = np.maximum(np.diff(order[some]), 1)  # what came at once came one after the other
     unit = float(np.sqrt(np.trace(both.covariance[:, :3, :3], axis1=1, axis2=2).mean() / 3))
     tried = [(beside.alone(), 0.0, memory) for memory in MEMORIES]

@@ -142,7 +142,7 @@ def misfit(
         identification.model, identification.parameters, train, held_out, weights
     )
     unit = rows.noise_sd
-    found = likelihood(rows.joined(believed_before(identification)), unit, repeats)
+    found = likelihood(rows, unit, repeats, believed_before(identification))
     if found is None:
         return HiddenMisfit(shape, np.nan, np.inf, np.nan, 0.0, 1.0, unit, repeats is not None)
     best = int(np.argmax(found.value))
