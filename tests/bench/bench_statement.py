@@ -14,7 +14,8 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.measurement.observations import joined
 from calib.uncertainty.judgement import Circumstances, judge
-from calib.uncertainty.statement.evidence import likelihood, position_rows
+from calib.uncertainty.statement.evidence import position_rows
+from calib.uncertainty.statement.likelihood import likelihood
 from calib.uncertainty.statement.memory import memory_p
 from calib.uncertainty.statement.shape import misfit_shape
 from tests.calib import kinds

@@ -23,10 +23,10 @@ from calib.uncertainty.statement.evidence import (
     PositionRows,
     believed_before,
     detectable,
-    likelihood,
     position_rows,
 )
 from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers
+from calib.uncertainty.statement.likelihood import likelihood
 from calib.uncertainty.statement.shape import MisfitShape, misfit_shape
 
 DROP = 0.821

@@ -16,14 +16,12 @@ from calib.identification.prior import Prior
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
 from calib.uncertainty.statement.evidence import (
-    LARGEST,
-    SMALLEST,
     NoiseRepeats,
     PositionRows,
     believed_before,
-    likelihood,
     position_rows,
 )
+from calib.uncertainty.statement.likelihood import LARGEST, SMALLEST, likelihood
 from calib.uncertainty.statement.misfit import DROP, misfit, misfit_covariance
 from calib.uncertainty.statement.shape import misfit_shape
 from tests.calib import kinds
@@ -153,6 +151,22 @@ def test_numbers_with_a_prior_are_random_with_its_covariance(repeats, off):
         assert len(set(found.noise_scale[pick])) > 1
 
 
+def test_many_rows_pooled_say_what_each_by_itself_says(monkeypatch):
+    rng = np.random.default_rng(21)
+    n, p = 900, 12
+    lam = np.exp(rng.normal(size=n))
+    lam[::50] = 0.0
+    rows = PositionRows(rng.normal(size=(n, p)), 1.4 * rng.normal(size=n), lam, float(n))
+    before = PositionRows(np.eye(p), rng.normal(size=p), np.zeros(p), 0.0)
+    pooled = likelihood(rows, 1.0, None, before)
+    monkeypatch.setattr("calib.uncertainty.statement.likelihood.MANY_ROWS", n)
+    plain = likelihood(rows, 1.0, None, before)
+    near = plain.value > plain.value.max() - 20
+    # weights to 1e-5 where nodes are 5 % apart, each of 900 rows with its share of the logarithm
+    np.testing.assert_allclose(pooled.value[near], plain.value[near], rtol=0, atol=0.01)
+    assert pooled.limit(DROP) == pytest.approx(plain.limit(DROP), rel=1e-4)
+
+
 def test_shape_is_one_metre_per_axis_half_in_the_joints():
     rng = np.random.default_rng(4)
     for arm in ("tx60", "scara", "iiwa"):
@@ -212,7 +226,7 @@ def test_the_largest_likelihood_is_at_the_true_size():
     # the standard deviation of the estimate is 1 / sqrt(2 n) = .9 %; the grid steps by 7 %
     found = likelihood(white(np.random.default_rng(6), 6000, 20, 1.5), 1.0, None)
     assert found is not None
-    assert found.size[np.argmax(found.value)] == pytest.approx(1.5, rel=0.05)
+    assert found.size[np.argmax(found.value)] == pytest.approx(1.5, rel=0.08)
 
 
 def test_the_upper_limit_is_above_the_true_size_in_nine_of_ten_draws():
