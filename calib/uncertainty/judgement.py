@@ -8,13 +8,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.arrays import Array, Index, check
+from calib.arrays import Array, check
 from calib.geometry.model import RobotModel
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
-from calib.measurement.observations import Measurements, joined
+from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.uncertainty.bootstrap import REPLICATES, Bootstrap, bootstrap
+from calib.uncertainty.circumstances import Circumstances as Circumstances
+from calib.uncertainty.circumstances import MeasuredNoise, measured_noise
 from calib.uncertainty.conformal import Conformal, conformal, fewest_poses
 from calib.uncertainty.discrepancy import FEWEST, Discrepancy, discrepancy
 from calib.uncertainty.held_out import HeldOut, held_out
@@ -24,35 +26,9 @@ from calib.uncertainty.statement.gain import of_all_numbers
 from calib.uncertainty.statement.other_frame import FEWEST as FEWEST_OF_A_FRAME
 from calib.uncertainty.statement.other_frame import OtherFrame, other_frame
 from calib.uncertainty.statement.questions import Questions, fisher
-from calib.uncertainty.statement.repeats import noise_repeats
 from calib.uncertainty.statement.stated_point import StatedPoint, common_radius, stated_point
 from calib.uncertainty.trust import FRAME, Trust, trust
 from calib.uncertainty.validation import LinearCheck
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Circumstances:
-    """What is known of a campaign beside its readings; each part may be missing."""
-
-    visits: Measurements | None = None
-    """Every visit of the poses, each approached anew, where only some of them identify."""
-    order: tuple[Index, Index] | None = None
-    """Place in time of each row (m,) identified from and (n,) held out, one numbering for both."""
-    shared: Array | None = None
-    """(P, P) covariance of all numbers from what all readings share [m, rad]."""
-    repeatability: Array | None = None
-    """(j,) standard deviation with which each joint comes back [rad, m]."""
-    told_by: str = "the robot's description"
-    """What tells it."""
-    drawn: bool = True
-    """Whether held-out poses were drawn where the robot is used: designed ones guard nothing."""
-    target: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Point in the tool frame that is stated [m]."""
-    doubted: tuple[Array, Array] | None = None
-    """Part of the covariances (m, 6, 6) of what identified and (n, 6, 6) of what is held out that
-    nothing measured tells: as noise it is in the weights, as misfit in the region."""
-    unmodelled: tuple[str, ...] = ()
-    """What is known to be in no covariance: then a drift is looked for whatever a test says."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -174,9 +150,12 @@ def judge(
         numbers = None
         if bent and replayed is not None:
             numbers = of_all_numbers(identification, replayed.empirical)
-        belief, frame, slow = _belief(identification, train, test, known, numbers, probability)
-    if belief is not None:
-        point = _stated(belief, train, test, frame, known)
+        quiet = measured_noise(identification.model, train, test, known)
+        belief, frame, slow = _belief(
+            identification, train, test, known, numbers, probability, quiet
+        )
+        if belief is not None:
+            point = _stated(belief, train, test, frame, known, quiet)
     questions = _asked(identification, seen, belief, frame, slow)
     verdict = trust(
         identification, belief=belief, point=point, questions=questions, held_out=seen,
@@ -188,27 +167,16 @@ def judge(
 
 def _belief(
     fit: Identification, train: Measurements, test: Measurements, known: Circumstances,
-    numbers: Array | None, probability: float,
+    numbers: Array | None, probability: float, quiet: MeasuredNoise,
 ) -> tuple[Belief | None, OtherFrame | None, Drifting | None]:  # fmt: skip
     """What is believed; rows in another frame are out of evidence and guard."""
-    visits = known.visits
-    if visits is None:
-        visits = joined([train, replace(test, pose_id=-1 - test.pose_id)]) if len(test) else train
-    repeats = noise_repeats(fit.model, visits, in_evidence=known.visits is None)
-
-    quiet_train, quiet_test = train, test
-    if known.doubted is not None and repeats is None:
-        quiet_train, quiet_test = (
-            replace(table, covariance=table.covariance - part)
-            for table, part in zip((train, test), known.doubted, strict=True)
-        )
 
     def believed(held_out: Measurements | None) -> Belief:
-        quiet = (quiet_train, None if held_out is None else quiet_test)
+        less = (quiet.train, None if held_out is None else quiet.test)
         return believe(
-            fit, train, held_out, covariance=numbers, shared=known.shared, repeats=repeats,
+            fit, train, held_out, covariance=numbers, shared=known.shared, repeats=quiet.repeats,
             probability=probability, target=known.target, drawn=known.drawn,
-            quiet=None if quiet_train is train else quiet,
+            quiet=None if quiet.train is train else less,
         )  # fmt: skip
 
     use: Measurements | None = test if len(test) else None
@@ -230,7 +198,7 @@ def _belief(
             hidden=belief.misfit, whatever=bool(known.unmodelled),
         )  # fmt: skip
         if slow is not None and slow.drift is not None:
-            belief = adding(belief, slow.drift.covariance, None if use is None else quiet_test)
+            belief = adding(belief, slow.drift.covariance, None if use is None else quiet.test)
     return (belief if np.isfinite(belief.misfit.upper) else None), frame, slow
 
 
@@ -243,7 +211,7 @@ def _half_radius(alone: Belief, points: Measurements, known: Circumstances) -> f
 
 def _stated(
     belief: Belief, train: Measurements, test: Measurements, frame: OtherFrame | None,
-    known: Circumstances,
+    known: Circumstances, quiet: MeasuredNoise,
 ) -> StatedPoint:  # fmt: skip
     """The believed radius at poses like the held-out ones, or else those identified from."""
     held = len(test) > 0 and (frame is None or not frame.found)
@@ -255,6 +223,7 @@ def _stated(
         belief, where.q[np.unique(where.pose_id, return_index=True)[1]],
         target=np.asarray(known.target, float), held_out=held, repeatability=sd,
         told_by=known.told_by,
+        measured=first_of_pose(quiet.test) if held and belief.n_guards else None,
     )  # fmt: skip
 
 

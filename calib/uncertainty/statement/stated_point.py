@@ -3,12 +3,18 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import bdtr
 
 from calib.arrays import Array, FloatOrNan
+from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predict
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.distance import radius_over
 from calib.uncertainty.tool_point import ToolStatement
+
+CHANCE = 0.05
+"""Chance of so few held-out poses within the radius below which they widen it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +63,12 @@ def stated_point(
     held_out: bool,
     repeatability: Array | None = None,
     told_by: str = "",
+    measured: Measurements | None = None,
 ) -> StatedPoint:
     """What is believed at poses like q (n, j), as one radius.
+
+    The regions are normal, errors need not be: where held-out poses lie beyond the radius more
+    often than chance allows, it grows until as many of them as promised are within.
 
     Parameters
     ----------
@@ -74,6 +84,8 @@ def stated_point(
         Standard deviation with which each joint comes back [rad, m].
     told_by : str
         What tells it.
+    measured : Measurements, optional
+        Readings at these poses, one each, that guard the radius.
     """
     growth = belief.proven.applies(q).growth
     mean = belief.regions(q, target=target, growth=growth)
@@ -81,8 +93,12 @@ def stated_point(
     if repeatability is not None and repeatability.any():
         move = belief.regions(q, target=target, growth=growth, repeatability=repeatability)
         u_move, radius_move = _usual(move), common_radius(move)
+    radius = common_radius(mean)
+    if measured is not None:
+        larger = _guarded(radius, belief, mean, measured)
+        radius, radius_move = larger, radius_move * larger / radius
     return StatedPoint(
-        _usual(mean), common_radius(mean), u_move, radius_move, belief.probability, len(q),
+        _usual(mean), radius, u_move, radius_move, belief.probability, len(q),
         held_out, told_by if np.isfinite(u_move) else "",
     )  # fmt: skip
 
@@ -97,6 +113,17 @@ def common_radius(stated: ToolStatement) -> float:
     """
     S = widened(stated)
     return radius_over(S, np.full(len(S), 1 / len(S)), stated.probability)
+
+
+def _guarded(radius: float, belief: Belief, mean: ToolStatement, measured: Measurements) -> float:
+    """The radius, or the one that measured errors, less the share of their noise, ask for [m]."""
+    own = np.trace(widened(mean), axis1=1, axis2=2)
+    noise = np.trace(measured.covariance[:, :3, :3], axis1=1, axis2=2)
+    missed = predict(belief.model, measured).misses * np.sqrt(own / (own + noise))
+    n, p = len(missed), belief.probability
+    if bdtr(int((missed <= radius).sum()), n, p) >= CHANCE:
+        return radius
+    return max(radius, float(np.sort(missed)[int(np.ceil(p * (n + 1) - 1e-9)) - 1]))
 
 
 def widened(stated: ToolStatement) -> Array:

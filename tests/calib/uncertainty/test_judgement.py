@@ -42,6 +42,26 @@ def test_a_judgement_is_what_its_parts_are_to_the_last_bit():
     assert made.belief.misfit.upper == belief.misfit.upper
 
 
+def test_noise_that_nothing_measured_tells_is_misfit_in_the_region_and_noise_in_the_tests():
+    fit, train, test = measured_tables()
+    plain = judge(fit, test, train=train)
+    half = (0.5 * train.covariance, 0.5 * test.covariance)
+    found = judge(fit, test, train=train, circumstances=Circumstances(doubted=half))
+    assert found.belief.misfit.p_value == plain.belief.misfit.p_value
+    assert found.belief.misfit.upper > 1.5 * plain.belief.misfit.upper
+    assert found.point.radius_mean > plain.point.radius_mean
+    assert "all of it counts as misfit" in found.belief.misfit.sentence
+    nothing = (0.0 * train.covariance, 0.0 * test.covariance)
+    again = judge(fit, test, train=train, circumstances=Circumstances(doubted=nothing))
+    assert again.belief.misfit.upper == plain.belief.misfit.upper
+    assert again.belief.factor == plain.belief.factor
+    # repeats tell the noise: then nothing of it is doubted
+    visits = joined([train, dataclasses.replace(train, repeat=train.repeat + 1)])
+    told = Circumstances(visits=visits, doubted=half)
+    repeated = judge(fit, test, train=train, circumstances=told)
+    assert not repeated.belief.misfit.doubted
+
+
 def test_the_order_of_rows_changes_no_statement():
     fit, train, test = measured_tables()
     made = judge(fit, test, train=train)

@@ -1,8 +1,11 @@
 """One radius for people: what it holds, at poses drawn like those stated, by Monte Carlo."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from calib.measurement.prediction import predict
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.statement.belief import believe
 from calib.uncertainty.statement.distance import distance_radius
@@ -61,3 +64,26 @@ def test_words_and_figures_of_a_robot():
     assert move.u_mean == point.u_mean
     assert move.u_move > np.sqrt(point.u_mean**2 + (20e-6) ** 2)
     assert "repeats" in move.move_sentence
+
+
+def test_held_out_poses_beyond_the_radius_too_often_for_chance_widen_it():
+    _, fit, train, held_out = campaign(np.random.default_rng(1), 15e-6)
+    belief = believe(fit, train, held_out)
+    more = {"target": np.zeros(3), "held_out": True}
+    plain = stated_point(belief, held_out.q, **more)
+    assert stated_point(belief, held_out.q, **more, measured=held_out) == plain
+    # three of twenty ten radii off: chance of so few within is .0755; five: .0026
+    away = np.array([10 * plain.radius_mean, 0.0, 0.0])
+    for count, grows in ((3, False), (5, True)):
+        far = np.where(np.arange(20)[:, None] < count, away, 0.0)
+        off = replace(held_out, position=held_out.position + far)
+        found = stated_point(belief, held_out.q, **more, measured=off)
+        assert (found.radius_mean > plain.radius_mean) == grows
+    missed = np.sort(np.linalg.norm(predict(belief.model, off).residual[:, :3], axis=1))
+    # all of twenty have to be within; noise is a small part of what they missed by
+    assert 0.5 * missed[-1] < found.radius_mean < missed[-1]
+    moves = stated_point(belief, held_out.q, **more, measured=off, repeatability=np.full(6, 4e-5))
+    one = stated_point(belief, held_out.q, **more, repeatability=np.full(6, 4e-5))
+    assert moves.radius_move / one.radius_move == pytest.approx(
+        moves.radius_mean / one.radius_mean, rel=1e-12
+    )
