@@ -15,7 +15,7 @@ from calib.uncertainty.discrepancy import discrepancy
 from calib.uncertainty.held_out import held_out
 from calib.uncertainty.judgement import Circumstances, judge
 from calib.uncertainty.statement.belief import believe
-from tests.reference import WEN24, pool_r, rigid_truth, tx60
+from tests.reference import SIGMA_POSITION, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
 
 
@@ -56,7 +56,9 @@ def test_noise_that_nothing_measured_tells_is_misfit_in_the_region_and_noise_in_
     assert again.belief.misfit.upper == plain.belief.misfit.upper
     assert again.belief.factor == plain.belief.factor
     # repeats tell the noise: then nothing of it is doubted
-    visits = joined([train, dataclasses.replace(train, repeat=train.repeat + 1)])
+    apart = np.sqrt(2) * SIGMA_POSITION * np.random.default_rng(6).normal(size=(29, 3))
+    again = dataclasses.replace(train, repeat=train.repeat + 1, position=train.position + apart)
+    visits = joined([train, again])
     told = Circumstances(visits=visits, doubted=half)
     repeated = judge(fit, test, train=train, circumstances=told)
     assert not repeated.belief.misfit.doubted
