@@ -17,8 +17,8 @@ SMALLEST, LARGEST = 0.03, 1e4
 """Sizes tried, in standard deviations of the noise per axis; zero as well."""
 MOST_NUMBERS = 4_000_000
 """In one array on the way: 32 MB."""
-MANY_ROWS, POOLS = 600, 120
-"""Rows above which those that share noise and misfit alike are pooled, and how many pools."""
+COSTLY, POOLS = 5e7, 120
+"""Products of columns above which rows that share noise and misfit alike are pooled; pools."""
 EPSILON = 1e-12
 """Part of the largest share below which no misfit shows in a row."""
 NODES = np.array([-3.0, 0.0, 3.0])
@@ -89,7 +89,7 @@ def likelihood(
     X = np.column_stack([A, both.y])
     of_both, highest = np.full((len(t), len(log_g)), -np.inf), -np.inf
     lam = unit**2 * rows.lam
-    pools = _Pools.of(X[:n], lam) if n > MANY_ROWS and lam.any() else None
+    pools = _Pools.of(X[:n], lam) if n * X.shape[1] ** 2 > COSTLY and lam.any() else None
     some = max(1, MOST_NUMBERS // X.shape[1] ** 2)
     for start in range(0, len(t), some):
         part = slice(start, start + some)
@@ -99,7 +99,7 @@ def likelihood(
         highest = max(highest, float(of_both[part].max()))
         if of_both[part].max(axis=1)[-1] < highest - HOPELESS:
             break  # larger ones are less likely still
-    of_both = np.maximum(of_both, highest - 2 * HOPELESS)  # no more is known of those left out
+    of_both[np.isneginf(of_both)] = highest - 2 * HOPELESS  # no more is known of these
     # size = t g: equal steps in both logarithms, so that every size meets every scale on the grid
     place = np.arange(count)[:, None] + 1 + 2 * reach - np.arange(len(log_g))
     of_size = np.concatenate([of_both[:1], of_both[place, np.arange(len(log_g))]])
