@@ -48,8 +48,9 @@ def checked(file: Path, robot: str | None) -> list[str]:
             )
         file = file / inside[0]
     if not is_there(file, Path.is_file):
-        raise refuse("FILE", str(file), code="S37", message="does not exist",
-                     fix="check the path", where=str(file))  # fmt: skip
+        message = "is not an ordinary file" if at.exists() else "does not exist"
+        fix = "check the path"
+        raise refuse("FILE", str(file), code="S37", message=message, fix=fix, where=str(file))
     if file.suffix.lower() in XML:
         return _robot(load_robot(file), "a robot description", str(file))
     if file.suffix.lower() == ".toml":

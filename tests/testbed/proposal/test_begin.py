@@ -138,6 +138,6 @@ def test_check_refuses_as_the_verb_would(tmp_path):
         assert (done.exit_code, done.stdout) == (2, ""), name
         assert told in done.stderr, done.stderr
     (tmp_path / "none").mkdir()
-    for words in ((tmp_path / "none",), (tmp_path / "nothing.csv",)):
-        done = call("check", *words)
+    for name in (tmp_path / "none", tmp_path / "nothing.csv", "/dev/null"):
+        done = call("check", name)
         assert (done.exit_code, done.stderr.count("\n")) == (2, 1)

@@ -3,6 +3,7 @@
 import re
 import tomllib
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from typer.testing import CliRunner
 from testbed.cli import app
 from testbed.files.probe import probe
 from testbed.files.read import read_session
+from tests.testbed import files
 from tests.testbed.files.made import ROBOT, columns, csv, made, poses_csv
 
 M = 40
@@ -187,6 +189,25 @@ def test_without_a_robot_units_are_by_size_and_that_is_said(kind, tmp_path):
     table = read_session(tmp_path / "session.toml", ROBOT).measurements
     np.testing.assert_allclose(table.q, data().q, rtol=0, atol=2e-11)
     np.testing.assert_allclose(table.position, points() / 1e3, rtol=0, atol=1e-9)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("series", ["Series_B", "Series_C", "Series_D"])
+def test_the_session_of_a_real_robot_is_the_one_written_by_hand(series, tmp_path):
+    """Landgraf et al. 2021: `;`, decimal commas, ROS names, targets and scatter beside them."""
+    here = Path(__file__).parents[3].parent / "shared" / "data" / "ipa_ur10" / series
+    if not here.is_dir():
+        pytest.skip("the UR10 measurements are not part of this repository")
+    (file,) = here.glob("measurements*.csv")
+    (tmp_path / "a.csv").write_bytes(file.read_bytes())
+    said, text = proposed(tmp_path, [tmp_path / "a.csv"], "--robot", "universal_ur10")
+    mine = tomllib.loads(text)
+    by_hand = tomllib.loads((Path(files.__file__).parent / "ur10.toml").read_text())
+    assert mine["joints"]["columns"] == by_hand["joints"]["columns"]
+    assert mine["frames"]["columns"] == by_hand["frames"]["columns"]
+    assert mine["frames"]["euler"] == by_hand["frames"]["euler"]
+    assert '"Goal x", "Goal y", "Goal z"' in text
+    assert "too little" not in said
 
 
 def refused(tmp_path, *words):
