@@ -182,8 +182,9 @@ def state(
 def in_time(bench: Laboratory, first: Measurements, kept: Index) -> tuple[Index, Index]:
     """Place in time of the rows of the first visit, and of those kept (n,) of the held-out one.
 
-    Both visits see their poses in a random order; the held-out one begins when the first visit of
-    the largest trial has ended.
+    Both visits see their poses in the order in which they were drawn, a random one (a greedy set in
+    that of being chosen, which raises no more false alarms: 3 % of 180 campaigns below .05); the
+    held-out one begins when the first visit of the largest trial has ended.
     """
     scenario = bench.scenario
     begin = max(trial.poses for trial in scenario.trial) * rounds_per_visit(scenario)

@@ -7,6 +7,7 @@ from scipy.stats import binom, chi2, ncx2
 from calib.errors import InputError
 from calib.uncertainty.statement.distance import (
     content,
+    density,
     distance_radius,
     least_content,
     probability_within,
@@ -85,6 +86,13 @@ def test_what_a_multiple_of_u_holds_at_least_is_that_of_the_worst_shape(factor):
     least = least_content(factor)
     # 400 shapes come within 1 % of the extreme one; the nodes promise 1e-7
     assert least - 1e-7 <= held.min() <= least + 0.01
+
+
+def test_the_density_is_the_slope_of_the_content():
+    length, step = np.array([0.3, 1.0, 4.0]), 1e-5
+    slope = (content(1.5 + step, length) - content(1.5 - step, length)) / (2 * step)
+    # differences of numbers below one, by 2e-5: 1e-11; curvature times step squared: 1e-10
+    np.testing.assert_allclose(density(1.5, length), slope, atol=1e-9)
 
 
 def test_the_radius_over_several_points_holds_the_share_it_says():
