@@ -76,8 +76,12 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
         M35: no file has readings, or heads that do not go together.
     """
     proposed = _proposed(looks, robot, root)
-    read = {(each["file"], each.get("sheet")) for each in proposed.document.values()
-            if isinstance(each, dict) and "file" in each}  # fmt: skip
+    read = {
+        (name, each.get("sheet"))
+        for each in proposed.document.values()
+        if isinstance(each, dict)
+        for name in (each.get("file"), *each.get("files", ()))
+    }
     left = [one for one in looks if (one.name, one.sheet) not in read]
     notes = tuple(f"files: {one.called} is not used" for one in left)
     return replace(proposed, assumed=(*proposed.assumed, *notes))
@@ -181,7 +185,9 @@ def _drafts(looks: tuple[Found, ...], n: int) -> Iterator[Draft]:
         message = f"has no line that names its columns, but {heads[0].name} has"
         raise refusal(str(bare[0].path), "file", message, fix="name the columns of both")
     joints: list[Part | None] = [part for look in looks for part in joint_parts(look, n)]
-    seen = [part for look in looks for part in seen_parts(look, n)]
+    groups = _stations(looks)
+    seen = [part for group in groups for part in seen_parts(group[0], n)]
+    files = {id(group[0]): group for group in groups}
     taken: set[str] = set()
     for one, two in product(joints or [None], seen):
         # both in one file without a head must be parts of one layout, and of two files none
@@ -193,13 +199,24 @@ def _drafts(looks: tuple[Found, ...], n: int) -> Iterator[Draft]:
             continue
         if one is not None and one[0] is two[0] and one[3] != two[3]:
             continue
-        for draft in _matched(one, two, n):
+        for draft in _matched(one, two, n, files[id(two[0])]):
             if (key := repr(draft.document)) not in taken:
                 taken.add(key)
                 yield draft
 
 
-def _matched(joints: Part | None, seen: Part, n: int) -> Iterator[Draft]:
+def _stations(looks: tuple[Found, ...]) -> list[tuple[Found, ...]]:
+    """Tables of one kind whose rows have names are of one robot from several stations."""
+    alike: dict[object, list[Found]] = {}
+    for look in looks:
+        many = look.kind == "table" and look.sheet is None and look.has("pose_id")
+        alike.setdefault(look.head if many else id(look), []).append(look)
+    return [tuple(group) for group in alike.values()]
+
+
+def _matched(
+    joints: Part | None, seen: Part, n: int, stations: tuple[Found, ...]
+) -> Iterator[Draft]:
     """Sessions of joints and readings, by each way that may match them."""
     look, keys, notes, _ = seen
     keys = dict(keys)
@@ -211,6 +228,10 @@ def _matched(joints: Part | None, seen: Part, n: int) -> Iterator[Draft]:
         document["joints"] = {**_where(joints[0]), **joints[1]}
         said = [*joints[2], *notes]
         ways = ("",) if joints[0] is look else _ways(joints[0], look)
+    if len(stations) > 1:
+        document[section] = {"files": [one.name for one in stations], **keys}
+        said.append("stations: each file is one, and the frame of the first is the world")
+        ways = ("pose_id",)
     if look.kind == "bare":
         document["dialect"] = {"header": False}
     stated, more = _uncertainty(look, section)

@@ -41,11 +41,10 @@ def session_text(
 def _unused(section: str, document: Document, looks: Sequence[Found]) -> list[str]:
     """A comment on the columns of a section's file that nothing reads, once for each file."""
     table = document.get(section)
-    if not isinstance(table, dict) or "file" not in table:
+    if not isinstance(table, dict) or (place := _place(table)) is None:
         return []
-    place = (table["file"], table.get("sheet"))
-    sections = [each for each in document.values() if isinstance(each, dict) and "file" in each]
-    mine = [each for each in sections if (each["file"], each.get("sheet")) == place]
+    sections = [each for each in document.values() if isinstance(each, dict)]
+    mine = [each for each in sections if _place(each) == place]
     if table is not mine[0]:
         return []
     read = {own for each in mine for own in each.get("columns", {}).values()}
@@ -54,3 +53,9 @@ def _unused(section: str, document: Document, looks: Sequence[Found]) -> list[st
         return []
     left = [name for name in look.head if name not in read and not is_known(name)]
     return [f"# not used: {', '.join(map(toml_value, left))}"] if left else []
+
+
+def _place(table: Document) -> tuple[str, str | None] | None:
+    """The first file of a table, and its sheet; None if it names none."""
+    names = (*table.get("files", ()), *([table["file"]] if "file" in table else []))
+    return (names[0], table.get("sheet")) if names else None

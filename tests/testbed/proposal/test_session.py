@@ -256,6 +256,27 @@ def test_another_robot_fits_no_reading_and_a_missed_shot_still_shows_it(tmp_path
     assert re.search(r"alone leave [01]\.\d+ mm", said)
 
 
+def test_files_of_one_kind_are_stations(tmp_path):
+    """The second one sees another frame, and not every pose."""
+    named = {"Pose": np.arange(M)}
+    turned = points() @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + [100.0, 200.0, 300.0]
+    rows = slice(5, None)
+    two = {"Pose": named["Pose"][rows]} | places("X", "Y", "Z", values=turned[rows])
+    files = write(
+        tmp_path,
+        joints__csv=csv(named | joints(*(f"J{k}" for k in range(1, 7)))),
+        one__csv=csv(named | places("X", "Y", "Z")),
+        two__csv=csv(two),
+    )
+    said, text = proposed(tmp_path, files, "--robot", "staubli_tx60")
+    assert tomllib.loads(text)["points"]["files"] == ["one.csv", "two.csv"]
+    assert "assumed  stations: each file is one" in said
+    assert "is not used" not in said
+    session = read_session(tmp_path / "session.toml", ROBOT)
+    assert session.station_names == ("1", "2")
+    assert len(session.measurements) == 2 * M - 5
+
+
 def test_a_file_that_is_left_aside_is_named(tmp_path):
     files = [*semicolons(tmp_path), *write(tmp_path, b__csv="time,note\n1,a\n")]
     said, text = proposed(tmp_path, files)
