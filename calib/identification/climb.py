@@ -32,9 +32,10 @@ class ClimbStep:
     level: str
     gain: float
     """Log evidence against the model before it."""
-    before: float
-    """Mean miss at training poses left out in turn, by the model before it [m]."""
-    after: float
+    before: FloatOrNan
+    """Mean miss at training poses left out in turn, by the model before it; nan where poses are too
+    few to leave any out [m]."""
+    after: FloatOrNan
     """The same with the level [m]."""
     taken: bool
     """Whether the poses left out confirm it: not worse by more than one standard error."""

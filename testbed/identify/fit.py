@@ -68,7 +68,8 @@ def fit(
     )
     climbed = found.climb
     choice = Choice(
-        found.chosen, model, found.log_evidence, frozen([climbed.before, climbed.after]),
+        found.chosen, model, found.log_evidence,
+        frozen([climbed.before, climbed.after] if climbed.confirmed else []),
         found.sentence, climbed.steps, climbed.offered,
     )  # fmt: skip
     if best_offer(climbed) is None:

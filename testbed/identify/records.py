@@ -118,7 +118,7 @@ class Choice:
     model was looked at."""
     confirmation: Array
     """(2,) mean miss of geometry alone and of the levels chosen, at training poses left out in turn
-    [m]; empty where nothing was chosen, nan where poses were too few."""
+    [m]; empty where nothing was chosen, or poses were too few."""
     sentence: str
     steps: tuple[ClimbStep, ...]
     """How the choice went, level by level."""

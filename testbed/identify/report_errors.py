@@ -7,7 +7,8 @@ from testbed.identify import plots
 from testbed.identify.records import Calibration
 from testbed.identify.results import map_of
 from testbed.identify.words import mm
-from testbed.report.page import Block, Figure, Points, Section, Table, Text
+from testbed.report.choice import choice_tables
+from testbed.report.page import Block, Figure, Points, Section, Text
 from testbed.units import counted, sentences, significant
 
 
@@ -34,42 +35,7 @@ def joint_section(calibration: Calibration) -> Section | None:
         ),
         Points(sentences([choice.sentence])),
     ]
-    if choice.offered:
-        rows = tuple(
-            (offer.ladder, offer.level, _odds(offer.gain), offer.outcome)
-            for offer in choice.offered
-        )
-        blocks.append(
-            Table(
-                caption="What was offered, and what became of it",
-                head=("cause", "level", "log evidence", "outcome"),
-                rows=rows,
-                align="llrl",
-                note="log evidence: natural logarithm of the odds that the training rows give this "
-                "level alone against geometry alone; asked for above 3.0, odds of 20 to 1.",
-            )
-        )
-    if choice.steps:
-        steps = tuple(
-            (
-                step.level,
-                _odds(step.gain),
-                "–" if np.isnan(step.before) else mm(step.before),
-                "–" if np.isnan(step.after) else mm(step.after),
-                "taken" if step.taken else "refused",
-            )
-            for step in choice.steps
-        )
-        blocks.append(
-            Table(
-                caption="How the choice went",
-                head=("level", "log evidence gained", "before [mm]", "after [mm]", "outcome"),
-                rows=steps,
-                align="lrrrl",
-                note="before, after: mean miss at training poses left out in turn; a level is "
-                "refused where they are missed by more than before, by a standard error.",
-            )
-        )
+    blocks += choice_tables(choice.offered, choice.steps)
     if found is not None and choice.chosen == "extended":
         blocks.append(
             Figure(
@@ -79,11 +45,6 @@ def joint_section(calibration: Calibration) -> Section | None:
             )
         )
     return Section("joints", "Joint errors", tuple(blocks))
-
-
-def _odds(gain: float) -> str:
-    """A log evidence, or a dash where nothing was asked."""
-    return "–" if np.isnan(gain) else f"{gain:+.1f}".replace("-", "−")
 
 
 def residual_section(calibration: Calibration) -> Section:

@@ -6,6 +6,7 @@ import numpy as np
 
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from calib.identification.climb import Climb, ClimbStep, Offer
 from calib.identification.identify import Identification, Mode, identify
 from calib.identification.joint_models import with_joint_terms
 from calib.identification.ladders import Ladder, Level, ladders_of
@@ -35,6 +36,10 @@ class Estimator:
     """Which model it fits and why, in words."""
     log_evidence: float = field(default=float("nan"))
     """Log odds of the extended model; nan where the evidence was not asked."""
+    offered: tuple[Offer, ...] = ()
+    """Joint errors that were offered, and what became of them."""
+    steps: tuple[ClimbStep, ...] = ()
+    """How the choice went."""
 
     @property
     def extended(self) -> bool:
@@ -65,6 +70,7 @@ def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Esti
     settings = bench.scenario.identification
     given = None if settings.prior is None else scenario_prior(settings.prior, free)
     why, evidence = "geometric: as the scenario says", float("nan")
+    climbed: Climb | None = None
     extended = settings.model == "extended"
     if extended:
         why = "extended: as the scenario says"
@@ -78,14 +84,15 @@ def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Esti
             ladders=scenario_ladders(own, nominal),
             loss=settings.loss,
         )
-        why, evidence = choice.sentence, choice.log_evidence
+        why, evidence, climbed = choice.sentence, choice.log_evidence, choice.climb
         if choice.chosen == "extended":
             found = choice.identification
             nominal, free, given = choice.starts[1], found.parameters, found.prior
     if extended:
         nominal, free, _ = with_joint_terms(nominal, free)
         given = scenario_prior(settings.prior or WEAK, free)
-    return Estimator(mode, nominal, free, given, settings.loss, why, evidence)
+    asked = ((), ()) if climbed is None else (climbed.offered, climbed.steps)
+    return Estimator(mode, nominal, free, given, settings.loss, why, evidence, *asked)
 
 
 def scenario_prior(settings: PriorSettings, parameters: Parameters) -> Prior:

@@ -17,6 +17,8 @@ from calib.identification.outlier_search import noise_factor
 from calib.identification.prior import weak_prior
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.fit import fit
+from testbed.identify.records import Choice
+from testbed.store.codec import pack, unpack
 from tests.calibrated import real, robot, session_of, table_of, true_model
 from tests.reference import pool_r
 
@@ -54,6 +56,12 @@ def test_without_poses_enough_to_confirm_geometry_it_is():
     assert choice.log_evidence > ASKED
     assert choice.chosen == "geometric"
     assert "fewer than 20 poses cannot confirm" in choice.sentence
+    # what nobody left out is no number, and a record says so
+    assert len(choice.confirmation) == 0
+    assert np.isnan(choice.steps[0].before)
+    again = unpack(Choice, pack(choice))
+    assert np.isnan(again.steps[0].after)
+    assert again.offered == choice.offered
 
 
 def test_gravity_is_judged_where_the_arm_stands_not_in_the_trackers_frame():

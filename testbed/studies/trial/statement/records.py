@@ -5,6 +5,7 @@ from math import isnan
 from typing import Annotated
 
 from calib.arrays import Array, Bool, FloatOrNan, Index
+from calib.identification.climb import ClimbStep, Offer
 from calib.identification.lack_of_fit import LackOfFit
 from calib.measurement.observations import Measurements
 from calib.uncertainty.conformal import Conformal
@@ -72,6 +73,10 @@ class Statement:
     """Which model and why, in words."""
     log_evidence: FloatOrNan
     """Log odds of the extended model; nan where the evidence was not asked."""
+    offered: tuple[Offer, ...]
+    """Joint errors that were offered to the model, and what became of them."""
+    steps: tuple[ClimbStep, ...]
+    """How the choice went, level by level."""
     outliers: tuple[str, ...]
     """Shots of the calibration that do not fit the others, by name of the pose."""
     outlier_poses: Index

@@ -6,6 +6,7 @@ import numpy as np
 
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.questions import LEVEL as QUESTION_LEVEL
+from testbed.report.choice import choice_tables
 from testbed.report.glossary import GLOSSARY
 from testbed.report.page import Block, Figure, Points, Section, Table, Text
 from testbed.studies.trial import plots, plots_uncertainty
@@ -65,8 +66,10 @@ def statement_section(campaign: Campaign) -> Section | None:
     shown = statements[: plots.MOST_PANELS]
     blocks: list[Block] = [statement_table(campaign, statements)]
     for k, (trial, statement) in enumerate(shown):
-        why = statement.why.partition(": ")[2]
-        blocks.append(Text(f"{trial.name}, {statement.model} model: {why}."))
+        name, _, why = statement.why.partition(": ")
+        levels = name.removeprefix(statement.model)
+        blocks.append(Text(f"{trial.name}, {statement.model} model{levels}: {why}."))
+        blocks += choice_tables(statement.offered, statement.steps)
         blocks.append(Points(reasons(statement, brief=k > 0)))
     blocks += [tests_table(shown), budget_table(shown)]
     blocks.append(

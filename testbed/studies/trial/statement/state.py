@@ -131,6 +131,8 @@ def state(
         model="extended" if estimator.extended else "geometric",
         why=estimator.why,
         log_evidence=estimator.log_evidence,
+        offered=estimator.offered,
+        steps=estimator.steps,
         outliers=misfits,
         outlier_poses=first.pose_id[outliers],
         set_aside=set_aside,

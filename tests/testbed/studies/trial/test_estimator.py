@@ -112,6 +112,8 @@ def test_the_model_is_chosen_by_what_the_robot_needs_and_the_result_says_why():
     assert climbed.why.startswith(
         "extended by sag and small waves: the measurements ask for it (log"
     )
+    assert {o.level for o in climbed.offered if o.outcome == "taken"} == {"sag", "small waves"}
+    assert [step.taken for step in climbed.steps] == [True, True]
     rigid = bench("rigid", model="choose")
     stayed = estimator_for(rigid, "whitened", seen(rigid))
     assert not stayed.extended
