@@ -13,13 +13,12 @@ from testbed.studies import load_scenario
 
 DWELLS_S = (0.0, 0.1, 0.3, 0.5, 1.0)
 AT_REST_S = 8.0
-ARMS = {
+ARMS = {  # at an arm's usual speed, and as slowly as in Wen et al. 2022
     "fast": {"speed_deg_s": 120.0, "approach_deg": 20.0},
     "at 62.5 mm/s": {"speed_mm_s": 62.5, "approach_deg": 5.0},
 }
-"""How they come: at an arm's usual speed, and as slowly as in Wen et al. 2022."""
 KINDS = ((0.05, 1.0), (0.02, 0.3), (0.02, 0.0))
-"""Damping, as a share of the critical one, and friction, as a share of 1 % of the rated torque."""
+"""Shares: damping of the critical one, friction of 1 % of the rated torque."""
 
 
 def of_kind(truth: TruthSettings, share: float, rng: np.random.Generator) -> TruthSettings:
@@ -36,8 +35,7 @@ def of_kind(truth: TruthSettings, share: float, rng: np.random.Generator) -> Tru
 def waited(how: str, damping: float, friction: float, *, robots: int, poses: int) -> np.ndarray:
     """Distance (robots, dwells + 1, poses) [um] of the tool from where it will come to rest.
 
-    The last row is how far the same poses end apart when they are approached from the other side,
-    which no wait takes away.
+    Last, from where it rests when it comes from the other side: no wait takes that away.
     """
     robot = load_robot("staubli_tx60")
     changes = {"truth": {"preset": "moving", "damping": damping, **ARMS[how]}}

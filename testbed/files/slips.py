@@ -222,16 +222,8 @@ def _settled(
 def _aligned(cost: Array, shifts: Index, n: int) -> tuple[float, Index]:
     """What the cheapest way through m readings and n poses costs, and each reading's shift in it.
 
-    The shift (m,) is a place among `shifts`; -1 where the reading is left alone.
-
-    Parameters
-    ----------
-    cost : (m, s) array
-        Of each reading at each shift.
-    shifts : (s,) array of int
-        One after the other.
-    n : int
-        Poses.
+    The shift (m,) is a place among `shifts`, (s,) whole numbers one after the other; -1 where the
+    reading is left alone. `cost` (m, s) is of each reading at each shift.
     """
     m, price, places = len(cost), ALONE * shifts, np.arange(len(shifts))
     total = np.where(shifts >= 0, price, np.inf)
