@@ -6,16 +6,22 @@ less than one fit of the model that it finds.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import chdtri
 
 from calib.arrays import Array, FloatOrNan, Index
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.ladders import Ladder, Level
-from calib.identification.normal_equations import NormalEquations, normal_equations
+from calib.identification.normal_equations import (
+    MOST_TURNS,
+    SETTLED,
+    NormalEquations,
+    normal_equations,
+)
 from calib.identification.prior import Prior
 from calib.identification.robust import Loss, loss_weights
 from calib.measurement.observations import Measurements
@@ -50,7 +56,7 @@ class Offer:
     gain: FloatOrNan
     """Log evidence against geometry alone, without any other level; nan where it is not offered."""
     outcome: str
-    """taken, replaced, refused, asked for, not asked for, or not offered and why."""
+    """taken, replaced, refused, asked for, not needed, not asked for, or not offered and why."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,8 +72,10 @@ class Climb:
     """Log evidence of the levels reached against geometry alone."""
     noise_factor: float
     """Noise that the richest model leaves, in units of the stated one, one or more."""
+    poses: int
+    """So many were asked."""
     before: float
-    """Mean miss at training poses left out in turn, by geometry alone [m]."""
+    """Mean miss at these poses, left out in turn, by geometry alone [m]."""
     after: float
     """The same by the model reached [m]."""
 
@@ -144,9 +152,22 @@ def climb(
     richest = tuple(ladder.levels[-1] for ladder in ladders)
     system = system.at_noise_of(*_asked(richest))
     if loss != "squared":
-        system = system.weighed(loss_weights(system.sizes(*_asked(richest)), loss))
-        system = system.at_noise_of(*_asked(richest))
-    return _climbed(system, ladders, part)
+        system = _calmed(system, richest, loss)
+    pose = np.unique(measurements.together, return_inverse=True)[1].ravel()
+    return _climbed(system, ladders, part, pose)
+
+
+def _calmed(plain: NormalEquations, levels: Sequence[Level], loss: Loss) -> NormalEquations:
+    """The rows weighed by how the richest model fits them, at the noise of the typical one."""
+    typical = np.sqrt(chdtri(plain.equations, 0.5) / plain.equations)
+    system, scale = replace(plain, scale=1.0), np.inf
+    for _ in range(MOST_TURNS):
+        size = plain.sizes_after(_asked(levels)[0], system.solved(*_asked(levels)).step)
+        last, scale = scale, max(1.0, float(np.median(size / typical)))
+        system = replace(plain.weighed(loss_weights(size / scale, loss)), scale=scale)
+        if abs(scale / last - 1) < SETTLED:
+            break
+    return system
 
 
 def _asked(levels: Sequence[Level]) -> tuple[tuple[str, ...], Array]:
@@ -155,8 +176,11 @@ def _asked(levels: Sequence[Level]) -> tuple[tuple[str, ...], Array]:
     return names, np.concatenate([level.sd for level in levels])
 
 
-def _climbed(system: NormalEquations, ladders: Sequence[Ladder], part: Index | None) -> Climb:
-    """The climb over levels of a linear system."""
+def _climbed(
+    system: NormalEquations, ladders: Sequence[Ladder], part: Index | None, pose: Index
+) -> Climb:
+    """The climb over levels of a linear system; misses are means of poses (m,) of rows."""
+    count = np.bincount(pose)
     held_out = [] if part is None else [part == k for k in np.unique(part)]
     rests = [system.without(rows) for rows in held_out]
 
@@ -168,7 +192,7 @@ def _climbed(system: NormalEquations, ladders: Sequence[Ladder], part: Index | N
         missed = np.full(len(system.r), np.nan)
         for rest, rows in zip(rests, held_out, strict=True):
             missed[rows] = system.misses(names, rest.solved(names, sd).step, rows)
-        return missed
+        return np.asarray(np.bincount(pose, missed) / count)
 
     here = tuple(ladder.levels[0] for ladder in ladders)
     bottom = evidence = evidence_of(here)
@@ -203,16 +227,22 @@ def _climbed(system: NormalEquations, ladders: Sequence[Ladder], part: Index | N
     offered = tuple(
         offer
         for k, ladder in enumerate(ladders)
-        for offer in _offers(ladder, here[k], steps, lambda level: evidence_of([level]) - bottom)
+        for offer in _offers(
+            ladder, here[k], steps, lambda level: evidence_of([level]) - bottom, part is not None
+        )
     )
     return Climb(
-        here, tuple(steps), offered, evidence - bottom, system.scale,
+        here, tuple(steps), offered, evidence - bottom, system.scale, len(count),
         float(lowest.mean()), float(before.mean()),
     )  # fmt: skip
 
 
 def _offers(
-    ladder: Ladder, reached: Level, steps: Sequence[ClimbStep], gain: Callable[[Level], float]
+    ladder: Ladder,
+    reached: Level,
+    steps: Sequence[ClimbStep],
+    gain: Callable[[Level], float],
+    confirmed: bool,
 ) -> Iterator[Offer]:
     """What became of each level of a ladder."""
     if ladder.why_not:
@@ -224,9 +254,10 @@ def _offers(
         if level is reached:
             outcome = "taken"
         elif level.name in tried:
-            outcome = "replaced" if tried[level.name] else "refused by the poses left out"
+            refused = "refused by the poses left out" if confirmed else "too few poses to confirm"
+            outcome = "replaced" if tried[level.name] else refused
         elif reached.terms and gained > ASKED:
-            outcome = f"less than {reached.name}"
+            outcome = f"not needed beside {reached.name}"
         yield Offer(ladder.name, level.name, gained, outcome)
 
 

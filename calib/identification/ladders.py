@@ -127,7 +127,12 @@ def _waves(nominal: RobotModel, sizes: tuple[float, float]) -> Ladder:
         level("joint map with small waves", SMALL, beyond, MAP),
         level("joint map", 1.0, beyond, MAP),
     )
-    return Ladder("waves", (NOTHING, *(each for each in wider if each.terms)))
+    known: list[Level] = []
+    for each in wider:
+        alike = any(each.terms == one.terms and np.array_equal(each.sd, one.sd) for one in known)
+        if each.terms and not alike:
+            known.append(each)
+    return Ladder("waves", (NOTHING, *known))
 
 
 def order_of(term: JointTerm) -> int:

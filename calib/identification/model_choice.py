@@ -5,12 +5,12 @@ in turn. Held-out poses have no say in it: they would no longer be a test.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from calib.arrays import Index
+from calib.arrays import Index, frozen
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
@@ -109,15 +109,15 @@ def choose(
     prior = weak_prior(parameters) if prior is None else prior
     ladders = ladders_of(nominal, mounted) if ladders is None else ladders
     rng = np.random.default_rng(0) if rng is None else rng
-    pose = pose_groups(measurements)
-    asked = some_poses(measurements, pose, rng)
+    asked = some_poses(measurements, rng)
     geometric = identify(nominal, measurements, parameters, prior=prior, loss=loss, report=report)
     found = climb(
         nominal, geometric.model, asked, parameters, ladders,
-        parts_of(pose_groups(asked), rng), prior=prior, loss=loss,
+        parts_of(asked, rng), prior=prior, loss=loss,
     )  # fmt: skip
     levels = found.taken or tuple(
-        level for ladder in ladders for level in ladder.levels if level.usual
+        next((level for level in ladder.levels if level.usual), ladder.levels[-1])
+        for ladder in ladders
     )
     wide, extended = extended_by(
         nominal, measurements, parameters, levels,
@@ -164,8 +164,34 @@ def extended_by(
     wide = with_terms(nominal, terms)
     table = extended_parameters(nominal, wide, parameters) if terms else parameters
     belief = prior.joined(prior_of(levels)) if terms else prior
-    tighter = Prior.of_precision(belief.mean, belief.precision * factor**2, belief.names)
-    return wide, identify(wide, measurements, table, prior=tighter, loss=loss, report=report)
+    return wide, under_noise(wide, measurements, table, belief, factor, loss=loss, report=report)
+
+
+def under_noise(
+    nominal: RobotModel,
+    measurements: Measurements,
+    parameters: Parameters,
+    prior: Prior,
+    factor: float,
+    *,
+    loss: Loss = "squared",
+    report: Callable[[int, float], None] | None = None,
+) -> Identification:
+    """Identify where there is `factor` times the stated noise, under a prior as it is believed.
+
+    The fit weighs the prior against that noise; its covariance, of the stated noise, leaves to the
+    prior the width that it has.
+
+    References
+    ----------
+    inv(H)(A'A + factor^4 Lambda0)inv(H), H = A'A + factor^2 Lambda0.
+    """
+    tighter = Prior.of_precision(prior.mean, prior.precision * factor**2, prior.names)
+    found = identify(nominal, measurements, parameters, prior=tighter, loss=loss, report=report)
+    at = [found.names.index(name) for name in tighter.names]
+    wider = found.covariance[:, at] @ tighter.precision @ found.covariance[at]
+    covariance = found.covariance + (factor**2 - 1) * (wider + wider.T) / 2
+    return replace(found, covariance=frozen(covariance))
 
 
 def sentence_of(found: Climb) -> str:
@@ -174,12 +200,12 @@ def sentence_of(found: Climb) -> str:
         names = " and ".join(level.name for level in found.taken)
         text = f"extended by {names}: the measurements ask for it (log evidence {found.gain:+.1f})"
         if found.confirmed:
-            text += f", and {_misses(found.before, found.after)} with it"
+            text += f", and {_misses(found, found.before, found.after)} with it"
         return text
     if refused := [step for step in found.steps if not step.taken]:
         step = refused[0]
         why = (
-            f"but {_misses(step.before, step.after)} with it"
+            f"but {_misses(found, step.before, step.after)} with it"
             if found.confirmed
             else f"but fewer than {FOLDS * FEWEST_TO_CONFIRM} poses cannot confirm any"
         )
@@ -202,30 +228,27 @@ def best_offer(found: Climb) -> Offer | None:
     return max(offers, key=lambda offer: offer.gain, default=None)
 
 
-def _misses(before: float, after: float) -> str:
+def _misses(found: Climb, before: float, after: float) -> str:
     return (
-        "at training poses left out in turn the mean miss goes from "
+        f"at {found.poses} training poses, left out in turn, the mean miss goes from "
         f"{1e3 * before:.4f} mm to {1e3 * after:.4f} mm"
     )
 
 
-def pose_groups(measurements: Measurements) -> Index:
-    """Number (m,) of the pose of each row, by its joints."""
-    return np.asarray(np.unique(measurements.q, axis=0, return_inverse=True)[1]).ravel()
-
-
 def some_poses(
-    measurements: Measurements, pose: Index, rng: np.random.Generator, most: int = MANY
+    measurements: Measurements, rng: np.random.Generator, most: int = MANY
 ) -> Measurements:
     """The rows of at most so many poses, drawn at random."""
-    count = int(pose.max()) + 1
-    if count <= most:
+    pose = measurements.together
+    poses = np.unique(pose)
+    if len(poses) <= most:
         return measurements
-    return measurements.rows(np.isin(pose, rng.permutation(count)[:most]))
+    return measurements.rows(np.isin(pose, rng.permutation(poses)[:most]))
 
 
-def parts_of(pose: Index, rng: np.random.Generator) -> Index | None:
+def parts_of(measurements: Measurements, rng: np.random.Generator) -> Index | None:
     """Part (m,) in which each row is left out; None with too few poses to confirm anything."""
+    pose = np.unique(measurements.together, return_inverse=True)[1].ravel()
     count = int(pose.max()) + 1
     if count < FOLDS * FEWEST_TO_CONFIRM:
         return None
@@ -251,5 +274,4 @@ def identify_extended(
     factor = noise_factor(result.model, measurements)
     if factor <= HONEST:
         return result
-    tighter = Prior(terms.mean, terms.sd / factor, terms.names)
-    return identify(wide, measurements, table, prior=tighter, loss=loss)
+    return under_noise(wide, measurements, table, terms, factor, loss=loss)

@@ -120,10 +120,10 @@ class NormalEquations:
                 break
         return replace(self, scale=scale)
 
-    def sizes(self, terms: Sequence[str], sd: Array) -> Array:
-        """Root mean square (m,) of each observation's rows after a model, in noises."""
-        left = self.r - self.A[:, :, self.columns(terms)] @ self.solved(terms, sd).step
-        return np.asarray(np.sqrt((left**2).sum(axis=1) / self.equations) / self.scale)
+    def sizes_after(self, terms: Sequence[str], step: Array) -> Array:
+        """Root mean square (m,) of each observation's rows after a step, in stated noises."""
+        left = self.r - self.A[:, :, self.columns(terms)] @ step
+        return np.asarray(np.sqrt((left**2).sum(axis=1) / self.equations))
 
     def misses(self, terms: Sequence[str], step: Array, rows: Bool) -> Array:
         """What a step leaves of position or distance in some rows (m,) [m]."""

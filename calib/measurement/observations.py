@@ -158,12 +158,17 @@ class Measurements:
         index = np.asarray(which) if len(which) else np.zeros(0, dtype=np.int64)
         return replace(self, **{name: getattr(self, name)[index] for name in self.__slots__})
 
+    @property
+    def together(self) -> Index:
+        """Number (m,) of what each row belongs to: rows at the same joints, or of one `pose_id`."""
+        return _united(first_met(self.q), first_met(self.pose_id[:, None]))
+
     def split(self, *, held_out: int = 20, seed: int = 0) -> tuple["Measurements", "Measurements"]:
         """Rows to identify from, and the rows of `held_out` poses drawn at random.
 
         Rows at the same joints, or of the same `pose_id`, stay together.
         """
-        pose = _united(first_met(self.q), first_met(self.pose_id[:, None]))
+        pose = self.together
         several = np.unique(pose)
         if not 0 < held_out < len(several):
             allowed = f"1 to {len(several) - 1}, of {len(several)} poses"

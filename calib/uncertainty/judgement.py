@@ -223,7 +223,9 @@ def _stated(
         belief, where.q[np.unique(where.pose_id, return_index=True)[1]],
         target=np.asarray(known.target, float), held_out=held, repeatability=sd,
         told_by=known.told_by,
-        measured=first_of_pose(quiet.test) if held and belief.n_guards else None,
+        measured=quiet.test.rows(~quiet.test.is_distance)
+        if held and belief.n_guards
+        else None,
     )  # fmt: skip
 
 

@@ -206,6 +206,8 @@ class IdentificationTable(Strict):
     """[identification]: what is to be identified."""
 
     model: Literal["geometric", "extended", "choose"] = "choose"
+    """Geometry alone, with sag and two waves a turn, or what the training rows choose, up to a map
+    of every joint."""
     free: str | tuple[str, ...] = "identifiable"
     """"identifiable", a free set of the robot, or names of numbers."""
     base: Literal["free", "fixed"] = "free"

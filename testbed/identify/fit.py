@@ -18,6 +18,7 @@ from calib.measurement.accuracy import error_statistics
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.measurement.residual import linearize
+from testbed.identify.frames import is_frame
 from testbed.identify.records import Choice, Figures, FittedModel, ModelName, RowErrors
 from testbed.streams import stream
 
@@ -45,9 +46,8 @@ def fit(
     joint errors has the weak prior on its terms; a chosen one on its links, too. `plain` is the
     geometric one, if it is there already; `mounted` the arm as it stands, see `extended_model`.
     """
-    wide = extended_model(start, mounted)
-    if model == "extended":
-        extended_parameters(start, wide, parameters)  # refuses a robot without a term to add
+    if model == "extended":  # refuses a robot without a term to add
+        extended_parameters(start, extended_model(start, mounted), parameters)
     geometric = plain or identify(start, train, parameters, loss=loss)
     first: Fitted = ("geometric", start, geometric)
     if model == "geometric":
@@ -55,7 +55,7 @@ def fit(
     if model == "extended":
         extended = identify_extended(start, train, parameters, loss=loss, mounted=mounted)
         choice = _unasked("extended", model, "extended, as asked for")
-        return (first, ("extended", wide, extended)), choice
+        return (first, ("extended", extended_model(start, mounted), extended)), choice
     found = choose(
         start,
         train,
@@ -92,14 +92,14 @@ def checked_model(model: str) -> str:
 
 
 def _links(parameters: Parameters) -> list[str]:
-    """Names of the free numbers of the links."""
-    return [name for name in parameters.free_names if "." not in name]
+    """Names of the free numbers that are no frames."""
+    return [name for name in parameters.free_names if not is_frame(name)]
 
 
 def _wide_prior(parameters: Parameters) -> Prior:
     """The weak prior, wide for frames: their start knows nothing of the links' true lengths."""
     prior = weak_prior(parameters)
-    frames = np.array(["." in name for name in prior.names])
+    frames = np.array([is_frame(name) for name in prior.names])
     return Prior(prior.mean, np.where(frames, WIDE * prior.sd, prior.sd), prior.names)
 
 

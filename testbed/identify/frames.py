@@ -64,7 +64,7 @@ def frames_of(robot: Robot, session: Session, train: Measurements) -> StartFrame
 
 def fitted_frames(start: RobotModel, train: Measurements, parameters: Parameters) -> RobotModel:
     """The model with base, tool and fixtures fitted as far as they are free; links as they were."""
-    frames = [name for name in parameters.free_names if "." in name and _is_frame(name)]
+    frames = [name for name in parameters.free_names if "." in name and is_frame(name)]
     return identify(start, train, parameters.freeing(frames)).model if frames else start
 
 
@@ -95,7 +95,7 @@ def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameter
     return table.freeing({*names, *model.fixtures.names} - set(session.fixed))
 
 
-def _is_frame(name: str) -> bool:
+def is_frame(name: str) -> bool:
     """Whether a number belongs to base, tool or fixtures, not to a joint term."""
     return name.startswith(("base.", "tool.", "reflector", "anchor", "station"))
 

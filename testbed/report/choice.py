@@ -23,7 +23,7 @@ def choice_tables(offered: Sequence[Offer], steps: Sequence[ClimbStep]) -> list[
                 head=("cause", "level", "log evidence", "outcome"),
                 rows=tuple(rows),
                 align="llrl",
-                note="log evidence: natural logarithm of the odds that the training rows give this "
+                note="log evidence: natural logarithm of the odds that the poses asked give this "
                 "level alone against geometry alone; asked for above 3.0, odds of 20 to 1.",
             )
         )

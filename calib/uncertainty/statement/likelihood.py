@@ -152,7 +152,8 @@ def _normal(X: Array, lam: Array, t: Array) -> Array:
 class _Pools:
     """Products of the columns of many rows, pooled by how misfit and noise share in them.
 
-    Between two nodes the weight of a row is straight in ln lam: for nodes 4 % apart to 2e-5.
+    Between two nodes the weight of a row is straight in ln lam: for nodes 4 % apart to 2e-5. They
+    stand close where rows do.
     """
 
     lam: Array
@@ -165,16 +166,18 @@ class _Pools:
         """Those of rows X (n, p)."""
         shares = lam > lam.max() * EPSILON
         x = np.log(np.where(shares, lam, lam.max()))
-        nodes = np.linspace(x.min(), x.max(), POOLS)
-        place = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, POOLS - 2)
-        beyond = (x - nodes[place]) / max(nodes[1] - nodes[0], EPSILON)
-        products = np.zeros((POOLS + 1, X.shape[1], X.shape[1]))
-        for k in range(POOLS - 1):
+        even = np.linspace(x.min(), x.max(), POOLS // 3)
+        nodes = np.unique([*even, *np.quantile(x, np.linspace(0, 1, POOLS - len(even)))])
+        nodes = nodes if len(nodes) > 1 else np.append(nodes, nodes + 1.0)
+        place = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, len(nodes) - 2)
+        beyond = (x - nodes[place]) / np.diff(nodes)[place]
+        products = np.zeros((len(nodes) + 1, X.shape[1], X.shape[1]))
+        for k in range(len(nodes) - 1):
             rows = shares & (place == k)
             whole, part = X[rows].T @ X[rows], (X[rows].T * beyond[rows]) @ X[rows]
             products[k] += whole - part
             products[k + 1] += part
-        products[POOLS] = X[~shares].T @ X[~shares]  # where no misfit shows
+        products[-1] = X[~shares].T @ X[~shares]  # where no misfit shows
         return cls(np.append(np.exp(nodes), 0.0), products)
 
     def normal(self, t: Array) -> Array:

@@ -85,7 +85,7 @@ def stated_point(
     told_by : str
         What tells it.
     measured : Measurements, optional
-        Readings at these poses, one each, that guard the radius.
+        Readings of points at these poses that guard the radius.
     """
     growth = belief.proven.applies(q).growth
     mean = belief.regions(q, target=target, growth=growth)
@@ -93,13 +93,12 @@ def stated_point(
     if repeatability is not None and repeatability.any():
         move = belief.regions(q, target=target, growth=growth, repeatability=repeatability)
         u_move, radius_move = _usual(move), common_radius(move)
-    radius = common_radius(mean)
+    radius, grown = common_radius(mean), 1.0
     if measured is not None:
-        larger = _guarded(radius, belief, mean, measured)
-        radius, radius_move = larger, radius_move * larger / radius
+        grown = _guarded(radius, belief, measured, target) / radius
     return StatedPoint(
-        _usual(mean), radius, u_move, radius_move, belief.probability, len(q),
-        held_out, told_by if np.isfinite(u_move) else "",
+        grown * _usual(mean), grown * radius, grown * u_move, grown * radius_move,
+        belief.probability, len(q), held_out, told_by if np.isfinite(u_move) else "",
     )  # fmt: skip
 
 
@@ -115,15 +114,23 @@ def common_radius(stated: ToolStatement) -> float:
     return radius_over(S, np.full(len(S), 1 / len(S)), stated.probability)
 
 
-def _guarded(radius: float, belief: Belief, mean: ToolStatement, measured: Measurements) -> float:
-    """The radius, or the one that measured errors, less the share of their noise, ask for [m]."""
-    own = np.trace(widened(mean), axis1=1, axis2=2)
+def _guarded(radius: float, belief: Belief, measured: Measurements, target: Array) -> float:
+    """The radius, or the one that errors measured at some points, worst of each pose, ask for [m].
+
+    Whether they are too many beyond it is asked of errors less the share of their noise; the larger
+    radius is that of the errors themselves, less what noise adds in squares.
+    """
+    own = np.trace(widened(belief.regions(measured.q, target=target)), axis1=1, axis2=2)
     noise = np.trace(measured.covariance[:, :3, :3], axis1=1, axis2=2)
-    missed = predict(belief.model, measured).misses * np.sqrt(own / (own + noise))
-    n, p = len(missed), belief.probability
-    if bdtr(int((missed <= radius).sum()), n, p) >= CHANCE:
+    error, p = predict(belief.model, measured).misses, belief.probability
+    shared = measured.largest_of_poses(error * np.sqrt(own / (own + noise)))
+    rank = int(np.ceil(p * (len(shared) + 1) - 1e-9)) - 1
+    if bdtr(int((shared <= radius).sum()), len(shared), p) >= CHANCE or rank >= len(shared):
         return radius
-    return max(radius, float(np.sort(missed)[int(np.ceil(p * (n + 1) - 1e-9)) - 1]))
+    seen = float(np.sort(measured.largest_of_poses(error))[rank])
+    of_noise = coverage_factor(3, p) ** 2 * float(noise.mean()) / 3
+    less = float(np.sqrt(max(seen**2 - of_noise, 0.0)))
+    return max(radius, float(np.sort(shared)[rank]), less)
 
 
 def widened(stated: ToolStatement) -> Array:

@@ -104,6 +104,26 @@ def test_a_level_that_poses_left_out_do_not_confirm_is_not_taken(monkeypatch):
     assert found.gain == 0.0
 
 
+def test_a_level_is_taken_that_is_worse_by_less_than_chance(monkeypatch):
+    def alike(self, terms, step, rows):
+        swing = np.where(np.arange(rows.sum()) % 2, 1e-5, -1e-5)
+        return 1e-4 + (swing + 1e-7 if terms else np.zeros(rows.sum()))
+
+    monkeypatch.setattr(NormalEquations, "misses", alike)
+    found = climbed(seen(bent(4), 40, 5))
+    assert found.steps[0].taken
+    assert found.steps[0].after > found.steps[0].before
+
+
+def test_without_poses_to_leave_out_nothing_is_taken_and_that_is_said():
+    table = seen(bent(4), 16, 5)
+    near = identify(tx60(), table, PARAMETERS, prior=PRIOR).model
+    found = climb(tx60(), near, table, PARAMETERS, ladders_of(tx60()), None, prior=PRIOR)
+    assert found.steps
+    assert not found.taken
+    assert "too few poses to confirm" in {offer.outcome for offer in found.offered}
+
+
 @pytest.mark.parametrize("factor", [1.0, 4.0])
 def test_the_noise_scale_is_that_of_the_richest_model(factor):
     table = measured(mapped(2), POOL[:150], np.random.default_rng(3))

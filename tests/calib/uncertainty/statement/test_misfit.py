@@ -164,7 +164,7 @@ def test_many_rows_pooled_say_what_each_by_itself_says(monkeypatch):
     near = plain.value > plain.value.max() - 20
     # weights to 1e-5 where nodes are 5 % apart, each of 900 rows with its share of the logarithm
     np.testing.assert_allclose(pooled.value[near], plain.value[near], rtol=0, atol=0.01)
-    assert pooled.limit(DROP) == pytest.approx(plain.limit(DROP), rel=1e-4)
+    assert pooled.limit(DROP) == pytest.approx(plain.limit(DROP), rel=1e-3)
 
 
 def test_shape_is_one_metre_per_axis_half_in_the_joints():

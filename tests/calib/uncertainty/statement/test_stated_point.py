@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib.measurement.observations import joined
 from calib.measurement.prediction import predict
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.statement.belief import believe
@@ -83,6 +84,10 @@ def test_held_out_poses_beyond_the_radius_too_often_for_chance_widen_it():
     missed = np.sort(np.linalg.norm(predict(belief.model, off).residual[:, :3], axis=1))
     # all of twenty have to be within; noise is a small part of what they missed by
     assert 0.5 * missed[-1] < found.radius_mean < missed[-1]
+    # of several rows of a pose the worst counts, and all that is said of the point grows alike
+    both = stated_point(belief, held_out.q, **more, measured=joined([held_out, off]))
+    assert both.radius_mean == pytest.approx(found.radius_mean, rel=1e-9)
+    assert found.u_mean / plain.u_mean == pytest.approx(found.radius_mean / plain.radius_mean)
     moves = stated_point(belief, held_out.q, **more, measured=off, repeatability=np.full(6, 4e-5))
     one = stated_point(belief, held_out.q, **more, repeatability=np.full(6, 4e-5))
     assert moves.radius_move / one.radius_move == pytest.approx(

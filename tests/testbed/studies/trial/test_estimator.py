@@ -16,7 +16,12 @@ from testbed.scenario.read import changed
 from testbed.scenario.tables import PriorSettings
 from testbed.studies import load_scenario
 from testbed.studies.trial.compare import drawn_step
-from testbed.studies.trial.estimator import WEAK, estimator_for, scenario_prior
+from testbed.studies.trial.estimator import (
+    WEAK,
+    estimator_for,
+    scenario_ladders,
+    scenario_prior,
+)
 
 SMALL = {"pool.size": 40, "test.poses": 20, "uncertainty.replications": 0}
 MDEG = np.pi / 180e3
@@ -102,6 +107,15 @@ def test_a_tight_prior_holds_its_number_and_a_wide_one_lets_go():
     # the drawn error is of the order of 0.1 mm
     assert abs(tight.step[at]) < 1e-6 < abs(free.step[at])
     assert tight.standard_uncertainty[at] <= 1e-7
+
+
+def test_sizes_that_a_scenario_states_of_single_waves_are_those_of_its_ladders():
+    settings = PriorSettings(sd_deg={"harmonic2.cos1": 0.003}, harmonics_mdeg=(8.0, 4.0))
+    waves = scenario_ladders(settings, bench("rigid").setting.nominal)[1]
+    usual = {t.name: sd for t, sd in zip(waves.levels[2].terms, waves.levels[2].sd, strict=True)}
+    assert usual["harmonic2.cos1"] == pytest.approx(np.radians(0.003))
+    assert usual["harmonic2.sin1"] == pytest.approx(np.radians(0.008))
+    assert usual["harmonic1.sin2"] == pytest.approx(np.radians(0.004))
 
 
 def test_the_model_is_chosen_by_what_the_robot_needs_and_the_result_says_why():
