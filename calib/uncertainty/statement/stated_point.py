@@ -115,22 +115,25 @@ def common_radius(stated: ToolStatement) -> float:
 
 
 def _guarded(radius: float, belief: Belief, measured: Measurements, target: Array) -> float:
-    """The radius, or the one that errors measured at some points, worst of each pose, ask for [m].
+    """The radius, or the one that errors measured at some points ask for, one of each pose [m].
 
     Whether they are too many beyond it is asked of errors less the share of their noise; the larger
     radius is that of the errors themselves, less what noise adds in squares.
     """
     own = np.trace(widened(belief.regions(measured.q, target=target)), axis1=1, axis2=2)
     noise = np.trace(measured.covariance[:, :3, :3], axis1=1, axis2=2)
-    error, p = predict(belief.model, measured).misses, belief.probability
-    shared = measured.largest_of_poses(error * np.sqrt(own / (own + noise)))
+    square, p = predict(belief.model, measured).misses ** 2, belief.probability
+    pose = np.unique(measured.pose_id, return_inverse=True)[1].ravel()
+    # rows of one pose share its error, not their noise: the worst would be the noisiest
+    shared, seen = (
+        np.sort(np.sqrt(np.bincount(pose, each) / np.bincount(pose)))
+        for each in (square * own / (own + noise), square)
+    )
     rank = int(np.ceil(p * (len(shared) + 1) - 1e-9)) - 1
     if bdtr(int((shared <= radius).sum()), len(shared), p) >= CHANCE or rank >= len(shared):
         return radius
-    seen = float(np.sort(measured.largest_of_poses(error))[rank])
     of_noise = coverage_factor(3, p) ** 2 * float(noise.mean()) / 3
-    less = float(np.sqrt(max(seen**2 - of_noise, 0.0)))
-    return max(radius, float(np.sort(shared)[rank]), less)
+    return max(radius, float(shared[rank]), float(np.sqrt(max(seen[rank] ** 2 - of_noise, 0.0))))
 
 
 def widened(stated: ToolStatement) -> Array:

@@ -90,7 +90,8 @@ def test_a_mistake_in_a_robot_is_one_whole_sentence(path):
     assert not FOREIGN.search(line)
 
 
-@pytest.mark.parametrize("value", [1e300, -1e300, "x", None, True, [], {}])
+# no file can say None: TOML has no such value
+@pytest.mark.parametrize("value", [1e300, -1e300, "x", True, [], {}])
 def test_whatever_a_number_becomes_pydantic_says_nothing_itself(value):
     for path in list(leaves(TX60))[::7]:
         line = told(with_value(TX60, path, value), RobotFile, "robot.toml")

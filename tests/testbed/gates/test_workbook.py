@@ -78,7 +78,8 @@ def refused(path, **how):
     start = time.process_time()
     with pytest.raises(InputError) as caught:
         read_workbook(path, path.name, **how)
-    assert time.process_time() - start < 2
+    # a second; to read all of it would take minutes
+    assert time.process_time() - start < 10
     return str(caught.value)
 
 
