@@ -42,9 +42,12 @@ def least_squares_gain(
     A = np.where(filled, seen.rows[:, :, parameters.free_index] * scale, 0.0)
     both = filled & np.swapaxes(filled, 1, 2)
     WA = np.linalg.solve(np.where(both, table.covariance, np.eye(6)), A)
-    AW = np.swapaxes(WA * np.reshape(weights, (-1, 1, 1)), 1, 2)
-    H = (AW @ A).sum(axis=0) + precision
-    return np.asarray(scale[:, None] * np.linalg.solve(H, AW))
+    WA = WA * np.reshape(weights, (-1, 1, 1))
+    m, _, f = A.shape
+    # one system for the rows of all poses: one for each would take all numbers squared each time
+    H = WA.reshape(-1, f).T @ A.reshape(-1, f) + precision
+    F = np.linalg.solve(H, WA.reshape(-1, f).T)
+    return np.asarray(np.moveaxis(scale[:, None] * F, 0, 1).reshape(m, 6, f).swapaxes(1, 2))
 
 
 def estimator_gain(identification: Identification, table: Measurements) -> Array:
