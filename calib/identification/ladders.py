@@ -15,14 +15,11 @@ from calib.geometry.joint_errors import JointErrors, JointTerm, gravity_terms, h
 from calib.geometry.model import RobotModel
 from calib.identification.joint_models import gravity_quarters
 from calib.identification.prior import Prior
+from calib.information.rank import FIRST, SAG, SECOND
 
 MDEG = np.radians(1e-3)
-SAG = 50 * MDEG
-"""Prior sd of what gravity turns a joint by at its largest torque [rad]."""
-FIRST, SECOND = 20 * MDEG, 12 * MDEG
-"""The same of one wave a turn, and of two, as eccentric gears and encoders leave them [rad]."""
 SMALL = 0.25
-"""Part of these sizes at a level of small waves."""
+"""Part of the usual sizes of one and two waves a turn at a level of small waves."""
 HIGHER = 6 * MDEG
 """Of three and four waves a turn [rad]."""
 MAP, MAP_ORDERS = 3 * MDEG, 32

@@ -8,6 +8,12 @@ from calib.geometry.parameters import Parameters
 
 RANK_TOLERANCE = 1e-9
 """A singular value counts above this part of the largest (TX60: the gap is 0.19 to 1e-15)."""
+SAG = np.deg2rad(0.050)
+"""Prior sd of what gravity turns a joint by at its largest torque [rad]."""
+FIRST, SECOND = np.deg2rad(0.020), np.deg2rad(0.012)
+"""The same of one wave a turn, and of two, as eccentric gears and encoders leave them [rad]."""
+FRAMES = ("base.", "tool.", "reflector", "anchor", "station")
+"""How the names of numbers begin that belong to base, tool or fixtures."""
 PRACTICAL_RATIO = 0.5
 """A direction is learned when measuring brings its sd below this part of its prior sd."""
 
@@ -58,15 +64,14 @@ def weak_prior_sd(parameters: Parameters) -> Array:
     Reflectors, anchors and stations count as frames do. Joint terms by name: gravity 50 mdeg, first
     harmonics 20, higher ones 12.
     """
-    frames = ("base.", "tool.", "reflector", "anchor", "station")
-    frame = np.array([name.startswith(frames) for name in parameters.names])
+    frame = np.array([name.startswith(FRAMES) for name in parameters.names])
     length = np.where(frame, 1e-3, 0.6e-3)
     sd = np.where(parameters.is_length, length, np.deg2rad(0.1))
     for k, name in enumerate(parameters.names):
         if name.startswith("gravity") and not parameters.is_length[k]:
-            sd[k] = np.deg2rad(0.050)
+            sd[k] = SAG
         elif name.startswith("harmonic") and not parameters.is_length[k]:
-            sd[k] = np.deg2rad(0.020 if name.endswith(("sin1", "cos1")) else 0.012)
+            sd[k] = FIRST if name.endswith(("sin1", "cos1")) else SECOND
     return np.asarray(sd[parameters.free])
 
 

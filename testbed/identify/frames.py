@@ -10,6 +10,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.identify import identify
 from calib.identification.start.start import start_frames
+from calib.information.rank import FRAMES
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from testbed.files.session import Session
@@ -97,7 +98,7 @@ def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameter
 
 def is_frame(name: str) -> bool:
     """Whether a number belongs to base, tool or fixtures, not to a joint term."""
-    return name.startswith(("base.", "tool.", "reflector", "anchor", "station"))
+    return name.startswith(FRAMES)
 
 
 def _fits(robot: Robot, session: Session, own: RobotModel, train: Measurements) -> bool:

@@ -10,8 +10,8 @@ from calib.geometry.frames import inverse
 from testbed.identify.records import Calibration
 from testbed.report.plots import SHADES, VIEWS, Look, dots, legend_above, plain_log, view_of
 from testbed.report.svg import DARK, LIGHT, MIDDLE, SOFT, drawing, svg_of
-from testbed.robots.write.joint_map import MDEG, JointMap
-from testbed.units import DEG, MM
+from testbed.robots.write.joint_map import JointMap
+from testbed.units import DEG, MDEG, MM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,9 +12,7 @@ from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from testbed.robots.write.dh_table import COVERAGE
-
-MDEG = float(np.degrees(1e3))
-"""Millidegrees in a radian."""
+from testbed.units import MDEG
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,7 +5,8 @@ import numpy as np
 from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
-from testbed.robots.write.joint_map import MDEG, joint_map, joint_map_rows
+from testbed.robots.write.joint_map import joint_map, joint_map_rows
+from testbed.units import MDEG
 from tests.reference import tx60
 
 RNG = np.random.default_rng(1)
