@@ -7,7 +7,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.uncertainty.statement.conformity import Conformity, conformity
 from calib.uncertainty.statement.stated_point import widened
-from testbed.identify.delivered import Delivered
+from testbed.identify.handback.delivered import Delivered
 from testbed.identify.records import Calibration
 from testbed.report.page import Block, Section, Table, Text
 from testbed.units import UM, fixed, percent, significant

@@ -10,7 +10,7 @@ from calib.geometry.frames import log_so3
 from calib.identification.ladders import order_of
 from testbed.identify.conditions import conditions_words
 from testbed.identify.decisions import decided_at, decision_section
-from testbed.identify.delivered import Delivered
+from testbed.identify.handback.delivered import Delivered
 from testbed.identify.records import Calibration
 from testbed.identify.report_belief import belief_section, reach_section
 from testbed.identify.report_errors import (

@@ -1,7 +1,7 @@
 """A calibration report's sections on what to believe of the tool point, and where it applies."""
 
 from calib.arrays import Array
-from testbed.identify.delivered import Delivered, TargetStatement
+from testbed.identify.handback.delivered import Delivered, TargetStatement
 from testbed.identify.records import Calibration
 from testbed.identify.statements import statements_of
 from testbed.identify.targets import target_words

@@ -8,7 +8,7 @@ import numpy as np
 
 from calib.measurement.accuracy import Accuracy
 from testbed.identify.conditions import conditions_numbers
-from testbed.identify.delivered import Delivered
+from testbed.identify.handback.delivered import Delivered
 from testbed.identify.records import Calibration, Figures, FittedModel, RowErrors
 from testbed.identify.results_statement import decisions, statements, targets
 from testbed.identify.shared import shared_numbers

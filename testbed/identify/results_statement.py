@@ -5,7 +5,7 @@ import numpy as np
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.stated_point import StatedPoint
 from testbed.identify.decisions import decided_at, decision_line
-from testbed.identify.delivered import Delivered, TargetStatement
+from testbed.identify.handback.delivered import Delivered, TargetStatement
 from testbed.identify.records import Calibration
 from testbed.identify.statements import statements_of
 from testbed.store.quantities import METRE, Quantity, below, unitless

@@ -11,7 +11,7 @@ from calib.uncertainty.statement.stated_point import widened
 from calib.uncertainty.tool_point import ToolStatement
 from testbed.files.program import ProgramResult
 from testbed.identify.decisions import UNDECIDED, outcomes
-from testbed.identify.delivered import TargetStatement
+from testbed.identify.handback.delivered import TargetStatement
 from testbed.identify.records import Calibration
 from testbed.report.text import csv_text
 from testbed.units import DEG, MM, UM, counted, listed, significant

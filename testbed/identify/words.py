@@ -6,7 +6,7 @@ from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.statement.stated_point import StatedPoint
 from testbed.identify.conditions import conditions_words
 from testbed.identify.decisions import decided_at, decision_line
-from testbed.identify.delivered import Delivered
+from testbed.identify.handback.delivered import Delivered
 from testbed.identify.records import Calibration, Figures, FittedModel
 from testbed.report.page import SIMULATED
 from testbed.units import DEG, MM, UM, counted, fixed, sentences, significant

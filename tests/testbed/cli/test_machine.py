@@ -71,7 +71,7 @@ def identify_stub(monkeypatch):
     """A calibration that was made before."""
     from testbed.files import read
     from testbed.identify import folder
-    from testbed.identify.delivered import Delivered
+    from testbed.identify.handback.delivered import Delivered
     from tests.calibrated import sound, sound_session
 
     found = (sound(), Delivered(("übergeben",), (), 0))

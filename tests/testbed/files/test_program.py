@@ -13,7 +13,7 @@ from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
 from testbed.files.program import ADDED, correct_program
 from testbed.files.rotations import EULER, in_form, rotations
-from testbed.identify.folder import corrected_name
+from testbed.identify.handback.deliver import corrected_name
 from testbed.robots.catalog import load_robot
 
 ROBOT = load_robot("staubli_tx60")

@@ -20,11 +20,11 @@ from testbed.cli import app
 from testbed.files.read import read_session
 from testbed.identify.calibrate import Options
 from testbed.identify.folder import (
-    delivered_robot,
     load_calibration,
     play_calibration,
     rederive_calibration,
 )
+from testbed.identify.handback.deliver import delivered_robot
 from testbed.identify.recording import calibration_story
 from testbed.robots.catalog import load_robot
 from testbed.robots.describe.axes import reach

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbed.identify.folder import delivered_robot
+from testbed.identify.handback.deliver import delivered_robot
 from testbed.identify.recording import calibration_story, show
 from testbed.identify.recording_regions import regions_at
 from testbed.recording.story import timeline_of

@@ -12,7 +12,7 @@ from calib.identification.identify import Status
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.trust import Trust
-from testbed.identify.delivered import Delivered
+from testbed.identify.handback.delivered import Delivered
 from testbed.identify.report import page_of
 from testbed.identify.results import dh_table
 from testbed.identify.statements import statements_of

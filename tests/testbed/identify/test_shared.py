@@ -14,7 +14,7 @@ from calib.uncertainty.statement.gain import estimator_gain
 from calib.uncertainty.statement.instrument import UNSEEN
 from testbed.files.read import read_session
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.delivered import Delivered
+from testbed.identify.handback.delivered import Delivered
 from testbed.identify.results import headline
 from testbed.identify.session import with_test
 from testbed.identify.shared import beam_of, errors_of, shared_of, shared_section

@@ -13,8 +13,8 @@ from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.conditions import SetUp
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.decisions import at_held_out, decided_at, decision_line, decision_section
-from testbed.identify.delivered import Delivered
-from testbed.identify.folder import deliver, in_own_frames
+from testbed.identify.handback.deliver import deliver, in_own_frames
+from testbed.identify.handback.delivered import Delivered
 from testbed.identify.report_belief import reach_section
 from testbed.identify.results import headline
 from testbed.identify.targets import target_words, tool_point

@@ -1,0 +1,143 @@
+"""The files that a calibration hands back: the robot, its numbers, the corrected program."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+from calib.geometry.model import RobotModel
+from testbed.files.program import correct_program
+from testbed.gates.paths import short_stem
+from testbed.identify.conditions import measured
+from testbed.identify.handback.delivered import Delivered
+from testbed.identify.records import Calibration, FittedModel
+from testbed.identify.results import dh_csv, joint_map_csv
+from testbed.identify.targets import statement_at, statement_csv, target_words
+from testbed.identify.words import mm
+from testbed.robots.catalog import Robot
+from testbed.robots.robot import Reflector
+from testbed.robots.write.folder import identified_robot, write_robot_folder
+
+ROBOT, DH_TABLE, JOINT_MAP = "robot", "dh_table.csv", "joint_map.csv"
+GEOMETRIC = "robot_geometric"
+"""Folder of the geometric model beside an extended one."""
+LONGEST_NAME = 64
+
+
+def deliver(
+    calibration: Calibration,
+    robot: Robot,
+    folder: Path,
+    *,
+    program: Path | None = None,
+    package: str | None = None,
+) -> Delivered:
+    """Write the identified robot, the table and the corrected program; what became of each."""
+    identified = delivered_robot(calibration, robot, calibration.fit)
+    told = write_robot_folder(identified, folder / ROBOT, package=package)
+    sentences = (*told, *identified.notes)
+    if calibration.choice.chosen == "extended":
+        # its geometric part leans on the joint terms: alone it is worse than a geometric fit
+        plain = delivered_robot(calibration, robot, calibration.fits[0])
+        write_robot_folder(plain, folder / GEOMETRIC, package=package)
+        sentences += (_geometric_words(calibration),)
+    sentences += (_frame_words(calibration, identified),)
+    if package is not None:
+        sentences += (f"its URDF finds the meshes where {ROBOT}/ is the root of {package}",)
+    (folder / DH_TABLE).write_bytes(dh_csv(calibration).encode())
+    if (text := joint_map_csv(calibration)) is not None:
+        (folder / JOINT_MAP).write_bytes(text.encode())
+    if program is None:
+        return Delivered(sentences, (), 0)
+    model = in_own_frames(calibration)
+    result = correct_program(
+        program,
+        robot,
+        model,
+        folder / corrected_name(program),
+        measured=measured(calibration),
+        set_up=calibration.set_up,
+    )
+    failed = int((~result.corrected).sum())
+    targets, told = statement_at(calibration, result), result.sentences
+    if targets is not None:
+        told += target_words(targets)
+        (folder / statement_name(program)).write_bytes(statement_csv(targets).encode())
+    return Delivered(sentences, told, failed, result.conditions, targets)
+
+
+def delivered_robot(calibration: Calibration, robot: Robot, fit: FittedModel) -> Robot:
+    """One fit's model as a robot: base and tool as they were found, and the reflectors on it.
+
+    Its world is the frame of the measurements.
+    """
+    model = fit.identification.model
+    return identified_robot(
+        robot,
+        RobotModel(model.chain, model.joint_errors),
+        name=identified_name(robot.name),
+        reflectors=reflectors_on(calibration, fit),
+    )
+
+
+def reflectors_on(calibration: Calibration, fit: FittedModel) -> tuple[Reflector, ...]:
+    """Every reflector that has a name, where it was stated or found, in the tool frame of a fit."""
+    places = fit.identification.model.fixtures.reflectors.tolist()
+    found = (
+        Reflector(name, (x, y, z))
+        for name, (x, y, z) in zip(calibration.reflector_names, places, strict=True)
+    )
+    named: dict[str, Reflector] = {}
+    for one in (*calibration.stated_reflectors, *found):
+        name = "".join(c for c in one.name if c.isprintable()) or "reflector"
+        while name in named:
+            name += "_"
+        named[name] = replace(one, name=name)
+    return tuple(named.values())
+
+
+def corrected_name(program: Path) -> str:
+    """Name of the corrected program: ``NAME_corrected.csv``."""
+    return f"{short_stem(program)}_corrected.csv"
+
+
+def statement_name(program: Path) -> str:
+    """Name of what is stated at a program's targets: ``NAME_statement.csv``."""
+    return f"{short_stem(program)}_statement.csv"
+
+
+def in_own_frames(calibration: Calibration) -> RobotModel:
+    """The chosen model in the base and with the tool of the robot's file: what its programs know.
+
+    Found from nothing, both say only where the tracker stood and where its target was mounted.
+    """
+    model, own = calibration.fit.identification.model, calibration.nominal.chain
+    if calibration.own_frames:
+        return RobotModel(model.chain, model.joint_errors)
+    chain = replace(model.chain, T_world_base=own.T_world_base, T_flange_tool=own.T_flange_tool)
+    return RobotModel(chain, model.joint_errors)
+
+
+def identified_name(name: str) -> str:
+    """Name of the identified robot."""
+    plain = re.sub(r"[^a-z0-9_]", "_", name.lower())
+    plain = plain if plain[:1].isalpha() else f"robot_{plain}"
+    return f"{plain[: LONGEST_NAME - len('_identified')]}_identified"
+
+
+def _geometric_words(calibration: Calibration) -> str:
+    """What to take where joint terms cannot be said."""
+    fits = (calibration.fits[0], calibration.fit)
+    one, two = (mm((fit.test or fit.train).position.mean) for fit in fits)
+    return (
+        f"{GEOMETRIC}/ holds the geometric model, fitted without joint terms: for what reads URDF "
+        f"or MJCF it is the better one; mean error {one} mm, with joint terms {two} mm"
+    )
+
+
+def _frame_words(calibration: Calibration, identified: Robot) -> str:
+    """In which frames the robot is handed out, and what is mounted on it."""
+    words = "its base and tool are the identified ones"
+    if not calibration.own_frames:
+        words += ", and its world is the frame that the measurements are in"
+    names = [reflector.name for reflector in identified.reflectors]
+    return words + f"; on its tool are the reflectors {', '.join(names)}" * bool(names)
