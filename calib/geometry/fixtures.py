@@ -1,4 +1,4 @@
-"""What stands beside the robot and may be unknown: reflectors, anchors, further stations."""
+"""What stands beside the robot and may be unknown: reflectors, anchors, stations, tools."""
 
 from dataclasses import dataclass, field
 
@@ -21,11 +21,12 @@ POINT_AXES = FRAME_AXES[:3]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fixtures:
-    """Reflectors on the tool, points fixed in the world, and where further stations stand.
+    """Reflectors on the tool, points fixed in the world, further stations and further tools.
 
     The first station is the world frame and has no numbers: `stations` holds the second, the third
-    and so on. All of them are numbers of the model like any other, named ``reflector1.x``,
-    ``anchor1.x``, ``station2.x`` ... ``station2.rz``.
+    and so on. The first tool is that of the chain: `tools` holds those that were mounted in its
+    place. All of them are numbers of the model like any other, named ``reflector1.x``,
+    ``anchor1.x``, ``station2.x`` ... ``station2.rz``, ``tool2.x`` ... ``tool2.rz``.
     """
 
     reflectors: Array = field(default_factory=lambda: frozen(np.zeros((0, 3))))
@@ -34,45 +35,55 @@ class Fixtures:
     """(s, 3) points in the world that distances are measured from [m]."""
     stations: Array = field(default_factory=lambda: frozen(np.zeros((0, 4, 4))))
     """(t, 4, 4) T_world_station of the second, third ... station [m]."""
+    tools: Array = field(default_factory=lambda: frozen(np.zeros((0, 4, 4))))
+    """(u, 4, 4) T_flange_tool of the second, third ... tool [m]."""
 
     def __post_init__(self) -> None:
-        reflectors, anchors, stations = check(
-            "k 3, s 3, t 4 4",
-            reflectors=self.reflectors,
-            anchors=self.anchors,
-            stations=self.stations,
+        values = check(
+            "k 3, s 3, t 4 4, u 4 4", **{name: getattr(self, name) for name in self.__slots__}
         )
-        for k, T in enumerate(stations):
-            require_rigid(T, "stations", f"stations[{k}]", k)
-        for name, value in zip(self.__slots__, (reflectors, anchors, stations), strict=True):
+        for name, frames in zip(("stations", "tools"), values[2:], strict=True):
+            for k, T in enumerate(frames):
+                require_rigid(T, name, f"{name}[{k}]", k)
+        for name, value in zip(self.__slots__, values, strict=True):
             object.__setattr__(self, name, value)
 
     @property
-    def counts(self) -> tuple[int, int, int]:
-        """Reflectors, anchors and further stations."""
-        return len(self.reflectors), len(self.anchors), len(self.stations)
+    def counts(self) -> tuple[int, int, int, int]:
+        """Reflectors, anchors, further stations and further tools."""
+        return len(self.reflectors), len(self.anchors), len(self.stations), len(self.tools)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the 3 k + 3 s + 6 t numbers."""
-        k, s, t = self.counts
+        """Names of the 3 k + 3 s + 6 t + 6 u numbers."""
+        k, s, t, u = self.counts
         return (
             *(f"reflector{i + 1}.{axis}" for i in range(k) for axis in POINT_AXES),
             *(f"anchor{i + 1}.{axis}" for i in range(s) for axis in POINT_AXES),
             *(f"station{i + 2}.{axis}" for i in range(t) for axis in FRAME_AXES),
+            *(f"tool{i + 2}.{axis}" for i in range(u) for axis in FRAME_AXES),
         )
 
     @property
     def is_length(self) -> tuple[bool, ...]:
         """Whether a number is a length [m]; all others are angles [rad]."""
-        k, s, t = self.counts
-        return (True,) * (3 * (k + s)) + (True, True, True, False, False, False) * t
+        k, s, t, u = self.counts
+        return (True,) * (3 * (k + s)) + (True, True, True, False, False, False) * (t + u)
 
     @property
     def n_numbers(self) -> int:
-        """3 k + 3 s + 6 t."""
-        k, s, t = self.counts
-        return 3 * (k + s) + 6 * t
+        """3 k + 3 s + 6 t + 6 u."""
+        return self.first_tool + 6 * len(self.tools)
+
+    @property
+    def first_station(self) -> int:
+        """Place of the first number of the further stations among those of the fixtures."""
+        return 3 * (len(self.reflectors) + len(self.anchors))
+
+    @property
+    def first_tool(self) -> int:
+        """Place of the first number of the further tools among those of the fixtures."""
+        return self.first_station + 6 * len(self.stations)
 
     @property
     def station_frames(self) -> Array:
@@ -80,18 +91,19 @@ class Fixtures:
         return np.concatenate([np.eye(4)[None], self.stations])
 
     def moved(self, step: ArrayLike) -> "Fixtures":
-        """Fixtures after a step [m, rad]: points add, stations move in their own axes."""
+        """Fixtures after a step [m, rad]: points add, frames move in their own axes."""
         (step,) = check(f"{self.n_numbers}", step=step)
-        k, s, _ = self.counts
-        points, frames = step[: 3 * (k + s)].reshape(-1, 3), step[3 * (k + s) :].reshape(-1, 6)
-        stations = [
+        k, _, t, _ = self.counts
+        points, frames = np.split(step, [self.first_station])
+        moved = [
             nearest_rigid(T @ step_transform(move))
-            for T, move in zip(self.stations, frames, strict=True)
+            for T, move in zip(self._frames, frames.reshape(-1, 6), strict=True)
         ]
         return Fixtures(
-            self.reflectors + points[:k],
-            self.anchors + points[k:],
-            np.array(stations).reshape(-1, 4, 4),
+            self.reflectors + points.reshape(-1, 3)[:k],
+            self.anchors + points.reshape(-1, 3)[k:],
+            np.array(moved[:t]).reshape(-1, 4, 4),
+            np.array(moved[t:]).reshape(-1, 4, 4),
         )
 
     def step_to(self, other: "Fixtures") -> Array:
@@ -99,13 +111,13 @@ class Fixtures:
         if self.counts != other.counts:
             raise refuse(
                 "fixtures",
-                allowed="as many reflectors, anchors and stations in both",
+                allowed="as many reflectors, anchors, stations and tools in both",
                 code="A3",
                 message=f"fixtures differ in number: {self.counts} and {other.counts}",
             )
         frames = [
             transform_step(inverse(here) @ there)
-            for here, there in zip(self.stations, other.stations, strict=True)
+            for here, there in zip(self._frames, other._frames, strict=True)
         ]
         return np.concatenate(
             [
@@ -114,3 +126,8 @@ class Fixtures:
                 np.array(frames).ravel(),
             ]
         )
+
+    @property
+    def _frames(self) -> tuple[Array, ...]:
+        """(t + u) frames (4, 4), the stations first."""
+        return (*self.stations, *self.tools)

@@ -153,9 +153,8 @@ def step_derivative(step: Array, model: RobotModel) -> Array:
     Sola, Deray, Atchuthan, arXiv 1812.01537, eqs. (144) and (176).
     """
     derivative = np.eye(len(step))
-    reflectors, anchors, stations = model.fixtures.counts
-    first = model.first_fixture + 3 * (reflectors + anchors)
-    for k in (0, model.chain.n_numbers - 6, *(first + 6 * s for s in range(stations))):
+    frames = range(model.first_fixture + model.fixtures.first_station, model.n_numbers, 6)
+    for k in (0, model.chain.n_numbers - 6, *frames):
         turn = step[k + 3 : k + 6]
         derivative[k : k + 3, k : k + 3] = exp_so3(turn)
         derivative[k + 3 : k + 6, k + 3 : k + 6] = right_jacobian_inverse(turn)

@@ -114,7 +114,7 @@ class Identification:
 def values_and_uncertainties(result: Identification) -> tuple[Array, Array]:
     """All numbers of the identified model and their standard uncertainties (P,) [m, rad].
 
-    Base, tool and stations stand as position and rotation vector; they are estimated as a step
+    Base, tools and stations stand as position and rotation vector; they are estimated as a step
     along their own axes, so that the uncertainty is carried over to what is listed.
     """
     chain, fixtures = result.model.chain, result.model.fixtures
@@ -124,7 +124,10 @@ def values_and_uncertainties(result: Identification) -> tuple[Array, Array]:
         Fixtures(
             np.zeros_like(fixtures.reflectors),
             np.zeros_like(fixtures.anchors),
-            np.tile(np.eye(4), (len(fixtures.stations), 1, 1)),
+            *(
+                np.tile(np.eye(4), (len(some), 1, 1))
+                for some in (fixtures.stations, fixtures.tools)
+            ),
         ),
     )
     values = nothing.step_to(result.model)

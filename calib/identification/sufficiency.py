@@ -46,7 +46,7 @@ def _independent(measurements: Measurements, parameters: Parameters) -> tuple[in
     )[1]
     few = measurements.rows(first)
     poses, pose = np.unique(few.q, axis=0, return_inverse=True)
-    places = np.column_stack([pose.ravel(), few.offset, few.reflector, few.is_pose])
+    places = np.column_stack([pose.ravel(), few.offset, few.reflector, few.is_pose, few.tool])
     _, place, of_place = np.unique(places, axis=0, return_index=True, return_inverse=True)
     each = np.bincount(of_place.ravel(), few.equations)
     of_places = np.minimum(each, np.where(few.is_pose[place], 6, 3))
@@ -54,12 +54,13 @@ def _independent(measurements: Measurements, parameters: Parameters) -> tuple[in
     have = np.minimum(rows, 6)
     free = [name.split(".")[0].rstrip("0123456789") for name in parameters.free_names]
     anchors, reflectors, stations = (free.count(x) for x in ("anchor", "reflector", "station"))
+    tools = free.count("tool") - sum(name.startswith("tool.") for name in parameters.free_names)
     # several anchors or stations see one place, several reflectors make one pose: beyond it
     # they determine where these are; of reflectors alone how they stand to each other
     if (few.reflector != GIVEN).all():
         reflectors = max(reflectors - 6, 0)
     more = min(int((each - of_places).sum()), anchors + stations)
-    more += min(int((rows - have).sum()), reflectors + stations)
+    more += min(int((rows - have).sum()), reflectors + stations + tools)
     return len(poses), int(have.sum()) + more
 
 

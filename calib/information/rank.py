@@ -12,7 +12,7 @@ SAG = np.deg2rad(0.050)
 """Prior sd of what gravity turns a joint by at its largest torque [rad]."""
 FIRST, SECOND = np.deg2rad(0.020), np.deg2rad(0.012)
 """The same of one wave a turn, and of two, as eccentric gears and encoders leave them [rad]."""
-FRAMES = ("base.", "tool.", "reflector", "anchor", "station")
+FRAMES = ("base.", "tool", "reflector", "anchor", "station")
 """How the names of numbers begin that belong to base, tool or fixtures."""
 PRACTICAL_RATIO = 0.5
 """A direction is learned when measuring brings its sd below this part of its prior sd."""

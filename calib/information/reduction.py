@@ -144,14 +144,15 @@ def _order(parameters: Parameters, model: RobotModel) -> list[int]:
     """Positions among the free numbers, in the order in which columns are offered."""
     n = model.chain.n_joints
     tool = range(6 + 5 * n, 12 + 5 * n)
-    first, (k, _, _) = model.first_fixture, model.fixtures.counts
-    reflectors, placed = range(first, first + 3 * k), range(first + 3 * k, model.n_numbers)
+    first, further = model.first_fixture, model.first_fixture + model.fixtures.first_tool
+    reflectors = range(first, first + 3 * len(model.fixtures.reflectors))
+    placed, tools = range(reflectors.stop, further), range(further, model.n_numbers)
     # direction of the next joint axis in the frame of this one: Rx(alpha) Ry(beta) z
     cosine = np.cos(model.chain.links[:, 3]) * np.cos(model.chain.links[:, 4])
     late = [6 + 5 * i + (1 if abs(cosine[i]) > PARALLEL else 4) for i in range(n - 1)]
     links = [k for k in range(6, 6 + 5 * n) if k not in late]
     terms = range(12 + 5 * n, first)
-    order = [*placed, *range(6), *reflectors, *tool, *links, *late, *terms]
+    order = [*placed, *range(6), *reflectors, *tool, *tools, *links, *late, *terms]
     place = {int(k): i for i, k in enumerate(parameters.free_index)}
     return [place[k] for k in order if k in place]
 

@@ -27,7 +27,8 @@ class Measurements:
 
     A *pose* row has the position and rotation of the tool; a *point* row the place of one reflector
     on the tool; a *distance* row the distance of a reflector from a fixed point, an anchor. Columns
-    left out mean: reflectors at `offset`, all measured from the first station, no distances.
+    left out mean: reflectors at `offset`, all measured from the first station, no distances, one
+    tool.
     """
 
     q: Annotated[Array, "m", "n"]
@@ -56,6 +57,8 @@ class Measurements:
     """(m,) which anchor of the fixtures a distance was measured from, from 0; -1 for other rows."""
     distance: Annotated[Array, "m"] = field(default_factory=lambda: frozen(()))
     """(m,) measured distance from anchor to reflector [m]; zero for other rows."""
+    tool: Annotated[Index, "m"] = field(default_factory=_whole)
+    """(m,) which tool was mounted: 0 is that of the chain, the others are of the fixtures."""
 
     def __post_init__(self) -> None:
         m = len(self.q)
@@ -64,6 +67,7 @@ class Measurements:
             ("station", 0),
             ("anchor", GIVEN),
             ("distance", 0.0),
+            ("tool", 0),
         ):
             if not np.size(getattr(self, name)):
                 object.__setattr__(self, name, np.full(m, value))
@@ -81,7 +85,7 @@ class Measurements:
             object.__setattr__(self, name, array)
         for name in ("pose_id", "repeat"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.int64))
-        for name in ("reflector", "station", "anchor"):
+        for name in ("reflector", "station", "anchor", "tool"):
             (checked,) = check(f"{m}", **{name: getattr(self, name)})
             object.__setattr__(self, name, frozen(checked, np.int64))
         self._require_sense()
@@ -93,6 +97,7 @@ class Measurements:
             (self.reflector < GIVEN, "reflector", "-1 (at offset) or a reflector, from 0"),
             (self.is_pose & (self.reflector != GIVEN), "reflector", "-1: a pose sees no reflector"),
             (self.station < 0, "station", "0 (the world) or a further station"),
+            (self.tool < 0, "tool", "0 (of the chain) or a further tool"),
             (far & (self.station != 0), "station", "0: a distance is seen from an anchor"),
             (self.anchor < GIVEN, "anchor", "-1 or an anchor, from 0"),
             (far & (self.anchor < 0), "anchor", "an anchor, from 0: this row is a distance"),
@@ -148,9 +153,9 @@ class Measurements:
 
     @property
     def target_key(self) -> Array:
-        """(m, 7) what was looked at, and from where: alike in two rows that see the same thing."""
+        """(m, 8) what was looked at, and from where: alike in two rows that see the same thing."""
         return np.column_stack(
-            [self.offset, self.equations, self.reflector, self.station, self.anchor]
+            [self.offset, self.equations, self.reflector, self.station, self.anchor, self.tool]
         )
 
     def rows(self, which: Sequence[int] | Bool | Index) -> "Measurements":

@@ -7,7 +7,7 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 from calib.errors import refuse
 from calib.geometry.fixtures import Fixtures
-from calib.geometry.frames import log_so3, right_jacobian_inverse, skew
+from calib.geometry.frames import inverse, log_so3, right_jacobian_inverse, skew
 from calib.geometry.model import RobotModel
 from calib.measurement.observations import GIVEN, Measurements
 
@@ -37,6 +37,9 @@ class Prediction:
 def predict(model: RobotModel, measurements: Measurements) -> Prediction:
     """Residual and derivative of every row of a table."""
     T, J = model.poses_and_jacobian(measurements.q)
+    if measurements.tool.any():
+        require_fixtures(model.fixtures, measurements)
+        _tool_rows(T, J, model, measurements)
     return predict_at(T, J, model.fixtures, model.first_fixture, measurements)
 
 
@@ -48,7 +51,7 @@ def predict_at(
     Parameters
     ----------
     T : (m, 4, 4) array
-        Tool poses in the world [m].
+        Poses of each row's tool in the world [m].
     J : (m, 6, P) array
         Rows [dp; dr] of the tool in world axes; the columns of the fixtures are zero. Used up.
     fixtures : Fixtures
@@ -104,13 +107,23 @@ def targets(fixtures: Fixtures, measurements: Measurements) -> Array:
     return np.where(named[:, None], places, measurements.offset)
 
 
+def tool_poses(model: RobotModel, measurements: Measurements) -> Array:
+    """Poses T_world_tool (m, 4, 4) of the tool that was mounted when each row was measured [m]."""
+    require_fixtures(model.fixtures, measurements)
+    T = model.poses(measurements.q)
+    if not measurements.tool.any():
+        return T
+    back = inverse(model.chain.T_flange_tool)
+    tools = np.concatenate([np.eye(4)[None], back @ model.fixtures.tools])
+    return np.asarray(T @ tools[measurements.tool])
+
+
 def predicted_positions(model: RobotModel, measurements: Measurements) -> Array:
     """Predicted positions (m, 3) in the station's frame: tool origin, or reflector [m].
 
     Of a distance row the place of its reflector in the world.
     """
-    require_fixtures(model.fixtures, measurements)
-    T = model.poses(measurements.q)
+    T = tool_poses(model, measurements)
     p = T[:, :3, 3] + (T[:, :3, :3] @ targets(model.fixtures, measurements)[:, :, None])[:, :, 0]
     if not measurements.station.any():
         return p
@@ -123,7 +136,7 @@ def perfect(model: RobotModel, measurements: Measurements) -> Measurements:
     p = predicted_positions(model, measurements)
     pose, far = measurements.is_pose, measurements.is_distance
     S = model.fixtures.station_frames[measurements.station][:, :3, :3]
-    R = np.swapaxes(S, 1, 2) @ model.poses(measurements.q)[:, :3, :3]
+    R = np.swapaxes(S, 1, 2) @ tool_poses(model, measurements)[:, :3, :3]
     distance = np.zeros(len(p))
     from_anchor = p[far] - model.fixtures.anchors[measurements.anchor[far]]
     distance[far] = np.linalg.norm(from_anchor, axis=1)
@@ -141,6 +154,7 @@ def require_fixtures(fixtures: Fixtures, measurements: Measurements) -> None:
         ("reflector", len(fixtures.reflectors)),
         ("anchor", len(fixtures.anchors)),
         ("station", 1 + len(fixtures.stations)),
+        ("tool", 1 + len(fixtures.tools)),
     ):
         index = getattr(measurements, name)
         if index.max(initial=-1) >= have:
@@ -153,6 +167,25 @@ def require_fixtures(fixtures: Fixtures, measurements: Measurements) -> None:
                 message=f"{name}[{row}] is {index[row]}, the model has {have} of them",
                 fix="give the model the fixtures that the table names (RobotModel.fixtures)",
             )
+
+
+def _tool_rows(T: Array, J: Array, model: RobotModel, measurements: Measurements) -> None:
+    """Turn poses and rows of the chain's tool into those of the tools that were mounted.
+
+    A tool moves with the flange: its origin by dp + dr x arm, and by its own six numbers in its
+    own axes, which take the place of those of the chain's tool.
+    """
+    end = model.chain.n_numbers
+    start = model.first_fixture + model.fixtures.first_tool
+    mounted = tool_poses(model, measurements)
+    for k in np.unique(measurements.tool[measurements.tool > 0]):
+        rows = np.flatnonzero(measurements.tool == k)
+        arm = mounted[rows, :3, 3] - T[rows, :3, 3]
+        J[rows, :, end - 6 : end] = 0.0
+        J[rows, :3] -= skew(arm) @ J[rows, 3:]
+        own, R = start + 6 * (k - 1), mounted[rows, :3, :3]
+        J[rows, :3, own : own + 3] = J[rows, 3:, own + 3 : own + 6] = R
+        T[rows] = mounted[rows]
 
 
 def _reflector_columns(J: Array, R: Array, first: int, measurements: Measurements) -> None:

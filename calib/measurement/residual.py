@@ -108,10 +108,12 @@ def paper_stack(model: RobotModel, measurements: Measurements) -> Stack:
         kind = f"row {row} is a {measurements.kind[row]}"
         message = f"{kind}; the twelve rows need position and rotation"
         raise refuse("kind", row, code="A3", message=message, fix=fix)
-    if measurements.station.any():
-        row = int(np.argmax(measurements.station > 0))
-        message = f"row {row} was seen from a further station; the twelve rows know one"
-        raise refuse("station", row, code="A3", message=message, fix=fix)
+    for name in ("station", "tool"):
+        further = getattr(measurements, name) > 0
+        if further.any():
+            row = int(np.argmax(further))
+            message = f"row {row} was measured with a further {name}; the twelve rows know one"
+            raise refuse(name, row, code="A3", message=message, fix=fix)
     T, J = model.poses_and_jacobian(measurements.q)
     turned = np.swapaxes(measurements.rotation - T[:, :3, :3], -1, -2).reshape(-1, 9)
     shifted = 1e3 * (measurements.position - T[:, :3, 3])

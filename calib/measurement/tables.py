@@ -23,6 +23,7 @@ def poses(
     *,
     sd: ArrayLike,
     station: ArrayLike = 0,
+    tool: ArrayLike = 0,
     pose_id: ArrayLike | None = None,
     repeat: ArrayLike | None = None,
 ) -> Measurements:
@@ -39,6 +40,8 @@ def poses(
         covariances, one (6, 6) or (m, 6, 6) [m^2, m rad, rad^2].
     station : int or (m,) array_like
         Which station saw it; 0 is the world.
+    tool : int or (m,) array_like
+        Which tool was mounted; 0 is that of the chain, the others are of the model's fixtures.
     pose_id, repeat : int or (m,) array_like, optional
         Which pose and which visit of it; by default rows at the same joints are visits of one pose.
     """
@@ -48,7 +51,7 @@ def poses(
         allowed = "two numbers, of position [m] and rotation [rad], or six, or covariances (6, 6)"
         raise refuse("sd", float(sd), allowed, code="A3")
     covariance = covariances_of_sd(sd, 6, len(T))
-    return _table(q, POSE, covariance, T[:, :3, 3], T[:, :3, :3], station=station,
+    return _table(q, POSE, covariance, T[:, :3, 3], T[:, :3, :3], station=station, tool=tool,
                   pose_id=pose_id, repeat=repeat)  # fmt: skip
 
 
@@ -60,6 +63,7 @@ def points(
     offset: ArrayLike = (0.0, 0.0, 0.0),
     reflector: ArrayLike = GIVEN,
     station: ArrayLike = 0,
+    tool: ArrayLike = 0,
     pose_id: ArrayLike | None = None,
     repeat: ArrayLike | None = None,
 ) -> Measurements:
@@ -78,14 +82,14 @@ def points(
         Where the reflector lies in the tool frame [m].
     reflector : int or (m,) array_like
         Which reflector of the model's fixtures it is, from 0; -1: the one at `offset`.
-    station, pose_id, repeat
+    station, tool, pose_id, repeat
         As in `poses`.
     """
     (xyz,) = check("m 3", xyz=xyz)
     covariance = np.tile(np.eye(6), (len(xyz), 1, 1))
     covariance[:, :3, :3] = covariances_of_sd(sd, 3, len(xyz))
     return _table(q, POINT, covariance, xyz, offset=offset, reflector=reflector, station=station,
-                  pose_id=pose_id, repeat=repeat)  # fmt: skip
+                  tool=tool, pose_id=pose_id, repeat=repeat)  # fmt: skip
 
 
 def distances(
@@ -132,6 +136,7 @@ def _table(
     offset: ArrayLike = (0.0, 0.0, 0.0),
     reflector: ArrayLike = GIVEN,
     station: ArrayLike = 0,
+    tool: ArrayLike = 0,
     anchor: ArrayLike = GIVEN,
     distance: ArrayLike = 0.0,
     pose_id: ArrayLike | None = None,
@@ -157,6 +162,7 @@ def _table(
         station=column(station),
         anchor=column(anchor),
         distance=np.broadcast_to(np.asarray(distance, dtype=np.float64), (m,)),
+        tool=column(tool),
     )
     if repeat is None:
         seen = np.column_stack([table.pose_id, table.target_key])

@@ -156,6 +156,7 @@ def unknown_to_loops(
     for wrong, field, what in (
         (measurements.is_distance.any(), "kind", "distances"),
         (measurements.station.any(), "station", "rows of further stations"),
+        (measurements.tool.any(), "tool", "rows of further tools"),
         (bool(free), "parameters", f"free fixtures ({', '.join(free[:3])})"),
     ):
         if wrong:

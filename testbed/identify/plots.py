@@ -7,6 +7,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.frames import inverse
+from calib.measurement.prediction import tool_poses
 from testbed.identify.records import Calibration
 from testbed.report.plots import SHADES, VIEWS, Look, dots, legend_above, plain_log, view_of
 from testbed.report.svg import DARK, LIGHT, MIDDLE, SOFT, drawing, svg_of
@@ -171,7 +172,7 @@ def shade_steps(calibration: Calibration) -> tuple[float, float]:
 def tool_places(calibration: Calibration) -> Array:
     """(m, 3) tool positions of the chosen model in its base frame [m]."""
     model = calibration.fit.identification.model
-    T = inverse(model.chain.T_world_base) @ model.poses(calibration.measurements.q)
+    T = inverse(model.chain.T_world_base) @ tool_poses(model, calibration.measurements)
     return np.asarray(T[:, :3, 3])
 
 

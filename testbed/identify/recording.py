@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.geometry.frames import inverse
-from calib.measurement.prediction import targets
+from calib.measurement.prediction import targets, tool_poses
 from testbed.identify.recording_regions import draw_regions, region_words, regions_at
 from testbed.identify.records import Calibration, RowErrors
 from testbed.identify.words import headline_rows, mark, mm, notice, r95, verdict
@@ -63,7 +63,7 @@ def show(calibration: Calibration) -> ShownCalibration:
     """Place a calibration in the base frame."""
     model, table = calibration.fit.identification.model, calibration.measurements
     station = inverse(model.chain.T_world_base)
-    T, offset = station @ model.poses(table.q), targets(model.fixtures, table)
+    T, offset = station @ tool_poses(model, table), targets(model.fixtures, table)
     predicted = T[:, :3, 3] + (T[:, :3, :3] @ offset[:, :, None])[:, :, 0]
     before = np.linalg.norm(calibration.before_misses.vector, axis=1)
     return ShownCalibration(

@@ -176,6 +176,6 @@ def measured(
         table = joined([poses(true, q[:half], rng), poses(true, q[half:], rng, station=1)])
     unknown = (0,) if kind == "unknown anchor" else ()
     known = true.fixtures.anchors if not unknown else np.zeros((1, 3))
-    k, _, t = true.fixtures.counts
+    k, _, t, _ = true.fixtures.counts
     nowhere = Fixtures(np.zeros((k, 3)), known, np.tile(np.eye(4), (t, 1, 1)))
     return true, RobotModel(ARMS[arm], fixtures=nowhere), table, unknown

@@ -7,7 +7,6 @@ from itertools import permutations, product
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.geometry.fixtures import Fixtures
 from calib.geometry.frames import inverse, transform
 from calib.identification.start.alignment import Alignment, StartProblem
 from calib.identification.start.closed_forms import (
@@ -237,7 +236,8 @@ def _complete(problem: StartProblem, partial: PartialAlignment) -> Alignment:
     world = anchors @ base[:3, :3].T + base[:3, 3]
     placed = ~problem.known_anchor & np.isfinite(anchors[:, 0])
     anchors = np.where(placed[:, None], world, fixtures.anchors)
-    return Alignment(problem.F, base, tool, Fixtures(reflectors, anchors, stations))
+    found = replace(fixtures, reflectors=reflectors, anchors=anchors, stations=stations)
+    return Alignment(problem.F, base, tool, found)
 
 
 def _from_distances(problem: StartProblem, arms: Array, base: Array | None) -> tuple[Array, Array]:

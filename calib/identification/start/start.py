@@ -17,6 +17,7 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.errors import refuse
 from calib.geometry.chain import Chain, forward
+from calib.geometry.frames import inverse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.start.alignment import (
@@ -30,7 +31,7 @@ from calib.identification.start.guesses import initial_guesses
 from calib.identification.sufficiency import require_equations
 from calib.information.reduction import Reduction, reduce
 from calib.measurement.observations import GIVEN, POINT, Measurements
-from calib.measurement.prediction import require_fixtures
+from calib.measurement.prediction import predict, require_fixtures
 
 SUBSET = 200
 """Rows on which initial guesses are compared."""
@@ -64,7 +65,8 @@ def start_frames(
 ) -> Start:
     """Put a nominal robot where it was measured; nothing but its links need be right.
 
-    Base and tool, all reflectors and further stations of the fixtures are determined; anchors are
+    Base and tool, all reflectors, further stations and tools of the fixtures are determined, those
+    of a further tool from its own rows; anchors are
     known places unless `free_anchors` names them. What the table does not determine stays as
     `model` has it: the tool where only reflectors of the fixtures were measured, the base where no
     anchor is known and nothing else was measured, and so on; `notes` list it.
@@ -77,7 +79,7 @@ def start_frames(
     measurements : Measurements
         Covariances are not used, because the misfit is the nominal robot's.
     free_tool : bool
-        Whether the tool is looked for; False holds it where the model has it.
+        Whether the tool is looked for; False holds it where the model has it. Further ones are.
     free_anchors : collection of int
         Anchors of the fixtures, from 0, whose place in the world is not known.
 
@@ -87,6 +89,66 @@ def start_frames(
         Too few measurements; how many are needed is stated.
     """
     require_fixtures(model.fixtures, measurements)
+    if measurements.tool.any():
+        return _with_further_tools(model, measurements, free_tool, free_anchors)
+    return _with_one_tool(model, measurements, free_tool, free_anchors)
+
+
+def _with_further_tools(
+    model: RobotModel, measurements: Measurements, free_tool: bool, free_anchors: Collection[int]
+) -> Start:
+    """Frames of the chain's tool first; then each further tool, and the stations only it shows."""
+    first = measurements.rows(measurements.tool == 0)
+    if not len(first):
+        raise refuse(
+            "tool", code="A3", message="no row was measured with the tool of the chain",
+            fix="number the tools from 0, which is that of the chain",
+        )  # fmt: skip
+    start = _with_one_tool(model, first, free_tool, free_anchors)
+    found, notes = start.model, list(start.notes)
+    placed = {0, *first.station.tolist()}
+    for k in np.unique(measurements.tool[measurements.tool > 0]).tolist():
+        rows = measurements.rows(measurements.tool == k)
+        seen = sorted(set(rows.station.tolist()), key=lambda s: (s not in placed, s))
+        # its own frames, in that of the first station it was seen from
+        own = replace(
+            found,
+            chain=replace(found.chain, T_flange_tool=found.fixtures.tools[k - 1]),
+            fixtures=replace(found.fixtures, stations=np.tile(np.eye(4), (len(seen) - 1, 1, 1))),
+        )
+        number = np.array([seen.index(s) for s in rows.station])
+        alone = replace(rows, station=number, tool=np.zeros(len(rows), dtype=np.int64))
+        one = _with_one_tool(own, alone, True, free_anchors)
+        notes += [f"with tool {k + 1}: {note}" for note in one.notes]
+        found = _joined(found, one.model, k, seen, placed)
+        placed |= set(seen)
+    prediction, pose = predict(found, measurements), measurements.is_pose
+    turns = np.sqrt(np.square(prediction.turns[pose]).mean()) if pose.any() else np.nan
+    missed = float(np.sqrt(np.square(prediction.misses).mean()))
+    return Start(found, missed, float(turns), tuple(notes))
+
+
+def _joined(
+    model: RobotModel, own: RobotModel, k: int, seen: list[int], placed: Collection[int]
+) -> RobotModel:
+    """The model with tool k, its reflectors, and the stations `seen` that nothing placed before."""
+    stations, tools = model.fixtures.stations.copy(), model.fixtures.tools.copy()
+    tools[k - 1] = own.chain.T_flange_tool
+    # the base stands where it stood, so that the first station of these rows does, too
+    at = model.chain.T_world_base @ inverse(own.chain.T_world_base)
+    if seen[0] in placed:
+        at = model.fixtures.station_frames[seen[0]]
+    for s, T in zip(seen, own.fixtures.station_frames, strict=True):
+        if s not in placed:
+            stations[s - 1] = at @ T
+    fixtures = replace(own.fixtures, stations=stations, tools=tools)
+    return replace(model, fixtures=fixtures)
+
+
+def _with_one_tool(
+    model: RobotModel, measurements: Measurements, free_tool: bool, free_anchors: Collection[int]
+) -> Start:
+    """`start_frames` of rows that were all measured with the tool of the chain."""
     names = _unknowns(model, measurements, free_tool, free_anchors)
     parameters = parameters_of(model, names)
     require_equations(model, measurements, parameters)

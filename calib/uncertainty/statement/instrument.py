@@ -15,7 +15,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification
 from calib.measurement.observations import GIVEN, POINT, Measurements, joined
-from calib.measurement.prediction import predict, predicted_positions
+from calib.measurement.prediction import predict, predicted_positions, tool_poses
 from calib.uncertainty.statement.gain import beside_held, estimator_gain
 
 SOURCES = (
@@ -177,7 +177,7 @@ def shared_rows(
     """
     p = predicted_positions(model, table)
     stations = model.fixtures.station_frames[table.station]
-    R = np.swapaxes(stations[:, :3, :3], 1, 2) @ model.poses(table.q)[:, :3, :3]
+    R = np.swapaxes(stations[:, :3, :3], 1, 2) @ tool_poses(model, table)[:, :3, :3]
     B = np.zeros((len(table), 6, len(SOURCES)))
     for s in np.unique(table.station):
         rows = table.station == s
@@ -248,7 +248,7 @@ def planned_errors(
     free = parameters.free_index
     both, m = joined([train, judged]), len(train)
     B = shared_rows(errors, model, both, T_station_beam) * np.sqrt(errors.variance)
-    looked_at = np.column_stack([both.offset, both.is_pose, both.reflector])
+    looked_at = np.column_stack([both.offset, both.is_pose, both.reflector, both.tool])
     _, target = np.unique(looked_at, axis=0, return_inverse=True)
     rows, tool = predict(model, judged).rows[:, :3, free], _tool_rows(model, judged)[:, :, free]
     names, left, seen, covariance = [], [], [], np.zeros((len(free), len(free)))

@@ -13,7 +13,7 @@ from calib.geometry.model import RobotModel
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
-from calib.measurement.prediction import predict, predicted_positions
+from calib.measurement.prediction import predict, predicted_positions, tool_poses
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.gain import estimator_gain
 from calib.uncertainty.statement.shape import of_poses, same_count
@@ -134,7 +134,7 @@ def _motions(model: RobotModel, table: Measurements, about: Array) -> Array:
     motions[:, :3, :3] = np.eye(3)
     motions[:, :3, 3:6] = -np.cross(p[:, :, None], np.eye(3)[None], axis=1)
     motions[:, 3:, 3:6] = table.is_pose[:, None, None] * np.eye(3)
-    motions[:, :3, 6:] = np.swapaxes(station, 1, 2) @ model.poses(table.q)[:, :3, :3]
+    motions[:, :3, 6:] = np.swapaxes(station, 1, 2) @ tool_poses(model, table)[:, :3, :3]
     return motions
 
 

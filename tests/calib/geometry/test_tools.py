@@ -1,0 +1,185 @@
+"""Further tools: numbers of the model, and rows that were measured with one of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib.arrays import Array
+from calib.errors import InputError
+from calib.geometry.frames import exp_so3, inverse
+from calib.geometry.joint_errors import JointErrors, gravity_terms
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import parameters_of
+from calib.identification.identify import identify
+from calib.identification.prior import step_derivative
+from calib.identification.start.start import start_frames
+from calib.measurement import tables
+from calib.measurement.observations import Measurements, joined
+from calib.measurement.prediction import perfect, predict, predicted_positions
+from calib.measurement.residual import paper_stack
+from calib.uncertainty.refit import unknown_to_loops
+from tests.calib.kinds import ARMS, NOISE, TURN_NOISE, anywhere, joints, true_robot
+from tests.reference import pool_r
+
+
+def robot_with_tools(seed: int = 0) -> RobotModel:
+    """Two further tools, two further stations, terms between the chain and them."""
+    rng = np.random.default_rng(seed)
+    true = true_robot("tx60", rng)
+    return replace(
+        true,
+        joint_errors=JointErrors(gravity_terms(6), rng.normal(size=3) * 1e-3),
+        fixtures=replace(
+            true.fixtures,
+            stations=np.array([anywhere(rng, 3.0), anywhere(rng, 3.0)]),
+            tools=np.array([anywhere(rng, 0.2), anywhere(rng, 0.2)]),
+        ),
+    )
+
+
+def with_tool(model: RobotModel, k: int) -> RobotModel:
+    """The same robot with tool k in place of its own: the second way to every number here."""
+    tool = model.chain.T_flange_tool if k == 0 else model.fixtures.tools[k - 1]
+    return replace(model, chain=replace(model.chain, T_flange_tool=tool))
+
+
+def seen_poses(
+    true: RobotModel, q: Array, rng: np.random.Generator, *, station: int, tool: int
+) -> Measurements:
+    """Full poses of a tool, from a station, by the chain alone."""
+    T = inverse(true.fixtures.station_frames[station]) @ with_tool(true, tool).poses(q)
+    T[:, :3, 3] += rng.normal(size=(len(q), 3)) * NOISE
+    T[:, :3, :3] = exp_so3(rng.normal(size=(len(q), 3)) * TURN_NOISE) @ T[:, :3, :3]
+    return tables.poses(q, T, sd=(NOISE, TURN_NOISE), station=station, tool=tool)
+
+
+def every_tool(true: RobotModel, q: Array, rng: np.random.Generator) -> Measurements:
+    """Poses, points and distances with every tool; readings are only roughly those."""
+    rows = []
+    for k in range(3):
+        rows.append(seen_poses(true, q, rng, station=k, tool=k))
+        near = with_tool(true, k).poses(q)[:, :3, 3]
+        rows.append(tables.points(q, near, sd=1e-4, offset=(0.1, 0, 0.2), tool=k))
+        rows.append(tables.points(q, near, sd=1e-4, reflector=1, station=2, tool=k))
+        far = replace(tables.distances(q, np.ones(len(q)), sd=1e-4, anchor=k), tool=[k] * len(q))
+        rows.append(far)
+    return joined(rows)
+
+
+def test_tools_come_last_are_named_and_move_in_their_own_axes():
+    model = robot_with_tools()
+    assert model.names[-12:-6] == tuple(f"tool2.{a}" for a in ("x", "y", "z", "rx", "ry", "rz"))
+    assert model.is_length[-6:] == (True,) * 3 + (False,) * 3
+    assert model.n_numbers == len(model.names) == 45 + 9 + 12 + 12 + 12
+    step = np.random.default_rng(1).normal(size=model.n_numbers) * 0.1
+    # rounding of rotations up to pi away, a few parts in 1e16 of meters
+    np.testing.assert_allclose(model.step_to(model.moved(step)), step, atol=1e-12)
+    alone = np.zeros(model.n_numbers)
+    alone[-6] = 0.1
+    moved = inverse(model.fixtures.tools[1]) @ model.moved(alone).fixtures.tools[1]
+    np.testing.assert_allclose(moved[:3, 3], [0.1, 0, 0], atol=1e-14)
+
+
+def test_a_step_of_a_step_follows_the_chain_rule_for_tools_too():
+    rng, model = np.random.default_rng(6), robot_with_tools()
+    step, small = rng.normal(size=model.n_numbers) * 0.3, rng.normal(size=model.n_numbers) * 1e-6
+    there = model.moved(step)
+    change = model.step_to(there.moved(small)) - model.step_to(there)
+    # second order, 1e-12, and rounding of the logarithm
+    np.testing.assert_allclose(change, step_derivative(step, there) @ small, atol=2e-11)
+
+
+def test_rows_of_a_tool_are_those_of_a_robot_that_carries_it():
+    """Residuals are those of the chain with the tool in place of its own, and so are all columns
+    but those of the tool, which have moved to its own numbers."""
+    rng, model = np.random.default_rng(2), robot_with_tools()
+    table = every_tool(model, pool_r(3), rng)
+    seen, own = predict(model, table), model.n_numbers - 12
+    chain_tool = slice(36, 42)
+    for k in range(3):
+        rows = table.tool == k
+        plain = replace(table.rows(rows), tool=np.zeros(rows.sum(), dtype=int))
+        alone = predict(with_tool(model, k), plain)
+        # the same products in another order
+        np.testing.assert_allclose(seen.residual[rows], alone.residual, atol=1e-13)
+        expected = alone.rows.copy()
+        if k:
+            here = own + 6 * (k - 1)
+            expected[:, :, here : here + 6] = alone.rows[:, :, chain_tool]
+            expected[:, :, chain_tool] = 0.0
+        np.testing.assert_allclose(seen.rows[rows], expected, atol=1e-12)
+        np.testing.assert_allclose(
+            predicted_positions(model, table.rows(rows)),
+            predicted_positions(with_tool(model, k), plain), atol=1e-13,
+        )  # fmt: skip
+
+
+def test_every_row_has_the_derivative_of_its_residual_in_every_number_of_the_tools():
+    rng, true = np.random.default_rng(3), robot_with_tools()
+    table = every_tool(true, pool_r(2), rng)
+    model = true.moved(rng.normal(size=true.n_numbers) * 0.1)
+    seen, h = predict(model, table), 1e-5
+    for k in (*range(36, 42), *range(model.n_numbers - 12, model.n_numbers), 0, 4, 12, 43):
+        step = np.eye(model.n_numbers)[k] * h
+        ahead, behind = (predict(model.moved(sign * step), table).residual for sign in (1, -1))
+        # h^2 / 6 of the third derivative and rounding 1e-15 / h are below 1e-9
+        error = np.abs((behind - ahead) / (2 * h) - seen.rows[:, :, k]).max()
+        assert error < 2e-9 * max(1.0, np.abs(seen.rows).max()), model.names[k]
+
+
+def test_a_perfect_table_of_any_tool_leaves_no_residual():
+    model = robot_with_tools()
+    table = perfect(model, every_tool(model, pool_r(4), np.random.default_rng(4)))
+    assert np.abs(predict(model, table).residual).max() < 1e-13
+
+
+@pytest.mark.parametrize("stations", [(0, 1, 2), (0, 0, 2), (0, 1, 1)], ids=str)
+def test_frames_of_all_visits_are_found_from_nothing(stations: tuple[int, int, int]):
+    """A tool remounted, a tracker moved, both or one of them: the truth is meters away."""
+    rng, true = np.random.default_rng(5), robot_with_tools()
+    true = replace(true, joint_errors=JointErrors())
+    q = joints("tx60", rng, 90)
+    table = joined(
+        [
+            seen_poses(true, q[30 * k : 30 * k + 30], rng, station=s, tool=k)
+            for k, s in enumerate(stations)
+        ]
+    )
+    nowhere = replace(
+        true.fixtures, stations=np.tile(np.eye(4), (2, 1, 1)), tools=np.tile(np.eye(4), (2, 1, 1))
+    )
+    start = start_frames(RobotModel(ARMS["tx60"], fixtures=nowhere), table)
+    # links wrong by 0.3 mm and 0.1 deg leave millimeters at an arm's length
+    assert start.position_rms < 5e-3
+    free = [name for name in true.names if not name.startswith(("reflector", "anchor"))]
+    seen = {f"station{s + 1}" for s in stations}
+    free = [n for n in free if not n.startswith("station") or n.split(".")[0] in seen]
+    found = identify(start.model, table, parameters_of(start.model, free))
+    # 540 equations, chi-square within five standard deviations
+    assert abs(found.chi_square - found.dof) < 5 * np.sqrt(2 * found.dof)
+    # 30 numbers of one visit, and twelve or six for every frame that differs
+    assert found.rank == 30 + 12 + 6 * len(set(stations) - {0})
+
+
+def test_rows_of_a_tool_that_is_not_there_or_below_zero_are_refused():
+    model = robot_with_tools()
+    table = every_tool(model, pool_r(2), np.random.default_rng(7))
+    with pytest.raises(InputError, match=r"tool\[\d+\] is 2, the model has 2 of them"):
+        predict(replace(model, fixtures=replace(model.fixtures, tools=model.fixtures.tools[:1])),
+                table)  # fmt: skip
+    with pytest.raises(InputError, match=r"tool\[0\] of a pose row is -1"):
+        replace(table, tool=np.full(len(table), -1))
+    with pytest.raises(InputError, match="no row was measured with the tool of the chain"):
+        start_frames(model, table.rows(table.tool > 0))
+    with pytest.raises(InputError, match="further tool"):
+        paper_stack(
+            model, seen_poses(model, pool_r(2), np.random.default_rng(8), station=0, tool=1)
+        )
+
+
+def test_compiled_loops_know_no_further_tools():
+    model = robot_with_tools()
+    rows = seen_poses(model, pool_r(9), np.random.default_rng(9), station=0, tool=1)
+    found = unknown_to_loops(model, rows, parameters_of(model, ("theta2",)))
+    assert found == ("tool", "rows of further tools")
