@@ -95,6 +95,21 @@ class JointErrors:
         out[:, :, Z] += self.of_terms(q)
         return out
 
+    def joined(self, other: "JointErrors") -> "JointErrors":
+        """Both of them as one; springs stand after all terms, and only one of them may have any."""
+        if self.sprung is not None and other.sprung is not None:
+            raise refuse(
+                "springs", code="A3", message="both joint errors have springs",
+                allowed="springs in one of them", fix="leave those of one out",
+            )  # fmt: skip
+        k, j = len(self.terms), len(other.terms)
+        parts = (
+            *(self.coefficients[:k], other.coefficients[:j]),
+            *(self.coefficients[k:], other.coefficients[j:]),
+        )
+        springs = self.springs if other.sprung is None else other.springs
+        return JointErrors((*self.terms, *other.terms), np.concatenate(parts), springs)
+
     @property
     def of_springs(self) -> Array:
         """(s,) the coefficients that belong to the springs."""

@@ -109,6 +109,16 @@ class RobotModel:
         parts.append(np.zeros((len(q), 6, self.fixtures.n_numbers)))
         return T, np.concatenate(parts, axis=-1)
 
+    def poses_and_bends(self, q: ArrayLike) -> tuple[Array, Array, Array]:
+        """Poses and Jacobian as in `poses_and_jacobian`, and the columns of all bends (m, 6, 3 n).
+
+        Of each joint about x, y and z in turn, as it stands where the arm has given way.
+        """
+        q, errors = joint_vectors(self.chain, q), self.joint_errors
+        T, J = self.poses_and_jacobian(q)
+        bent = bent_pose_and_jacobian(self.chain, q, errors.bends(q))[1]
+        return T, J, bent[:, :, self.chain.n_numbers :]
+
     def _sprung_poses_and_jacobian(self, q: Array, springs: SprungJoints) -> tuple[Array, Array]:
         """The same where the joints give way: terms are bends about z, springs about any axis."""
         errors = self.joint_errors

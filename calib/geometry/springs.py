@@ -159,6 +159,16 @@ class SprungJoints(Compliance):
             bends = self._spread(at.give * load)
         return bends, slopes
 
+    def torques(self, q: Array) -> tuple[Array, Array]:
+        """What loads the springs of the stiff arm: torques (m, p), and per free moment (m, p, f).
+
+        The torques are those of the stated moments [N m, or N along a slide].
+        """
+        G = gravity_regressor(self.weight.chain, q, gravity=self.weight.gravity)
+        own = G[:, self.joint, self.axis].reshape(len(q), len(self.load), -1)
+        stated = np.vstack([self.weight.moments, self.weight.payload]).ravel()
+        return own @ stated, own[:, :, np.flatnonzero(self.free)]
+
     def slopes_by_joint(self, q: Array, numbers: Array) -> Array:
         """Slopes (m, p, n) of the springs' bends by the joint values."""
         at, bends = self._loaded(numbers), np.zeros((*q.shape, 3))

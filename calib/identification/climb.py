@@ -13,9 +13,10 @@ from scipy.special import chdtri
 
 from calib.arrays import Array, FloatOrNan, Index
 from calib.errors import refuse
+from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.identification.ladders import Ladder, Level
+from calib.identification.ladders import Ladder, Level, joined
 from calib.identification.normal_equations import (
     MOST_TURNS,
     SETTLED,
@@ -89,8 +90,8 @@ class Climb:
 
     @property
     def taken(self) -> tuple[Level, ...]:
-        """Levels reached that have terms."""
-        return tuple(level for level in self.levels if level.terms)
+        """Levels reached that are not empty."""
+        return tuple(level for level in self.levels if level.names)
 
 
 def climb(
@@ -147,8 +148,8 @@ def climb(
             allowed="a prior of every free number: evidence compares nothing else",
             fix="add them to the prior, or leave it out for the weak one",
         )  # fmt: skip
-    terms = {t.name: t for ladder in ladders for level in ladder.levels for t in level.terms}
-    system = normal_equations(nominal, near, measurements, parameters, tuple(terms.values()), prior)
+    every = [level.errors for ladder in ladders for level in ladder.levels]
+    system = normal_equations(nominal, near, measurements, parameters, every, prior)
     richest = tuple(ladder.levels[-1] for ladder in ladders)
     system = system.at_noise_of(*_asked(richest))
     if loss != "squared":
@@ -162,7 +163,7 @@ def _calmed(plain: NormalEquations, levels: Sequence[Level], loss: Loss) -> Norm
     typical = np.sqrt(chdtri(plain.equations, 0.5) / plain.equations)
     system, scale = replace(plain, scale=1.0), np.inf
     for _ in range(MOST_TURNS):
-        size = plain.sizes_after(_asked(levels)[0], system.solved(*_asked(levels)).step)
+        size = plain.sizes_after(system.solved(*_asked(levels)))
         last, scale = scale, max(1.0, float(np.median(size / typical)))
         system = replace(plain.weighed(loss_weights(size / scale, loss)), scale=scale)
         if abs(scale / last - 1) < SETTLED:
@@ -170,10 +171,11 @@ def _calmed(plain: NormalEquations, levels: Sequence[Level], loss: Loss) -> Norm
     return system
 
 
-def _asked(levels: Sequence[Level]) -> tuple[tuple[str, ...], Array]:
-    """Names of the terms of some levels, and their prior sd."""
-    names = tuple(term.name for level in levels for term in level.terms)
-    return names, np.concatenate([level.sd for level in levels])
+def _asked(levels: Sequence[Level]) -> tuple[JointErrors, Array]:
+    """The joint errors of some levels, and their prior sd."""
+    errors = joined(levels)
+    sd = {name: sd for level in levels for name, sd in zip(level.names, level.sd, strict=True)}
+    return errors, np.array([sd[name] for name in errors.names])
 
 
 def _climbed(
@@ -188,10 +190,9 @@ def _climbed(
         return system.solved(*_asked(levels)).evidence
 
     def left_out(levels: Sequence[Level]) -> Array:
-        names, sd = _asked(levels)
         missed = np.full(len(system.r), np.nan)
         for rest, rows in zip(rests, held_out, strict=True):
-            missed[rows] = system.misses(names, rest.solved(names, sd).step, rows)
+            missed[rows] = system.misses(rest.solved(*_asked(levels)), rows)
         return np.asarray(np.bincount(pose, missed) / count)
 
     here = tuple(ladder.levels[0] for ladder in ladders)
@@ -256,7 +257,7 @@ def _offers(
         elif level.name in tried:
             refused = "refused by the poses left out" if confirmed else "too few poses to confirm"
             outcome = "replaced" if tried[level.name] else refused
-        elif reached.terms and gained > ASKED:
+        elif reached.names and gained > ASKED:
             outcome = f"not needed beside {reached.name}"
         yield Offer(ladder.name, level.name, gained, outcome)
 

@@ -66,13 +66,17 @@ def extended_parameters(
             allowed="a model with a revolute joint whose harmonics are not in it yet",
             fix="identify the model as it is",
         )  # fmt: skip
-    # the terms stand before the fixtures; they are angles, scaled like those of the base
-    k = nominal.first_fixture
+    # scaled like the lengths and the angles of the base
+    place = {name: k for k, name in enumerate(parameters.names)}
+    like = [
+        place.get(name, 0 if is_length else 3)
+        for name, is_length in zip(extended.names, extended.is_length, strict=True)
+    ]
     return Parameters(
         extended.names,
         np.array(extended.is_length),
-        np.insert(parameters.free, k, np.ones(added, dtype=bool)),
-        np.insert(parameters.scale, k, np.full(added, parameters.scale[3])),
+        np.array([name not in place or parameters.free[place[name]] for name in extended.names]),
+        parameters.scale[like],
     )
 
 

@@ -1,18 +1,19 @@
 """Ladders of joint errors: for each cause the levels that a model may climb, from few to many.
 
-A level is a set of joint terms with what is believed of their sizes beforehand. The levels of one
+A level is a set of joint errors with what is believed of their sizes beforehand. The levels of one
 ladder replace each other, those of several ladders add up; the first level of each is empty.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
 from calib.arrays import Array, check, frozen
 from calib.geometry.chain import Chain
 from calib.geometry.joint_errors import JointErrors, JointTerm, gravity_terms, harmonic_terms
-from calib.geometry.model import RobotModel
+from calib.geometry.model import NO_ERRORS, RobotModel
 from calib.identification.joint_models import gravity_quarters
 from calib.identification.prior import Prior
 from calib.information.rank import FIRST, SAG, SECOND
@@ -29,21 +30,27 @@ they are a stationary Gaussian process on the circle."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Level:
-    """Joint terms that a model may have, and what is believed of their sizes."""
+    """Joint errors that a model may have, and what is believed of their sizes."""
 
     name: str
-    terms: tuple[JointTerm, ...] = ()
+    errors: JointErrors = NO_ERRORS
+    """All of them zero."""
     sd: Array = ()  # type: ignore[assignment]  # becomes an array in __post_init__
-    """(k,) prior standard deviation of each coefficient, about zero [rad]."""
+    """(k,) prior standard deviation of each of its numbers, about zero [rad, m; kg, kg m]."""
     usual: bool = False
     """Whether this is the level at which a model is shown that nobody asked for."""
 
     def __post_init__(self) -> None:
-        (sd,) = check(f"{len(self.terms)}", sd=self.sd)
+        (sd,) = check(f"{len(self.errors.names)}", sd=self.sd)
         object.__setattr__(self, "sd", sd)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """(k,) names of its numbers."""
+        return self.errors.names
+
     def __repr__(self) -> str:
-        return f"Level({self.name}: {len(self.terms)} terms)"
+        return f"Level({self.name}: {len(self.errors.names)} numbers)"
 
 
 NOTHING = Level("none")
@@ -55,7 +62,7 @@ class Ladder:
 
     name: str
     levels: tuple[Level, ...]
-    """The first one has no terms."""
+    """The first one is empty."""
     why_not: str = ""
     """Why there is no further level; empty where there is one."""
 
@@ -95,7 +102,9 @@ def _gravity(nominal: RobotModel, mounted: Chain | None, sag: float) -> Ladder:
     terms = _new(nominal, gravity_terms(nominal.chain.n_joints, quarters))
     if not terms:
         return Ladder("gravity", (NOTHING,), "sag: the model has it already")
-    return Ladder("gravity", (NOTHING, Level("sag", terms, np.full(len(terms), sag), True)))
+    return Ladder(
+        "gravity", (NOTHING, Level("sag", JointErrors(terms), np.full(len(terms), sag), True))
+    )
 
 
 def _waves(nominal: RobotModel, sizes: tuple[float, float]) -> Ladder:
@@ -114,7 +123,8 @@ def _waves(nominal: RobotModel, sizes: tuple[float, float]) -> Ladder:
         known = {1: share * sizes[0], 2: share * sizes[1]} | dict.fromkeys(orders, size)
         terms = _new(nominal, harmonic_terms(chain.n_joints, tuple(known)))
         terms = tuple(term for term in terms if chain.kinds[term.joint] == "revolute")
-        return Level(name, terms, np.array([known[order_of(term)] for term in terms]), usual)
+        sd = np.array([known[order_of(term)] for term in terms])
+        return Level(name, JointErrors(terms), sd, usual)
 
     beyond = range(3, MAP_ORDERS + 1)
     wider = (
@@ -126,8 +136,8 @@ def _waves(nominal: RobotModel, sizes: tuple[float, float]) -> Ladder:
     )
     known: list[Level] = []
     for each in wider:
-        alike = any(each.terms == one.terms and np.array_equal(each.sd, one.sd) for one in known)
-        if each.terms and not alike:
+        alike = any(each.names == one.names and np.array_equal(each.sd, one.sd) for one in known)
+        if each.names and not alike:
             known.append(each)
     return Ladder("waves", (NOTHING, *known))
 
@@ -143,16 +153,19 @@ def _new(nominal: RobotModel, terms: tuple[JointTerm, ...]) -> tuple[JointTerm, 
     return tuple(term for term in terms if term.name not in known)
 
 
-def with_terms(nominal: RobotModel, terms: Sequence[JointTerm]) -> RobotModel:
-    """The model with joint terms added, all of them zero: same poses as before."""
-    known = nominal.joint_errors
-    coefficients = np.concatenate([known.coefficients, np.zeros(len(terms))])
-    return replace(nominal, joint_errors=JointErrors((*known.terms, *terms), coefficients))
+def joined(levels: Iterable[Level]) -> JointErrors:
+    """The joint errors of some levels as one."""
+    return reduce(JointErrors.joined, (level.errors for level in levels), NO_ERRORS)
+
+
+def with_errors(nominal: RobotModel, added: JointErrors) -> RobotModel:
+    """The model with joint errors added that are zero: same poses as before."""
+    return replace(nominal, joint_errors=nominal.joint_errors.joined(added))
 
 
 def prior_of(levels: Iterable[Level]) -> Prior:
-    """What is believed of the terms of some levels: small, and independent."""
+    """What is believed of the numbers of some levels: small, and independent."""
     levels = tuple(levels)
     sd = np.concatenate([level.sd for level in levels])
-    names = tuple(term.name for level in levels for term in level.terms)
+    names = tuple(name for level in levels for name in level.names)
     return Prior(frozen(np.zeros(len(sd))), frozen(sd), names)

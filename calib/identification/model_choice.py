@@ -17,7 +17,7 @@ from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.climb import Climb, Offer, climb
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_parameters, with_joint_terms
-from calib.identification.ladders import Ladder, Level, ladders_of, prior_of, with_terms
+from calib.identification.ladders import Ladder, Level, joined, ladders_of, prior_of, with_errors
 from calib.identification.outlier_search import HONEST, noise_factor
 from calib.identification.prior import Prior, weak_prior
 from calib.identification.result import Identification
@@ -160,10 +160,10 @@ def extended_by(
     factor : float
         How many times the stated noise there is.
     """
-    terms = [term for level in levels for term in level.terms]
-    wide = with_terms(nominal, terms)
-    table = extended_parameters(nominal, wide, parameters) if terms else parameters
-    belief = prior.joined(prior_of(levels)) if terms else prior
+    added = joined(levels)
+    wide = with_errors(nominal, added)
+    table = extended_parameters(nominal, wide, parameters) if added.names else parameters
+    belief = prior.joined(prior_of(levels)) if added.names else prior
     return wide, under_noise(wide, measurements, table, belief, factor, loss=loss, report=report)
 
 

@@ -1,10 +1,12 @@
 """Normal equations about one fit: every model whose numbers are some of theirs in one solve.
 
-Where steps are small the prediction is linear in them, and least squares of any part of the columns
-needs no more than that part of A'A and A'r.
+Where steps are small the prediction is linear in the bends of the joints. Bends of terms are linear
+in their numbers; those of springs are products of compliances and moments, so that what gravity
+does has a column for each product. Least squares of any model then needs no more than its part of
+A'A and A'r, of whatever number of rows.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -12,13 +14,14 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from calib.arrays import Array, Bool
-from calib.geometry.joint_errors import JointTerm
+from calib.geometry.bodies import Z
+from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.identification.ladders import with_terms
 from calib.identification.prior import Prior
+from calib.identification.spring_products import Products, products_of, settled
 from calib.measurement.observations import Measurements
-from calib.measurement.prediction import predict
+from calib.measurement.prediction import predict_at
 from calib.measurement.residual import table_whiteners
 
 SETTLED = 1e-4
@@ -33,7 +36,9 @@ class Solved(NamedTuple):
     """A model's part of the normal equations, solved."""
 
     step: Array
-    """(k,) from the fit about which they stand [m, rad]."""
+    """(k,) from the fit about which they stand: geometry, terms, springs [m, rad; kg, kg m]."""
+    applied: Array
+    """What the step makes of each column of the equations."""
     evidence: float
     """Log evidence by Laplace's method, up to a constant that all models share."""
     learned: float
@@ -44,26 +49,28 @@ class Solved(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NormalEquations:
-    """Rows and normal equations of the widest model: geometry under a prior, and added terms."""
+    """Rows and normal equations of the widest model: geometry under a prior, and joint errors."""
 
     A: Array
-    """(m, 6, f + k) whitened rows: the free numbers of the geometry, then the terms."""
+    """(m, 6, c) whitened rows: the free numbers of the geometry, the terms, the products."""
     r: Array
     """(m, 6) whitened residual."""
     moved: Array
-    """(m, 3, f + k) change of position, or of the distance in the first row."""
+    """(m, 3, c) change of position, or of the distance in the first row."""
     missed: Array
     """(m, 3) residual of them [m]."""
     equations: Array
     """(m,) rows that each observation has, times its weight."""
     normal: Array
-    """(f + k, f + k) A'A."""
+    """(c, c) A'A."""
     pull: Array
-    """(f + k,) A'r."""
+    """(c,) A'r."""
     square: float
     """r'r."""
     names: tuple[str, ...]
-    """(f + k,) of the columns."""
+    """(f + k,) of the columns of geometry and terms."""
+    products: Products
+    """Columns of the springs behind them."""
     precision: Array
     """(f, f) prior of the geometry."""
     offset: Array
@@ -72,63 +79,83 @@ class NormalEquations:
     """Noise in units of the stated one."""
 
     def __repr__(self) -> str:
-        return f"NormalEquations({len(self.r)} observations, {len(self.names)} numbers)"
+        return f"NormalEquations({len(self.r)} observations, {len(self.pull)} columns)"
 
-    def columns(self, terms: Sequence[str]) -> list[int]:
+    def columns(self, terms: Iterable[str]) -> list[int]:
         """Columns of the geometry and of some terms."""
         place = {name: k for k, name in enumerate(self.names)}
         return [*range(len(self.offset)), *(place[name] for name in terms)]
 
-    def solved(self, terms: Sequence[str], sd: Array, scale: float | None = None) -> Solved:
-        """Maximum a posteriori of the model with some terms, of prior sd (k,), about zero.
+    def solved(self, errors: JointErrors, sd: Array, scale: float | None = None) -> Solved:
+        """Maximum a posteriori of the model with some joint errors, of prior sd (k,), about zero.
+
+        Geometry and terms are solved for whatever the springs do; what the springs do is then found
+        by a few steps in their own numbers alone.
 
         References
         ----------
         MacKay 1992: -(r'r/s^2 + x'Lambda0 x)/2 + ln|Lambda0|/2 - ln|A'A/s^2 + Lambda0|/2; all
-        numbers are counted in units of their prior, where |Lambda0| of the terms is one.
+        numbers are counted in units of their prior, where |Lambda0| of the joint errors is one.
+        Eliminating the linear numbers: Golub & Pereyra 1973 (variable projection).
         """
-        at, f, s = self.columns(terms), len(self.offset), scale or self.scale
-        size = np.concatenate([np.ones(f), sd])
-        seen = size[:, None] * self.normal[np.ix_(at, at)] * size / s**2
+        k, f, s = len(errors.terms), len(self.offset), scale or self.scale
+        at = np.array(self.columns(term.name for term in errors.terms))
+        size = np.concatenate([np.ones(f), sd[:k]])
         prior = np.eye(len(at))
         prior[:f, :f] = self.precision
+        seen = size[:, None] * self.normal[np.ix_(at, at)] * size / s**2 + prior
         force = size * self.pull[at] / s**2
         force[:f] -= self.precision @ self.offset
-        root = np.sqrt(np.diag(seen + prior))
-        factor = cho_factor((seen + prior) / root[:, None] / root)
-        step = cho_solve(factor, force / root) / root
-        held = cho_solve(factor, prior / root[:, None] / root)
-        loss = self.square / s**2 + self.offset @ self.precision @ self.offset - force @ step
-        spread = 2 * float(np.log(np.diag(factor[0])).sum() + np.log(root).sum())
-        own = float(np.linalg.slogdet(self.precision)[1])
-        left = self.square + step @ (seen @ step - 2 * size * self.pull[at] / s**2) * s**2
+        root = np.sqrt(np.diag(seen))
+        factor = cho_factor(seen / root[:, None] / root)
+        springs = self.products.of(errors, sd[k:])
+        cross = size[:, None] * self.normal[np.ix_(at, springs.columns)] / s**2
+        back = cho_solve(factor, np.column_stack([force, cross, prior]) / root[:, None])
+        back /= root[:, None]
+        free, gives, held = np.split(back, [1, 1 + cross.shape[1]], axis=1)
+        own = self.normal[np.ix_(springs.columns, springs.columns)] / s**2
+        pull = self.pull[springs.columns] / s**2 - cross.T @ free[:, 0]
+        bent = settled(springs, own - cross.T @ gives, pull)
+        step = free[:, 0] - gives @ bent.products
+        loss = self.square / s**2 + self.offset @ self.precision @ self.offset - force @ free[:, 0]
+        loss += bent.loss
+        spread = 2 * float(np.log(np.diag(factor[0])).sum() + np.log(root).sum()) + bent.spread
+        moved = gives @ bent.slopes
+        learned = len(at) - np.trace(held) + len(bent.numbers) - np.trace(bent.inverse)
+        learned -= np.einsum("ij,ik,kl,lj->", moved, prior, moved, bent.inverse, optimize=True)
+        beside = step.copy()
+        beside[:f] += self.offset
+        believed = beside @ prior @ beside + bent.numbers @ bent.numbers
+        applied = np.zeros(len(self.pull))
+        applied[at], applied[springs.columns] = size * step, bent.products
         return Solved(
-            size * step,
-            float(own - loss - spread) / 2,
-            len(at) - float(np.trace(held)),
-            float(left),
+            np.concatenate([size * step, springs.sd * bent.numbers]),
+            applied,
+            float(np.linalg.slogdet(self.precision)[1] - loss - spread) / 2,
+            float(learned),
+            float(loss - believed) * s**2,
         )
 
-    def at_noise_of(self, terms: Sequence[str], sd: Array) -> "NormalEquations":
+    def at_noise_of(self, errors: JointErrors, sd: Array) -> "NormalEquations":
         """The same with the noise scale, one or more, that a model leaves."""
         rows, scale = float(self.equations.sum()), 1.0
         for _ in range(MOST_TURNS):
-            found = self.solved(terms, sd, scale)
+            found = self.solved(errors, sd, scale)
             free = max(rows - found.learned, LEAST_FREE * rows)
             last, scale = scale, max(1.0, float(np.sqrt(found.left / free)))
             if abs(scale / last - 1) < SETTLED:
                 break
         return replace(self, scale=scale)
 
-    def sizes_after(self, terms: Sequence[str], step: Array) -> Array:
+    def sizes_after(self, found: Solved) -> Array:
         """Root mean square (m,) of each observation's rows after a step, in stated noises."""
-        left = self.r - self.A[:, :, self.columns(terms)] @ step
+        left = self.r - self.A @ found.applied
         return np.asarray(np.sqrt((left**2).sum(axis=1) / self.equations))
 
-    def misses(self, terms: Sequence[str], step: Array, rows: Bool) -> Array:
+    def misses(self, found: Solved, rows: Bool) -> Array:
         """What a step leaves of position or distance in some rows (m,) [m]."""
-        moved = self.moved[rows][:, :, self.columns(terms)] @ step
-        return np.asarray(np.linalg.norm(self.missed[rows] - moved, axis=1))
+        left = self.missed[rows] - self.moved[rows] @ found.applied
+        return np.asarray(np.linalg.norm(left, axis=1))
 
     def weighed(self, weights: Array) -> "NormalEquations":
         """The same with a weight of each observation (m,)."""
@@ -158,7 +185,7 @@ def normal_equations(
     fitted: RobotModel,
     measurements: Measurements,
     parameters: Parameters,
-    terms: Sequence[JointTerm],
+    added: Iterable[JointErrors],
     prior: Prior,
 ) -> NormalEquations:
     """Normal equations about a fit.
@@ -173,22 +200,34 @@ def normal_equations(
         What is looked at.
     parameters : Parameters
         Of `nominal`: its free numbers are the geometry.
-    terms : sequence of JointTerm
-        Added to the fitted model, all zero.
+    added : iterable of JointErrors
+        Any model with the terms and springs of some of these can be solved for.
     prior : Prior
         Of all free numbers of the geometry.
     """
-    wide = with_terms(fitted, terms)
-    seen = predict(wide, measurements)
-    names = (*parameters.free_names, *(term.name for term in terms))
-    place = {name: k for k, name in enumerate(wide.names)}
-    rows, W = seen.rows[:, :, [place[name] for name in names]], table_whiteners(measurements)
+    added = tuple(added)
+    terms = tuple({t.name: t for errors in added for t in errors.terms}.values())
+    springs = [errors.sprung for errors in added if errors.sprung is not None]
+    T, J, bends = fitted.poses_and_bends(measurements.q)
+    products, loads = products_of(springs, measurements.q, parameters.n_free + len(terms))
+    basis = JointErrors(terms)
+    wide = [
+        J,
+        bends[:, :, Z::3][:, :, basis.joints] * basis.basis(measurements.q)[:, None],
+        _flat_last(bends[:, :, list(products.places), None] * loads[:, None]),
+    ]
+    seen = predict_at(
+        T, np.concatenate(wide, axis=2), fitted.fixtures, fitted.first_fixture, measurements
+    )
+    own = [*parameters.free_index, *range(len(parameters.names), sum(w.shape[2] for w in wide))]
+    rows, W = seen.rows[:, :, own], table_whiteners(measurements)
     order = [prior.names.index(name) for name in parameters.free_names]
     step = nominal.step_to(fitted)[parameters.free_index]
     empty = NormalEquations(
         A=rows, r=seen.residual, moved=rows[:, :3], missed=seen.residual[:, :3],
         equations=measurements.equations.astype(np.float64), normal=rows[0], pull=rows[0, 0],
-        square=0.0, names=names, precision=prior.precision[np.ix_(order, order)],
+        square=0.0, names=(*parameters.free_names, *(term.name for term in terms)),
+        products=products, precision=prior.precision[np.ix_(order, order)],
         offset=step - prior.mean[order],
     )  # fmt: skip
     filled = seen.filled
@@ -201,3 +240,7 @@ def normal_equations(
 
 def _flat(A: Array) -> Array:
     return A.reshape(-1, A.shape[-1])
+
+
+def _flat_last(A: Array) -> Array:
+    return A.reshape(*A.shape[:2], -1)

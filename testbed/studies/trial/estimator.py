@@ -115,10 +115,10 @@ def scenario_ladders(settings: PriorSettings, nominal: RobotModel) -> tuple[Ladd
 
 
 def _with_own_sizes(level: Level, settings: PriorSettings) -> Level:
-    """A level whose terms have the sizes that the scenario gives them by name."""
+    """A level whose numbers have the sizes that the scenario gives them by name."""
     named = {name: np.radians(size) for name, size in settings.sd_deg.items()}
-    both = zip(level.terms, level.sd, strict=True)
-    return replace(level, sd=np.array([named.get(term.name, sd) for term, sd in both]))
+    both = zip(level.names, level.sd, strict=True)
+    return replace(level, sd=np.array([named.get(name, sd) for name, sd in both]))
 
 
 def _spread(settings: PriorSettings, name: str, is_length: bool) -> float:

@@ -16,7 +16,7 @@ from calib.identification.ladders import (
     ladders_of,
     order_of,
     prior_of,
-    with_terms,
+    with_errors,
 )
 from calib.identification.model_choice import choose, extended_by
 from calib.identification.normal_equations import NormalEquations, normal_equations
@@ -47,8 +47,8 @@ def climbed(table, loss="squared", part=None):
 
 def system(table) -> NormalEquations:
     near = identify(tx60(), table, PARAMETERS, prior=PRIOR).model
-    terms = ladders_of(tx60())[1].levels[-1].terms
-    return normal_equations(tx60(), near, table, PARAMETERS, terms, PRIOR)
+    errors = ladders_of(tx60())[1].levels[-1].errors
+    return normal_equations(tx60(), near, table, PARAMETERS, [errors], PRIOR)
 
 
 @pytest.mark.parametrize("level", [1, 2, 3, 5])
@@ -58,14 +58,14 @@ def test_a_part_of_the_normal_equations_is_the_whole_fit_of_that_model(level):
     chosen = ladders_of(tx60())[1].levels[level]
     wide, found = extended_by(tx60(), table, PARAMETERS, [chosen], prior=PRIOR)
     assert found.status is Status.CONVERGED
-    names = [term.name for term in chosen.terms]
-    solved = system(table).solved(names, chosen.sd)
+    names = chosen.names
+    solved = system(table).solved(chosen.errors, chosen.sd)
     step = solved.step[42:]
     at = [found.names.index(name) for name in names]
     u = found.standard_uncertainty[at]
     assert (np.abs(step - found.step[at]) / u).max() < 5e-3
     plain = identify(tx60(), table, PARAMETERS, prior=PRIOR)
-    gain = solved.evidence - system(table).solved([], np.zeros(0)).evidence
+    gain = solved.evidence - system(table).solved(JointErrors(), np.zeros(0)).evidence
     assert gain == pytest.approx(found.log_evidence - plain.log_evidence, abs=0.1)
     assert solved.learned == pytest.approx(len(found.residual) - found.dof_effective, abs=0.05)
     assert solved.left == pytest.approx(found.chi_square, rel=1e-3)
@@ -91,8 +91,8 @@ def test_a_level_that_poses_left_out_do_not_confirm_is_not_taken(monkeypatch):
     table = seen(bent(4), 40, 5)
     true = NormalEquations.misses
 
-    def worse(self, terms, step, rows):
-        return true(self, terms, step, rows) + 1e-3 * len(terms)
+    def worse(self, found, rows):
+        return true(self, found, rows) + 1e-3 * (len(found.step) - 42)
 
     monkeypatch.setattr(NormalEquations, "misses", worse)
     found = climbed(table)
@@ -105,9 +105,9 @@ def test_a_level_that_poses_left_out_do_not_confirm_is_not_taken(monkeypatch):
 
 
 def test_a_level_is_taken_that_is_worse_by_less_than_chance(monkeypatch):
-    def alike(self, terms, step, rows):
+    def alike(self, found, rows):
         swing = np.where(np.arange(rows.sum()) % 2, 1e-5, -1e-5)
-        return 1e-4 + (swing + 1e-7 if terms else np.zeros(rows.sum()))
+        return 1e-4 + (swing + 1e-7 if len(found.step) > 42 else np.zeros(rows.sum()))
 
     monkeypatch.setattr(NormalEquations, "misses", alike)
     found = climbed(seen(bent(4), 40, 5))
@@ -167,8 +167,8 @@ def test_waves_are_offered_to_joints_that_turn_and_sag_where_its_closed_form_hol
     gravity, waves = ladders_of(scara)
     assert gravity.levels[1:] == ()
     assert gravity.why_not.startswith("sag: gravity does not turn joints 2 and 3")
-    assert {term.joint for level in waves.levels for term in level.terms} == {0, 1, 3}
-    assert len(waves.levels[-1].terms) == 3 * 2 * MAP_ORDERS
+    assert {term.joint for level in waves.levels for term in level.errors.terms} == {0, 1, 3}
+    assert len(waves.levels[-1].names) == 3 * 2 * MAP_ORDERS
     assert ladders_of(tx60())[0].why_not == ""
     slides = RobotModel(Chain([[0, 0.4, 0.3, 0, 0]], kinds=("prismatic",)))
     assert ladders_of(slides)[1].why_not == "waves: no joint of this robot turns"
@@ -179,7 +179,7 @@ def test_the_prior_of_a_map_is_a_stationary_process_on_the_circle():
     level = ladders_of(tx60())[1].levels[-1]
     own = [
         (t, s)
-        for t, s in zip(level.terms, level.sd, strict=True)
+        for t, s in zip(level.errors.terms, level.sd, strict=True)
         if t.joint == 0 and order_of(t) > 2
     ]
     q = np.zeros((50, 6))
@@ -192,8 +192,8 @@ def test_the_prior_of_a_map_is_a_stationary_process_on_the_circle():
 
 def test_poses_of_a_table_stay_those_of_the_model_when_terms_are_added():
     levels = ladders_of(tx60())[1].levels[1:2]
-    wide = with_terms(tx60(), levels[0].terms)
+    wide = with_errors(tx60(), levels[0].errors)
     np.testing.assert_array_equal(wide.poses(GOALS), tx60().poses(GOALS))
-    assert prior_of(levels).names == tuple(term.name for term in levels[0].terms)
+    assert prior_of(levels).names == levels[0].names
     table = poses_of(GOALS, wide.poses(GOALS), sd=(SIGMA_POSITION, SIGMA_ROTATION))
     assert not climbed(table).taken

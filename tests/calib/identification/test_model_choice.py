@@ -10,7 +10,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.climb import ASKED
 from calib.identification.identify import Status, identify
 from calib.identification.joint_models import extended_model, shared_waves
-from calib.identification.ladders import ladders_of, with_terms
+from calib.identification.ladders import ladders_of, with_errors
 from calib.identification.model_choice import choose, extended_by, parts_of, some_poses
 from calib.identification.prior import Prior, weak_prior
 from calib.measurement.observations import joined
@@ -54,7 +54,7 @@ def test_log_evidence_is_the_ratio_of_the_densities_of_the_measurements():
     levels = {level.name: level for ladder in ladders for level in ladder.levels}
     for offer in choice.climb.offered:
         level = levels[offer.level]
-        wide, density = with_terms(tx60(), level.terms), []
+        wide, density = with_errors(tx60(), level.errors), []
         stack = linearize(wide, table)
         for k, sd in ((42, prior.sd), (42 + len(level.sd), np.append(prior.sd, level.sd))):
             B, r = stack.A[:, :k] * sd / scale, stack.r / scale
@@ -132,7 +132,7 @@ def test_where_nothing_was_seen_the_prior_speaks_with_its_own_width_whatever_the
             tx60(), table, parameters_of(tx60()), [waves], prior=prior, factor=factor
         )
         at = [found.names.index(f"harmonic6.{name}") for name in ("sin1", "cos2")]
-        own = [sd for t, sd in zip(waves.terms, waves.sd, strict=True) if t.name in
+        own = [sd for t, sd in zip(waves.errors.terms, waves.sd, strict=True) if t.name in
                ("harmonic6.sin1", "harmonic6.cos2")]  # fmt: skip
         # one number of theta6 and tool is learned of each by the orientation
         assert found.standard_uncertainty[at] == pytest.approx(np.array(own), rel=0.25)

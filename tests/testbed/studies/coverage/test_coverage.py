@@ -8,7 +8,8 @@ from scipy import optimize, stats
 
 from calib.errors import InputError
 from calib.geometry.frames import log_so3
-from calib.identification.ladders import with_terms
+from calib.geometry.joint_errors import JointErrors
+from calib.identification.ladders import with_errors
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.robots.catalog import load_robot
 from testbed.run.derive import arrays, headline, page_of
@@ -64,7 +65,7 @@ def fitted(visit, model):
         sd = None
     else:
         found = models(visit)[0][1]
-        start = with_terms(bench.setting.nominal, found.model.joint_errors.terms)
+        start = with_errors(bench.setting.nominal, JointErrors(found.model.joint_errors.terms))
         places, sd = np.arange(start.n_numbers), found.prior.sd
     # sizes of the steps, so that the solver sees numbers near one
     unit = np.where(np.array(start.is_length)[places], 1e-4, 1e-4)

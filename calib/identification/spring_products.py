@@ -1,0 +1,137 @@
+"""Springs within normal equations: columns of products of compliances and moments, and their fit.
+
+The bend of a spring is its compliance times its torque, and the torque is that of the stated
+moments plus what each free moment adds. So bends are linear in one product for each spring, and one
+for each spring and free moment; models of few or many springs share these columns.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from calib.arrays import Array, Index, frozen
+from calib.geometry.joint_errors import JointErrors
+from calib.geometry.springs import SprungJoints
+
+STEPS = 60
+"""Most steps of a fit, halved ones counted."""
+GAIN = 1e-6
+"""A step that promises less than this of the loss is the last one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Products:
+    """Where the columns of the products stand: for each spring its torque, then its moments."""
+
+    first: int
+    """Column of the first one."""
+    places: tuple[int, ...] = ()
+    """(p,) place of each spring among the 3 n bends."""
+    moments: tuple[int, ...] = ()
+    """(f,) place of each moment among the 4 n of the links."""
+
+    def of(self, errors: JointErrors, sd: Array) -> "ModelSprings":
+        """Those of one model whose springs' numbers have some prior sd (s,)."""
+        springs = errors.sprung
+        if springs is None:
+            return ModelSprings(np.zeros(0, dtype=np.int64), np.zeros(0), 0, np.zeros(0))
+        wide = 1 + len(self.moments)
+        at = np.array([self.places.index(place) for place in springs.places])
+        own = [1 + self.moments.index(k) for k in np.flatnonzero(springs.free)]
+        columns = self.first + wide * at[:, None] + np.array([0, *own])
+        return ModelSprings(columns.ravel(), springs.load, len(own), sd)
+
+
+class ModelSprings(NamedTuple):
+    """The springs of one model among the columns."""
+
+    columns: Index
+    """(p (1 + f),) spring by spring: its torque, then its moments."""
+    load: Array
+    """(p,) at which the bend of a spring is its number [N m, N]."""
+    moments: int
+    """Free moments f."""
+    sd: Array
+    """(p + f,) prior sd of the numbers: bends at these loads, then moments."""
+
+    def at(self, x: Array) -> tuple[Array, Array]:
+        """Products (p (1 + f),) and their slopes (p (1 + f), p + f) at numbers in units of sd."""
+        p, f = len(self.load), self.moments
+        give, more = self.sd[:p] * x[:p] / self.load, np.append(1.0, self.sd[p:] * x[p:])
+        slopes = np.zeros((p, 1 + f, p + f))
+        slopes[range(p), :, range(p)] = (self.sd[:p] / self.load)[:, None] * more
+        slopes[:, range(1, 1 + f), range(p, p + f)] = give[:, None] * self.sd[p:]
+        return np.outer(give, more).ravel(), slopes.reshape(p * (1 + f), p + f)
+
+
+class Bent(NamedTuple):
+    """Springs where their fit ended."""
+
+    numbers: Array
+    """(p + f,) in units of their prior sd."""
+    products: Array
+    """(p (1 + f),)."""
+    slopes: Array
+    """(p (1 + f), p + f) of the products by the numbers."""
+    inverse: Array
+    """(p + f, p + f) of the second derivative of half the loss."""
+    loss: float
+    """What the springs change of the loss, their prior included."""
+    spread: float
+    """Log determinant of that second derivative."""
+
+
+def settled(springs: ModelSprings, normal: Array, pull: Array) -> Bent:
+    """Numbers x that minimize y'N y - 2 pull'y + x'x, y their products: Gauss-Newton, halved.
+
+    Parameters
+    ----------
+    springs : ModelSprings
+        Of the model.
+    normal : (p (1 + f), p (1 + f)) array
+        N, where all linear numbers follow the products.
+    pull : (p (1 + f),) array
+        Likewise.
+    """
+    x, share = np.zeros(len(springs.sd)), 1.0
+    y, D = springs.at(x)
+    loss = 0.0
+    for _ in range(STEPS):
+        H = D.T @ normal @ D + np.eye(len(x))
+        step = np.linalg.solve(H, D.T @ (pull - normal @ y) - x)
+        promised = float(step @ H @ step)
+        if promised < GAIN:
+            break
+        while share > GAIN:
+            tried = x + share * step
+            y_new, D_new = springs.at(tried)
+            new = float(y_new @ normal @ y_new - 2 * pull @ y_new + tried @ tried)
+            if new < loss:
+                break
+            share /= 2
+        else:
+            break
+        x, y, D, loss, share = tried, y_new, D_new, new, min(1.0, 2 * share)
+    H = D.T @ normal @ D + np.eye(len(x))
+    inverse = cho_solve(cho_factor(H), np.eye(len(x))) if len(x) else H
+    return Bent(x, y, D, inverse, loss, float(np.linalg.slogdet(H)[1]) if len(x) else 0.0)
+
+
+def products_of(springs: Sequence[SprungJoints], q: Array, first: int) -> tuple[Products, Array]:
+    """Columns of the products of all springs, and what multiplies their bends (m, p, 1 + f).
+
+    The springs are loaded by the same arm; it is weighed as it stands stiff at joints q (m, n).
+    """
+    if not springs:
+        return Products(first), np.zeros((len(q), 0, 1))
+    n = springs[0].weight.chain.n_joints
+    places = tuple(sorted({int(place) for one in springs for place in one.places}))
+    free = np.any([one.free for one in springs], axis=0)
+    joint, axis = np.divmod(np.array(places), 3)
+    wide = SprungJoints(springs[0].weight, joint, axis, np.ones(len(places)), free)
+    stated, per_moment = wide.torques(frozen(q).reshape(-1, n))
+    moments = tuple(np.flatnonzero(free).tolist())
+    return Products(first, places, moments), np.concatenate([stated[:, :, None], per_moment], 2)
