@@ -74,7 +74,9 @@ class JointErrors:
             return np.zeros((len(q), 0))
         phase = q @ np.array([term.weights for term in self.terms], dtype=np.float64).T
         cosine = np.array([term.wave == "cos" for term in self.terms])
-        return np.where(cosine, np.cos(phase), np.sin(phase))
+        basis = np.empty_like(phase)
+        basis[:, cosine], basis[:, ~cosine] = np.cos(phase[:, cosine]), np.sin(phase[:, ~cosine])
+        return basis
 
     def offsets(self, q: Array) -> Array:
         """Joint offsets dq (m, n) [rad or m] at joint values q (m, n), where nothing gives way."""

@@ -29,7 +29,16 @@ def tool_covariance(model: RobotModel, q: ArrayLike, covariance: ArrayLike) -> A
     (covariance,) = check(f"{model.n_numbers} {model.n_numbers}", covariance=covariance)
     moving = np.flatnonzero(np.diagonal(covariance))
     J = model.poses_and_jacobian(q)[1][:, :, moving]
-    sigma = J @ covariance[np.ix_(moving, moving)] @ np.swapaxes(J, -1, -2)
+    return propagated(J, covariance[np.ix_(moving, moving)])
+
+
+def propagated(rows: Array, covariance: Array) -> Array:
+    """Covariances R C R' (N, k, k), symmetric to the bit, of what follows rows R (N, k, P).
+
+    One product of all rows with C (P, P), where a product for each of the N costs several times as
+    much.
+    """
+    sigma = np.tensordot(rows, covariance, 1) @ np.swapaxes(rows, -1, -2)
     return np.asarray((sigma + np.swapaxes(sigma, -1, -2)) / 2)
 
 

@@ -14,7 +14,12 @@ from calib.geometry.chain import joint_vectors
 from calib.geometry.frames import exp_so3
 from calib.geometry.jacobian import reflector_rows
 from calib.geometry.model import RobotModel
-from calib.information.propagation import axis_uncertainty, point_uncertainty, tool_covariance
+from calib.information.propagation import (
+    axis_uncertainty,
+    point_uncertainty,
+    propagated,
+    tool_covariance,
+)
 from calib.uncertainty.discrepancy import Discrepancy
 from calib.uncertainty.regions import coverage_factor, ellipsoid, inside
 
@@ -117,8 +122,7 @@ def _of_target(
     )
     T, J = model.poses_and_jacobian(q)
     position, rows = reflector_rows(T, J, np.broadcast_to(target, (len(T), 3)))
-    sigma = rows @ covariance @ np.swapaxes(rows, -1, -2)
-    return position, (sigma + np.swapaxes(sigma, -1, -2)) / 2
+    return position, propagated(rows, covariance)
 
 
 BATCH_POINTS = 16_384

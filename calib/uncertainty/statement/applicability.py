@@ -19,6 +19,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification
 from calib.identification.joint_models import extended_model
+from calib.information.propagation import propagated
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.uncertainty.statement.gain import estimator_gain
@@ -113,8 +114,9 @@ class Proven:
         T, J = self.wide.poses_and_jacobian(q)
         _, rows = reflector_rows(T, J, np.broadcast_to(self.target, (len(T), 3)))
         own = rows[:, :, self.own]
-        G = unheld(self.wide, self.columns, self.up, q, rows) - own @ self.absorbed
-        noise = ((own @ self.covariance) * own).sum((1, 2))
+        G = unheld(self.wide, self.columns, self.up, q, rows)
+        G -= np.tensordot(own, self.absorbed, 1)
+        noise = propagated(own, self.covariance).trace(axis1=1, axis2=2)
         return np.stack([(G[..., :-1] ** 2).sum((1, 2)), (G[..., -1] ** 2).sum(1), noise])
 
 

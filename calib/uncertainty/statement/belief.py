@@ -14,6 +14,7 @@ from calib.arrays import Array, check, frozen
 from calib.geometry.jacobian import joint_columns, reflector_rows
 from calib.geometry.model import RobotModel
 from calib.identification.identify import Identification
+from calib.information.propagation import propagated
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.uncertainty.conformal import fewest_poses
@@ -173,11 +174,9 @@ def adding(belief: Belief, shared: ArrayLike, held_out: Measurements | None = No
 def _region(belief: Belief, rows: Array, growth: Array) -> Array:
     """Covariances (N, 3, 3) of points whose derivative is given as rows (N, 3, P) [m^2]."""
     own = belief.misfit.shape.rows(rows)
-    spread = rows @ belief.misfit_covariance @ np.swapaxes(rows, 1, 2)
-    spread = spread + own @ np.swapaxes(own, 1, 2)
+    spread = propagated(rows, belief.misfit_covariance) + own @ np.swapaxes(own, 1, 2)
     size = belief.misfit.upper**2 * np.maximum(1.0, growth)
-    sigma = rows @ belief.covariance @ np.swapaxes(rows, 1, 2) + size[:, None, None] * spread
-    return np.asarray((sigma + np.swapaxes(sigma, 1, 2)) / 2)
+    return propagated(rows, belief.covariance) + size[:, None, None] * spread
 
 
 def _scores(belief: Belief, points: Measurements) -> Array:
