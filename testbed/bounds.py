@@ -16,7 +16,7 @@ FACTORS: dict[str, float] = {
     "rad": 1.0, "deg": DEG, "mdeg": pi / 180e3, "urad": 1e-6,
     "rad/s": 1.0, "m/s": 1.0, "deg/s": DEG, "mm/s": 1e-3, "degC": 1.0, "s": 1.0, "": 1.0,
     "kg": 1.0, "kg m2": 1.0, "kg/m3": 1.0, "m2": 1.0, "m rad": 1.0, "rad2": 1.0,
-    "um/m": 1e-6,
+    "um/m": 1e-6, "hPa": 100.0,
 }  # fmt: skip
 """Units that files have, and their factors to SI (temperatures stay in degC)."""
 
@@ -97,5 +97,6 @@ ANGLE_VARIANCE = Bound("a variance of an angle", ANGLE_SD.most**2, ANGLE_SD.leas
 COVARIANCE = Bound("a covariance", max(LENGTH_VARIANCE.most, ANGLE_VARIANCE.most))
 TEMPERATURE = Bound("a temperature", 1000.0)
 PAYLOAD = Bound("a payload", 1000.0)
+PRESSURE = Bound("a pressure of air", 2e5, 1e4)
 TIME = Bound("a time", 1e12)
 COUNT = Bound("a number of a visit", 1e9)

@@ -55,7 +55,7 @@ FLOORS = {
          "versions"),
         ("gates",),
         ("robots", "store", "report"),
-        ("scenario", "recording"),
+        ("scenario", "recording", "jobsheet"),
         ("laboratory", "studies/protocol"),
         ("studies/trial", "studies/many_robots", "plan", "files"),
         ("studies/kinds",),

@@ -91,6 +91,7 @@ def assemble(
             tolerance=settings.conditions.tolerance,
             date=settings.conditions.date,
             stations=tuple(filter(None, target.station_names)),
+            job=settings.job.sheet,
         ),
         approach=_joined([_extra(part, "approach") for part in parts]),
         joint_source=source,

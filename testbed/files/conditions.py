@@ -2,11 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from datetime import date
 from typing import Annotated
 
 import numpy as np
-from pydantic import field_validator
 
 from calib.arrays import Array, Bool, frozen
 from calib.uncertainty.statement.conditions import Conditions, Tolerance
@@ -15,6 +13,8 @@ from testbed.files.columns import NUMBERS
 from testbed.files.refusal import refusal, require_names
 from testbed.files.table import Columns, DataTable
 from testbed.files.valid import valid_rows
+from testbed.jobsheet.settings import Day
+from testbed.jobsheet.sheet import JobSheet
 from testbed.scenario.use import UseSettings
 
 COLUMNS = {"payload": "payload_kg", "tool": "tool", "temperature": "temperature_degC"}
@@ -24,23 +24,12 @@ COLUMNS = {"payload": "payload_kg", "tool": "tool", "temperature": "temperature_
 class ConditionsTable(UseSettings):
     """[conditions]: under which conditions all rows were measured, where no column says it."""
 
-    date: str = ""
-    """An ISO day, printed beside the result."""
+    date: Day = ""
+    """Printed beside the result."""
     payload_tolerance_kg: Annotated[float, PAYLOAD.or_zero("kg")] = 0.5
     """Payloads that lie no further outside the measured ones are the same."""
     temperature_tolerance_k: Annotated[float, TEMPERATURE.or_zero("degC")] = 2.0
     """The same of temperatures."""
-
-    @field_validator("date")
-    @classmethod
-    def _is_a_day(cls, text: str) -> str:
-        """A day of the calendar, written so that everybody reads the same one."""
-        try:
-            if text and date.fromisoformat(text).isoformat() == text:
-                return text
-        except ValueError:
-            pass
-        raise ValueError("should be an ISO day such as 2026-11-22")
 
     @property
     def tolerance(self) -> Tolerance:
@@ -60,6 +49,8 @@ class SetUp:
     """ISO day."""
     stations: tuple[str, ...] = ()
     """Names of the stations that were used."""
+    job: JobSheet = field(default_factory=JobSheet)
+    """Who measured what for whom, with which instrument."""
 
 
 def conditions_of(table: DataTable, good: Bool) -> Conditions:

@@ -114,6 +114,8 @@ def session_of(
     session = assemble([part for part, _ in joined], robot, settings, name=settings.name)
     require_shown(settings.uncertainty, session.measurements, where)
     warnings = [f"{where}: {text}" for text in settings.uncertainty.odd]
+    sheet = settings.job.sheet
+    warnings += [f"{where}: {text}" for text in sheet.instrument.warnings(settings.conditions.date)]
     warnings += [text for one in cleaned for text in one.warnings]
     warnings += [text for _, match in joined for text in match.warnings]
     if settings.robot and settings.robot != robot.name:

@@ -16,6 +16,7 @@ from testbed.bounds import (
     shown,
 )
 from testbed.files.conditions import ConditionsTable
+from testbed.jobsheet.settings import JobTable
 from testbed.robots.robot import Reflector
 from testbed.scenario.systematic import SystematicTable
 from testbed.scenario.tolerance import ToleranceTable
@@ -243,6 +244,7 @@ class SessionFile(Strict):
     """Of targets that do not say under which conditions the robot goes there."""
     identification: IdentificationTable = IdentificationTable()
     tolerance: ToleranceTable | None = None
+    job: JobTable = JobTable()
 
     @property
     def observed(self) -> tuple[ObservedTable, ...]:

@@ -42,7 +42,7 @@ LENGTHS = {"string_too_short": "at least {min_length}", "string_too_long": "at m
 UNITS = {
     "um_per_sqrt_h": "um/sqrt(h)", "um_per_m_k": "um/(m K)", "um_per_m": "um/m",
     "nm_per_mrad": "N m/mrad", "kg_m2": "kg m2", "deg_s": "deg/s", "mm_s": "mm/s",
-    "mm_deg": "", "k": "K",
+    "mm_deg": "", "k": "K", "hpa": "hPa", "percent": "%",
     **{unit: unit for unit in ("um", "mm", "mdeg", "deg", "urad", "kg", "s", "h")},
 }  # fmt: skip
 """Ends of keys that tell a unit, the longer ones first, and how it is written."""

@@ -6,13 +6,14 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.uncertainty.statement.conformity import Conformity, conformity
+from calib.uncertainty.statement.deciding import what_decides
 from calib.uncertainty.statement.stated_point import widened
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.records import Calibration
 from testbed.report.page import Block, Section, Table, Text
-from testbed.units import UM, fixed, percent, significant
+from testbed.units import UM, fixed, listed, percent, significant
 
-UNDECIDED = "no decision possible"
+UNDECIDED = "undecided"
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +32,12 @@ class Decided:
     def rule(self) -> str:
         """How the rule is called."""
         return rule_name(self.by)
+
+    @property
+    def word(self) -> str:
+        """PASS if all points pass, FAIL if one fails, else UNDECIDED."""
+        counts = self.counts
+        return "FAIL" if counts["fail"] else "UNDECIDED" if counts["undecided"] else "PASS"
 
     @property
     def counts(self) -> dict[str, int]:
@@ -105,8 +112,63 @@ def decision_line(found: tuple[Decided, ...]) -> str:
         counts = {f"{word}, {one.rule}": one.counts[word] for word in ("pass", "fail")}
         counts[UNDECIDED] = one.counts["undecided"]
         words = [f"{count} {word}" for word, count in counts.items() if count]
-        said.append(f"{one.what}: {', '.join(words)}")
+        said.append(f"{one.what}: {one.word} ({', '.join(words)})")
     return f"Tolerance {found[0].by.tolerance * UM:.6g} um: {'; '.join(said)}."
+
+
+def decision_words(calibration: Calibration, delivered: Delivered) -> tuple[str, ...]:
+    """Pass, fail or undecided, and what would decide it; nothing without a tolerance."""
+    asked = calibration.decision
+    if asked is None:
+        return ()
+    if line := decision_line(decided_at(calibration, delivered)):
+        return tuple(filter(None, (line, would_decide(calibration))))
+    why = "no region of the tool point is believed"
+    if calibration.elsewhere:
+        why = "the held-out poses stand in another frame"
+    return (f"Tolerance {asked.tolerance * UM:.6g} um: UNDECIDED: {why}.",)
+
+
+def would_decide(calibration: Calibration) -> str:
+    """What would let a corrected robot pass whose tolerance is below R95; empty where it is not."""
+    belief, asked, shared = calibration.proof.belief, calibration.decision, calibration.shared
+    if belief is None or asked is None or calibration.elsewhere or asked.rule == "simple":
+        return ""
+    found = what_decides(
+        belief, calibration.stated_q, asked.tolerance,
+        shared=None if shared is None else shared.covariance,
+    )  # fmt: skip
+    if found.radius <= asked.tolerance:
+        return ""
+    now = significant(found.radius * UM)
+    said = (
+        f"R95 of the corrected robot is up to {now} um: no smaller tolerance can be decided now. "
+    )
+    ways = []
+    if np.isfinite(found.poses):
+        table, judged = calibration.measurements, calibration.split.is_test
+        train, held = (
+            int(np.ceil(found.poses * table.rows(rows).n_poses))
+            for rows in (calibration.is_used, judged)
+        )
+        ways.append(
+            f"{significant(found.poses, 2)} times as many poses (about {train} to identify from"
+            + (f" and {held} to hold out)" if held else ")")
+        )
+    if np.isfinite(found.quieter):
+        shots = int(np.ceil(found.quieter**2))
+        ways.append(
+            f"readings {significant(found.quieter, 2)} times quieter, as the mean of {shots} "
+            "re-approached shots of each pose is"
+        )
+    if ways:
+        return f"{said}By forecast {' or '.join(ways)} would decide it."
+    stays = [f"{significant(found.staying * UM)} um stay"] if found.staying else []
+    stays += [f"{significant(found.shared * UM)} um are what all readings share"] * bool(
+        found.shared
+    )
+    why = f": of R95, {listed(stays)}" if stays else ""
+    return f"{said}Neither more poses nor quieter readings would decide it{why}."
 
 
 def decision_section(found: tuple[Decided, ...]) -> Section | None:

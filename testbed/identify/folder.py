@@ -14,6 +14,8 @@ from testbed.identify.handback.deliver import ROBOT, deliver
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.records import Calibration
 from testbed.identify.results import arrays, headline, split_csv
+from testbed.identify.words import sheet_rows
+from testbed.jobsheet.report import JOB_SHEET, job_csv
 from testbed.progress import Progress
 from testbed.report.page import render
 from testbed.robots.catalog import ROBOT_FILE, Robot, load_robot
@@ -76,6 +78,8 @@ def play_calibration(
         for key, record in zip(RECORDS, (calibration, delivered), strict=True):
             RunFolder(folder).write_record(key, record_bytes(key, record, spec))
         (folder / SPLIT_TABLE).write_bytes(split_csv(calibration).encode())
+        if rows := sheet_rows(calibration, delivered):
+            (folder / JOB_SHEET).write_bytes(job_csv(rows).encode())
         drawn = load_robot(folder / ROBOT / ROBOT_FILE)  # the same as whenever they are made again
         for name in layout.DERIVED:
             (folder / name).write_bytes(_derived(name, calibration, delivered, drawn))

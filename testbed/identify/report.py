@@ -9,7 +9,7 @@ from calib.geometry.fixtures import POINT_AXES
 from calib.geometry.frames import log_so3
 from calib.identification.ladders import order_of
 from testbed.identify.conditions import conditions_words
-from testbed.identify.decisions import decided_at, decision_section
+from testbed.identify.decisions import decided_at, decision_section, decision_words
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.records import Calibration
 from testbed.identify.report_belief import belief_section, reach_section
@@ -29,8 +29,10 @@ from testbed.identify.words import (
     notice,
     rank_words,
     reasons,
+    sheet_rows,
     verdict,
 )
+from testbed.jobsheet.report import job_section
 from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section
 from testbed.robots.write.dh_table import DhRow
 from testbed.units import DEG, MM, counted, fixed, sentences, with_uncertainty
@@ -67,6 +69,7 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         identifiable_section(calibration),
         delivered_section(delivered),
         data_section(calibration),
+        job_section(sheet_rows(calibration, delivered)),
         record_section(
             f"Seed {calibration.split.seed}. The same files, robot and options with the same "
             "versions give the same numbers.",
@@ -81,7 +84,7 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         believable=calibration.believable,
         mark=mark(calibration),
         verdict=verdict(calibration),
-        reasons=reasons(calibration),
+        reasons=(*decision_words(calibration, delivered), *reasons(calibration)),
         headline=headline(calibration),
         next_step=f"{next_step(calibration)} {conditions_words(calibration)}",
         sections=tuple(section for section in sections if section is not None),

@@ -13,6 +13,7 @@ from testbed.identify.records import Calibration, Figures, FittedModel, RowError
 from testbed.identify.results_statement import decisions, statements, targets
 from testbed.identify.shared import shared_numbers
 from testbed.identify.words import notice, reasons, verdict
+from testbed.jobsheet.report import job_numbers
 from testbed.report.text import csv_text
 from testbed.robots.write.dh_table import DhRow, dh_rows
 from testbed.robots.write.joint_map import JointMap, joint_map, joint_map_rows
@@ -80,6 +81,7 @@ def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:
     parts = [
         *unitless(words),
         *below("data/conditions", conditions_numbers(calibration)),
+        *below("job", job_numbers(calibration.set_up.job)),
         *_figures("before/train", calibration.before_train),
         *_figures("before/held_out", calibration.before_test),
         *(each for fit in calibration.fits for each in below(f"models/{fit.model}", _model(fit))),

@@ -4,7 +4,7 @@ import numpy as np
 
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.stated_point import StatedPoint
-from testbed.identify.decisions import decided_at, decision_line
+from testbed.identify.decisions import decided_at, decision_line, decision_words, would_decide
 from testbed.identify.handback.delivered import Delivered, TargetStatement
 from testbed.identify.records import Calibration
 from testbed.identify.statements import statements_of
@@ -73,16 +73,19 @@ def decisions(calibration: Calibration, delivered: Delivered) -> list[Quantity]:
     """Whether points keep the tolerance; nothing without one."""
     found = decided_at(calibration, delivered)
     if not found:
-        return []
+        said = decision_words(calibration, delivered)
+        return [Quantity("sentence", said[0])] if said else []
     rule = found[0].rule
     out = [
         Quantity("tolerance_um", found[0].by.tolerance, METRE),
         Quantity("rule", rule),
         Quantity("sentence", decision_line(found)),
+        Quantity("would_decide", would_decide(calibration) or None),
     ]
     for one in found:
         band = float(one.by.guard.max()) if one.by.rule == "guarded" else None
         own = [
+            Quantity("decision", one.word),
             *unitless(one.counts),
             Quantity("largest_risk_of_a_pass", one.risk),
             Quantity("largest_guard_band_R95_um", band, METRE),

@@ -5,9 +5,10 @@ import numpy as np
 from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.statement.stated_point import StatedPoint
 from testbed.identify.conditions import conditions_words
-from testbed.identify.decisions import decided_at, decision_line
+from testbed.identify.decisions import decision_words
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.records import Calibration, Figures, FittedModel
+from testbed.jobsheet.report import Row, job_rows
 from testbed.report.page import SIMULATED
 from testbed.units import DEG, MM, UM, counted, fixed, sentences, significant
 
@@ -247,6 +248,15 @@ def deg(angle: float) -> str:
     return fixed(angle * DEG, 4)
 
 
+def sheet_rows(calibration: Calibration, delivered: Delivered) -> tuple[Row, ...]:
+    """The job sheet with the robot before it, and the day, the tolerance and the decision after."""
+    asked, day = calibration.decision, calibration.set_up.date
+    limit = "" if asked is None else f"{asked.tolerance * UM:.6g} um, {asked.rule}"
+    stated = job_rows(calibration.set_up.job, (("measured on", day), ("tolerance", limit)))
+    decided = "; ".join(text.rstrip(".") for text in decision_words(calibration, delivered))
+    return (*stated, ("decision", decided)) if decided else stated
+
+
 def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
     """What the command prints: notice, errors, verdict, reasons."""
     from testbed.report.text import table
@@ -266,6 +276,5 @@ def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
     if more > 0:
         parts.append(f"  {more} more rows that do not fit are in the report.")
     parts += [f"  {text}" for text in sentences(delivered.program)]
-    if line := decision_line(decided_at(calibration, delivered)):
-        parts.append(f"  {line}")
+    parts += [f"  {text}" for text in decision_words(calibration, delivered)]
     return "\n".join(parts)

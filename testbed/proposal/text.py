@@ -14,8 +14,26 @@ MAY = """
 # Further tables that a session may have:
 # [drift]           nests = ["B1", "B2", "B3"]: targets that stay on the floor
 # [conditions]      payload_kg, tool, temperature_degC and date of all rows
-# [tolerance]       position_um: how far the tool may miss
+# [tolerance]       position_um: how far the tool may miss; rule = "guarded" or "simple"
 # [identification]  model = "choose", base = "free", tool = "free"
+#
+# The job sheet: printed, but for the days of the certificate, which are held against [conditions]
+# [job]
+# number = ""
+# customer = ""
+# serial_number = ""  # of the robot
+# operator = ""
+# data_rights = ""    # whose the data are, and who may see them
+# [job.instrument]
+# name = "laser tracker"
+# serial_number = ""
+# certificate = ""    # its number
+# calibrated = "2026-01-31"
+# valid_until = "2027-01-31"
+# [job.ambient]
+# temperature_degC = [20.0, 21.0]  # lowest and highest
+# pressure_hpa = 1013
+# humidity_percent = 45
 """
 
 

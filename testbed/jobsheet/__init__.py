@@ -1,0 +1,1 @@
+"""The job sheet: whose robot was measured, by whom, with which instrument, in which air."""

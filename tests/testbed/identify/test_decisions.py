@@ -1,0 +1,101 @@
+"""Pass, fail or undecided in words, and whether what would decide it does."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from calib.uncertainty.statement.deciding import what_decides
+from calib.uncertainty.statement.distance import distance_radius
+from calib.uncertainty.statement.stated_point import widened
+from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.decisions import decision_words, would_decide
+from testbed.identify.report import page_of
+from testbed.scenario.tolerance import Decision
+from tests.calibrated import robot, session_of, sound, table_of, true_model
+from tests.reference import pool_r
+from tests.reported import VERSIONS
+from tests.testbed.identify.test_report import DELIVERED
+
+
+@cache
+def measured(m, noise=1.0):
+    """A rigid robot from 2 m / 3 poses, read with so many times the noise that is stated then."""
+    q = pool_r(400)[np.random.default_rng(1).permutation(400)[:m]]
+    table = table_of(true_model(), q, seed=1, noise=noise)
+    table = replace(table, covariance=noise**2 * table.covariance)
+    return calibrate(robot(), session_of(table), Options(seed=1, held_out=m // 3))
+
+
+def largest(found, q):
+    belief = found.proof.belief
+    return float(distance_radius(widened(belief.regions(q, target=belief.proven.target))).max())
+
+
+def test_half_the_noise_halves_the_radius_as_it_was_forecast():
+    few = measured(60)
+    belief, q = few.proof.belief, few.stated_q
+    quiet = what_decides(belief, q, largest(measured(60, 0.5), q))
+    # all that a region is made of has the unit of the noise: exact but for the search, 0.1 %
+    assert quiet.quieter == pytest.approx(2.0, rel=5e-3)
+    assert quiet.radius == pytest.approx(largest(few, q), rel=1e-9)
+    assert quiet.staying == quiet.shared == 0.0
+    assert what_decides(belief, q, quiet.radius * (1 + 1e-9)).poses == 1.0
+
+
+def test_so_many_more_poses_are_enough():
+    few = measured(60)
+    belief, q = few.proof.belief, few.stated_q
+    found = what_decides(belief, q, largest(measured(240), q))
+    # on the safe side: the guard's factor falls with more held-out poses, too, and is not forecast;
+    # six draws of this and two other robots gave 4.2 to 8.9 where 4 were enough
+    assert 3.5 < found.poses < 10
+
+
+def test_what_all_readings_share_no_number_of_poses_lowers():
+    few = measured(60)
+    belief, q = few.proof.belief, few.stated_q
+    shared = 4 * belief.covariance
+    whole = replace(belief, covariance=belief.covariance + shared)
+    bare = widened(replace(whole, covariance=shared, misfit=replace(belief.misfit, upper=0.0))
+                   .regions(q, target=belief.proven.target))  # fmt: skip
+    radius = float(distance_radius(bare).max())
+    found = what_decides(whole, q, 0.99 * radius, shared=shared)
+    # eigenvalues of differences are cut at 1e-12
+    assert found.shared == pytest.approx(radius, rel=1e-6)
+    assert (found.poses, found.quieter) == (np.inf, np.inf)
+    assert what_decides(whole, q, 1.05 * radius, shared=shared).quieter < 10
+
+
+@pytest.mark.parametrize(
+    ("limit_um", "rule", "words"),
+    [
+        (5000, "guarded", ["robot as it was: PASS", "robot corrected: PASS"]),
+        (200, "guarded", ["robot as it was: FAIL", "robot corrected: PASS (20 pass"]),
+        (40, "guarded", ["robot corrected: UNDECIDED (", "no smaller tolerance can be decided now",
+                         "times as many poses", "times quieter, as the mean of "]),
+        (0.01, "guarded", ["UNDECIDED", "Neither more poses nor quieter readings would decide it"]),
+        (0.01, "simple", ["robot corrected: PASS (20 pass, simple acceptance)"]),
+    ],
+)  # fmt: skip
+def test_the_decision_is_said_in_words(limit_um, rule, words):
+    found = replace(measured(60), decision=Decision(limit_um * 1e-6, rule))
+    said = " ".join(decision_words(found, DELIVERED))
+    assert [word for word in words if word not in said] == []
+    assert bool(would_decide(found)) == ("now" in said)
+
+
+def test_no_decision_is_said_too_and_all_of_it_on_the_first_screen():
+    plain = sound()
+    assert decision_words(plain, DELIVERED) == ()
+    none = replace(
+        plain,
+        proof=replace(plain.proof, belief=None, point=None),
+        decision=Decision(1e-3, "guarded"),
+    )
+    words = decision_words(none, DELIVERED)
+    assert words == ("Tolerance 1000 um: UNDECIDED: no region of the tool point is believed.",)
+    page = page_of(replace(plain, decision=Decision(1e-3, "guarded")), DELIVERED, VERSIONS)
+    assert page.reasons[0].startswith("Tolerance 1000 um: ")
+    assert "job" in [section.anchor for section in page.sections]
