@@ -46,7 +46,7 @@ def record(path, played=None):
 
 def shown(campaign):
     """The trial that a campaign's recording shows."""
-    return show(campaign.setting, campaign.trials[0])
+    return show(campaign, campaign.trials[0])
 
 
 def timeline(campaign):

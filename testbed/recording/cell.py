@@ -8,7 +8,7 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.geometry.chain import Chain
-from calib.geometry.frames import inverse, rot_y, rot_z
+from calib.geometry.frames import exp_so3, inverse, rot_y, rot_z
 from testbed.recording.pen import Pen
 from testbed.recording.style import Color
 from testbed.recording.timeline import Phase
@@ -37,11 +37,13 @@ def draw_arm(
     chains: Sequence[Chain],
     which: Index | None = None,
     color: Color | None = None,
+    across: Array | None = None,
 ) -> None:
     """Parts of an arm on nested link entities; at step k the arm is chains[which[k]] at q[k].
 
     The last body carries the drawn tool in its nominal place, so it takes over what the chain
-    differs behind the last joint: the drawn tool is where the chain says. A color makes a ghost.
+    differs behind the last joint: the drawn tool is where the chain says. A color makes a ghost;
+    `across` (s, n, 2) bends every joint about x, then y of its body as well [rad].
     """
     nominal, placed = placements(robot.model.chain), [placements(chain) for chain in chains]
     frames = np.array([one.frames for one in placed])
@@ -54,6 +56,9 @@ def draw_arm(
         path += f"/link{joint + 1}"
         paths.append(path)
         T = frames[which, joint] @ joint_motion(chains[0], joint, q[:, joint])
+        if across is not None:
+            T[:, :3, :3] @= exp_so3(across[:, joint, :1] * [1, 0, 0])
+            T[:, :3, :3] @= exp_so3(across[:, joint, 1:] * [0, 1, 0])
         pen.transforms(path, T @ last[which] if joint == n - 1 else T)
     _draw_parts(pen, paths, robot.visuals, color)
 

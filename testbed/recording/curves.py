@@ -19,6 +19,8 @@ TICKS, EDGE = (0, 2, 10, 100), 300.0
 BAND = 1.959963984540054
 ROW = 10.0
 """Height of a parameter's row in the plot's own units."""
+MOST_ROWS = 36
+"""Of more parameters only the first have a row, so that names can be read."""
 
 
 def draw_curve(
@@ -77,7 +79,7 @@ def draw_parameters(
     """Errors of all parameters, each in its row, at some steps of the timeline.
 
     The axis is asinh, so that 2 and 1000 both fit. Points inside the gray band are covered by the
-    stated 95 % interval.
+    stated 95 % interval. Of very many only the first are drawn.
 
     Parameters
     ----------
@@ -92,6 +94,7 @@ def draw_parameters(
     """
     import rerun as rr
 
+    names, error, covered = names[:MOST_ROWS], error[:, :MOST_ROWS], covered[:, :MOST_ROWS]
     rows = ROW * np.arange(len(names), dtype=np.float64)
     low, high, width = -ROW, rows[-1] + ROW, float(place(EDGE))
     # one very thick line: 2-D boxes cannot be filled
@@ -103,9 +106,10 @@ def draw_parameters(
     lines = [[[place(tick), low], [place(tick), high]] for tick in ticks]
     draw_grid(pen, "parameters/grid", lines, -20.0)
     marks = [tick for tick in ticks if tick]
-    above = [[place(tick), high + 0.2 * ROW] for tick in marks]
+    # in two lines: those of neighbors would touch
+    above = [[place(tick), high + (0.2 + 1.2 * (abs(tick) == 10)) * ROW] for tick in marks]
     draw_labels(pen, "parameters/axis", above, [f"{tick:d}" for tick in marks])
-    beside = [[-(1.2 + 0.42 * (k % 2)) * width, row - 0.9 * ROW] for k, row in enumerate(rows)]
+    beside = [[-(1.18 + 0.5 * (k % 2)) * width, row - 0.9 * ROW] for k, row in enumerate(rows)]
     draw_labels(pen, "parameters/names", beside, list(names))
     x = place(np.clip(error, -EDGE, EDGE))
     points = np.stack([x, np.broadcast_to(rows, x.shape)], axis=-1).reshape(-1, 2)
@@ -122,6 +126,7 @@ def place(z: Array | float) -> Array:
 
 def parameter_panel(count: int) -> Panel:
     """The window of the parameter plot with so many rows, all of them in view."""
-    width = float(place(EDGE))
-    x, y = (-1.85 * width, 1.1 * width), (-1.5 * ROW, (count + 1.2) * ROW)
-    return Panel("parameters", "Parameter error / stated u", x, y)
+    width, rows = float(place(EDGE)), min(count, MOST_ROWS)
+    x, y = (-1.95 * width, 1.1 * width), (-1.5 * ROW, (rows + 3.2) * ROW)
+    title = f"Error / u: first {rows} of {count}" if count > rows else "Parameter error / stated u"
+    return Panel("parameters", title, x, y)

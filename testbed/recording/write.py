@@ -153,7 +153,7 @@ def blueprint(story: Story, timeline: Timeline) -> Any:
     texts = rrb.Vertical(
         rrb.TextDocumentView(origin="/summary", name="Summary"),
         rrb.TextDocumentView(origin="/now", name="Now"),
-        row_shares=[1.4, 1],
+        row_shares=[1.6, 1],
     )
     panels = [chapter.panel for chapter in reversed(story.chapters) if chapter.panel is not None]
     planes = [_plane(panel) for panel in panels]

@@ -198,7 +198,7 @@ def recording_bytes(
     from testbed.studies.trial.verdict import trial_verdict
 
     scenario, setting = campaign.scenario, campaign.setting
-    shown = show(setting, campaign.trials[0])
+    shown = show(campaign, campaign.trials[0])
     asked, answer = headline_answer(campaign, studies)
     # where trials are the question, the answer is that of the trial which is shown
     verdict = trial_verdict(campaign) if asked.name == GROUND.name else answer.verdict

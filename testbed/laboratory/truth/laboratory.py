@@ -13,6 +13,8 @@ from testbed.laboratory.bench import Bench, open_bench
 from testbed.laboratory.tracker.rounds import Round, first_tracker, true_fixtures
 from testbed.laboratory.tracker.stations import require_ranges, require_stations
 from testbed.laboratory.truth.robot import TrueRobot, draw_truth, unmodelled_terms
+from testbed.laboratory.truth.springs import ElasticArm
+from testbed.robots.catalog import load_robot
 from testbed.scenario.fixtures import rounds_per_visit
 from testbed.scenario.laboratory import At960Tracker, TruthSettings
 from testbed.scenario.scenario import Scenario
@@ -181,6 +183,15 @@ def open_laboratory(scenario: Scenario, setting: Setting) -> Laboratory:
             setting.true, setting.joint_repeatability, unmodelled_terms(robot, scenario.truth)
         ),
     )
+
+
+def resting_arm(scenario: Scenario, setting: Setting) -> ElasticArm | None:
+    """The true arm of a campaign at rest on its springs; None where nothing gives way."""
+    if not scenario.truth.drive_nm_per_mrad:
+        return None
+    springs = unmodelled_terms(load_robot(scenario.robot), scenario.truth).springs
+    assert springs is not None
+    return ElasticArm(setting.true.chain, springs)
 
 
 def journey(q: Array, start: float, pose_time: float) -> tuple[Array, Array]:

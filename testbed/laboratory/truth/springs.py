@@ -74,6 +74,10 @@ class ElasticArm:
         """Elastic angles (m, k) at rest: per joint the drive, then across x and y [rad]."""
         return self._rest(q, None)[1]
 
+    def bends(self, q: ArrayLike) -> Array:
+        """The same as bends (m, n, 3) about x, y and z of every joint [rad]."""
+        return as_bends(self.deflections(q), self._chain.n_joints)
+
     def _rest(self, q: ArrayLike, growth: Array | None) -> tuple[Array, Array]:
         """Poses (m, 4, 4) and elastic angles (m, k) at rest."""
         q = joint_vectors(self._chain, q)
@@ -132,6 +136,14 @@ def gives_way(row: int, stiffness: Array, lower: str = "payload_kg") -> InputErr
     fix = f"raise drive_nm_per_mrad and bearing_nm_per_mrad, or lower {lower}"
     key, value = "truth.drive_nm_per_mrad", float(stiffness.min() / 1e3)
     return refuse(key, value, allowed, code="S37", message=message, fix=fix)
+
+
+def as_bends(angles: Array, n_joints: int) -> Array:
+    """Bends (..., n, 3) about x, y, z of every joint, of the angles (..., k) of sprung hinges."""
+    each = angles.reshape(*angles.shape[:-1], n_joints, -1)
+    out = np.zeros((*each.shape[:-1], 3))
+    out[..., [2, 0, 1][: each.shape[-1]]] = each  # a drive, then its bearing if that is sprung
+    return out
 
 
 def stiffnesses(springs: Springs) -> Array:

@@ -16,6 +16,7 @@ from testbed.scenario.scenario import Scenario
 from testbed.studies.trial import recording_cell as cell
 from testbed.studies.trial.compare import measured_distance
 from testbed.studies.trial.recording_cell import ShownTrial
+from testbed.studies.trial.recording_ghost import draw_ghost, known
 from testbed.studies.trial.records import Campaign, RandomSets
 
 SELECT_FRAMES, IDENTIFY_FRAMES = 144, 72
@@ -32,7 +33,7 @@ def draw_scene(shown: ShownTrial, scenario: Scenario, robot: Robot, pen: Pen) ->
     """The ghost, the tracker that looks at the target, the box, and the numbers behind them."""
     setting, pool = shown.setting, scenario.pool
     chain = setting.nominal.chain
-    cell.draw_ghost(shown, robot, pen)
+    draw_ghost(shown, robot, pen)
     target = cell.tracked(setting, pen.timeline.q)
     floor = floor_height(chain, robot)
     draw_station(pen, setting.T_world_tracker, target, floor)
@@ -94,7 +95,7 @@ def _select(shown: ShownTrial, sets: RandomSets | None) -> Chapter:
             "- pale red: refused inside the box (collision, sight)",
             f"- blue, at the end: the {len(trial.selection.indices)} chosen poses",
             "- the robot leafs through the candidates",
-            f"- red ghost: the true robot, its deviation drawn {shown.ghost} times",
+            shown.ghost_words,
         ),
         draw=draw,
         plots={"select": "1 Index, best so far (gray: best random)"},
@@ -125,7 +126,7 @@ def _measure(shown: ShownTrial) -> Chapter:
             f"- the tracker measures {measurements.n_poses} poses",
             "- dots: where the target was seen, dark to bright with growing error",
             f"- red arrows: seen minus nominal, drawn {shown.arrows} times",
-            f"- red ghost: the true robot, its deviation drawn {shown.ghost} times",
+            shown.ghost_words,
         ),
         draw=draw,
         plots={"measure": "2 Seen mm: red before, green after"},
@@ -140,7 +141,7 @@ def _identify(shown: ShownTrial) -> Chapter:
         curves.draw_fit(pen, phase, found.trace, found.dof)
         u = np.where(found.standard_uncertainty > 0, found.standard_uncertainty, np.inf)
         steps = np.concatenate([[0], phase.steps])
-        error = judged.true_step - cell.known(pen.timeline)[steps, None] * found.step
+        error = judged.true_step - known(pen.timeline)[steps, None] * found.step
         covered = np.abs(error) <= curves.BAND * u
         covered[-1] = judged.parameter_inside
         curves.draw_parameters(pen, found.parameters.free_names, error / u, covered, steps)

@@ -1,32 +1,28 @@
-"""The cell of a trial in the recording: the true robot as a ghost, the pool, errors as arrows."""
+"""The cell of a trial in the recording: the pool, what was measured, errors as arrows, regions."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.geometry.chain import Chain
 from calib.geometry.fixtures import Fixtures
-from calib.geometry.jacobian import pose_and_jacobian
 from calib.geometry.model import RobotModel
-from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from calib.measurement.accuracy import point_distances, target_points
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import targets
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.tool_point import ToolStatement
-from testbed.laboratory.truth.laboratory import Setting
+from testbed.laboratory.truth.laboratory import Setting, resting_arm
+from testbed.laboratory.truth.springs import ElasticArm
 from testbed.recording import style
-from testbed.recording.cell import draw_arm, draw_beam, draw_station
+from testbed.recording.cell import draw_beam, draw_station
 from testbed.recording.pen import Pen
-from testbed.recording.timeline import Phase, Timeline, eased
+from testbed.recording.timeline import Phase
 from testbed.robots.placements import quaternion_wxyz
-from testbed.robots.robot import Robot
-from testbed.studies.trial.records import Estimate, Trial
+from testbed.studies.trial.records import Campaign, Estimate, Trial
 
 GHOST_SIZE = 0.036
 """Mean drawn deviation of the ghost before calibration [m]: seen, and still a robot."""
-GHOST_COLOR = (222, 60, 50, 110)
 POOL_COLOR, REJECTED_COLOR, CHOSEN_COLOR = (120, 132, 146), (206, 150, 146), (28, 92, 190)
 ANCHOR_COLOR = (110, 70, 150)
 REGION_SIZE = 0.07
@@ -53,10 +49,19 @@ class ShownTrial:
     of the fit."""
     moved: ToolStatement | None
     """The same of where one move ends; None where nothing tells."""
+    arm: ElasticArm | None = None
+    """The true arm at rest on its springs; None where nothing gives way."""
+
+    @property
+    def ghost_words(self) -> str:
+        """What the ghost is, for a chapter before the model knows."""
+        bent = ", bent by its weight" if self.arm else ""
+        return f"- red ghost: the true robot{bent}, its deviation drawn {self.ghost} times"
 
 
-def show(setting: Setting, trial: Trial) -> ShownTrial:
+def show(campaign: Campaign, trial: Trial) -> ShownTrial:
     """Show a trial by its default estimator, the largest thing of each kind below its size."""
+    setting = campaign.setting
     estimate = trial.estimates[0]
     judged = estimate.comparison
     seen = seen_places(estimate.identification.model, trial.measurements)
@@ -74,6 +79,7 @@ def show(setting: Setting, trial: Trial) -> ShownTrial:
         regions=style.nice_factor(REGION_SIZE, max(float(judged.after.max()), float(axes.max()))),
         stated=stated,
         moved=moved,
+        arm=resting_arm(campaign.scenario, setting),
     )
 
 
@@ -88,60 +94,6 @@ def stated_regions(
         return ToolStatement(at, judged.covariance[:, :3, :3], coverage_factor(3), 0.95), None
     mean, sd = belief.regions(q, target=target), setting.joint_repeatability
     return mean, belief.regions(q, target=target, repeatability=sd) if sd.any() else None
-
-
-def known(timeline: Timeline) -> Array:
-    """How far (s,) the model in use has moved from nominal (0) to identified (1)."""
-    identify = timeline.phase("identify")
-    part = np.zeros(timeline.n_steps)
-    part[identify.steps] = eased(np.linspace(0, 1, identify.stop - identify.start))
-    part[identify.stop :] = 1
-    return part
-
-
-def draw_ghost(shown: ShownTrial, robot: Robot, pen: Pen) -> None:
-    """The true robot with its deviation from the model in use drawn many times.
-
-    Until identification the model in use is the nominal one; while the solver works the ghost
-    closes in on what the identified model still leaves.
-    """
-    part, q = known(pen.timeline), pen.timeline.q
-    values, index = np.unique(part, return_inverse=True)
-    true, identified = shown.setting.true, shown.estimate.identification.model
-    deviating = q + shown.ghost * (
-        true.joint_errors.offsets(q) - part[:, None] * identified.joint_errors.offsets(q)
-    )
-    chains = ghost_chains(shown, shown.ghost, values)
-    path = f"world/true_x{shown.ghost}"
-    draw_arm(pen, path, robot, deviating, chains, index.reshape(-1), GHOST_COLOR)
-
-
-def ghost_chains(shown: ShownTrial, factor: int, known: Array) -> tuple[Chain, ...]:
-    """Nominal chain moved by `factor` times what is left of the truth at each value of `known`."""
-    nominal = shown.setting.nominal.chain
-    before = nominal.step_to(shown.setting.true.chain)
-    identified = shown.estimate.identification.model.chain
-    q = np.vstack([shown.trial.measurements.q, shown.setting.test_q])
-    after = smallest_equal(nominal, before - nominal.step_to(identified), q)
-    return tuple(nominal.moved(factor * ((1 - w) * before + w * after)) for w in known)
-
-
-def smallest_equal(chain: Chain, step: Array, q: Array) -> Array:
-    """Smallest step (42,) that moves the tool at q as `step` does, to first order [m, rad].
-
-    Two models may describe the same robot with different numbers; what differs only in that would
-    otherwise be drawn as links out of place.
-    """
-    _, J = pose_and_jacobian(chain, q)
-    length = CHARACTERISTIC_LENGTH
-    rows = np.array([1, 1, 1, length, length, length])
-    frame, link = (
-        (1, 1, 1, 1 / length, 1 / length, 1 / length),
-        (1 / length, 1, 1) + (1 / length,) * 2,
-    )
-    columns = np.array([*frame, *(link * chain.n_joints), *frame])
-    A = (J * rows[:, None] * columns).reshape(-1, len(columns))
-    return np.asarray(columns * np.linalg.lstsq(A, A @ (step / columns), rcond=1e-9)[0])
 
 
 def tracked(setting: Setting, q: Array) -> Array:

@@ -118,7 +118,7 @@ class TrialStudy:
 
         campaign = campaign_of(scenario, records)
         shown = campaign.trials[0] if trial is None else records.get(trial, Trial)
-        return chapters(show(campaign.setting, shown), campaign.random_sets)
+        return chapters(show(campaign, shown), campaign.random_sets)
 
 
 def campaign_part(scenario: Scenario) -> dict[str, Any]:

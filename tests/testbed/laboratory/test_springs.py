@@ -7,6 +7,7 @@ import pytest
 
 from calib.arrays import Array
 from calib.errors import InputError
+from calib.geometry.bodies import bent_forward
 from calib.geometry.chain import Chain
 from calib.geometry.frames import rot_x, rot_y
 from calib.geometry.model import RobotModel
@@ -38,6 +39,14 @@ def springs(**changes) -> Springs:
         "payload_center": [0.0, 0.0, 0.05],
     }
     return Springs(**(values | changes))
+
+
+@pytest.mark.parametrize("bearing", [BEARING, np.zeros(0)], ids=["bearings", "drives"])
+def test_its_bends_put_the_stiff_chain_where_it_stands(bearing):
+    arm = ElasticArm(perturbed(), springs(bearing=bearing))
+    bends = arm.bends(Q)
+    assert (bends[:, :, :2] != 0).any() == bool(len(bearing))
+    np.testing.assert_allclose(bent_forward(perturbed(), Q, bends), arm.poses(Q), atol=1e-14)
 
 
 def perturbed() -> Chain:

@@ -7,20 +7,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib.geometry.bodies import bent_forward
 from calib.geometry.chain import forward
 from calib.measurement.accuracy import position_errors, target_points
 from calib.uncertainty.regions import coverage_factor
-from testbed.recording.cell import box_edges
-from testbed.recording.curves import place
+from testbed.laboratory.truth.robot import TrueRobot, unmodelled_terms
+from testbed.laboratory.truth.terms import UnmodelledTerms
+from testbed.recording.cell import box_edges, draw_arm
+from testbed.recording.curves import parameter_panel, place
 from testbed.recording.style import nice_factor
 from testbed.recording.timeline import glide, growing
 from testbed.recording.write import strict_mode
+from testbed.robots.catalog import load_robot
 from testbed.robots.placements import placements
-from testbed.studies.trial.recording_cell import ghost_chains, smallest_equal, stated_regions
+from testbed.studies.trial.recording_cell import stated_regions
+from testbed.studies.trial.recording_ghost import bends_left, ghost_chains, smallest_equal
 from tests import recorded, viewed
 from tests.campaign import with_records
 from tests.recorded import column, properties, record, scalars, small_campaign, store, structure
 from tests.reported import SMALL, played
+from tests.testbed.laboratory.outcomes import settings
 
 GOLDEN = Path(__file__).resolve().parents[2] / "golden" / "recording.txt"
 SINGLE = 2e-6
@@ -169,6 +175,53 @@ def test_the_smallest_equal_step_moves_the_tool_alike_and_drops_what_nobody_sees
 def test_ghost_chains_start_at_the_truth(shown):
     (chain,) = ghost_chains(shown, 1, np.array([0.0]))
     assert np.abs(chain.links - shown.setting.true.chain.links).max() < 1e-15
+
+
+def test_the_ghost_of_a_sprung_arm_is_bent_about_three_axes_by_its_factor(shown):
+    """To first order of what is left of the truth, drawn once, as the sprung arm stands."""
+    setting, robot = shown.setting, load_robot("staubli_tx60")
+    springs = unmodelled_terms(robot, settings("elastic")).springs
+    truth = TrueRobot(setting.true, np.zeros(6), UnmodelledTerms(springs=springs))
+    sprung = replace(shown, arm=truth.simulator)
+    q, nothing = setting.test_q, np.zeros(len(setting.test_q))
+    bends = bends_left(sprung, q, nothing)
+    assert 1e-4 < np.abs(bends[:, :, :2]).max() < 1e-3
+    true = truth.poses(q)
+    # springs at joints that are up to 2e-4 rad elsewhere: 2e-4 of a droop of a millimeter
+    assert np.abs(bent_forward(setting.true.chain, q, bends) - true).max() < 2e-7
+    identified = shown.estimate.identification.model.joint_errors.bends(q)
+    np.testing.assert_allclose(
+        bends - bends_left(sprung, q, nothing + 1), identified, rtol=0, atol=1e-18
+    )
+    pen = Drawn()
+    draw_arm(pen, "arm", robot, q + 30 * bends[:, :, 2], (setting.true.chain,),
+             across=30 * bends[:, :, :2])  # fmt: skip
+    drawn = np.eye(4)
+    for joint in range(1, 7):
+        drawn = drawn @ pen.drawn["arm" + "".join(f"/link{k + 1}" for k in range(joint))]
+    drawn = drawn @ placements(robot.model.chain).tool
+    np.testing.assert_allclose(
+        drawn, bent_forward(setting.true.chain, q, 30 * bends), rtol=0, atol=1e-12
+    )
+
+
+class Drawn:
+    """A pen that keeps the transforms."""
+
+    def __init__(self):
+        self.drawn = {}
+
+    def transforms(self, path, T):
+        self.drawn[path] = T
+
+    def static(self, path, what):
+        pass
+
+
+def test_of_very_many_parameters_the_first_have_a_row_that_can_be_read():
+    assert parameter_panel(36).title == "Parameter error / stated u"
+    few, many = parameter_panel(36), parameter_panel(426)
+    assert (many.x, many.y, many.title) == (few.x, few.y, "Error / u: first 36 of 426")
 
 
 def test_an_arrow_ends_inside_its_ellipsoid_exactly_where_the_record_says_so(opened, shown):
