@@ -11,6 +11,8 @@ Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 Index = NDArray[np.int64]
 MAY_BE_NAN = "nan where it does not apply"
+LATER = "newer than some records, where its default stands for it"
+"""Said of a field that records written before it existed do not hold."""
 FloatOrNan = Annotated[float, MAY_BE_NAN]
 """Type of the field of a result that may be nan; all others are finite, or no result."""
 

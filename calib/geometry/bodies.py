@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calib.arrays import Array
-from calib.geometry.chain import Chain, link_rotation_parts
+from calib.geometry.chain import Chain, grown_lengths, link_rotation_parts
 from calib.geometry.frames import transform
 
 X, Y, Z = range(3)
@@ -23,7 +23,9 @@ class Bodies(NamedTuple):
     """(m, n, 3, 3) axes x, y, z that a joint bends about, each as the turns before it left it."""
 
 
-def bodies(chain: Chain, q: Array, bends: Array | None = None) -> Bodies:
+def bodies(
+    chain: Chain, q: Array, bends: Array | None = None, growth: Array | None = None
+) -> Bodies:
     """Body frames of a chain whose joints give way at checked joints q (m, n) [rad, m].
 
     Joint i turns by Rz(q + theta + b_z), then its bearing gives way by Rx(b_x) Ry(b_y), and the
@@ -38,6 +40,8 @@ def bodies(chain: Chain, q: Array, bends: Array | None = None) -> Bodies:
         Joint values [rad, m].
     bends : (m, n, 3) array, optional
         About x, y and z of every joint; z of a slide is along it [rad, m].
+    growth : (m,) array, optional
+        Part by which the lengths of the links have grown.
     """
     m, n = q.shape
     bent = np.zeros((m, n, 3)) if bends is None else bends
@@ -48,8 +52,9 @@ def bodies(chain: Chain, q: Array, bends: Array | None = None) -> Bodies:
     x, y, z = (np.broadcast_to(chain.T_world_base[:3, k], (m, 3)) for k in range(3))
     p = np.broadcast_to(chain.T_world_base[:3, 3], (m, 3))
     slide = value * chain.prismatic
+    d, _ = grown_lengths(chain, growth)
     cosine, sine = np.cos(bent[..., None]), np.sin(bent[..., None])
-    for i, (c, s, shift, a, ca, sa, cb, sb) in enumerate(link_rotation_parts(chain, value)):
+    for i, (c, s, shift, a, ca, sa, cb, sb) in enumerate(link_rotation_parts(chain, value, growth)):
         axes[:, i, Z], before = z, z
         x, y = c * x + s * y, c * y - s * x
         origin[:, i] = p + slide[:, i, None] * z
@@ -63,14 +68,14 @@ def bodies(chain: Chain, q: Array, bends: Array | None = None) -> Bodies:
             x, z = cy * x - sy * z, sy * x + cy * z
         rotation[:, i] = np.stack([x, y, z], -1)
         # slide and link together, as in `forward`; the link lies along the bent axis
-        p = p + shift * before + chain.links[i, 1] * (z - before) + a * x
+        p = p + shift * before + d[..., i, None] * (z - before) + a * x
         y, z = ca * y + sa * z, ca * z - sa * y
         x, z = cb * x - sb * z, sb * x + cb * z
     rotation[:, n], origin[:, n] = np.stack([x, y, z], -1), p
     return Bodies(rotation, origin, axes)
 
 
-def bent_forward(chain: Chain, q: Array, bends: Array) -> Array:
+def bent_forward(chain: Chain, q: Array, bends: Array, growth: Array | None = None) -> Array:
     """Tool poses T_world_tool (m, 4, 4) of an arm whose joints give way, as in `bodies`."""
-    at = bodies(chain, q, bends)
+    at = bodies(chain, q, bends, growth)
     return transform(at.rotation[:, -1], at.origin[:, -1]) @ chain.T_flange_tool

@@ -119,19 +119,31 @@ def chain_names(n_joints: int) -> tuple[str, ...]:
 
 
 def link_rotation_parts(
-    chain: Chain, q: Array
+    chain: Chain, q: Array, growth: Array | None = None
 ) -> Sequence[tuple[Array, Array, Array, Array, Array, Array, Array, Array]]:
-    """Cosines, sines and slides per link: c, s (turn), d, a, ca, sa (alpha), cb, sb (beta)."""
+    """Cosines, sines and slides per link: c, s (turn), d, a, ca, sa (alpha), cb, sb (beta).
+
+    Lengths d and a of pose k are 1 + `growth` (m,)[k] times as long.
+    """
+    d, a = grown_lengths(chain, growth)
     turn = q * (1 - chain.prismatic) + chain.links[:, 0]
-    shift = q * chain.prismatic + chain.links[:, 1]
+    shift = q * chain.prismatic + d
     c, s = np.cos(turn), np.sin(turn)
     ca, sa = np.cos(chain.links[:, 3]), np.sin(chain.links[:, 3])
     cb, sb = np.cos(chain.links[:, 4]), np.sin(chain.links[:, 4])
-    a = chain.links[:, 2]
     return [
-        (c[:, i, None], s[:, i, None], shift[:, i, None], a[i], ca[i], sa[i], cb[i], sb[i])
+        (c[:, i, None], s[:, i, None], shift[:, i, None], a[..., i, None], ca[i], sa[i], cb[i],
+         sb[i])
         for i in range(chain.n_joints)
-    ]
+    ]  # fmt: skip
+
+
+def grown_lengths(chain: Chain, growth: Array | None) -> tuple[Array, Array]:
+    """Lengths d and a of all links, (n,) or, where they grow by parts (m,), (m, n) [m]."""
+    d, a = chain.links[:, 1], chain.links[:, 2]
+    if growth is None:
+        return d, a
+    return (1 + growth)[:, None] * d, (1 + growth)[:, None] * a
 
 
 def joint_vectors(chain: Chain, q: ArrayLike) -> Array:
@@ -143,8 +155,10 @@ def joint_vectors(chain: Chain, q: ArrayLike) -> Array:
     return frozen(q)
 
 
-def forward(chain: Chain, q: ArrayLike) -> Array:
+def forward(chain: Chain, q: ArrayLike, growth: Array | None = None) -> Array:
     """Tool poses T_world_tool (m, 4, 4) at joint vectors q (m, n) [rad, m].
+
+    Where an arm is warm, `growth` (m,) is the part by which its lengths d and a have grown.
 
     References
     ----------
@@ -160,7 +174,7 @@ def forward(chain: Chain, q: ArrayLike) -> Array:
     R = np.broadcast_to(chain.T_world_base[:3, :3], (len(q), 3, 3))
     p = np.broadcast_to(chain.T_world_base[:3, 3], (len(q), 3))
     x, y, z = R[..., 0], R[..., 1], R[..., 2]
-    for c, s, d, a, ca, sa, cb, sb in link_rotation_parts(chain, q):
+    for c, s, d, a, ca, sa, cb, sb in link_rotation_parts(chain, q, growth):
         x, y = c * x + s * y, c * y - s * x
         p = p + d * z + a * x
         y, z = ca * y + sa * z, ca * z - sa * y

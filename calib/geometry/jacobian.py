@@ -8,18 +8,19 @@ import numpy as np
 
 from calib.arrays import Array, Bool
 from calib.geometry.bodies import X, Y, Z, bodies
-from calib.geometry.chain import Chain, link_rotation_parts
+from calib.geometry.chain import Chain, grown_lengths, link_rotation_parts
 from calib.geometry.frames import transform
 
 BATCH = 1000
 """Poses per pass: a larger batch leaves the cache and is 2.5 times slower."""
 
 
-def pose_and_jacobian(chain: Chain, q: Array) -> tuple[Array, Array]:
+def pose_and_jacobian(chain: Chain, q: Array, growth: Array | None = None) -> tuple[Array, Array]:
     """Tool poses (m, 4, 4) and identification Jacobian (m, 6, 12 + 5 n) at checked joints (m, n).
 
     Rows are [dp (m); dr (rad)]: displacement of the tool origin and rotation vector, both in world
-    axes. Columns follow `chain_names`; base and tool columns are steps in their own axes.
+    axes. Columns follow `chain_names`; base and tool columns are steps in their own axes. Where
+    lengths have grown by parts (m,), those of d and a are along the axes of the links as they are.
 
     References
     ----------
@@ -29,11 +30,17 @@ def pose_and_jacobian(chain: Chain, q: Array) -> tuple[Array, Array]:
     J = np.zeros((len(q), 6, chain.n_numbers))
     for start in range(0, len(q), BATCH):
         part = slice(start, start + BATCH)
-        _fill_batch(chain, q[part], T[part], J[part])
+        _fill_batch(chain, q[part], _part(growth, part), T[part], J[part])
     return T, J
 
 
-def bent_pose_and_jacobian(chain: Chain, q: Array, bends: Array) -> tuple[Array, Array]:
+def _part(growth: Array | None, part: slice) -> Array | None:
+    return None if growth is None else growth[part]
+
+
+def bent_pose_and_jacobian(
+    chain: Chain, q: Array, bends: Array, growth: Array | None = None
+) -> tuple[Array, Array]:
     """Tool poses (m, 4, 4) and Jacobian (m, 6, 12 + 8 n) of an arm whose joints give way.
 
     The numbers of the chain come first, as in `pose_and_jacobian`, then the bends joint by joint
@@ -47,23 +54,28 @@ def bent_pose_and_jacobian(chain: Chain, q: Array, bends: Array) -> tuple[Array,
         Checked joint values [rad, m].
     bends : (m, n, 3) array
         As in `bodies` [rad, m].
+    growth : (m,) array, optional
+        As in `bodies`.
     """
     T = np.zeros((len(q), 4, 4))
     J = np.zeros((len(q), 6, chain.n_numbers + 3 * chain.n_joints))
     for start in range(0, len(q), BATCH):
         part = slice(start, start + BATCH)
-        _fill_bent_batch(chain, q[part], bends[part], T[part], J[part])
+        _fill_bent_batch(chain, q[part], bends[part], _part(growth, part), T[part], J[part])
     return T, J
 
 
-def _fill_bent_batch(chain: Chain, q: Array, bends: Array, T_out: Array, J_out: Array) -> None:
+def _fill_bent_batch(
+    chain: Chain, q: Array, bends: Array, growth: Array | None, T_out: Array, J_out: Array
+) -> None:
     """Fill poses and Jacobian of one batch of a bent arm: all screws stand in its body frames."""
     m, n = q.shape
-    at = bodies(chain, q, bends)
+    at = bodies(chain, q, bends, growth)
     turned, start = at.rotation[:, :n], at.origin[:, :n]
     x, y, z = turned[..., X], turned[..., Y], turned[..., Z]
-    _, d, a, alpha, _ = chain.links.T[..., None]
-    end = start + d * z + a * x
+    alpha = chain.links[:, 3, None]
+    d, a = grown_lengths(chain, growth)
+    end = start + d[..., None] * z + a[..., None] * x
     beta = np.cos(alpha) * y + np.sin(alpha) * z
     axes, points = np.zeros((12 + 8 * n, m, 3)), np.zeros((12 + 8 * n, m, 3))
     slides = np.zeros(12 + 8 * n, dtype=bool)
@@ -86,7 +98,7 @@ def _in_rows(vectors: Array) -> Array:
     return np.moveaxis(vectors.reshape(len(vectors), -1, 3), 1, 0)
 
 
-def _fill_batch(chain: Chain, q: Array, T_out: Array, J_out: Array) -> None:
+def _fill_batch(chain: Chain, q: Array, growth: Array | None, T_out: Array, J_out: Array) -> None:
     """Fill poses and Jacobian of one batch."""
     base, tool = chain.T_world_base, chain.T_flange_tool
     m, n = q.shape
@@ -99,7 +111,7 @@ def _fill_batch(chain: Chain, q: Array, T_out: Array, J_out: Array) -> None:
     slides[0:3] = True
     x, y, z = (np.broadcast_to(base[:3, k], (m, 3)) for k in range(3))
     p = np.broadcast_to(base[:3, 3], (m, 3))
-    for i, (c, s, d, a, ca, sa, cb, sb) in enumerate(link_rotation_parts(chain, q)):
+    for i, (c, s, d, a, ca, sa, cb, sb) in enumerate(link_rotation_parts(chain, q, growth)):
         k = 6 + 5 * i
         axes[k], points[k] = z, p  # theta
         axes[k + 1] = z  # d

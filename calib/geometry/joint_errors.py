@@ -1,34 +1,67 @@
 """Joint errors outside the geometry: gravity sag and gear harmonics, and springs under load.
 
-dq(q) = sum_k c_k b_k(q), each b_k a sine or cosine of a whole-number combination of joint values,
-and each acting on one joint. An amplitude with a phase is two terms:
-A sin(q + phi) = (A cos phi) sin q + (A sin phi) cos q. Springs bend a joint about any axis.
+dq(q) = sum_k c_k b_k(q), each b_k a sine or cosine of a combination of joint values, or what a row
+says beside its joints, and each acting on one joint. An amplitude with a phase is two terms:
+A sin(q + phi) = (A cos phi) sin q + (A sin phi) cos q. Springs bend a joint about any axis. One
+term moves no joint: the lengths of a warm arm.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
-from calib.arrays import Array, check, frozen
+from calib.arrays import LATER, Array, check, frozen
 from calib.errors import refuse
 from calib.geometry.bodies import Z
+from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.geometry.springs import STIFF, Compliance, SprungJoints
 
 _WAVES: tuple[Literal["sin", "cos"], ...] = ("sin", "cos")
+Wave = Literal["sin", "cos", "approach", "torque", "lengths"]
+NO_JOINT = -1
+"""`joint` of a term that moves none."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointTerm:
-    """One basis function b(q) = wave(weights . q) and the joint it turns."""
+    """One basis function and the joint it turns.
+
+    A wave b(q) = sin or cos(weights . q), or a linear form of what a row says beside its joints:
+    weights . directions of approach, or weights . reported torques - reference. Of the term
+    "lengths" it is the temperature - reference, and the coefficient is the expansion [1/K] of d and
+    a of all links. What a row does not say counts as the reference, and as no direction.
+    """
 
     name: str
     """Public name, e.g. ``gravity2.sin2`` or ``harmonic3.cos1``."""
     joint: int
-    """Joint that is displaced, 0-based."""
-    wave: Literal["sin", "cos"]
-    weights: tuple[int, ...]
-    """(n,) whole-number factor of each joint value inside the wave."""
+    """Joint that is displaced, 0-based; -1 of lengths."""
+    wave: Wave
+    weights: tuple[float, ...]
+    """(n,) factor of each joint value inside the wave, or of each direction or torque; zero of
+    lengths."""
+    reference: Annotated[float, LATER] = 0.0
+    """Torque or temperature at which the term is zero: their mean where it was identified [N m,
+    degC]."""
+
+    def __post_init__(self) -> None:
+        whole = (int(w) if float(w).is_integer() else float(w) for w in self.weights)
+        object.__setattr__(self, "weights", tuple(whole))
+
+    @property
+    def is_wave(self) -> bool:
+        """Whether it depends on the joints alone."""
+        return self.wave in _WAVES
+
+    def of_rows(self, at: OperatingConditions, m: int) -> Array:
+        """Values (m,) of a term that is no wave."""
+        if self.wave == "lengths":
+            return np.zeros(m) if at.temperature is None else at.temperature - self.reference
+        said = at.approach if self.wave == "approach" else at.torque
+        if said is None:
+            return np.zeros(m)
+        return np.asarray(said @ np.array(self.weights, dtype=np.float64) - self.reference)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,20 +98,39 @@ class JointErrors:
 
     @property
     def joints(self) -> list[int]:
-        """(k,) displaced joint of each term, 0-based."""
+        """(k,) displaced joint of each term, 0-based; -1 where it moves none."""
         return [term.joint for term in self.terms]
 
-    def basis(self, q: Array) -> Array:
-        """Values b_k(q) (m, k), dimensionless."""
+    @property
+    def of_lengths(self) -> list[int]:
+        """Places of the terms that are lengths."""
+        return [k for k, term in enumerate(self.terms) if term.joint == NO_JOINT]
+
+    def basis(self, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
+        """Values b_k (m, k) of poses at joints q (m, n) under some conditions.
+
+        Dimensionless; of torques in N m, of lengths in K.
+        """
         if not self.terms:
             return np.zeros((len(q), 0))
         phase = q @ np.array([term.weights for term in self.terms], dtype=np.float64).T
         cosine = np.array([term.wave == "cos" for term in self.terms])
         basis = np.empty_like(phase)
         basis[:, cosine], basis[:, ~cosine] = np.cos(phase[:, cosine]), np.sin(phase[:, ~cosine])
+        for k, term in enumerate(self.terms):
+            if not term.is_wave:
+                basis[:, k] = term.of_rows(at, len(q))
         return basis
 
-    def offsets(self, q: Array) -> Array:
+    def growth(self, at: OperatingConditions) -> Array | None:
+        """Part (m,) by which lengths have grown; None where none do, or nothing says how warm."""
+        if at.temperature is None or not self.of_lengths:
+            return None
+        m = len(at.temperature)
+        grown = [self.coefficients[k] * self.terms[k].of_rows(at, m) for k in self.of_lengths]
+        return np.asarray(sum(grown))
+
+    def offsets(self, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
         """Joint offsets dq (m, n) [rad or m] at joint values q (m, n), where nothing gives way."""
         if self.sprung is not None:
             raise refuse(
@@ -87,14 +139,14 @@ class JointErrors:
                 allowed="here joint terms alone, which are offsets of joint values",
                 fix="take the poses from the robot model, or leave the springs out",
             )  # fmt: skip
-        return self.of_terms(q)
+        return self.of_terms(q, at)
 
-    def bends(self, q: Array) -> Array:
+    def bends(self, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
         """Bends (m, n, 3) about x, y, z of every joint [rad or m] at joint values q (m, n)."""
         out = np.zeros((*q.shape, 3))
         if self.sprung is not None:
             out = self.sprung.bends(q, self.of_springs)
-        out[:, :, Z] += self.of_terms(q)
+        out[:, :, Z] += self.of_terms(q, at)
         return out
 
     def joined(self, other: "JointErrors") -> "JointErrors":
@@ -117,11 +169,12 @@ class JointErrors:
         """(s,) the coefficients that belong to the springs."""
         return self.coefficients[len(self.terms) :]
 
-    def of_terms(self, q: Array) -> Array:
+    def of_terms(self, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
         """What the terms displace of each joint (m, n) [rad or m]."""
         dq = np.zeros_like(q)
-        coefficients = self.coefficients[: len(self.terms)]
-        np.add.at(dq.T, self.joints, (self.basis(q) * coefficients).T)
+        own = self.coefficients[: len(self.terms)].copy()
+        own[self.of_lengths] = 0.0
+        np.add.at(dq.T, self.joints, (self.basis(q, at) * own).T)
         return dq
 
 

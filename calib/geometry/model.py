@@ -11,6 +11,7 @@ from calib.geometry.chain import Chain, chain_names, forward, joint_vectors
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.jacobian import bent_pose_and_jacobian, joint_columns, pose_and_jacobian
 from calib.geometry.joint_errors import JointErrors
+from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.geometry.springs import SprungJoints
 
 NO_ERRORS, NO_FIXTURES = JointErrors(), Fixtures()
@@ -46,7 +47,8 @@ class RobotModel:
         """(P,) whether a number is a length [m]; all others are angles [rad]."""
         frame = (True, True, True, False, False, False)
         link = (False, True, True, False, False)
-        terms = tuple(self.chain.kinds[joint] == "prismatic" for joint in self.joint_errors.joints)
+        kinds = (*self.chain.kinds, "none")  # of the term that moves no joint
+        terms = tuple(kinds[joint] == "prismatic" for joint in self.joint_errors.joints)
         links = link * self.chain.n_joints
         springs = self.joint_errors.sprung
         sprung = springs.is_length if springs else ()
@@ -82,50 +84,97 @@ class RobotModel:
             [self.chain.step_to(other.chain), there - here, self.fixtures.step_to(other.fixtures)]
         )
 
-    def poses(self, q: ArrayLike) -> Array:
+    def poses(self, q: ArrayLike, at: OperatingConditions = AS_USUAL) -> Array:
         """Tool poses T_world_tool (m, 4, 4) at commanded joint values q (m, n)."""
-        q = joint_vectors(self.chain, q)
-        if self.joint_errors.sprung:
-            return bent_forward(self.chain, q, self.joint_errors.bends(q))
-        return forward(self.chain, q + self.joint_errors.offsets(q))
+        q, errors = joint_vectors(self.chain, q), self.joint_errors
+        at.require_rows(len(q))
+        if errors.sprung:
+            return bent_forward(self.chain, q, errors.bends(q, at), errors.growth(at))
+        return forward(self.chain, q + errors.offsets(q, at), errors.growth(at))
 
-    def poses_and_jacobian(self, q: ArrayLike) -> tuple[Array, Array]:
+    def poses_and_jacobian(
+        self, q: ArrayLike, at: OperatingConditions = AS_USUAL
+    ) -> tuple[Array, Array]:
         """Poses (m, 4, 4) and Jacobian (m, 6, P), rows [dp; dr] in world axes.
 
         A joint term's column is its joint's own column times the basis value: exact, because the
-        offset is linear in the coefficient. A number of the springs has the columns of the bends
-        times their slopes. The columns of the fixtures are zero: no tool moves with them.
+        offset is linear in the coefficient; that of lengths is the same of all lengths. A number
+        of the springs has the columns of the bends times their slopes. The columns of the fixtures
+        are zero: no tool moves with them.
         """
         q, errors = joint_vectors(self.chain, q), self.joint_errors
+        at.require_rows(len(q))
+        growth = errors.growth(at)
         if errors.sprung:
-            return self._sprung_poses_and_jacobian(q, errors.sprung)
-        T, J = pose_and_jacobian(self.chain, q + errors.offsets(q))
+            return self._sprung_poses_and_jacobian(q, errors.sprung, at)
+        T, J = pose_and_jacobian(self.chain, q + errors.offsets(q, at), growth)
         if self.n_numbers == self.chain.n_numbers:
             return T, J
         parts = [J]
         if errors.terms:
-            columns = np.array(joint_columns(self.chain))[errors.joints]
-            parts.append(J[:, :, columns] * errors.basis(q)[:, None, :])
+            turns = J[:, :, joint_columns(self.chain)]
+            parts.append(self.term_columns(errors, J, turns, q, at))
+        grow_columns(J, growth)
         parts.append(np.zeros((len(q), 6, self.fixtures.n_numbers)))
         return T, np.concatenate(parts, axis=-1)
 
-    def poses_and_bends(self, q: ArrayLike) -> tuple[Array, Array, Array]:
+    def poses_and_bends(
+        self, q: ArrayLike, at: OperatingConditions = AS_USUAL
+    ) -> tuple[Array, Array, Array]:
         """Poses and Jacobian as in `poses_and_jacobian`, and the columns of all bends (m, 6, 3 n).
 
         Of each joint about x, y and z in turn, as it stands where the arm has given way.
         """
         q, errors = joint_vectors(self.chain, q), self.joint_errors
-        T, J = self.poses_and_jacobian(q)
-        bent = bent_pose_and_jacobian(self.chain, q, errors.bends(q))[1]
+        T, J = self.poses_and_jacobian(q, at)
+        bends, growth = errors.bends(q, at), errors.growth(at)
+        bent = bent_pose_and_jacobian(self.chain, q, bends, growth)[1]
         return T, J, bent[:, :, self.chain.n_numbers :]
 
-    def _sprung_poses_and_jacobian(self, q: Array, springs: SprungJoints) -> tuple[Array, Array]:
+    def _sprung_poses_and_jacobian(
+        self, q: Array, springs: SprungJoints, at: OperatingConditions
+    ) -> tuple[Array, Array]:
         """The same where the joints give way: terms are bends about z, springs about any axis."""
         errors = self.joint_errors
         bends, slopes = springs.bends_and_slopes(q, errors.of_springs)
-        bends[:, :, Z] += errors.of_terms(q)
-        T, J = bent_pose_and_jacobian(self.chain, q, bends)
+        bends[:, :, Z] += errors.of_terms(q, at)
+        growth = errors.growth(at)
+        T, J = bent_pose_and_jacobian(self.chain, q, bends, growth)
         J, bent = np.split(J, [self.chain.n_numbers], axis=2)
-        terms = bent[:, :, Z::3][:, :, errors.joints] * errors.basis(q)[:, None, :]
+        terms = self.term_columns(errors, J, bent[:, :, Z::3], q, at)
+        grow_columns(J, growth)
         nothing = np.zeros((len(q), 6, self.fixtures.n_numbers))
         return T, np.concatenate([J, terms, bent[:, :, springs.places] @ slopes, nothing], axis=-1)
+
+    def term_columns(
+        self, errors: JointErrors, J: Array, turns: Array, q: Array, at: OperatingConditions
+    ) -> Array:
+        """Columns (m, 6, k) of the terms of some joint errors, of which this model may have none.
+
+        Parameters
+        ----------
+        errors : JointErrors
+            Springs among them play no part.
+        J : (m, 6, P) array
+            Jacobian of an arm that is as long as its nominal one.
+        turns : (m, 6, n) array
+            Column of each joint's own move.
+        q : (m, n) array
+            Joint values [rad, m].
+        at : OperatingConditions
+            Of the rows.
+        """
+        basis = errors.basis(q, at)
+        columns = turns[:, :, errors.joints] * basis[:, None, :]
+        for k in errors.of_lengths:
+            d = 7 + 5 * np.arange(self.chain.n_joints)
+            along = J[:, :, d] @ self.chain.links[:, 1] + J[:, :, d + 1] @ self.chain.links[:, 2]
+            columns[:, :, k] = along * basis[:, k, None]
+        return columns
+
+
+def grow_columns(J: Array, growth: Array | None) -> None:
+    """Lengthen the columns of d and a of an arm (m, 6, P) whose lengths have grown by parts (m,)."""
+    if growth is not None:
+        for k in (1, 2):
+            J[:, :, 6 + k : -6 : 5] *= (1 + growth)[:, None, None]

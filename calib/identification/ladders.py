@@ -123,7 +123,7 @@ def _waves(nominal: RobotModel, sizes: tuple[float, float]) -> Ladder:
         known = {1: share * sizes[0], 2: share * sizes[1]} | dict.fromkeys(orders, size)
         terms = _new(nominal, harmonic_terms(chain.n_joints, tuple(known)))
         terms = tuple(term for term in terms if chain.kinds[term.joint] == "revolute")
-        sd = np.array([known[order_of(term)] for term in terms])
+        sd = np.array([known[int(order_of(term))] for term in terms])
         return Level(name, JointErrors(terms), sd, usual)
 
     beyond = range(3, MAP_ORDERS + 1)
@@ -142,7 +142,7 @@ def _waves(nominal: RobotModel, sizes: tuple[float, float]) -> Ladder:
     return Ladder("waves", (NOTHING, *known))
 
 
-def order_of(term: JointTerm) -> int:
+def order_of(term: JointTerm) -> float:
     """Waves a turn of a term of one joint."""
     return max(abs(weight) for weight in term.weights)
 

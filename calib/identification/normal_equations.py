@@ -208,12 +208,12 @@ def normal_equations(
     added = tuple(added)
     terms = tuple({t.name: t for errors in added for t in errors.terms}.values())
     springs = [errors.sprung for errors in added if errors.sprung is not None]
-    T, J, bends = fitted.poses_and_bends(measurements.q)
-    products, loads = products_of(springs, measurements.q, parameters.n_free + len(terms))
-    basis = JointErrors(terms)
+    q, at = measurements.q, measurements.conditions
+    T, J, bends = fitted.poses_and_bends(q, at)
+    products, loads = products_of(springs, q, parameters.n_free + len(terms))
     wide = [
         J,
-        bends[:, :, Z::3][:, :, basis.joints] * basis.basis(measurements.q)[:, None],
+        fitted.term_columns(JointErrors(terms), J, bends[:, :, Z::3], q, at),
         _flat_last(bends[:, :, list(products.places), None] * loads[:, None]),
     ]
     seen = predict_at(

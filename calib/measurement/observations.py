@@ -7,8 +7,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arrays import Array, Bool, Index, check, frozen
+from calib.arrays import LATER, Array, Bool, Index, check, frozen
 from calib.errors import refuse
+from calib.geometry.operating import AS_USUAL, OperatingConditions, joined_conditions
 
 POSE, POINT, DISTANCE = "pose", "point", "distance"
 KINDS = (POSE, POINT, DISTANCE)
@@ -59,6 +60,8 @@ class Measurements:
     """(m,) measured distance from anchor to reflector [m]; zero for other rows."""
     tool: Annotated[Index, "m"] = field(default_factory=_whole)
     """(m,) which tool was mounted: 0 is that of the chain, the others are of the fixtures."""
+    conditions: Annotated[OperatingConditions, LATER] = AS_USUAL
+    """What the rows say beside their joints."""
 
     def __post_init__(self) -> None:
         m = len(self.q)
@@ -88,6 +91,7 @@ class Measurements:
         for name in ("reflector", "station", "anchor", "tool"):
             (checked,) = check(f"{m}", **{name: getattr(self, name)})
             object.__setattr__(self, name, frozen(checked, np.int64))
+        self.conditions.require_rows(m)
         self._require_sense()
 
     def _require_sense(self) -> None:
@@ -161,7 +165,8 @@ class Measurements:
     def rows(self, which: Sequence[int] | Bool | Index) -> "Measurements":
         """The table restricted to some rows (a mask or indices)."""
         index = np.asarray(which) if len(which) else np.zeros(0, dtype=np.int64)
-        return replace(self, **{name: getattr(self, name)[index] for name in self.__slots__})
+        some = {name: getattr(self, name)[index] for name in COLUMNS}
+        return replace(self, **some, conditions=self.conditions.rows(index))
 
     @property
     def together(self) -> Index:
@@ -183,13 +188,15 @@ class Measurements:
         return self.rows(~is_test), self.rows(is_test)
 
 
+COLUMNS = tuple(name for name in Measurements.__slots__ if name != "conditions")
+"""Fields of a table that have one entry a row."""
+
+
 def joined(tables: Sequence[Measurements]) -> Measurements:
     """One table of the rows of several, in order; `pose_id` is kept."""
     return Measurements(
-        **{
-            name: np.concatenate([getattr(table, name) for table in tables])
-            for name in Measurements.__slots__
-        }
+        **{name: np.concatenate([getattr(table, name) for table in tables]) for name in COLUMNS},
+        conditions=joined_conditions([t.conditions for t in tables], [len(t) for t in tables]),
     )
 
 

@@ -36,7 +36,7 @@ class Prediction:
 
 def predict(model: RobotModel, measurements: Measurements) -> Prediction:
     """Residual and derivative of every row of a table."""
-    T, J = model.poses_and_jacobian(measurements.q)
+    T, J = model.poses_and_jacobian(measurements.q, measurements.conditions)
     if measurements.tool.any():
         require_fixtures(model.fixtures, measurements)
         _tool_rows(T, J, model, measurements)
@@ -110,7 +110,7 @@ def targets(fixtures: Fixtures, measurements: Measurements) -> Array:
 def tool_poses(model: RobotModel, measurements: Measurements) -> Array:
     """Poses T_world_tool (m, 4, 4) of the tool that was mounted when each row was measured [m]."""
     require_fixtures(model.fixtures, measurements)
-    T = model.poses(measurements.q)
+    T = model.poses(measurements.q, measurements.conditions)
     if not measurements.tool.any():
         return T
     back = inverse(model.chain.T_flange_tool)

@@ -114,7 +114,7 @@ def paper_stack(model: RobotModel, measurements: Measurements) -> Stack:
             row = int(np.argmax(further))
             message = f"row {row} was measured with a further {name}; the twelve rows know one"
             raise refuse(name, row, code="A3", message=message, fix=fix)
-    T, J = model.poses_and_jacobian(measurements.q)
+    T, J = model.poses_and_jacobian(measurements.q, measurements.conditions)
     turned = np.swapaxes(measurements.rotation - T[:, :3, :3], -1, -2).reshape(-1, 9)
     shifted = 1e3 * (measurements.position - T[:, :3, 3])
     rows = matrix_rows(T, J)

@@ -39,7 +39,7 @@ class Batch:
             for T in (chain.T_world_base, chain.T_flange_tool)
         )
         self.terms = np.zeros((blocks, k, WIDTH))
-        at = configurations(model, plan.q)
+        at = configurations(model, plan.q, plan.conditions)
         self.configurations = (
             *(np.ascontiguousarray(part.T) for part in (at.cosine, at.sine, at.slide, at.basis)),
             np.array(model.joint_errors.joints, dtype=np.int64),

@@ -109,7 +109,7 @@ def freeze(
     if unknown_to_loops(model, measurements, parameters) is None:
         own = targets(model.fixtures, measurements)
         measurements = replace(measurements, offset=own, reflector=np.full(len(own), GIVEN))
-        T = model.poses(measurements.q)
+        T = model.poses(measurements.q, measurements.conditions)
         arm = (T[:, :3, :3] @ measurements.offset[:, :, None])[..., 0]
         plan = replace(measurements, position=T[:, :3, 3] + arm, rotation=T[:, :3, :3])
     else:
@@ -158,6 +158,7 @@ def unknown_to_loops(
         (measurements.station.any(), "station", "rows of further stations"),
         (measurements.tool.any(), "tool", "rows of further tools"),
         (bool(free), "parameters", f"free fixtures ({', '.join(free[:3])})"),
+        (bool(model.joint_errors.of_lengths), "model", "lengths that follow the temperature"),
     ):
         if wrong:
             return field, what

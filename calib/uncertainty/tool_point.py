@@ -14,6 +14,7 @@ from calib.geometry.chain import joint_vectors
 from calib.geometry.frames import exp_so3
 from calib.geometry.jacobian import reflector_rows
 from calib.geometry.model import RobotModel
+from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.information.propagation import (
     axis_uncertainty,
     point_uncertainty,
@@ -150,14 +151,17 @@ class Configurations:
         return max(1, BATCH_POINTS // max(1, len(self.cosine[0])))
 
 
-def configurations(model: RobotModel, q: ArrayLike) -> Configurations:
-    """Prepare joint vectors q (N, n) [rad, m] for `tool_points`."""
+def configurations(
+    model: RobotModel, q: ArrayLike, at: OperatingConditions = AS_USUAL
+) -> Configurations:
+    """Prepare joint vectors q (N, n) [rad, m] under some conditions for `tool_points`."""
     q = joint_vectors(model.chain, q)
     slides, links = model.chain.prismatic, model.chain.links
-    value = q + model.joint_errors.offsets(q)
+    value = q + model.joint_errors.offsets(q, at)
     turn = (value * (1 - slides) + links[:, 0]).T
     slide = (value * slides + links[:, 1]).T
-    return Configurations(model, np.cos(turn), np.sin(turn), slide, model.joint_errors.basis(q).T)
+    basis = model.joint_errors.basis(q, at).T
+    return Configurations(model, np.cos(turn), np.sin(turn), slide, basis)
 
 
 def propagate(model: RobotModel, q: ArrayLike, steps: ArrayLike) -> Array:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from calib.arrays import MAY_BE_NAN
+from calib.arrays import LATER, MAY_BE_NAN
 from calib.errors import CalibError
 
 T = TypeVar("T")
@@ -149,7 +149,11 @@ def _build(hint: Any, path: str, left: dict[str, Any], *, make: bool) -> Any:
         return _build(hint, path, left, make=make)
     if isinstance(hint, type) and dataclasses.is_dataclass(hint):
         kinds = _hints(hint)
-        values = {n: _build(kinds[n], _join(path, n), left, make=make) for n in kinds}
+        later = _later(hint, path, left)
+        values = {
+            n: later[n] if n in later else _build(kinds[n], _join(path, n), left, make=make)
+            for n in kinds
+        }
         _check_sizes(hint, values, path)
         return hint(**values) if make else None
     if origin is tuple:
@@ -185,6 +189,17 @@ def _build(hint: Any, path: str, left: dict[str, Any], *, make: bool) -> Any:
     return _scalar(str if origin is typing.Literal else hint, value, path)
 
 
+def _later(cls: type, path: str, left: Mapping[str, Any]) -> dict[str, Any]:
+    """Defaults of the fields that are newer than the record."""
+    out = {}
+    for field in dataclasses.fields(cls):
+        if LATER in getattr(_hints(cls)[field.name], "__metadata__", ()):
+            start = _join(path, field.name)
+            if start not in left and not any(name.startswith(f"{start}.") for name in left):
+                out[field.name] = field.default
+    return out
+
+
 def _check_sizes(cls: type, values: Mapping[str, Any], path: str) -> None:
     """Refuse arrays and tuples that contradict their fields or each other."""
     known: dict[str, tuple[int, str]] = {}
@@ -211,7 +226,7 @@ def _sizes(cls: type) -> dict[str, tuple[int | str, ...]]:
     for name, hint in _hints(cls).items():
         for one in (hint, *typing.get_args(hint)):  # it may be None, too
             stated = getattr(one, "__metadata__", ())
-            if stated and MAY_BE_NAN not in stated:
+            if stated and MAY_BE_NAN not in stated and LATER not in stated:
                 out[name] = stated
     return out
 

@@ -154,7 +154,8 @@ def _with_one_tool(
     require_equations(model, measurements, parameters)
     # flange poses by the nominal links alone
     links = Chain(model.chain.links, model.chain.kinds)
-    F = forward(links, measurements.q + model.joint_errors.offsets(measurements.q))
+    own = model.joint_errors.offsets(measurements.q, measurements.conditions)
+    F = forward(links, measurements.q + own)
     problem = start_problem(model, F, measurements, free_tool, free_anchors)
     # best guess on some rows, refined on all of them
     alignment = _best_guess(problem, parameters)

@@ -7,6 +7,7 @@ import pytest
 
 from calib.errors import InputError
 from calib.identification.identify import identify
+from calib.measurement.observations import COLUMNS
 from testbed.files.probe import probe
 from testbed.files.read import read_session
 from testbed.laboratory.truth.laboratory import open_laboratory
@@ -49,7 +50,7 @@ def test_every_array_comes_back_bit_for_bit(tmp_path, points):
     session = read_session(tmp_path / "out", robot)
     bench = open_laboratory(run.scenario, run.setting)
     table, is_test, time = exported_rows(bench, run.trials[0])
-    for name in table.__slots__:
+    for name in COLUMNS:
         written, read = getattr(table, name), getattr(session.measurements, name)
         if name == "covariance":
             # rounding makes the laboratory's own matrices asymmetric in the last bit; the triangle
@@ -72,7 +73,7 @@ def test_what_is_identified_from_the_files_is_what_the_run_identified(tmp_path):
     export_campaign(run, robot, tmp_path / "out")
     session = read_session(tmp_path / "out" / "session.toml", robot)
     first = session.measurements.rows(~session.is_test & (session.measurements.repeat == 0))
-    for name in first.__slots__:
+    for name in COLUMNS:
         mine, theirs = getattr(first, name), getattr(run.trials[0].measurements, name)
         if name != "covariance":
             np.testing.assert_array_equal(mine, theirs)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
-from calib.arrays import Array, Bool, FloatOrNan, Index
+from calib.arrays import LATER, Array, Bool, FloatOrNan, Index
 from calib.errors import CalibError
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, identify
@@ -220,3 +220,23 @@ def test_an_identification_with_prior_repeats_and_weights_comes_back(loss):
     again = unpack(Identification, pack(plain))
     assert again.prior is None
     assert np.isnan(again.log_evidence)
+
+
+def test_a_field_that_is_newer_than_a_record_has_its_default_there_and_nowhere_else():
+    @dataclass(frozen=True)
+    class Inner:
+        values: Array | None = None
+
+    @dataclass(frozen=True)
+    class One:
+        old: float
+        number: Annotated[float, LATER] = 0.5
+        inner: Annotated[Inner, LATER] = Inner()
+
+    new = One(1.0, 2.0, Inner(np.ones(3)))
+    assert unpack(One, pack(new)).inner.values.tolist() == [1.0, 1.0, 1.0]
+    assert unpack(One, {"old": 1.0}) == One(1.0)
+    with pytest.raises(ValueError, match="old is missing"):
+        unpack(One, {"number": 2.0})
+    with pytest.raises(ValueError, match="number is 'x', not float"):
+        unpack(One, {"old": 1.0, "number": "x"})

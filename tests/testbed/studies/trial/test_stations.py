@@ -10,6 +10,7 @@ from calib.errors import InputError
 from calib.geometry.frames import inverse
 from calib.identification.identify import identify
 from calib.identification.result import Identification
+from calib.measurement.observations import COLUMNS
 from testbed.files.probe import probe
 from testbed.files.read import read_session
 from testbed.identify.calibrate import calibrate
@@ -137,7 +138,7 @@ def test_files_are_read_bit_for_bit_and_identify_finds_the_same_numbers(tmp_path
     # the files have what the tracker saw first, then the distances
     order = np.argsort(table.is_distance, kind="stable")
     table, is_test = table.rows(order), is_test[order]
-    for name in table.__slots__:
+    for name in COLUMNS:
         written, read = getattr(table, name), getattr(session.measurements, name)
         if name == "covariance":
             written, read = np.tril(written), np.tril(read)

@@ -1,0 +1,131 @@
+"""What poses say beside their joints: payload, approach, torques and temperature."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, Bool, Index, check
+from calib.errors import refuse
+
+STILL = 1e-4
+"""A joint that moves less than this between two poses stays where it is [rad, m]."""
+_SHAPES = {
+    "payload": "m", "center": "m 3", "approach": "m n", "torque": "m n", "temperature": "m"
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OperatingConditions:
+    """What m poses say beside their joints; None where they say nothing.
+
+    What a model needs and nobody states is as it was on average where the model was identified,
+    with directions of approach unknown.
+    """
+
+    payload: Annotated[Array, "m"] | None = None
+    """(m,) mass at the flange beyond the arm's own [kg]."""
+    center: Annotated[Array, "m", 3] | None = None
+    """(m, 3) its center of mass in the flange frame; the flange itself if left out [m]."""
+    approach: Annotated[Array, "m", "n"] | None = None
+    """(m, n) direction of each joint's last move: 1, -1, or 0 where nobody knows it."""
+    torque: Annotated[Array, "m", "n"] | None = None
+    """(m, n) torque that each drive reports [N m, or N; or A, where it reports its current]."""
+    temperature: Annotated[Array, "m"] | None = None
+    """(m,) of the arm [degC]."""
+
+    def __post_init__(self) -> None:
+        there = {name: getattr(self, name) for name in self.stated}
+        arrays = check(", ".join(_SHAPES[name] for name in there), **there) if there else ()
+        for name, array in zip(there, arrays, strict=True):
+            object.__setattr__(self, name, array)
+        if self.center is not None and self.payload is None:
+            message = "center is given, and payload is not"
+            raise refuse("center", code="A3", message=message, fix="give the mass as well")
+        if self.payload is not None and (self.payload < 0).any():
+            least = float(self.payload.min())
+            raise refuse("payload", least, "0 kg or more", code="A3")
+        if self.approach is not None and not np.isin(self.approach, (-1.0, 0.0, 1.0)).all():
+            message = "approach has other values than directions"
+            raise refuse("approach", allowed="each 1, -1 or 0", code="A3", message=message)
+
+    def __repr__(self) -> str:
+        return f"OperatingConditions({', '.join(self.stated) or 'nothing stated'})"
+
+    @property
+    def stated(self) -> tuple[str, ...]:
+        """Names of what is stated."""
+        return tuple(name for name in _SHAPES if getattr(self, name) is not None)
+
+    @property
+    def moments(self) -> Array | None:
+        """(m, 4) mass and first moments of the payload in the flange frame [kg, kg m]."""
+        if self.payload is None:
+            return None
+        center = np.zeros((len(self.payload), 3)) if self.center is None else self.center
+        return self.payload[:, None] * np.column_stack([np.ones(len(center)), center])
+
+    def rows(self, which: Sequence[int] | Bool | Index) -> "OperatingConditions":
+        """The same of some poses (a mask or indices)."""
+        if not self.stated:
+            return self
+        return OperatingConditions(**{name: getattr(self, name)[which] for name in self.stated})
+
+    def require_rows(self, m: int) -> None:
+        """Refuse conditions of other than m poses."""
+        for name in self.stated:
+            if len(getattr(self, name)) != m:
+                allowed = f"one for each of {m} poses"
+                raise refuse(name, len(getattr(self, name)), allowed, code="A1")
+
+
+AS_USUAL = OperatingConditions()
+"""Poses that say nothing."""
+
+
+def joined_conditions(
+    parts: Sequence[OperatingConditions], counts: Sequence[int]
+) -> OperatingConditions:
+    """The conditions of several tables of so many rows each, one after the other.
+
+    Where one says nothing of what another one states, it has the mean of what is stated, and
+    unknown directions.
+    """
+    found = {}
+    for name in _SHAPES:
+        columns = [getattr(part, name) for part in parts]
+        there = [column for column in columns if column is not None]
+        if there and any(map(len, there)):
+            usual = np.concatenate(there).mean(axis=0) * (name != "approach")
+            found[name] = np.concatenate(
+                [
+                    np.tile(usual, (count, *[1] * usual.ndim)) if column is None else column
+                    for column, count in zip(columns, counts, strict=True)
+                ]
+            )
+    return OperatingConditions(**found) if found else AS_USUAL
+
+
+def approaches(q: ArrayLike, order: ArrayLike | None = None) -> Array:
+    """Directions (m, n) of the last move of every joint, where poses follow each other.
+
+    A joint that stays keeps the side it came from; until it moves, nobody knows it.
+
+    Parameters
+    ----------
+    q : (m, n) array_like
+        Commanded joint values [rad, m].
+    order : (m,) array_like, optional
+        What sorts the poses by time; by default they stand in their order.
+    """
+    (q,) = check("m n", q=q)
+    at = np.arange(len(q)) if order is None else np.argsort(order, kind="stable")
+    out = np.zeros(q.shape)
+    last = np.zeros(q.shape[1])
+    for k, row in enumerate(at[1:], 1):
+        move = q[row] - q[at[k - 1]]
+        last = np.where(np.abs(move) > STILL, np.sign(move), last)
+        out[row] = last
+    return out
