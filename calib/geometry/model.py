@@ -174,7 +174,7 @@ class RobotModel:
 
 
 def grow_columns(J: Array, growth: Array | None) -> None:
-    """Lengthen the columns of d and a of an arm (m, 6, P) whose lengths have grown by parts (m,)."""
+    """Lengthen the columns (m, 6, P) of d and a where lengths have grown by parts (m,)."""
     if growth is not None:
         for k in (1, 2):
             J[:, :, 6 + k : -6 : 5] *= (1 + growth)[:, None, None]
