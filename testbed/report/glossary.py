@@ -10,8 +10,8 @@ GLOSSARY = (
     "a line.",
     "Region: an ellipsoid at each pose that holds the point with 95 % probability; its semi-axes "
     "are k standard deviations, k = 2.80 in three dimensions (2.45 in two, 1.96 in one).",
-    "Guard: 19 held-out poses or more, whose errors may raise k, so that the region would have "
-    "held 95 % of them.",
+    "Guard: 19 held-out poses or more, whose errors may raise k, so that region and radius would "
+    "each have held 95 % of them.",
     "Misfit: what the robot does and no number of the model can follow, per axis, after the best "
     "fit. Below the size that would have been seen it hides behind the noise, and is in the "
     "region up to its limit.",

@@ -18,8 +18,9 @@ from calib.information.propagation import propagated
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.uncertainty.conformal import fewest_poses
-from calib.uncertainty.regions import mahalanobis_squared
+from calib.uncertainty.regions import coverage_factor, mahalanobis_squared
 from calib.uncertainty.statement.applicability import Proven, proven_at
+from calib.uncertainty.statement.distance import SPARE, distance_radius
 from calib.uncertainty.statement.evidence import NoiseRepeats
 from calib.uncertainty.statement.misfit import (
     DROP,
@@ -132,9 +133,10 @@ def believe(
     References
     ----------
     S = P + sigma_U^2 max(1, g) Q, P and N with the scale of the noise where repeats tell that it is
-    larger than stated; k^2 = max(chi2_3, r-th smallest e'inv(S + N)e of n held-out
-    poses), r = ceil(p (n + 1)). Discrepancy: Kennedy & O'Hagan 2001; guard: split conformal, Vovk
-    et al. 2005.
+    larger than stated; k^2 = chi2_3 max(1, r-th smallest of e'inv(S + N)e / chi2_3, r-th smallest
+    of (|e| / R)^2) over n held-out poses, r = ceil(p (n + 1)), R of the ball that holds p of N(0, S
+    + N): ellipsoid and radius are both promised. Discrepancy: Kennedy & O'Hagan 2001; guard: split
+    conformal, Vovk et al. 2005.
     """
     where = train if held_out is None or not len(held_out) else held_out
     n = 0 if held_out is None else held_out.rows(~held_out.is_distance).n_poses
@@ -166,9 +168,9 @@ def adding(belief: Belief, shared: ArrayLike, held_out: Measurements | None = No
     )
     if not belief.n_guards or held_out is None or not np.isfinite(belief.misfit.upper):
         return plain
-    scores = np.sort(_scores(plain, held_out.rows(~held_out.is_distance)))
+    scores = np.sort(_scores(plain, held_out.rows(~held_out.is_distance)), axis=1)
     rank = int(np.ceil(belief.probability * (belief.n_guards + 1) - 1e-9))
-    return replace(plain, factor=max(plain.factor, float(np.sqrt(scores[rank - 1]))))
+    return replace(plain, factor=max(plain.factor, float(scores[:, rank - 1].max())))
 
 
 def _region(belief: Belief, rows: Array, growth: Array) -> Array:
@@ -180,13 +182,19 @@ def _region(belief: Belief, rows: Array, growth: Array) -> Array:
 
 
 def _scores(belief: Belief, points: Measurements) -> Array:
-    """Largest e'inv(S + N)e (n,) of each held-out pose: the rows of one are not independent.
+    """Factors (2, n) at which each held-out pose is within its ellipsoid, and within its radius.
 
-    S as it is stated there, with its growth: any score makes a split conformal factor.
+    The largest of each pose: its rows are not independent. S as it is stated there, with its
+    growth: any score makes a split conformal factor.
     """
     seen = predict(belief.model, points)
     growth = belief.proven.applies(points.q).growth
     sigma = _region(belief, seen.rows[:, :3], growth)
-    noise = belief.misfit.larger_noise**2 * points.covariance[:, :3, :3]
-    square = mahalanobis_squared(seen.residual[:, :3], sigma + noise)
-    return points.largest_of_poses(square)
+    sigma = sigma + belief.misfit.larger_noise**2 * points.covariance[:, :3, :3]
+    within = np.sqrt(mahalanobis_squared(seen.residual[:, :3], sigma))
+    plain, ball = coverage_factor(3, belief.probability), np.zeros(len(points))
+    # the radius of a round region is the least of its variance: errors within it ask for nothing
+    far = seen.misses > plain * np.sqrt(np.trace(sigma, axis1=1, axis2=2) / 3) * (1 - SPARE)
+    if far.any():
+        ball[far] = plain * seen.misses[far] / distance_radius(sigma[far], belief.probability)
+    return np.stack([points.largest_of_poses(each) for each in (within, ball)])

@@ -138,6 +138,30 @@ def test_held_out_errors_guard_the_factor():
     assert belief.factor > K3
 
 
+def test_the_guarded_factor_makes_the_radius_hold_what_it_promises_too():
+    """Errors along the longest axis alone: within every ellipsoid, and half as often in a ball."""
+    rng = np.random.default_rng(5)
+    _, fit, train, held_out = campaign(rng, 0.0)
+    plain = believe(fit, train, held_out)
+    T, N = fit.model.poses(held_out.q), held_out.covariance[:, :3, :3]
+    # noise that is long and thin, and errors of 2.7 standard deviations along it: not 2.7955
+    long = N + 0.25e-6 * np.einsum("i,j->ij", [0.6, 0.0, 0.8], [0.6, 0.0, 0.8])
+    covariance = held_out.covariance.copy()
+    covariance[:, :3, :3] = long
+    S = plain.regions(held_out.q).covariance + long
+    values, axes = np.linalg.eigh(S)
+    off = T[:, :3, 3] + 2.7 * np.sqrt(values[:, 2:]) * axes[:, :, 2]
+    loud = replace(held_out, position=off, covariance=covariance)
+    belief = adding(plain, np.zeros_like(plain.covariance), loud)
+    # the radius by drawn points, not by quadrature
+    drawn = np.linalg.cholesky(S) @ np.random.default_rng(6).standard_normal((3, 200_000))
+    R = np.quantile(np.linalg.norm(drawn, axis=1), 0.95, axis=1)
+    asked = np.sort(K3 * np.linalg.norm(off - T[:, :3, 3], axis=1) / R)[19]
+    # 200,000 draws leave 0.2 % in a quantile of a nearly one-dimensional distance
+    assert belief.factor == pytest.approx(asked, rel=0.01)
+    assert belief.factor > 1.3 * K3
+
+
 def test_every_row_of_a_pose_counts_in_the_guard_by_the_worst():
     rng = np.random.default_rng(3)
     _, fit, train, held_out = campaign(rng, 0.0)
