@@ -11,8 +11,7 @@ from calib.measurement.prediction import tool_poses
 from testbed.identify.records import Calibration
 from testbed.report.plots import SHADES, VIEWS, Look, dots, legend_above, plain_log, view_of
 from testbed.report.svg import DARK, LIGHT, MIDDLE, SOFT, drawing, svg_of
-from testbed.robots.write.joint_map import JointMap
-from testbed.units import DEG, MDEG, MM
+from testbed.units import DEG, MM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -130,27 +129,6 @@ def over_workspace(calibration: Calibration) -> str:
                     _points(ax, here[:, i], here[:, j], color, "o")
             ax.plot(0, 0, "s", color=SOFT, markersize=4)
             view_of(ax, i, j, view)
-        return svg_of(figure)
-
-
-def joint_maps(found: JointMap) -> str:
-    """What each joint turns beside its command over one turn, in a band of 2 u."""
-    columns = 3
-    lines = -(-len(found.joints) // columns)
-    angle = np.degrees(found.angle)
-    with drawing(lines, columns, height=1.7 * lines, sharey=True, sharex=True) as (figure, axes):
-        for ax in axes[len(found.joints) :]:
-            ax.set_visible(False)
-        for k, joint in enumerate(found.joints):
-            turn, half = MDEG * found.turn[:, k], 2 * MDEG * found.u[:, k]
-            axes[k].fill_between(angle, turn - half, turn + half, color=PALE, linewidth=0)
-            axes[k].plot(angle, turn, color=DARK, linewidth=0.9)
-            axes[k].set_title(f"joint {joint + 1}")
-            axes[k].set_xticks([-180, -90, 0, 90, 180])
-            if k % columns == 0:
-                axes[k].set_ylabel("beside [mdeg]")
-            if k + columns >= len(found.joints):
-                axes[k].set_xlabel("command [deg]")
         return svg_of(figure)
 
 

@@ -9,6 +9,7 @@ from testbed.identify.results import map_of
 from testbed.identify.words import mm
 from testbed.report.choice import choice_tables
 from testbed.report.page import Block, Figure, Points, Section, Text
+from testbed.report.plots_joints import joint_maps
 from testbed.units import counted, sentences, significant
 
 
@@ -41,7 +42,7 @@ def joint_section(calibration: Calibration) -> Section | None:
             Figure(
                 "What each joint turns beside its command; the band holds 2 u. Where a joint was "
                 "not moved, nothing but the prior speaks. joint_map.csv has the numbers.",
-                plots.joint_maps(found),
+                joint_maps(found.joints, found.angle, found.turn, found.u),
             )
         )
     return Section("joints", "Joint errors", tuple(blocks))

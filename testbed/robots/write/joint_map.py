@@ -14,6 +14,9 @@ from calib.geometry.parameters import Parameters
 from testbed.robots.write.dh_table import COVERAGE
 from testbed.units import MDEG
 
+MOST_WAVES = 90
+"""Waves a turn that steps of a degree can show; those of an encoder's lines are left out."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointMap:
@@ -48,6 +51,7 @@ def joint_map(model: RobotModel, parameters: Parameters, covariance: Array) -> J
         (term, value)
         for term, value in zip(errors.terms, errors.coefficients, strict=False)
         if not any(weight for i, weight in enumerate(term.weights) if i != term.joint)
+        and abs(term.weights[term.joint]) <= MOST_WAVES
         and model.chain.kinds[term.joint] == "revolute"
     ]
     joints = sorted({term.joint for term, _ in own})

@@ -92,6 +92,7 @@ class TrialStudy:
     def sections(self, scenario: Scenario, records: Records, *, first: bool) -> Sequence[Section]:
         """What is believed, errors, intervals, designs, numbers and the secret."""
         from testbed.studies.trial import report_accuracy, report_design, report_parameters
+        from testbed.studies.trial.bending.report import bending_section
         from testbed.studies.trial.decisions import decision_section
         from testbed.studies.trial.report_secret import secret_section
         from testbed.studies.trial.statement.report import statement_section
@@ -106,6 +107,7 @@ class TrialStudy:
             report_design.identifiable_section(campaign),
             report_design.design_section(campaign),
             secret_section(campaign),
+            *(section for section in (bending_section(campaign),) if section is not None),
             report_parameters.parameter_section(campaign),
         )
 

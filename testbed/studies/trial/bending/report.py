@@ -1,0 +1,73 @@
+"""The report's section on what bends the true arm, beside what the model makes of it."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import parameters_of
+from testbed.report.page import Block, Figure, Section
+from testbed.report.plots_joints import joint_maps
+from testbed.robots.write.joint_map import JointMap, joint_map
+from testbed.studies.trial.bending import plots
+from testbed.studies.trial.bending.sag import sag_of, without_gravity
+from testbed.studies.trial.records import Campaign, Estimate, Trial
+from testbed.units import micrometres
+
+
+def bending_section(campaign: Campaign) -> Section | None:
+    """Joint maps and sag of the first trial; None where nothing bends."""
+    trial = campaign.trials[0]
+    estimate = trial.estimates[0]
+    blocks = (*map_figure(campaign, trial, estimate), *sag_figure(campaign, trial, estimate))
+    return Section("bends", "What bends this arm", blocks) if blocks else None
+
+
+def map_figure(campaign: Campaign, trial: Trial, estimate: Estimate) -> tuple[Block, ...]:
+    """What each joint turns beside its command, by the model and in truth."""
+    found, setting = estimate.identification, campaign.setting
+    waves = replace(found.model, joint_errors=without_gravity(found.model.joint_errors))
+    model = joint_map(waves, found.parameters, found.covariance)
+    true = known_map(replace(setting.true, joint_errors=without_gravity(setting.true.joint_errors)))
+    joints = sorted({*model.joints, *true.joints})
+    if not joints:
+        return ()
+    text = (
+        "What each joint turns beside its command over one turn, sag left out: in truth (broken; "
+        f"only a simulation knows it), and by the model of {trial.name}"
+    )
+    text += "; the band holds 2 u of the fit." if len(model.joints) else ", which has no waves."
+    drawn = (
+        np.column_stack([column(values, one, joint) for joint in joints])
+        for one, values in ((model, model.turn), (model, model.u), (true, true.turn))
+    )
+    return (Figure(text, joint_maps(np.array(joints), true.angle, *drawn)),)
+
+
+def known_map(model: RobotModel) -> JointMap:
+    """The map of a model of which every number is known."""
+    return joint_map(model, parameters_of(model).freeing([]), np.zeros((0, 0)))
+
+
+def column(values: Array, of: JointMap, joint: int) -> Array:
+    """Values (a,) of a joint in its map; zero where it has none."""
+    return np.asarray(values[:, of.joints == joint].sum(axis=1))
+
+
+def sag_figure(campaign: Campaign, trial: Trial, estimate: Estimate) -> tuple[Block, ...]:
+    """How far gravity moves the tool over the plane of the arm."""
+    sag = sag_of(campaign, estimate)
+    if sag is None:
+        return ()
+    (mean, most), (left, worst) = (
+        (micrometres(float(size.mean())), micrometres(float(size.max())))
+        for size in (sag.size, sag.left)
+    )
+    text = (
+        f"Left: how far gravity moves the true tool at the poses of the pool, {mean} µm on average "
+        f"and {most} µm at most, in the upright plane through base and tool. Right: how far the "
+        f"true tool then is from where the model of {trial.name} has it, {left} µm on average, "
+        f"{worst} µm at most, whatever the cause. Play, warmth and motion are in neither."
+    )
+    return (Figure(text, plots.sag_maps(sag)),)
