@@ -1,1 +1,1 @@
-"""Compiled loops that numpy cannot reach; the only room that knows numba."""
+"""Loops over many replicates, for a few in numpy, else compiled: the only room that knows numba."""

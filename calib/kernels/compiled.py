@@ -1,30 +1,15 @@
-"""How loops are compiled: at import, for one signature, kept beside the source where possible.
+"""How loops are compiled: at import, for one signature, kept where possible.
 
-Threads then find them ready. Fused and reordered arithmetic stays off: the same bits on every CPU
-and for any number of threads. The cache of a loop watches its own file only, so that each file
-holds all the compiled code it calls.
+The compiler keeps code beside the source, or else in the user's cache. Threads then find the loops
+ready. Fused and reordered arithmetic stays off: the same bits on every CPU and for any number of
+threads. The kept code of a loop watches its own file only, so that each file holds all the compiled
+code it calls.
 """
 
-import os
-import tempfile
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from numba import njit, types
-
-
-def _cacheable() -> bool:
-    """Whether compiled code may be kept: beside this file, or in NUMBA_CACHE_DIR."""
-    if os.environ.get("NUMBA_CACHE_DIR"):
-        return True
-    folder = Path(__file__).parent / "__pycache__"
-    try:
-        folder.mkdir(exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return True
-    except OSError:
-        return False
 
 
 def compiled(*signature: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -32,11 +17,10 @@ def compiled(*signature: Any) -> Callable[[Callable[..., None]], Callable[..., N
     options = {"nogil": True, "error_model": "numpy", "fastmath": False}
 
     def compile_(function: Callable[..., None]) -> Callable[..., None]:
-        if _cacheable():
-            try:
-                return njit([types.void(*signature)], cache=True, **options)(function)  # type: ignore[no-any-return]  # numba is untyped
-            except (RuntimeError, OSError):
-                pass  # no place, or no room on the disk: the code is compiled again below
+        try:
+            return njit([types.void(*signature)], cache=True, **options)(function)  # type: ignore[no-any-return]  # numba is untyped
+        except (RuntimeError, OSError):
+            pass  # no place, or no room on the disk: the code is compiled again below
         return njit([types.void(*signature)], **options)(function)  # type: ignore[no-any-return]  # numba is untyped
 
     return compile_

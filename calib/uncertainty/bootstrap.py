@@ -10,6 +10,7 @@ from calib.arrays import Array, frozen
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from calib.kernels.loops import Loops, loops_for
 from calib.measurement.observations import Measurements
 from calib.uncertainty.batch import WIDTH
 from calib.uncertainty.covariance import covariance_factor, standard_uncertainty
@@ -163,11 +164,9 @@ def bootstrap(
     start = freeze(model, measurements, parameters, prior_precision=prior_precision)
     require_loops(start)
     spread = _prior_spread(start)
-    import calib.kernels.noisy_poses
-    import calib.kernels.replicates  # noqa: F401  # compiled before threads start
-
+    loops = loops_for(replicates)
     parts = in_batches(
-        lambda stream, count: _replicate(start, spread, stream, count, steps),
+        lambda stream, count: _replicate(start, spread, stream, count, steps, loops),
         rng,
         replicates,
         size=BLOCKS * WIDTH,
@@ -185,19 +184,22 @@ def bootstrap(
 
 
 def _replicate(
-    start: Frozen, spread: Array, rng: np.random.Generator, count: int, steps: int
+    start: Frozen,
+    spread: Array,
+    rng: np.random.Generator,
+    count: int,
+    steps: int,
+    loops: Loops,
 ) -> Refits:
     """One batch of virtual campaigns."""
-    from calib.kernels.noisy_poses import noisy_poses
-
     plan, blocks = start.measurements, -(-count // WIDTH)
     normal = rng.standard_normal((blocks, len(plan), 6, WIDTH))
     measured = np.empty((blocks, len(plan), 12, WIDTH))
-    noisy_poses(normal, plan.position, plan.rotation, start.factor, measured)
+    loops.noisy_poses(normal, plan.position, plan.rotation, start.factor, measured)
     center = np.zeros((blocks, len(spread), WIDTH))
     if spread.any():
         center = spread @ rng.standard_normal(center.shape)
-    return descend(start, measured, center, steps).first(count)
+    return descend(start, measured, center, steps, loops.gradient).first(count)
 
 
 def _prior_spread(start: Frozen) -> Array:

@@ -1,6 +1,6 @@
 """Many identifications at once: exact gradient, frozen Hessian, in compiled batches."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from calib.arrays import Array, Bool, check, frozen
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from calib.kernels.loops import loops_for
 from calib.measurement.observations import GIVEN, Measurements
 from calib.measurement.prediction import perfect, targets
 from calib.measurement.residual import linearize, padded_covariance, table_whiteners
@@ -214,7 +215,7 @@ def refit(
     center = np.zeros((K, f)) if prior_mean is None else np.asarray(prior_mean, dtype=np.float64)
     (center,) = check(f"{K} {f}", prior_mean=np.broadcast_to(center, (K, f)))
     size = BLOCKS * WIDTH
-    import calib.kernels.replicates  # noqa: F401  # compiled before threads start
+    gradient = loops_for(K).gradient
 
     def work(first: int) -> Refits:
         part = np.arange(first, first + min(size, K - first))
@@ -222,7 +223,7 @@ def refit(
         measured = np.empty((len(padded), m, 12, WIDTH))
         measured[:, :, :3] = np.moveaxis(position[padded], 1, -1)
         measured[:, :, 3:] = np.moveaxis(rotation.reshape(K, m, 9)[padded], 1, -1)
-        whole = descend(start, measured, np.moveaxis(center[padded], 1, -1), steps)
+        whole = descend(start, measured, np.moveaxis(center[padded], 1, -1), steps, gradient)
         return whole.first(len(part))
 
     return joined(mapped(work, range(0, K, size), threads))
@@ -238,7 +239,9 @@ def joined(parts: Sequence[Refits]) -> Refits:
     )
 
 
-def descend(start: Frozen, measured: Array, center: Array, steps: int) -> Refits:
+def descend(
+    start: Frozen, measured: Array, center: Array, steps: int, gradient: Callable[..., None]
+) -> Refits:
     """Fit the tables of one batch: x += C (J'W r + Lambda0 (center - x)).
 
     Parameters
@@ -251,9 +254,9 @@ def descend(start: Frozen, measured: Array, center: Array, steps: int) -> Refits
         Center of the prior, as a step from the model.
     steps : int
         Steps to take; inputs are trusted.
+    gradient : callable
+        Of `calib.kernels.loops`.
     """
-    from calib.kernels.replicates import gradient
-
     batch = Batch(start.model, start.parameters, start.measurements, len(measured))
     B, f = len(measured), start.parameters.n_free
     free = start.parameters.free_index

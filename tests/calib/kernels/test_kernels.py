@@ -11,18 +11,20 @@ import pytest
 
 from calib.geometry.frames import exp_so3
 from calib.geometry.parameters import parameters_of
-from calib.kernels import replicates
+from calib.kernels import loops, plain, replicates
 from calib.kernels.noisy_poses import noisy_poses
 from calib.measurement.noise import with_joint_noise
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import linearize
-from calib.measurement.tables import covariances_of_sd
+from calib.measurement.tables import covariances_of_sd, poses
 from calib.uncertainty.batch import Batch
+from calib.uncertainty.bootstrap import bootstrap
 from calib.uncertainty.refit import freeze
 from tests.calib.uncertainty.test_monte_carlo import MODELS
-from tests.reference import pool_r, tx60
+from tests.reference import WEN24, pool_r, tx60
 
 CASES = pytest.mark.parametrize("name", MODELS)
+ROOMS = pytest.mark.parametrize("room", [replicates, plain], ids=["compiled", "plain"])
 
 
 def mixed_table(model, q, rng):
@@ -46,8 +48,9 @@ def mixed_table(model, q, rng):
     )
 
 
+@ROOMS
 @CASES
-def test_the_gradient_is_the_one_of_the_whitened_jacobian(name):
+def test_the_gradient_is_the_one_of_the_whitened_jacobian(name, room):
     """Each lane its own model and its own table: J'W r and r'W r through `linearize`."""
     rng = np.random.default_rng(21)
     model = MODELS[name](rng)
@@ -71,7 +74,7 @@ def test_the_gradient_is_the_one_of_the_whitened_jacobian(name):
         tables.append(own)
         seen[0, :, :3, k], seen[0, :, 3:, k] = own.position, own.rotation.reshape(-1, 9)
     slope, square = np.empty((1, model.n_numbers, 32)), np.empty((1, 32))
-    replicates.gradient(
+    room.gradient(
         batch.links, batch.base, batch.tool, batch.terms, seen, start.weight,
         start.measurements.offset, *batch.configurations, slope, square,
     )  # fmt: skip
@@ -84,14 +87,15 @@ def test_the_gradient_is_the_one_of_the_whitened_jacobian(name):
         assert square[0, k] == pytest.approx(stack.r @ stack.r, rel=1e-9)
 
 
-def test_noisy_tables_are_true_poses_turned_by_the_exponential():
+@pytest.mark.parametrize("made", [noisy_poses, plain.noisy_poses], ids=["compiled", "plain"])
+def test_noisy_tables_are_true_poses_turned_by_the_exponential(made):
     rng = np.random.default_rng(5)
     T = tx60().poses(pool_r(4))
     normal = rng.standard_normal((2, 4, 6, 32))
     A = rng.normal(size=(4, 6, 6)) * 1e-3
     factor = np.linalg.cholesky(A @ np.swapaxes(A, 1, 2))
     seen = np.empty((2, 4, 12, 32))
-    noisy_poses(
+    made(
         normal, np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3]), factor, seen
     )
     noise = np.einsum("jrc,bjck->bjrk", factor, normal)
@@ -120,18 +124,53 @@ def test_arrays_of_another_layout_or_type_are_refused_rather_than_compiled_for()
 
 
 @pytest.mark.slow
-def test_without_a_folder_to_write_the_loops_compile_uncached(tmp_path):
+@pytest.mark.parametrize("home_is_open", [True, False], ids=["home", "nowhere"])
+def test_without_its_own_folder_code_is_kept_in_the_user_cache_or_not_at_all(
+    tmp_path, home_is_open
+):
     """A copy of the house whose __pycache__ is a file: root may write anywhere else."""
-    root = Path(__file__).parents[3]
+    root, home = Path(__file__).parents[3], tmp_path / "home"
     shutil.copytree(
         root / "calib", tmp_path / "calib", ignore=shutil.ignore_patterns("__pycache__")
     )
     (tmp_path / "calib" / "kernels" / "__pycache__").write_text("in the way")
+    home.mkdir() if home_is_open else home.write_text("in the way")
     environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    environment |= {"HOME": str(home), "XDG_CACHE_HOME": str(home / "cache")}
     code = "import calib.kernels.noisy_poses as k; print(k.noisy_poses.stats.cache_path)"
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code],
         cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == ["None"]
+    where = done.stdout.strip()
+    assert where.startswith(str(home)) if home_is_open else where == "None"
+
+
+def test_few_replicates_load_no_compiler():
+    code = (
+        "import sys; from calib.kernels.loops import MANY, loops_for; loops_for(MANY - 1);"
+        "print('numba' in sys.modules); loops_for(MANY); print('numba' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=Path(__file__).parents[3], capture_output=True, text=True, timeout=300, check=True,
+    )  # fmt: skip
+    assert done.stdout.split() == ["False", "True"]
+
+
+def test_both_kinds_of_loops_find_the_same_replicates(monkeypatch):
+    """The draws are the same, so are the answers, but for the order of sums."""
+    model, q = tx60(), pool_r(20)
+    plan = poses(q, model.poses(q), sd=(2e-5, 2e-4))
+    free = parameters_of(model, WEN24)
+
+    def made(many):
+        monkeypatch.setattr(loops, "MANY", many)
+        return bootstrap(model, plan, free, np.random.default_rng(3), replicates=200)
+
+    plain_ones, compiled_ones = made(1000), made(0)
+    sd = np.sqrt(np.diag(plain_ones.covariance))
+    # metres over micrometres in double precision; 2e-11 were seen
+    assert np.abs((plain_ones.estimates - compiled_ones.estimates) / sd).max() < 1e-9
+    assert plain_ones.chi_square == pytest.approx(compiled_ones.chi_square, rel=1e-9)
