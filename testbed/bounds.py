@@ -16,7 +16,7 @@ FACTORS: dict[str, float] = {
     "rad": 1.0, "deg": DEG, "mdeg": pi / 180e3, "urad": 1e-6,
     "rad/s": 1.0, "m/s": 1.0, "deg/s": DEG, "mm/s": 1e-3, "degC": 1.0, "s": 1.0, "": 1.0,
     "kg": 1.0, "kg m2": 1.0, "kg/m3": 1.0, "m2": 1.0, "m rad": 1.0, "rad2": 1.0,
-    "um/m": 1e-6, "hPa": 100.0,
+    "um/m": 1e-6, "hPa": 100.0, "Nm": 1.0, "Nmm": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3,
 }  # fmt: skip
 """Units that files have, and their factors to SI (temperatures stay in degC)."""
 
@@ -98,5 +98,6 @@ COVARIANCE = Bound("a covariance", max(LENGTH_VARIANCE.most, ANGLE_VARIANCE.most
 TEMPERATURE = Bound("a temperature", 1000.0)
 PAYLOAD = Bound("a payload", 1000.0)
 PRESSURE = Bound("a pressure of air", 2e5, 1e4)
+TORQUE = Bound("a torque, force or current of a drive", 1e6)
 TIME = Bound("a time", 1e12)
 COUNT = Bound("a number of a visit", 1e9)

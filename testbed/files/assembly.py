@@ -10,6 +10,8 @@ from calib.measurement.observations import Measurements
 from testbed.files.conditions import SetUp, first_stated, of_session
 from testbed.files.matching import pose_numbers, poses_of_joints, visits_of
 from testbed.files.refusal import refusal
+from testbed.files.rows.beside import BesideJoints
+from testbed.files.rows.operating import RowsOfFile, operating_conditions
 from testbed.files.session import Session, Stated
 from testbed.files.session_toml import SessionFile
 from testbed.files.targets import TargetPart, targets_of, texts_of
@@ -64,28 +66,32 @@ def assemble(
         distance=np.concatenate([part.readings.distance for part in parts]),
     )
     table = replace(table, repeat=_repeats(parts, table, names, place))
+    conditions = of_session(
+        [
+            (
+                part.readings.where,
+                first_stated(part.readings.extras.conditions, part.joints.extras.conditions),
+            )
+            for part in parts
+            if len(part)
+        ],
+        settings.conditions,
+        len(q),
+    )
+    operating, said, notes = operating_conditions(
+        [_rows(part) for part in parts], conditions, robot, settings.identification.order
+    )
     included = settings.uncertainty.joint_repeatability == "included"
     return Session(
         name=name,
-        measurements=table,
+        measurements=replace(table, conditions=operating),
         pose_names=names,
         is_test=is_test,
         split_stated=split,
         read_back=_stacked([part.joints.read_back for part in parts]),
         # several files begin their clocks at different times
         time=_stacked([_extra(part, "time") for part in parts]) if len(parts) == 1 else None,
-        conditions=of_session(
-            [
-                (
-                    part.readings.where,
-                    first_stated(part.readings.extras.conditions, part.joints.extras.conditions),
-                )
-                for part in parts
-                if len(part)
-            ],
-            settings.conditions,
-            len(q),
-        ),
+        conditions=conditions,
         set_up=SetUp(
             use=settings.use.rows(1),
             tolerance=settings.conditions.tolerance,
@@ -107,12 +113,29 @@ def assemble(
         warnings=tuple(
             text for part in parts for text in (*part.joints.warnings, *part.readings.warnings)
         ),
-        notes=tuple(note for part in parts for note in part.readings.notes),
+        notes=(*(note for part in parts for note in part.readings.notes), *notes),
         stated=parts[0].readings.stated if len(parts) == 1 else Stated(),
         simulated=settings.simulated,
         wanted=settings.identification,
+        rows_say=said,
+        gear=settings.gear.of_joints(q.shape[1]),
         decision=settings.tolerance.decision if settings.tolerance else None,
         place=place,
+    )
+
+
+def _rows(part: TargetPart) -> RowsOfFile:
+    """What the rows of one file say for a model."""
+    extras = [part.readings.extras, part.joints.extras]
+    torque = next((one.beside for one in extras if one.beside.torque is not None), BesideJoints())
+    order = next((one.beside.order for one in extras if one.beside.order is not None), None)
+    time = _extra(part, "time")
+    return RowsOfFile(
+        part.joints.q,
+        part.readings.place,
+        part.readings.order,
+        time if isinstance(time, np.ndarray) else None,
+        replace(torque, order=order),
     )
 
 

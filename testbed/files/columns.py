@@ -18,17 +18,23 @@ from testbed.bounds import (
     PAYLOAD,
     TEMPERATURE,
     TIME,
+    TORQUE,
     Bound,
 )
 
 LENGTHS = {unit: FACTORS[unit] for unit in ("m", "mm", "um", "in")}
 ANGLES = {unit: FACTORS[unit] for unit in ("rad", "deg", "mdeg", "urad")}
-UNITS = {"length": LENGTHS, "angle": ANGLES}
+LOADS = {unit: FACTORS[unit] for unit in ("Nm", "Nmm", "N")}
+CURRENTS = {unit: FACTORS[unit] for unit in ("A", "mA")}
+UNITS = {"length": LENGTHS, "angle": ANGLES, "torque": LOADS, "current": CURRENTS}
 QUATERNION_COLUMNS = ("qw", "qx", "qy", "qz")
 MATRIX_COLUMNS = tuple(f"r{i}{j}" for i in "123" for j in "123")
 TEXTS = ("pose_id", "station", "split", "approach", "time", "target", "anchor", "euler", "tool")
 """Columns that hold no numbers."""
-NUMBERS = {"repeat": COUNT, "time_s": TIME, "temperature_degC": TEMPERATURE, "payload_kg": PAYLOAD}
+NUMBERS = {
+    "repeat": COUNT, "order": COUNT, "time_s": TIME, "temperature_degC": TEMPERATURE,
+    "payload_kg": PAYLOAD,
+}  # fmt: skip
 """Columns of numbers that any table may have, and which numbers they hold."""
 PLAIN = (*TEXTS, *NUMBERS, *QUATERNION_COLUMNS, *MATRIX_COLUMNS)
 """Names that carry no unit, or always the same."""
@@ -36,6 +42,7 @@ AXES = ("x", "y", "z", "rx", "ry", "rz")
 STEMS: dict[str, str] = {
     **dict.fromkeys(("x", "y", "z", "range", "distance"), "length"),
     **dict.fromkeys(("reflector_x", "reflector_y", "reflector_z"), "length"),
+    **dict.fromkeys(("payload_x", "payload_y", "payload_z"), "length"),
     **dict.fromkeys(("rx", "ry", "rz", "e1", "e2", "e3", "rvx", "rvy", "rvz"), "angle"),
     **dict.fromkeys(("azimuth", "elevation", "zenith"), "angle"),
     **{f"{u}{axis}": "length" for u in ("u", "U95") for axis in ("x", "y", "z", "_distance")},
@@ -43,6 +50,8 @@ STEMS: dict[str, str] = {
 }
 """Stem of a column name to what it measures."""
 JOINT = re.compile(r"q([1-9]\d?)(_read)?")
+DRIVE = re.compile(r"(torque|current)([1-9]\d?)")
+"""What a drive reports."""
 
 
 def covariance_names() -> tuple[str, ...]:
@@ -68,6 +77,8 @@ def bound_of(name: str) -> Bound:
         return LENGTH_SD if unit in LENGTHS else ANGLE_SD
     if name in NUMBERS:
         return NUMBERS[name]
+    if unit in LOADS or unit in CURRENTS:
+        return TORQUE
     return COORDINATE if unit in LENGTHS else ANGLE if unit in ANGLES else DIRECTION
 
 
@@ -78,6 +89,8 @@ def is_known(name: str) -> bool:
     stem, _, unit = name.rpartition("_")
     if JOINT.fullmatch(stem):
         return unit in LENGTHS or unit in ANGLES
+    if drive := DRIVE.fullmatch(stem):
+        return unit in UNITS[drive[1]]
     return stem in STEMS and unit in UNITS[STEMS[stem]]
 
 
@@ -88,6 +101,8 @@ def close_to(name: str) -> str:
         *(f"{stem}_{unit}" for stem, kind in STEMS.items() for unit in UNITS[kind]),
         *(f"q{k}{read}_{unit}" for k in range(1, 10) for read in ("", "_read") for unit in
           ("deg", "rad", "mm", "m")),
+        *(f"{stem}{k}_{unit}" for k in range(1, 10) for stem in ("torque", "current") for unit in
+          UNITS[stem]),
     ]  # fmt: skip
     close = get_close_matches(name, known, n=1, cutoff=0.75)
     return f'did you mean "{close[0]}"?' if close else ""

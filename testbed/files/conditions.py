@@ -1,17 +1,18 @@
 """What files say of the conditions of rows and targets: payload, tool and temperature."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Annotated
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Self
 
 import numpy as np
+from pydantic import model_validator
 
 from calib.arrays import Array, Bool, frozen
 from calib.uncertainty.statement.conditions import Conditions, Tolerance
-from testbed.bounds import PAYLOAD, TEMPERATURE
+from testbed.bounds import COORDINATE, PAYLOAD, TEMPERATURE
 from testbed.files.columns import NUMBERS
 from testbed.files.refusal import refusal, require_names
-from testbed.files.table import Columns, DataTable
+from testbed.files.table import Columns, DataTable, together
 from testbed.files.valid import valid_rows
 from testbed.jobsheet.settings import Day
 from testbed.jobsheet.sheet import JobSheet
@@ -19,9 +20,35 @@ from testbed.scenario.use import UseSettings
 
 COLUMNS = {"payload": "payload_kg", "tool": "tool", "temperature": "temperature_degC"}
 """Kinds of conditions to what their columns, and keys of session.toml, are called."""
+CENTERS = ("payload_x", "payload_y", "payload_z")
+"""Stems of the columns of a payload's center."""
 
 
-class ConditionsTable(UseSettings):
+Coordinate = Annotated[float, COORDINATE.signed("mm")]
+
+
+class SessionUse(UseSettings):
+    """[use] of a session: conditions of targets that do not say theirs."""
+
+    payload_center_mm: tuple[Coordinate, Coordinate, Coordinate] | None = None
+    """Center of mass of the payload in the flange frame; the flange itself if left out."""
+
+    @model_validator(mode="after")
+    def _center_of_something(self) -> Self:
+        """A center belongs to a mass."""
+        if self.payload_center_mm is not None and self.payload_kg is None:
+            raise ValueError("payload_center_mm needs payload_kg beside it")
+        return self
+
+    def rows(self, m: int) -> Conditions:
+        """The stated conditions of m rows."""
+        stated = super().rows(m)
+        if self.payload_center_mm is None:
+            return stated
+        return replace(stated, center=frozen(np.tile(self.payload_center_mm, (m, 1)) / 1e3))
+
+
+class ConditionsTable(SessionUse):
     """[conditions]: under which conditions all rows were measured, where no column says it."""
 
     date: Day = ""
@@ -68,7 +95,15 @@ def conditions_of(table: DataTable, good: Bool) -> Conditions:
         message, allowed = f"{name} is {payload[row]:g}", "a payload is 0 kg or more"
         raise refusal(table.place(row), name, message, allowed=allowed, code="M25", fix="mend it")
     tools = table.texts_of(COLUMNS["tool"]) or ()
-    return Conditions(payload, tools if any(tools) else None, temperature)
+    center = table.find("length", *CENTERS)
+    if center is not None and payload is None:
+        raise table.incomplete(center.names[0], [name], "give the mass, or leave the center out")
+    return Conditions(
+        payload,
+        tools if any(tools) else None,
+        temperature,
+        None if center is None else frozen(np.where(good[:, None], table.values(center), 0.0)),
+    )
 
 
 def target_conditions(table: DataTable) -> Conditions:
@@ -79,7 +114,8 @@ def target_conditions(table: DataTable) -> Conditions:
     InputError
         M25, V9: a cell is empty, no number, or one beyond sense.
     """
-    numbers = Columns(tuple(name for name in NUMBERS if name in table and name in COLUMNS.values()))
+    own = Columns(tuple(name for name in NUMBERS if name in table and name in COLUMNS.values()))
+    numbers = together(own, table.find("length", *CENTERS))
     if numbers.names:
         valid_rows(table, numbers, drop=None)
     found = conditions_of(table, np.ones(len(table), dtype=np.bool_))
@@ -98,7 +134,8 @@ def first_stated(*several: Conditions) -> Conditions:
         kind: next((getattr(one, kind) for one in several if kind in one.stated), None)
         for kind in COLUMNS
     }
-    return Conditions(found["payload"], found["tool"], found["temperature"])
+    heavy = next((one for one in several if one.payload is not None), Conditions())
+    return Conditions(found["payload"], found["tool"], found["temperature"], heavy.center)
 
 
 def joined(parts: Sequence[tuple[str, Conditions]]) -> Conditions:
@@ -125,7 +162,19 @@ def joined(parts: Sequence[tuple[str, Conditions]]) -> Conditions:
         frozen(np.concatenate(payload)) if payload else None,
         tuple(name for names in tool for name in names) if tool else None,
         frozen(np.concatenate(temperature)) if temperature else None,
+        _centers([one for _, one in parts]) if payload else None,
     )
+
+
+def _centers(several: Sequence[Conditions]) -> Array | None:
+    """Centers (m, 3) of the payloads of all rows, at the flange where only others state one."""
+    if all(one.center is None for one in several):
+        return None
+    there = []
+    for one in several:
+        count = 0 if one.payload is None else len(one.payload)
+        there.append(np.zeros((count, 3)) if one.center is None else one.center)
+    return frozen(np.concatenate(there))
 
 
 def of_session(

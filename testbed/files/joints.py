@@ -10,8 +10,9 @@ from calib.arrays import Array, Bool, Index
 from calib.errors import InputError
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.columns import NUMBERS, UNITS
-from testbed.files.conditions import conditions_of
+from testbed.files.conditions import CENTERS, conditions_of
 from testbed.files.refusal import refusal
+from testbed.files.rows.beside import BesideJoints, beside_of, drive_columns
 from testbed.files.session import rows_of
 from testbed.files.table import Columns, DataTable, together
 from testbed.files.valid import valid_rows
@@ -35,17 +36,19 @@ class Extras:
     approach: tuple[str, ...] | None = None
     conditions: Conditions = field(default_factory=Conditions)
     time: Array | None = None
+    beside: BesideJoints = field(default_factory=BesideJoints)
     warnings: tuple[str, ...] = ()
 
     def rows(self, index: Index) -> "Extras":
         """The same for some rows (indices)."""
         some = rows_of(self, index, ("pose", "repeat", "split", "approach", "time"))
-        return replace(some, conditions=self.conditions.rows(index))
+        return replace(some, conditions=self.conditions.rows(index), beside=self.beside.rows(index))
 
 
 def extra_columns(table: DataTable) -> Columns:
     """The columns of a table that say when and how, in numbers."""
-    return Columns(tuple(name for name in NUMBERS if name in table))
+    own = Columns(tuple(name for name in NUMBERS if name in table))
+    return together(own, table.find("length", *CENTERS), drive_columns(table))
 
 
 def extras_of(table: DataTable, good: Bool) -> Extras:
@@ -73,6 +76,7 @@ def extras_of(table: DataTable, good: Bool) -> Extras:
         approach=table.texts_of("approach"),
         conditions=conditions_of(table, good),
         time=time,
+        beside=beside_of(table, good),
         warnings=warnings,
     )
 

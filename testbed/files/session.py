@@ -12,6 +12,7 @@ from calib.measurement.observations import Measurements
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.conditions import SetUp
 from testbed.files.refusal import refusal
+from testbed.files.rows.say import NOTHING_SAID, RowsSay
 from testbed.files.session_toml import SESSION_FILE, IdentificationTable
 from testbed.gates.paths import real
 from testbed.gates.text import FileText, SourceFile, read_text
@@ -137,6 +138,10 @@ class Session:
     """Whether the file says that it comes from a virtual laboratory."""
     wanted: IdentificationTable
     """What is to be identified, as [identification] of session.toml states it."""
+    rows_say: RowsSay = NOTHING_SAID
+    """What the rows say for terms of a model that follow them, and why not."""
+    gear: tuple[tuple[float, ...], ...] = ()
+    """(n,) waves a turn that the drive of each joint may leave, as [gear] states them."""
     decision: Decision | None = None
     """How far the tool may miss and how that is decided, as [tolerance] states it."""
     order: Index | None = None

@@ -15,12 +15,12 @@ from testbed.bounds import (
     Bound,
     shown,
 )
-from testbed.files.conditions import ConditionsTable
+from testbed.files.conditions import ConditionsTable, SessionUse
+from testbed.files.rows.gear import GearTable
 from testbed.jobsheet.settings import JobTable
 from testbed.robots.robot import Reflector
 from testbed.scenario.systematic import SystematicTable
 from testbed.scenario.tolerance import ToleranceTable
-from testbed.scenario.use import UseSettings
 from testbed.strict import Strict
 
 SESSION_FILE = "session.toml"
@@ -217,9 +217,12 @@ class IdentificationTable(Strict):
     """Which visits of a pose are identified from: "first" leaves repeats to type A."""
     held_out: Literal["drawn", "designed"] = "drawn"
     """How the held-out poses were chosen: designed ones guard no statement."""
-    order: Literal["rows", "time", "unknown"] = "rows"
+    order: Literal["rows", "as measured", "time", "unknown"] = "rows"
     """What tells which row came first, for the test of drift: times where there are some, else the
-    order of the rows; times, which must be there; nothing."""
+    order of the rows; times, which must be there; nothing. Times, a column order and "as measured"
+    state it, so that what depends on the side that a joint came from can be told as well."""
+    material: Literal["steel", "aluminium"] = "steel"
+    """Of the links, which says about how much they grow where temperatures are given."""
 
 
 class SessionFile(Strict):
@@ -240,8 +243,9 @@ class SessionFile(Strict):
     drift: DriftTable | None = None
     uncertainty: UncertaintyTable = UncertaintyTable()
     conditions: ConditionsTable = ConditionsTable()
-    use: UseSettings = UseSettings()
+    use: SessionUse = SessionUse()
     """Of targets that do not say under which conditions the robot goes there."""
+    gear: GearTable = GearTable()
     identification: IdentificationTable = IdentificationTable()
     tolerance: ToleranceTable | None = None
     job: JobTable = JobTable()

@@ -193,7 +193,7 @@ def _later(cls: type, path: str, left: Mapping[str, Any]) -> dict[str, Any]:
     """Defaults of the fields that are newer than the record."""
     out = {}
     for field in dataclasses.fields(cls):
-        if LATER in getattr(_hints(cls)[field.name], "__metadata__", ()):
+        if LATER in _notes(_hints(cls)[field.name]):
             start = _join(path, field.name)
             if start not in left and not any(name.startswith(f"{start}.") for name in left):
                 out[field.name] = field.default
@@ -224,11 +224,16 @@ def _sizes(cls: type) -> dict[str, tuple[int | str, ...]]:
     """Sizes of the axes of those fields of a dataclass that state them; letters are shared."""
     out = {}
     for name, hint in _hints(cls).items():
-        for one in (hint, *typing.get_args(hint)):  # it may be None, too
-            stated = getattr(one, "__metadata__", ())
-            if stated and MAY_BE_NAN not in stated and LATER not in stated:
-                out[name] = stated
+        stated = tuple(note for note in _notes(hint) if note is not LATER)
+        if stated and MAY_BE_NAN not in stated:
+            out[name] = stated
     return out
+
+
+def _notes(hint: Any) -> tuple[Any, ...]:
+    """What the type of a field says besides, of itself or of what it is if it is not None."""
+    both = (hint, *(typing.get_args(hint) if not hasattr(hint, "__metadata__") else ()))
+    return tuple(note for one in both for note in getattr(one, "__metadata__", ()))
 
 
 def _scalar(hint: Any, value: object, path: str) -> Any:

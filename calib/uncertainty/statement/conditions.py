@@ -12,7 +12,7 @@ from typing import Annotated
 
 import numpy as np
 
-from calib.arrays import Array, Bool, Index, check, frozen
+from calib.arrays import LATER, Array, Bool, Index, check, frozen
 from calib.errors import refuse
 
 AS_MEASURED, NOT_STATED = "as measured", "not stated"
@@ -55,6 +55,8 @@ class Conditions:
     """(N,) name of what is mounted there."""
     temperature: Annotated[Array, "N"] | None = None
     """(N,) [degC]"""
+    center: Annotated[Array, "N", 3, LATER] | None = None
+    """(N, 3) center of mass of the payload in the flange frame, where it is stated [m]."""
 
     def __repr__(self) -> str:
         return f"Conditions({', '.join(map(self.words, self.stated)) or NOT_STATED})"
@@ -72,6 +74,7 @@ class Conditions:
             some.get("payload"),
             None if tool is None else tuple(map(str, tool)),
             some.get("temperature"),
+            None if self.center is None else self.center[which],
         )
 
     def words(self, kind: str) -> str:

@@ -1,0 +1,1 @@
+"""What rows say beside joints and readings, and what is made of it: order, torques, gears."""
