@@ -195,9 +195,23 @@ def drift(
         (one for one in tried if one[0] >= best - DROP), key=lambda one: one[1] ** 2 * one[2]
     )
     F = estimator_gain(identification, train)[:, :, :3]
-    among = sd**2 * np.exp(-np.abs(train_order[:, None] - train_order) / memory)
-    left = np.einsum("jai,jk,kbi->ab", F, among, F, optimize=True)
+    left = sd**2 * sum_of_remembered(F, train_order, memory)
     return SlowDrift(sd, memory, of_all_numbers(identification, left))
+
+
+def sum_of_remembered(F: Array, order: Index, memory: float) -> Array:
+    """Sum of exp(-|t_j - t_k| / L) F_j F_k' (f, f) over all rows F (m, f, 3), at places t (m,).
+
+    What each row meets of those before it fades on the way to the next: no m x m matrix is formed.
+    """
+    in_time = np.argsort(order, kind="stable")
+    keep = np.exp(-np.diff(order[in_time]) / memory)
+    F = F[in_time]
+    before = np.zeros_like(F)
+    for k, kept in enumerate(keep):
+        before[k + 1] = kept * (before[k] + F[k])
+    across = np.tensordot(F, before, ((0, 2), (0, 2)))
+    return np.asarray(np.tensordot(F, F, ((0, 2), (0, 2))) + across + across.T)
 
 
 def stretches(order: Index) -> Index:

@@ -22,6 +22,7 @@ from calib.uncertainty.statement.memory import (
     interchangeable,
     memory_p,
     stretches,
+    sum_of_remembered,
     whitened_positions,
 )
 from calib.uncertainty.statement.misfit import misfit
@@ -284,3 +285,13 @@ def test_of_many_rows_some_stretches_are_asked():
     assert (np.diff(times) > 1).sum() == 2
     assert times[-1] > 700
     assert np.array_equal(stretches(order[:300]), np.argsort(order[:300]))
+
+
+def test_rows_that_remember_add_up_as_in_the_whole_matrix():
+    """Places in any order, some at once and some far apart."""
+    rng = np.random.default_rng(4)
+    F, order = rng.normal(size=(30, 5, 3)), rng.integers(0, 60, 30)
+    among = np.exp(-np.abs(order[:, None] - order) / 7.0)
+    whole = np.einsum("jai,jk,kbi->ab", F, among, F)
+    # sums of 900 products in another order
+    assert sum_of_remembered(F, order, 7.0) == pytest.approx(whole, rel=1e-12, abs=1e-12)
