@@ -21,7 +21,7 @@ from calib.geometry.parameters import Parameters
 from calib.identification.prior import Prior
 from calib.identification.spring_products import Products, products_of, settled
 from calib.measurement.observations import Measurements
-from calib.measurement.prediction import predict_at
+from calib.measurement.prediction import mount, predict_at
 from calib.measurement.residual import table_whiteners
 
 SETTLED = 1e-4
@@ -216,9 +216,9 @@ def normal_equations(
         fitted.term_columns(JointErrors(terms), J, bends[:, :, Z::3], q, at),
         _flat_last(bends[:, :, list(products.places), None] * loads[:, None]),
     ]
-    seen = predict_at(
-        T, np.concatenate(wide, axis=2), fitted.fixtures, fitted.first_fixture, measurements
-    )
+    whole = np.concatenate(wide, axis=2)
+    mount(T, whole, fitted, measurements)
+    seen = predict_at(T, whole, fitted.fixtures, fitted.first_fixture, measurements)
     own = [*parameters.free_index, *range(len(parameters.names), sum(w.shape[2] for w in wide))]
     rows, W = seen.rows[:, :, own], table_whiteners(measurements)
     order = [prior.names.index(name) for name in parameters.free_names]

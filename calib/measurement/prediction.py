@@ -37,9 +37,7 @@ class Prediction:
 def predict(model: RobotModel, measurements: Measurements) -> Prediction:
     """Residual and derivative of every row of a table."""
     T, J = model.poses_and_jacobian(measurements.q, measurements.conditions)
-    if measurements.tool.any():
-        require_fixtures(model.fixtures, measurements)
-        _tool_rows(T, J, model, measurements)
+    mount(T, J, model, measurements)
     return predict_at(T, J, model.fixtures, model.first_fixture, measurements)
 
 
@@ -169,12 +167,24 @@ def require_fixtures(fixtures: Fixtures, measurements: Measurements) -> None:
             )
 
 
-def _tool_rows(T: Array, J: Array, model: RobotModel, measurements: Measurements) -> None:
+def mount(T: Array, J: Array, model: RobotModel, measurements: Measurements) -> None:
     """Turn poses and rows of the chain's tool into those of the tools that were mounted.
 
     A tool moves with the flange: its origin by dp + dr x arm, and by its own six numbers in its
     own axes, which take the place of those of the chain's tool.
+
+    Parameters
+    ----------
+    T, J : (m, 4, 4) and (m, 6, P + k) arrays
+        Poses and rows of the chain's tool, in world axes; changed in place. Columns beyond those
+        of the model are of further numbers that move the flange.
+    model : RobotModel
+        Whose tools they are.
+    measurements : Measurements
+        Which tool each row saw.
     """
+    if not measurements.tool.any():
+        return
     end = model.chain.n_numbers
     start = model.first_fixture + model.fixtures.first_tool
     mounted = tool_poses(model, measurements)

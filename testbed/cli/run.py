@@ -163,7 +163,11 @@ def identify(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Calibrate a robot from measurements: parameters, a corrected model, proof on other poses."""
+    """Calibrate a robot from measurements: parameters, a corrected model, proof on other poses.
+
+    Several visits of one robot are [[session]] tables of one session.toml. There
+    [identification] free = "frames" places a calibrated robot anew: base and tool alone are fitted.
+    """
     with exit_codes(debug=debug, as_json=as_json, room=COMPUTING) as end:
         from testbed.cli.terminal import progress
         from testbed.files.read import ReadOptions, read_held_out, read_session

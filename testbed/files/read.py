@@ -23,6 +23,8 @@ from testbed.files.session_toml import (
 from testbed.files.slips import raise_if_slipped
 from testbed.files.targets import TargetPart
 from testbed.files.uncertainty import require_shown
+from testbed.files.visits.read import read_visits
+from testbed.files.visits.tables import CampaignFile
 from testbed.gates.mistakes import validated
 from testbed.gates.paths import is_there, real
 from testbed.gates.text import MAX_MB, SourceFile
@@ -82,18 +84,26 @@ def read_session(
     file = _session_file(Path(data))
     real(file, field="measurements", code="S37")
     toml = file if config is None and file.suffix.lower() == ".toml" else config
-    settings, first = SessionFile(), list[SourceFile]()
+    settings, first = CampaignFile(), list[SourceFile]()
     if toml is not None:
         content = read_toml_bytes(Path(toml), str(toml))
         first.append(SourceFile(Path(toml), sha256(content).hexdigest()))
-        settings = validated(toml_document(content, str(toml)), SessionFile, str(toml))
+        settings = validated(toml_document(content, str(toml)), CampaignFile, str(toml))
     if alone:
         settings = settings.of_one_table
     root = file.parent if toml is None else Path(toml).parent
     sources = Sources(root, None if toml == file else file, options.max_mb, {})
-    session = session_of(settings, sources, robot, drop=options.drop_invalid, where=str(toml))
-    named = replace(session, name=session.name or file.stem, files=(*first, *session.files))
-    return _without_strays(robot, named)
+
+    def one(own: SessionFile, here: Sources) -> Session:
+        """A session by itself."""
+        read = session_of(own, here, robot, drop=options.drop_invalid, where=str(toml))
+        return _without_strays(robot, read)
+
+    several = isinstance(settings, CampaignFile) and settings.session
+    session = (
+        read_visits(settings, sources, one, where=str(toml)) if several else one(settings, sources)
+    )
+    return replace(session, name=session.name or file.stem, files=(*first, *session.files))
 
 
 def session_of(

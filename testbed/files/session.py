@@ -14,6 +14,7 @@ from testbed.files.conditions import SetUp
 from testbed.files.refusal import refusal
 from testbed.files.rows.say import NOTHING_SAID, RowsSay
 from testbed.files.session_toml import SESSION_FILE, IdentificationTable
+from testbed.files.visits.visit import RobotVisit
 from testbed.gates.paths import real
 from testbed.gates.text import FileText, SourceFile, read_text
 from testbed.gates.workbook import is_workbook, read_workbook
@@ -148,6 +149,12 @@ class Session:
     """(m,) place of each row in time, where rows of several files have their own times."""
     place: tuple[str, ...]
     """(m,) file and line of each row, for messages."""
+    visits: tuple[RobotVisit, ...] = ()
+    """Those that were joined; none where the session is one of its own."""
+    visit: Index | None = None
+    """(m,) which of them each row is of."""
+    alone: tuple["Session", ...] = ()
+    """Each of them as it was read."""
 
     @property
     def where(self) -> str:
@@ -157,7 +164,7 @@ class Session:
     def rows(self, which: Bool) -> "Session":
         """The session restricted to some rows (m,); what was left out stays named."""
         index = np.flatnonzero(which)
-        columns = ("is_test", "read_back", "time", "order", "approach", "place")
+        columns = ("is_test", "read_back", "time", "order", "approach", "place", "visit")
         return replace(
             rows_of(self, index, columns),
             measurements=self.measurements.rows(index),

@@ -210,7 +210,8 @@ class IdentificationTable(Strict):
     """Geometry alone, with sag and two waves a turn, or what the training rows choose, up to a map
     of every joint."""
     free: str | tuple[str, ...] = "identifiable"
-    """"identifiable", a free set of the robot, or names of numbers."""
+    """"identifiable", "frames" (base, tool and fixtures alone: a calibrated robot is placed anew),
+    a free set of the robot, or names of numbers."""
     base: Literal["free", "fixed"] = "free"
     tool: Literal["free", "fixed"] = "free"
     visits: Literal["all", "first"] = "all"

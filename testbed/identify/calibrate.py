@@ -16,15 +16,19 @@ from testbed.identify.fit import (
     figures_of,
     fit,
     fitted_model,
+    frames_model,
     row_errors,
 )
-from testbed.identify.frames import frames_of
+from testbed.identify.frames import FRAMES_ALONE, frames_of
 from testbed.identify.order import order_words, require_order
 from testbed.identify.outliers import held_out_outliers, training_outliers, warnings_of
 from testbed.identify.proof import guard_warnings, proof_of, repeatability, target_warnings
 from testbed.identify.records import Calibration, HeldOutSplit, OutlierRows
-from testbed.identify.session import origin_of, row_names, split_of, with_scatter
+from testbed.identify.session import origin_of, row_names, with_scatter
 from testbed.identify.shared import shared_of
+from testbed.identify.visits.fit import with_own_frames
+from testbed.identify.visits.frames import own_frames
+from testbed.identify.visits.split import split_of_session
 from testbed.progress import Progress
 from testbed.robots.catalog import Robot
 
@@ -83,21 +87,19 @@ def calibrate(
     options = Options() if options is None else options
     report = progress or (lambda *_: None)
     model = checked_model(session.wanted.model if options.model is None else options.model)
+    if session.wanted.free == FRAMES_ALONE:
+        model = frames_model(options.model)
     loss = loss_of(options.loss)
-    split = split_of(
-        session.measurements,
-        session.is_test if session.split_stated else None,
-        first_visits=session.wanted.visits == "first",
-        train=options.train,
-        held_out=options.held_out,
-        seed=options.seed,
+    split = split_of_session(
+        session, train=options.train, held_out=options.held_out, seed=options.seed
     )
     require_order(session)
     report(STEPS[0], 0, len(STEPS))
-    probed = probe(robot, session)
-    probed.raise_if_wrong()
+    probes = tuple(probe(robot, one) for one in session.alone or (session,))
+    for one in probes:
+        one.raise_if_wrong()
     try:
-        return _calibrated(robot, session, probed, split, options, model, loss, report)
+        return _calibrated(robot, session, probes, split, options, model, loss, report)
     except InputError as error:  # of arrays, which know no file
         raise error.located(session.where) from error
 
@@ -105,7 +107,7 @@ def calibrate(
 def _calibrated(
     robot: Robot,
     session: Session,
-    probed: Probe,
+    probes: tuple[Probe, ...],
     split: HeldOutSplit,
     options: Options,
     model: str,
@@ -114,7 +116,12 @@ def _calibrated(
 ) -> Calibration:
     """The calibration of a session whose reading is right, from frames to the proof."""
     frames = frames_of(robot, session, session.measurements.rows(split.is_train))
-    measurements = with_scatter(session, frames.before)
+    own = own_frames(session, frames.start, split)
+    before = frames.before if own is None else own.placed(frames.before)
+    measurements = with_scatter(session, before)
+    if own is not None:
+        own = own.among(measurements)
+        before = own.placed(frames.before)
     report(STEPS[1], 1, len(STEPS))
     names, places = row_names(session, measurements), np.flatnonzero(split.is_train)
     train = measurements.rows(places)
@@ -142,27 +149,32 @@ def _calibrated(
         fitted_model(name, identification, began, measurements, used, split.is_test)
         for name, began, identification in pairs
     )
+    if own is not None:
+        models = tuple(with_own_frames(each, own, measurements, used, split) for each in models)
     chosen = next(each for each in models if each.model == choice.chosen)
     report(STEPS[3], 3, len(STEPS))
     comes_back = repeatability(chosen.identification.model, robot, session, measurements, ~left_out)
     judged = measurements.rows(split.is_test) if split.is_test.any() else train
-    shared = shared_of(session, chosen.identification, train, judged)
+    result, rows = chosen.identification, used
+    if own is not None:
+        result, rows = own.weighed(result, used), used | own.rows
+    shared = shared_of(session, result, measurements.rows(rows), judged)
     proof = proof_of(
-        chosen.identification,
+        result,
         session,
         measurements,
-        used=used,
+        used=rows,
         is_test=split.is_test,
         visits=~left_out,
         comes_back=comes_back,
         seed=options.seed,
         shared=None if shared is None else shared.covariance,
     )
-    before = row_errors(frames.before, measurements)
+    misses = row_errors(before, measurements)
     return Calibration(
-        source=origin_of(robot, session, probed),
+        source=origin_of(robot, session, probes),
         nominal=robot.model,
-        before=frames.before,
+        before=before,
         own_frames=frames.own,
         frames=frames.sentences,
         measurements=measurements,
@@ -182,15 +194,17 @@ def _calibrated(
             sentences=misfits,
             held_out_sentences=held_out_outliers(chosen.misses, split.is_test, names),
         ),
-        before_misses=before,
-        before_train=figures_of(before, measurements, used),
-        before_test=figures_of(before, measurements, split.is_test)
+        before_misses=misses,
+        before_train=figures_of(misses, measurements, used),
+        before_test=figures_of(misses, measurements, split.is_test)
         if split.is_test.any()
         else None,
         fits=models,
         choice=choice,
         proof=proof,
         shared=shared,
+        visits=session.visits,
+        visit=session.visit,
         warnings=(
             *doubts,
             *warnings_of(models[0], chosen, train),

@@ -18,7 +18,7 @@ from calib.measurement.accuracy import error_statistics
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.measurement.residual import linearize
-from testbed.identify.frames import is_frame
+from testbed.identify.frames import FRAMES_ALONE, is_frame
 from testbed.identify.records import Choice, Figures, FittedModel, ModelName, RowErrors
 from testbed.streams import stream
 
@@ -52,6 +52,12 @@ def fit(
     first: Fitted = ("geometric", start, geometric)
     if model == "geometric":
         return (first,), _unasked("geometric", model, "geometric, as asked for")
+    if model == FRAMES_ALONE:
+        sentence = (
+            'base, tool and fixtures alone, as free = "frames" asks: links and joint terms are '
+            "those of the robot's file"
+        )
+        return (first,), _unasked("geometric", model, sentence)
     if model == "extended":
         extended = identify_extended(start, train, parameters, loss=loss, mounted=mounted)
         choice = _unasked("extended", model, "extended, as asked for")
@@ -89,6 +95,24 @@ def checked_model(model: str) -> str:
             "--model", model, ", ".join(MODELS), code="C41", message=f'--model is "{model}"'
         )
     return model
+
+
+def frames_model(asked: str | None) -> str:
+    """The model of a fit of frames alone: that of the robot, whatever terms it has.
+
+    Raises
+    ------
+    InputError
+        C41: another one is asked for.
+    """
+    if asked not in (None, "geometric"):
+        raise refuse(
+            "--model", asked, code="C41",
+            message=f'--model is "{asked}", and [identification] free = "frames" fits base, tool '
+            "and fixtures alone",
+            allowed="the model that the robot's file has", fix="leave --model out",
+        )  # fmt: skip
+    return FRAMES_ALONE
 
 
 def _links(parameters: Parameters) -> list[str]:

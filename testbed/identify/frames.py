@@ -5,7 +5,9 @@ from difflib import get_close_matches
 
 import numpy as np
 
+from calib.arrays import Array
 from calib.errors import InputError, refuse
+from calib.geometry.frames import inverse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.identify import identify
@@ -14,8 +16,12 @@ from calib.information.rank import FRAMES
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from testbed.files.session import Session
+from testbed.identify.visits.frames import require_determined
 from testbed.robots.catalog import Robot
 
+FRAMES_ALONE = "frames"
+"""What `free` says where a calibrated robot is only placed anew."""
+WORDS = ("identifiable", FRAMES_ALONE)
 AS_GOOD = 3.0
 """Frames of the robot's own file stand if they miss at most so many times what fitted ones do."""
 
@@ -50,6 +56,9 @@ def frames_of(robot: Robot, session: Session, train: Measurements) -> StartFrame
         parameters = free_numbers(own, robot, session)
         said = ("base and tool are those of the robot's file, and held there",)
         return StartFrames(own, own, True, parameters, said)
+    if session.visits:
+        free = free_numbers(own, robot, session).free_names
+        require_determined(session, own, train, free)
     start = own
     where = "the robot's file" + ", fixtures from [start]" * bool(session.fixtures.n_numbers)
     fit = "fit" if session.fixtures.n_numbers else "fits"
@@ -58,6 +67,9 @@ def frames_of(robot: Robot, session: Session, train: Measurements) -> StartFrame
         free_tool = wanted.tool == "free"
         found = start_frames(own, train, free_tool=free_tool, free_anchors=session.free_anchors)
         start, sentences = found.model, found.notes
+    elif session.visits:  # where further stations stand is not in the robot's file
+        found = start_frames(own, train, free_tool=wanted.tool == "free")
+        start = at_base(found.model, own.chain.T_world_base)
     parameters = free_numbers(start, robot, session)
     before = fitted_frames(start, train, parameters)
     return StartFrames(start, before, start is own, parameters, sentences)
@@ -74,15 +86,16 @@ def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameter
     table = parameters_of(model)
     free = session.wanted.free
     if isinstance(free, str):
-        if free != "identifiable" and free not in robot.free_sets:
-            close = get_close_matches(free, ["identifiable", *robot.free_sets], 1)
+        if free not in WORDS and free not in robot.free_sets:
+            close = get_close_matches(free, [*WORDS, *robot.free_sets], 1)
             raise refuse(
                 "identification.free", free, code="S37", where=session.name,
                 message=f'[identification] free is "{free}"',
-                allowed=", ".join(["identifiable", *robot.free_sets, "or names of numbers"]),
+                allowed=", ".join([*WORDS, *robot.free_sets, "or names of numbers"]),
                 fix=f'did you mean "{close[0]}"?' if close else "",
             )  # fmt: skip
-        names = table.names if free == "identifiable" else tuple(robot.free_sets[free])
+        plain = {"identifiable": table.names, FRAMES_ALONE: ()}
+        names = plain[free] if free in plain else tuple(robot.free_sets[free])
     else:
         names = tuple(free)
     try:
@@ -93,7 +106,15 @@ def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameter
         own = tuple(name for name in table.names if name.startswith(frame))
         rest = tuple(name for name in names if name not in own)
         names = (*rest, *own) if how == "free" else rest
-    return table.freeing({*names, *model.fixtures.names} - set(session.fixed))
+    held = {name for visit in session.visits if visit.held_out for name in visit.numbers}
+    return table.freeing({*names, *model.fixtures.names} - set(session.fixed) - held)
+
+
+def at_base(model: RobotModel, T_world_base: Array) -> RobotModel:
+    """A model with its base elsewhere, and its stations as they stand to it."""
+    moved = T_world_base @ inverse(model.chain.T_world_base)
+    fixtures = replace(model.fixtures, stations=moved @ model.fixtures.stations)
+    return replace(model, chain=replace(model.chain, T_world_base=T_world_base), fixtures=fixtures)
 
 
 def is_frame(name: str) -> bool:

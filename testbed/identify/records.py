@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from calib.arrays import Array, Bool, FloatOrNan, wrong_shape
+from calib.arrays import Array, Bool, FloatOrNan, Index, wrong_shape
 from calib.geometry.model import RobotModel
 from calib.identification.climb import ClimbStep, Offer
 from calib.identification.fit_statistics import RED
@@ -16,6 +16,7 @@ from calib.uncertainty.judgement import Judgement
 from calib.uncertainty.statement.conditions import Conditions
 from calib.uncertainty.statement.instrument import SharedErrors
 from testbed.files.conditions import SetUp
+from testbed.files.visits.visit import RobotVisit
 from testbed.robots.robot import Reflector
 from testbed.scenario.tolerance import Decision
 
@@ -187,12 +188,17 @@ class Calibration:
     """What all readings of the instrument share; None where the session states nothing of it."""
     warnings: tuple[str, ...]
     """What was found on the way, beside what the source says."""
+    visits: tuple[RobotVisit, ...] = ()
+    """The sessions of the robot, those that identify first; none where there is one only."""
+    visit: Annotated[Index, "m"] | None = None
+    """(m,) which of them each row is of."""
 
     def __post_init__(self) -> None:
         rows = len(self.measurements)
         misses = {f"fits[{k}].misses": fit.misses for k, fit in enumerate(self.fits)}
         columns = {
             "time": self.time,
+            "visit": self.visit,
             "payload": self.conditions.payload,
             "tool": self.conditions.tool,
             "temperature": self.conditions.temperature,

@@ -21,6 +21,7 @@ from testbed.identify.report_errors import (
 )
 from testbed.identify.results import dh_table
 from testbed.identify.shared import shared_section
+from testbed.identify.visits.report import visit_section
 from testbed.identify.words import (
     HEAD,
     headline_rows,
@@ -58,6 +59,7 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
     source = calibration.source
     sections = (
         accuracy_section(calibration),
+        visit_section(calibration),
         belief_section(calibration),
         reach_section(calibration, delivered),
         decision_section(decided_at(calibration, delivered)),
@@ -212,13 +214,16 @@ def parameter_section(calibration: Calibration) -> Section:
 
 
 def fixture_table(calibration: Calibration) -> Table:
-    """Reflectors, anchors and further stations as found."""
+    """Reflectors, anchors, further stations and tools as found."""
     result = calibration.fit.identification
     u = np.zeros(len(result.parameters.names))
     u[result.parameters.free_index] = np.sqrt(np.diag(calibration.covariance))
     fixtures = result.model.fixtures
-    stations = [np.concatenate([T[:3, 3], log_so3(T[None, :3, :3])[0]]) for T in fixtures.stations]
-    values = np.concatenate([fixtures.reflectors.ravel(), fixtures.anchors.ravel(), *stations])
+    frames = [
+        np.concatenate([T[:3, 3], log_so3(T[None, :3, :3])[0]])
+        for T in (*fixtures.stations, *fixtures.tools)
+    ]
+    values = np.concatenate([fixtures.reflectors.ravel(), fixtures.anchors.ravel(), *frames])
     first = result.model.first_fixture
     called = {
         f"reflector{k + 1}.{axis}": f"reflector{k + 1}.{axis} ({name})"
@@ -236,8 +241,8 @@ def fixture_table(calibration: Calibration) -> Table:
         ),
         align="llrr",
         size="small",
-        note="Reflectors in the tool frame, anchors and stations in that of the first station; U "
-        "along and about a station's own axes.",
+        note="Reflectors in the tool frame, anchors and stations in that of the first station, "
+        "tools in that of the flange; U along and about a frame's own axes.",
     )
 
 

@@ -12,6 +12,7 @@ from testbed.identify.handback.delivered import Delivered
 from testbed.identify.records import Calibration, Figures, FittedModel, RowErrors
 from testbed.identify.results_statement import decisions, statements, targets
 from testbed.identify.shared import shared_numbers
+from testbed.identify.visits.report import part_of, visit_numbers
 from testbed.identify.words import notice, reasons, verdict
 from testbed.jobsheet.report import job_numbers
 from testbed.report.text import csv_text
@@ -81,6 +82,7 @@ def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:
     parts = [
         *unitless(words),
         *below("data/conditions", conditions_numbers(calibration)),
+        *below("sessions", visit_numbers(calibration)),
         *below("job", job_numbers(calibration.set_up.job)),
         *_figures("before/train", calibration.before_train),
         *_figures("before/held_out", calibration.before_test),
@@ -169,7 +171,7 @@ def split_csv(calibration: Calibration) -> str:
     for k in range(len(table)):
         part = "test" if split.is_test[k] else "left out" if outliers.left_out[k] else "identify"
         if part == "identify" and not split.is_train[k]:
-            part = "later visit"
+            part = part_of(calibration, k) or "later visit"
         pose = bool(table.is_pose[k])
         rows.append(
             (

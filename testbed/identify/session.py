@@ -1,5 +1,6 @@
 """A session as a calibration needs it: what is held out, scatter, row names, origin."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,9 +9,11 @@ from scipy.sparse.csgraph import connected_components
 
 from calib.arrays import Array, Bool, Index, frozen
 from calib.errors import refuse
+from calib.geometry.jacobian import joint_columns
 from calib.geometry.model import RobotModel
 from calib.measurement.noise import with_joint_noise
 from calib.measurement.observations import Measurements, joined
+from calib.measurement.prediction import predict
 from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.held_out import SAME_POSE
 from testbed.files.conditions import joined as joined_conditions
@@ -38,6 +41,12 @@ def with_test(session: Session, other: Session) -> Session:
     InputError
         The files look at different things, or poses were used for both.
     """
+    if session.visits or other.visits:
+        raise refuse(
+            "--test", code="M35", where=other.name,
+            message="--test is given beside a file of several sessions",
+            fix="state it as a [[session]] of that file with held_out = true",
+        )  # fmt: skip
     mine, theirs = session.measurements, other.measurements
     one, two = (
         (each.fixtures.counts, each.reflector_names, each.anchor_names) for each in (session, other)
@@ -96,6 +105,10 @@ def with_scatter(session: Session, model: RobotModel) -> Measurements:
     measurements = session.measurements
     if not session.joint_scatter.any():
         return measurements
+    if session.visits:  # of the tool that was mounted, in the axes of the station that saw it
+        J = predict(model, measurements).rows[:, :, joint_columns(model.chain)]
+        J = J * session.joint_scatter
+        return replace(measurements, covariance=measurements.covariance + J @ np.swapaxes(J, 1, 2))
     covariance = with_joint_noise(
         model, measurements.q, measurements.covariance, session.joint_scatter
     )
@@ -114,13 +127,13 @@ def row_names(session: Session, measurements: Measurements) -> list[str]:
             name += f", target {session.reflector_names[int(measurements.reflector[row])]}"
         if measurements.is_distance[row]:
             name += f", distance from {session.anchor_names[int(measurements.anchor[row])]}"
-        elif len(session.station_names) > 1:
+        elif len(session.station_names) > 1 and not session.visits:
             name += f", station {session.station_names[int(measurements.station[row])]}"
         names.append(name)
     return names
 
 
-def origin_of(robot: Robot, session: Session, probed: Probe) -> Origin:
+def origin_of(robot: Robot, session: Session, probes: Sequence[Probe]) -> Origin:
     """Where a calibration's numbers come from."""
     return Origin(
         name=session.name,
@@ -136,9 +149,19 @@ def origin_of(robot: Robot, session: Session, probed: Probe) -> Origin:
         drift=_without_folders(
             session, (session.drift.sentence, *session.drift.wrong) if session.drift else ()
         ),
-        probe=_without_folders(session, (*session.notes, probed.sentence)),
-        warnings=_without_folders(session, (*session.warnings, *probed.warnings)),
+        probe=_without_folders(session, (*session.notes, *_sentences(session, probes))),
+        warnings=_without_folders(
+            session, (*session.warnings, *(text for one in probes for text in one.warnings))
+        ),
     )
+
+
+def _sentences(session: Session, probes: Sequence[Probe]) -> tuple[str, ...]:
+    """What became of trying other readings, of each visit by its name."""
+    if not session.visits:
+        return tuple(one.sentence for one in probes)
+    several = zip(session.visits, probes, strict=True)
+    return tuple(f"session {visit.name}: {one.sentence}" for visit, one in several)
 
 
 def _without_folders(session: Session, sentences: tuple[str, ...]) -> tuple[str, ...]:

@@ -6,8 +6,10 @@ from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.statement.stated_point import StatedPoint
 from testbed.identify.conditions import conditions_words
 from testbed.identify.decisions import decision_words
+from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.records import Calibration, Figures, FittedModel
+from testbed.identify.visits.report import visit_words
 from testbed.jobsheet.report import Row, job_rows
 from testbed.report.page import SIMULATED
 from testbed.units import DEG, MM, UM, counted, fixed, sentences, significant
@@ -56,6 +58,12 @@ def verdict(calibration: Calibration) -> str:
         where = f"at the {poses} it was fitted to (none is held out)"
     else:
         where = f"on {counted(held_out_poses(calibration), 'held-out pose')}"
+    if calibration.choice.asked == FRAMES_ALONE:
+        text = f"With frames fitted alone the {kind(calibration)} {where} is "
+        text += f"{mm(after.position.mean)} mm"
+        if after.rotation is not None:
+            text += f", the orientation error {deg(after.rotation.mean)} deg"
+        return f"{text}. {believed_words(calibration)}"
     goes = "falls" if after.position.mean < before.position.mean else "RISES"
     text = (
         f"The {kind(calibration)} {where} {goes} from {mm(before.position.mean)} to "
@@ -134,7 +142,7 @@ def next_step(calibration: Calibration) -> str:
             "them by --test: until then nothing but the fit itself speaks for this result."
         )
     gain = calibration.before_test.position.mean / fit.test.position.mean  # type: ignore[union-attr]  # both or none
-    if gain < 1:
+    if gain < 1 and calibration.choice.asked != FRAMES_ALONE:
         return (
             "Do not use this model: on held-out poses it is worse than the nominal one. Check the "
             "robot's description, the units and the matching of poses."
@@ -270,6 +278,7 @@ def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
     title = f"{calibration.source.name}: errors at {'held-out rows' if held else 'the rows used'}"
     parts = [notice(calibration), table(title, head, rows), "", f"Verdict: {verdict(calibration)}"]
     parts += [f"  {reason}" for reason in reasons(calibration)]
+    parts += [f"  {text}" for text in sentences(visit_words(calibration))]
     parts += [f"  {conditions_words(calibration)}"]
     parts += [f"  {text}" for text in sentences(calibration.gross.sentences[:MOST_NAMED])]
     more = len(calibration.gross.sentences) - MOST_NAMED

@@ -15,7 +15,8 @@ MAY = """
 # [drift]           nests = ["B1", "B2", "B3"]: targets that stay on the floor
 # [conditions]      payload_kg, tool, temperature_degC and date of all rows
 # [tolerance]       position_um: how far the tool may miss; rule = "guarded" or "simple"
-# [identification]  model = "choose", base = "free", tool = "free"
+# [identification]  model = "choose", base = "free", tool = "free"; free = "frames": no link number
+# [[session]]       of a robot measured several times: name, file, base and tool "same as" another
 #
 # The job sheet: printed, but for the days of the certificate, which are held against [conditions]
 # [job]

@@ -10,6 +10,7 @@ import numpy as np
 from calib.arrays import FloatOrNan, Index
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements, joined
+from calib.uncertainty.statement.evidence import COUNTS
 from calib.uncertainty.statement.memory import (
     REMEMBERS,
     SlowDrift,
@@ -86,13 +87,17 @@ def drifting(
     whatever : bool
         Whether to state what a drift may leave even if none is seen.
     """
-    both = joined([train, held_out]) if len(held_out) else train
+    counts = np.ones(len(train), dtype=np.bool_)
+    if len(identification.weights):
+        counts = identification.weights > COUNTS
+    some = train.rows(counts)
+    both = joined([some, held_out]) if len(held_out) else some
     if both.is_distance.any() or len(both) < FEWEST:
         return None
     residual = whitened_positions(identification, both)
-    order = np.concatenate([train_order, held_out_order])
-    is_test = np.repeat([False, True], [len(train), len(held_out)])
-    pose = np.concatenate([train.pose_id, -1 - held_out.pose_id])  # numbered apart
+    order = np.concatenate([train_order[counts], held_out_order])
+    is_test = np.repeat([False, True], [len(some), len(held_out)])
+    pose = np.concatenate([some.pose_id, -1 - held_out.pose_id])  # numbered apart
     alike = interchangeable(order, pose, is_test)
     spread = both.q.std(axis=0)
     joints = both.q[:, spread > 0] / spread[spread > 0]

@@ -15,6 +15,8 @@ from calib.measurement.prediction import predict
 from calib.uncertainty.statement.gain import prior_precision
 from calib.uncertainty.statement.shape import MisfitShape
 
+COUNTS = 1e-5
+"""Weight of a row below which it is no evidence: its noise would be all the noise there is."""
 SEEN, POWER = 0.001, 0.95
 """A misfit counts as one that would have been seen if a test at this level had this power."""
 
@@ -87,7 +89,7 @@ def position_rows(
     seen = predict(model, table)
     A = seen.rows[:, :3, parameters.free_index] * parameters.free_scale
     B, y, at = shape.rows(seen.rows[:, :3]), seen.residual[:, :3], seen.filled[:, :3]
-    heavy = weights > 0
+    heavy = weights > COUNTS
     N = table.covariance[:, :3, :3] / np.where(heavy, weights, 1.0)[:, None, None]
     _, pose = np.unique(table.pose_id, return_inverse=True)
     found = PositionRows(np.zeros((0, A.shape[2])), np.zeros(0), np.zeros(0), 0.0)

@@ -12,6 +12,7 @@ from testbed.identify.handback.delivered import Delivered
 from testbed.identify.records import Calibration, FittedModel
 from testbed.identify.results import dh_csv, joint_map_csv
 from testbed.identify.targets import statement_at, statement_csv, target_words
+from testbed.identify.visits.report import handed_out, own_reflectors
 from testbed.identify.words import mm
 from testbed.robots.catalog import Robot
 from testbed.robots.robot import Reflector
@@ -40,7 +41,7 @@ def deliver(
         plain = delivered_robot(calibration, robot, calibration.fits[0])
         write_robot_folder(plain, folder / GEOMETRIC, package=package)
         sentences += (_geometric_words(calibration),)
-    sentences += (_frame_words(calibration, identified),)
+    sentences += (_frame_words(calibration, identified), *handed_out(calibration))
     if package is not None:
         sentences += (f"its URDF finds the meshes where {ROBOT}/ is the root of {package}",)
     (folder / DH_TABLE).write_bytes(dh_csv(calibration).encode())
@@ -84,7 +85,10 @@ def reflectors_on(calibration: Calibration, fit: FittedModel) -> tuple[Reflector
     places = fit.identification.model.fixtures.reflectors.tolist()
     found = (
         Reflector(name, (x, y, z))
-        for name, (x, y, z) in zip(calibration.reflector_names, places, strict=True)
+        for name, (x, y, z) in zip(
+            own_reflectors(calibration.visits, calibration.reflector_names), places, strict=True
+        )
+        if name is not None
     )
     named: dict[str, Reflector] = {}
     for one in (*calibration.stated_reflectors, *found):

@@ -174,7 +174,7 @@ def test_reflectors_of_unknown_place_become_fixtures_that_a_closed_form_finds(tm
     toml = saved(tmp_path / "s.toml", "[points]\n[uncertainty]\nposition_um = 20\n")
     session = read_session(tmp_path / "a.csv", ROBOT, config=toml)
     assert session.reflector_names == ("A", "B", "C")
-    assert session.fixtures.counts == (3, 0, 0)
+    assert session.fixtures.counts == (3, 0, 0, 0)
     start = start_frames(replace(ROBOT.model, fixtures=session.fixtures), session.measurements)
     found = start.model.fixtures.reflectors
     # the tool frame is not seen, but the triangle of the reflectors is; 0.15 mm robot errors
@@ -203,7 +203,7 @@ def test_one_reflector_without_a_place_is_the_tool_point(tmp_path):
     saved(tmp_path / "a.csv", csv(points_of(data, ARMS[:1], ["SMR"])))
     toml = saved(tmp_path / "s.toml", "[points]\n[uncertainty]\nposition_um = 20\n")
     session = read_session(tmp_path / "a.csv", ROBOT, config=toml)
-    assert session.fixtures.counts == (0, 0, 0)
+    assert session.fixtures.counts == (0, 0, 0, 0)
     assert not session.measurements.offset.any()
 
 

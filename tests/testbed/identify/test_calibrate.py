@@ -213,7 +213,7 @@ def _with(found, bootstrap):
         (
             {},
             {"free": "wen2021"},
-            'bench: [identification] free is "wen2021"; identifiable, wen2022, or names of '
+            'bench: [identification] free is "wen2021"; identifiable, frames, wen2022, or names of '
             'numbers; did you mean "wen2022"? [S37]',
         ),
         ({}, {"free": ("theta2", "gamma")}, 'bench: no parameter is called "gamma"'),

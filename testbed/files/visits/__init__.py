@@ -1,0 +1,1 @@
+"""Several visits of one robot: [[session]] of session.toml."""

@@ -1,0 +1,302 @@
+"""Several visits of one robot read and joined: stations and tools numbered through."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.errors import InputError
+from calib.geometry.fixtures import Fixtures
+from calib.measurement.observations import GIVEN, Measurements, joined
+from testbed.files.conditions import SetUp
+from testbed.files.conditions import joined as joined_conditions
+from testbed.files.refusal import refusal
+from testbed.files.session import Session, Sources, Stated
+from testbed.files.session_toml import SessionFile
+from testbed.files.visits.shared import Sharing, sharing_of
+from testbed.files.visits.tables import CampaignFile, VisitTable
+from testbed.files.visits.visit import OWN, RobotVisit
+
+Reader = Callable[[SessionFile, Sources], Session]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Numbered:
+    """Where the stations, the tool and the reflectors of one visit stand among all."""
+
+    station: Index
+    """Number of each of its stations."""
+    mounted: int
+    reflector: Index
+    """Number of each of its reflectors."""
+
+
+def read_visits(settings: CampaignFile, sources: Sources, read: Reader, *, where: str) -> Session:
+    """One session of all visits, the link numbers shared.
+
+    Parameters
+    ----------
+    settings : CampaignFile
+        With one [[session]] or more.
+    sources : Sources
+        The folder.
+    read : callable
+        Reads one visit as if it were alone.
+    where : str
+        The file, for messages.
+
+    Raises
+    ------
+    InputError
+        As `sharing_of` and as `read`; S37, M35: something that only one session can have.
+    """
+    shared = sharing_of(settings, where)
+    _require_free(settings, sources, where)
+    visits = [settings.session[k] for k in shared.order]
+    alone = []
+    for k, visit in zip(shared.order, visits, strict=True):
+        own = _with_payload(settings, shared, k, where)
+        alone.append(_one(own, visit, sources, read, where))
+    owner = {part: [shared.order.index(shared.owner[part][k]) for k in shared.order]
+             for part in ("base", "tool")}  # fmt: skip
+    return _joined(settings, visits, alone, owner, where)
+
+
+def _require_free(settings: CampaignFile, sources: Sources, where: str) -> None:
+    """Refuse tables above the sessions that only one session can have."""
+    for key, given, why in (
+        ("start", settings.start is not None, "each session finds its frames from nothing"),
+        ("ranges", settings.ranges is not None, "distances belong to a session alone"),
+        ("file", sources.data is not None, "each [[session]] names its own file"),
+    ):
+        if given:
+            what = f"[{key}]" if key != "file" else "a CSV is given"
+            raise refusal(
+                where, key, f"{what} beside [[session]]: {why}", code="S37", fix="take it out"
+            )
+
+
+def _with_payload(settings: CampaignFile, shared: Sharing, k: int, where: str) -> SessionFile:
+    """The settings of session k, with the payload of the one whose it has."""
+    own = settings.of(settings.session[k])
+    owner = shared.owner["payload"][k]
+    if owner == k:
+        return own
+    payload = settings.of(settings.session[owner]).conditions.payload_kg
+    name = settings.session[owner].name
+    if payload is None:
+        raise refusal(
+            where, "session.payload",
+            f'session "{own.name}" has the payload of "{name}", which states none', code="S37",
+            fix=f'write payload_kg under [session.conditions] of "{name}"',
+        )  # fmt: skip
+    return own.model_copy(
+        update={"conditions": own.conditions.model_copy(update={"payload_kg": payload})}
+    )
+
+
+def _one(
+    own: SessionFile, visit: VisitTable, sources: Sources, read: Reader, where: str
+) -> Session:
+    """One visit read as if it were alone; its errors name it where they name only session.toml."""
+    here = sources
+    if visit.file is not None:
+        sources.text(visit.file, "session")  # a file of the folder
+        here = replace(sources, data=sources.root / visit.file)
+    try:
+        found = read(own, here)
+    except InputError as error:
+        if error.where in ("", where):
+            raise error.located(f'{where}: session "{visit.name}"') from error
+        raise
+    if found.anchor_names:
+        raise refusal(
+            where, "session", f'session "{visit.name}" holds distances', code="S37",
+            allowed="poses and points: a session of distances has no station of its own",
+            fix="identify it alone",
+        )  # fmt: skip
+    return found
+
+
+def _joined(
+    settings: CampaignFile,
+    visits: Sequence[VisitTable],
+    alone: Sequence[Session],
+    owner: dict[str, list[int]],
+    where: str,
+) -> Session:
+    """All rows as one session."""
+    numbered, station_names, n_tools, reflector_names = _numbers(visits, alone, owner)
+    _require_one(visits, alone, where)
+    first = np.cumsum([0, *(len(one.pose_names) for one in alone)])
+    tables = [
+        _renumbered(one.measurements, number, int(start))
+        for one, number, start in zip(alone, numbered, first[:-1], strict=True)
+    ]
+    counts = [len(table) for table in tables]
+    fixtures = Fixtures(
+        np.zeros((len(reflector_names), 3)),
+        stations=np.tile(np.eye(4), (len(station_names) - 1, 1, 1)),
+        tools=np.tile(np.eye(4), (n_tools - 1, 1, 1)),
+    )
+    held = np.repeat([visit.held_out for visit in visits], counts)
+    test = np.concatenate([one.is_test for one in alone]) | held
+    dates = tuple(one.set_up.date for one in alone)
+    lead = alone[0]
+    return replace(
+        lead,
+        name=settings.name,
+        files=tuple(dict.fromkeys(file for one in alone for file in one.files)),
+        measurements=joined(tables),
+        pose_names=tuple(
+            f"{one.name}/{name}" if name else "" for one in alone for name in one.pose_names
+        ),
+        is_test=test,
+        split_stated=bool(held.any()) or any(one.split_stated for one in alone),
+        read_back=_stacked([one.read_back for one in alone]),
+        time=None,  # each visit begins its clock anew
+        order=_order(alone),
+        conditions=joined_conditions([(one.where, one.conditions) for one in alone]),
+        set_up=SetUp(
+            use=lead.set_up.use,
+            tolerance=lead.set_up.tolerance,
+            date=" and ".join(dict.fromkeys(filter(None, dates))),
+            stations=tuple(dict.fromkeys(name for one in alone for name in one.set_up.stations)),
+        ),
+        approach=None,
+        uncertainty="; ".join(dict.fromkeys(one.uncertainty for one in alone)),
+        fixtures=fixtures,
+        placed=False,
+        fixed=(),
+        reflector_names=reflector_names,
+        station_names=station_names,
+        masked=tuple(text for one in alone for text in one.masked),
+        drift=max(
+            (one.drift for one in alone if one.drift is not None),
+            key=lambda drift: float(drift.shift.max()), default=None,
+        ),
+        warnings=tuple(dict.fromkeys(text for one in alone for text in one.warnings)),
+        notes=tuple(dict.fromkeys(text for one in alone for text in one.notes)),
+        stated=Stated(),
+        simulated=any(one.simulated for one in alone),
+        place=tuple(place for one in alone for place in one.place),
+        visits=_visits(visits, alone, owner, numbered, fixtures),
+        visit=np.repeat(np.arange(len(visits)), counts),
+        alone=tuple(alone),
+    )  # fmt: skip
+
+
+def _numbers(
+    visits: Sequence[VisitTable], alone: Sequence[Session], owner: dict[str, list[int]]
+) -> tuple[list[Numbered], tuple[str, ...], int, tuple[str, ...]]:
+    """Numbers of every visit's stations, tool and reflectors; their names, and how many tools."""
+    stations: list[str] = []
+    at: dict[tuple[int, str], int] = {}
+    tools: dict[int, int] = {}
+    reflectors: dict[tuple[int, str], int] = {}
+    found = []
+    for k, (visit, one) in enumerate(zip(visits, alone, strict=True)):
+        base, tool = owner["base"][k], owner["tool"][k]
+        own = []
+        for j, name in enumerate(one.station_names):
+            # the first station of a session is where its base says
+            key = (base, "" if j == 0 else name)
+            if key not in at:
+                at[key] = len(stations)
+                stations.append(visit.name if j == 0 else f"{visit.name}/{name}")
+            own.append(at[key])
+        named = []
+        for name in one.reflector_names:
+            if (tool, name) not in reflectors:
+                reflectors[tool, name] = len(reflectors)
+            named.append(reflectors[tool, name])
+        mounted = 0
+        # a tool of which only reflectors of unknown place were seen is where they place it
+        if not k or (one.measurements.reflector == GIVEN).any():
+            mounted = tools.setdefault(tool, len(tools))
+        found.append(Numbered(np.array(own), mounted, np.array(named, dtype=np.int64)))
+    names = tuple(f"{visits[tool].name}/{name}" for tool, name in reflectors)
+    return found, tuple(stations), len(tools), names
+
+
+def _renumbered(table: Measurements, number: Numbered, first: int) -> Measurements:
+    """The rows of one visit among those of all."""
+    reflector = table.reflector
+    if len(number.reflector):
+        reflector = np.where(reflector == GIVEN, GIVEN, number.reflector[reflector])
+    return replace(
+        table,
+        pose_id=table.pose_id + first,
+        station=number.station[table.station],
+        reflector=reflector,
+        tool=np.full(len(table), number.mounted),
+    )
+
+
+def _visits(
+    visits: Sequence[VisitTable], alone: Sequence[Session], owner: dict[str, list[int]],
+    numbered: Sequence[Numbered], fixtures: Fixtures,
+) -> tuple[RobotVisit, ...]:  # fmt: skip
+    """What is kept of each; the numbers of a frame are of the first session that has it."""
+    taken, found = {"station1", "tool1"}, []
+    for k, (visit, one, number) in enumerate(zip(visits, alone, numbered, strict=True)):
+        frames = {f"station{s + 1}" for s in number.station} | {f"tool{number.mounted + 1}"}
+        frames |= {f"reflector{r + 1}" for r in number.reflector}
+        own = {name.split(".")[0] for name in fixtures.names} & (frames - taken)
+        taken |= own
+        whose = {part: owner[part][k] for part in ("base", "tool")}
+        found.append(
+            RobotVisit(
+                name=visit.name,
+                base=OWN if whose["base"] == k else visits[whose["base"]].name,
+                tool=OWN if whose["tool"] == k else visits[whose["tool"]].name,
+                held_out=visit.held_out,
+                station=int(number.station[0]),
+                mounted=number.mounted,
+                numbers=tuple(name for name in fixtures.names if name.split(".")[0] in own),
+                frame_poses=visit.frame_poses or 0,
+                uncertainty=one.uncertainty,
+                conditions=one.conditions.phrase,
+                date=one.set_up.date,
+            )
+        )
+    return tuple(found)
+
+
+def _require_one(visits: Sequence[VisitTable], alone: Sequence[Session], where: str) -> None:
+    """Refuse what sessions of one calibration cannot differ in."""
+    lead = alone[0]
+    for visit, one in zip(visits, alone, strict=True):
+        what = ""
+        if one.joint_source != lead.joint_source:
+            what = f"{one.joint_source} joints, and {visits[0].name} has {lead.joint_source} ones"
+        elif one.systematic != lead.systematic:
+            what = f"other systematic parts of the instrument than {visits[0].name}"
+        elif one.joint_scatter.any() != lead.joint_scatter.any():
+            what = f"another joint_repeatability than {visits[0].name}"
+        if what:
+            raise refusal(
+                where, "session", f'session "{visit.name}" has {what}',
+                allowed="the same in all sessions of one calibration",
+                fix="state it once, above all sessions",
+            )  # fmt: skip
+
+
+def _stacked(columns: Sequence[Array | None]) -> Array | None:
+    """A column that all visits have, or None."""
+    there = [column for column in columns if column is not None]
+    return np.concatenate(there) if len(there) == len(columns) else None
+
+
+def _order(alone: Sequence[Session]) -> Index:
+    """Place of each row in time: visit after visit, each as its clock or its file says."""
+    found, first = [], 0
+    for one in alone:
+        m = len(one.measurements)
+        order = np.arange(m)
+        if one.time is not None:
+            order[np.argsort(one.time, kind="stable")] = np.arange(m)
+        found.append(first + order)
+        first += m
+    return np.concatenate(found)

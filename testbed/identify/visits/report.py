@@ -1,0 +1,173 @@
+"""What each of several visits shows: its part, its frames, its errors; and whose frames leave."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from calib.arrays import Bool
+from testbed.files.visits.visit import OWN, RobotVisit
+from testbed.identify.records import Calibration
+from testbed.report.page import Section, Table, Text
+from testbed.store.quantities import METRE, RADIAN, Quantity, below
+from testbed.units import DEG, MM, counted, fixed
+
+IDENTIFIES, FITS, JUDGES = "identify", "fit its frames", "judge"
+"""What rows of a visit do."""
+
+
+def handed_out(calibration: Calibration) -> tuple[str, ...]:
+    """Whose base and tool the robot that is handed out has; nothing where there is one visit."""
+    if not calibration.visits:
+        return ()
+    lead = calibration.visits[0].name
+    return (
+        "base and tool of the robot handed out, and the stated radius, are those of session "
+        f'"{lead}"; where the others had theirs stands under Parameters in the report',
+    )
+
+
+def visit_section(calibration: Calibration) -> Section | None:
+    """The sessions of the robot side by side, and the errors of each."""
+    if not calibration.visits:
+        return None
+    used = Table(
+        caption="Sessions of this robot; link numbers are one set for all of them",
+        head=("session", "rows", "poses", "base", "tool", "uncertainty", "conditions", "date"),
+        rows=tuple(
+            (
+                visit.name,
+                str(int(of(calibration, k).sum())),
+                _part_words(calibration, k),
+                _frame(visit.base, f"station{visit.station + 1}", "base"),
+                _frame(visit.tool, f"tool{visit.mounted + 1}", "tool"),
+                visit.uncertainty,
+                visit.conditions or "not stated",
+                visit.date or "–",
+            )
+            for k, visit in enumerate(calibration.visits)
+        ),
+        align="lrllllll",
+        size="small",
+        note="station2, tool2 ...: numbers under Parameters. Frames of a held-out session are "
+        "fitted to some of its poses with the robot held; its other poses judge.",
+    )
+    errors = Table(
+        caption="Errors of each session: seen minus predicted",
+        head=("session", "rows that", "rows", "before mean mm", "mean mm", "p95 mm", "max mm",
+              "mean deg"),
+        rows=tuple(_error_cells(calibration, *each) for each in _parts(calibration)),
+        align="llrrrrrr",
+        size="small",
+        note="before: nominal links, and all frames fitted as far as they are free.",
+    )  # fmt: skip
+    (said,) = handed_out(calibration)
+    text = Text(f"{said[0].upper()}{said[1:]}.")
+    return Section("visits", "Sessions", (text, used, errors))
+
+
+def visit_numbers(calibration: Calibration) -> Iterator[Quantity]:
+    """The same for result.json, by the names of the sessions."""
+    for k, visit in enumerate(calibration.visits):
+        found = [
+            Quantity("held_out", visit.held_out),
+            Quantity("base", visit.base),
+            Quantity("tool", visit.tool),
+            Quantity("numbers", visit.numbers),
+            Quantity("date", visit.date or None),
+            Quantity("conditions", visit.conditions),
+            Quantity("rows", int(of(calibration, k).sum())),
+        ]
+        for number, part, rows in _parts(calibration):
+            if number != k:
+                continue
+            misses = calibration.fit.misses
+            own = [
+                Quantity("rows", int(rows.sum())),
+                Quantity("before_mean_mm", calibration.before_misses.position[rows].mean(), METRE),
+                Quantity("mean_mm", misses.position[rows].mean(), METRE),
+                Quantity("max_mm", misses.position[rows].max(), METRE),
+            ]
+            if (rows & calibration.measurements.is_pose).any():
+                own.append(Quantity("mean_deg", misses.rotation[rows].mean(), RADIAN))
+            found += below(part.replace(" ", "_"), own)
+        yield from below(visit.name.replace("/", "_"), found)
+
+
+def visit_words(calibration: Calibration) -> tuple[str, ...]:
+    """Sentences on the sessions for the terminal and the first screen."""
+    said = []
+    for k, part, rows in _parts(calibration):
+        if part != JUDGES:
+            continue
+        visit, mean = calibration.visits[k], calibration.fit.misses.position[rows].mean()
+        before = calibration.before_misses.position[rows].mean()
+        poses = counted(calibration.measurements.rows(rows).n_poses, "held-out pose")
+        frames = ", in frames of its own" if visit.frame_poses else ""
+        said.append(
+            f"session {visit.name}: {poses}{frames}: mean error {fixed(before * MM, 4)} mm before, "
+            f"{fixed(mean * MM, 4)} mm after"
+        )
+    return (*said, *handed_out(calibration))
+
+
+def of(calibration: Calibration, k: int) -> Bool:
+    """Rows (m,) of a visit."""
+    return np.asarray(calibration.visit == k)
+
+
+def part_of(calibration: Calibration, row: int) -> str:
+    """What split.csv calls a row that fits the frames of a held-out visit; else nothing."""
+    if calibration.visit is None or calibration.split.is_test[row]:
+        return ""
+    return "frames" if calibration.visits[int(calibration.visit[row])].held_out else ""
+
+
+def _parts(calibration: Calibration) -> Iterator[tuple[int, str, Bool]]:
+    """Visits by number, with what some of their rows (m,) do."""
+    judges = calibration.split.is_test
+    for k, visit in enumerate(calibration.visits):
+        own = of(calibration, k)
+        mine = (
+            ((FITS, own & ~judges),)
+            if visit.held_out
+            else ((IDENTIFIES, own & calibration.is_used),)
+        )
+        for part, rows in (*mine, (JUDGES, own & judges)):
+            if rows.any():
+                yield k, part, rows
+
+
+def _part_words(calibration: Calibration, k: int) -> str:
+    """How many poses of a visit do what."""
+    return ", ".join(
+        f"{calibration.measurements.rows(rows).n_poses} {part}"
+        for number, part, rows in _parts(calibration)
+        if number == k
+    )
+
+
+def _frame(whose: str, name: str, first: str) -> str:
+    """Whose frame it is, and what its numbers are called."""
+    if whose != OWN:
+        return f"same as {whose}"
+    return f"own ({first if name[-1] == '1' and not name[-2].isdigit() else name})"
+
+
+def _error_cells(calibration: Calibration, k: int, part: str, rows: Bool) -> tuple[str, ...]:
+    """Cells of one part of a visit."""
+    before, after = calibration.before_misses, calibration.fit.misses
+    p, turned = after.position[rows], rows & calibration.measurements.is_pose
+    lengths = (before.position[rows].mean(), p.mean(), np.quantile(p, 0.95), p.max())
+    turn = fixed(after.rotation[turned].mean() * DEG, 4) if turned.any() else "–"
+    name = calibration.visits[k].name
+    return (name, part, str(len(p)), *(fixed(value * MM, 4) for value in lengths), turn)
+
+
+def own_reflectors(
+    visits: tuple[RobotVisit, ...], names: tuple[str, ...]
+) -> tuple[str | None, ...]:
+    """Names of the reflectors on the tool that is handed out; None for those of other tools."""
+    if not visits:
+        return names
+    lead = f"{visits[0].name}/"
+    return tuple(name.removeprefix(lead) if name.startswith(lead) else None for name in names)

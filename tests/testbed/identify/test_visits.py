@@ -1,0 +1,183 @@
+"""A robot identified from several visits, and judged by one in frames of its own."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from calib.identification.identify import identify
+from calib.measurement.observations import joined
+from calib.measurement.prediction import predict
+from testbed.files.read import read_session
+from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.frames import FRAMES_ALONE
+from testbed.identify.handback.delivered import Delivered
+from testbed.identify.records import Calibration
+from testbed.identify.results import headline, split_csv
+from testbed.identify.visits.frames import own_frames
+from testbed.identify.visits.report import visit_section
+from testbed.identify.words import next_step, terminal_text, verdict
+from testbed.store.npz import record_bytes, record_from
+from tests.testbed.files.campaign import HEAD, place, session, visit, written
+from tests.testbed.files.made import ROBOT, made
+
+GEOMETRIC = Options(model="geometric")
+HELD = ("held_out = true", "frame_poses = 10")
+
+
+@cache
+def campaign(folder, *, seed=0):
+    """Two sessions that identify, a third one that judges in frames of its own."""
+    return read_session(
+        written(
+            folder,
+            {"a": visit(0, 40, seed=seed), "b": visit(1, 30, seed=seed),
+             "c": visit(2, 50, seed=seed)},
+            session("a"), session("b"), session("c", *HELD),
+        ),
+        ROBOT,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def three(tmp_path_factory):
+    return campaign(tmp_path_factory.mktemp("three"))
+
+
+@pytest.fixture(scope="module")
+def found(three):
+    return calibrate(ROBOT, three, GEOMETRIC)
+
+
+def test_frames_of_every_visit_are_found_and_the_held_out_one_agrees(found):
+    model = found.fit.identification.model
+    assert found.fit.identification.names[-24:-18] == tuple(
+        f"station2.{axis}" for axis in ("x", "y", "z", "rx", "ry", "rz")
+    )
+    # 30 numbers of one visit, and base and tool of the two others
+    assert found.fit.identification.rank == len(found.fit.identification.names) == 54
+    for k in (1, 2):
+        # what was measured: the base of visit k seen from its station
+        seen = np.linalg.inv(model.fixtures.stations[k - 1]) @ model.chain.T_world_base
+        # tens of micrometres of the frames, at meters; links differ in numbers alike in effect
+        np.testing.assert_allclose(seen[:3, 3], place(k)[0][:3, 3], atol=1.5e-3)
+    judged = found.measurements.rows(found.split.is_test)
+    assert judged.n_poses == 40
+    assert set(judged.tool.tolist()) == {2}
+    assert found.proof.held_out.p_value > 1e-3
+    assert found.proof.belief.n_guards == 40
+    assert not found.elsewhere
+
+
+def test_the_training_does_not_know_the_held_out_visit(three, found):
+    """Links, frames and their covariance are those of the two sessions alone."""
+    rows = found.is_used
+    alone = [k for k, name in enumerate(found.fit.identification.names)
+             if not name.startswith(("station3", "tool3"))]  # fmt: skip
+    again = identify(
+        found.fit.identification.model, found.measurements.rows(rows),
+        found.fit.identification.parameters.freeing(
+            [found.fit.identification.names[k] for k in alone]
+        ),
+    )  # fmt: skip
+    # where the fit ended, and where it ends again: a part of the uncertainty
+    assert np.abs(again.step / again.standard_uncertainty).max() < 1e-4
+    np.testing.assert_allclose(
+        found.fit.identification.covariance[np.ix_(alone, alone)], again.covariance, rtol=1e-6,
+        atol=1e-22,
+    )  # fmt: skip
+
+
+def test_the_covariance_of_held_out_frames_is_that_of_one_fit_whose_frame_rows_hardly_count(
+    three, found
+):
+    """In the limit of frame rows without weight one least squares is the two steps: a sandwich."""
+    own = own_frames(three, found.before, found.split)
+    fit = found.fit.identification
+    table = joined([found.measurements.rows(found.is_used), found.measurements.rows(own.rows)])
+    seen, free = predict(fit.model, table), fit.parameters.free_index
+    m, scale = int(found.is_used.sum()), fit.parameters.free_scale
+    A = seen.rows[:, :, free] * scale
+    W = np.linalg.inv(table.covariance)
+    light = np.where(np.arange(len(table)) < m, 1.0, 1e-7)[:, None, None]
+    H = np.einsum("mef,meg,mgh->fh", A, W * light, A)
+    F = np.linalg.solve(H, np.einsum("mef,meg->fmg", A, W * light).reshape(len(H), -1))
+    N = np.zeros((6 * len(table),) * 2)
+    for k in range(len(table)):
+        N[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = table.covariance[k]
+    both = scale[:, None] * (F @ N @ F.T) * scale
+    sd = np.sqrt(np.diag(both))
+    # of correlations; 1e-7 of weight leaves that much of the frame rows in the links
+    np.testing.assert_allclose(
+        fit.covariance / np.outer(sd, sd), both / np.outer(sd, sd), atol=1e-5
+    )
+
+
+def test_results_say_which_session_is_which(three, found):
+    told = Delivered((), (), 0)
+    result = headline(found, told)["sessions"]
+    assert result["c"]["held_out"]
+    assert [result["c"][part]["rows"] for part in ("fit_its_frames", "judge")] == [10, 40]
+    assert result["b"]["identify"]["mean_mm"] < 0.05
+    blocks = visit_section(found).blocks
+    assert [len(block.rows) for block in blocks[1:]] == [3, 4]
+    assert 'are those of session "a"' in terminal_text(found, told)
+    assert "10 more of c, drawn at random (seed 0), fit its frames" in found.split.sentence
+    text = split_csv(found)
+    assert [text.count(f",{part},") for part in ("identify", "frames", "test")] == [70, 10, 40]
+    again = record_from(record_bytes("k", found, "s"), "k", Calibration, "s")
+    assert again.visits == three.visits
+    assert np.array_equal(again.visit, three.visit)
+
+
+def test_sessions_that_all_identify_give_held_out_poses_of_each(tmp_path):
+    """Another base, the same tool: drawn poses of both judge, and share every frame."""
+    read = read_session(
+        written(
+            tmp_path, {"a": visit(0, 40), "b": visit(1, 40, tool=0)},
+            session("a"), session("b", 'tool = "same as a"'),
+        ),
+        ROBOT,
+    )  # fmt: skip
+    found = calibrate(ROBOT, read, Options(model="geometric", held_out=30))
+    judged = found.measurements.rows(found.split.is_test)
+    assert set(judged.station.tolist()) == {0, 1}
+    assert not judged.tool.any()
+    assert found.fit.identification.rank == 36
+    assert found.proof.held_out.p_value > 1e-3
+
+
+def test_a_calibrated_robot_is_placed_anew_by_frames_alone(tmp_path):
+    robot = replace(ROBOT, model=replace(ROBOT.model, chain=made().truth.chain))
+    text = HEAD.replace("[frames]", '[frames]\nfile = "a.csv"')
+    head = text + f'[identification]\nfree = "{FRAMES_ALONE}"\n'
+    read = read_session(written(tmp_path, {"a": visit(5, 40)}, head=head), ROBOT)
+    found = calibrate(robot, read, Options(held_out=30))
+    result = found.fit.identification
+    assert {name.split(".")[0] for name in result.names} == {"base", "tool"}
+    assert np.array_equal(result.model.chain.links, made().truth.chain.links)
+    assert abs(result.chi_square - result.dof) < 5 * np.sqrt(2 * result.dof)
+    assert verdict(found).startswith("With frames fitted alone")
+    assert "Do not use" not in next_step(found)
+    with pytest.raises(InputError, match='--model is "extended"'):
+        calibrate(robot, read, Options(model="extended"))
+
+
+@pytest.mark.parametrize(
+    ("counts", "lines", "said"),
+    [
+        ((30, 2), (), 'frames of session "b".*2 different poses give 12 equations.*at least 3'),
+        ((2, 30), (), 'frames of session "a".*2 different poses give 12 equations.*at least 3'),
+        ((30, 10), HELD, 'session "b" has 10 poses, and its frames take 10'),
+    ],
+    ids=["of b", "of a", "none left to judge"],
+)
+def test_frames_that_nothing_determines_are_refused_by_name(tmp_path, counts, lines, said):
+    a, b = (visit(k, m) for k, m in enumerate(counts))
+    read = read_session(
+        written(tmp_path, {"a": a, "b": b}, session("a"), session("b", *lines)), ROBOT
+    )
+    with pytest.raises(InputError, match=said):
+        calibrate(ROBOT, read, replace(GEOMETRIC, held_out=None if lines else 0))
