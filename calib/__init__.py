@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from calib.measurement.tables import distances as distances
     from calib.measurement.tables import points as points
     from calib.measurement.tables import poses as poses
+    from calib.single_poses import SinglePoses as SinglePoses
     from calib.uncertainty.judgement import Circumstances as Circumstances
     from calib.uncertainty.judgement import Judgement as Judgement
     from calib.uncertainty.judgement import judge as judge
@@ -36,6 +37,7 @@ else:
         "Judgement": "uncertainty.judgement",
         "Measurements": "measurement.observations",
         "RobotModel": "geometry.model",
+        "SinglePoses": "single_poses",
         "calibrate": "calibration",
         "compensate": "compensation",
         "design": "",

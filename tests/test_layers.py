@@ -68,7 +68,7 @@ FLOORS = {
         ("arrays",),
         ("geometry", "kernels"),
         ("measurement",),
-        ("information", "compensation"),
+        ("information", "compensation", "single_poses"),
         ("design", "identification"),
         ("uncertainty",),
         ("calibration",),

@@ -12,6 +12,7 @@ from calib.geometry.frames import log_so3, rot_x, rot_y, rot_z, slide
 from calib.geometry.inverse import inverse_kinematics
 from calib.geometry.jacobian import pose_and_jacobian
 from calib.geometry.model import RobotModel
+from calib.single_poses import SinglePoses
 from tests.reference import TX60_LINKS, pool_r
 
 CHAIN = Chain(TX60_LINKS).moved(np.full(42, 1e-4))
@@ -43,6 +44,19 @@ def difference_jacobian(q, h=1e-6):
 def test_forward(benchmark, form):
     T = benchmark((lambda: forward(CHAIN, Q)) if form is forward else (lambda: naive_forward(Q)))
     assert np.abs(T[:5] - naive_forward(Q[:5])).max() < 1e-13
+
+
+@pytest.mark.benchmark(group="forward, one pose")
+@pytest.mark.parametrize("form", ["compiled", "model", "naive"])
+def test_one_pose(benchmark, form):
+    """Bar: 5 us compiled."""
+    fast, model, q = SinglePoses.of(RobotModel(CHAIN)), RobotModel(CHAIN), Q[0].copy()
+    work = {
+        "compiled": lambda: fast.pose(q),
+        "model": lambda: model.poses(q[None])[0],
+        "naive": lambda: naive_forward(q[None])[0],
+    }[form]
+    assert np.abs(benchmark(work) - naive_forward(q[None])[0]).max() < 1e-13
 
 
 @pytest.mark.benchmark(group="Jacobian, 1000 poses x 42 numbers")

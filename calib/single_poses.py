@@ -1,0 +1,80 @@
+"""One pose after the other, as fast as compiled code goes: a robot model without its checks."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, frozen
+from calib.errors import refuse
+from calib.geometry.model import RobotModel
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SinglePoses:
+    """A robot model ready for single postures; of many at once `RobotModel.poses` is faster.
+
+    Examples
+    --------
+    >>> from calib import Chain, RobotModel
+    >>> robot = SinglePoses.of(RobotModel(Chain([[0, 0.3, 0.1, 0, 0]])))
+    >>> robot.pose(np.array([0.0]))[:3, 3]
+    array([0.1, 0. , 0.3])
+    """
+
+    links: Array
+    """(n, 8), as `calib.kernels.single_pose` takes them."""
+    frames: Array
+    """(2, 16) base and tool."""
+    terms: Array
+    """(k, n + 3) joint terms."""
+
+    def __repr__(self) -> str:
+        return f"SinglePoses({len(self.links)} joints)"
+
+    @classmethod
+    def of(cls, model: RobotModel) -> "SinglePoses":
+        """Compile a model; the first call of a process takes half a second.
+
+        Raises
+        ------
+        InputError
+            If the model has springs, or terms of what a row says beside its joints.
+        """
+        import calib.kernels.single_pose  # noqa: F401  # compiled now, not at the first pose
+
+        errors, chain = model.joint_errors, model.chain
+        if errors.sprung is not None or not all(term.is_wave for term in errors.terms):
+            raise refuse(
+                "model", code="A3",
+                message="this model has springs, or terms that are no waves of its joints",
+                allowed="a chain, with waves of its joint values at most",
+                fix="take the poses from the robot model itself",
+            )  # fmt: skip
+        theta, d, a, alpha, beta = chain.links.T
+        links = [
+            theta, d, a, np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta), chain.prismatic,
+        ]  # fmt: skip
+        terms = [
+            [term.joint, coefficient, term.wave == "cos", *term.weights]
+            for term, coefficient in zip(errors.terms, errors.coefficients, strict=True)
+        ]
+        return cls(
+            frozen(np.stack(links, axis=1)),
+            frozen(np.stack([chain.T_world_base.ravel(), chain.T_flange_tool.ravel()])),
+            frozen(np.array(terms, dtype=np.float64).reshape(-1, chain.n_joints + 3)),
+        )
+
+    def pose(self, q: Array) -> Array:
+        """Tool pose T_world_tool (4, 4) [m] at joints q (n,) [rad, m].
+
+        A contiguous array of floats is asked for; that they are finite is not looked at.
+        """
+        from calib.kernels.single_pose import single_pose
+
+        if len(q) != len(self.links):
+            wanted = f"{len(self.links)} joint values"
+            raise refuse("q", len(q), wanted, code="A1", message=f"q has {len(q)} values")
+        T = np.zeros((4, 4))
+        T[3, 3] = 1.0
+        single_pose(self.links, self.frames, self.terms, q, np.empty(len(self.links)), T)
+        return T
