@@ -13,7 +13,7 @@ BEFORE_COLOR, AFTER_COLOR = (200, 52, 52), (20, 140, 70)
 """Of errors in the cell."""
 
 SEARCH_PHASE, MEASURE_PHASE = (128, 104, 98), (52, 128, 196)
-IDENTIFY_PHASE, EVALUATE_PHASE = (58, 140, 72), (204, 146, 62)
+IDENTIFY_PHASE, EVALUATE_PHASE, MOVE_PHASE = (58, 140, 72), (204, 146, 62), (150, 92, 160)
 """Of like phases on the bar, whatever the verb."""
 
 RED, GREEN = (232, 84, 80), (60, 190, 110)

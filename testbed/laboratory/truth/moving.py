@@ -17,25 +17,20 @@ from calib.errors import refuse
 from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.frames import transform
 from testbed.laboratory.simulator import grown, log_warning
+from testbed.laboratory.truth.moving_spec import hinge_names, moving_spec
 from testbed.laboratory.truth.springs import (
     BENT,
     gives_way,
-    loaded_spec,
     places,
     sag,
     stiffnesses,
 )
 from testbed.laboratory.truth.terms import Approach, Springs
-from testbed.robots.catalog import body_name
 from testbed.robots.write.mjcf import compile_spec, set_geometry
 from testbed.scenario.truth import PEAK
 
 STEP = 1e-3
 """Of the integration; a tenth of it moves the tool by 0.5 um on average, 1.5 um at 95 % [s]."""
-RINGING = 1e5
-"""Stiffness of a drive over the inertia of its gear: alone it would ring at 50 Hz [1/s^2]."""
-BEARING_RINGING = 1e6
-"""The same of a bearing, at 160 Hz: with both no step of the integration is too long [1/s^2]."""
 CHORDS = 16
 """Parts of a way in which the path of the tool is measured."""
 POSTURES = 200
@@ -124,14 +119,14 @@ class MovingArm:
         """
         q = joint_vectors(self._chain, q)
         (angles,) = self.deflections(q, travel, (self.motion.dwell,))
-        return self._bent(q if scatter is None else q + scatter, angles, growth)
+        return self.bent(q if scatter is None else q + scatter, angles, growth)
 
     def looks(self, q: ArrayLike, travel: Array, dwells: tuple[float, ...]) -> Array:
         """Tool poses (d, m, 4, 4) of the same approaches after rising dwells (d,) [s]."""
         q = joint_vectors(self._chain, q)
-        return np.array([self._bent(q, one, None) for one in self.deflections(q, travel, dwells)])
+        return np.array([self.bent(q, one) for one in self.deflections(q, travel, dwells)])
 
-    def _bent(self, q: Array, angles: Array, growth: Array | None) -> Array:
+    def bent(self, q: Array, angles: Array, growth: Array | None = None) -> Array:
         """Tool poses (m, 4, 4) with the motors at q (m, n) and the springs at `angles` (m, k)."""
         import mujoco
 
@@ -186,6 +181,12 @@ class MovingArm:
             raise refuse(key, value, allowed, code="S37", message=message, fix=fix)
         return np.asarray(seconds)
 
+    def approach(self, q: Array, travel: Array) -> Array:
+        """What the motors do on one approach (s, n) to joints q (n,), from its start on [rad]."""
+        steps = int(np.ceil(self.durations(q[None], travel[None])[0] / self._step))
+        left = 1 - np.arange(steps + 1)[:, None] / max(steps, 1)
+        return np.asarray(q - self._last_part(travel[None]) * _to_go(left))
+
     def _last_part(self, travel: Array) -> Array:
         """What is played of each way (m, n): the joint that goes farthest moves by `approach`."""
         far = np.abs(travel).max(axis=1, keepdims=True)
@@ -197,16 +198,11 @@ class MovingArm:
         import mujoco
 
         model, data, end, last = self._model, self._data, np.frombuffer(goal), np.frombuffer(way)
-        mujoco.mj_resetData(model, data)
-        data.qpos[self._driven] = data.ctrl[:] = end - last
-        stands = data.qpos[self._elastic]
-        angles = sag(model, data, self._elastic, self._stiffness, stands)
-        if angles is None:
+        if not self._stand(end - last):
             return None
-        data.qpos[self._elastic] = stands + angles
         for k in range(1, steps + 1):
-            left = 1 - k / steps  # a quintic, from rest to rest, seen from its end
-            data.ctrl[:] = end - last * (left**3 * (10 - 15 * left + 6 * left * left))
+            left = 1 - k / steps
+            data.ctrl[:] = end - last * _to_go(left)
             mujoco.mj_step(model, data)
         data.ctrl[:] = end
         out, waited = np.empty((len(waits), len(self._elastic))), 0
@@ -215,6 +211,39 @@ class MovingArm:
             out[k], waited = data.qpos[self._elastic], wait
         out[:, self._drives] -= end
         return out if np.abs(out).max() < BENT else None  # also not where it is no number
+
+    def follow(self, path: Array, *, every: int = 1) -> Array:
+        """Angles (s // every, k) of the springs, as in `deflections`, while the motors move [rad].
+
+        They take one row of their `path` (s, n) in each step, from rest at the first; said is what
+        follows upon every so many rows.
+        """
+        import mujoco
+
+        out = np.empty((len(path) // every, len(self._elastic)))
+        stands = self._stand(path[0])
+        for k, motors in enumerate(path if stands else ()):
+            self._data.ctrl[:] = motors
+            mujoco.mj_step(self._model, self._data)
+            if (k + 1) % every == 0:
+                out[k // every] = self._data.qpos[self._elastic]
+        out[:, self._drives] -= path[every - 1 :: every][: len(out)]
+        if not stands or not np.abs(out).max() < BENT:
+            raise gives_way(0, self._stiffness, LOADS)
+        return out
+
+    def _stand(self, motors: Array) -> bool:
+        """Put the arm at rest on its springs, with no friction yet; whether they carry it."""
+        import mujoco
+
+        model, data = self._model, self._data
+        mujoco.mj_resetData(model, data)
+        data.qpos[self._driven] = data.ctrl[:] = motors
+        stands = data.qpos[self._elastic]
+        angles = sag(model, data, self._elastic, self._stiffness, stands)
+        if angles is not None:
+            data.qpos[self._elastic] = stands + angles
+        return angles is not None
 
     def _inertias(self) -> Array:
         """Inertia (k,) that each sprung hinge feels, the mean over postures all around [kg m^2]."""
@@ -233,39 +262,6 @@ class MovingArm:
         return felt
 
 
-def hinge_names(n_joints: int, *, bearings: bool) -> list[str]:
-    """Names of the sprung hinges, joint by joint."""
-    across = ("bend{}x", "bend{}y") if bearings else ()
-    return [name.format(i + 1) for i in range(n_joints) for name in ("joint{}", *across)]
-
-
-def moving_spec(chain: Chain, springs: Springs, motion: Approach, step: float) -> Any:
-    """Body tree of an arm behind driven motors as a `mujoco.MjSpec`, still without dampers."""
-    import mujoco
-
-    spec = loaded_spec(chain, springs)
-    for i in range(chain.n_joints):
-        body, drive = spec.body(body_name(i + 1)), float(springs.drive[i])
-        joint = body.joints[0]
-        joint.armature, joint.frictionloss = drive / RINGING, motion.friction[i]
-        joint.solref_friction, joint.solimp_friction = [2 * step, 1], [0.99, 0.9999, 1e-4, 0.5, 2]
-        motor = spec.add_actuator(
-            name=f"motor{i + 1}", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
-        )
-        motor.set_to_position(kp=drive)  # drive (ctrl - q): a spring whose other end is the motor
-        for name, axis in (("bend{}x", [1, 0, 0]), ("bend{}y", [0, 1, 0])):
-            if len(springs.bearing):
-                body.add_joint(
-                    name=name.format(i + 1),
-                    type=mujoco.mjtJoint.mjJNT_HINGE,
-                    axis=axis,
-                    stiffness=[springs.bearing[i], 0, 0],  # MuJoCo 4: a polynomial
-                    armature=springs.bearing[i] / BEARING_RINGING,
-                )
-    option, disable = spec.option, mujoco.mjtDisableBit
-    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    option.timestep = step
-    option.disableflags |= disable.mjDSBL_CONTACT | disable.mjDSBL_AUTORESET
-    option.iterations, option.tolerance = 20, 0
-    option.noslip_iterations = 10  # without them dry friction creeps
-    return spec
+def _to_go(left: Any) -> Any:
+    """Share of a quintic move, from rest to rest, that lies ahead; as `left` is of its time."""
+    return left**3 * (10 - 15 * left + 6 * left * left)

@@ -14,6 +14,8 @@ from testbed.robots.robot import Robot
 from testbed.studies.trial.recording_cell import ShownTrial
 
 GHOST_COLOR = (222, 60, 50, 110)
+MOVE = "move"
+"""The chapter in which a ghost of its own moves."""
 
 
 def known(timeline: Timeline) -> Array:
@@ -29,12 +31,15 @@ def draw_ghost(shown: ShownTrial, robot: Robot, pen: Pen) -> None:
     """The true robot with its deviation from the model in use drawn many times.
 
     Until identification the model in use is the nominal one; while the solver works the ghost
-    closes in on what the identified model still leaves.
+    closes in on what the identified model still leaves. Where another ghost moves it hides.
     """
     part, q = known(pen.timeline), pen.timeline.q
     values, index = np.unique(part, return_inverse=True)
     bends = shown.ghost * bends_left(shown, q, part)
-    chains = ghost_chains(shown, shown.ghost, values)
+    chains = (*ghost_chains(shown, shown.ghost, values), shown.setting.nominal.chain)
+    for phase in pen.timeline.phases:
+        if phase.name == MOVE:
+            bends[phase.steps], index[phase.steps] = 0.0, len(values)
     path, across = f"world/true_x{shown.ghost}", bends[:, :, :Z] if bends[:, :, :Z].any() else None
     turned = q + bends[:, :, Z]
     draw_arm(pen, path, robot, turned, chains, index.reshape(-1), GHOST_COLOR, across)

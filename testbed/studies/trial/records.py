@@ -22,6 +22,7 @@ from calib.uncertainty.statement.belief import Belief
 from testbed.laboratory.truth.laboratory import Setting
 from testbed.scenario.scenario import Scenario
 from testbed.studies.protocol import Records
+from testbed.studies.trial.bending.records import Ways
 from testbed.studies.trial.statement.records import Statement, Validation
 
 
@@ -222,6 +223,11 @@ class Campaign:
     def pose_count(self) -> PoseCountStudy | None:
         """Indices against the number of poses; None if nobody asked."""
         return self.records.find("pose_count", PoseCountStudy)
+
+    @property
+    def motion(self) -> Ways | None:
+        """How the true arm comes to its poses; None where it does not move."""
+        return self.records.find("motion", Ways)
 
     @property
     def random_sets(self) -> tuple[RandomSets, ...]:

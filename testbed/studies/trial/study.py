@@ -10,13 +10,15 @@ from testbed.scenario.hashes import goal_part, part, shared_part
 from testbed.scenario.scenario import Scenario
 from testbed.store.quantities import Quantity
 from testbed.studies.protocol import Answer, Record, Records, Task
+from testbed.studies.trial.bending.records import Ways
 from testbed.studies.trial.records import PoseCountStudy, RandomSetsStudy, Trial, campaign_of
 from testbed.studies.trial.statement.records import Validation
 
 if TYPE_CHECKING:
     from testbed.recording.story import Chapter
 
-SETTING, VALIDATION, POSE_COUNT, RANDOM_SETS = "setting", "validation", "pose_count", "random_sets"
+SETTING, VALIDATION, MOTION = "setting", "validation", "motion"
+POSE_COUNT, RANDOM_SETS = "pose_count", "random_sets"
 
 
 class TrialStudy:
@@ -24,10 +26,10 @@ class TrialStudy:
 
     name = "trial"
     settings = None
-    keys = (SETTING, VALIDATION, POSE_COUNT, RANDOM_SETS)
+    keys = (SETTING, VALIDATION, MOTION, POSE_COUNT, RANDOM_SETS)
 
     def records(self, scenario: Scenario) -> tuple[Record, ...]:
-        """The laboratory, the held-out visit, one record per trial, and indices of random sets."""
+        """The laboratory, the held-out visit, how an arm moves, trials, indices of random sets."""
         shared = shared_part(scenario)
         fitted = shared | part(scenario, "identification", "uncertainty")
         everything = campaign_part(scenario)
@@ -35,6 +37,8 @@ class TrialStudy:
             Record(SETTING, Setting, shared, vital=True),
             Record(VALIDATION, Validation, shared, needs=(SETTING,)),
         ]
+        if scenario.truth.motion:
+            found.append(Record(MOTION, Ways, shared, needs=(SETTING,)))
         hashed = part(scenario, "trial")["trial"]
         for trial, settings in zip(scenario.trial, hashed, strict=True):
             reads = fitted | {"trial": settings}
@@ -57,6 +61,10 @@ class TrialStudy:
         setting = needed.get(SETTING, Setting)
         if task.key == VALIDATION:
             return play.validation_visit(scenario, setting)
+        if task.key == MOTION:
+            from testbed.studies.trial.bending.play import moved
+
+            return moved(scenario, setting)
         if task.key == POSE_COUNT:
             return random_sets.pose_count_study(scenario, setting)
         if task.key == RANDOM_SETS:
@@ -114,13 +122,22 @@ class TrialStudy:
     def recording(
         self, scenario: Scenario, records: Records, trial: str | None = None
     ) -> Sequence["Chapter"]:
-        """Select, measure, identify, evaluate: one trial, or the first, by its first estimator."""
+        """Select, measure, identify, evaluate: one trial, or the first, by its first estimator.
+
+        And how the arm comes to a pose, if it moves.
+        """
+        from testbed.robots.catalog import load_robot
+        from testbed.studies.trial.bending.recording import move_chapter
         from testbed.studies.trial.recording import chapters
         from testbed.studies.trial.recording_cell import show
 
         campaign = campaign_of(scenario, records)
-        shown = campaign.trials[0] if trial is None else records.get(trial, Trial)
-        return chapters(show(campaign, shown), campaign.random_sets)
+        asked = campaign.trials[0] if trial is None else records.get(trial, Trial)
+        shown, motion = show(campaign, asked), campaign.motion
+        found = chapters(shown, campaign.random_sets)
+        if motion is None:
+            return found
+        return (*found, move_chapter(shown, motion, load_robot(scenario.robot)))
 
 
 def campaign_part(scenario: Scenario) -> dict[str, Any]:

@@ -11,7 +11,8 @@ from calib.errors import InputError
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from testbed.laboratory.simulator import grown
-from testbed.laboratory.truth.moving import RINGING, MovingArm
+from testbed.laboratory.truth.moving import MovingArm
+from testbed.laboratory.truth.moving_spec import RINGING
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.laboratory.truth.springs import ElasticArm
 from testbed.laboratory.truth.terms import Approach, Springs

@@ -15,18 +15,26 @@ from testbed.laboratory.truth.robot import TrueRobot, unmodelled_terms
 from testbed.laboratory.truth.terms import UnmodelledTerms
 from testbed.recording.cell import box_edges, draw_arm
 from testbed.recording.curves import parameter_panel, place
+from testbed.recording.story import timeline_of
 from testbed.recording.style import nice_factor
-from testbed.recording.timeline import glide, growing
+from testbed.recording.timeline import glide, growing, visit
 from testbed.recording.write import strict_mode
 from testbed.robots.catalog import load_robot
 from testbed.robots.placements import placements
+from testbed.run.derive import chapters_of
 from testbed.studies.trial.recording_cell import stated_regions
-from testbed.studies.trial.recording_ghost import bends_left, ghost_chains, smallest_equal
+from testbed.studies.trial.recording_ghost import (
+    bends_left,
+    draw_ghost,
+    ghost_chains,
+    smallest_equal,
+)
 from tests import recorded, viewed
 from tests.campaign import with_records
 from tests.recorded import column, properties, record, scalars, small_campaign, store, structure
 from tests.reported import SMALL, played
 from tests.testbed.laboratory.outcomes import settings
+from tests.toy_story import chapter
 
 GOLDEN = Path(__file__).resolve().parents[2] / "golden" / "recording.txt"
 SINGLE = 2e-6
@@ -193,23 +201,37 @@ def test_the_ghost_of_a_sprung_arm_is_bent_about_three_axes_by_its_factor(shown)
     np.testing.assert_allclose(
         bends - bends_left(sprung, q, nothing + 1), identified, rtol=0, atol=1e-18
     )
-    pen = Drawn()
+    pen = Drawn(None)
     draw_arm(pen, "arm", robot, q + 30 * bends[:, :, 2], (setting.true.chain,),
              across=30 * bends[:, :, :2])  # fmt: skip
-    drawn = np.eye(4)
-    for joint in range(1, 7):
-        drawn = drawn @ pen.drawn["arm" + "".join(f"/link{k + 1}" for k in range(joint))]
-    drawn = drawn @ placements(robot.model.chain).tool
     np.testing.assert_allclose(
-        drawn, bent_forward(setting.true.chain, q, 30 * bends), rtol=0, atol=1e-12
+        pen.tool("arm"), bent_forward(setting.true.chain, q, 30 * bends), rtol=0, atol=1e-12
     )
 
 
-class Drawn:
-    """A pen that keeps the transforms."""
+def test_the_ghost_hides_where_another_one_moves(shown, campaign):
+    q = shown.setting.test_q[:3]
+    timeline = timeline_of([*chapters_of(campaign), chapter("move", visit(q))])
+    pen = Drawn(timeline)
+    draw_ghost(shown, load_robot("staubli_tx60"), pen)
+    away = pen.tool(f"world/true_x{shown.ghost}") - shown.setting.nominal.poses(timeline.q)
+    size = np.abs(away).max(axis=(1, 2))
+    assert size[timeline.phase("move").steps].max() < 1e-12
+    assert size[timeline.phase("evaluate").steps].min() > 1e-5
 
-    def __init__(self):
-        self.drawn = {}
+
+class Drawn:
+    """A pen that keeps the transforms of a TX60."""
+
+    def __init__(self, timeline):
+        self.timeline, self.drawn = timeline, {}
+
+    def tool(self, root):
+        """Tool poses of the arm that was drawn there."""
+        T = np.eye(4)
+        for joint in range(1, 7):
+            T = T @ self.drawn[root + "".join(f"/link{k + 1}" for k in range(joint))]
+        return T @ placements(load_robot("staubli_tx60").model.chain).tool
 
     def transforms(self, path, T):
         self.drawn[path] = T

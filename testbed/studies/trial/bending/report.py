@@ -15,12 +15,19 @@ from testbed.studies.trial.bending.sag import sag_of, without_gravity
 from testbed.studies.trial.records import Campaign, Estimate, Trial
 from testbed.units import micrometres
 
+RUBS = 1e-6
+"""Width of the tool's loop below which there is nothing to see [m]."""
+
 
 def bending_section(campaign: Campaign) -> Section | None:
-    """Joint maps and sag of the first trial; None where nothing bends."""
+    """Joint maps and sag of the first trial, and how the arm moves; None where nothing bends."""
     trial = campaign.trials[0]
     estimate = trial.estimates[0]
-    blocks = (*map_figure(campaign, trial, estimate), *sag_figure(campaign, trial, estimate))
+    blocks = (
+        *map_figure(campaign, trial, estimate),
+        *sag_figure(campaign, trial, estimate),
+        *motion_figures(campaign),
+    )
     return Section("bends", "What bends this arm", blocks) if blocks else None
 
 
@@ -71,3 +78,34 @@ def sag_figure(campaign: Campaign, trial: Trial, estimate: Estimate) -> tuple[Bl
         f"{worst} µm at most, whatever the cause. Play, warmth and motion are in neither."
     )
     return (Figure(text, plots.sag_maps(sag)),)
+
+
+def motion_figures(campaign: Campaign) -> tuple[Block, ...]:
+    """Hysteresis, and how what swings dies away."""
+    motion, truth = campaign.motion, campaign.scenario.truth
+    if motion is None:
+        return ()
+    blocks: list[Block] = []
+    if motion.tool_width > RUBS:
+        text = (
+            "Friction holds every link back, on the side that it comes from: how far each turns "
+            "beside where it would rest while all motors go slowly down (broken) and up about one "
+            "held-out pose, and the tool along the line between its two ways; widths of the loops "
+            "in the titles."
+        )
+        blocks.append(Figure(text, plots.loops(motion)))
+    text = (
+        f"How far the tool is from where it comes to rest, on {motion.away.shape[1]} ways to "
+        f"held-out poses. When the tracker looks, after {truth.dwell_s:g} s, it is "
+        f"{_mean_and_most(motion.seen)}. No wait takes away that reached from the other side a "
+        f"pose lies elsewhere, by {_mean_and_most(motion.apart)}."
+    )
+    kinds = {"": (motion.away.mean(axis=1), motion.away.max(axis=1))}
+    blocks.append(Figure(text, plots.dying_away(motion.dwell, kinds, truth.dwell_s)))
+    return tuple(blocks)
+
+
+def _mean_and_most(size: Array) -> str:
+    """Lengths (k,) [m] by their mean and the largest."""
+    mean, most = micrometres(float(size.mean()), 2), micrometres(float(size.max()), 2)
+    return f"{mean} µm on average and {most} µm at most"

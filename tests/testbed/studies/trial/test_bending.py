@@ -35,7 +35,7 @@ def campaign(preset, **changes):
     found = SimpleNamespace(model=nominal, parameters=known, covariance=np.zeros((0, 0)))
     trial = SimpleNamespace(name="set", estimates=(SimpleNamespace(identification=found),))
     scenario = SimpleNamespace(truth=truth, robot="staubli_tx60")
-    return SimpleNamespace(scenario=scenario, setting=setting, trials=(trial,))
+    return SimpleNamespace(scenario=scenario, setting=setting, trials=(trial,), motion=None)
 
 
 def sag(played):
