@@ -25,6 +25,7 @@ from calib.errors import refuse
 from calib.geometry.inverse import SINGULAR_CONDITION, Inverse, InverseStatus, inverse_kinematics
 from calib.geometry.inverse_search import joint_condition
 from calib.geometry.model import RobotModel
+from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from calib.measurement.accuracy import position_errors, rotation_errors
 
@@ -104,7 +105,11 @@ class PoseCorrection(_Corrected):
 
 
 def compensate(
-    nominal: RobotModel, identified: RobotModel, q: ArrayLike, limits: ArrayLike | None = None
+    nominal: RobotModel,
+    identified: RobotModel,
+    q: ArrayLike,
+    limits: ArrayLike | None = None,
+    at: OperatingConditions = AS_USUAL,
 ) -> Correction:
     """Joint targets at which the identified robot has the poses that the nominal one has at `q`.
 
@@ -118,6 +123,8 @@ def compensate(
         Joint targets of the program [rad, m].
     limits : (n, 2) array_like, optional
         Lower and upper joint limits [rad, m]; none by default.
+    at : OperatingConditions, optional
+        Under which the identified robot goes to the targets.
 
     Examples
     --------
@@ -132,9 +139,9 @@ def compensate(
     (q,) = check(f"m {n}", q=q)
     limits = np.tile([-UNLIMITED, UNLIMITED], (n, 1)) if limits is None else limits
     T = nominal.poses(q)
-    found = inverse_kinematics(identified, T, q, limits, whole_turns=False)
-    here = identified.poses(q)
-    condition = np.maximum(found.condition, joint_condition(identified, q))
+    found = inverse_kinematics(identified, T, q, limits, whole_turns=False, at=at)
+    here = identified.poses(q, at)
+    condition = np.maximum(found.condition, joint_condition(identified, q, at))
     return Correction(
         q=found.q,
         step=frozen(found.q - q),
@@ -153,6 +160,7 @@ def corrected_poses(
     T: ArrayLike,
     seeds: ArrayLike,
     limits: ArrayLike,
+    at: OperatingConditions = AS_USUAL,
 ) -> PoseCorrection:
     """Cartesian targets that bring the identified robot to `T` through the nominal controller.
 
@@ -168,6 +176,8 @@ def corrected_poses(
         Near which joints the controller reaches them: its configuration [rad, m].
     limits : (n, 2) array_like
         Lower and upper joint limits [rad, m].
+    at : OperatingConditions, optional
+        Under which the identified robot goes to the targets.
 
     Notes
     -----
@@ -177,7 +187,7 @@ def corrected_poses(
     """
     _same_joints(nominal, identified)
     meant = inverse_kinematics(nominal, T, seeds, limits)
-    found = inverse_kinematics(identified, T, meant.q, limits, whole_turns=False)
+    found = inverse_kinematics(identified, T, meant.q, limits, whole_turns=False, at=at)
     condition = np.maximum(found.condition, meant.condition)
     reached = _statuses(identified, found, found.q - meant.q, condition)
     # a pose the nominal arm cannot take is no target of its program

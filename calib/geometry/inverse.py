@@ -28,6 +28,7 @@ from calib.geometry.inverse_search import (
 )
 from calib.geometry.inverse_search import joint_jacobian as joint_jacobian
 from calib.geometry.model import RobotModel
+from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH as L
 
 InverseStatus = Literal["reached", "singular", "limits", "out of reach"]
@@ -73,6 +74,7 @@ def inverse_kinematics(
     limits: ArrayLike,
     *,
     whole_turns: bool = True,
+    at: OperatingConditions = AS_USUAL,
 ) -> Inverse:
     """Joint values at which the tool takes each wanted pose.
 
@@ -91,6 +93,8 @@ def inverse_kinematics(
     whole_turns : bool
         Whether a joint may end a whole turn away from where its search ended, to be inside its
         limits.
+    at : OperatingConditions, optional
+        Under which the robot goes to the targets.
 
     Notes
     -----
@@ -115,7 +119,8 @@ def inverse_kinematics(
     every = every[:, None] if every.ndim == 2 else every
     (every,) = check(f"{len(T)} s {n}", seeds=every)
     targets, starts = len(T), every.shape[1]
-    task = PoseSearch(model, np.repeat(T, starts, axis=0), every.reshape(-1, n), limits)
+    own = at.rows(np.repeat(np.arange(targets), starts))
+    task = PoseSearch(model, np.repeat(T, starts, axis=0), every.reshape(-1, n), limits, own)
     q, near = search(task, into_limits(task, task.seeds), bounded=True)
     for nudge in NUDGES if starts == 1 else ():
         q, near = retry(task, q, near, nudge)

@@ -15,6 +15,7 @@ from calib.geometry.frames import log_so3, right_jacobian_inverse
 from calib.geometry.jacobian import bent_pose_and_jacobian, joint_columns, pose_and_jacobian
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
+from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH as L
 
 ARRIVED = 1e-9
@@ -33,19 +34,22 @@ DAMPING = (1e-9, 1e-6, 1e3)
 try after a step that failed, above the third no step helps."""
 
 
-def joint_jacobian(model: RobotModel, q: Array) -> tuple[Array, Array]:
+def joint_jacobian(
+    model: RobotModel, q: Array, at: OperatingConditions = AS_USUAL
+) -> tuple[Array, Array]:
     """Poses (m, 4, 4) and their exact derivative by the commanded joints (m, 6, n).
 
     Rows are [dp (m); dr (rad)] in world axes; joint errors that follow the joints are in it.
     """
     errors = model.joint_errors
+    growth = errors.growth(at)
     if errors.sprung:
-        T, J = bent_pose_and_jacobian(model.chain, q, errors.bends(q))
+        T, J = bent_pose_and_jacobian(model.chain, q, errors.bends(q, at), growth)
         bent, springs = J[:, :, model.chain.n_numbers :], errors.sprung
         give = bent[:, :, springs.places] @ springs.slopes_by_joint(q, errors.of_springs)
         J = bent[:, :, Z::3]
         return T, J + J @ _error_slopes(errors, q) + give
-    T, J = pose_and_jacobian(model.chain, q + errors.offsets(q))
+    T, J = pose_and_jacobian(model.chain, q + errors.offsets(q, at), growth)
     J = J[:, :, joint_columns(model.chain)]
     return T, J + J @ _error_slopes(errors, q) if errors.terms else J
 
@@ -58,8 +62,9 @@ def _error_slopes(errors: JointErrors, q: Array) -> Array:
     phase = q @ weights.T
     slope = np.where(cosine, -np.sin(phase), np.cos(phase)) * errors.coefficients[: len(cosine)]
     out = np.zeros((len(q), q.shape[1], q.shape[1]))
-    for k, joint in enumerate(errors.joints):
-        out[:, joint] += slope[:, k, None] * weights[k]
+    for k, term in enumerate(errors.terms):
+        if term.is_wave:
+            out[:, term.joint] += slope[:, k, None] * weights[k]
     return out
 
 
@@ -71,10 +76,12 @@ class PoseSearch:
     T: Array
     seeds: Array
     limits: Array
+    at: OperatingConditions = AS_USUAL
 
     def rows(self, which: Index) -> "PoseSearch":
         """Some of the searches."""
-        return PoseSearch(self.model, self.T[which], self.seeds[which], self.limits)
+        some = self.T[which], self.seeds[which], self.limits, self.at.rows(which)
+        return PoseSearch(self.model, *some)
 
     @property
     def unit(self) -> Array:
@@ -83,7 +90,7 @@ class PoseSearch:
 
     def error(self, q: Array) -> tuple[Array, Array]:
         """Scaled errors (s, 6) [m] and derivative (s, 6, n) of what removes them, scaled joints."""
-        here, J = joint_jacobian(self.model, q)
+        here, J = joint_jacobian(self.model, q, self.at)
         turn = log_so3(self.T[:, :3, :3] @ np.swapaxes(here[:, :3, :3], 1, 2))
         J = np.concatenate([J[:, :3], L * right_jacobian_inverse(turn) @ J[:, 3:]], axis=1)
         return np.hstack([self.T[:, :3, 3] - here[:, :3, 3], L * turn]), J * self.unit
@@ -219,9 +226,9 @@ def into_limits(task: PoseSearch, q: Array) -> Array:
     return np.asarray(np.clip(whole_turns_into_limits(task, q), *task.limits.T))
 
 
-def joint_condition(model: RobotModel, q: Array) -> Array:
+def joint_condition(model: RobotModel, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
     """Condition (m,) of the joint Jacobian in metres per metre; angles count with 0.3 m."""
-    task = PoseSearch(model, model.poses(q), q, np.zeros((q.shape[1], 2)))
+    task = PoseSearch(model, model.poses(q, at), q, np.zeros((q.shape[1], 2)), at)
     return conditions(task.error(q)[1])
 
 

@@ -171,11 +171,16 @@ def _calmed(plain: NormalEquations, levels: Sequence[Level], loss: Loss) -> Norm
     return system
 
 
-def _asked(levels: Sequence[Level]) -> tuple[JointErrors, Array]:
-    """The joint errors of some levels, and their prior sd."""
+def _asked(levels: Sequence[Level]) -> tuple[JointErrors, Array, Array]:
+    """The joint errors of some levels, their prior sd and what they are believed to be."""
     errors = joined(levels)
-    sd = {name: sd for level in levels for name, sd in zip(level.names, level.sd, strict=True)}
-    return errors, np.array([sd[name] for name in errors.names])
+    believed = {
+        name: both
+        for level in levels
+        for name, *both in zip(level.names, level.sd, level.mean, strict=True)
+    }
+    sd, mean = np.array([believed[name] for name in errors.names]).reshape(-1, 2).T
+    return errors, sd, mean
 
 
 def _climbed(

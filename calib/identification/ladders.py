@@ -36,13 +36,18 @@ class Level:
     errors: JointErrors = NO_ERRORS
     """All of them zero."""
     sd: Array = ()  # type: ignore[assignment]  # becomes an array in __post_init__
-    """(k,) prior standard deviation of each of its numbers, about zero [rad, m; kg, kg m]."""
+    """(k,) prior standard deviation of each of its numbers [rad, m; kg, kg m; 1/K]."""
     usual: bool = False
     """Whether this is the level at which a model is shown that nobody asked for."""
+    mean: Array = ()  # type: ignore[assignment]  # likewise
+    """(k,) what its numbers are believed to be; zero if left out."""
 
     def __post_init__(self) -> None:
-        (sd,) = check(f"{len(self.errors.names)}", sd=self.sd)
+        k = len(self.errors.names)
+        mean = self.mean if np.size(self.mean) else np.zeros(k)
+        sd, mean = check(f"{k}, {k}", sd=self.sd, mean=mean)
         object.__setattr__(self, "sd", sd)
+        object.__setattr__(self, "mean", mean)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -164,8 +169,8 @@ def with_errors(nominal: RobotModel, added: JointErrors) -> RobotModel:
 
 
 def prior_of(levels: Iterable[Level]) -> Prior:
-    """What is believed of the numbers of some levels: small, and independent."""
+    """What is believed of the numbers of some levels, which are independent."""
     levels = tuple(levels)
-    sd = np.concatenate([level.sd for level in levels])
+    mean, sd = (np.concatenate([getattr(level, key) for level in levels]) for key in ("mean", "sd"))
     names = tuple(name for level in levels for name in level.names)
-    return Prior(frozen(np.zeros(len(sd))), frozen(sd), names)
+    return Prior(frozen(mean), frozen(sd), names)

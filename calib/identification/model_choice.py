@@ -22,6 +22,7 @@ from calib.identification.outlier_search import HONEST, noise_factor
 from calib.identification.prior import Prior, weak_prior
 from calib.identification.result import Identification
 from calib.identification.robust import Loss
+from calib.identification.row_ladders import NOTHING_KNOWN, RowTerms, row_ladders
 from calib.measurement.observations import Measurements
 
 FOLDS = 4
@@ -68,6 +69,7 @@ def choose(
     loss: Loss = "squared",
     report: Callable[[int, float], None] | None = None,
     mounted: Chain | None = None,
+    known: RowTerms = NOTHING_KNOWN,
     rng: np.random.Generator | None = None,
 ) -> ModelChoice:
     """Choose a model by evidence, and identify it from all measurements beside the geometry.
@@ -90,13 +92,15 @@ def choose(
         Of the geometry in the extended fit itself, if not `prior`: without numbers of which nothing
         but their start is known.
     ladders : sequence of Ladder, optional
-        What is offered; `ladders_of(nominal, mounted)` by default.
+        What is offered; `ladders_of(nominal, mounted)` and what the rows say by default.
     loss : {"squared", "huber", "cauchy"}
         As in `identify`; a robust one keeps gross errors from calling for more terms.
     report : callable, optional
         As in `identify`, of all fits one after the other.
     mounted : Chain, optional
         The arm as it stands, where the world of `nominal` need not be level; see `extended_model`.
+    known : RowTerms, optional
+        What is known of the rows for terms that follow them.
     rng : Generator, optional
         Draws the poses left out together, and which of very many are asked; seed 0 by default.
 
@@ -107,7 +111,8 @@ def choose(
     """
     parameters = parameters_of(nominal) if parameters is None else parameters
     prior = weak_prior(parameters) if prior is None else prior
-    ladders = ladders_of(nominal, mounted) if ladders is None else ladders
+    if ladders is None:
+        ladders = (*ladders_of(nominal, mounted), *row_ladders(nominal, measurements, known))
     rng = np.random.default_rng(0) if rng is None else rng
     asked = some_poses(measurements, rng)
     geometric = identify(nominal, measurements, parameters, prior=prior, loss=loss, report=report)

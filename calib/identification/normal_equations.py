@@ -86,8 +86,12 @@ class NormalEquations:
         place = {name: k for k, name in enumerate(self.names)}
         return [*range(len(self.offset)), *(place[name] for name in terms)]
 
-    def solved(self, errors: JointErrors, sd: Array, scale: float | None = None) -> Solved:
-        """Maximum a posteriori of the model with some joint errors, of prior sd (k,), about zero.
+    def solved(
+        self, errors: JointErrors, sd: Array, mean: Array | None = None, scale: float | None = None
+    ) -> Solved:
+        """Maximum a posteriori of the model with some joint errors, of prior sd and mean (k,).
+
+        The mean of springs is zero, and that of all where it is left out.
 
         Geometry and terms are solved for whatever the springs do; what the springs do is then found
         by a few steps in their own numbers alone.
@@ -106,6 +110,8 @@ class NormalEquations:
         seen = size[:, None] * self.normal[np.ix_(at, at)] * size / s**2 + prior
         force = size * self.pull[at] / s**2
         force[:f] -= self.precision @ self.offset
+        away = np.zeros(k) if mean is None else -mean[:k] / sd[:k]
+        force[f:] -= away
         root = np.sqrt(np.diag(seen))
         factor = cho_factor(seen / root[:, None] / root)
         springs = self.products.of(errors, sd[k:])
@@ -118,13 +124,14 @@ class NormalEquations:
         bent = settled(springs, own - cross.T @ gives, pull)
         step = free[:, 0] - gives @ bent.products
         loss = self.square / s**2 + self.offset @ self.precision @ self.offset - force @ free[:, 0]
-        loss += bent.loss
+        loss += bent.loss + away @ away
         spread = 2 * float(np.log(np.diag(factor[0])).sum() + np.log(root).sum()) + bent.spread
         moved = gives @ bent.slopes
         learned = len(at) - np.trace(held) + len(bent.numbers) - np.trace(bent.inverse)
         learned -= np.einsum("ij,ik,kl,lj->", moved, prior, moved, bent.inverse, optimize=True)
         beside = step.copy()
         beside[:f] += self.offset
+        beside[f:] += away
         believed = beside @ prior @ beside + bent.numbers @ bent.numbers
         applied = np.zeros(len(self.pull))
         applied[at], applied[springs.columns] = size * step, bent.products
@@ -136,11 +143,13 @@ class NormalEquations:
             float(loss - believed) * s**2,
         )
 
-    def at_noise_of(self, errors: JointErrors, sd: Array) -> "NormalEquations":
+    def at_noise_of(
+        self, errors: JointErrors, sd: Array, mean: Array | None = None
+    ) -> "NormalEquations":
         """The same with the noise scale, one or more, that a model leaves."""
         rows, scale = float(self.equations.sum()), 1.0
         for _ in range(MOST_TURNS):
-            found = self.solved(errors, sd, scale)
+            found = self.solved(errors, sd, mean, scale)
             free = max(rows - found.learned, LEAST_FREE * rows)
             last, scale = scale, max(1.0, float(np.sqrt(found.left / free)))
             if abs(scale / last - 1) < SETTLED:

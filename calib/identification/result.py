@@ -10,7 +10,7 @@ from calib.geometry.chain import Chain
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
-from calib.geometry.parameters import Parameters
+from calib.geometry.parameters import Parameters, shown_in
 from calib.identification.lack_of_fit import LackOfFit
 from calib.identification.least_squares import Status
 from calib.identification.prior import Prior, step_derivative
@@ -141,11 +141,9 @@ def _table(result: Identification) -> list[str]:
     width = max(map(len, result.names), default=0)
     lines = [f"{'':{width}}  {'value':>14}  {'U (k = 2)':>12}  unit"]
     for name, place in zip(result.names, result.parameters.free_index, strict=True):
-        is_length = result.parameters.is_length[place]
-        scale = 1e3 if is_length else float(np.degrees(1.0))
+        unit, scale = shown_in(name, bool(result.parameters.is_length[place]))
         value, U = scale * values[place], 2 * scale * u[place]
         places = max(0, 1 - int(np.floor(np.log10(U)))) if U > 0 else 6
-        unit = "mm" if is_length else "deg"
         lines.append(f"{name:{width}}  {value:z14.{places}f}  {U:12.{places}f}  {unit}")
     return lines
 

@@ -24,6 +24,7 @@ from testbed.files.conditions import SetUp, first_stated, target_conditions
 from testbed.files.joints import joint_columns, read_joints
 from testbed.files.refusal import refusal
 from testbed.files.rotations import VECTOR, axes_of, checked_rotations, in_form, stated_in
+from testbed.files.rows.targets import of_targets
 from testbed.files.session import Stated
 from testbed.files.table import Columns, DataTable, table_of, together
 from testbed.files.text import read_sheet, rewritten
@@ -136,9 +137,9 @@ def correct_program(
         raise refusal("", "out", f"{out.name} {what}", code="C40", value=str(out), fix=fix)
     text, table = read_program(path, robot)
     correct = _correct_poses if _is_cartesian(table) else _correct_joints
-    result, targets = correct(table, robot, identified)
     m, set_up = len(table), set_up or SetUp()
     own = first_stated(target_conditions(table), set_up.use.rows(np.zeros(m, dtype=np.int64)))
+    result, targets = correct(table, robot, identified, own)
     away = departure(measured or Conditions(), own, m, set_up.tolerance)
     columns: tuple[Sequence[str] | Array, ...] = (
         result.status,
@@ -198,27 +199,28 @@ def _is_cartesian(table: DataTable) -> bool:
 
 
 def _correct_joints(
-    table: DataTable, robot: Robot, identified: RobotModel
+    table: DataTable, robot: Robot, identified: RobotModel, own: Conditions
 ) -> tuple[ProgramResult, _Targets]:
     """Joint targets corrected."""
     joints, nominal = read_joints(table, robot, "commanded", drop=None), robot.model
-    correction = compensate(nominal, identified, joints.q, robot.limits)
+    at, assumed = of_targets(identified, own, joints.q)
+    correction = compensate(nominal, identified, joints.q, robot.limits, at)
     q = np.where(correction.corrected[:, None], correction.q, joints.q)
-    T, here = nominal.poses(joints.q), identified.poses(q)
+    T, here = nominal.poses(joints.q), identified.poses(q, at)
     result = ProgramResult(
         status=correction.status,
-        deviation_before=(identified.poses(joints.q) - T)[:, :3, 3],
+        deviation_before=(identified.poses(joints.q, at) - T)[:, :3, 3],
         deviation=(here - T)[:, :3, 3],
         left_rotation=rotation_errors(T, here),
         q_before=joints.q,
         q=q,
-        sentences=(),
+        sentences=assumed,
     )
     return result, _Targets(joints.columns, q)
 
 
 def _correct_poses(
-    table: DataTable, robot: Robot, identified: RobotModel
+    table: DataTable, robot: Robot, identified: RobotModel, own: Conditions
 ) -> tuple[ProgramResult, _Targets]:
     """Cartesian targets corrected, for a controller that keeps its nominal model."""
     nominal = robot.model
@@ -226,22 +228,23 @@ def _correct_poses(
     base = nominal.chain.T_world_base
     T = base @ T_base
     seeds, assumed = _configurations(table, robot, T)
-    correction = corrected_poses(nominal, identified, T, seeds, robot.limits)
+    at, more = of_targets(identified, own, seeds)
+    correction = corrected_poses(nominal, identified, T, seeds, robot.limits, at)
     q = np.where(correction.corrected[:, None], correction.q, correction.q_before)
     poses = inverse_transform(base) @ correction.T
     new = in_form(stated.form, np.asarray(stated.numbers), poses[:, :3, :3])
     if stated.form != VECTOR and columns.names[3].startswith("rx"):
         # the columns are x, y, z; the numbers follow the letters
         new = new[:, np.argsort(axes_of(stated.form))]
-    here = identified.poses(q)
+    here = identified.poses(q, at)
     result = ProgramResult(
         status=correction.status,
-        deviation_before=(identified.poses(correction.q_before) - T)[:, :3, 3],
+        deviation_before=(identified.poses(correction.q_before, at) - T)[:, :3, 3],
         deviation=(here - T)[:, :3, 3],
         left_rotation=rotation_errors(T, here),
         q_before=correction.q_before,
         q=q,
-        sentences=(*odd, *assumed),
+        sentences=(*odd, *assumed, *more),
     )
     return result, _Targets(columns, np.hstack([poses[:, :3, 3], new]))
 

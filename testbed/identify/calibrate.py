@@ -9,6 +9,7 @@ from calib.errors import InputError, refuse
 from calib.identification.identify import identify
 from calib.identification.robust import LOSSES, Loss
 from testbed.files.probe import Probe, probe
+from testbed.files.rows.terms import row_terms
 from testbed.files.session import Session
 from testbed.identify.conditions import held_out_warnings
 from testbed.identify.fit import (
@@ -144,6 +145,7 @@ def _calibrated(
         seed=options.seed,
         plain=None if left_out.any() or loss != "squared" else plain,
         mounted=robot.model.chain,
+        known=row_terms(session),
     )
     models = tuple(
         fitted_model(name, identification, began, measurements, used, split.is_test)

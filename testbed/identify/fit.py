@@ -13,6 +13,7 @@ from calib.identification.model_choice import best_offer, choose, identify_exten
 from calib.identification.outlier_search import noise_factor
 from calib.identification.prior import Prior, prior_rows, weak_prior
 from calib.identification.robust import Loss
+from calib.identification.row_ladders import NOTHING_KNOWN, RowTerms
 from calib.identification.tangent import covariance_factor
 from calib.measurement.accuracy import error_statistics
 from calib.measurement.observations import Measurements
@@ -39,12 +40,14 @@ def fit(
     seed: int,
     plain: Identification | None = None,
     mounted: Chain | None = None,
+    known: RowTerms = NOTHING_KNOWN,
 ) -> tuple[tuple[Fitted, ...], Choice]:
     """Identify as asked; with "choose" two models, and one of them chosen within the training.
 
     The geometric fit knows no prior: what the data cannot tell apart is left nominal. A model with
     joint errors has the weak prior on its terms; a chosen one on its links, too. `plain` is the
-    geometric one, if it is there already; `mounted` the arm as it stands, see `extended_model`.
+    geometric one, if it is there already; `mounted` the arm as it stands, see `extended_model`;
+    `known` what the session says of its rows.
     """
     if model == "extended":  # refuses a robot without a term to add
         extended_parameters(start, extended_model(start, mounted), parameters)
@@ -70,6 +73,7 @@ def fit(
         own_prior=weak_prior(parameters.freeing(links)) if (links := _links(parameters)) else None,
         loss=loss,
         mounted=mounted,
+        known=known,
         rng=stream(seed, "confirm"),
     )
     climbed = found.climb

@@ -179,7 +179,11 @@ def parameter_section(calibration: Calibration) -> Section:
             "noise: it says how well the numbers of this model are known from poses like these, "
             "not that the model is right"
         )
-    waves = {t.name for t in result.model.joint_errors.terms if order_of(t) > HIGHEST_LISTED}
+    waves = {
+        t.name
+        for t in result.model.joint_errors.terms
+        if t.name.startswith("harmonic") and order_of(t) > HIGHEST_LISTED
+    }
     blocks: list[Block] = [
         Text(
             f"Lengths in mm, angles in deg. U = 2 u holds one number with 95.4 %, {how}. What may "

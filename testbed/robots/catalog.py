@@ -141,7 +141,12 @@ def joint_errors(path: Path, data: RobotFile) -> JointErrors:
     """Joint terms of a robot file with their coefficients [rad or m]."""
     terms, coefficients = [], []
     for entry in data.joint_terms:
-        terms.append(JointTerm(entry.name, entry.joint - 1, entry.wave, entry.weights))
+        terms.append(
+            JointTerm(entry.name, entry.joint - 1, entry.wave, entry.weights, entry.reference)
+        )
+        if entry.coefficient_per_k is not None:
+            coefficients.append(entry.coefficient_per_k)
+            continue
         kind = data.joints[entry.joint - 1].kind
         if entry.coefficient_deg is not None:
             coefficients.append(float(np.radians(entry.coefficient_deg)))

@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from calib.geometry.chain import chain_names
+from calib.geometry.joint_errors import Wave
 from testbed.bounds import (
     ANGLE,
     CELL,
@@ -155,19 +156,34 @@ class ReflectorEntry(Strict):
 
 
 class JointTermEntry(Strict):
-    """[[joint_terms]]: one wave of a joint's error, wave(weights . q) times its coefficient."""
+    """[[joint_terms]]: a wave of a joint's error, wave(weights . q) times its coefficient.
+
+    Or what follows a row: "approach" its directions, "torque" its reported torques beyond the
+    reference, "lengths" (joint 0) its temperature beyond the reference.
+    """
 
     name: Annotated[str, Field(pattern=r"^[a-z][A-Za-z0-9_.]*$", max_length=64)]
-    joint: Annotated[int, Field(ge=1)]
-    wave: Literal["sin", "cos"]
-    weights: tuple[Annotated[int, Field(ge=-1000, le=1000)], ...]
+    joint: Annotated[int, Field(ge=0)]
+    wave: Wave
+    weights: tuple[Annotated[float, Field(ge=-1e6, le=1e6)], ...]
+    reference: Annotated[float, Field(ge=-1e6, le=1e6)] = 0.0
+    """Torque [N m, N, A] or temperature [degC] at which the term is zero."""
     coefficient_deg: Angle | None = None
+    """Of a turning joint; of a torque per N m."""
     coefficient_mm: Length | None = None
+    """Of a sliding joint; of a force per N."""
+    coefficient_per_k: Annotated[float, Field(ge=-1.0, le=1.0)] | None = None
+    """Of lengths."""
 
     @model_validator(mode="after")
     def _has_one_coefficient(self) -> "JointTermEntry":
-        """Degrees for a turning joint or millimeters for a sliding one."""
-        if (self.coefficient_deg is None) == (self.coefficient_mm is None):
+        """Degrees for a turning joint, millimeters for a sliding one, 1/K for lengths."""
+        if self.wave == "lengths":
+            if self.coefficient_per_k is None or self.joint:
+                raise ValueError(f"{self.name} needs coefficient_per_k, and joint = 0")
+        elif not self.joint or self.coefficient_per_k is not None:
+            raise ValueError(f"{self.name} needs a joint, and no coefficient_per_k")
+        elif (self.coefficient_deg is None) == (self.coefficient_mm is None):
             raise ValueError(f"{self.name} needs coefficient_deg or coefficient_mm, one of them")
         return self
 

@@ -148,6 +148,9 @@ def robot_hash(robot: "Robot") -> str:
     if moved:
         document["moved"] = moved
     if errors.terms:
-        terms = [(t.name, t.joint, t.wave, t.weights) for t in errors.terms]
+        terms = [
+            (t.name, t.joint, t.wave, t.weights, *([t.reference] if t.reference else []))
+            for t in errors.terms
+        ]
         document["joint_terms"] = [terms, errors.coefficients.tolist()]
     return sha256(canonical(document)).hexdigest()

@@ -8,8 +8,7 @@ from calib.arrays import Array, check
 from calib.errors import refuse
 from calib.geometry.frames import right_jacobian_inverse, transform_step
 from calib.geometry.model import RobotModel
-from calib.geometry.parameters import Parameters
-from testbed.units import MM, unit_of
+from calib.geometry.parameters import Parameters, shown_in
 
 COVERAGE = 2.0
 """k of the expanded uncertainty."""
@@ -17,12 +16,12 @@ COVERAGE = 2.0
 
 @dataclass(frozen=True, slots=True)
 class DhRow:
-    """One number of a robot, in mm or deg."""
+    """One number of a robot, in the unit that people read."""
 
     name: str
     """As in `RobotModel.names`."""
     unit: str
-    """mm or deg."""
+    """mm, deg, or 1e-6/K."""
     old: float
     """Nominal."""
     new: float
@@ -96,10 +95,10 @@ def _frame(nominal: Array, identified: Array, covariance: Array) -> tuple[Array,
 
 
 def _row(name: str, is_length: bool, old: float, new: float, sd: float) -> DhRow:
-    """One row in mm or deg."""
-    scale = MM if is_length else float(np.degrees(1.0))
+    """One row in the unit that people read."""
+    unit, scale = shown_in(name, is_length)
     return DhRow(
-        name, unit_of(is_length), float(old * scale), float(new * scale),
+        name, unit, float(old * scale), float(new * scale),
         float((new - old) * scale), float(COVERAGE * sd * scale) if sd > 0 else None,
     )  # fmt: skip
 

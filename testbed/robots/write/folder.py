@@ -60,7 +60,8 @@ def identified_robot(
         allowed = f"those of {robot.name}: {nominal.kinds}"
         raise refuse("model", allowed=allowed, code="A3", message=message)
     chain, notes = model.chain, robot.notes
-    if longest(chain) > max(longest(nominal), reach(nominal)):
+    # lengths that grow are those of the links as they are
+    if not model.joint_errors.of_lengths and longest(chain) > max(longest(nominal), reach(nominal)):
         other = regauged(chain)
         notes = (
             *notes,

@@ -1,6 +1,7 @@
 """The joint map: what each joint turns beside its command over one turn, and how well it is known.
 
-For controllers that take tables, and to look at. Sag that follows several joints is not in it.
+For controllers that take tables, and to look at. Sag that follows several joints is not in it,
+nor what follows the row: the side a joint came from, its torque, the warmth of the arm.
 """
 
 from dataclasses import dataclass
@@ -16,6 +17,10 @@ from testbed.units import MDEG
 
 MOST_WAVES = 90
 """Waves a turn that steps of a degree can show; those of an encoder's lines are left out."""
+
+
+FINEST = 90
+"""Waves a turn of which a table with one line a degree shows the shape: gears leave more."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +55,9 @@ def joint_map(model: RobotModel, parameters: Parameters, covariance: Array) -> J
     own = [
         (term, value)
         for term, value in zip(errors.terms, errors.coefficients, strict=False)
-        if not any(weight for i, weight in enumerate(term.weights) if i != term.joint)
+        if term.is_wave
+        and max(map(abs, term.weights)) <= FINEST
+        and not any(weight for i, weight in enumerate(term.weights) if i != term.joint)
         and abs(term.weights[term.joint]) <= MOST_WAVES
         and model.chain.kinds[term.joint] == "revolute"
     ]

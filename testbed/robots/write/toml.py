@@ -8,7 +8,6 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.errors import one_line
-from calib.geometry.chain import JointKind
 from calib.geometry.frames import transform_step
 from calib.geometry.joint_errors import JointTerm
 from testbed.robots.robot import Reflector, Robot, Visual, Workspace
@@ -66,7 +65,7 @@ def robot_toml(robot: Robot, *, comment: str = "") -> str:
         "never_collide": [[_number(a), _number(b)] for a, b in robot.exclusions],
     }
     both = zip(errors.terms, errors.coefficients, strict=True)
-    terms = [_term(term, value, chain.kinds[term.joint]) for term, value in both]
+    terms = [_term(term, value, (*chain.kinds, "lengths")[term.joint]) for term, value in both]
     model = {
         "sources": {key: _text(source) for key, source in robot.sources.items()},
         "base": _frame(chain.T_world_base),
@@ -130,14 +129,20 @@ def _joint(robot: Robot, i: int) -> dict[str, Any]:
     }
 
 
-def _term(term: JointTerm, value: float, kind: JointKind) -> dict[str, Any]:
+UNITS: dict[str, tuple[str, Unit]] = {
+    "prismatic": ("mm", millimeters), "revolute": ("deg", degrees), "lengths": ("per_k", float)
+}  # fmt: skip
+
+
+def _term(term: JointTerm, value: float, kind: str) -> dict[str, Any]:
     """One of [[joint_terms]]."""
-    unit, own = ("mm", millimeters) if kind == "prismatic" else ("deg", degrees)
+    unit, own = UNITS[kind]
     return {
         "name": _text(term.name),
         "joint": term.joint + 1,
         "wave": term.wave,
-        "weights": [int(weight) for weight in term.weights],
+        "weights": list(term.weights),
+        **({} if term.is_wave or not term.reference else {"reference": float(term.reference)}),
         f"coefficient_{unit}": own(value),
     }
 

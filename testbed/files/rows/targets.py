@@ -1,0 +1,52 @@
+"""Under which conditions a model takes the targets of a program, and what had to be assumed."""
+
+from calib.arrays import Array
+from calib.geometry.model import RobotModel
+from calib.geometry.operating import OperatingConditions, approaches
+from calib.uncertainty.statement.conditions import Conditions
+
+
+def of_targets(
+    identified: RobotModel, stated: Conditions, q: Array
+) -> tuple[OperatingConditions, tuple[str, ...]]:
+    """Conditions of targets at joints q (m, n), and sentences on what the model assumes of them.
+
+    A program is its own order: each target is approached from the one before it.
+
+    Parameters
+    ----------
+    identified : RobotModel
+        What the robot is.
+    stated : Conditions
+        What the targets say.
+    q : (m, n) array
+        Joints about which the program takes them [rad, m].
+    """
+    terms = {term.wave: term for term in identified.joint_errors.terms}
+    said = []
+    if "approach" in terms:
+        said.append(
+            "the model knows the play of the joints: each target is taken as approached from the "
+            "one before it, the first one from a side that nobody knows, in the middle of the play"
+        )
+    if "torque" in terms:
+        said.append(
+            "the model follows what the drives report: the targets are taken at what they reported "
+            "on average in the measurements"
+        )
+    if "lengths" in terms:
+        mean = terms["lengths"].reference
+        words = f"{mean:.4g} degC, the mean of the measurements: they state no temperature"
+        if stated.temperature is not None:
+            words = stated.words("temperature")
+        said.append(f"the lengths of the arm at the targets are those at {words}")
+    return (
+        OperatingConditions(
+            stated.payload,
+            stated.center,
+            approaches(q) if "approach" in terms else None,
+            None,
+            stated.temperature,
+        ),
+        tuple(said),
+    )
