@@ -105,7 +105,8 @@ def _times(table: DataTable, good: Bool) -> tuple[Array | None, tuple[str, ...]]
         return None, (f"{table.where}: the times cannot be read and are not used",)
     count = len(np.unique(times[good]))
     if good.sum() > 2 and count < good.sum() / 2:
-        return None, (f"{table.where}: the times are rounded to {count} values and are not used",)
+        told = "rounded to one value" if count == 1 else f"rounded to {count} values"
+        return None, (f"{table.where}: the times are {told} and are not used",)
     return times - times[good][:1], ()
 
 

@@ -39,7 +39,7 @@ class StatedPoint:
     def sentence(self) -> str:
         """Of the mean of many moves, in words."""
         return (
-            f"the mean tool point lies within {1e6 * self.radius_mean:.3g} um of the predicted one "
+            f"the mean tool point lies within {_in_um(self.radius_mean)} um of the predicted one "
             f"with {100 * self.probability:g} % probability (3-D radius, poses like the "
             f"{self.n_poses} {'held out' if self.held_out else 'identified from'})"
         )
@@ -50,9 +50,14 @@ class StatedPoint:
         if np.isnan(self.radius_move):
             return ""
         return (
-            f"where a single move ends lies within {1e6 * self.radius_move:.3g} um, with the same "
+            f"where a single move ends lies within {_in_um(self.radius_move)} um, with the same "
             f"probability (how well joints come back: {self.move_told_by})"
         )
+
+
+def _in_um(length: float) -> str:
+    """Three digits, and all of those before the point."""
+    return f"{1e6 * length:.3g}" if 1e6 * length < 1000 else f"{1e6 * length:.0f}"
 
 
 def stated_point(

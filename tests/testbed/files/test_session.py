@@ -424,7 +424,7 @@ def test_rounded_clocks_order_nothing(tmp_path):
     table = with_spread(columns(made())) | {"euler": ["XYZ"] * 29, "time": ["2.02011E+13"] * 29}
     session = read_session(saved(tmp_path / "a.csv", csv(table)), ROBOT)
     assert session.time is None
-    assert "rounded to 1 values" in session.warnings[0]
+    assert "rounded to one value" in session.warnings[0]
 
 
 def test_every_column_that_was_not_read_is_named(tmp_path):
