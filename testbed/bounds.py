@@ -72,6 +72,8 @@ def shown(size: float, unit: str) -> float:
 COORDINATE = Bound("a coordinate or distance", 1e5)
 """Halls have frames of their own, and a file in mm may be taken for one in m."""
 LINK = Bound("a length of a robot", 1e3)
+TOOL = Bound("a tool point", 2.0)
+"""Seen from the flange."""
 CELL = Bound("a length in a cell", 50.0, 1e-9)
 ANGLE = Bound("an angle", 1e6 * DEG)
 LIMIT = Bound("a limit or angle of a joint", 1e6)

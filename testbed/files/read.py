@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
+from calib.arrays import Array, frozen
 from calib.errors import InputError, refuse
 from testbed.files.assembly import assemble
 from testbed.files.cleaned import Cleaned, readings_of, sheet_of, table_in
@@ -14,7 +15,7 @@ from testbed.files.matching import Match, by_cycle, by_order, by_pose, by_row
 from testbed.files.observed import (
     unused_columns,
 )
-from testbed.files.refusal import require_names
+from testbed.files.refusal import refusal, require_names
 from testbed.files.session import Session, Sources
 from testbed.files.session_toml import (
     SESSION_FILE,
@@ -30,6 +31,7 @@ from testbed.gates.paths import is_there, real
 from testbed.gates.text import MAX_MB, SourceFile
 from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.robots.robot import Robot
+from testbed.robots.tolerances import tolerances_of, usual_tolerances
 
 LARGEST_MB = 100_000.0
 """What a user may allow."""
@@ -138,8 +140,22 @@ def session_of(
         masked=tuple(text for one in cleaned for text in one.masked),
         warnings=tuple(dict.fromkeys([*warnings, *session.warnings])),
         notes=tuple(dict.fromkeys([*session.notes, *(drift.sentence for drift in drifts)])),
+        link_sd=_prior(settings, robot, where),
+        in_use=settings.tool_in_use.tool if settings.tool_in_use else None,
         drift=max(drifts, key=lambda drift: float(drift.shift.max()), default=None),
     )
+
+
+def _prior(settings: SessionFile, robot: Robot, where: str) -> Array | None:
+    """Widths (n, 5) of the prior on the links, if the session states one."""
+    n, stated = robot.model.chain.n_joints, settings.prior
+    if stated is None:
+        return None
+    if strange := stated.strange(n):
+        message, allowed = f"[prior] has joint {strange}", f"joints of {robot.name} are 1 to {n}"
+        raise refusal(where, "prior.joints", message, code="S37", value=strange, allowed=allowed)
+    own = robot.tolerances
+    return frozen(tolerances_of(stated, usual_tolerances(n) if own is None else own))
 
 
 def _without_strays(robot: Robot, session: Session) -> Session:

@@ -21,6 +21,7 @@ from testbed.gates.workbook import is_workbook, read_workbook
 from testbed.robots.robot import Reflector
 from testbed.scenario.systematic import SystematicTable
 from testbed.scenario.tolerance import Decision
+from testbed.scenario.tool_in_use import ToolInUse
 
 Record = TypeVar("Record", bound=Any)
 
@@ -145,6 +146,11 @@ class Session:
     """(n,) waves a turn that the drive of each joint may leave, as [gear] states them."""
     decision: Decision | None = None
     """How far the tool may miss and how that is decided, as [tolerance] states it."""
+    link_sd: Array | None = None
+    """(n, 5) of the prior on the links that the session states [rad, m, m, rad, rad]; None: it
+    states none."""
+    in_use: ToolInUse | None = None
+    """The tool that will be used, where it is not the one that was measured."""
     order: Index | None = None
     """(m,) place of each row in time, where rows of several files have their own times."""
     place: tuple[str, ...]

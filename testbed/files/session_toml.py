@@ -19,8 +19,10 @@ from testbed.files.conditions import ConditionsTable, SessionUse
 from testbed.files.rows.gear import GearTable
 from testbed.jobsheet.settings import JobTable
 from testbed.robots.robot import Reflector
+from testbed.robots.tolerances import LinkTolerances
 from testbed.scenario.systematic import SystematicTable
 from testbed.scenario.tolerance import ToleranceTable
+from testbed.scenario.tool_in_use import ToolInUseTable
 from testbed.strict import Strict
 
 SESSION_FILE = "session.toml"
@@ -250,6 +252,9 @@ class SessionFile(Strict):
     identification: IdentificationTable = IdentificationTable()
     tolerance: ToleranceTable | None = None
     job: JobTable = JobTable()
+    prior: LinkTolerances | None = None
+    """How far the links may lie from nominal; those of the robot where nothing is stated."""
+    tool_in_use: ToolInUseTable | None = None
 
     @property
     def observed(self) -> tuple[ObservedTable, ...]:

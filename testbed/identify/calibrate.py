@@ -21,9 +21,17 @@ from testbed.identify.fit import (
     row_errors,
 )
 from testbed.identify.frames import FRAMES_ALONE, frames_of
+from testbed.identify.handback.handed import hand_back
+from testbed.identify.handback.links import link_belief, prior_share
 from testbed.identify.order import order_words, require_order
 from testbed.identify.outliers import held_out_outliers, training_outliers, warnings_of
-from testbed.identify.proof import guard_warnings, proof_of, repeatability, target_warnings
+from testbed.identify.proof import (
+    guard_warnings,
+    proof_of,
+    repeatability,
+    stated_target,
+    target_warnings,
+)
 from testbed.identify.records import Calibration, HeldOutSplit, OutlierRows
 from testbed.identify.session import origin_of, row_names, with_scatter
 from testbed.identify.shared import shared_of
@@ -136,6 +144,9 @@ def _calibrated(
     used = split.is_train & ~left_out
     train = measurements.rows(used)
     report(STEPS[2], 2, len(STEPS))
+    if left_out.any() or loss != "squared":
+        plain = identify(frames.start, train, frames.parameters, loss=loss)
+    links = link_belief(robot, session, frames.start, train, frames.parameters, plain)
     pairs, choice = fit(
         frames.start,
         train,
@@ -143,10 +154,13 @@ def _calibrated(
         model=model,
         loss=loss,
         seed=options.seed,
-        plain=None if left_out.any() or loss != "squared" else plain,
+        plain=plain,
         mounted=robot.model.chain,
         known=row_terms(session),
+        links=links.prior,
+        held=bool(links.why),
     )
+    trained = next(one for name, _, one in pairs if name == choice.chosen)
     models = tuple(
         fitted_model(name, identification, began, measurements, used, split.is_test)
         for name, began, identification in pairs
@@ -172,6 +186,12 @@ def _calibrated(
         seed=options.seed,
         shared=None if shared is None else shared.covariance,
     )
+    stated = train if proof.frame is not None and proof.frame.found else judged
+    handback = hand_back(
+        robot, session, links, prior_share(trained, train, len(links.sd)), proof.belief,
+        stated.q[np.unique(stated.pose_id, return_index=True)[1]],
+        target=stated_target(measurements), repeatability=comes_back[0],
+    )  # fmt: skip
     misses = row_errors(before, measurements)
     return Calibration(
         source=origin_of(robot, session, probes),
@@ -207,6 +227,7 @@ def _calibrated(
         shared=shared,
         visits=session.visits,
         visit=session.visit,
+        handback=handback,
         warnings=(
             *doubts,
             *warnings_of(models[0], chosen, train),

@@ -9,8 +9,13 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification, identify
 from calib.identification.joint_models import extended_model, extended_parameters
-from calib.identification.model_choice import best_offer, choose, identify_extended
-from calib.identification.outlier_search import noise_factor
+from calib.identification.model_choice import (
+    best_offer,
+    choose,
+    identify_extended,
+    under_noise,
+)
+from calib.identification.outlier_search import HONEST, noise_factor
 from calib.identification.prior import Prior, prior_rows, weak_prior
 from calib.identification.robust import Loss
 from calib.identification.row_ladders import NOTHING_KNOWN, RowTerms
@@ -41,17 +46,25 @@ def fit(
     plain: Identification | None = None,
     mounted: Chain | None = None,
     known: RowTerms = NOTHING_KNOWN,
+    links: Prior | None = None,
+    held: bool = False,
 ) -> tuple[tuple[Fitted, ...], Choice]:
     """Identify as asked; with "choose" two models, and one of them chosen within the training.
 
-    The geometric fit knows no prior: what the data cannot tell apart is left nominal. A model with
-    joint errors has the weak prior on its terms; a chosen one on its links, too. `plain` is the
-    geometric one, if it is there already; `mounted` the arm as it stands, see `extended_model`;
-    `known` what the session says of its rows.
+    The geometric fit knows no prior: what the data cannot tell apart is left nominal; unless the
+    links must be `held`. A model with joint errors has the weak prior on its terms; a chosen one on
+    its links, too: `links`, or the usual one. `plain` is the geometric one, if it is there already;
+    `mounted` the arm as it stands, see `extended_model`; `known` what the session says of its rows.
     """
+    if links is None and (names := _links(parameters)):
+        links = weak_prior(parameters.freeing(names))
     if model == "extended":  # refuses a robot without a term to add
         extended_parameters(start, extended_model(start, mounted), parameters)
     geometric = plain or identify(start, train, parameters, loss=loss)
+    if held and links is not None:
+        factor = noise_factor(geometric.model, train)
+        factor = factor if factor > HONEST else 1.0
+        geometric = under_noise(start, train, parameters, links, factor, loss=loss)
     first: Fitted = ("geometric", start, geometric)
     if model == "geometric":
         return (first,), _unasked("geometric", model, "geometric, as asked for")
@@ -62,15 +75,17 @@ def fit(
         )
         return (first,), _unasked("geometric", model, sentence)
     if model == "extended":
-        extended = identify_extended(start, train, parameters, loss=loss, mounted=mounted)
+        extended = identify_extended(
+            start, train, parameters, loss=loss, mounted=mounted, links=links if held else None
+        )
         choice = _unasked("extended", model, "extended, as asked for")
         return (first, ("extended", extended_model(start, mounted), extended)), choice
     found = choose(
         start,
         train,
         parameters,
-        prior=_wide_prior(parameters),
-        own_prior=weak_prior(parameters.freeing(links)) if (links := _links(parameters)) else None,
+        prior=_wide_prior(parameters, links),
+        own_prior=links,
         loss=loss,
         mounted=mounted,
         known=known,
@@ -124,11 +139,15 @@ def _links(parameters: Parameters) -> list[str]:
     return [name for name in parameters.free_names if not is_frame(name)]
 
 
-def _wide_prior(parameters: Parameters) -> Prior:
+def _wide_prior(parameters: Parameters, links: Prior | None) -> Prior:
     """The weak prior, wide for frames: their start knows nothing of the links' true lengths."""
     prior = weak_prior(parameters)
-    frames = np.array([is_frame(name) for name in prior.names])
-    return Prior(prior.mean, np.where(frames, WIDE * prior.sd, prior.sd), prior.names)
+    own = {} if links is None else dict(zip(links.names, links.sd.tolist(), strict=True))
+    sd = [
+        own.get(name, WIDE * usual if is_frame(name) else usual)
+        for name, usual in zip(prior.names, prior.sd.tolist(), strict=True)
+    ]
+    return Prior(prior.mean, np.array(sd), prior.names)
 
 
 def row_errors(model: RobotModel, measurements: Measurements) -> RowErrors:

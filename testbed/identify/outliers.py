@@ -150,13 +150,15 @@ def _condition(fit: FittedModel) -> tuple[str, ...]:
     result = fit.identification
     if result.reduction.condition <= ILL_CONDITIONED:
         return ()
+    alike = f"the poses are much alike: condition {significant(result.reduction.condition, 2)}; "
+    more = "; vary the wrist and the tool's orientation more"
+    if result.prior is not None:
+        return (f"{alike}the prior of the links holds what they do not tell{more}",)
     lengths = result.parameters.is_length[result.parameters.free_index]
     u = result.standard_uncertainty
     worst = result.least_known
     value = float(in_units(u, lengths)[worst])
     return (
-        f"the poses are much alike: condition {significant(result.reduction.condition, 2)}; least "
-        f"known is {result.names[worst]}, U = {significant(2 * value, 2)} "
-        f"{unit_of(bool(lengths[worst]))} from the stated noise; vary the wrist and the tool's "
-        "orientation more",
+        f"{alike}least known is {result.names[worst]}, U = {significant(2 * value, 2)} "
+        f"{unit_of(bool(lengths[worst]))} from the stated noise{more}",
     )

@@ -17,6 +17,7 @@ from calib.uncertainty.statement.conditions import Conditions
 from calib.uncertainty.statement.instrument import SharedErrors
 from testbed.files.conditions import SetUp
 from testbed.files.visits.visit import RobotVisit
+from testbed.identify.handback.handed import HandBack
 from testbed.robots.robot import Reflector
 from testbed.scenario.tolerance import Decision
 
@@ -186,6 +187,8 @@ class Calibration:
     proof: Judgement
     shared: SharedErrors | None
     """What all readings of the instrument share; None where the session states nothing of it."""
+    handback: HandBack
+    """Tolerances of the links, what held them, and the tool in use."""
     warnings: tuple[str, ...]
     """What was found on the way, beside what the source says."""
     visits: tuple[RobotVisit, ...] = ()
@@ -257,6 +260,11 @@ class Calibration:
         """(n, j) joints of these poses [rad, m]."""
         table = self.measurements.rows(self.is_stated)
         return np.asarray(table.q[np.unique(table.pose_id, return_index=True)[1]])
+
+    @property
+    def stated_poses(self) -> Index:
+        """(n,) their numbers."""
+        return np.unique(self.measurements.pose_id[self.is_stated])
 
     @property
     def refuted(self) -> bool:

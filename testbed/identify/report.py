@@ -11,6 +11,8 @@ from calib.identification.ladders import order_of
 from testbed.identify.conditions import conditions_words
 from testbed.identify.decisions import decided_at, decision_section, decision_words
 from testbed.identify.handback.delivered import Delivered
+from testbed.identify.handback.report import hand_back_section
+from testbed.identify.handback.states import HandedNumber, handed_numbers
 from testbed.identify.records import Calibration
 from testbed.identify.report_belief import belief_section, reach_section
 from testbed.identify.report_errors import (
@@ -19,7 +21,6 @@ from testbed.identify.report_errors import (
     outlier_section,
     residual_section,
 )
-from testbed.identify.results import dh_table
 from testbed.identify.shared import shared_section
 from testbed.identify.visits.report import visit_section
 from testbed.identify.words import (
@@ -35,11 +36,12 @@ from testbed.identify.words import (
 )
 from testbed.jobsheet.report import job_section
 from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section
-from testbed.robots.write.dh_table import DhRow
 from testbed.units import DEG, MM, counted, fixed, sentences, with_uncertainty
 
 HIGHEST_LISTED = 4
 """Waves a turn up to which the numbers of a joint are listed."""
+NO_DELTA = 1e-9
+"""A change that is rounding [mm, deg]."""
 ONE_NUMBER = "U = 2 u (95.4 %)"
 """Heads the U of single numbers: k = 2 in one dimension."""
 
@@ -68,6 +70,7 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         residual_section(calibration),
         outlier_section(calibration),
         parameter_section(calibration),
+        hand_back_section(calibration),
         identifiable_section(calibration),
         delivered_section(delivered),
         data_section(calibration),
@@ -188,22 +191,22 @@ def parameter_section(calibration: Calibration) -> Section:
         Text(
             f"Lengths in mm, angles in deg. U = 2 u holds one number with 95.4 %, {how}. What may "
             "hide behind the noise is in the region of the tool point, not in U. Numbers that "
-            "cannot be told from others are held at their old values, or near them by a prior of "
-            "0.6 mm and 0.1 deg; the others then stand for them, too, so a single number is a "
-            "number of this set, not a thing that could be measured on the arm. The numbers are "
-            "correlated: never combine them as if they were "
-            "independent."
+            "cannot be told from others stay as near to their old values as the poses allow, so a "
+            "single number is a number of this set, not a thing that could be measured on the arm. "
+            "The numbers are correlated: never combine them as if they were independent."
         ),
         Table(
             caption=f"Base, links, tool: {result.parameters.n_free} numbers estimated in all"
             + (", joint terms included" if calibration.choice.chosen == "extended" else ""),
-            head=("number", "unit", "old", "new", "delta", ONE_NUMBER),
-            rows=tuple(_cells(row) for row in dh_table(calibration) if row.name not in waves),
-            align="llrrrr",
+            head=("number", "unit", "old", "new", "delta", ONE_NUMBER, "held by"),
+            rows=tuple(
+                _cells(one) for one in handed_numbers(calibration) if one.row.name not in waves
+            ),
+            align="llrrrrl",
             size="small",
             note="old: the nominal links, and base and tool as fitted to them. base, tool: "
-            "position and rotation vector in the measuring frame and in the flange. held: not "
-            "estimated, or not to be told from others."
+            "position and rotation vector in the measuring frame and in the flange. held by: see "
+            "What is handed back."
             + (
                 f" {counted(len(waves), 'wave')} of joint maps are drawn under Joint errors "
                 "instead and stand in dh_table.csv."
@@ -290,15 +293,17 @@ def _range(values: Array) -> list[str]:
     return [f"{value:.0f}".replace("-", "−") for value in (values.min(), values.max())]
 
 
-def _cells(row: DhRow) -> tuple[str, ...]:
-    """One row, rounded by its uncertainty; a held number as it stands."""
+def _cells(number: HandedNumber) -> tuple[str, ...]:
+    """One row, rounded by its uncertainty; a number without one as it stands."""
+    row = number.row
     if row.expanded is None:
         old, new = (f"{value:.6g}".replace("-", "−") for value in (row.old, row.new))
-        return (row.name, row.unit, old, new, fixed(row.delta, 4) if row.delta else "0", "held")
+        delta = fixed(row.delta, 4) if abs(row.delta) > NO_DELTA else "0"
+        return (row.name, row.unit, old, new, delta, "–", number.held_by)
     new, half, delta = with_uncertainty(row.new, row.expanded / 2, row.delta)
     places = len(half.partition(".")[2])
     old = f"{row.old:.6g}".replace("-", "−")
-    return (row.name, row.unit, old, new, delta, fixed(row.expanded, places))
+    return (row.name, row.unit, old, new, delta, fixed(row.expanded, places), number.held_by)
 
 
 def _row(name: str, value: float, u: float, length: bool) -> tuple[str, ...]:

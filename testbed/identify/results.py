@@ -9,6 +9,8 @@ import numpy as np
 from calib.measurement.accuracy import Accuracy
 from testbed.identify.conditions import conditions_numbers
 from testbed.identify.handback.delivered import Delivered
+from testbed.identify.handback.results import hand_back_numbers
+from testbed.identify.handback.states import handed_numbers
 from testbed.identify.records import Calibration, Figures, FittedModel, RowErrors
 from testbed.identify.results_statement import decisions, statements, targets
 from testbed.identify.shared import shared_numbers
@@ -16,7 +18,6 @@ from testbed.identify.visits.report import part_of, visit_numbers
 from testbed.identify.words import notice, reasons, verdict
 from testbed.jobsheet.report import job_numbers
 from testbed.report.text import csv_text
-from testbed.robots.write.dh_table import DhRow, dh_rows
 from testbed.robots.write.joint_map import JointMap, joint_map, joint_map_rows
 from testbed.store.quantities import (
     AS_NAMED,
@@ -78,7 +79,14 @@ def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:
         "model_choice/log_evidence": choice.log_evidence,
     }
     keys = ("name", "unit", "old", "new", "delta", "U_k2")
-    numbers = [dict(zip(keys, astuple(row), strict=True)) for row in dh_table(calibration)]
+    numbers = [
+        {
+            **dict(zip(keys, astuple(one.row), strict=True)),
+            "tolerance": one.tolerance,
+            "held_by": one.held_by,
+        }
+        for one in handed_numbers(calibration)
+    ]
     parts = [
         *unitless(words),
         *below("data/conditions", conditions_numbers(calibration)),
@@ -91,31 +99,12 @@ def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:
         *below("statements", statements(calibration)),
         *below("shared", shared_numbers(calibration.shared)),
         Quantity("parameters", numbers),
+        *below("handed_back", hand_back_numbers(calibration)),
         *below("delivered", fields_of(delivered, DELIVERED)),
         *below("targets", targets(delivered.targets)),
         *below("decisions", decisions(calibration, delivered)),
     ]
     return as_json(parts)
-
-
-def dh_table(calibration: Calibration) -> tuple[DhRow, ...]:
-    """Base, links, tool and joint terms: nominal links with fitted frames against the result."""
-    result = calibration.fit.identification
-    return dh_rows(calibration.before, result.model, result.parameters, calibration.covariance)
-
-
-def dh_csv(calibration: Calibration) -> str:
-    """dh_table.csv: every number old and new, and its U."""
-    rows = [
-        (
-            row.name,
-            row.unit,
-            *(f"{value:.9g}" for value in (row.old, row.new, row.delta)),
-            "" if row.expanded is None else f"{row.expanded:.3g}",
-        )
-        for row in dh_table(calibration)
-    ]
-    return csv_text(("number", "unit", "old", "new", "delta", "U_k2"), rows)
 
 
 def map_of(calibration: Calibration) -> JointMap | None:

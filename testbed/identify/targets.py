@@ -12,6 +12,7 @@ from calib.uncertainty.tool_point import ToolStatement
 from testbed.files.program import ProgramResult
 from testbed.identify.decisions import UNDECIDED, outcomes
 from testbed.identify.handback.delivered import TargetStatement
+from testbed.identify.handback.in_use import carried
 from testbed.identify.records import Calibration
 from testbed.report.text import csv_text
 from testbed.units import DEG, MM, UM, counted, listed, significant
@@ -36,6 +37,10 @@ def statement_at(calibration: Calibration, program: ProgramResult) -> TargetStat
     if belief is None or calibration.elsewhere:
         return None
     reach, point = belief.proven.applies(program.q), tool_point(calibration)
+    if (in_use := calibration.handback.in_use) is not None:
+        links = calibration.handback.tolerance
+        belief = carried(belief, in_use.tool, np.array(in_use.worst), links)
+        point = np.zeros(3)
     departed = np.zeros(len(program.q), np.bool_) if program.departed is None else program.departed
     stated = (reach.place != "outside") & ~departed & reach.reaches
     mean = belief.regions(program.q, target=point)

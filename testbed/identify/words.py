@@ -8,6 +8,7 @@ from testbed.identify.conditions import conditions_words
 from testbed.identify.decisions import decision_words
 from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import Delivered
+from testbed.identify.handback.states import hand_back_warnings, tool_words
 from testbed.identify.records import Calibration, Figures, FittedModel
 from testbed.identify.visits.report import visit_words
 from testbed.jobsheet.report import Row, job_rows
@@ -128,6 +129,7 @@ def reasons(calibration: Calibration) -> tuple[str, ...]:
             "What all readings of the instrument share is in no figure: the session states no "
             "systematic part"
         )
+    texts += [*hand_back_warnings(calibration), *tool_words(calibration)]
     texts += calibration.warnings
     texts += calibration.source.warnings
     return sentences(texts)

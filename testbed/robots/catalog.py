@@ -39,6 +39,7 @@ from testbed.robots.robot import Robot as Robot
 from testbed.robots.robot import Visual as Visual
 from testbed.robots.robot import Workspace as Workspace
 from testbed.robots.robot import body_name as body_name
+from testbed.robots.tolerances import tolerances_of, usual_tolerances
 from testbed.strict import choice_of
 
 ROBOT_FILE, TRACKER_FILE = "robot.toml", "tracker.toml"
@@ -119,6 +120,9 @@ def load_robot(
         workspace=_workspace(data.workspace),
         reflectors=tuple(_reflector(entry) for entry in data.reflectors),
         notes=(*data.notes, *assumed(data.joints)),
+        tolerances=None
+        if data.tolerances is None
+        else frozen(tolerances_of(data.tolerances, usual_tolerances(chain.n_joints))),
     )
 
 

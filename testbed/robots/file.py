@@ -18,6 +18,7 @@ from testbed.bounds import (
     SLIDE_SPEED,
     TURN_SPEED,
 )
+from testbed.robots.tolerances import LinkTolerances
 from testbed.strict import PlainText, Strict, choice_of
 
 Length = Annotated[float, LINK.signed("mm")]
@@ -240,6 +241,7 @@ class RobotFile(Drawn):
     free_sets: dict[PlainText, tuple[str, ...]] = Field(default_factory=dict)
     joint_terms: tuple[JointTermEntry, ...] = ()
     reflectors: tuple[ReflectorEntry, ...] = ()
+    tolerances: LinkTolerances | None = None
     notes: tuple[PlainText, ...] = ()
 
     @model_validator(mode="after")
@@ -257,6 +259,8 @@ class RobotFile(Drawn):
         ranges = self.workspace.joint_ranges_deg if self.workspace else ()
         if ranges and len(ranges) != n:
             raise ValueError(f"workspace: joint_ranges_deg has {len(ranges)} of {n} joints")
+        if self.tolerances is not None and (strange := self.tolerances.strange(n)):
+            raise ValueError(f"tolerances: joint {strange} is not there; the last is {n}")
         for part in self.parts:
             if part.link > n:
                 raise ValueError(f"part {part.name} is on link {part.link}; the last is {n}")

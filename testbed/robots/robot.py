@@ -120,6 +120,9 @@ class Robot:
     """(n,) names of the joints in its URDF or MJCF; empty if it does not come from one."""
     notes: tuple[str, ...] = ()
     """What is odd in its file, or was assumed because the file leaves it open; sentences."""
+    tolerances: Array | None = None
+    """(n, 5) how far each number of a link may lie from nominal, a standard deviation [rad, m, m,
+    rad, rad]; None where its file states none."""
     agreement: float | None = None
     """Largest distance from the poses another reader finds in the file, if converted [m]."""
 

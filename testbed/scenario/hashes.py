@@ -147,6 +147,8 @@ def robot_hash(robot: "Robot") -> str:
     moved = [v.affine for v in robot.visuals if v.affine != IN_PLACE]
     if moved:
         document["moved"] = moved
+    if robot.tolerances is not None:
+        document["tolerances"] = robot.tolerances.tolist()
     if errors.terms:
         terms = [
             (t.name, t.joint, t.wave, t.weights, *([t.reference] if t.reference else []))

@@ -9,8 +9,10 @@ from testbed.files.program import correct_program
 from testbed.gates.paths import short_stem
 from testbed.identify.conditions import measured
 from testbed.identify.handback.delivered import Delivered
+from testbed.identify.handback.results import dh_csv, tool_csv
+from testbed.identify.handback.states import handed_robot
 from testbed.identify.records import Calibration, FittedModel
-from testbed.identify.results import dh_csv, joint_map_csv
+from testbed.identify.results import joint_map_csv
 from testbed.identify.targets import statement_at, statement_csv, target_words
 from testbed.identify.visits.report import handed_out, own_reflectors
 from testbed.identify.words import mm
@@ -19,6 +21,7 @@ from testbed.robots.robot import Reflector
 from testbed.robots.write.folder import identified_robot, write_robot_folder
 
 ROBOT, DH_TABLE, JOINT_MAP = "robot", "dh_table.csv", "joint_map.csv"
+TOOL_TABLE = "tool_in_use.csv"
 GEOMETRIC = "robot_geometric"
 """Folder of the geometric model beside an extended one."""
 LONGEST_NAME = 64
@@ -45,8 +48,10 @@ def deliver(
     if package is not None:
         sentences += (f"its URDF finds the meshes where {ROBOT}/ is the root of {package}",)
     (folder / DH_TABLE).write_bytes(dh_csv(calibration).encode())
-    if (text := joint_map_csv(calibration)) is not None:
-        (folder / JOINT_MAP).write_bytes(text.encode())
+    tables = {JOINT_MAP: joint_map_csv(calibration), TOOL_TABLE: tool_csv(calibration)}
+    for name, text in tables.items():
+        if text is not None:
+            (folder / name).write_bytes(text.encode())
     if program is None:
         return Delivered(sentences, (), 0)
     model = in_own_frames(calibration)
@@ -71,7 +76,7 @@ def delivered_robot(calibration: Calibration, robot: Robot, fit: FittedModel) ->
 
     Its world is the frame of the measurements.
     """
-    model = fit.identification.model
+    model = handed_robot(calibration, fit).model
     return identified_robot(
         robot,
         RobotModel(model.chain, model.joint_errors),

@@ -72,6 +72,7 @@ def robot_toml(robot: Robot, *, comment: str = "") -> str:
         "tool": _frame(chain.T_flange_tool),
         **({"workspace": _workspace(robot.workspace)} if robot.workspace else {}),
         "joints": [_joint(robot, i) for i in range(chain.n_joints)],
+        "tolerances": _tolerances(robot),
         "joint_terms": terms or None,
         "reflectors": [_reflector(reflector) for reflector in robot.reflectors] or None,
     }
@@ -98,6 +99,18 @@ def _frame(T: Array) -> dict[str, Any]:
 def _reflector(reflector: Reflector) -> dict[str, Any]:
     """One of [[reflectors]]."""
     return {"name": reflector.name, "position_mm": [millimeters(x) for x in reflector.place]}
+
+
+def _tolerances(robot: Robot) -> dict[str, Any] | None:
+    """[tolerances], joint by joint; None where the robot states none."""
+    if robot.tolerances is None:
+        return None
+    sizes = robot.tolerances[:, [1, 0]]
+    joints = [
+        {"joint": k + 1, "length_mm": millimeters(length), "angle_deg": degrees(angle)}
+        for k, (length, angle) in enumerate(sizes.tolist())
+    ]
+    return {"joints": joints}
 
 
 def _workspace(box: Workspace) -> dict[str, Any]:

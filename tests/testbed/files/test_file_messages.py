@@ -487,6 +487,24 @@ CASES = {
         table(), '[tolerance]\nposition_um = 50\nrule = "guard"\n'
     ),
     "session: a rule without a tolerance": read(table(), '[tolerance]\nrule = "simple"\n'),
+    "session: a prior of no width": read(table(), "[prior]\nlength_mm = 0.0\n"),
+    "session: a prior of a negative width": read(table(), "[prior]\nangle_deg = -0.1\n"),
+    "session: a prior of a joint that is not there": read(
+        table(), "[prior]\njoints = [{ joint = 7, length_mm = 0.2 }]\n"
+    ),
+    "session: a prior of one joint twice": read(
+        table(), "[prior]\njoints = [{ joint = 2, length_mm = 1 }, { joint = 2, angle_deg = 1 }]\n"
+    ),
+    "session: a tool in use nowhere": read(table(), '[tool_in_use]\nname = "gripper"\n'),
+    "session: a tool in use that is not finite": read(
+        table(), "[tool_in_use]\npoint_mm = [0.0, nan, 150.0]\n"
+    ),
+    "session: a tool in use meters away": read(
+        table(), "[tool_in_use]\npoint_mm = [0.0, 0.0, 15000.0]\n"
+    ),
+    "session: a tool in use in a box of negative size": read(
+        table(), "[tool_in_use]\npoint_mm = [0.0, 0.0, 150.0]\nbox_mm = [0.0, -1.0, 0.0]\n"
+    ),
     "session: poses of no kind": read(table(), '[identification]\nheld_out = "random"\n'),
     "session: not TOML": read(table(), "joints\n"),
     "session: a file elsewhere": read(table(), '[joints]\nfile = "../../etc/passwd"\n[frames]\n'),

@@ -14,6 +14,7 @@ from calib.measurement.residual import linearize
 from calib.uncertainty.trust import trust
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.fit import scatter_covariance
+from testbed.robots.tolerances import usual_tolerances
 from tests.calibrated import real, robot, session_of, sound, sound_session, table_of, true_model
 from tests.reference import SIGMA_POSITION, pool_r
 
@@ -161,15 +162,18 @@ def test_a_fixed_frame_stays_and_a_free_set_is_honored():
     assert np.array_equal(found.before.chain.T_world_base, np.eye(4))
 
 
-def test_poses_alike_are_warned_of_with_the_number_that_suffers():
+def test_poses_alike_are_warned_of_and_the_prior_of_the_links_holds_the_number_that_suffers():
     q = np.tile(pool_r(1), (60, 1)) + np.random.default_rng(0).normal(0, 0.02, (60, 6))
-    found = calibrate(robot(), session_of(table_of(true_model(), q)))
+    session = session_of(table_of(true_model(), q))
+    found = calibrate(robot(), session)
     assert any("the poses are much alike: condition" in text for text in found.warnings)
-    worst = next(text for text in found.warnings if "least known is" in text)
-    named = worst.split("least known is ")[1].split(",")[0]
-    fit = found.fit.identification
-    u = fit.standard_uncertainty / fit.parameters.free_scale
-    assert fit.names[int(np.argmax(u))] == named
+    assert found.converged
+    train = session.measurements.rows(found.is_used)
+    fit = identify(found.before, train, parameters_of(found.before))
+    u = dict(zip(fit.names, fit.standard_uncertainty, strict=True))
+    widths = dict(zip(fit.parameters.names[6:36], usual_tolerances(6).ravel(), strict=True))
+    worst = max(set(u) & set(widths), key=lambda name: u[name] / widths[name])
+    assert f"without it {worst} is known to no better than U = " in found.handback.why
 
 
 def test_joints_that_were_not_moved_are_named_first_of_all_warnings():

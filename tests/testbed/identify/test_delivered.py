@@ -25,6 +25,7 @@ from testbed.identify.folder import (
     rederive_calibration,
 )
 from testbed.identify.handback.deliver import delivered_robot
+from testbed.identify.handback.states import handed_robot
 from testbed.identify.recording import calibration_story
 from testbed.robots.catalog import load_robot
 from testbed.robots.describe.axes import reach
@@ -98,7 +99,7 @@ def by_all(folder, frames, q):
 
 
 def test_base_and_tool_found_from_nothing_are_handed_out_in_all_three_files(made):
-    model, q = sound().fit.identification.model, pool_r(30, seed=9)
+    model, q = handed_robot(sound()).model, pool_r(30, seed=9)
     toml = load_robot(made / "poses" / "robot").model
     for name in ("T_world_base", "T_flange_tool"):
         found = getattr(model.chain, name)
@@ -116,7 +117,7 @@ def test_base_and_tool_found_from_nothing_are_handed_out_in_all_three_files(made
 
 
 def test_who_wants_the_robot_alone_finds_base_and_flange_in_the_urdf(made):
-    model, q = sound().fit.identification.model, pool_r(5, seed=9)
+    model, q = handed_robot(sound()).model, pool_r(5, seed=9)
     file = made / "poses" / "robot" / "staubli_tx60_identified.urdf"
     base, flange = by_yourdfpy(file, ["base", "flange"], q)
     bare = replace(model.chain, T_world_base=np.eye(4), T_flange_tool=np.eye(4))

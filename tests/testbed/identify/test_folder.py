@@ -21,6 +21,7 @@ from testbed.identify.folder import (
     rederive_calibration,
 )
 from testbed.identify.handback.deliver import identified_name, in_own_frames
+from testbed.identify.handback.states import handed_robot
 from testbed.identify.results import split_csv
 from testbed.robots.catalog import load_robot
 from testbed.store import layout, npz
@@ -161,7 +162,7 @@ def test_the_identified_robot_is_the_identified_model(out):
 
 def test_who_reads_urdf_gets_the_geometric_fit_not_the_geometric_part_of_another(out):
     found = load_robot(out / "robot_geometric")
-    geometric = real().fits[0].identification.model
+    geometric = handed_robot(real(), real().fits[0]).model
     # degrees in the file: back to the last bit or the one before
     np.testing.assert_allclose(found.model.chain.links, geometric.chain.links, rtol=1e-15)
     assert not found.model.joint_errors.terms

@@ -13,8 +13,8 @@ from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.trust import Trust
 from testbed.identify.handback.delivered import Delivered
+from testbed.identify.handback.states import handed_numbers
 from testbed.identify.report import page_of
-from testbed.identify.results import dh_table
 from testbed.identify.statements import statements_of
 from testbed.identify.words import (
     ELSEWHERE,
@@ -97,7 +97,7 @@ def test_every_number_of_the_robot_has_a_row_with_its_u_or_says_held():
     assert tuple(row[0] for row in table.rows) == names
     held = [row[0] for row in table.rows if row[-1] == "held"]
     assert set(held) == set(names) - set(found.fit.identification.names)
-    a2 = next(row for row in dh_table(found) if row.name == "a2")
+    a2 = next(one.row for one in handed_numbers(found) if one.row.name == "a2")
     place = found.fit.identification.names.index("a2")
     assert a2.expanded == pytest.approx(2e3 * np.sqrt(found.covariance[place, place]), rel=1e-12)
 

@@ -198,6 +198,16 @@ def test_an_unknown_robot_is_answered_with_the_likely_one():
         ('"meshes/wrist.obj"', '"../wrist.obj"', "must stay inside the model's folder"),
         ('"meshes/wrist.obj"', '"/etc/passwd"', "must stay inside the model's folder"),
         ('"meshes/wrist.obj"', '"meshes/none.obj"', "no mesh meshes/none.obj; python -m testbed"),
+        (
+            "[workspace]",
+            "[tolerances]\njoints = [{ joint = 7, length_mm = 0.1 }]\n[workspace]",
+            "tolerances: joint 7 is not there; the last is 6",
+        ),
+        (
+            "[workspace]",
+            "[tolerances]\nlength_mm = 0\n[workspace]",
+            r"\[tolerances\] length_mm is 0; it must be 1e-09 mm or larger",
+        ),
         ("format = 1", "format = 2", "format is 2; this version reads format 1"),
         ("format = 1", "format = [", "is not TOML"),
         ('name = "staubli_tx60"', 'name = "../x"', "name is .../x"),

@@ -1,0 +1,171 @@
+"""The weak prior on links: which fits need it, and why.
+
+What the measurements do not determine would run away, or stay nominal as if that were known: a
+prior of the width of a tolerance holds it, and says how wide it is.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, frozen
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
+from calib.identification.identify import Identification, Status
+from calib.identification.outlier_search import noise_factor
+from calib.identification.prior import Prior
+from calib.information.rank import PRACTICAL_RATIO
+from calib.information.reduction import reduce
+from calib.measurement import tables
+from calib.measurement.observations import Measurements
+from calib.measurement.residual import linearize
+from calib.uncertainty.statement.gain import prior_precision
+from testbed.files.session import Session
+from testbed.robots.robot import Robot
+from testbed.robots.tolerances import usual_tolerances
+from testbed.units import in_units, listed, significant, unit_of
+
+FULL_POSE = (1e-5, 1e-4)
+"""Standard deviations of readings that tell apart all that a pose can tell [m, rad]."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkBelief:
+    """What is believed of the links before measuring."""
+
+    sd: Array
+    """(n, 5) standard deviations about nominal [rad, m, m, rad, rad]."""
+    prior: Prior | None
+    """The same of those that are free; None where none is."""
+    why: str
+    """Why a geometric fit needs it; empty where the measurements hold all links by themselves."""
+
+
+def link_belief(
+    robot: Robot,
+    session: Session,
+    start: RobotModel,
+    train: Measurements,
+    parameters: Parameters,
+    plain: Identification,
+) -> LinkBelief:
+    """What is believed of a robot's links, and whether its fit needs it.
+
+    Parameters
+    ----------
+    robot, session : Robot, Session
+        The session's prior, else the robot's tolerances, else the usual ones.
+    start : RobotModel
+        Where the fits begin.
+    train : Measurements
+        What is identified from.
+    parameters : Parameters
+        The free numbers of `start`.
+    plain : Identification
+        Of `train` without any prior.
+    """
+    n = start.chain.n_joints
+    sd = usual_tolerances(n) if robot.tolerances is None else robot.tolerances
+    sd = sd if session.link_sd is None else session.link_sd
+    prior = link_prior(parameters, sd)
+    if prior is None:
+        return LinkBelief(sd, None, "")
+    if session.link_sd is not None:
+        return LinkBelief(sd, prior, "the session states it")
+    if session.in_use is not None:
+        return LinkBelief(sd, prior, "another tool will be used, and the links carry it")
+    lacking = (runaway(plain, prior), _lost(plain, start, train, parameters, prior),
+               _poor(plain, train, prior))  # fmt: skip
+    return LinkBelief(sd, prior, next(filter(None, lacking), ""))
+
+
+def link_prior(parameters: Parameters, sd: Array) -> Prior | None:
+    """The prior of widths sd (n, 5) on the links' numbers that are free; None where none is."""
+    sizes = dict(zip(parameters.names[6 : 6 + sd.size], sd.ravel().tolist(), strict=True))
+    free = tuple(name for name in parameters.free_names if name in sizes)
+    widths = np.array([sizes[name] for name in free])
+    return Prior(np.zeros(len(free)), widths, free) if free else None
+
+
+def runaway(fit: Identification, prior: Prior) -> str:
+    """Which link's number runs away, for its width, in a fit that did not end; else empty."""
+    if fit.status is Status.CONVERGED:
+        return ""
+    widths = dict(zip(prior.names, prior.sd, strict=True))
+    kept = [k for k, name in enumerate(fit.names) if name in widths]
+    if not kept:
+        return ""
+    away = [abs(fit.step[k]) / widths[fit.names[k]] for k in kept]
+    worst = kept[int(np.argmax(away))]
+    length = fit.parameters.is_length[fit.parameters.free_index]
+    value = float(in_units(fit.step, length)[worst])
+    return (
+        f"without it the fit does not end: {fit.names[worst]} runs away, "
+        f"{significant(abs(value), 2)} {unit_of(bool(length[worst]))} from nominal"
+    )
+
+
+def _lost(
+    plain: Identification,
+    start: RobotModel,
+    train: Measurements,
+    parameters: Parameters,
+    prior: Prior,
+) -> str:
+    """Links' numbers that full poses at the same joints would tell and these rows do not."""
+    if train.is_pose.all():
+        return ""
+    q = np.unique(train.q, axis=0)
+    poses = tables.poses(q, start.poses(q), sd=FULL_POSE)
+    free = parameters.freeing(
+        name for name in parameters.free_names
+        if parameters.names.index(name) < start.first_fixture
+    )  # fmt: skip
+    A = linearize(start, poses).A[:, free.free_index] * free.free_scale
+    told = reduce(A, free, model=start).kept
+    seen = set(plain.reduction.kept)
+    lost = [name for name in told if name in prior.names and name not in seen]
+    if not lost:
+        return ""
+    return f"these readings do not tell {listed(lost)}, which full poses at these joints would"
+
+
+def _poor(plain: Identification, train: Measurements, prior: Prior) -> str:
+    """The direction of links that is known worse than half its width, if there is one."""
+    widths = dict(zip(prior.names, prior.sd, strict=True))
+    kept = [k for k, name in enumerate(plain.names) if name in widths]
+    if not kept:
+        return ""
+    scale = np.array([widths[plain.names[k]] for k in kept])
+    factor = max(1.0, noise_factor(plain.model, train))
+    size, turn = np.linalg.eigh(plain.covariance[np.ix_(kept, kept)] / np.outer(scale, scale))
+    if factor**2 * size[-1] <= PRACTICAL_RATIO**2:
+        return ""
+    worst = kept[int(np.argmax(np.abs(turn[:, -1])))]
+    length = plain.parameters.is_length[plain.parameters.free_index]
+    u = factor * float(in_units(plain.standard_uncertainty, length)[worst])
+    return (
+        f"without it {plain.names[worst]} is known to no better than U = {significant(2 * u, 2)} "
+        f"{unit_of(bool(length[worst]))}"
+    )
+
+
+def prior_share(result: Identification, train: Measurements, n: int) -> Array:
+    """Part (n, 5) of the variance of each link's number that comes from a prior, whosever it is.
+
+    One where it was not estimated: then nothing but its nominal value is known.
+
+    References
+    ----------
+    C = inv(H), H = A'A + Lambda0: C A'A C comes from the readings, C Lambda0 C from the prior.
+    """
+    names = result.parameters.names[6 : 6 + 5 * n]
+    if result.prior is None:
+        return frozen(np.reshape([float(name not in result.names) for name in names], (n, 5)))
+    believed = prior_precision(result)
+    stack = linearize(result.model, train)
+    weight = np.sqrt(result.weights[stack.row_of])[:, None]
+    A = stack.A[:, result.parameters.free_index] * result.parameters.free_scale * weight
+    C = np.linalg.solve(A.T @ A + believed, np.eye(len(believed)))
+    own = dict(zip(result.names, np.diag(C @ believed @ C) / np.diag(C), strict=True))
+    return frozen(np.reshape([own.get(name, 1.0) for name in names], (n, 5)))

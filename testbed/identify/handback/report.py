@@ -1,0 +1,42 @@
+"""The report on what is handed back: the rule, what holds the numbers, the tool in use."""
+
+import numpy as np
+
+from testbed.identify.handback.states import hand_back_words, tool_words
+from testbed.identify.records import Calibration
+from testbed.report.page import Block, Points, Section, Table, Text
+from testbed.units import UM, sentences, significant
+
+
+def hand_back_section(calibration: Calibration) -> Section:
+    """Which of all equivalent robots leaves, what holds its numbers, and the tool in use."""
+    blocks: list[Block] = [
+        Points(hand_back_words(calibration)),
+        Text(
+            "held by: measurements, where U is within the tolerance and comes from the readings; "
+            "prior, where more of it comes from nominal values and their tolerances; nominal, "
+            "where a number cannot be told from others and stays."
+        ),
+    ]
+    found = calibration.handback.in_use
+    if found is not None:
+        ends = [
+            (name, *(significant(float(size) * UM) for size in (np.median(at), at.max())))
+            for name, at in (
+                ("target that was measured", found.measured_at_poses),
+                (found.tool.name, found.at_poses),
+            )
+        ]
+        blocks += [
+            Table(
+                caption="The tool in use beside the target that was measured",
+                head=("point", "R95 um, median", "R95 um, largest"),
+                rows=tuple(ends),
+                align="lrr",
+                strong=(1,),
+                note=f"Over the {len(found.at_poses)} poses that the statement is of; R95: 3-D "
+                "radius of the mean of many moves, 95 %. Pose by pose in tool_in_use.csv.",
+            ),
+            Points(sentences(tool_words(calibration))),
+        ]
+    return Section("handback", "What is handed back", tuple(blocks))

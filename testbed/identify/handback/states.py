@@ -1,0 +1,152 @@
+"""Each number of the robot that is handed out: how far it moved, and what holds it there."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array
+from testbed.identify.handback.least_moved import RULE, LeastMoved, least_moved
+from testbed.identify.records import Calibration, FittedModel
+from testbed.robots.write.dh_table import DhRow, dh_rows
+from testbed.units import DEG, MM, UM, counted, listed, sentences, significant
+
+NOMINAL, MEASURED, PRIOR = "nominal", "measurements", "prior"
+BEYOND, LOOSE = "measurements, beyond its tolerance", "nothing: U exceeds its tolerance"
+HALF = 0.5
+"""Share of the variance of a number from which on a prior holds it, its own or that of others."""
+MOST_NAMED = 6
+"""Numbers that a sentence names."""
+
+
+@dataclass(frozen=True, slots=True)
+class HandedNumber:
+    """One number of the robot that is handed out."""
+
+    row: DhRow
+    tolerance: float | None
+    """Standard deviation about nominal that was believed, in mm or deg; None for other than links
+    and for what the session held."""
+    held_by: str
+    """What keeps it where it is."""
+
+
+def handed_robot(calibration: Calibration, fit: FittedModel | None = None) -> LeastMoved:
+    """The robot of a fit, by default the chosen one, in the numbers that are handed out."""
+    chosen = fit is None or fit is calibration.fit
+    asked, given = calibration.fit if fit is None else fit, calibration.handback
+    return least_moved(
+        calibration.nominal.chain, asked.identification, given.tolerance, given.limits,
+        covariance=calibration.covariance if chosen else None,
+    )  # fmt: skip
+
+
+def handed_numbers(calibration: Calibration) -> tuple[HandedNumber, ...]:
+    """Base, links, tool and joint terms, nominal with fitted frames against what is handed out."""
+    result, handed = calibration.fit.identification, handed_robot(calibration)
+    free = result.parameters.freeing(result.parameters.names)
+    rows = dh_rows(calibration.before, handed.model, free, handed.covariance)
+    believed = set() if result.prior is None else set(result.prior.names)
+    names = result.parameters.names[6 : 6 + calibration.handback.tolerance.size]
+    scale = np.where([row.unit == "mm" for row in rows[6 : 6 + len(names)]], MM, DEG)
+    sizes = dict(
+        zip(names, calibration.handback.tolerance.ravel() * scale, strict=True)
+    )  # in the units of the rows
+    shares = dict(zip(names, calibration.handback.by_prior.ravel(), strict=True))
+    return tuple(
+        _held(row, sizes.get(row.name), row.name in believed, shares.get(row.name, 0.0))
+        for row in rows
+    )
+
+
+def _held(row: DhRow, tolerance: float | None, believed: bool, share: float) -> HandedNumber:
+    """What holds one number, whose variance comes by a share from a prior."""
+    if row.expanded is None:
+        return HandedNumber(row, tolerance, NOMINAL)
+    if tolerance is None:
+        return HandedNumber(row, None, PRIOR if believed else MEASURED)
+    if believed and (share > HALF or row.expanded > tolerance):
+        return HandedNumber(row, tolerance, PRIOR)
+    if row.expanded > tolerance:
+        return HandedNumber(row, tolerance, LOOSE)
+    return HandedNumber(row, tolerance, BEYOND if abs(row.delta) > tolerance else MEASURED)
+
+
+def hand_back_words(calibration: Calibration) -> tuple[str, ...]:
+    """The rule, and what a person must know of the numbers before using them, in sentences."""
+    said = [RULE, *_why_and_beyond(calibration)]
+    numbers = handed_numbers(calibration)
+    for how, text in (
+        (PRIOR, "the prior holds {}: the measurements tell less of them than nominal values do"),
+        (LOOSE, "nothing holds {} to within their tolerance: measure more poses, or state a "
+                "[prior]"),
+    ):  # fmt: skip
+        named = [one.row.name for one in numbers if one.held_by == how and one.tolerance]
+        if named:
+            said.append(text.format(_some(named[:MOST_NAMED], len(named))))
+    return sentences(said)
+
+
+def hand_back_warnings(calibration: Calibration) -> tuple[str, ...]:
+    """What must be said first: why links have a prior, what moved beyond its tolerance."""
+    said = _why_and_beyond(calibration)
+    named = [one.row.name for one in handed_numbers(calibration) if one.held_by == LOOSE]
+    if named:
+        said.append(f"{_some(named[:MOST_NAMED], len(named))}: U exceeds the tolerance")
+    return tuple(said)
+
+
+def _why_and_beyond(calibration: Calibration) -> list[str]:
+    """Why links have a prior, and which numbers moved further than their tolerance."""
+    given, said = calibration.handback, []
+    if given.why:
+        said.append(
+            f"the links have a prior of {_widths(given.tolerance)} ({given.stated_by}): {given.why}"
+        )
+    if beyond := [one for one in handed_numbers(calibration) if one.held_by == BEYOND]:
+        told = [
+            f"{one.row.name} by {significant(abs(one.row.delta), 2)} {one.row.unit}"
+            for one in beyond[:MOST_NAMED]
+        ]
+        said.append(
+            f"{counted(len(beyond), 'number')} moved further than the tolerance, and the "
+            f"measurements say so: {_some(told, len(beyond))}"
+        )
+    return said
+
+
+def _some(told: list[str], count: int) -> str:
+    """The first ones, and how many more there are."""
+    more = [f"{count - len(told)} more"] if count > len(told) else []
+    return listed([*told, *more])
+
+
+def _widths(tolerance: Array) -> str:
+    """Lengths and angles, from least to largest."""
+    spans = []
+    for sizes, unit in ((tolerance[:, 1:3] * MM, "mm"), (tolerance[:, [0, 3, 4]] * DEG, "deg")):
+        ends = dict.fromkeys(f"{float(end):.3g}" for end in (sizes.min(), sizes.max()))
+        spans.append(f"{' to '.join(ends)} {unit}")
+    return " and ".join(spans)
+
+
+def tool_words(calibration: Calibration) -> tuple[str, ...]:
+    """What is believed of the tool in use, in sentences; empty without one."""
+    found = calibration.handback.in_use
+    if found is None:
+        return ()
+    x, y, z = (1e3 * each for each in found.worst)
+    text = (
+        f"for {found.tool.name}, at ({x:.6g}, {y:.6g}, {z:.6g}) mm in the flange's frame, the mean "
+        f"tip lies within R95 = {significant(found.radius_mean * UM)} um of the predicted one "
+        f"(3-D radius, {100 * found.probability:g} %"
+    )
+    if np.isfinite(found.radius_move):
+        text += f"; of one move {significant(found.radius_move * UM)} um"
+    text += ")"
+    if any(found.tool.box):
+        text += "; that is the worst corner of the box stated"
+    return (
+        text,
+        "in it is how well nominal links are believed between the target that was measured and the "
+        "flange: measure a target on that tool to know more",
+    )

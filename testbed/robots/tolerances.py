@@ -1,0 +1,64 @@
+"""How far the numbers of an arm's links may lie from nominal, as files state it and as arrays."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from calib.arrays import Array
+from testbed.bounds import ANGLE_SD, LENGTH_SD
+from testbed.strict import Strict
+
+LENGTH_TOLERANCE, ANGLE_TOLERANCE = 0.6e-3, float(np.radians(0.1))
+"""How far a length and an angle of a link may lie from nominal where nothing is stated: standard
+deviations, those of the weak prior [m, rad]."""
+
+
+class JointTolerance(Strict):
+    """Widths of one joint's link, where they differ from the others'."""
+
+    joint: Annotated[int, Field(ge=1)]
+    length_mm: Annotated[float, LENGTH_SD.size("mm")] | None = None
+    angle_deg: Annotated[float, ANGLE_SD.size("deg")] | None = None
+
+
+class LinkTolerances(Strict):
+    """[tolerances] of a robot, [prior] of a session: how far its links may lie from nominal.
+
+    Standard deviations, of d and a and of theta, alpha and beta.
+    """
+
+    length_mm: Annotated[float, LENGTH_SD.size("mm")] | None = None
+    angle_deg: Annotated[float, ANGLE_SD.size("deg")] | None = None
+    joints: tuple[JointTolerance, ...] = ()
+
+    @model_validator(mode="after")
+    def _joints_differ(self) -> "LinkTolerances":
+        """No joint has two widths."""
+        numbers = [one.joint for one in self.joints]
+        if twice := sorted({k for k in numbers if numbers.count(k) > 1}):
+            raise ValueError(f"joint {twice[0]} is there twice")
+        return self
+
+    def strange(self, n: int) -> int | None:
+        """The first joint of these that an arm of n joints has not."""
+        return next((one.joint for one in self.joints if one.joint > n), None)
+
+
+def tolerances_of(stated: LinkTolerances, before: Array) -> Array:
+    """Standard deviations (n, 5) of the links' numbers [rad, m, m, rad, rad], from `before` on."""
+    found = before.copy()
+    sizes = [(slice(None), stated.length_mm, stated.angle_deg)]
+    sizes += [(slice(k.joint - 1, k.joint), k.length_mm, k.angle_deg) for k in stated.joints]
+    for rows, length, angle in sizes:
+        if length is not None:
+            found[rows, 1:3] = length / 1e3
+        if angle is not None:
+            found[rows, ::3] = found[rows, 4:] = np.radians(angle)
+    return found
+
+
+def usual_tolerances(n: int) -> Array:
+    """Those (n, 5) of an arm of n joints that states none."""
+    length, angle = LENGTH_TOLERANCE, ANGLE_TOLERANCE
+    return np.tile([angle, length, length, angle, angle], (n, 1))
