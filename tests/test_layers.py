@@ -60,7 +60,7 @@ FLOORS = {
         ("studies/trial", "studies/many_robots", "plan", "files"),
         ("studies/kinds",),
         ("studies/pose_sets", "studies/coverage", "studies/compensation", "studies/wen2022",
-         "identify", "run", "proposal"),
+         "identify", "run", "proposal", "iso9283"),
         ("cli", "front"),
     ),
     "calib": (
@@ -84,6 +84,8 @@ NEVER = (
     ("testbed/plan/", "testbed.studies"),
     ("testbed/plan/", "testbed.laboratory.truth"),
     ("testbed/files/", "testbed.laboratory.truth"),
+    ("testbed/iso9283/", "testbed.studies"),
+    ("testbed/iso9283/", "testbed.laboratory.truth"),
     *((f"testbed/laboratory/{name}", "testbed.laboratory.truth") for name in
       ("bench.py", "cell.py", "goal.py", "joint_lists.py", "pool.py", "simulator.py", "route/",
        "tracker/")),

@@ -181,7 +181,7 @@ def identify(
 
         if package is not None:
             require_package(package)
-        folder = out or identified_folder(data)
+        folder = out or folder_of(data, "identified")
         check_place(folder, overwrite=overwrite)
         arm = load_robot(
             robot, tip=tip, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes
@@ -216,6 +216,51 @@ def identify(
             say(f"Next       truebed view {folder}")
 
 
+@app.command()
+def iso9283(
+    data: Annotated[
+        Path, typer.Argument(metavar="DATA", help="A session.toml, or a table: CSV, xlsx.")
+    ],
+    config: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="A session.toml on how to read a table."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder [runs/DATA-iso9283].")] = None,
+    drop_invalid: Annotated[
+        bool,
+        typer.Option(
+            "--drop-invalid",
+            help="Leave rows out that are not numbers, and cycles that are not whole.",
+        ),
+    ] = False,
+    max_mb: Annotated[float, typer.Option("--max-mb", help="Largest file read [MB].")] = 100.0,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Test a real robot after ISO 9283: accuracy and repeatability from measured cycles."""
+    with exit_codes(debug=debug, as_json=as_json, room=COMPUTING):
+        from testbed.files.read import ReadOptions
+        from testbed.iso9283.folder import check_place, play_iso9283, terminal_text
+        from testbed.iso9283.read import read_test
+        from testbed.store.layout import ISO9283, REPORT, RESULT
+
+        folder = out or folder_of(data, "iso9283")
+        check_place(folder, overwrite=overwrite)
+        how = ReadOptions(drop_invalid=drop_invalid, max_mb=max_mb)
+        result = play_iso9283(
+            read_test(data, config=config, options=how), folder, overwrite=overwrite
+        )
+        if as_json:
+            say_json((folder / RESULT).read_text(encoding="utf-8").rstrip())
+        elif not quiet:
+            say(terminal_text(result))
+            say()
+            say(f"Figures    {folder / ISO9283}")
+            say(f"Report     {folder / REPORT}")
+
+
 def scenario_of(scene: str, seed: int | None) -> "tuple[Scenario, str]":
     """A scene with another seed, if there is one, and what to call it in messages."""
     from testbed.scenario.read import changed, scenario_path
@@ -233,11 +278,11 @@ def default_folder(scenario: "Scenario") -> Path:
     return Path("runs") / f"{scenario.name}-seed{scenario.seed}"
 
 
-def identified_folder(data: Path) -> Path:
-    """Where a calibration goes unless --out says otherwise."""
+def folder_of(data: Path, ending: str) -> Path:
+    """Where a result goes unless --out says otherwise."""
     from testbed.files.session_toml import SESSION_FILE
     from testbed.gates.paths import real
 
     found = real(data, field="measurements", code="S37")
     name = found.parent.name if data.name == SESSION_FILE else data.stem
-    return Path("runs") / f"{name}-identified"
+    return Path("runs") / f"{name}-{ending}"

@@ -29,14 +29,19 @@ CURRENTS = {unit: FACTORS[unit] for unit in ("A", "mA")}
 UNITS = {"length": LENGTHS, "angle": ANGLES, "torque": LOADS, "current": CURRENTS}
 QUATERNION_COLUMNS = ("qw", "qx", "qy", "qz")
 MATRIX_COLUMNS = tuple(f"r{i}{j}" for i in "123" for j in "123")
-TEXTS = ("pose_id", "station", "split", "approach", "time", "target", "anchor", "euler", "tool")
+TEXTS = ("pose_id", "station", "split", "approach", "time", "target", "anchor", "euler", "tool",
+         "path")  # fmt: skip
 """Columns that hold no numbers."""
 NUMBERS = {
     "repeat": COUNT, "order": COUNT, "time_s": TIME, "temperature_degC": TEMPERATURE,
     "payload_kg": PAYLOAD,
 }  # fmt: skip
 """Columns of numbers that any table may have, and which numbers they hold."""
-PLAIN = (*TEXTS, *NUMBERS, *QUATERNION_COLUMNS, *MATRIX_COLUMNS)
+COUNTS = ("cycle", "path_point")
+"""Columns of whole numbers in tests after ISO 9283."""
+COMMANDED = "command_"
+"""Before the name of a column: where the robot was sent, instead of where it was seen."""
+PLAIN = (*TEXTS, *NUMBERS, *COUNTS, *QUATERNION_COLUMNS, *MATRIX_COLUMNS)
 """Names that carry no unit, or always the same."""
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 STEMS: dict[str, str] = {
@@ -84,6 +89,7 @@ def bound_of(name: str) -> Bound:
 
 def is_known(name: str) -> bool:
     """Whether this program has a column of that name."""
+    name = name.removeprefix(COMMANDED)
     if name in PLAIN or name in covariance_names():
         return True
     stem, _, unit = name.rpartition("_")
@@ -99,6 +105,7 @@ def close_to(name: str) -> str:
     known = [
         *PLAIN,
         *(f"{stem}_{unit}" for stem, kind in STEMS.items() for unit in UNITS[kind]),
+        *(f"{COMMANDED}{axis}_{unit}" for axis in AXES[:3] for unit in LENGTHS),
         *(f"q{k}{read}_{unit}" for k in range(1, 10) for read in ("", "_read") for unit in
           ("deg", "rad", "mm", "m")),
         *(f"{stem}{k}_{unit}" for k in range(1, 10) for stem in ("torque", "current") for unit in

@@ -50,7 +50,7 @@ def section_of(table: DataTable) -> ObservedTable:
 
 
 def read_observed(
-    table: DataTable, section: ObservedTable, uncertainty: UncertaintyTable, *, drop: bool
+    table: DataTable, section: ObservedTable, uncertainty: UncertaintyTable, *, drop: bool | None
 ) -> Readings:
     """Readings of one CSV.
 
@@ -62,8 +62,8 @@ def read_observed(
         Its table in session.toml: what it holds.
     uncertainty : UncertaintyTable
         What session.toml states of it.
-    drop : bool
-        Leave out rows that are no numbers.
+    drop : bool or None
+        Leave out rows that are no numbers; None: it cannot be asked for.
 
     Raises
     ------

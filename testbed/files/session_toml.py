@@ -34,6 +34,7 @@ AngleSd = Annotated[float, ANGLE_SD.size("mdeg")]
 Floor = Annotated[float, LENGTH_SD.or_zero("um")]
 Euler = Annotated[str, Field(min_length=1, max_length=20)]
 Place = Point | Literal["free"]
+IsoFigureName = Literal["AP", "RP", "vAP", "AD", "RD", "dAP", "dRP", "AT", "RT"]
 
 
 class DialectTable(Strict):
@@ -129,6 +130,26 @@ class RangesTable(ObservedTable):
     anchors_mm: dict[Name, Place] = Field(default_factory=dict)
     """Place of each anchor in the world, or "free" where it is to be identified."""
     reflectors_mm: dict[Name, Place] = Field(default_factory=dict)
+
+
+class CyclesTable(FileTable):
+    """[cycles] or [paths]: poses or paths that were run again and again, for ISO 9283."""
+
+    commanded: Name | None = None
+    """File of the commanded poses or path points, where the rows do not say them."""
+    euler: Euler | None = None
+    """As under [frames]."""
+
+
+class IsoTable(Strict):
+    """[iso9283]: what a test was, and the largest figures that are allowed."""
+
+    frame: Literal["robot", "fitted"] | None = None
+    """Whether readings are in the frame of the commands, or brought there by a best fit."""
+    speed_percent: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
+    """Printed."""
+    limits_um: dict[IsoFigureName, LengthSd] = Field(default_factory=dict)
+    """Largest figures, as the maker or the customer states them."""
 
 
 class StartTable(Strict):
@@ -242,6 +263,9 @@ class SessionFile(Strict):
     frames: FramesTable | None = None
     points: PointsTable | None = None
     ranges: RangesTable | None = None
+    cycles: CyclesTable | None = None
+    paths: CyclesTable | None = None
+    iso9283: IsoTable = IsoTable()
     start: StartTable | None = None
     drift: DriftTable | None = None
     uncertainty: UncertaintyTable = UncertaintyTable()

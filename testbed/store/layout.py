@@ -17,9 +17,10 @@ PARTS = "parts"
 TIMING, LOG, UNFINISHED = "timing.json", "log.jsonl", "UNFINISHED.txt"
 CRASH = "crash.txt"
 """Traceback of a defect of ours."""
-PLAN = "plan.json"
+PLAN, ISO9283 = "plan.json", "iso9283.csv"
 OWNERS = {
     PLAN: "a plan's folder",
+    ISO9283: "the folder of a test after ISO 9283",
     MANIFEST: "a run folder",
     "session.toml": "an exported session's folder",
 }

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from testbed.files.session import Session
     from testbed.identify.records import Calibration
+    from testbed.iso9283.records import TestResult
     from testbed.plan.records import Plan
     from testbed.robots.robot import Robot
     from testbed.scenario.scenario import Scenario
     from testbed.studies.trial.records import Campaign
 
-__all__ = ("identify", "load", "plan", "robot", "run")
+__all__ = ("identify", "iso9283", "load", "plan", "robot", "run")
 
 
 def robot(name_or_path: str | Path) -> "Robot":
@@ -85,6 +86,24 @@ def identify(
     arm = robot if isinstance(robot, Robot) else load_robot(robot)
     seen = session if isinstance(session, Session) else read_session(session, arm)
     return calibrate(arm, seen) if out is None else play_calibration(arm, seen, Path(out))[0]
+
+
+def iso9283(data: str | Path, out: str | Path | None = None) -> "TestResult":
+    """Test a real robot after ISO 9283, as ``truebed iso9283`` does.
+
+    Parameters
+    ----------
+    data : str or Path
+        A table of measured cycles, or a session.toml with [cycles] or [paths].
+    out : path, optional
+        Folder to write; without it nothing is written.
+    """
+    from testbed.iso9283.folder import play_iso9283
+    from testbed.iso9283.play import play_test
+    from testbed.iso9283.read import read_test
+
+    test = read_test(data)
+    return play_test(test) if out is None else play_iso9283(test, Path(out))
 
 
 def load(folder: str | Path) -> "Campaign | Calibration | dict[str, Any]":

@@ -17,10 +17,11 @@ from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.results import headline
 from testbed.identify.session import with_test
-from testbed.identify.shared import beam_of, errors_of, shared_of, shared_section
+from testbed.identify.shared import shared_of, shared_section
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.robots.catalog import load_robot
 from testbed.run.export import export_campaign
+from testbed.scenario.instrument import beam_of, errors_of
 from testbed.scenario.read import changed
 from testbed.scenario.systematic import SystematicTable
 from testbed.studies import load_scenario

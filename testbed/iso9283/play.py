@@ -1,0 +1,263 @@
+"""The straight line of `iso9283`: readings into one frame, then every figure with its limits."""
+
+from collections.abc import Iterator
+from itertools import combinations, pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import stdtrit
+
+from calib.arrays import Array, Index, frozen
+from calib.measurement.iso9283 import (
+    IsoFigure,
+    accuracy,
+    approaches,
+    distance_accuracy,
+    distance_repeatability,
+    repeatability,
+    rotation_accuracy,
+    rotation_repeatability,
+)
+from calib.measurement.iso_drift import BLOCK, DriftFigures, drift
+from calib.measurement.iso_limits import (
+    Limits,
+    mean_limits,
+    repeatability_limits,
+    spread_limits,
+)
+from calib.measurement.iso_paths import path_figures, resampled
+from testbed.files.refusal import refusal
+from testbed.iso9283.frames import in_command_frame
+from testbed.iso9283.records import (
+    CycleTest,
+    Drifting,
+    Figure,
+    PathRuns,
+    PathShown,
+    TestResult,
+    Visits,
+)
+from testbed.scenario.instrument import beam_of, errors_of
+
+MOST_PAIRED = 10
+"""Poses of which every pair has a distance; of more only those that follow each other."""
+PROBABILITY = 0.95
+
+
+class Shared:
+    """What the instrument is stated to get wrong in all readings alike, at places (..., 3) [m]."""
+
+    def __init__(self, test: CycleTest, T: Array) -> None:
+        self.table, self.T = test.systematic, T
+
+    def rows(self, place: Array) -> Array | None:
+        """How readings follow its numbers, in their sd: (k, 3, 14) in the frame of the commands."""
+        if self.table is None:
+            return None
+        errors, R = errors_of(self.table), self.T[:3, :3]
+        own = (place - self.T[:3, 3]) @ R
+        # how the tool stands does not matter to one point; of two it is taken to stand alike
+        tool = np.broadcast_to(np.eye(3), (len(place), 3, 3))
+        B = errors.sensitivity(own, tool, beam_of(self.table))[:, :3]
+        return np.asarray(R @ B * np.sqrt(errors.variance))
+
+    def covariance(self, place: Array) -> Array | None:
+        """Covariance (k, 3, 3) that all readings at each place share [m^2]."""
+        B = self.rows(place)
+        return None if B is None else np.asarray(B @ np.swapaxes(B, 1, 2))
+
+    def of_distance(self, one: Array, two: Array) -> float:
+        """Standard uncertainty of the distance of two places (3,) [m]."""
+        B = self.rows(np.stack([one, two]))
+        if B is None:
+            return 0.0
+        along = (two - one) / np.linalg.norm(two - one)
+        return float(np.linalg.norm(along @ (B[1] - B[0])))
+
+
+def play_test(test: CycleTest) -> TestResult:
+    """All figures of a test.
+
+    Raises
+    ------
+    InputError
+        The frames do not go together, or a path does not follow its command.
+    """
+    moved, T, frame = in_command_frame(test)
+    shared = Shared(test, T)
+    figures, shown = list[Figure](), list[PathShown]()
+    drifts: tuple[Drifting, ...] = ()
+    p_value = float("nan")
+    if moved.visits is not None:
+        figures += _poses(moved.visits, shared)
+        figures += _directions(moved.visits)
+        figures += _distances(moved.visits, shared)
+        changes, drifts, p_value = _drifts(moved.visits)
+        figures += changes
+    for path in moved.paths:
+        one, picture = _path(path, shared)
+        figures += one
+        shown.append(picture)
+    return TestResult(moved, tuple(figures), drifts, p_value, tuple(shown), frame)
+
+
+def _poses(visits: Visits, shared: Shared) -> Iterator[Figure]:
+    """AP and RP of every entry, and of its orientation."""
+    x, c, n, names = visits.position, visits.command, visits.cycles, visits.names
+    common = shared.covariance(x.mean(axis=1))
+    AP, RP = accuracy(x, c, common=common), repeatability(x, noise=visits.noise)
+    apart = _shared_part(AP, accuracy(x, c))
+    yield from _figures("AP", names, AP, mean_limits(AP, n - 1), n, shared=apart)
+    yield from _parts(names, x.mean(axis=1) - c, x.var(axis=1, ddof=1) / n, common, n)
+    yield from _figures("RP", names, RP, repeatability_limits(x), n)
+    if visits.rotation is None or visits.command_rotation is None:
+        return
+    turn = rotation_accuracy(visits.rotation, visits.command_rotation)
+    spread = rotation_repeatability(visits.rotation, noise=visits.turn_noise)
+    yield from _figures("AP_angle", names, turn, mean_limits(turn, n - 1), n, angle=True)
+    limits = spread_limits(spread.value, n)
+    for k, axis in enumerate("xyz"):
+        own = IsoFigure(spread.value[:, k], spread.uncertainty[:, k], spread.floor[:, k])
+        part = Limits(limits.lower[:, k], limits.upper[:, k], limits.dof[:, k])
+        yield from _figures(f"RP_angle_{axis}", names, own, part, n, angle=True)
+
+
+def _parts(
+    names: tuple[str, ...], off: Array, variance: Array, common: Array | None, n: int
+) -> Iterator[Figure]:
+    """AP along each axis, with its sign."""
+    shared = 0.0 if common is None else np.diagonal(common, axis1=1, axis2=2)
+    u = np.sqrt(variance + shared)
+    half = stdtrit(n - 1, (1 + PROBABILITY) / 2) * u
+    for k, axis in enumerate("xyz"):
+        for e, name in enumerate(names):
+            value, width = float(off[e, k]), float(half[e, k])
+            yield Figure(
+                f"AP_{axis}", name, value, value - width, value + width, float(u[e, k]),
+                float("nan"), n, shared=float(np.sqrt(np.broadcast_to(shared, off.shape)[e, k])),
+            )  # fmt: skip
+
+
+def _directions(visits: Visits) -> Iterator[Figure]:
+    """Multi-directional variation of every pose that was reached from several directions."""
+    n = visits.cycles
+    for pose in dict.fromkeys(visits.pose):
+        own = [e for e, name in enumerate(visits.pose) if name == pose]
+        if len(own) > 1:
+            found = approaches(visits.position[own])
+            yield from _figures("vAP", (pose,), found, mean_limits(found, 2 * (n - 1)), n)
+
+
+def _distances(visits: Visits, shared: Shared) -> Iterator[Figure]:
+    """AD with its sign and RD of pairs of poses reached from the same direction."""
+    x, c, n = visits.position, visits.command, visits.cycles
+    for one, two in _pairs(visits):
+        wanted = float(np.linalg.norm(c[two] - c[one]))
+        if not wanted:
+            continue
+        D = np.linalg.norm(x[two] - x[one], axis=1)
+        common = shared.of_distance(x[one].mean(axis=0), x[two].mean(axis=0))
+        AD = distance_accuracy(x[one], x[two], wanted, common=common)
+        value, u = float(D.mean() - wanted), float(AD.uncertainty)
+        half = float(stdtrit(n - 1, (1 + PROBABILITY) / 2)) * u
+        where = f"{visits.names[one]} to {visits.names[two]}"
+        floor = float(AD.floor)
+        yield Figure("AD", where, value, value - half, value + half, u, floor, n, shared=common)
+        noise = None if visits.noise is None else visits.noise[one] + visits.noise[two]
+        RD = distance_repeatability(x[one], x[two], noise=noise)
+        yield from _figures("RD", (where,), RD, spread_limits(RD.value, n), n)
+
+
+def _pairs(visits: Visits) -> Iterator[tuple[int, int]]:
+    """Entries whose distance is stated."""
+    for way in dict.fromkeys(visits.approach):
+        own = [e for e, approach in enumerate(visits.approach) if approach == way]
+        every = len(own) <= MOST_PAIRED
+        yield from combinations(own, 2) if every else pairwise(own)
+
+
+def _drifts(visits: Visits) -> tuple[list[Figure], tuple[Drifting, ...], float]:
+    """DAP and dRP of every entry, where there are times and two blocks of cycles."""
+    n = visits.cycles
+    if visits.time is None or n // BLOCK < 2:
+        return [], (), float("nan")
+    # one order for all: what a cycle's poses share stays together
+    order = np.argsort(visits.time.mean(axis=0), kind="stable")
+    x, time = visits.position[:, order], visits.time[:, order] / 3600
+    found = drift(x, visits.command)
+    parts = np.split(np.arange(n), [BLOCK * k for k in range(1, n // BLOCK)])
+    figures, drifts = list[Figure](), list[Drifting]()
+    for e, name in enumerate(visits.names):
+        hours = frozen(np.array([time[e, part].mean() for part in parts]))
+        figures += _drift_figures(found, e, x[e], visits.command[e], parts, name)
+        drifts.append(
+            Drifting(
+                name, hours, found.accuracy[e], found.repeatability[e], found.chance[e],
+                found.p_values[e],
+            )
+        )  # fmt: skip
+    return figures, tuple(drifts), found.p_value
+
+
+def _drift_figures(
+    found: DriftFigures, e: int, x: Array, command: Array, parts: list[Index], name: str
+) -> Iterator[Figure]:
+    """The largest change of AP and RP against the first block."""
+    made = {"dAP": lambda y: accuracy(y, command), "dRP": repeatability}
+    for k, (key, values) in enumerate(
+        (("dAP", found.accuracy[e]), ("dRP", found.repeatability[e]))
+    ):
+        last = int(np.abs(values[1:] - values[0]).argmax()) + 1
+        u = float(np.hypot(*(made[key](x[parts[b]]).uncertainty for b in (0, last))))
+        value, floor = float(found.values[e, k]), float(found.by_chance[e, k])
+        half = float(stdtrit(2 * (BLOCK - 1), (1 + PROBABILITY) / 2)) * u
+        yield Figure(key, name, value, max(value - half, 0.0), value + half, u, floor, len(x))
+
+
+def _path(path: PathRuns, shared: Shared) -> tuple[list[Figure], PathShown]:
+    """AT and RT of one path."""
+    x, n = resampled(path.runs, path.command), len(path.runs)
+    if (missed := ~np.isfinite(x).all(axis=2)).any():
+        point, run = (int(k) for k in np.argwhere(missed)[0])
+        raise refusal(
+            path.place[run], "path_point",
+            f"the run of path {path.name} that begins here never passes the plane across point "
+            f"{path.points[point]}", code="M35",
+            allowed="every run follows the whole path, in its order",
+            fix="check the order of points and rows, and the cycles, or take this run out",
+        )  # fmt: skip
+    common = shared.covariance(x.mean(axis=1))
+    noise = None if path.noise is None else np.broadcast_to(path.noise, (len(x), 3, 3))
+    found = path_figures(x, path.command, noise=noise)
+    a, r = found.worst
+    AT, RT = accuracy(x, path.command, common=common), found.repeatability
+    own = float(_shared_part(AT, found.accuracy)[a])
+    where, far = f"path {path.name}", mean_limits(AT, n - 1)
+    near = repeatability_limits(x)
+    steps = np.linalg.norm(np.diff(path.command, axis=0), axis=1)
+    figures = [
+        Figure("AT", where, float(AT.value[a]), float(far.lower[a]), float(far.upper[a]),
+               float(AT.uncertainty[a]), found.floor, n, shared=own),
+        Figure("RT", where, float(RT.value[r]), float(near.lower[r]), float(near.upper[r]),
+               float(RT.uncertainty[r]), float(RT.floor[r]), n),
+    ]  # fmt: skip
+    along = frozen(np.concatenate([[0.0], np.cumsum(steps)]))
+    mean = frozen(x.mean(axis=1))
+    return figures, PathShown(path.name, path.command, along, mean, AT.value, RT.value)
+
+
+def _figures(
+    name: str, where: tuple[str, ...], found: IsoFigure, limits: Limits, n: int,
+    *, angle: bool = False, shared: ArrayLike = 0.0,
+) -> Iterator[Figure]:  # fmt: skip
+    """One figure for each entry."""
+    own = np.broadcast_to(np.asarray(shared), found.value.shape)
+    columns = (found.value, limits.lower, limits.upper, found.uncertainty, found.floor, own)
+    for place, values in zip(where, np.stack([np.atleast_1d(x) for x in columns], 1), strict=True):
+        value, lower, upper, u, floor, common = (float(x) for x in values)
+        yield Figure(name, place, value, lower, upper, u, floor, n, angle, common)
+
+
+def _shared_part(whole: IsoFigure, alone: IsoFigure) -> Array:
+    """What of a standard uncertainty all readings share."""
+    return np.asarray(np.sqrt(np.maximum(whole.uncertainty**2 - alone.uncertainty**2, 0.0)))

@@ -1,0 +1,143 @@
+"""A test after ISO 9283 from its files: tables of measured cycles, and a session.toml."""
+
+from collections.abc import Iterator
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+
+from calib.errors import refuse
+from testbed.files.read import ReadOptions
+from testbed.files.session import Sources
+from testbed.files.session_toml import SESSION_FILE, CyclesTable, SessionFile
+from testbed.gates.mistakes import validated
+from testbed.gates.paths import is_there, real
+from testbed.gates.text import SourceFile
+from testbed.gates.toml import read_toml_bytes, toml_document
+from testbed.iso9283.grouped import Commands, paths_in, visits_in
+from testbed.iso9283.records import CycleTest, PathRuns, Visits
+from testbed.iso9283.rows import Rows, read_rows
+
+
+def read_test(
+    data: str | Path, *, config: str | Path | None = None, options: ReadOptions | None = None
+) -> CycleTest:
+    """Read measured cycles.
+
+    Parameters
+    ----------
+    data : path
+        A table (CSV, xlsx), or a session.toml (or its folder) with [cycles], [paths] or both.
+    config : path, optional
+        A session.toml on how to read a table: column names, units, uncertainty, job sheet.
+    options : ReadOptions, optional
+        What is allowed.
+
+    Raises
+    ------
+    InputError
+        Names the file, the line, the thing, what was allowed and the likely fix.
+    """
+    options = ReadOptions() if options is None else options
+    path = Path(data)
+    file = path / SESSION_FILE if is_there(path, Path.is_dir) else path
+    real(file, field="DATA", code="S37")
+    toml = file if config is None and file.suffix.lower() == ".toml" else config
+    settings, first = SessionFile(), list[SourceFile]()
+    if toml is not None:
+        content = read_toml_bytes(Path(toml), str(toml))
+        first.append(SourceFile(Path(toml), sha256(content).hexdigest()))
+        settings = validated(toml_document(content, str(toml)), SessionFile, str(toml))
+    if toml == file and settings.cycles is None and settings.paths is None:
+        message, fix = "has no [cycles] and no [paths]", 'write [cycles] and file = "cycles.csv"'
+        raise refuse("cycles", code="S37", message=message, fix=fix, where=str(file))
+    root = file.parent if toml is None else Path(toml).parent
+    sources = Sources(root, None if toml == file else file, options.max_mb, {})
+    return _test(settings, sources, first, file, Path(toml or file).name, drop=options.drop_invalid)
+
+
+def _test(
+    settings: SessionFile,
+    sources: Sources,
+    first: list[SourceFile],
+    file: Path,
+    where: str,
+    *,
+    drop: bool,
+) -> CycleTest:
+    """What the files hold."""
+    visits: Visits | None = None
+    paths, parts, notes = list[PathRuns](), list[Rows](), list[str]()
+    for key, section, rows in _tables(settings, sources, drop=drop):
+        parts.append(rows)
+        is_path = np.array([bool(name) for name in rows.path])
+        commands = _commanded(section, key, sources, settings, drop=drop)
+        if is_path.any():
+            found, said = paths_in(rows.rows(np.flatnonzero(is_path)), commands, drop=drop)
+            paths += found
+            notes += said
+        if not is_path.all():
+            if key == "paths":
+                row = int(np.argmin(is_path))
+                message, fix = "path is empty", "name the path of each row in the column path"
+                raise refuse("path", code="M25", message=message, fix=fix, where=rows.place[row])
+            visits, said = visits_in(rows.rows(np.flatnonzero(~is_path)), commands, drop=drop)
+            notes += said
+    sheet, stated = settings.job.sheet, settings.conditions
+    warnings = [f"{where}: {text}" for text in sheet.instrument.warnings(stated.date)]
+    warnings += [text for one in parts for text in one.warnings]
+    limits: dict[str, float] = {}
+    limits |= {name: limit * 1e-6 for name, limit in settings.iso9283.limits_um.items()}
+    sha = tuple(dict.fromkeys([*first, *sources.files]))
+    frame = settings.iso9283.frame
+    return CycleTest(
+        name=settings.name or (file.parent.name if file.name == SESSION_FILE else file.stem),
+        files=sha,
+        visits=visits,
+        paths=tuple(paths),
+        fitted=None if frame is None else frame == "fitted",
+        speed_percent=settings.iso9283.speed_percent,
+        conditions=stated.rows(1).phrase if stated.rows(1).stated else "",
+        date=stated.date,
+        job=sheet,
+        systematic=settings.uncertainty.systematic,
+        limits=limits,
+        uncertainty=" and ".join(dict.fromkeys(filter(None, (one.uncertainty for one in parts)))),
+        simulated=settings.simulated,
+        warnings=tuple(dict.fromkeys(warnings)),
+        notes=tuple(dict.fromkeys([*(note for one in parts for note in one.notes), *notes])),
+    )
+
+
+def _tables(
+    settings: SessionFile, sources: Sources, *, drop: bool
+) -> Iterator[tuple[str, CyclesTable, Rows]]:
+    """Rows of each table that session.toml names, or of DATA."""
+    stated = {"cycles": settings.cycles, "paths": settings.paths}
+    named = {key: section for key, section in stated.items() if section is not None}
+    for key, section in (named or {"cycles": CyclesTable()}).items():
+        text = sources.text(section.file, key, section.sheet)
+        yield key, section, read_rows(text, section, settings, drop=drop)
+
+
+def _commanded(
+    section: CyclesTable, key: str, sources: Sources, settings: SessionFile, *, drop: bool
+) -> Commands:
+    """Commands from a file of their own: by pose, or by path and point."""
+    if section.commanded is None:
+        return {}
+    text = sources.text(section.commanded, key)
+    plain = CyclesTable(euler=section.euler)
+    rows = read_rows(text, plain, SessionFile(dialect=settings.dialect), drop=drop, commands=False)
+    found: dict[tuple[str, ...], tuple[np.ndarray, np.ndarray | None]] = {}
+    for k, place in enumerate(rows.place):
+        point = None if rows.point is None else rows.point[k]
+        on_path = bool(rows.path[k]) and point is not None and np.isfinite(point)
+        name = (rows.path[k], str(int(point))) if on_path and point is not None else (rows.pose[k],)
+        if not name[0] or name in found:
+            what = "is commanded twice" if name[0] else "has no name"
+            message = f"{' point '.join(name) or 'a row'} {what}"
+            fix = "give pose_id, or path and path_point, once each"
+            raise refuse("pose_id", code="M31", message=message, fix=fix, where=place)
+        found[name] = (rows.position[k], None if rows.rotation is None else rows.rotation[k])
+    return found

@@ -1,0 +1,139 @@
+"""The verb `iso9283`: its folder, its page, other kinds of files, clean ends."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from testbed.cli import app
+from testbed.iso9283.play import play_test
+from testbed.iso9283.read import read_test
+from testbed.iso9283.report import page_of
+from tests.testbed.iso9283.made import path_rows, pose_rows, text_of
+
+SESSION = """
+name = "acceptance"
+[cycles]
+file = "cycles.csv"
+[paths]
+file = "path.csv"
+[uncertainty]
+position_um = 4
+[iso9283]
+frame = "robot"
+speed_percent = 80
+limits_um = {AP = 200, RP = 60}
+[conditions]
+payload_kg = 5
+date = "2026-11-22"
+[job]
+customer = "A <b>bold</b> one"
+[job.instrument]
+certificate = "K 1"
+valid_until = "2026-01-31"
+"""
+
+
+def truebed(*words):
+    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("iso9283")
+    (folder / "cycles.csv").write_text(text_of(pose_rows(n=30)))
+    (folder / "path.csv").write_text(text_of(path_rows(n=10)))
+    (folder / "session.toml").write_text(SESSION)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def done(files):
+    out = files / "out"
+    return out, truebed("iso9283", files, "--out", out)
+
+
+def test_the_command_writes_a_folder_and_says_what_came_out(done):
+    out, result = done
+    assert result.exit_code == 0, result.output
+    names = {path.name for path in out.iterdir()}
+    assert names == {"report.html", "result.json", "iso9283.csv", "job_sheet.csv"}
+    lines = result.stdout.splitlines()
+    assert lines[0] == "MEASURED - a test report, not a certificate of traceability"
+    assert any(
+        line.startswith("✓ PASS at the stated limits: AP is up to 80.0 um") for line in lines
+    )
+    assert lines[-1] == f"Report     {out / 'report.html'}"
+    document = json.loads((out / "result.json").read_text())
+    assert document["verdict"]["decision"] == "PASS"
+    assert document["figures"]["AP"]["P1"]["value_um"] == pytest.approx(80, abs=1e-4)
+    assert document["job"]["instrument"]["certificate"] == "K 1"
+    assert any("out of date" in text for text in document["data"]["warnings"])
+    assert document["standard"] == "ISO 9283:1998"
+
+
+def test_the_page_has_every_section_and_keeps_what_users_wrote_as_text(done):
+    html = (done[0] / "report.html").read_text()
+    for anchor in ("poses", "distances", "drift", "path-1", "data", "job", "record"):
+        assert f'<section id="{anchor}">' in html, anchor
+    assert "A &lt;b&gt;bold&lt;/b&gt; one" in html
+    assert html.count("<svg") == 3
+    assert "the text of the standard is not reproduced" in html
+    assert not re.search(r"https?://(?!www\.w3\.org)", html)
+    assert "nan" not in re.sub(r"<svg.*?</svg>", "", html, flags=re.DOTALL).replace("finance", "")
+
+
+def test_the_same_files_give_the_same_bytes_and_nothing_is_written_over(done, files):
+    out, _ = done
+    again = files / "again"
+    again.mkdir()
+    (again / "iso9283.csv").write_text("older")
+    over = truebed("iso9283", files, "--out", again)
+    assert over.exit_code == 2
+    assert "exists already" in over.output
+    assert truebed("iso9283", files, "--out", again, "--quiet", "--overwrite").stdout == ""
+    assert (files / "again.old-1" / "iso9283.csv").read_text() == "older"
+    for name in ("report.html", "result.json", "iso9283.csv", "job_sheet.csv"):
+        assert (out / name).read_bytes() == (again / name).read_bytes(), name
+
+
+def test_bad_input_is_one_sentence_and_writes_nothing(files, tmp_path):
+    (tmp_path / "one.csv").write_text(text_of(pose_rows(n=4)[:5]))
+    result = truebed("iso9283", tmp_path / "one.csv", "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert len(result.output.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+    document = truebed("iso9283", tmp_path / "one.csv", "--out", tmp_path / "out", "--json")
+    assert json.loads(document.stdout)["error"]["code"] == "M27"
+
+
+def test_a_workbook_is_the_same_test(files, tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    rows = pose_rows(n=5)
+    sheet = book.active
+    sheet.append(list(rows[0]))
+    for row in rows:
+        sheet.append(list(row.values()))
+    book.save(tmp_path / "cycles.xlsx")
+    (tmp_path / "cycles.csv").write_text(text_of(rows))
+    one, two = (play_test(read_test(tmp_path / f"cycles.{end}")) for end in ("xlsx", "csv"))
+    for a, b in zip(one.figures, two.figures, strict=True):
+        assert a.value == pytest.approx(b.value, abs=1e-11)  # twelve digits in the CSV
+
+
+def test_the_page_of_few_or_many_poses_is_drawn(tmp_path):
+    """One pose has no distance, forty have more rows than a table."""
+    (tmp_path / "a.csv").write_text(text_of([r for r in pose_rows(n=4) if r["pose_id"] == "P1"]))
+    one = page_of(play_test(read_test(tmp_path / "a.csv")), {})
+    assert [s.anchor for s in one.sections] == ["poses", "data", "record"]
+    places = np.random.default_rng(0).uniform(400, 900, (70, 3))
+    rows = pose_rows(n=4, bias=np.full((70, 3), 10.0), commands=places)
+    (tmp_path / "b.csv").write_text(text_of(rows))
+    many = play_test(read_test(tmp_path / "b.csv"))
+    assert len(many.of("AD")) == 69
+    page = page_of(many, {})
+    assert len(page.sections[0].blocks[0].rows) == 60
+    assert "10 more stand in iso9283.csv" in page.sections[0].blocks[0].note

@@ -1,0 +1,309 @@
+"""Figures of virtual cycles against closed forms, and against formulas written out once more."""
+
+import csv
+import importlib.util
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from testbed.files.read import ReadOptions
+from testbed.iso9283.play import play_test
+from testbed.iso9283.read import read_test
+from testbed.iso9283.results import headline, iso_csv
+from testbed.iso9283.words import decisions, mark, reasons, verdict, would_decide
+from tests.testbed.iso9283.made import (
+    BIAS,
+    CUBE,
+    changed,
+    dropped,
+    path_rows,
+    pose_rows,
+    scatter,
+    text_of,
+)
+
+PROTOTYPE = Path("/work/shared/prototypes/reference/iso9283.py")
+UM = 1e-6
+
+
+def played(folder, rows, toml="", *, separator=",", **options):
+    """The result of a table, by a session.toml if there is one."""
+    (folder / "cycles.csv").write_text(text_of(rows, separator))
+    config = None
+    if toml:
+        config = folder / "session.toml"
+        config.write_text(toml)
+    test = read_test(folder / "cycles.csv", config=config, options=ReadOptions(**options))
+    return play_test(test)
+
+
+def values(result, name):
+    return np.array([figure.value for figure in result.of(name)]) / UM
+
+
+def test_known_bias_and_scatter_come_out(tmp_path):
+    """Means are exact by construction; twelve digits in the file leave 1e-6 um."""
+    result = played(tmp_path, pose_rows(n=30, sd=10.0))
+    np.testing.assert_allclose(values(result, "AP"), np.linalg.norm(BIAS, axis=1), atol=1e-4)
+    for k, axis in enumerate("xyz"):
+        np.testing.assert_allclose(values(result, f"AP_{axis}"), BIAS[:, k], atol=1e-4)
+    # covariances are exactly 100 um^2: u of a mean is 10 / sqrt(30) along every direction
+    u = [figure.u / UM for figure in result.of("AP")[:4]]
+    np.testing.assert_allclose(u, 10 / np.sqrt(30), rtol=1e-6)
+    half = stats.t(29).ppf(0.975) * 10 / np.sqrt(30)
+    span = [(f.upper - f.value) / UM for f in result.of("AP")[:4]]
+    np.testing.assert_allclose(span, half, rtol=1e-6)
+    # the mean length of the scatter of a barycenter, where its command is hit
+    assert result.of("AP")[4].floor / UM == pytest.approx(np.sqrt(8 / np.pi / 30) * 10, rel=1e-6)
+
+
+def test_rp_is_that_of_the_formula_written_out_and_of_the_prototype(tmp_path):
+    result = played(tmp_path, pose_rows(n=12, sd=7.0, seed=3))
+    seen = CUBE[:, None] + (BIAS[:, None] + scatter(12, 5, 7.0, 3)) * 1e-3
+    by_hand = []
+    for cycles in seen:
+        center = [sum(c[i] for c in cycles) / 12 for i in range(3)]
+        away = [sum((c[i] - center[i]) ** 2 for i in range(3)) ** 0.5 for c in cycles]
+        mean = sum(away) / 12
+        by_hand.append(mean + 3 * (sum((a - mean) ** 2 for a in away) / 11) ** 0.5)
+    np.testing.assert_allclose(values(result, "RP"), np.array(by_hand) * 1e3, atol=1e-4)
+    if not PROTOTYPE.is_file():
+        pytest.skip("the prototype is not beside this repository")
+    spec = importlib.util.spec_from_file_location("prototype", PROTOTYPE)
+    prototype = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(prototype)
+    np.testing.assert_allclose(values(result, "RP"), prototype.repeatability(seen) * 1e3, atol=1e-4)
+    np.testing.assert_allclose(
+        values(result, "AP"), prototype.accuracy(seen, CUBE) * 1e3, atol=1e-4
+    )
+
+
+def test_distances_have_their_sign_and_the_instruments_scale_in_u(tmp_path):
+    bias = np.zeros((5, 3))
+    bias[1] = [30, 30, 30]  # P2 lies further out along its diagonal
+    toml = (
+        "[uncertainty.systematic]\nscale_um_per_m = 20\nstation_mm = [0, 0, 0]\n"
+        '[uncertainty]\nposition_um = 3\n[iso9283]\nframe = "robot"\n'
+    )
+    result = played(tmp_path, pose_rows(n=30, sd=5.0, bias=bias), toml)
+    pair = next(f for f in result.of("AD") if f.where == "P1 to P2")
+    wanted = np.sqrt(3) * 200
+    assert pair.value / UM == pytest.approx(30 * np.sqrt(3), abs=0.2)  # s^2/D and rounding
+    back = next(f for f in result.of("AD") if f.where == "P2 to P3")
+    assert back.value > 0
+    # a scale of 20 um/m, and two barycenters of 5 um
+    assert pair.shared / UM == pytest.approx(20 * wanted * 1e-3, rel=1e-3)
+    own = np.linalg.norm(scatter(30, 5, 5.0)[1] - scatter(30, 5, 5.0)[0] + 0.0, axis=1)
+    assert own.size == 30
+    assert pair.u / UM > pair.shared / UM
+    # AP of the same instrument: the scale at 1.1 m from the station, along the beam
+    P1 = result.of("AP")[0]
+    assert P1.shared <= 20e-6 * np.linalg.norm(CUBE[0]) * 1e-3 * (1 + 1e-9)
+    assert "instrument gets wrong" not in " ".join(reasons(result))
+    RD = next(f for f in result.of("RD") if f.where == "P1 to P2")
+    assert RD.floor / UM == pytest.approx(3 * 3 * np.sqrt(2), rel=0.02)  # c4(30) = 0.991
+
+
+def test_orientation_is_by_rotation_vectors(tmp_path):
+    turns = scatter(30, 5, 2e-3, seed=5) + np.array([0.01, 0, 0])  # deg
+    result = played(tmp_path, pose_rows(turns=turns))
+    angle = np.degrees([f.value for f in result.of("AP_angle")])
+    np.testing.assert_allclose(angle, 0.01, rtol=1e-4)  # angles of 1e-4, squared
+    for axis in "xyz":
+        spread = np.degrees([f.value for f in result.of(f"RP_angle_{axis}")])
+        np.testing.assert_allclose(spread, 3 * 2e-3, rtol=1e-3)
+
+
+def test_directions_of_approach_give_their_largest_gap(tmp_path):
+    ways = {"left": (0, 0, 0), "right": (60, 0, 0), "above": (0, 80, 0)}
+    rows = []
+    for k, (way, shift) in enumerate(ways.items()):
+        # cycles counted on through all directions
+        rows += [
+            row | {"approach": way, "cycle": row["cycle"] + 5 * k}
+            for row in pose_rows(n=5, sd=2.0, bias=BIAS + np.array(shift), seed=k)
+        ]
+    result = played(tmp_path, [row | {"time_s": k} for k, row in enumerate(rows)])
+    np.testing.assert_allclose(values(result, "vAP"), 100.0, atol=1e-4)
+    assert len(result.of("AP")) == 15
+    assert {f.where for f in result.of("vAP")} == {"P1", "P2", "P3", "P4", "P5"}
+    pairs = [f.where for f in result.of("AD")]
+    assert len(pairs) == 30
+    assert all(pair.count("from left") in (0, 2) for pair in pairs)
+
+
+def test_a_drift_is_read_and_said_and_its_absence_is_too(tmp_path):
+    rows = pose_rows(n=30, sd=4.0)
+    later = [
+        row | {"x_mm": row["x_mm"] + 0.05 * (row["cycle"] > 20)} if row["pose_id"] == "P1" else row
+        for row in rows
+    ]
+    result = played(tmp_path, later)
+    P1 = result.of("dAP")[0]
+    assert P1.value / UM == pytest.approx(50, abs=3 * 4 * np.sqrt(2 / 10))
+    said = " ".join(reasons(result))
+    assert "The robot drifts (p = 0.001" in said
+    assert "AP of P1 changes by" in said
+    calm = played(tmp_path, rows)
+    assert "drift" not in " ".join(reasons(calm)).lower()
+    still = [{k: v for k, v in row.items() if k != "time_s"} for row in rows]
+    told = " ".join(reasons(played(tmp_path, still)))
+    assert "Drift was not asked about: there are no times" in told
+
+
+def test_paths_beside_their_command_give_at_and_rt_by_hand(tmp_path):
+    shifts = np.array([[0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [0, 0, 0.0]]) * 0.05
+    result = played(tmp_path, path_rows(n=5, shifts=shifts))
+    AT, RT = result.of("AT")[0], result.of("RT")[0]
+    assert AT.value / UM == pytest.approx(200, abs=1e-3)
+    assert RT.value / UM == pytest.approx(50 * (0.8 + 3 * 0.2**0.5), abs=1e-3)
+    assert "Path line has 5 runs, and ISO 9283:1998 asks for 10" in " ".join(reasons(result))
+    # along the path nothing counts
+    late = shifts + np.random.default_rng(1).standard_normal((5, 1)) * [2.0, 0, 0]
+    again = played(tmp_path, path_rows(n=5, shifts=late))
+    for name in ("AT", "RT"):
+        assert again.of(name)[0].value == pytest.approx(result.of(name)[0].value, rel=1e-9)
+
+
+def test_paths_read_as_they_come_are_cut_where_the_command_says(tmp_path):
+    shifts = np.random.default_rng(2).standard_normal((6, 3)) * [3, 0.05, 0.05]
+    rows = path_rows(n=6, m=80, shifts=shifts)
+    numbered = played(tmp_path, rows)
+    bare = [
+        {k: v for k, v in row.items() if k != "path_point" and not k.startswith("command")}
+        for row in rows
+        if row["path_point"] % 7 != 3  # not even the same number of readings
+    ]
+    points = [
+        {"path": "line", "path_point": k + 1, "x_mm": 820 + 30.0 * k, "y_mm": -50, "z_mm": 600}
+        for k in range(24)
+    ]
+    (tmp_path / "points.csv").write_text(text_of(points))
+    toml = '[paths]\nfile = "cycles.csv"\ncommanded = "points.csv"\n'
+    sampled = played(tmp_path, bare, toml)
+    for name in ("AT", "RT"):
+        one, two = numbered.of(name)[0].value, sampled.of(name)[0].value
+        assert one == pytest.approx(two, rel=1e-9)  # lines: every plane shows the same
+
+
+def test_a_fitted_frame_takes_a_rigid_motion_and_nothing_else(tmp_path):
+    from scipy.spatial.transform import Rotation
+
+    bias = 50 * np.random.default_rng(4).standard_normal((5, 3))
+    plain = played(tmp_path, pose_rows(bias=bias), '[iso9283]\nframe = "fitted"\n')
+    R, t = Rotation.from_rotvec([0.3, -0.2, 1.0]), np.array([100.0, -2000, 30])
+    moved = []
+    for row in pose_rows(bias=bias):
+        x = R.apply([row[f"{a}_mm"] for a in "xyz"]) + t
+        moved.append(row | {f"{a}_mm": x[i] for i, a in enumerate("xyz")})
+    other = played(tmp_path, moved, '[iso9283]\nframe = "fitted"\n')
+    for one, two in zip(plain.figures, other.figures, strict=True):
+        # twelve digits of 2 m are 2e-6 um
+        assert (one.name, one.where) == (two.name, two.where)
+        assert one.value == pytest.approx(two.value, abs=1e-9), one.name
+    assert "best fit over 5 points" in other.frame
+
+
+def test_limits_are_decided_with_their_confidence(tmp_path):
+    toml = (
+        "[iso9283]\nlimits_um = {AP = 100, RP = 30, RD = 33, AT = 5, dAP = 50}\n"
+        "[uncertainty]\nposition_um = 2\n"
+    )
+    result = played(tmp_path, pose_rows(n=30, sd=10.0), toml)
+    found = {one.name: one for one in decisions(result)}
+    words = {name: one.word for name, one in found.items()}
+    # RP is about 35 um, its lower limit 30; AP 80 um plus 3.7
+    assert words == {
+        "AP": "PASS", "RP": "FAIL", "RD": "UNDECIDED", "AT": "UNDECIDED", "dAP": "PASS",
+    }  # fmt: skip
+    assert "nothing that was measured gives AT" in found["AT"].sentence
+    assert "cycles would decide it" in found["RD"].sentence
+    assert mark(result).startswith("✗ FAIL at the stated limits")
+    assert "AP is up to 80.0 um (P1: 76.3 to 83.7)" in verdict(result)
+
+
+def test_so_many_cycles_decide_as_they_were_said_to(tmp_path):
+    few = played(tmp_path, pose_rows(n=10, sd=10.0))
+    figure = few.of("AP")[0]
+    limit = figure.value + 0.5 * (figure.upper - figure.value)
+    said = would_decide(figure, limit)
+    n = int(said.split()[1])
+    # four times as many by sqrt(n); Student's t falls, too, from 2.26 to 2.02
+    assert n == 40
+    many = played(tmp_path, pose_rows(n=n, sd=10.0)).of("AP")[0]
+    assert many.upper <= limit
+    assert played(tmp_path, pose_rows(n=n // 2, sd=10.0)).of("AP")[0].upper > limit
+
+
+def test_few_cycles_are_no_figures_of_the_standard(tmp_path):
+    result = played(tmp_path, pose_rows(n=10))
+    assert mark(result) == "? Fewer cycles than ISO 9283:1998 asks for"
+    assert "these are not the standard's figures" in " ".join(reasons(result))
+    assert mark(played(tmp_path, pose_rows())).startswith("✓ Measured with as many cycles")
+
+
+def test_incomplete_cycles_are_left_out_when_asked(tmp_path):
+    rows = dropped(pose_rows(n=8), pose_id="P2", cycle=3)
+    rows = changed(rows, {"x_mm": "lost"}, pose_id="P4", cycle=6)
+    result = played(tmp_path, rows, drop_invalid=True)
+    assert result.test.visits.cycles == 6
+    assert any("left out: 3, 6" in note for note in result.test.notes)
+    zeros = changed(pose_rows(n=8), {"x_mm": 0, "y_mm": 0, "z_mm": 0}, pose_id="P4", cycle=6)
+    assert played(tmp_path, zeros, drop_invalid=True).test.visits.cycles == 7
+
+
+def test_other_dialects_units_and_names_are_the_same_test(tmp_path):
+    rows = pose_rows(n=5)
+    first = played(tmp_path, rows)
+    foreign = [
+        {
+            "Punkt": row["pose_id"], "Nr": row["cycle"],
+            **{f"{a.upper()} [m]": f"{row[f'{a}_mm'] / 1e3:.15g}".replace(".", ",") for a in "xyz"},
+            **{f"soll{a}": f"{row[f'command_{a}_mm']:g}".replace(".", ",") for a in "xyz"},
+        }
+        for row in rows
+    ]  # fmt: skip
+    columns = {"pose_id": "Punkt", "cycle": "Nr"}
+    columns |= {f"{a}_m": f"{a.upper()} [m]" for a in "xyz"}
+    columns |= {f"command_{a}_mm": f"soll{a}" for a in "xyz"}
+    toml = "[cycles.columns]\n" + "".join(f'{k} = "{v}"\n' for k, v in columns.items())
+    again = played(tmp_path, foreign, toml, separator=";")
+    for one, two in zip(first.of("AP", "RP"), again.of("AP", "RP"), strict=True):
+        assert one.value == pytest.approx(two.value, abs=1e-10)
+
+
+def test_commands_may_stand_in_a_file_of_their_own(tmp_path):
+    rows = pose_rows(n=4)
+    first = played(tmp_path, rows)
+    sent = [
+        {"pose_id": f"P{k + 1}", "x_mm": p[0], "y_mm": p[1], "z_mm": p[2]}
+        for k, p in enumerate(CUBE)
+    ]
+    (tmp_path / "sent.csv").write_text(text_of(sent))
+    bare = [{k: v for k, v in row.items() if not k.startswith("command")} for row in rows]
+    again = played(tmp_path, bare, '[cycles]\ncommanded = "sent.csv"\n')
+    for one, two in zip(first.figures, again.figures, strict=True):
+        assert one.value == two.value
+
+
+def test_every_figure_stands_in_the_table_and_in_the_json(tmp_path):
+    rows = pose_rows(n=20, turns=scatter(20, 5, 1e-3)) + [
+        row | {"time_s": row["time_s"] + 1e4, "rvx_deg": 0, "rvy_deg": 0, "rvz_deg": 0,
+               "command_rvx_deg": 0, "command_rvy_deg": 0, "command_rvz_deg": 0}
+        for row in path_rows()
+    ]  # fmt: skip
+    result = played(tmp_path, rows)
+    table = list(csv.DictReader(io.StringIO(iso_csv(result))))
+    numbers = headline(result)["figures"]
+    names = {"AP", "AP_x", "AP_y", "AP_z", "RP", "AP_angle", "RP_angle_x", "RP_angle_y",
+             "RP_angle_z", "AD", "RD", "dAP", "dRP", "AT", "RT"}  # fmt: skip
+    assert {row["figure"] for row in table} == names == set(numbers)
+    assert len(table) == len(result.figures) == sum(map(len, numbers.values()))
+    for row in table:
+        own = numbers[row["figure"]][row["where"]]
+        assert own[f"value_{row['unit']}"] == pytest.approx(float(row["value"]), rel=1e-5)
+        assert float(row["lower_95"]) <= float(row["value"]) <= float(row["upper_95"])
+        assert float(row["u"]) >= 0

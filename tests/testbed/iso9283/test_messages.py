@@ -1,0 +1,138 @@
+"""Every message on a table of cycles, word for word: one case or more per kind of bad input.
+
+Rewrite the snapshot with ``TRUEBED_UPDATE=1 pytest tests/testbed/iso9283/test_messages.py`` and
+read the difference.
+"""
+
+import os
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+
+from calib.errors import InputError
+from testbed.files.read import ReadOptions
+from testbed.iso9283.play import play_test
+from testbed.iso9283.read import read_test
+from tests.testbed.iso9283.made import changed, dropped, path_rows, pose_rows, text_of
+
+GOLDEN = Path(__file__).parents[2] / "golden" / "iso_messages.txt"
+
+
+def without(rows, *names):
+    return [{k: v for k, v in row.items() if k not in names} for row in rows]
+
+
+def scaled(rows, factor):
+    return [row | {f"{a}_mm": row[f"{a}_mm"] * factor for a in "xyz"} for row in rows]
+
+
+def shifted(rows):
+    return [row | {"x_mm": row["x_mm"] + 1200.0} for row in rows]
+
+
+POSES, PATH = pose_rows(n=4), path_rows(n=4, m=6)
+COMMANDS = ("command_x_mm", "command_y_mm", "command_z_mm")
+FITTED = '[iso9283]\nframe = "fitted"\n'
+CASES = {
+    "one cycle only": (dropped(dropped(dropped(POSES, cycle=2), cycle=3), cycle=4), ""),
+    "two cycles": (dropped(dropped(POSES, cycle=3), cycle=4), ""),
+    "a pose measured once": (
+        [row for row in POSES if row["pose_id"] != "P3" or row["cycle"] == 2], ""),
+    "a pose measured twice": (
+        [row for row in POSES if row["pose_id"] != "P3" or row["cycle"] < 3], ""),
+    "cycles of different length": (dropped(POSES, pose_id="P4", cycle=3), ""),
+    "several cycles that are not whole": (
+        dropped(dropped(dropped(POSES, pose_id="P4", cycle=3), pose_id="P1", cycle=3),
+                pose_id="P2", cycle=1), ""),
+    "no cycle is whole often enough": (
+        dropped(dropped(POSES, pose_id="P4", cycle=3), pose_id="P1", cycle=2), "drop"),
+    "a cycle twice": (changed(POSES, {"cycle": 2}, pose_id="P2", cycle=3), ""),
+    "a cycle that is no number": (changed(POSES, {"cycle": "x"}, pose_id="P2", cycle=3), ""),
+    "a cycle that is half": (changed(POSES, {"cycle": 2.5}, pose_id="P2", cycle=3), ""),
+    "times that go backwards": (changed(POSES, {"time_s": 1.0}, pose_id="P2", cycle=3), ""),
+    "no commanded pose": (without(POSES, *COMMANDS), ""),
+    "a commanded axis is missing": (without(POSES, COMMANDS[1]), ""),
+    "a command is empty": (changed(POSES, {COMMANDS[0]: ""}, pose_id="P2", cycle=3), ""),
+    "one pose commanded to two places": (
+        changed(POSES, {COMMANDS[0]: 905.0}, pose_id="P2", cycle=3), ""),
+    "a pose without a name": (changed(POSES, {"pose_id": ""}, pose_id="P2", cycle=3), ""),
+    "no readings": (without(POSES, "x_mm", "y_mm", "z_mm"), ""),
+    "a reading is no number": (changed(POSES, {"x_mm": "lost"}, pose_id="P2", cycle=3), ""),
+    "every shot missed": (
+        [row | {"x_mm": 0, "y_mm": 0, "z_mm": 0} for row in POSES], "drop"),
+    "a shot missed": (
+        changed(POSES, {"x_mm": 0, "y_mm": 0, "z_mm": 0}, pose_id="P2", cycle=3), ""),
+    "distances": (
+        [{"pose_id": "P1", "cycle": k, "distance_mm": 1.0, "anchor": "A"} for k in range(4)], ""),
+    "meters called millimeters": (scaled(POSES, 1e-3), ""),
+    "another frame": (shifted(POSES), ""),
+    "a frame from a line of points": (PATH, FITTED),
+    "a path point is missing": (dropped(PATH, path_point=3, cycle=2), ""),
+    "path points that do not match": (
+        [row | {"path_point": row["path_point"] + 1} if row["cycle"] == 2 else row for row in PATH],
+        ""),
+    "a path point without a number": (changed(PATH, {"path_point": ""}, path_point=2, cycle=1), ""),
+    "a path of one point": (path_rows(n=4, m=1), ""),
+    "a path that stands still": ([row | {COMMANDS[0]: 800.0} for row in PATH], ""),
+    "a path that ends early": (
+        [row | {"x_mm": min(row["x_mm"], 820.0) + 1e-3 * row["path_point"]}
+         if row["cycle"] == 2 else row for row in PATH], ""),
+    "times that go backwards on a path": (
+        changed(PATH, {"time_s": 1.0}, path_point=4, cycle=3), ""),
+    "readings of a path without numbers and commands": (without(PATH, "path_point"), ""),
+    "a path without a name": (without(PATH, "path"), '[paths]\nfile = "a.csv"\n'),
+    "a session without cycles": (POSES, "session"),
+    "a file of commands that is not there": (
+        without(POSES, *COMMANDS), '[cycles]\ncommanded = "none.csv"\n'),
+    "a pose that is not among the commands": (
+        without(POSES, *COMMANDS), '[cycles]\ncommanded = "sent.csv"\n'),
+    "a pose commanded twice": (
+        without(POSES, *COMMANDS), '[cycles]\ncommanded = "twice.csv"\n'),
+    "a limit of another name": (POSES, "[iso9283]\nlimits_um = {PA = 3}\n"),
+    "a limit of nothing": (POSES, "[iso9283]\nlimits_um = {AP = 0}\n"),
+    "a frame that means nothing": (POSES, '[iso9283]\nframe = "fit"\n'),
+    "a speed above all": (POSES, "[iso9283]\nspeed_percent = 120\n"),
+    "a misspelt column of commands": (
+        [{("comand_x_mm" if k == COMMANDS[0] else k): v for k, v in row.items()} for row in POSES],
+        ""),
+}  # fmt: skip
+
+
+@cache
+def told(name):
+    """The sentence of a case, with a short name for its folder."""
+    rows, toml = CASES[name]
+    with TemporaryDirectory() as folder:
+        root = Path(folder)
+        (root / "a.csv").write_text(text_of(rows))
+        sent = "pose_id,x_mm,y_mm,z_mm\nP1,900,0,700\n"
+        (root / "sent.csv").write_text(sent)
+        (root / "twice.csv").write_text(sent + "P1,900,0,700\n")
+        data, config = root / "a.csv", None
+        if toml not in ("", "drop"):
+            config = root / "session.toml"
+            config.write_text("format = 1\n" if toml == "session" else toml)
+        if toml == "session":
+            data, config = root, None
+        options = ReadOptions(drop_invalid=toml == "drop")
+        with pytest.raises(InputError) as found:
+            play_test(read_test(data, config=config, options=options))
+        return str(found.value).replace(folder, "DIR")
+
+
+def test_every_message_is_word_for_word_as_it_was_read():
+    texts = {name: told(name) for name in CASES}
+    whole = "".join(f"{name}\n{text}\n\n" for name, text in texts.items())
+    if os.environ.get("TRUEBED_UPDATE"):
+        GOLDEN.write_text(whole, encoding="utf-8")
+    assert whole == GOLDEN.read_text(encoding="utf-8")
+
+
+def test_every_message_is_one_line_with_file_and_code():
+    for name in CASES:
+        text = told(name)
+        assert len(text.splitlines()) == 1, name
+        assert text.startswith(("DIR/", "a.csv", "none.csv", "twice.csv")), text
+        assert text.endswith("]"), name
