@@ -4,7 +4,7 @@ from pathlib import Path
 
 from testbed.gates.paths import real
 from testbed.iso9283.play import play_test
-from testbed.iso9283.records import CycleTest, TestResult
+from testbed.iso9283.records import CycleResult, CycleTest
 from testbed.iso9283.report import page_of, sheet_rows
 from testbed.iso9283.results import headline, iso_csv
 from testbed.jobsheet.report import JOB_SHEET, job_csv
@@ -15,7 +15,7 @@ from testbed.store.whole_folder import check_free, whole_folder
 from testbed.versions import all_versions, own_version
 
 
-def play_iso9283(test: CycleTest, out: Path, *, overwrite: bool = False) -> TestResult:
+def play_iso9283(test: CycleTest, out: Path, *, overwrite: bool = False) -> CycleResult:
     """All figures of a test, and the folder that tells them.
 
     Parameters
@@ -46,7 +46,7 @@ def check_place(out: Path, *, overwrite: bool) -> None:
     check_free(out, ISO9283, overwrite=overwrite)
 
 
-def terminal_text(result: TestResult) -> str:
+def terminal_text(result: CycleResult) -> str:
     """What the command prints: notice, figures, verdict, reasons."""
     from testbed.iso9283.report import headline as headline_table
     from testbed.iso9283.words import mark, notice, reasons, verdict

@@ -29,12 +29,12 @@ from calib.measurement.iso_paths import path_figures, resampled
 from testbed.files.refusal import refusal
 from testbed.iso9283.frames import in_command_frame
 from testbed.iso9283.records import (
+    CycleResult,
     CycleTest,
-    Drifting,
-    Figure,
     PathRuns,
     PathShown,
-    TestResult,
+    PoseDrift,
+    StatedFigure,
     Visits,
 )
 from testbed.scenario.instrument import beam_of, errors_of
@@ -75,7 +75,7 @@ class Shared:
         return float(np.linalg.norm(along @ (B[1] - B[0])))
 
 
-def play_test(test: CycleTest) -> TestResult:
+def play_test(test: CycleTest) -> CycleResult:
     """All figures of a test.
 
     Raises
@@ -85,8 +85,8 @@ def play_test(test: CycleTest) -> TestResult:
     """
     moved, T, frame = in_command_frame(test)
     shared = Shared(test, T)
-    figures, shown = list[Figure](), list[PathShown]()
-    drifts: tuple[Drifting, ...] = ()
+    figures, shown = list[StatedFigure](), list[PathShown]()
+    drifts: tuple[PoseDrift, ...] = ()
     p_value = float("nan")
     if moved.visits is not None:
         figures += _poses(moved.visits, shared)
@@ -98,10 +98,10 @@ def play_test(test: CycleTest) -> TestResult:
         one, picture = _path(path, shared)
         figures += one
         shown.append(picture)
-    return TestResult(moved, tuple(figures), drifts, p_value, tuple(shown), frame)
+    return CycleResult(moved, tuple(figures), drifts, p_value, tuple(shown), frame)
 
 
-def _poses(visits: Visits, shared: Shared) -> Iterator[Figure]:
+def _poses(visits: Visits, shared: Shared) -> Iterator[StatedFigure]:
     """AP and RP of every entry, and of its orientation."""
     x, c, n, names = visits.position, visits.command, visits.cycles, visits.names
     common = shared.covariance(x.mean(axis=1))
@@ -124,7 +124,7 @@ def _poses(visits: Visits, shared: Shared) -> Iterator[Figure]:
 
 def _parts(
     names: tuple[str, ...], off: Array, variance: Array, common: Array | None, n: int
-) -> Iterator[Figure]:
+) -> Iterator[StatedFigure]:
     """AP along each axis, with its sign."""
     shared = 0.0 if common is None else np.diagonal(common, axis1=1, axis2=2)
     u = np.sqrt(variance + shared)
@@ -132,13 +132,13 @@ def _parts(
     for k, axis in enumerate("xyz"):
         for e, name in enumerate(names):
             value, width = float(off[e, k]), float(half[e, k])
-            yield Figure(
+            yield StatedFigure(
                 f"AP_{axis}", name, value, value - width, value + width, float(u[e, k]),
                 float("nan"), n, shared=float(np.sqrt(np.broadcast_to(shared, off.shape)[e, k])),
             )  # fmt: skip
 
 
-def _directions(visits: Visits) -> Iterator[Figure]:
+def _directions(visits: Visits) -> Iterator[StatedFigure]:
     """Multi-directional variation of every pose that was reached from several directions."""
     n = visits.cycles
     for pose in dict.fromkeys(visits.pose):
@@ -148,7 +148,7 @@ def _directions(visits: Visits) -> Iterator[Figure]:
             yield from _figures("vAP", (pose,), found, mean_limits(found, 2 * (n - 1)), n)
 
 
-def _distances(visits: Visits, shared: Shared) -> Iterator[Figure]:
+def _distances(visits: Visits, shared: Shared) -> Iterator[StatedFigure]:
     """AD with its sign and RD of pairs of poses reached from the same direction."""
     x, c, n = visits.position, visits.command, visits.cycles
     for one, two in _pairs(visits):
@@ -162,7 +162,9 @@ def _distances(visits: Visits, shared: Shared) -> Iterator[Figure]:
         half = float(stdtrit(n - 1, (1 + PROBABILITY) / 2)) * u
         where = f"{visits.names[one]} to {visits.names[two]}"
         floor = float(AD.floor)
-        yield Figure("AD", where, value, value - half, value + half, u, floor, n, shared=common)
+        yield StatedFigure(
+            "AD", where, value, value - half, value + half, u, floor, n, shared=common
+        )
         noise = None if visits.noise is None else visits.noise[one] + visits.noise[two]
         RD = distance_repeatability(x[one], x[two], noise=noise)
         yield from _figures("RD", (where,), RD, spread_limits(RD.value, n), n)
@@ -176,7 +178,7 @@ def _pairs(visits: Visits) -> Iterator[tuple[int, int]]:
         yield from combinations(own, 2) if every else pairwise(own)
 
 
-def _drifts(visits: Visits) -> tuple[list[Figure], tuple[Drifting, ...], float]:
+def _drifts(visits: Visits) -> tuple[list[StatedFigure], tuple[PoseDrift, ...], float]:
     """DAP and dRP of every entry, where there are times and two blocks of cycles."""
     n = visits.cycles
     if visits.time is None or n // BLOCK < 2:
@@ -186,12 +188,12 @@ def _drifts(visits: Visits) -> tuple[list[Figure], tuple[Drifting, ...], float]:
     x, time = visits.position[:, order], visits.time[:, order] / 3600
     found = drift(x, visits.command)
     parts = np.split(np.arange(n), [BLOCK * k for k in range(1, n // BLOCK)])
-    figures, drifts = list[Figure](), list[Drifting]()
+    figures, drifts = list[StatedFigure](), list[PoseDrift]()
     for e, name in enumerate(visits.names):
         hours = frozen(np.array([time[e, part].mean() for part in parts]))
         figures += _drift_figures(found, e, x[e], visits.command[e], parts, name)
         drifts.append(
-            Drifting(
+            PoseDrift(
                 name, hours, found.accuracy[e], found.repeatability[e], found.chance[e],
                 found.p_values[e],
             )
@@ -201,7 +203,7 @@ def _drifts(visits: Visits) -> tuple[list[Figure], tuple[Drifting, ...], float]:
 
 def _drift_figures(
     found: DriftFigures, e: int, x: Array, command: Array, parts: list[Index], name: str
-) -> Iterator[Figure]:
+) -> Iterator[StatedFigure]:
     """The largest change of AP and RP against the first block."""
     made = {"dAP": lambda y: accuracy(y, command), "dRP": repeatability}
     for k, (key, values) in enumerate(
@@ -211,10 +213,10 @@ def _drift_figures(
         u = float(np.hypot(*(made[key](x[parts[b]]).uncertainty for b in (0, last))))
         value, floor = float(found.values[e, k]), float(found.by_chance[e, k])
         half = float(stdtrit(2 * (BLOCK - 1), (1 + PROBABILITY) / 2)) * u
-        yield Figure(key, name, value, max(value - half, 0.0), value + half, u, floor, len(x))
+        yield StatedFigure(key, name, value, max(value - half, 0.0), value + half, u, floor, len(x))
 
 
-def _path(path: PathRuns, shared: Shared) -> tuple[list[Figure], PathShown]:
+def _path(path: PathRuns, shared: Shared) -> tuple[list[StatedFigure], PathShown]:
     """AT and RT of one path."""
     x, n = resampled(path.runs, path.command), len(path.runs)
     if (missed := ~np.isfinite(x).all(axis=2)).any():
@@ -236,9 +238,9 @@ def _path(path: PathRuns, shared: Shared) -> tuple[list[Figure], PathShown]:
     near = repeatability_limits(x)
     steps = np.linalg.norm(np.diff(path.command, axis=0), axis=1)
     figures = [
-        Figure("AT", where, float(AT.value[a]), float(far.lower[a]), float(far.upper[a]),
+        StatedFigure("AT", where, float(AT.value[a]), float(far.lower[a]), float(far.upper[a]),
                float(AT.uncertainty[a]), found.floor, n, shared=own),
-        Figure("RT", where, float(RT.value[r]), float(near.lower[r]), float(near.upper[r]),
+        StatedFigure("RT", where, float(RT.value[r]), float(near.lower[r]), float(near.upper[r]),
                float(RT.uncertainty[r]), float(RT.floor[r]), n),
     ]  # fmt: skip
     along = frozen(np.concatenate([[0.0], np.cumsum(steps)]))
@@ -249,13 +251,13 @@ def _path(path: PathRuns, shared: Shared) -> tuple[list[Figure], PathShown]:
 def _figures(
     name: str, where: tuple[str, ...], found: IsoFigure, limits: Limits, n: int,
     *, angle: bool = False, shared: ArrayLike = 0.0,
-) -> Iterator[Figure]:  # fmt: skip
+) -> Iterator[StatedFigure]:  # fmt: skip
     """One figure for each entry."""
     own = np.broadcast_to(np.asarray(shared), found.value.shape)
     columns = (found.value, limits.lower, limits.upper, found.uncertainty, found.floor, own)
     for place, values in zip(where, np.stack([np.atleast_1d(x) for x in columns], 1), strict=True):
         value, lower, upper, u, floor, common = (float(x) for x in values)
-        yield Figure(name, place, value, lower, upper, u, floor, n, angle, common)
+        yield StatedFigure(name, place, value, lower, upper, u, floor, n, angle, common)
 
 
 def _shared_part(whole: IsoFigure, alone: IsoFigure) -> Array:

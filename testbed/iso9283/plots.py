@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.arrays import Array
-from testbed.iso9283.records import Drifting, PathShown, TestResult
+from testbed.iso9283.records import CycleResult, PathShown, PoseDrift
 from testbed.report.plots import dots, label, legend_above, legend_entries
 from testbed.report.svg import DARK, FAINT, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
 from testbed.units import UM, significant
@@ -23,13 +23,13 @@ WIDE = 0.09
 """Largest drawn error of a path, as part of its size."""
 
 
-def drawn(result: TestResult) -> list[int]:
+def drawn(result: CycleResult) -> list[int]:
     """Entries whose clusters are drawn, in the order of the test."""
     RP = np.array([figure.value for figure in result.of("RP")])
     return sorted(np.argsort(-RP, kind="stable")[:MOST_POSES].tolist())
 
 
-def clusters(result: TestResult) -> str:
+def clusters(result: CycleResult) -> str:
     """Cycles of each pose about their barycenter, in two views, with the sphere of RP."""
     visits = result.test.visits
     assert visits is not None  # asked for where there are some
@@ -151,7 +151,7 @@ def _tube(ax: "Axes", center: Array, radius: Array) -> None:
         ax.fill(corner[:, 0], corner[:, 1], color=PALE, linewidth=0)
 
 
-def drift_picture(drifts: tuple[Drifting, ...]) -> str:
+def drift_picture(drifts: tuple[PoseDrift, ...]) -> str:
     """AP and RP of each pose, block after block."""
     with drawing(1, 2, height=2.2) as (figure, axes):
         for ax, key in zip(axes, ("AP", "RP"), strict=True):

@@ -96,7 +96,7 @@ class CycleTest:
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class StatedFigure:
     """One figure at one pose, pair of poses or path."""
 
     name: str
@@ -134,7 +134,7 @@ class Figure:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Drifting:
+class PoseDrift:
     """Drift of one pose over blocks of cycles."""
 
     where: str
@@ -174,23 +174,23 @@ class PathShown:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TestResult:
+class CycleResult:
     """All figures of a test."""
 
     test: CycleTest
     """With the readings in the frame of the commands."""
-    figures: tuple[Figure, ...]
-    drifts: tuple[Drifting, ...]
+    figures: tuple[StatedFigure, ...]
+    drifts: tuple[PoseDrift, ...]
     drift_p_value: float
     """Of all poses together; nan where nothing tells."""
     paths: tuple[PathShown, ...]
     frame: str
     """How the frames of readings and commands go together, in words."""
 
-    def of(self, *names: str) -> tuple[Figure, ...]:
+    def of(self, *names: str) -> tuple[StatedFigure, ...]:
         """Figures of some names."""
         return tuple(figure for figure in self.figures if figure.name in names)
 
-    def worst(self, name: str) -> Figure | None:
+    def worst(self, name: str) -> StatedFigure | None:
         """The largest one of a name."""
         return max(self.of(name), key=lambda figure: figure.size, default=None)

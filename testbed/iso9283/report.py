@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from testbed.iso9283.plots import clusters, drawn, drift_picture, factor_of, path_picture
-from testbed.iso9283.records import STANDARD, Figure, TestResult
+from testbed.iso9283.records import STANDARD, CycleResult, StatedFigure
 from testbed.iso9283.words import (
     EDITION,
     decisions,
@@ -37,7 +37,7 @@ LIMITS = (
 )
 
 
-def page_of(result: TestResult, versions: Mapping[str, str]) -> Page:
+def page_of(result: CycleResult, versions: Mapping[str, str]) -> Page:
     """The report; sections without data are left out."""
     test = result.test
     sections = (
@@ -67,7 +67,7 @@ def page_of(result: TestResult, versions: Mapping[str, str]) -> Page:
     )
 
 
-def headline(result: TestResult) -> Table:
+def headline(result: CycleResult) -> Table:
     """The largest figure of each kind."""
     asked = {one.name: one for one in decisions(result)}
     rows = []
@@ -101,7 +101,7 @@ def called(name: str) -> str:
     return name.replace("_angle_", " about ").replace("_angle", " of orientation")
 
 
-def sheet_rows(result: TestResult) -> tuple[Row, ...]:
+def sheet_rows(result: CycleResult) -> tuple[Row, ...]:
     """The job sheet with how the test was done, and what was decided."""
     test = result.test
     limits = ", ".join(f"{name} {significant(x * UM)} um" for name, x in test.limits.items())
@@ -119,14 +119,14 @@ def sheet_rows(result: TestResult) -> tuple[Row, ...]:
     return (*stated, ("standard", STANDARD)) if stated else ()
 
 
-def _cells(figure: Figure) -> tuple[str, ...]:
+def _cells(figure: StatedFigure) -> tuple[str, ...]:
     """Value, limits, floor and cycles."""
     floor = "–" if np.isnan(figure.floor) else show(figure.floor, figure)
     values = (show(x, figure) for x in (figure.value, figure.lower, figure.upper))
     return (*values, floor, str(figure.cycles))
 
 
-def _poses(result: TestResult) -> Section | None:
+def _poses(result: CycleResult) -> Section | None:
     """AP and RP of every pose, and where the cycles fell."""
     visits = result.test.visits
     if visits is None:
@@ -164,7 +164,7 @@ def _poses(result: TestResult) -> Section | None:
     return Section("poses", "Poses", (table, picture))
 
 
-def _span(figure: Figure) -> str:
+def _span(figure: StatedFigure) -> str:
     """Both limits in one cell."""
     return f"{show(figure.lower, figure)} to {show(figure.upper, figure)}"
 
@@ -174,7 +174,7 @@ def _more(count: int) -> str:
     return f" {count - MOST_ROWS} more stand in iso9283.csv." if count > MOST_ROWS else ""
 
 
-def _angles(result: TestResult) -> Section | None:
+def _angles(result: CycleResult) -> Section | None:
     """Orientation of every pose."""
     turns = result.of("AP_angle")
     if not turns:
@@ -200,7 +200,7 @@ def _angles(result: TestResult) -> Section | None:
 
 
 def _table(
-    result: TestResult, name: str, anchor: str, title: str, note: str, caption: str = ""
+    result: CycleResult, name: str, anchor: str, title: str, note: str, caption: str = ""
 ) -> Section | None:
     """All figures of one name."""
     figures = result.of(name)
@@ -212,7 +212,7 @@ def _table(
     return Section(anchor, title, (table,))
 
 
-def _distances(result: TestResult) -> Section | None:
+def _distances(result: CycleResult) -> Section | None:
     """AD and RD of pairs of poses."""
     AD, RD = result.of("AD"), result.of("RD")
     if not AD:
@@ -232,7 +232,7 @@ def _distances(result: TestResult) -> Section | None:
     return Section("distances", "Distances", (table,))
 
 
-def _drift(result: TestResult) -> Section | None:
+def _drift(result: CycleResult) -> Section | None:
     """Drift over blocks of ten cycles."""
     if not result.drifts:
         return None
@@ -261,7 +261,7 @@ def _drift(result: TestResult) -> Section | None:
     return Section("drift", "Drift", (table, picture))
 
 
-def _paths(result: TestResult) -> list[Section]:
+def _paths(result: CycleResult) -> list[Section]:
     """AT and RT of every path, with its tube."""
     sections = []
     for k, shown in enumerate(result.paths):
@@ -291,7 +291,7 @@ def _paths(result: TestResult) -> list[Section]:
     return sections
 
 
-def _data(result: TestResult) -> Section:
+def _data(result: CycleResult) -> Section:
     """What was read, how, and in which frame."""
     test = result.test
     rows = [

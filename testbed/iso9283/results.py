@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from testbed.iso9283.records import STANDARD, Figure, TestResult
+from testbed.iso9283.records import STANDARD, CycleResult, StatedFigure
 from testbed.iso9283.words import decisions, enough, mark, notice, overall, reasons, verdict
 from testbed.jobsheet.report import job_numbers
 from testbed.report.text import csv_text
@@ -14,7 +14,7 @@ FORMAT = 1
 KIND = "iso9283"
 
 
-def headline(result: TestResult) -> dict[str, Any]:
+def headline(result: CycleResult) -> dict[str, Any]:
     """Every figure and word as plain JSON values."""
     test, visits = result.test, result.test.visits
     words: dict[str, object] = {
@@ -58,7 +58,7 @@ def headline(result: TestResult) -> dict[str, Any]:
     return as_json(parts)
 
 
-def _numbers(figure: Figure) -> list[Quantity]:
+def _numbers(figure: StatedFigure) -> list[Quantity]:
     """One figure."""
     unit, end = (RADIAN, "mdeg") if figure.angle else (METRE, "um")
     floor = None if np.isnan(figure.floor) else figure.floor
@@ -75,7 +75,7 @@ def _numbers(figure: Figure) -> list[Quantity]:
     ]
 
 
-def iso_csv(result: TestResult) -> str:
+def iso_csv(result: CycleResult) -> str:
     """iso9283.csv: one row per figure."""
     head = ("figure", "where", "value", "lower_95", "upper_95", "u", "floor", "unit", "cycles")
     rows = []

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from testbed.iso9283.records import PATH_CYCLES, POSE_CYCLES, STANDARD, Figure, TestResult
+from testbed.iso9283.records import PATH_CYCLES, POSE_CYCLES, STANDARD, CycleResult, StatedFigure
 from testbed.report.page import SIMULATED
 from testbed.units import MDEG, UM, counted, probability, sentences, significant
 
@@ -38,12 +38,12 @@ class LimitDecision:
     sentence: str
 
 
-def notice(result: TestResult) -> str:
+def notice(result: CycleResult) -> str:
     """Whether the numbers come from a real robot; neither kind is a certificate."""
     return SIMULATED if result.test.simulated else MEASURED
 
 
-def decisions(result: TestResult) -> tuple[LimitDecision, ...]:
+def decisions(result: CycleResult) -> tuple[LimitDecision, ...]:
     """Every stated limit against its figures: PASS where all upper limits keep it.
 
     FAIL where the lower limit of one is beyond it. Between, or without such a figure, nothing is
@@ -52,7 +52,7 @@ def decisions(result: TestResult) -> tuple[LimitDecision, ...]:
     return tuple(_decision(result, name, limit) for name, limit in result.test.limits.items())
 
 
-def _decision(result: TestResult, name: str, limit: float) -> LimitDecision:
+def _decision(result: CycleResult, name: str, limit: float) -> LimitDecision:
     """One limit."""
     figures, allowed = result.of(name), f"{name} at most {um(limit)}"
     if not figures:
@@ -71,7 +71,7 @@ def _decision(result: TestResult, name: str, limit: float) -> LimitDecision:
     return LimitDecision(name, limit, "UNDECIDED", worst.where, text)
 
 
-def would_decide(figure: Figure, limit: float) -> str:
+def would_decide(figure: StatedFigure, limit: float) -> str:
     """How many cycles would bring the confidence limit to a limit, if the figure stays."""
     gap = abs(limit - figure.size)
     width = figure.most - figure.size if figure.size < limit else figure.size - figure.least
@@ -89,18 +89,18 @@ def would_decide(figure: Figure, limit: float) -> str:
     return "it lies so near the limit that no sensible number of cycles would decide it"
 
 
-def overall(result: TestResult) -> str:
+def overall(result: CycleResult) -> str:
     """One word over all limits; empty where none is stated."""
     words = {one.word for one in decisions(result)}
     return next((word for word in ("FAIL", "UNDECIDED", "PASS") if word in words), "")
 
 
-def enough(result: TestResult) -> bool:
+def enough(result: CycleResult) -> bool:
     """Whether every figure has the cycles that the standard asks for."""
     return not _too_few(result)
 
 
-def mark(result: TestResult) -> str:
+def mark(result: CycleResult) -> str:
     """The verdict in a few words."""
     word, sign = overall(result), {"PASS": "✓", "FAIL": "✗", "UNDECIDED": "?"}
     if word:
@@ -111,7 +111,7 @@ def mark(result: TestResult) -> str:
     return f"✓ Measured with as many cycles as {STANDARD} asks for"
 
 
-def verdict(result: TestResult) -> str:
+def verdict(result: CycleResult) -> str:
     """The largest figures with their limits."""
     parts = []
     for name in ("AP", "RP", "AT", "RT"):
@@ -130,7 +130,7 @@ def verdict(result: TestResult) -> str:
     return f"{text}. Measured: {', '.join(counts)}."
 
 
-def told(figure: Figure) -> str:
+def told(figure: StatedFigure) -> str:
     """One figure with its limits in words."""
     low, high = (show(x, figure) for x in (figure.least, figure.most))
     value = show(figure.size, figure)
@@ -140,7 +140,7 @@ def told(figure: Figure) -> str:
     )
 
 
-def reasons(result: TestResult) -> tuple[str, ...]:
+def reasons(result: CycleResult) -> tuple[str, ...]:
     """Decisions first, then what limits the figures."""
     test = result.test
     texts = [one.sentence for one in decisions(result)]
@@ -169,7 +169,7 @@ def reasons(result: TestResult) -> tuple[str, ...]:
     return sentences(texts)
 
 
-def _too_few(result: TestResult) -> list[str]:
+def _too_few(result: CycleResult) -> list[str]:
     """Which figures have fewer cycles than the standard asks for."""
     texts, test = [], result.test
     if test.visits is not None and test.visits.cycles < POSE_CYCLES:
@@ -188,7 +188,7 @@ def _too_few(result: TestResult) -> list[str]:
     return texts
 
 
-def _drifting(result: TestResult) -> list[str]:
+def _drifting(result: CycleResult) -> list[str]:
     """Which poses drift, or why nobody asked."""
     visits = result.test.visits
     if visits is None:
@@ -208,7 +208,7 @@ def _drifting(result: TestResult) -> list[str]:
     ]
 
 
-def next_step(result: TestResult) -> str:
+def next_step(result: CycleResult) -> str:
     """What a person should do now."""
     test, word = result.test, overall(result)
     if word == "UNDECIDED":
@@ -232,11 +232,11 @@ def um(length: float) -> str:
     return f"{significant(length * UM)} um"
 
 
-def show(value: float, figure: Figure) -> str:
+def show(value: float, figure: StatedFigure) -> str:
     """A value of a figure in um, or mdeg."""
     return significant(value * (MDEG if figure.angle else UM))
 
 
-def unit(figure: Figure) -> str:
+def unit(figure: StatedFigure) -> str:
     """Unit that it is shown in."""
     return "mdeg" if figure.angle else "um"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from testbed.files.session import Session
     from testbed.identify.records import Calibration
-    from testbed.iso9283.records import TestResult
+    from testbed.iso9283.records import CycleResult
     from testbed.plan.records import Plan
     from testbed.robots.robot import Robot
     from testbed.scenario.scenario import Scenario
@@ -88,7 +88,7 @@ def identify(
     return calibrate(arm, seen) if out is None else play_calibration(arm, seen, Path(out))[0]
 
 
-def iso9283(data: str | Path, out: str | Path | None = None) -> "TestResult":
+def iso9283(data: str | Path, out: str | Path | None = None) -> "CycleResult":
     """Test a real robot after ISO 9283, as ``truebed iso9283`` does.
 
     Parameters
