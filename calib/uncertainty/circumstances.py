@@ -31,6 +31,8 @@ class Circumstances:
     doubted: tuple[Array, Array] | None = None
     """Part of the covariances (m, 6, 6) of what identified and (n, 6, 6) of what is held out that
     nothing measured tells: as noise it is in the weights, as misfit in the region."""
+    stations_are_visits: bool = False
+    """Whether each station is a visit of its own, which may stand in another frame by itself."""
     unmodelled: tuple[str, ...] = ()
     """What is known to be in no covariance: then a drift is looked for whatever a test says."""
 

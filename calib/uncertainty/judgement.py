@@ -180,15 +180,14 @@ def _belief(
         )  # fmt: skip
 
     use: Measurements | None = test if len(test) else None
-    belief, frame = believed(use), None
+    belief = believed(use)
     points = test.rows(~test.is_distance)
-    one_station = len(np.unique(points.station)) <= 1
-    if points.n_poses >= FEWEST_OF_A_FRAME and one_station and np.isfinite(belief.misfit.upper):
-        frame = other_frame(belief, points, fit, train)
-        if frame.found:
-            alone = believed(None)
-            frame = replace(frame, within=_half_radius(alone, points, known))
-            use, belief = (None, alone) if frame.found else (use, belief)
+    sure = belief if np.isfinite(belief.misfit.upper) else believed(None)
+    frame = _frame(sure, points, fit, train, visits=known.stations_are_visits)
+    if frame is not None and frame.found:
+        alone = believed(None)
+        frame = replace(frame, within=_half_radius(alone, points, known))
+        use, belief = (None, alone) if frame.found else (use, belief)
     slow = None
     if known.order is not None:
         nobody = np.zeros(0, dtype=np.int64)
@@ -200,6 +199,27 @@ def _belief(
         if slow is not None and slow.drift is not None:
             belief = adding(belief, slow.drift.covariance, None if use is None else quiet.test)
     return (belief if np.isfinite(belief.misfit.upper) else None), frame, slow
+
+
+def _frame(
+    belief: Belief, points: Measurements, fit: Identification, train: Measurements, *, visits: bool
+) -> OtherFrame | None:
+    """Whether rows stand in another frame; of several visits the likeliest, by their number."""
+    if not np.isfinite(belief.misfit.upper):
+        return None
+    each = [points.rows(points.station == s) for s in np.unique(points.station)]
+    if len(each) > 1 and not visits:
+        return None
+    asked = [some for some in each if some.n_poses >= FEWEST_OF_A_FRAME]
+    found = [other_frame(belief, some, fit, train) for some in asked]
+    count = len(found)
+    return min(
+        (
+            replace(one, p_base=min(1.0, count * one.p_base), p_tool=min(1.0, count * one.p_tool))
+            for one in found
+        ),
+        key=lambda one: min(one.p_base, one.p_tool), default=None,
+    )  # fmt: skip
 
 
 def _half_radius(alone: Belief, points: Measurements, known: Circumstances) -> float:

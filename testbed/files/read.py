@@ -5,7 +5,9 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
-from calib.arrays import Array, frozen
+import numpy as np
+
+from calib.arrays import Array, Bool, frozen
 from calib.errors import InputError, refuse
 from testbed.files.assembly import assemble
 from testbed.files.cleaned import Cleaned, readings_of, sheet_of, table_in
@@ -33,6 +35,8 @@ from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.robots.robot import Robot
 from testbed.robots.tolerances import tolerances_of, usual_tolerances
 
+MOST_STRAYS = 0.5
+"""Share of held-out rows, or of the others, above which they stray because of their frame."""
 LARGEST_MB = 100_000.0
 """What a user may allow."""
 
@@ -159,13 +163,36 @@ def _prior(settings: SessionFile, robot: Robot, where: str) -> Array | None:
 
 
 def _without_strays(robot: Robot, session: Session) -> Session:
-    """The session without rows that no base and tool bring near their joints, which are named."""
-    mismatched, why, doubtful = mismatched_rows(robot.model, session.measurements)
-    raise_if_slipped(robot.model, session.measurements, doubtful, session.place)
+    """The session without rows that no base and tool bring near their joints, which are named.
+
+    Where these are most of the held-out rows, or of the others, the file holds rows of two frames:
+    each part is then asked by itself.
+    """
+    both = session.split_stated and 0 < session.is_test.sum() < len(session.is_test)
+    parts = [session.is_test, ~session.is_test]
+    try:
+        mismatched, why = _strays(robot, session)
+    except InputError:
+        if not both:
+            raise
+        mismatched, why = np.ones(len(session.is_test), dtype=np.bool_), {}
+    if both and any(mismatched[rows].mean() > MOST_STRAYS for rows in parts):
+        mismatched, why = np.zeros(len(mismatched), dtype=np.bool_), {}
+        for rows in parts:
+            places = np.flatnonzero(rows)
+            mismatched[places], said = _strays(robot, session.rows(rows))
+            why |= {int(places[row]): text for row, text in said.items()}
     if not why:
         return session
     masked = tuple(f"{session.place[row]}: left out: {why[row]}" for row in sorted(why))
     return replace(session.rows(~mismatched), masked=(*session.masked, *masked))
+
+
+def _strays(robot: Robot, session: Session) -> tuple[Bool, dict[int, str]]:
+    """Rows (m,) that no frames bring near their joints, and why; refuses shots that slipped."""
+    mismatched, why, doubtful = mismatched_rows(robot.model, session.measurements)
+    raise_if_slipped(robot.model, session.measurements, doubtful, session.place)
+    return mismatched, why
 
 
 def read_held_out(

@@ -8,7 +8,7 @@ from calib.arrays import frozen
 from calib.errors import InputError, refuse
 from calib.identification.identify import identify
 from calib.identification.robust import LOSSES, Loss
-from testbed.files.probe import Probe, probe
+from testbed.files.probe import Probe
 from testbed.files.rows.terms import row_terms
 from testbed.files.session import Session
 from testbed.identify.conditions import held_out_warnings
@@ -37,6 +37,7 @@ from testbed.identify.session import origin_of, row_names, with_scatter
 from testbed.identify.shared import shared_of
 from testbed.identify.visits.fit import with_own_frames
 from testbed.identify.visits.frames import own_frames
+from testbed.identify.visits.probing import probed
 from testbed.identify.visits.split import split_of_session
 from testbed.progress import Progress
 from testbed.robots.catalog import Robot
@@ -104,9 +105,7 @@ def calibrate(
     )
     require_order(session)
     report(STEPS[0], 0, len(STEPS))
-    probes = tuple(probe(robot, one) for one in session.alone or (session,))
-    for one in probes:
-        one.raise_if_wrong()
+    probes = probed(robot, session)
     try:
         return _calibrated(robot, session, probes, split, options, model, loss, report)
     except InputError as error:  # of arrays, which know no file

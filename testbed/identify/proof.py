@@ -64,6 +64,7 @@ def proof_of(
         drawn=session.wanted.held_out == "drawn",
         doubted=(scatter[used], scatter[is_test]) if session.joint_scatter.any() else None,
         target=stated_target(measurements),
+        stations_are_visits=bool(session.visits),
     )
     rng = stream(seed, "bootstrap") if len(train) <= MOST_ROWS else None
     return judge(result, test, train=train, circumstances=known, rng=rng, replicates=REPLICATES)

@@ -59,6 +59,9 @@ def verdict(calibration: Calibration) -> str:
         where = f"at the {poses} it was fitted to (none is held out)"
     else:
         where = f"on {counted(held_out_poses(calibration), 'held-out pose')}"
+    if calibration.elsewhere and calibration.proof.frame is not None:
+        said = calibration.proof.frame.sentence
+        return f"{said[0].upper()}{said[1:]}. {believed_words(calibration)}"
     if calibration.choice.asked == FRAMES_ALONE:
         text = f"With frames fitted alone the {kind(calibration)} {where} is "
         text += f"{mm(after.position.mean)} mm"

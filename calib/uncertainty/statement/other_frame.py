@@ -9,9 +9,11 @@ from scipy.special import chdtrc
 
 from calib.arrays import Array, frozen
 from calib.errors import refuse
+from calib.geometry.frames import log_so3
 from calib.geometry.model import RobotModel
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification
+from calib.identification.start.closed_forms import fitted_frame
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict, predicted_positions, tool_poses
 from calib.uncertainty.statement.belief import Belief
@@ -20,6 +22,8 @@ from calib.uncertainty.statement.shape import of_poses, same_count
 
 FOLLOWED = 0.01
 """Part of a motion below which nothing of it is left: the model is not quite straight."""
+STRAIGHT = 0.02
+"""Turn up to which a motion is straight enough to be told by its derivative [rad]."""
 FEWEST = 6
 """Held-out poses below which a motion of six numbers is not told from their noise."""
 
@@ -42,6 +46,10 @@ class OtherFrame:
     """Chance of as large a motion if there is none."""
     p_tool: float
     n_poses: int
+    at_tool: bool
+    """Whether an offset of the target explains the errors better than a motion of the base."""
+    station: int = 0
+    """Which station saw the poses; 0 is the world."""
     within: float = 0.0
     """A motion up to this size is in the believed region anyway [m]."""
 
@@ -56,7 +64,7 @@ class OtherFrame:
         What bends the arm moves all held-out points a little, too, more than chance and less than
         is believed of them.
         """
-        size = self.tool_size if self.p_tool < self.p_base else self.size
+        size = self.tool_size if self.at_tool else self.size
         return min(self.p_base, self.p_tool) < RED and size > self.within
 
     @property
@@ -64,15 +72,19 @@ class OtherFrame:
         """The result in words."""
         if not self.found:
             return f"{self.n_poses} held-out poses stand in the frame of the calibration"
-        angle = np.degrees(float(np.linalg.norm(self.turn)))
-        if self.p_tool < self.p_base:
-            what = f"{_length(self.tool_size)} from the calibration at the tool: another target"
-        else:
+        rows = "the held-out rows" + f" of station {self.station + 1}" * bool(self.station)
+        if self.at_tool:
             what = (
-                f"{_length(self.size)} ({angle:.2g} deg) from the calibration as one piece: "
-                "another base frame, or the station moved"
+                f"see another target: {_length(self.tool_size)} from where the calibration has it, "
+                "at the tool"
             )
-        return f"the held-out readings stand {what}; they prove nothing until that is settled"
+        else:
+            angle = np.degrees(float(np.linalg.norm(self.turn)))
+            what = (
+                f"stand in another frame: {_length(self.size)}, {angle:.3g} deg, as one piece "
+                "(another base, or the station moved)"
+            )
+        return f"{rows} {what}; they prove nothing: state a session of their own"
 
 
 def other_frame(
@@ -115,12 +127,30 @@ def other_frame(
     shares = np.concatenate([parameters, common], axis=2)
     columns = (shares, (e - usual)[:, :, None], base, tool)
     shared, error, of_base, of_tool = _whitened(belief, points, size, rows, columns)
-    moved, p_base, moves = _explained(shared, error, of_base, base)
-    offset, p_tool, tool_size = _explained(shared, error, of_tool, tool)
+    moved, gain, moves = _explained(shared, error, of_base, base)
+    offset, tool_gain, tool_size = _explained(shared, error, of_tool, tool)
+    if np.linalg.norm(moved[3:]) > STRAIGHT:
+        moved, moves = _whole_motion(belief.model, points, about)
+    p_base, p_tool = float(chdtrc(6, gain)), float(chdtrc(3, tool_gain))
+    # where both are beyond doubt, chances of zero do not tell which explains more
+    at_tool = tool_gain - 3 > gain - 6 if p_base == p_tool == 0.0 else p_tool < p_base
     return OtherFrame(
         frozen(moved[:3]), frozen(moved[3:]), frozen(offset), moves, tool_size, p_base, p_tool,
-        points.n_poses,
+        points.n_poses, at_tool, int(points.station[0]),
     )  # fmt: skip
+
+
+def _whole_motion(model: RobotModel, table: Measurements, about: Array) -> tuple[Array, float]:
+    """Shift and turn (6,) of the motion from predicted to seen positions, and its size [m].
+
+    By Procrustes, for turns that no derivative describes.
+    """
+    p = predicted_positions(model, table)
+    T = fitted_frame(table.position, p, np.eye(3))
+    moved = p @ T[:3, :3].T + T[:3, 3] - p
+    shift = T[:3, :3] @ about + T[:3, 3] - about
+    turn = log_so3(T[None, :3, :3])[0]
+    return np.concatenate([shift, turn]), float(np.sqrt((moved**2).sum() / len(moved)))
 
 
 def _motions(model: RobotModel, table: Measurements, about: Array) -> Array:
@@ -181,7 +211,7 @@ def _whitened(
 
 
 def _explained(shared: Array, e: Array, motion: Array, plain: Array) -> tuple[Array, float, float]:
-    """Numbers (k,) of a motion (m, 3, k) that explain errors best, their p, their size [m].
+    """Numbers (k,) of a motion (m, 3, k) that explain errors best, fall of chi-square, size [m].
 
     Parameters
     ----------
@@ -194,15 +224,15 @@ def _explained(shared: Array, e: Array, motion: Array, plain: Array) -> tuple[Ar
     plain : (m, 3, k) array
         The motion itself.
     """
-    P, k = shared.shape[1], motion.shape[1]
-    prior = np.eye(P, P + k)
+    P = shared.shape[1]
+    prior = np.eye(P, P + motion.shape[1])
     A = np.concatenate([np.concatenate([shared, motion], axis=1), prior])
     b = np.concatenate([e[:, 0], np.zeros(P)])
     without, found = (np.linalg.lstsq(M, b, rcond=None)[0] for M in (A[:, :P], A))
     gain = float(((b - A[:, :P] @ without) ** 2).sum() - ((b - A @ found) ** 2).sum())
     numbers = found[P:]
     size = float(np.sqrt(((plain @ numbers) ** 2).sum() / len(plain)))
-    return numbers, float(chdtrc(k, max(gain, 0.0))), size
+    return numbers, max(gain, 0.0), size
 
 
 def _length(metres: float) -> str:

@@ -1,0 +1,33 @@
+"""Whether the files of a session are read as they were meant, each in frames of its own."""
+
+from calib.errors import InputError
+from testbed.files.probe import Probe, probe
+from testbed.files.session import Session
+from testbed.robots.robot import Robot
+
+
+def probed(robot: Robot, session: Session) -> tuple[Probe, ...]:
+    """Other readings tried, for each visit by itself.
+
+    Held-out rows that stand in another frame than the others look like a wrong reading of the
+    file: where each part by itself is read rightly, the proof tells where they stand.
+
+    Raises
+    ------
+    InputError
+        The code of the fault; the message names the reading that fits.
+    """
+    probes = tuple(probe(robot, one) for one in session.alone or (session,))
+    try:
+        for one in probes:
+            one.raise_if_wrong()
+    except InputError:
+        if session.alone or not session.split_stated or session.is_test.all():
+            raise
+        parts = [probe(robot, session.rows(rows)) for rows in (~session.is_test, session.is_test)]
+        if any(part.stated is None for part in parts):
+            raise
+        for part in parts:
+            part.raise_if_wrong()
+        return (parts[0],)
+    return probes

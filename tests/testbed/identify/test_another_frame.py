@@ -1,0 +1,76 @@
+"""Held-out rows that stand in another frame are no proof, by micrometres or by meters."""
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from calib.geometry.frames import step_transform
+from testbed.files.read import read_held_out, read_session
+from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.session import with_test
+from testbed.identify.words import next_step, verdict
+from tests.testbed.files.campaign import HEAD, table, visit, written
+from tests.testbed.files.made import ROBOT, Made
+
+GEOMETRIC = Options(model="geometric")
+ONE = HEAD.replace("[frames]", '[frames]\nfile = "a.csv"')
+
+
+def moved(data, millimetres, degrees, *, tool=False):
+    """The same poses, the station or the target of the robot elsewhere."""
+    way = np.array([0.6, -0.64, 0.48])
+    M = step_transform(np.concatenate([1e-3 * millimetres * way, np.radians(degrees) * way[::-1]]))
+    return Made(data.q, data.T @ M if tool else M @ data.T, data.truth)
+
+
+def judged_by(folder, held_out):
+    """A calibration by 40 poses, and further ones given by --test."""
+    written(folder, {"a": visit(0, 40), "t": held_out}, head=ONE)
+    test = read_held_out(folder / "t.csv", ROBOT, folder)
+    return calibrate(ROBOT, with_test(read_session(folder, ROBOT), test), GEOMETRIC)
+
+
+@pytest.mark.parametrize("size", [(0.05, 0.01), (10.0, 1.0), (623.0, 17.7)], ids=str)
+def test_a_moved_station_is_no_proof(tmp_path, size):
+    found = judged_by(tmp_path, moved(visit(0, 20, seed=5), *size))
+    said = verdict(found)
+    assert found.elsewhere
+    assert said.startswith("The held-out rows stand in another frame: ")
+    assert "state a session of their own" in said
+    assert "falls from" not in said
+    if size[1] > 0.1:
+        assert f"{size[1]:.3g} deg" in said
+    assert "Find out first" in next_step(found)
+    assert found.proof.belief.n_guards == 0
+
+
+def test_a_station_that_stood_still_is_proof(tmp_path):
+    found = judged_by(tmp_path, visit(0, 20, seed=5))
+    assert not found.elsewhere
+    assert found.proof.belief.n_guards == 20
+
+
+def test_another_target_is_told_where_it_is(tmp_path):
+    said = verdict(judged_by(tmp_path, moved(visit(0, 20, seed=5), 300.0, 30.0, tool=True)))
+    # millimeters of a robot that is not nominal do not matter to 300 mm
+    assert said.startswith("The held-out rows see another target: 300 mm")
+
+
+def test_held_out_rows_of_one_file_that_stand_elsewhere_are_not_left_out_as_wrong_shots(tmp_path):
+    """Ten of fifty rows: few enough to be taken for strays, if they were asked with the others."""
+    both = [visit(0, 40), moved(visit(0, 10, seed=5), 623.0, 17.7)]
+    whole = Made(*(np.concatenate([getattr(one, k) for one in both]) for k in ("q", "T")), None)
+    text = table(whole, split=["identify"] * 40 + ["test"] * 10)
+    read = read_session(written(tmp_path, {"a": text}, head=ONE), ROBOT)
+    assert not read.masked
+    found = calibrate(ROBOT, read, GEOMETRIC)
+    assert "17.7 deg" in verdict(found)
+
+
+def test_a_test_file_that_is_read_wrongly_is_still_refused(tmp_path):
+    """Inches are no frame."""
+    data = visit(0, 20, seed=5)
+    T = data.T.copy()
+    T[:, :3, 3] /= 25.4
+    with pytest.raises(InputError, match="M21"):
+        judged_by(tmp_path, Made(data.q, T, data.truth))
