@@ -12,6 +12,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.kernels.loops import Loops, loops_for
 from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predict
 from calib.uncertainty.batch import WIDTH
 from calib.uncertainty.covariance import covariance_factor, standard_uncertainty
 from calib.uncertainty.parallel import in_batches
@@ -164,9 +165,9 @@ def bootstrap(
     start = freeze(model, measurements, parameters, prior_precision=prior_precision)
     require_loops(start)
     spread = _prior_spread(start)
-    loops = loops_for(replicates)
+    loops, pulls = loops_for(replicates), _pulls(start)
     parts = in_batches(
-        lambda stream, count: _replicate(start, spread, stream, count, steps, loops),
+        lambda stream, count: _replicate(start, spread, pulls, stream, count, steps, loops),
         rng,
         replicates,
         size=BLOCKS * WIDTH,
@@ -186,6 +187,7 @@ def bootstrap(
 def _replicate(
     start: Frozen,
     spread: Array,
+    pulls: Array,
     rng: np.random.Generator,
     count: int,
     steps: int,
@@ -199,7 +201,15 @@ def _replicate(
     center = np.zeros((blocks, len(spread), WIDTH))
     if spread.any():
         center = spread @ rng.standard_normal(center.shape)
-    return descend(start, measured, center, steps, loops.gradient).first(count)
+    first = pulls @ normal.reshape(blocks, -1, WIDTH)
+    return descend(start, measured, center, steps, loops.gradient, first).first(count)
+
+
+def _pulls(start: Frozen) -> Array:
+    """J'W L (f, 6 m): how standard normal noise of every row pulls at each free number."""
+    rows = predict(start.model, start.measurements).rows[:, :, start.parameters.free_index]
+    noise = start.weight @ start.factor  # zero where a row has no entries
+    return frozen(np.moveaxis(np.swapaxes(rows, 1, 2) @ noise, 1, 0).reshape(rows.shape[2], -1))
 
 
 def _prior_spread(start: Frozen) -> Array:

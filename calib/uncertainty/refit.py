@@ -27,7 +27,8 @@ LARGEST_TERM = 0.05
 """Largest turn [rad] by a step of the joint terms, for which the compiled loop has a series; a
 replicate beyond it does not count as converged."""
 STEPS = 2
-"""Steps from the model itself: after them 1e-8 standard deviations are left."""
+"""Steps from the model itself: 1e-8 standard deviations are left after them, or 1e-6 where the
+first is known to first order alone."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -240,7 +241,12 @@ def joined(parts: Sequence[Refits]) -> Refits:
 
 
 def descend(
-    start: Frozen, measured: Array, center: Array, steps: int, gradient: Callable[..., None]
+    start: Frozen,
+    measured: Array,
+    center: Array,
+    steps: int,
+    gradient: Callable[..., None],
+    first: Array | None = None,
 ) -> Refits:
     """Fit the tables of one batch: x += C (J'W r + Lambda0 (center - x)).
 
@@ -256,18 +262,24 @@ def descend(
         Steps to take; inputs are trusted.
     gradient : callable
         Of `calib.kernels.loops`.
+    first : (B, f, 32) array, optional
+        J'W r at the model, where it is known to first order in the noise: a later step finds the
+        rest, so that one gradient less is asked for.
     """
     batch = Batch(start.model, start.parameters, start.measurements, len(measured))
     B, f = len(measured), start.parameters.n_free
     free = start.parameters.free_index
     slope = np.empty((B, start.model.n_numbers, WIDTH))
     square = np.empty((B, WIDTH))
-    for _ in range(steps):
-        gradient(
-            batch.links, batch.base, batch.tool, batch.terms, measured, start.weight,
-            start.measurements.offset, *batch.configurations, slope, square,
-        )  # fmt: skip
-        own = slope[:, free]
+    for k in range(steps):
+        if first is not None and k == 0 and steps > 1:
+            own = first
+        else:
+            gradient(
+                batch.links, batch.base, batch.tool, batch.terms, measured, start.weight,
+                start.measurements.offset, *batch.configurations, slope, square,
+            )  # fmt: skip
+            own = slope[:, free]
         pull = own + start.prior @ (center - batch.x)
         step = start.covariance @ pull
         batch.move(step)

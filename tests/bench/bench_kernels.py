@@ -1,6 +1,6 @@
 """The compiled loops beside plain forms; run by hand with --benchmark-only.
 
-Bar on 2 cores: 1e5 end-to-end virtual calibrations (noise, identification, covariance) within 5 s.
+Bar: 1e5 virtual calibrations (noise, identification, covariance) within 1 s on one thread.
 Limits: 900 flop and 96 bytes per pose of a gradient. Naive forms are smaller: scale them by the
 draws in their names.
 """
