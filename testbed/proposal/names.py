@@ -11,7 +11,8 @@ UNITS = {
     "mm": "mm", "m": "m", "um": "um", "µm": "um", "in": "in", "inch": "in", "meter": "m",
     "millimeter": "mm", "deg": "deg", "°": "deg", "degree": "deg", "degrees": "deg", "grad": "deg",
     "rad": "rad", "radian": "rad", "radians": "rad", "mdeg": "mdeg", "c": "degC", "degc": "degC",
-    "°c": "degC", "kg": "kg", "s": "s",
+    "°c": "degC", "kg": "kg", "s": "s", "nm": "Nm", "n m": "Nm", "n*m": "Nm", "n·m": "Nm",
+    "nmm": "Nmm", "n mm": "Nmm", "n": "N", "a": "A", "amp": "A", "ma": "mA",
 }  # fmt: skip
 """Units as people write them at the end of a name."""
 ENDS = re.compile(r"^(.*?)[\s_]*[\[(/]\s*([^\])]+?)\s*[\])]?$")
@@ -28,6 +29,9 @@ WISHED = {
     "dif", "diff", "difference", "delta", "err", "error", "dev", "deviation",
 }  # fmt: skip
 """Words of a place that was not measured."""
+DRIVES = {"torque": "torque", "tau": "torque", "moment": "torque", "effort": "torque"}
+"""Words of what a drive reports; a current is known by its unit, or as that of a motor."""
+LOADS = {"payload", "load"}
 SPREAD = {"std", "sd", "sigma", "stdev", "rms"}
 EXPANDED = {"u95", "u95%", "unc95"}
 STANDARD = {"u", "u1", "unc", "uncertainty"}
@@ -38,6 +42,7 @@ PLAIN = {
     "temperature_degC": {"temperature", "temp", "t air", "ambient temperature",
                          "measurement temperature"},
     "payload_kg": {"payload", "load"},
+    "order": {"order", "sequence", "measuring order", "measured order"},
     "time": {"time", "timestamp", "date time", "datetime"},
 }  # fmt: skip
 TURNS = {
@@ -104,6 +109,15 @@ def _meaning(name: str, head: Sequence[str]) -> Meaning | None:
             return Meaning(name, own, "")
     if words & SPREAD:
         return None
+    drive = next((DRIVES[word] for word in DRIVES if word in words), "")
+    if unit in ("A", "mA") or {"motor", "current"} <= words:
+        drive = "current"
+    if drive:
+        number = re.search(r"([1-9])$", text)
+        return Meaning(name, f"{drive}{number[1]}", unit) if number else None
+    if words & LOADS:
+        axis = text.split()[-1]
+        return Meaning(name, f"payload_{axis}", unit) if axis in ("x", "y", "z") else None
     joint = JOINT.fullmatch(" ".join(word for word in text.split() if word not in READ | WISHED))
     if joint and not words & {"error", "diff", "dev", "deviation"}:
         return Meaning(name, f"q{joint[1]}{'_read' if words & READ else ''}", unit)
@@ -139,6 +153,11 @@ def without_unit(name: str) -> tuple[str, str]:
     if ends and ends[2].strip().lower() in UNITS:
         text, unit = ends[1], UNITS[ends[2].strip().lower()]
     words = re.sub(r"[\s_.:\-]+", " ", text).strip().lower().split()
-    if not unit and len(words) > 1 and words[-1] in UNITS and words[-1] not in ("c", "s", "m"):
+    if (
+        not unit
+        and len(words) > 1
+        and words[-1] in UNITS
+        and words[-1] not in ("c", "s", "m", "n", "a")
+    ):
         unit = UNITS[words.pop()]
     return " ".join(words), unit

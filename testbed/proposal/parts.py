@@ -19,6 +19,8 @@ TURN = 6.4
 """Joints never turn so far where they are in radians [rad]."""
 REACH = 20.0
 """Positions never lie so far where they are in meters [m]."""
+BESIDE_JOINTS = ("pose_id", "temperature_degC", "payload_kg", "order", "time")
+"""What a file of joints may say besides."""
 Document = dict[str, Any]
 Part = tuple[Found, Document, tuple[str, ...], str]
 """File, keys of its table, what was taken without being said, and the layout of a bare file."""
@@ -55,7 +57,8 @@ def joint_parts(look: Found, n: int) -> Iterator[Part]:
         for unit in units:
             mapped = {f"{one.stem}_{one.unit or unit}": one.theirs for one in foreign}
             said = (f"joints: no column says its unit; taken as {unit}",) if unit else ()
-            named = {own: name for own, name in _more(look).items() if own == "pose_id"}
+            named = {own: name for own, name in _more(look).items() if own in BESIDE_JOINTS}
+            named |= _drives(look, n)
             keys = {**source, **({"columns": named | mapped} if named or mapped else {})}
             yield look, keys, (*said, *notes), ""
 
@@ -82,20 +85,35 @@ def seen_parts(look: Found, n: int) -> Iterator[Part]:
                 ),
                 (),
             )
-            yield from ((look, keys, notes, "") for keys, notes in
-                        _readings(look, tuple(place), turns, _more(look)))  # fmt: skip
+            more = _more(look) | _drives(look, n)
+            for keys, notes in _readings(look, tuple(place), turns, more):
+                yield look, keys, notes, ""
 
 
 def _more(look: Found) -> dict[str, str]:
     """Columns besides joints and places, by our names."""
-    own = ("pose_id", "target", "time", "temperature_degC", "payload_kg")
+    own = ("pose_id", "target", "time", "temperature_degC", "payload_kg", "order")
     found = {one.stem: one.theirs for one in look.meanings if one.stem in own and not one.known}
     found = {key: name for key, name in found.items() if key in PLAIN}
+    if "payload_kg" in found or look.has("payload_kg"):
+        centers = [look.stems[s] for s in ("payload_x", "payload_y", "payload_z") if look.has(s)]
+        if len(centers) == 3:
+            found |= {f"{one.stem}_{one.unit or 'mm'}": one.theirs for one in centers
+                      if not one.known}  # fmt: skip
     name = found.get("pose_id")
     if name is not None and (look.has("target") or len(set(look.column(name))) < look.rows):
         # a name that comes again is that of a reflector
         del found["pose_id"]
     return found
+
+
+def _drives(look: Found, n: int) -> dict[str, str]:
+    """Columns of what the drives of all joints report, by our names."""
+    for kind, unit in (("torque", "Nm"), ("current", "A")):
+        there = [look.stems[s] for s in (f"{kind}{k + 1}" for k in range(n)) if s in look.stems]
+        if len(there) == n:
+            return {f"{one.stem}_{one.unit or unit}": one.theirs for one in there if not one.known}
+    return {}
 
 
 def _readings(

@@ -8,7 +8,7 @@ from testbed.files.refusal import refusal
 from testbed.strict import Strict
 
 Order = Annotated[float, Field(gt=0.0, le=1e6)]
-Joint = Annotated[str, Field(pattern=r"^joint[1-9][0-9]?$")]
+Joint = Annotated[str, Field(max_length=20)]
 
 
 class GearTable(Strict):
@@ -27,16 +27,17 @@ class GearTable(Strict):
         InputError
             S37: a joint that the robot has not.
         """
+        joints = [f"joint{i + 1}" for i in range(n)]
         for key, table in (("ratio", self.ratio), ("orders", self.orders)):
             for name in table:
-                if int(name.removeprefix("joint")) > n:
+                if name not in joints:
                     raise refusal(
                         "session.toml", f"gear.{key}", f"[gear] {key} names {name}", code="S37",
-                        value=name, allowed=f"joint1 to joint{n}",
+                        value=name, allowed=f"the joints are joint1 to joint{n}",
                         fix="name joints that the robot has",
                     )  # fmt: skip
         found = []
-        for name in (f"joint{i + 1}" for i in range(n)):
+        for name in joints:
             ratio = (self.ratio[name], 2 * self.ratio[name]) if name in self.ratio else ()
             found.append(tuple(dict.fromkeys([*ratio, *self.orders.get(name, ())])))
         return tuple(found)

@@ -12,6 +12,7 @@ from testbed.files.refusal import refusal
 from testbed.files.rows.beside import BesideJoints
 from testbed.files.rows.say import NO_TORQUES, UNKNOWN, RowsSay
 from testbed.robots.robot import NO_MASS, Robot
+from testbed.units import counted
 
 SAME_JOINTS = 1e-6
 """Rows at joints that differ by no more were measured at one stop [rad, m]."""
@@ -54,7 +55,7 @@ def operating_conditions(
         M25: a payload heavier than the arm. M35: torques of another number of joints.
     """
     notes, unsaid = [], []
-    _require_light(conditions, robot)
+    _require_light(conditions, [place for one in files for place in one.place], robot)
     if conditions.payload is not None and conditions.payload.any() and conditions.center is None:
         notes.append(
             "payload_kg has no payload_x_mm, payload_y_mm, payload_z_mm beside it: the center of "
@@ -66,7 +67,7 @@ def operating_conditions(
     if torque is not None and torque.shape[1] != robot.model.chain.n_joints:
         raise refusal(
             files[0].place[0].rpartition(":")[0], f"{drive}1",
-            f"has the {drive} of {torque.shape[1]} joints", code="M35",
+            f"has the {drive} of {counted(torque.shape[1], 'joint')}", code="M35",
             allowed=f"{robot.name} has {robot.model.chain.n_joints}",
             fix="give that of every joint",
         )  # fmt: skip
@@ -90,14 +91,15 @@ def operating_conditions(
     return found if found.stated else AS_USUAL, RowsSay(drive, tuple(unsaid)), tuple(notes)
 
 
-def _require_light(conditions: Conditions, robot: Robot) -> None:
+def _require_light(conditions: Conditions, place: Sequence[str], robot: Robot) -> None:
     """Refuse a payload that weighs more than the arm, where it is known what that weighs."""
     if conditions.payload is None or any(note.startswith(NO_MASS) for note in robot.notes):
         return
     most, own = float(conditions.payload.max(initial=0.0)), float(robot.masses.sum())
     if most > own > 0:
         raise refusal(
-            "", "payload_kg", f"payload_kg is {most:g}, and the moving parts of {robot.name} weigh "
+            place[int(conditions.payload.argmax())], "payload_kg",
+            f"payload_kg is {most:g}, and the moving parts of {robot.name} weigh "
             f"{own:.3g} kg", code="M25", value=most, allowed="an arm carries less than it weighs",
             fix="give the payload in kg",
         )  # fmt: skip

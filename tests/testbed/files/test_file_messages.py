@@ -456,6 +456,23 @@ CASES = {
         table(payload_kg=[0.0] * 29), "[frames]\n[conditions]\npayload_kg = 2.0\n"
     ),
     "M35 a tool in one of two files": stations(SEEN | {"tool": ["probe"] * 29}, SEEN),
+    "M25 a payload heavier than the arm": read(table(payload_kg=[80.0] * 29)),
+    "M35 a center without a payload": read(table(**{f"payload_{a}_mm": [0.0] * 29 for a in "xyz"})),
+    "M35 half a center": read(table(payload_kg=[1.0] * 29, payload_z_mm=[0.0] * 29)),
+    "M35 torques of one joint": read(table(torque1_Nm=[0.0] * 29)),
+    "M35 torques without the first": read(table(torque2_Nm=[0.0] * 29)),
+    "M35 torques in two units": read(table(torque1_Nm=[0.0] * 29, torque1_Nmm=[0.0] * 29)),
+    "M35 torques and currents": read(table(torque1_Nm=[0.0] * 29, current1_A=[0.0] * 29)),
+    "V9 a torque beyond sense": read(
+        table(**{f"torque{j}_Nm": [0.0] * 28 + [1e9] for j in range(1, 7)})
+    ),
+    "session: a gear ratio of zero": read(table(), "[gear]\nratio = { joint1 = 0 }\n"),
+    "session: a gear of no joint": read(table(), "[frames]\n[gear]\nratio = { joint7 = 100 }\n"),
+    "session: a gear of no name": read(table(), "[gear]\nratio = { elbow = 100 }\n"),
+    "session: a center without a payload": read(
+        table(), "[conditions]\npayload_center_mm = [0, 0, 50]\n"
+    ),
+    "session: a material": read(table(), '[identification]\nmaterial = "wood"\n'),
     "session: a payload below zero": read(table(), "[conditions]\npayload_kg = -1\n"),
     "session: no day": read(table(), '[conditions]\ndate = "22.11.2026"\n'),
     "session: conditions misspelled": read(table(), "[conditions]\ntemperature_c = 20\n"),
@@ -560,6 +577,12 @@ SAID = {
     "missed shots": lambda f: told(read(table(**{
         f"{a}_mm": np.where(np.arange(29) % 9 == 4, 0, table()[f"{a}_mm"]) for a in "xyz"}))(f)),
     "a column misspelled": lambda f: told(read(table(repaet=[0] * 29))(f)),
+    "a payload without a center": lambda f: [
+        one for one in read(table(payload_kg=[1.0] * 29))(f).notes if "center" in one
+    ],
+    "an order that is none": lambda f: [
+        one for one in read(table(order=[*range(20), *range(9)]))(f).notes if "order" in one
+    ],
     "another robot's name": lambda f: told(read(table(), 'robot = "kuka"\n[frames]\n')(f)),
     "a rounded clock": lambda f: told(read(table(time=["2.02011E+13"] * 29))(f)),
     "joints without readings": lambda f: told(

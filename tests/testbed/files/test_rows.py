@@ -110,7 +110,7 @@ def test_held_out_rows_that_say_less_are_taken_at_the_mean(tmp_path):
         ({"payload_kg": np.full(M, 2500.0)}, "", "numbers beyond sense"),
         ({"payload_kg": np.full(M, 80.0)}, "", "payload_kg is 80, and the moving parts of"),
         ({"torque2_Nm": np.zeros(M)}, "", "none for torque1"),
-        ({"torque1_Nm": np.zeros(M)}, "", "has the torque of 1 joints"),
+        ({"torque1_Nm": np.zeros(M)}, "", "has the torque of 1 joint"),
         ({"torque1_Nm": np.zeros(M), "current1_A": np.zeros(M)}, "", "torques and currents"),
         ({"torque1_Nm": np.zeros(M), "torque1_Nmm": np.zeros(M)}, "", "are both there"),
         ({}, "[gear]\nratio = { joint1 = 0 }\n", r"gear.*joint1.*greater than 0|joint1"),

@@ -292,3 +292,33 @@ def test_words_of_a_file_stay_words(tmp_path):
     _, text = proposed(tmp_path, [file])
     assert tomllib.loads(text)["points"]["columns"] == {"x_mm": "X", "y_mm": "Y", "z_mm": "Z"}
     assert '# not used: "a\\"b]", "c\\\\nd", "x\'#"' in text
+
+
+@pytest.mark.parametrize("apart", [False, True])
+@pytest.mark.parametrize("drive", ["Torque A{} [Nm]", "Motor current {} (mA)"])
+def test_drives_payload_warmth_and_order_are_proposed(apart, drive, tmp_path):
+    own = joints(*(f"J{k}" for k in range(1, 7)))
+    load = np.random.default_rng(0).normal(0, 20, (M, 6)).round(6)
+    own |= {drive.format(k + 1): load[:, k] for k in range(6)}
+    beside = {
+        "Order": np.arange(M),
+        "Load [kg]": np.full(M, 2.0),
+        "Temp [C]": np.linspace(20, 25, M),
+    }
+    center = zip("XYZ", (5, 0, 60), strict=True)
+    beside |= {f"Payload {axis} [mm]": np.full(M, value) for axis, value in center}
+    named, seen = {"Pose": np.arange(M)}, places("X", "Y", "Z")
+    if apart:
+        files = write(tmp_path, a__csv=csv(named | own), b__csv=csv(named | seen | beside))
+    else:
+        files = write(tmp_path, a__csv=csv(named | own | seen | beside))
+    proposed(tmp_path, files, "--robot", "staubli_tx60")
+    session = read_session(tmp_path / "session.toml", ROBOT)
+    found, unit = session.measurements.conditions, 1e-3 if "mA" in drive else 1.0
+    np.testing.assert_allclose(found.torque, unit * load, atol=1e-9)
+    assert session.rows_say.drive == ("current" if "mA" in drive else "torque")
+    assert found.payload.tolist() == [2.0] * M
+    np.testing.assert_allclose(found.center, np.tile([0.005, 0, 0.06], (M, 1)), atol=1e-15)
+    assert found.temperature[-1] == 25.0
+    assert np.abs(found.approach[1:]).min() == 1.0
+    assert not any("not used" in note for note in session.notes)
