@@ -120,9 +120,10 @@ def delivered_section(delivered: Delivered) -> Section:
     blocks: list[Block] = [
         Text(
             "robot/ holds the identified robot: robot.toml with every term, URDF and MJCF with "
-            "the geometric part. dh_table.csv: every number old and new. joint_map.csv, where "
-            "there is one: what each joint turns beside its command, with U. split.csv: every row "
-            "with its errors."
+            "the geometric part, joint_origins.yaml for ROS (for arms of UR's kind "
+            "kinematics_params.yaml, too). dh_table.csv: every number old and new. joint_map.csv, "
+            "where there is one: what each joint turns beside its command, with U. split.csv: "
+            "every row with its errors."
         ),
         Points(sentences(delivered.robot)),
     ]

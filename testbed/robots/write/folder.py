@@ -22,6 +22,7 @@ from testbed.robots.meshes.files import Mesh, part_mesh
 from testbed.robots.placements import LIMIT, difference, link_poses
 from testbed.robots.robot import IN_PLACE, Reflector, Robot, Visual, reflector_frames
 from testbed.robots.write.mjcf import frames_of, load_mjcf, mjcf_poses, mjcf_text
+from testbed.robots.write.ros import ros_files
 from testbed.robots.write.toml import robot_toml
 from testbed.robots.write.urdf import require_package, urdf_bytes
 from testbed.units import MM
@@ -131,10 +132,10 @@ def _rehung(robot: Robot, new: Chain) -> Robot:
 def write_robot_folder(
     robot: Robot, folder: Path, *, overwrite: bool = False, package: str | None = None
 ) -> tuple[str, ...]:
-    """Write robot.toml, NAME.urdf, NAME.xml and the meshes, each read again and proven first.
+    """Write robot.toml, NAME.urdf, NAME.xml, joint origins and meshes, each read again and proven.
 
-    robot.toml has the full model with its joint terms; URDF and MJCF have its geometric part, which
-    is all they can hold. Nothing appears in the folder before everything is proven.
+    robot.toml has the full model with its joint terms; the others have its geometric part, which is
+    all they can hold. Nothing appears in the folder before everything is proven.
 
     Parameters
     ----------
@@ -166,6 +167,7 @@ def write_robot_folder(
         require_package(package)
     names = [ROBOT_FILE, f"{robot.name}.urdf", f"{robot.name}.xml"]
     names += [f"{MESHES}/{visual.name}.obj" for visual in robot.visuals]
+    names += (ros := ros_files(robot))
     real(folder, field="folder", code="C40")
     _require_free(folder, names, overwrite=overwrite)
     try:
@@ -181,6 +183,8 @@ def write_robot_folder(
             (draft.folder / names[2]).write_text(
                 mjcf_text(draft, comment=words), encoding="utf-8", newline="\n"
             )
+            for name, (text, _) in ros.items():
+                (draft.folder / name).write_text(text, encoding="utf-8", newline="\n")
             found = _proven(robot, draft.folder, names)
             folder.mkdir(exist_ok=True)
             for name in reversed(names):  # robot.toml last: it makes the folder a model
@@ -194,6 +198,7 @@ def write_robot_folder(
         f"{name} has the robot's poses to {position:.1g} m and {rotation:.1g} rad"
         for name, (position, rotation) in found.items()
     )
+    told += tuple(proof for _, proof in ros.values())
     return (*told, words) if robot.model.joint_errors.terms else told
 
 
