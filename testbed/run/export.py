@@ -58,7 +58,7 @@ def export_campaign(
         for k, trial in enumerate(campaign.trials):
             table, is_test, time = exported_rows(bench, trial)
             names = targets_in(bench, table)
-            conditions = conditions_in(bench, time)
+            conditions = conditions_in(bench, table, time)
             for file, rows in _files(trial, table).items():
                 part = names[rows] if names is not None else None
                 under = conditions.rows(rows)
@@ -107,10 +107,14 @@ def targets_in(bench: Laboratory, table: Measurements) -> Labels | None:
     return names
 
 
-def conditions_in(bench: Laboratory, time: Array) -> Conditions:
-    """What hung on the arm at times (m,) [s] and how warm it was; None where neither matters."""
-    truth, terms = bench.scenario.truth, bench.truth.unmodelled
-    payload = np.full(len(time), truth.payload_kg) if terms.springs is not None else None
+def conditions_in(bench: Laboratory, table: Measurements, time: Array) -> Conditions:
+    """What hung on the arm at m rows, and how warm it was at their times (m,) [s].
+
+    None of what does not matter to this arm.
+    """
+    truth, terms, payload = bench.scenario.truth, bench.truth.unmodelled, table.conditions.payload
+    if payload is None and terms.springs is not None:
+        payload = np.full(len(time), truth.payload_kg)
     return Conditions(
         payload, None, terms.thermal.temperature(time) if terms.thermal is not None else None
     )

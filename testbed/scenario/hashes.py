@@ -21,6 +21,8 @@ MOST_BYTES = 20_000_000
 """Of a file that a scenario names: the largest mesh that is read, and more than any table."""
 LATER_TRUTH = {
     "transmission_mdeg": ("transmission_waves",),
+    "gear_mdeg": ("gear_ratio",),
+    "payloads_kg": (),
     "motion": (
         *("speed_deg_s", "speed_mm_s", "approach_deg", "dwell_s", "friction_nm", "damping"),
     ),
@@ -109,7 +111,8 @@ def truth_part(truth: TruthSettings) -> dict[str, Any]:
     """A truth as it is hashed: without later keys where the term they belong to is off."""
     document = truth.model_dump(mode="json")
     for switch, keys in LATER_TRUTH.items():
-        if document[switch] == TruthSettings.model_fields[switch].default:
+        usual = TruthSettings.model_fields[switch].default
+        if document[switch] == (list(usual) if isinstance(usual, tuple) else usual):
             for key in (switch, *keys):
                 del document[key]
     return document

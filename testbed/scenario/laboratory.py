@@ -24,11 +24,14 @@ PerJoint = Amplitude | Annotated[tuple[Amplitude, ...], Field(min_length=1, max_
 """One number for every joint, or one per joint."""
 Springs = Annotated[tuple[Stiffness, ...], Field(max_length=MAX_JOINTS)]
 Friction = Annotated[float, Field(ge=0.0, le=1e5)]
+Ratio = Annotated[float, Field(ge=1.0, le=10_000.0)]
 Waves = Annotated[int, Field(ge=8, le=200)]
 """Waves a turn: more than the harmonics have."""
 
 
-TruthPreset = Literal["rigid", "wen2022", "soft", "unmodelled", "elastic", "drives", "moving"]
+TruthPreset = Literal[
+    "rigid", "wen2022", "soft", "unmodelled", "elastic", "payloads", "drives", "gears", "moving"
+]
 
 
 class TruthSettings(Settings):
@@ -61,6 +64,12 @@ class TruthSettings(Settings):
     """Amplitude of the error between two lines of the encoder: the same at every return."""
     encoder_periods: Annotated[int, Field(ge=8, le=1_000_000)] = 1024
     """Encoder lines per turn of the joint."""
+    gear_mdeg: PerJoint = 0.0
+    """Amplitude of the error once a turn of the motor; twice a turn it is half of that."""
+    gear_ratio: Ratio | Annotated[tuple[Ratio, ...], Field(min_length=1, max_length=MAX_JOINTS)] = (
+        100.0
+    )
+    """Turns of the motor per turn of the joint; need not be whole."""
     backlash_mdeg: PerJoint = 0.0
     """Full width of the play; a joint rests on one of its sides."""
     backlash_side: Literal["approach", "load", "posture"] = "approach"
@@ -80,6 +89,11 @@ class TruthSettings(Settings):
     """Mass beyond the robot's own that hangs on a sprung arm."""
     payload_center_mm: Point = (0.0, 0.0, 50.0)
     """Its center of mass in the flange frame."""
+    payloads_kg: Annotated[
+        tuple[Annotated[float, Field(ge=0.0, le=1000.0)], ...], Field(max_length=20)
+    ] = ()
+    """What hangs there instead where poses of the pool are measured, in turn; rows say so. Held-out
+    poses have payload_kg. Empty: always that."""
     motion: bool = False
     """Whether the sprung arm moves: the next six keys, played by MuJoCo. Else it is at rest."""
     speed_deg_s: Annotated[float, Field(ge=0.1, le=2000.0)] = 60.0

@@ -21,7 +21,7 @@ NUMBERS = tuple(
     ("truth", key)
     for key in (
         *("harmonic_mdeg", "high_harmonic_mdeg", "transmission_mdeg", "encoder_mdeg"),
-        *("backlash_mdeg", "friction_nm"),
+        *("gear_mdeg", "gear_ratio", "backlash_mdeg", "friction_nm"),
     )
 )
 """Keys that hold one number or one per joint."""

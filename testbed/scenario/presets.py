@@ -41,6 +41,13 @@ TRUTH_PRESETS: dict[str, dict[str, object]] = {
         "gravity_mdeg": [0.0, 0.0, 0.0],
         "transmission_mdeg": [8.0, 8.0, 8.0, 5.0, 5.0, 5.0],
     },
+    "payloads": ELASTIC | {"payload_kg": 2.5, "payloads_kg": [0.0, 5.0]},
+    "gears": SOFT
+    | {
+        "gravity_mdeg": [0.0, 0.0, 0.0],
+        "gear_mdeg": [6.0, 6.0, 6.0, 4.0, 4.0, 4.0],
+        "gear_ratio": [101.0, 101.0, 81.0, 60.5, 50.4, 32.0],  # assumed
+    },
     "moving": ELASTIC
     | {"motion": True, "friction_nm": [3.0, 3.0, 1.5, 0.5, 0.35, 0.2]},  # 1 % of rated torque
 }
@@ -48,6 +55,8 @@ TRUTH_PRESETS: dict[str, dict[str, object]] = {
 ALONG = (
     "harmonic_mdeg",
     "transmission_mdeg",
+    "gear_mdeg",
+    "gear_ratio",
     "drive_nm_per_mrad",
     "bearing_nm_per_mrad",
     "friction_nm",

@@ -32,6 +32,11 @@ def truth_contradictions(truth: TruthSettings, pose_s: float) -> Iterator[str]:
             f"[truth] payload_kg is {truth.payload_kg:g}, but no spring feels it; "
             "give drive_nm_per_mrad or write payload_kg = 0"
         )
+    if truth.payloads_kg and not sprung:
+        yield (
+            "[truth] payloads_kg is set, but no spring feels them; "
+            "give drive_nm_per_mrad or write payloads_kg = []"
+        )
     fewest, most = truth.transmission_waves
     if fewest > most:
         yield (
@@ -86,6 +91,8 @@ LISTS = (
     "high_harmonic_mdeg",
     "transmission_mdeg",
     "encoder_mdeg",
+    "gear_mdeg",
+    "gear_ratio",
     "backlash_mdeg",
     "drive_nm_per_mrad",
     "bearing_nm_per_mrad",

@@ -8,6 +8,7 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
+from calib.geometry.operating import OperatingConditions
 from calib.measurement.observations import DISTANCE, Measurements, joined
 from testbed.laboratory.bench import Bench, open_bench
 from testbed.laboratory.tracker.rounds import Round, first_tracker, true_fixtures
@@ -69,20 +70,50 @@ class Laboratory(Bench):
         repeat: int = 0,
         start: float = 0.0,
         distances: bool = True,
+        payload: Array | None = None,
     ) -> Measurements:
         """Approach and measure poses q (m, n) once; random numbers from streams under `names`.
 
         The poses are visited in the order given, from joint zero on, the first one at `start`
         after the campaign began [s]. Missed observations leave no row. Where there are rounds, the
-        poses are visited once in each, `distances` among them unless they are not wanted.
+        poses are visited once in each, `distances` among them unless they are not wanted. Where
+        payloads change, `payload` (m,) hangs on the arm, else the usual one, and rows say so [kg].
         """
+        loads = self.truth.unmodelled.springs
+        if loads is None or not len(loads.payloads):
+            return self._measured(q, pose_id, names, repeat, start, distances, None)
+        hung = np.full(len(q), loads.payload) if payload is None else payload
+        found = self._measured(q, pose_id, names, repeat, start, distances, hung)
+        order = np.argsort(pose_id)
+        said = hung[order[np.searchsorted(pose_id, found.pose_id, sorter=order)]]
+        center = np.tile(loads.payload_center, (len(found), 1))
+        return replace(found, conditions=OperatingConditions(payload=said, center=center))
+
+    def _measured(
+        self,
+        q: Array,
+        pose_id: Index,
+        names: tuple[str | int, ...],
+        repeat: int,
+        start: float,
+        distances: bool,
+        payload: Array | None,
+    ) -> Measurements:
+        """What `measure` sees, with what hangs on the arm (m,) instead of the usual [kg]."""
         if self.rounds:
             kept = [k for k, one in enumerate(self.rounds) if distances or one.kind != DISTANCE]
             seen, span = self.visible(q), self.tracker.pose_time * len(q)
             return joined(
                 [
                     self._in_round(
-                        self.rounds[k], q, pose_id, seen[:, k], names, repeat, start + i * span
+                        self.rounds[k],
+                        q,
+                        pose_id,
+                        seen[:, k],
+                        names,
+                        repeat,
+                        start + i * span,
+                        payload,
                     )
                     for i, k in enumerate(kept)
                 ]
@@ -90,7 +121,11 @@ class Laboratory(Bench):
         seed = self.scenario.seed
         time, previous = journey(q, start, self.tracker.pose_time)
         T = self.truth.poses(
-            q, rng=stream(seed, "approach", *names, repeat), time=time, previous=previous
+            q,
+            rng=stream(seed, "approach", *names, repeat),
+            time=time,
+            previous=previous,
+            payload=payload,
         )
         return self.tracker.measure(
             T,
@@ -111,12 +146,13 @@ class Laboratory(Bench):
         names: tuple[str | int, ...],
         repeat: int,
         start: float,
+        payload: Array | None,
     ) -> Measurements:
         """One run of the program through poses q (m, n): the rows of those `seen` (m,)."""
         seed = self.scenario.seed
         time, previous = journey(q, start, self.tracker.pose_time)
         rng = stream(seed, "approach", *names, repeat, one.name)
-        T = self.truth.poses(q, rng=rng, time=time, previous=previous)
+        T = self.truth.poses(q, rng=rng, time=time, previous=previous, payload=payload)
         return one.measure(
             self.truth.model.fixtures,
             T[seen],
@@ -132,7 +168,19 @@ class Laboratory(Bench):
         self, indices: Index, *names: str | int, repeat: int = 0, start: float = 0.0
     ) -> Measurements:
         """Measure pool poses by index (m,)."""
-        return self.measure(self.pool_q[indices], indices, *names, repeat=repeat, start=start)
+        return self.measure(
+            self.pool_q[indices],
+            indices,
+            *names,
+            repeat=repeat,
+            start=start,
+            payload=self.pool_payload(indices),
+        )
+
+    def pool_payload(self, indices: Index) -> Array | None:
+        """What hangs on the arm at pool poses by index (m,) [kg]; None where nothing changes."""
+        springs = self.truth.unmodelled.springs
+        return None if springs is None else springs.at_pool(indices)
 
     def held_out(self, q: Array, *, rng: np.random.Generator | None = None) -> Array:
         """True poses (m, 4, 4) at held-out joints q (m, n) [m]; single moves end there with `rng`.

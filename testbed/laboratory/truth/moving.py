@@ -21,6 +21,7 @@ from testbed.laboratory.truth.moving_spec import hinge_names, moving_spec
 from testbed.laboratory.truth.springs import (
     BENT,
     gives_way,
+    hang,
     places,
     sag,
     stiffnesses,
@@ -103,6 +104,7 @@ class MovingArm:
         travel: Array,
         scatter: Array | None = None,
         growth: Array | None = None,
+        payload: Array | None = None,
     ) -> Array:
         """Tool poses T_world_tool (m, 4, 4) after the dwell, each pose an approach of its own.
 
@@ -116,9 +118,11 @@ class MovingArm:
             By how much each stops elsewhere: some millidegrees, which leave the bends alone [rad].
         growth : (m,) array, optional
             How much longer the links are, as a share; that leaves the bends alone too.
+        payload : (m,) array, optional
+            What hangs on the flange instead of the usual [kg].
         """
         q = joint_vectors(self._chain, q)
-        (angles,) = self.deflections(q, travel, (self.motion.dwell,))
+        (angles,) = self.deflections(q, travel, (self.motion.dwell,), payload)
         return self.bent(q if scatter is None else q + scatter, angles, growth)
 
     def looks(self, q: ArrayLike, travel: Array, dwells: tuple[float, ...]) -> Array:
@@ -143,17 +147,24 @@ class MovingArm:
             set_geometry(model, self._chain)
         return transform(rotation.reshape(-1, 3, 3), position)
 
-    def deflections(self, q: ArrayLike, travel: Array, dwells: tuple[float, ...]) -> Array:
+    def deflections(
+        self,
+        q: ArrayLike,
+        travel: Array,
+        dwells: tuple[float, ...],
+        payload: Array | None = None,
+    ) -> Array:
         """Angles (d, m, k) of the springs after rising dwells (d,) [s], as `ElasticArm` has them.
 
-        In rad; per joint its drive, then across x and y. `q`, `travel` as in `poses`.
+        In rad; per joint its drive, then across x and y. The others are as in `poses`.
         """
         q = joint_vectors(self._chain, q)
         steps = np.ceil(self.durations(q, travel) / self._step).astype(int)
         waits = tuple(round(dwell / self._step) for dwell in dwells)
         out = np.empty((len(dwells), len(q), len(self._elastic)))
         for k, (goal, way) in enumerate(zip(q, self._last_part(travel), strict=True)):
-            angles = self._played(goal.tobytes(), way.tobytes(), int(steps[k]), waits)
+            load = self.springs.payload if payload is None else float(payload[k])
+            angles = self._played(goal.tobytes(), way.tobytes(), int(steps[k]), waits, load)
             if angles is None:
                 raise gives_way(k, self._stiffness, LOADS)
             out[:, k] = angles
@@ -193,9 +204,13 @@ class MovingArm:
         share = np.minimum(1.0, self.motion.approach / np.where(far > 0, far, 1.0))
         return np.asarray(travel * share)
 
-    def _play(self, goal: bytes, way: bytes, steps: int, waits: tuple[int, ...]) -> Array | None:
+    def _play(
+        self, goal: bytes, way: bytes, steps: int, waits: tuple[int, ...], payload: float
+    ) -> Array | None:
         """Angles (d, k) of the springs at a goal after so many steps; None if they give way."""
         import mujoco
+
+        hang(self._model, payload)
 
         model, data, end, last = self._model, self._data, np.frombuffer(goal), np.frombuffer(way)
         if not self._stand(end - last):
@@ -221,6 +236,7 @@ class MovingArm:
         import mujoco
 
         out = np.empty((len(path) // every, len(self._elastic)))
+        hang(self._model, self.springs.payload)
         stands = self._stand(path[0])
         for k, motors in enumerate(path if stands else ()):
             self._data.ctrl[:] = motors

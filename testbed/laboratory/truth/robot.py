@@ -18,6 +18,7 @@ from testbed.laboratory.truth.springs import ElasticArm
 from testbed.laboratory.truth.terms import Approach, Springs, Thermal, UnmodelledTerms, backlash
 from testbed.laboratory.truth.waves import (
     encoder,
+    gear,
     gravity,
     harmonics,
     high_harmonics,
@@ -62,6 +63,7 @@ class TrueRobot:
         rng: np.random.Generator | None = None,
         time: Array | None = None,
         previous: Array | None = None,
+        payload: Array | None = None,
     ) -> Array:
         """True tool poses T_world_tool (m, 4, 4) at commanded joints q (m, n) [rad, m].
 
@@ -78,6 +80,8 @@ class TrueRobot:
             Since the start of the campaign; a cold robot by default [s].
         previous : (m, n) array, optional
             Where each move came from; all joints at zero by default [rad, m].
+        payload : (m,) array, optional
+            What hangs on a sprung arm instead of the usual [kg].
         """
         q = joint_vectors(self.model.chain, q)
         before = np.zeros_like(q) if previous is None else previous
@@ -89,9 +93,13 @@ class TrueRobot:
         growth = None
         if self.unmodelled.thermal is not None:
             growth = self.unmodelled.thermal.growth(np.zeros(len(q)) if time is None else time)
-        if isinstance(self.simulator, Simulator | ElasticArm):
+        if isinstance(self.simulator, Simulator):
             return self.simulator.poses(reached + scatter, growth=growth)
-        return self.simulator.poses(reached, travel=q - before, scatter=scatter, growth=growth)
+        if isinstance(self.simulator, ElasticArm):
+            return self.simulator.poses(reached + scatter, growth=growth, payload=payload)
+        return self.simulator.poses(
+            reached, travel=q - before, scatter=scatter, growth=growth, payload=payload
+        )
 
 
 def _arm(chain: Chain, terms: UnmodelledTerms) -> "Simulator | ElasticArm | MovingArm":
@@ -143,6 +151,7 @@ def draw_truth(robot: Robot, truth: TruthSettings, seed: int) -> TrueRobot:
             partial(transmission, orders=truth.transmission_waves),
         ),
         ("encoder", truth.encoder_mdeg, partial(encoder, periods=truth.encoder_periods)),
+        ("gear", truth.gear_mdeg, partial(gear, ratio=truth.gear_ratio)),
     ):
         if np.any(amplitude):
             size = per_joint(nominal, amplitude)
@@ -180,6 +189,7 @@ def unmodelled_terms(robot: Robot, truth: TruthSettings) -> UnmodelledTerms:
             np.array(truth.bearing_nm_per_mrad) * 1e3,
             truth.payload_kg,
             np.array(truth.payload_center_mm) / 1e3,
+            payloads=np.array(truth.payloads_kg),
         )
     if truth.motion:
         motion = Approach(

@@ -26,6 +26,9 @@ MOST = 100
 """Steps after which springs count as too soft to carry the arm."""
 BENT = np.radians(1.0)
 """An arm that gives way farther is no robot arm, or a unit is wrong [rad]."""
+BALL = 1e-3
+"""Inertia of a payload over its mass: a ball of a few centimetres; rest does not depend on it
+[m^2]."""
 ARMATURE = 1e-2
 """Keeps hinges about one axis apart; rest does not depend on it [kg m^2]."""
 
@@ -63,22 +66,27 @@ class ElasticArm:
         """The compiled `mujoco.MjModel`; hinges ``joint1`` ..., ``drive1``, ``bend1x`` ..."""
         return self._model
 
-    def poses(self, q: ArrayLike, *, growth: Array | None = None) -> Array:
+    def poses(
+        self, q: ArrayLike, *, growth: Array | None = None, payload: Array | None = None
+    ) -> Array:
         """Tool poses T_world_tool (m, 4, 4) at rest at commanded joints q (m, n) [rad].
 
-        `growth` (m,) is how much longer the links are at each pose, as a share.
+        `growth` (m,) is how much longer the links are at each pose, as a share, `payload` (m,) what
+        hangs on the flange there instead of the usual [kg].
         """
-        return self._rest(q, growth)[0]
+        return self._rest(q, growth, payload)[0]
 
     def deflections(self, q: ArrayLike) -> Array:
         """Elastic angles (m, k) at rest: per joint the drive, then across x and y [rad]."""
-        return self._rest(q, None)[1]
+        return self._rest(q, None, None)[1]
 
     def bends(self, q: ArrayLike) -> Array:
         """The same as bends (m, n, 3) about x, y and z of every joint [rad]."""
         return as_bends(self.deflections(q), self._chain.n_joints)
 
-    def _rest(self, q: ArrayLike, growth: Array | None) -> tuple[Array, Array]:
+    def _rest(
+        self, q: ArrayLike, growth: Array | None, payload: Array | None
+    ) -> tuple[Array, Array]:
         """Poses (m, 4, 4) and elastic angles (m, k) at rest."""
         q = joint_vectors(self._chain, q)
         position, rotation = np.empty((len(q), 3)), np.empty((len(q), 9))
@@ -86,9 +94,13 @@ class ElasticArm:
         for k, joints in enumerate(q):
             if growth is not None:
                 self._grow(float(growth[k]))
+            if payload is not None:
+                hang(self._model, float(payload[k]))
             angles[k] = self._settle(joints, k)
             position[k] = self._data.site_xpos[self._tool]
             rotation[k] = self._data.site_xmat[self._tool]
+        if payload is not None:
+            hang(self._model, self.springs.payload)
         return transform(rotation.reshape(-1, 3, 3), position), angles
 
     def _settle(self, joints: Array, row: int) -> Array:
@@ -198,9 +210,14 @@ def loaded_spec(chain: Chain, springs: Springs) -> Any:
     load = spec.body(body_name(chain.n_joints)).add_body(name="payload", pos=flange[:3, 3])
     load.quat = quaternion_wxyz(flange[:3, :3])
     load.mass, load.ipos = springs.payload, springs.payload_center
-    # a ball of a few centimetres; rest does not depend on it
-    load.inertia, load.explicitinertial = np.full(3, 1e-3 * springs.payload), True
+    load.inertia, load.explicitinertial = np.full(3, BALL * springs.payload), True
     return spec
+
+
+def hang(model: Any, payload: float) -> None:
+    """Hang another mass [kg] on the flange of a compiled arm, at the same place."""
+    load = model.body("payload")
+    load.mass[:], load.inertia[:] = payload, BALL * payload
 
 
 def places(model: Any, names: list[str]) -> Any:

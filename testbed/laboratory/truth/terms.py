@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, Index
 from calib.geometry.chain import Chain
 from testbed.robots.catalog import Robot
 from testbed.robots.placements import link_poses
@@ -32,9 +32,15 @@ TERM_KEYS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "high_harmonics": {"high_harmonic_mdeg": 0.0},
         "transmission": {"transmission_mdeg": 0.0},
         "encoder": {"encoder_mdeg": 0.0},
+        "gear": {"gear_mdeg": 0.0},
         "backlash": {"backlash_mdeg": 0.0},
         "thermal": {"thermal_k": 0.0},
-        "elastic": {"drive_nm_per_mrad": (), "bearing_nm_per_mrad": (), "payload_kg": 0.0},
+        "elastic": {
+            "drive_nm_per_mrad": (),
+            "bearing_nm_per_mrad": (),
+            "payload_kg": 0.0,
+            "payloads_kg": (),
+        },
         "motion": {"motion": False},
         "repeatability": {"joint_repeatability_mdeg": 0.0},
     }
@@ -136,6 +142,12 @@ class Springs:
     """(3,) of the payload in the flange frame [m]."""
     gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -GRAVITY]))
     """(3,) in the world [m/s^2]."""
+    payloads: Array = field(default_factory=lambda: np.zeros(0))
+    """(c,) what hangs there instead where poses of the pool are measured, in turn [kg]."""
+
+    def at_pool(self, pose_id: Index) -> Array | None:
+        """Payload (m,) at poses of the pool by number, the same at each visit [kg]."""
+        return self.payloads[pose_id % len(self.payloads)] if len(self.payloads) else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -90,6 +90,30 @@ def encoder(
     return turning(chain, terms, waves(amplitudes[:, None], phase))
 
 
+def gear(
+    chain: Chain, amplitudes: Array, rng: np.random.Generator, *, ratio: float | tuple[float, ...]
+) -> JointErrors:
+    """Errors dq = g [sin(N q + phi) + 0.5 sin(2 N q + phi')] of every turning joint, g (n,) [rad].
+
+    N is the ratio of its gear, which need not be whole: once and twice a turn of its motor.
+    """
+    n = chain.n_joints
+    ratios = np.broadcast_to(np.asarray(ratio, dtype=np.float64), (n,))
+    terms = tuple(
+        JointTerm(
+            f"gear{i + 1}.{wave}{turns}",
+            i,
+            wave,
+            tuple(float(turns * ratios[i] * (k == i)) for k in range(n)),
+        )
+        for i in range(n)
+        for turns in (1, 2)
+        for wave in _WAVES
+    )
+    phase = rng.uniform(0.0, 2 * np.pi, (n, 2))
+    return turning(chain, terms, waves(amplitudes[:, None] * np.array([1.0, 0.5]), phase))
+
+
 _WAVES: tuple[Literal["sin", "cos"], ...] = ("sin", "cos")
 
 

@@ -178,7 +178,8 @@ def replicate(
         believed = statement.belief.regions(setting.test_q, target=setting.target)
     played = []
     for k in range(count):
-        seen = bench.measure(q, pose_id, "replication", name, repeat=k)
+        hung = bench.pool_payload(pose_id)
+        seen = bench.measure(q, pose_id, "replication", name, repeat=k, payload=hung)
         found = estimator.fit(seen, first.parameters)
         point, _, covariance = target_prediction(
             found.model, setting.test_q, setting.target, found.full_covariance

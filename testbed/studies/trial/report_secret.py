@@ -12,6 +12,7 @@ MEANINGS = {
     "high_harmonics": "gear errors, three and seven times a turn",
     "transmission": "gear errors of many waves a turn",
     "encoder": "errors between two lines of the encoders",
+    "gear": "gear errors, once and twice a turn of the motor",
     "backlash": "play of the gears",
     "thermal": "links that grow warm",
     "elastic": "drives and links that give way under load",

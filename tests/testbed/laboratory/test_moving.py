@@ -64,6 +64,15 @@ def test_without_friction_it_comes_to_rest_as_the_sprung_arm(springs):
     np.testing.assert_allclose(angles, rest.deflections(Q), rtol=0, atol=1e-12)
 
 
+def test_another_payload_comes_to_rest_as_on_the_sprung_arm_and_hangs_no_longer_than_asked():
+    arm = MovingArm(CHAIN, SPRINGS, still(dwell=4.0, damping=0.7))
+    rest, hung = ElasticArm(CHAIN, SPRINGS), np.array([0.0, 5.0, 2.0, 1.0])
+    found = arm.poses(Q, travel=UP, payload=hung)
+    # the dampers are those of the usual payload
+    np.testing.assert_allclose(found, rest.poses(Q, payload=hung), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(arm.poses(Q, travel=UP), rest.poses(Q), rtol=0, atol=1e-12)
+
+
 def test_one_drive_swings_as_its_equation_says():
     """I x'' + c x' + k (x - u(t)) = 0 about an upright axis, by another integrator."""
     inertia, k, ratio = 2.0, 2e4, 0.1

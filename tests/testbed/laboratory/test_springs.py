@@ -9,7 +9,8 @@ from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.bodies import bent_forward
 from calib.geometry.chain import Chain
-from calib.geometry.frames import rot_x, rot_y
+from calib.geometry.frames import rot_x, rot_y, slide
+from calib.geometry.jacobian import joint_columns
 from calib.geometry.model import RobotModel
 from testbed.laboratory.simulator import grown
 from testbed.laboratory.truth.robot import draw_truth
@@ -47,6 +48,27 @@ def test_its_bends_put_the_stiff_chain_where_it_stands(bearing):
     bends = arm.bends(Q)
     assert (bends[:, :, :2] != 0).any() == bool(len(bearing))
     np.testing.assert_allclose(bent_forward(perturbed(), Q, bends), arm.poses(Q), atol=1e-14)
+
+
+def test_another_payload_hangs_as_on_an_arm_made_for_it_and_pulls_with_its_lever():
+    arm, hung = ElasticArm(CHAIN, springs()), np.array([0.0, 5.0, 2.0, 0.5] * 15)
+    found = arm.poses(Q, payload=hung)
+    for mass in np.unique(hung):
+        made = ElasticArm(CHAIN, springs(payload=mass)).poses(Q[hung == mass])
+        np.testing.assert_allclose(found[hung == mass], made, rtol=0, atol=1e-14)
+    np.testing.assert_array_equal(arm.poses(Q), ElasticArm(CHAIN, springs()).poses(Q))
+    # drives alone, to first order: the weight's work on each joint over its stiffness
+    stiff = springs(bearing=np.zeros(0))
+    load = RobotModel(replace(CHAIN, T_flange_tool=slide(0, 0, 0.05)))
+    _, J = load.poses_and_jacobian(Q)
+    falls = J[:, 2, joint_columns(CHAIN)] * -9.81 * 3.0 / DRIVE
+    _, own = RobotModel(CHAIN).poses_and_jacobian(Q)
+    expected = (own[:, :3, joint_columns(CHAIN)] @ falls[:, :, None])[:, :, 0]
+    arm = ElasticArm(CHAIN, stiff)
+    moved = arm.poses(Q, payload=np.full(60, 5.0)) - arm.poses(Q)
+    assert np.abs(expected).max() > 1e-4
+    # the springs stand a thousandth elsewhere
+    np.testing.assert_allclose(moved[:, :3, 3], expected, atol=3e-3 * np.abs(expected).max())
 
 
 def perturbed() -> Chain:

@@ -11,6 +11,7 @@ from testbed.laboratory.truth.laboratory import (
     validation_start,
 )
 from testbed.robots.catalog import load_robot
+from testbed.run.export import conditions_in
 from testbed.run.play import play_run
 from testbed.scenario.presets import TRUTH_PRESETS
 from testbed.scenario.read import dump_scenario
@@ -66,8 +67,9 @@ def test_a_campaign_on_each_preset_with_all_that_can_go_wrong(preset):
     (estimate,) = trial.estimates
     # an outlier of half a millimetre or not: the robot comes out better than it was
     found = estimate.comparison
-    # (gears that err at 10 to 40 waves leave more)
-    assert found.after.mean() < (0.8 if preset == "drives" else 0.75) * found.before.mean()
+    # (gears that err at 10 to 200 waves leave more)
+    share = 0.85 if preset in ("drives", "gears") else 0.75
+    assert found.after.mean() < share * found.before.mean()
     assert not any("nan" in str(value) for value in (found.after.mean(), found.nees))
 
 
@@ -86,6 +88,32 @@ def test_the_bench_plays_what_was_drawn_for_the_setting():
     away = bench.truth.poses(setting.test_q, time=time)
     assert np.abs(cold - expected)[:, :3, 3].max() > 0.5e-6
     assert np.abs(away - expected)[:, :3, 3].max() > 10e-6
+
+
+def test_what_hangs_on_the_arm_belongs_to_the_pose_and_rows_say_so():
+    scenario = small({"preset": "payloads"}, {"preset": "paper"}, test={"poses": 4})
+    bench = open_laboratory(scenario, make_setting(scenario))
+    chosen = np.array([7, 2, 9, 4, 3])
+    first, again = (bench.measure_pool(chosen, "a", repeat=k) for k in (0, 1))
+    for seen in (first, again):
+        np.testing.assert_array_equal(seen.conditions.payload, [5, 0, 5, 0, 5])
+        np.testing.assert_array_equal(seen.conditions.center, np.tile([0, 0, 0.05], (5, 1)))
+    usual = bench.truth.poses(bench.pool_q[chosen])[:, :3, 3]
+    heavy = bench.truth.poses(bench.pool_q[chosen], payload=np.full(5, 5.0))[:, :3, 3]
+    away = first.position - usual
+    # noise of some 10 um against 2.5 kg more or less: some 100 um
+    assert (np.sum(away * (heavy - usual), axis=1) * [1, -1, 1, -1, 1] > 0).all()
+    held_out = bench.measure(bench.setting.test_q, np.arange(4), "test")
+    np.testing.assert_array_equal(held_out.conditions.payload, np.full(4, 2.5))
+    time = np.zeros(5)
+    np.testing.assert_array_equal(
+        conditions_in(bench, first, time).payload, first.conditions.payload
+    )
+    plain = small({"preset": "elastic"}, {"preset": "paper"}, test={"poses": 4})
+    other = open_laboratory(plain, make_setting(plain))
+    seen = other.measure_pool(chosen, "a")
+    assert not seen.conditions.stated
+    assert (conditions_in(other, seen, time).payload == 2.0).all()
 
 
 def test_a_moving_robot_gives_the_same_bits_in_any_order_of_records():

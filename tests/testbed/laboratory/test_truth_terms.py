@@ -26,6 +26,7 @@ ALL = {
     "high_harmonic_mdeg": 2.5,
     "transmission_mdeg": 3.0,
     "encoder_mdeg": 0.5,
+    "gear_mdeg": 2.0,
     "backlash_mdeg": 8.0,
     "thermal_k": 2.0,
     "frame_sd_mm": 0.1,
@@ -80,6 +81,20 @@ def test_the_encoder_repeats_its_error_at_every_return(robot):
     assert np.sqrt((found[:, 4] ** 2).mean()) == pytest.approx(3 * MDEG / np.sqrt(2), rel=0.2)
     neighbors = np.corrcoef(found[:-1, 4], found[1:, 4])[0, 1]
     assert abs(neighbors) < 4 / np.sqrt(200)
+
+
+def test_a_gear_errs_once_and_twice_a_turn_of_its_motor_whole_ratio_or_not(robot):
+    size, ratio = np.array([6.0, 5.0, 4.0, 0.0, 2.0, 1.0]), np.array([101, 81, 60.5, 50.4, 50.4, 3])
+    found = offsets(robot, gear_mdeg=tuple(size), gear_ratio=tuple(ratio))
+    once, twice = stream(7, "truth", "gear").uniform(0, 2 * np.pi, (6, 2)).T
+    turns = np.sin(ratio * Q + once) + 0.5 * np.sin(2 * ratio * Q + twice)
+    # 202 q is 1000 rad at most, rounded to 1e-13 of a full wave of 1e-4 rad
+    np.testing.assert_allclose(found, size * MDEG * turns, rtol=0, atol=1e-16)
+    one = offsets(robot, gear_mdeg=2.0, gear_ratio=50.4)
+    # a turn of the joint is no whole number of waves
+    true = draw_truth(robot, settings("gears"), 7).model.joint_errors
+    assert np.abs(true.offsets(Q) - true.offsets(Q + 2 * np.pi))[:, 4].max() > 1e-5
+    assert (np.abs(one).max(axis=0) <= 3 * MDEG).all()
 
 
 def test_play_goes_by_the_direction_of_the_last_move(robot):
@@ -213,7 +228,7 @@ def test_switching_a_term_off_moves_no_other(robot, term):
         np.testing.assert_array_equal(T, T_)
     assert all(terms[name] == value for name, value in terms_.items())
     lost = {name.split(".")[0].rstrip("123456") for name in set(terms) - set(terms_)}
-    gone = {"gravity": {"gravity"}, "encoder": {"encoder"}}
+    gone = {"gravity": {"gravity"}, "encoder": {"encoder"}, "gear": {"gear"}}
     gone |= {name: {"harmonic"} for name in ("harmonics", "high_harmonics", "transmission")}
     assert lost == gone.get(term, set())
     fields = {"backlash": "backlash", "thermal": "thermal", "elastic": "springs"}

@@ -288,6 +288,13 @@ CASES = {
     "waves from many to few": with_table(
         truth={"preset": "drives", "transmission_waves": [40, 10]}
     ),
+    "a gear ratio of zero": with_table(truth={"preset": "gears", "gear_ratio": 0}),
+    "a gear ratio of zero in a list": with_table(
+        truth={"preset": "gears", "gear_ratio": [100, 100, 0, 50, 50, 50]}
+    ),
+    "gear ratios of five joints": played(truth={"preset": "gears", "gear_ratio": [50] * 5}),
+    "changing payloads on a stiff arm": with_table(truth={"payloads_kg": [0, 5]}),
+    "changing payloads below zero": with_table(truth={"preset": "payloads", "payloads_kg": [-1]}),
     "waves of the harmonics": with_table(truth={"preset": "drives", "transmission_waves": [2, 40]}),
     "a motion of unknown masses": lambda _: draw_truth(
         replace(

@@ -369,8 +369,10 @@ def test_keys_that_came_later_move_a_hash_only_where_they_say_something_new():
     )
     assert set(moving) - set(rest) == {"motion", *LATER_TRUTH["motion"]}
     assert not set(LATER_TRUTH["transmission_mdeg"]) & set(rest)
-    assert moved_by({"truth": {"speed_deg_s": 9.0, "transmission_waves": [9, 11]}}) == set()
+    assert moved_by({"truth": {"speed_deg_s": 9.0, "gear_ratio": 9.0, "payloads_kg": []}}) == set()
+    assert moved_by({"truth": {"transmission_waves": [9, 11]}}) == set()
     assert moved_by({"truth": {"transmission_mdeg": 1.0}}) == set(KEYS)
+    assert moved_by({"truth": {"gear_mdeg": 1.0}}) == set(KEYS)
 
 
 def test_the_scenario_hash_moves_with_every_key():
