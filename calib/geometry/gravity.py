@@ -102,8 +102,8 @@ def torque_slopes(chain: Chain, q: Array, pi: Array, *, gravity: Array, bends: A
         Geometry of the arm.
     q : (m, n) array
         Checked joint values [rad, m].
-    pi : (n + 1, 4) array
-        Moments of links and payload [kg, kg m].
+    pi : (n + 1, 4) or (m, n + 1, 4) array
+        Moments of links and payload, of all poses or of each [kg, kg m].
     gravity : (3,) array
         In the frame of the base [m/s^2].
     bends : (m, n, 3) array
@@ -112,12 +112,13 @@ def torque_slopes(chain: Chain, q: Array, pi: Array, *, gravity: Array, bends: A
     m, n = q.shape
     at, down = bodies(chain, q, bends), chain.T_world_base[:3, :3] @ gravity
     # sums over all bodies from the tip: masses, and first moments about the world, then a joint
-    first = pi[:, 0, None] * at.origin + (at.rotation @ pi[:, 1:, None])[..., 0]
-    mass, first = np.cumsum(pi[::-1, 0])[::-1], np.cumsum(first[:, ::-1], axis=1)[:, ::-1]
-    about = first[:, :n] - mass[:n, None] * at.origin[:, :n]
+    first = pi[..., 0, None] * at.origin + (at.rotation @ pi[..., 1:, None])[..., 0]
+    mass = np.cumsum(pi[..., ::-1, 0], axis=-1)[..., ::-1]
+    first = np.cumsum(first[:, ::-1], axis=1)[:, ::-1]
+    about = first[:, :n] - mass[..., :n, None] * at.origin[:, :n]
     pull, carried = np.cross(down, at.axes), np.cross(at.axes, about[:, :, None])
     for i in np.flatnonzero(chain.prismatic):
-        pull[:, i, Z], carried[:, i, Z] = 0.0, mass[i] * at.axes[:, i, Z]
+        pull[:, i, Z], carried[:, i, Z] = 0.0, mass[..., i, None] * at.axes[:, i, Z]
     order = (3 * np.arange(n)[:, None] + [Z, X, Y]).ravel()  # as the turns follow each other
     one, other = (v.reshape(m, 3 * n, 3)[:, order] for v in (pull, carried))
     upper = np.triu(one @ other.swapaxes(1, 2))

@@ -46,7 +46,9 @@ def joint_jacobian(
     if errors.sprung:
         T, J = bent_pose_and_jacobian(model.chain, q, errors.bends(q, at), growth)
         bent, springs = J[:, :, model.chain.n_numbers :], errors.sprung
-        give = bent[:, :, springs.places] @ springs.slopes_by_joint(q, errors.of_springs)
+        give = bent[:, :, springs.places] @ springs.slopes_by_joint(
+            q, errors.of_springs, at.moments
+        )
         J = bent[:, :, Z::3]
         return T, J + J @ _error_slopes(errors, q) + give
     T, J = pose_and_jacobian(model.chain, q + errors.offsets(q, at), growth)

@@ -145,7 +145,7 @@ class JointErrors:
         """Bends (m, n, 3) about x, y, z of every joint [rad or m] at joint values q (m, n)."""
         out = np.zeros((*q.shape, 3))
         if self.sprung is not None:
-            out = self.sprung.bends(q, self.of_springs)
+            out = self.sprung.bends(q, self.of_springs, at.moments)
         out[:, :, Z] += self.of_terms(q, at)
         return out
 

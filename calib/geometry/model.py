@@ -136,7 +136,7 @@ class RobotModel:
     ) -> tuple[Array, Array]:
         """The same where the joints give way: terms are bends about z, springs about any axis."""
         errors = self.joint_errors
-        bends, slopes = springs.bends_and_slopes(q, errors.of_springs)
+        bends, slopes = springs.bends_and_slopes(q, errors.of_springs, at.moments)
         bends[:, :, Z] += errors.of_terms(q, at)
         growth = errors.growth(at)
         T, J = bent_pose_and_jacobian(self.chain, q, bends, growth)

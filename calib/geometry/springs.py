@@ -41,11 +41,21 @@ class _Loaded(NamedTuple):
     give: Array
     """(p,) bends at the loads of the springs [rad, m]."""
     moments: Array
-    """(n + 1, 4) of links and payload [kg, kg m]."""
+    """(n + 1, 4) of links and payload, or (m, n + 1, 4) where each pose has its own [kg, kg m]."""
     gravity: Array
     """(3,) in the frame of the base [m/s^2]."""
     by_tilt: Array
     """(2, 3) its slopes by the two tilts, if these are numbers, else (0, 3)."""
+
+    def rows(self, part: slice) -> "_Loaded":
+        """The same for some poses."""
+        return self if self.moments.ndim == 2 else self._replace(moments=self.moments[part])
+
+    def load(self, shares: Array) -> Array:
+        """Loads (m, p) of the springs by what each moment adds (m, p, 4 n + 4)."""
+        if self.moments.ndim == 2:
+            return np.asarray(shares @ self.moments.ravel())
+        return np.asarray((shares @ self.moments.reshape(len(self.moments), -1, 1))[..., 0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,24 +134,30 @@ class SprungJoints(Compliance):
         """(p,) place of each spring among the 3 n bends."""
         return 3 * self.joint + self.axis
 
-    def bends(self, q: Array, numbers: Array) -> Array:
-        """Bends (m, n, 3) of the arm at rest at checked joints q (m, n) [rad, m]."""
-        at = self._loaded(numbers)
+    def bends(self, q: Array, numbers: Array, payload: Array | None = None) -> Array:
+        """Bends (m, n, 3) of the arm at rest at checked joints q (m, n) [rad, m].
+
+        Each pose may have a payload of its own (m, 4) instead of that of `weight` [kg, kg m].
+        """
+        whole = self._loaded(numbers, payload)
         bends = np.zeros((*q.shape, 3))
         for start in range(0, len(q), BATCH):
             part = slice(start, start + BATCH)
+            at = whole.rows(part)
             for turn in range(self.passes):
                 shares = self._shares(q[part], at.gravity, bends[part] if turn else None)
-                bends[part] = self._spread(at.give * (shares @ at.moments.ravel()))
+                bends[part] = self._spread(at.give * at.load(shares))
         return bends
 
-    def bends_and_slopes(self, q: Array, numbers: Array) -> tuple[Array, Array]:
+    def bends_and_slopes(
+        self, q: Array, numbers: Array, payload: Array | None = None
+    ) -> tuple[Array, Array]:
         """Bends (m, n, 3), and the slopes (m, p, s) of the springs' by all numbers.
 
         Exact for any number of passes: what a number bends in one pass changes the loads of the
         next.
         """
-        at = self._loaded(numbers)
+        at = self._loaded(numbers, payload)
         p, f = len(at.give), int(self.free.sum())
         give, free = at.give[:, None], np.append(self.free.ravel(), [False] * 4)
         bends, slopes = np.zeros((*q.shape, 3)), np.zeros((len(q), p, len(numbers)))
@@ -150,45 +166,48 @@ class SprungJoints(Compliance):
             if turn:
                 slopes = give * (self._stiffness(q, at, bends)[:, :, self.places] @ slopes)
             shares = self._shares(q, at.gravity, bent)
-            load = shares @ at.moments.ravel()
+            load = at.load(shares)
             slopes[:, range(p), range(p)] += load
             slopes[:, :, p : p + f] += give * shares[:, :, free]
             for k, change in enumerate(at.by_tilt, start=p + f):
                 # torques are linear in gravity
-                slopes[:, :, k] += at.give * (self._shares(q, change, bent) @ at.moments.ravel())
+                slopes[:, :, k] += at.give * at.load(self._shares(q, change, bent))
             bends = self._spread(at.give * load)
         return bends, slopes
 
-    def torques(self, q: Array) -> tuple[Array, Array]:
+    def torques(self, q: Array, payload: Array | None = None) -> tuple[Array, Array]:
         """What loads the springs of the stiff arm: torques (m, p), and per free moment (m, p, f).
 
         The torques are those of the stated moments [N m, or N along a slide].
         """
+        at = self._loaded(np.zeros(len(self.names)), payload)
         G = gravity_regressor(self.weight.chain, q, gravity=self.weight.gravity)
         own = G[:, self.joint, self.axis].reshape(len(q), len(self.load), -1)
-        stated = np.vstack([self.weight.moments, self.weight.payload]).ravel()
-        return own @ stated, own[:, :, np.flatnonzero(self.free)]
+        return at.load(own), own[:, :, np.flatnonzero(self.free)]
 
-    def slopes_by_joint(self, q: Array, numbers: Array) -> Array:
+    def slopes_by_joint(self, q: Array, numbers: Array, payload: Array | None = None) -> Array:
         """Slopes (m, p, n) of the springs' bends by the joint values."""
-        at, bends = self._loaded(numbers), np.zeros((*q.shape, 3))
+        at, bends = self._loaded(numbers, payload), np.zeros((*q.shape, 3))
         slopes = np.zeros((len(q), len(at.give), q.shape[1]))
         for _ in range(self.passes):
             K = self._stiffness(q, at, bends)
             slopes = at.give[:, None] * (K[:, :, 2::3] + K[:, :, self.places] @ slopes)
             shares = self._shares(q, at.gravity, bends)
-            bends = self._spread(at.give * (shares @ at.moments.ravel()))
+            bends = self._spread(at.give * at.load(shares))
         return slopes
 
     def gravity(self, numbers: Array) -> Array:
         """Gravity (3,) in the frame of the base, as the numbers tilt it [m/s^2]."""
         return self._loaded(numbers).gravity
 
-    def _loaded(self, numbers: Array) -> "_Loaded":
+    def _loaded(self, numbers: Array, payload: Array | None = None) -> "_Loaded":
         """What the numbers say, taken apart."""
         p, f = len(self.load), int(self.free.sum())
         moments = np.vstack([self.weight.moments, self.weight.payload])
         moments[:-1][self.free] += numbers[p : p + f]
+        if payload is not None:
+            moments = np.tile(moments, (len(payload), 1, 1))
+            moments[:, -1] = payload
         gravity, by_tilt = self.weight.gravity, np.zeros((0, 3))
         if self.tilts:
             u, v = across(gravity)

@@ -219,7 +219,7 @@ def normal_equations(
     springs = [errors.sprung for errors in added if errors.sprung is not None]
     q, at = measurements.q, measurements.conditions
     T, J, bends = fitted.poses_and_bends(q, at)
-    products, loads = products_of(springs, q, parameters.n_free + len(terms))
+    products, loads = products_of(springs, q, parameters.n_free + len(terms), at.moments)
     wide = [
         J,
         fitted.term_columns(JointErrors(terms), J, bends[:, :, Z::3], q, at),

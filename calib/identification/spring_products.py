@@ -120,10 +120,13 @@ def settled(springs: ModelSprings, normal: Array, pull: Array) -> Bent:
     return Bent(x, y, D, inverse, loss, float(np.linalg.slogdet(H)[1]) if len(x) else 0.0)
 
 
-def products_of(springs: Sequence[SprungJoints], q: Array, first: int) -> tuple[Products, Array]:
+def products_of(
+    springs: Sequence[SprungJoints], q: Array, first: int, payload: Array | None = None
+) -> tuple[Products, Array]:
     """Columns of the products of all springs, and what multiplies their bends (m, p, 1 + f).
 
-    The springs are loaded by the same arm; it is weighed as it stands stiff at joints q (m, n).
+    The springs are loaded by the same arm; it is weighed as it stands stiff at joints q (m, n),
+    with a payload of each pose (m, 4) if rows state it [kg, kg m].
     """
     if not springs:
         return Products(first), np.zeros((len(q), 0, 1))
@@ -132,6 +135,6 @@ def products_of(springs: Sequence[SprungJoints], q: Array, first: int) -> tuple[
     free = np.any([one.free for one in springs], axis=0)
     joint, axis = np.divmod(np.array(places), 3)
     wide = SprungJoints(springs[0].weight, joint, axis, np.ones(len(places)), free)
-    stated, per_moment = wide.torques(frozen(q).reshape(-1, n))
+    stated, per_moment = wide.torques(frozen(q).reshape(-1, n), payload)
     moments = tuple(np.flatnonzero(free).tolist())
     return Products(first, places, moments), np.concatenate([stated[:, :, None], per_moment], 2)

@@ -8,6 +8,7 @@ import pytest
 from calib.errors import InputError
 from calib.geometry.chain import Chain, forward
 from calib.geometry.gravity import Weight, guessed_moments
+from calib.geometry.inverse_search import joint_jacobian
 from calib.geometry.joint_errors import NO_JOINT, JointErrors, JointTerm
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions, approaches, joined_conditions
@@ -47,7 +48,7 @@ def arms(rng):
     terms, coefficients = one_of_each(chain)
     yield RobotModel(chain, JointErrors(terms, coefficients))
     weight = Weight(chain, guessed_moments(chain))
-    springs, _ = felt_springs(weight, rng.uniform(-1, 1, (50, 6)))
+    springs, _ = felt_springs(weight, rng.uniform(-1, 1, (50, 6)), free_moments=True, passes=2)
     numbers = np.concatenate([coefficients, rng.normal(0, 1e-3, len(springs.names))])
     yield RobotModel(chain, JointErrors(terms, numbers, springs))
 
@@ -69,6 +70,36 @@ def test_columns_of_terms_that_follow_the_rows_are_derivatives(which):
         # rounding 1e-16 / h and curvature h^2 of the order of the reach; torques are up to 100 N m
         size = max(1.0, float(np.abs(numeric).max())) ** 2
         assert np.abs(J[:, :3, k] - numeric).max() < 1e-9 * size, name
+
+
+@pytest.mark.parametrize("passes", [1, 3])
+def test_a_payload_of_each_row_bends_the_arm_as_one_of_the_whole_arm_does(passes):
+    rng = np.random.default_rng(7)
+    chain = random_arm(rng)
+    weight = Weight(chain, guessed_moments(chain), [1.0, 0.1, 0.0, 0.2])
+    springs, _ = felt_springs(
+        weight, rng.uniform(-1, 1, (50, 6)), free_moments=True, passes=passes, tilt=0.1
+    )
+    numbers = rng.normal(0, 1e-3, len(springs.names))
+    model = RobotModel(chain, JointErrors((), numbers, springs))
+    q, at = rng.uniform(-1, 1, (1003, 6)), conditions(rng, 1003, 6)  # more than one batch
+    T = model.poses(q, at)
+    for k in (0, 500, 1002):
+        own = replace(springs, weight=replace(weight, payload=at.moments[k]))
+        alone = replace(model, joint_errors=JointErrors((), numbers, own))
+        # two orders of the same sums
+        assert np.abs(alone.poses(q[[k]]) - T[k]).max() < 1e-14
+    # who says nothing has the payload of the arm
+    usual = OperatingConditions(payload=np.ones(3), center=np.tile([0.1, 0.0, 0.2], (3, 1)))
+    assert np.abs(model.poses(q[:3], usual) - model.poses(q[:3])).max() < 1e-15
+    _, J = joint_jacobian(model, q[:20], at.rows(np.arange(20)))
+    for j in range(6):
+        step = 1e-6 * np.eye(6)[j]
+        ahead, behind = (
+            model.poses(q[:20] + s * step, at.rows(np.arange(20)))[:, :3, 3] for s in (1, -1)
+        )
+        # rounding 1e-15 / 1e-6
+        assert np.abs((ahead - behind) / 2e-6 - J[:, :3, j]).max() < 1e-8
 
 
 def test_values_are_the_closed_forms_written_out():
