@@ -1,0 +1,49 @@
+"""Held-out poses that lie where the training says little: told by how far both kinds are missed."""
+
+import numpy as np
+
+from testbed.identify.records import Calibration
+from testbed.units import DEG, MM, fixed, significant
+
+FARTHER = 2.0
+"""So many times as far must held-out poses be missed: with ten of them or more, no chance does it
+where both kinds come from one place."""
+FEWEST = 10
+AHEAD, AHEAD_SLIDE = np.radians(5.0), 0.02
+"""A joint is named that goes further beyond its training range [rad, m]."""
+
+
+def beyond_words(calibration: Calibration) -> tuple[str, ...]:
+    """Whether held-out poses are missed much further than training poses left out in turn, and why.
+
+    Both were no part of a fit when it was judged by them: where they differ, the place does.
+    """
+    test, turn = calibration.fit.test, calibration.choice.confirmation
+    split = calibration.split
+    if test is None or not len(turn) or calibration.elsewhere or split.is_test.sum() < FEWEST:
+        return ()
+    left_out = float(turn[int(calibration.choice.chosen == "extended")])
+    if test.position.mean < FARTHER * left_out:
+        return ()
+    text = (
+        f"Held-out poses are missed {significant(test.position.mean / left_out, 2)} times as far "
+        f"as training poses left out in turn ({fixed(test.position.mean * MM, 3)} against "
+        f"{fixed(left_out * MM, 3)} mm): they lie where the training says little"
+    )
+    joints = _ahead(calibration)
+    if joints:
+        text += f" ({joints} beyond its poses)"
+    return (f"{text}; identify from poses there as well, and the radius shrinks",)
+
+
+def _ahead(calibration: Calibration) -> str:
+    """Joints that held-out poses take further than training poses do, and how far."""
+    q, split = calibration.measurements.q, calibration.split
+    train, test = q[split.is_train], q[split.is_test]
+    further = np.maximum(train.min(axis=0) - test.min(axis=0), test.max(axis=0) - train.max(axis=0))
+    slides = calibration.fit.identification.model.chain.prismatic > 0
+    return ", ".join(
+        f"joint {i + 1} goes {fixed(far * (MM if slide else DEG), 0)} {'mm' if slide else 'deg'}"
+        for i, (far, slide) in enumerate(zip(further, slides, strict=True))
+        if far > (AHEAD_SLIDE if slide else AHEAD)
+    )

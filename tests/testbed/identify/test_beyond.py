@@ -1,0 +1,57 @@
+"""When the place of held-out poses is told to be another one than that of the training."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from calib.geometry.chain import Chain
+from testbed.identify.beyond import beyond_words
+
+ARM = Chain(np.zeros((3, 5)), ("revolute", "prismatic", "revolute"))
+Q = np.zeros((30, 3))
+Q[:, 0] = np.linspace(-1.0, 1.0, 30)
+Q[25:, 0] = np.linspace(-0.5, 1.0 + np.radians(40), 5)
+Q[25:, 1] = np.linspace(-0.1, 0.0, 5)
+Q[25:, 2] = np.radians(4)
+
+GEOMETRIC = SimpleNamespace(confirmation=np.array([9e-4, 1e-4]), chosen="geometric")
+
+
+def calibration(missed, left_out=(9e-4, 1e-4), held_out=12, **more):
+    is_test = np.arange(30) >= 30 - held_out
+    figures = SimpleNamespace(position=SimpleNamespace(mean=missed))
+    model = SimpleNamespace(model=SimpleNamespace(chain=ARM))
+    known = {
+        "fit": SimpleNamespace(test=figures, identification=model),
+        "choice": SimpleNamespace(confirmation=np.array(left_out), chosen="extended"),
+        "split": SimpleNamespace(is_test=is_test, is_train=~is_test),
+        "measurements": SimpleNamespace(q=Q),
+        "elsewhere": False,
+    }
+    return SimpleNamespace(**known | more)
+
+
+def test_poses_missed_far_more_than_training_poses_left_out_are_told_with_their_joints():
+    (text,) = beyond_words(calibration(7e-4, held_out=12))
+    assert "missed 7.0 times as far" in text
+    assert "0.700 against 0.100 mm" in text
+    # training ends at the pose before the last twelve; joint 3 goes 4 deg, which is no other place
+    train = Q[:18]
+    ahead = np.degrees(Q[18:, 0].max() - train[:, 0].max())
+    assert f"(joint 1 goes {ahead:.0f} deg, joint 2 goes 100 mm beyond its poses)" in text
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        calibration(1.9e-4),
+        calibration(7e-4, left_out=()),
+        calibration(7e-4, held_out=9),
+        calibration(7e-4, elsewhere=True),
+        calibration(9e-4, choice=GEOMETRIC),
+    ],
+    ids=["like them", "not confirmed", "few", "another frame", "geometry alone"],
+)  # fmt: skip
+def test_nothing_is_told_where_the_place_may_be_the_same(other):
+    assert beyond_words(other) == ()
