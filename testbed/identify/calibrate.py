@@ -11,6 +11,7 @@ from calib.identification.robust import LOSSES, Loss
 from testbed.files.probe import Probe
 from testbed.files.rows.terms import row_terms
 from testbed.files.session import Session
+from testbed.files.visits.probing import probed
 from testbed.identify.conditions import held_out_warnings
 from testbed.identify.fit import (
     checked_model,
@@ -37,7 +38,6 @@ from testbed.identify.session import origin_of, row_names, with_scatter
 from testbed.identify.shared import shared_of
 from testbed.identify.visits.fit import with_own_frames
 from testbed.identify.visits.frames import own_frames
-from testbed.identify.visits.probing import probed
 from testbed.identify.visits.split import split_of_session
 from testbed.progress import Progress
 from testbed.robots.catalog import Robot

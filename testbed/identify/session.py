@@ -19,6 +19,7 @@ from calib.uncertainty.held_out import SAME_POSE
 from testbed.files.conditions import joined as joined_conditions
 from testbed.files.probe import Probe
 from testbed.files.session import Session, Stated
+from testbed.files.visits.probing import tried_words
 from testbed.identify.order import order_of
 from testbed.identify.records import HeldOutSplit, Origin
 from testbed.robots.catalog import Robot
@@ -149,19 +150,11 @@ def origin_of(robot: Robot, session: Session, probes: Sequence[Probe]) -> Origin
         drift=_without_folders(
             session, (session.drift.sentence, *session.drift.wrong) if session.drift else ()
         ),
-        probe=_without_folders(session, (*session.notes, *_sentences(session, probes))),
+        probe=_without_folders(session, (*session.notes, *tried_words(session, probes))),
         warnings=_without_folders(
             session, (*session.warnings, *(text for one in probes for text in one.warnings))
         ),
     )
-
-
-def _sentences(session: Session, probes: Sequence[Probe]) -> tuple[str, ...]:
-    """What became of trying other readings, of each visit by its name."""
-    if not session.visits:
-        return tuple(one.sentence for one in probes)
-    several = zip(session.visits, probes, strict=True)
-    return tuple(f"session {visit.name}: {one.sentence}" for visit, one in several)
 
 
 def _without_folders(session: Session, sentences: tuple[str, ...]) -> tuple[str, ...]:

@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from calib.errors import InputError, refuse
-from testbed.files.probe import probe
 from testbed.files.read import read_session
-from testbed.files.session_toml import SESSION_FILE, SessionFile
+from testbed.files.session_toml import SESSION_FILE
+from testbed.files.visits.probing import probed, tried_words
+from testbed.files.visits.tables import CampaignFile
 from testbed.gates.mistakes import validated
 from testbed.gates.paths import is_there, real
 from testbed.gates.toml import read_toml, read_toml_bytes, toml_document
@@ -18,7 +19,8 @@ from testbed.robots.robot import Robot
 from testbed.units import counted
 
 SCENARIO_FILE = "scenario.toml"
-OF_SESSIONS = {"joints", "frames", "points", "ranges", "drift", "dialect", "match", "uncertainty"}
+OF_SESSIONS = {"joints", "frames", "points", "ranges", "drift", "dialect", "match", "uncertainty",
+               "session"}  # fmt: skip
 OF_SCENARIOS = {"trial", "truth", "tracker", "pool", "test", "plan", "studies", "seed", "cell"}
 
 
@@ -98,9 +100,12 @@ def _scenario(file: Path) -> list[str]:
 
 def _session(file: Path, document: dict[str, Any], robot: str | None) -> list[str]:
     """Sentences on a session, and on its files where the robot is known."""
-    settings = validated(document, SessionFile, str(file))
+    settings = validated(document, CampaignFile, str(file))
     tables = [table.name for table in settings.observed]
     said = f"a session of {' and '.join(tables) or 'no readings yet'}"
+    if settings.session:
+        names = [one.name + " (held out)" * one.held_out for one in settings.session]
+        said = f"{counted(len(names), 'session')} of one robot: {', '.join(names)}"
     named = robot or (settings.robot if settings.robot in robot_names() else None)
     if named is None:
         return [said, "its files were not read: name the robot by --robot"]
@@ -111,8 +116,7 @@ def _session(file: Path, document: dict[str, Any], robot: str | None) -> list[st
 def _read(file: Path, arm: Robot) -> list[str]:
     """Sentences on measurements that were read whole."""
     session = read_session(file, arm)
-    found = probe(arm, session)
-    found.raise_if_wrong()
+    probes = probed(arm, session)
     table = session.measurements
     rows = f"{counted(len(table), 'row')} of {counted(table.n_poses, 'pose')}"
     if session.split_stated:
@@ -121,8 +125,9 @@ def _read(file: Path, arm: Robot) -> list[str]:
         f"{rows}; {session.joint_source} joints; uncertainties from {session.uncertainty}",
         *session.notes,
         *session.masked,
-        *(f"warning: {text}" for text in (*session.warnings, *found.warnings)),
-        found.sentence,
+        *(f"warning: {text}" for text in session.warnings),
+        *(f"warning: {text}" for found in probes for text in found.warnings),
+        *tried_words(session, probes),
     ]
 
 

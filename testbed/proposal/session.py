@@ -75,16 +75,56 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
     InputError
         M35: no file has readings, or heads that do not go together.
     """
-    proposed = _proposed(looks, robot, root)
+    proposed = _of_visits(_proposed(looks, robot, root), looks)
     read = {
         (name, each.get("sheet"))
-        for each in proposed.document.values()
+        for table in proposed.document.values()
+        for each in (table if isinstance(table, list) else [table])
         if isinstance(each, dict)
         for name in (each.get("file"), *each.get("files", ()))
     }
     left = [one for one in looks if (one.name, one.sheet) not in read]
     notes = tuple(f"files: {one.called} is not used" for one in left)
     return replace(proposed, assumed=(*proposed.assumed, *notes))
+
+
+def _of_visits(proposed: Proposed, looks: tuple[Found, ...]) -> Proposed:
+    """The same where files of one head have joints of their own: each is a visit of the robot.
+
+    Where all have the same joints they are what several stations saw of the same poses.
+    """
+    tables = {key: each for key, each in proposed.document.items() if isinstance(each, dict)}
+    name = tables.get("joints", {}).get("file")
+    seen = next((each for each in tables.values() if name in each.get("files", ())), None)
+    alike = [one for one in looks if seen is not None and one.name in seen["files"]]
+    if seen is None or any(one.sheet or one.head != alike[0].head for one in alike):
+        return proposed
+    joints = [
+        one.theirs
+        for one in alike[0].meanings
+        if one.stem.startswith("q") and one.stem[1:2].isdigit()
+    ]
+    if not joints or len({tuple(map(tuple, map(one.column, joints))) for one in alike}) == 1:
+        return proposed
+    document = {
+        key: {own: value for own, value in each.items() if own not in ("file", "files")}
+        if isinstance(each, dict)
+        else each
+        for key, each in proposed.document.items()
+        if key != "match"
+    }
+    stems = [Path(one.name).stem for one in alike]
+    names = stems if len(set(stems)) == len(stems) else [one.name for one in alike]
+    document["session"] = [
+        {"name": stem, "file": one.name, "base": "free", "tool": "free"}
+        for stem, one in zip(names, alike, strict=True)
+    ]
+    notes = tuple(note for note in proposed.assumed if not note.startswith("stations: "))
+    note = (
+        f"sessions: {len(alike)} files have the same columns and other joints: each is a visit of "
+        'the robot with its own base and tool; write "same as NAME" where one stayed'
+    )
+    return replace(proposed, document=document, assumed=(*notes, note))
 
 
 def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Proposed:

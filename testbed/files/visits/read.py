@@ -12,6 +12,7 @@ from calib.measurement.observations import GIVEN, Measurements, joined
 from testbed.files.conditions import SetUp
 from testbed.files.conditions import joined as joined_conditions
 from testbed.files.refusal import refusal
+from testbed.files.rows.say import RowsSay
 from testbed.files.session import Session, Sources, Stated
 from testbed.files.session_toml import SessionFile
 from testbed.files.visits.shared import Sharing, sharing_of
@@ -110,12 +111,6 @@ def _one(
         if error.where in ("", where):
             raise error.located(f'{where}: session "{visit.name}"') from error
         raise
-    if found.anchor_names:
-        raise refusal(
-            where, "session", f'session "{visit.name}" holds distances', code="S37",
-            allowed="poses and points: a session of distances has no station of its own",
-            fix="identify it alone",
-        )  # fmt: skip
     return found
 
 
@@ -179,6 +174,7 @@ def _joined(
         warnings=tuple(dict.fromkeys(text for one in alone for text in one.warnings)),
         notes=tuple(dict.fromkeys(text for one in alone for text in one.notes)),
         stated=Stated(),
+        rows_say=_rows_say(alone),
         simulated=any(one.simulated for one in alone),
         place=tuple(place for one in alone for place in one.place),
         visits=_visits(visits, alone, owner, numbered, fixtures),
@@ -287,6 +283,16 @@ def _stacked(columns: Sequence[Array | None]) -> Array | None:
     """A column that all visits have, or None."""
     there = [column for column in columns if column is not None]
     return np.concatenate(there) if len(there) == len(columns) else None
+
+
+def _rows_say(alone: Sequence[Session]) -> RowsSay:
+    """What the rows of all visits say: what one of them leaves unsaid, nothing can follow."""
+    said = [one.rows_say for one in alone]
+    drives = {one.drive for one in said}
+    unsaid = dict(pair for one in said for pair in one.unsaid)
+    if len(drives) > 1:
+        unsaid.setdefault("torque", "not every session has the same columns of the drives")
+    return RowsSay(drives.pop() if len(drives) == 1 else "", tuple(unsaid.items()))
 
 
 def _order(alone: Sequence[Session]) -> Index:

@@ -44,7 +44,7 @@ def deliver(
         plain = delivered_robot(calibration, robot, calibration.fits[0])
         write_robot_folder(plain, folder / GEOMETRIC, package=package)
         sentences += (_geometric_words(calibration),)
-    sentences += (_frame_words(calibration, identified), *handed_out(calibration))
+    sentences += (_frame_words(calibration, identified),)
     if package is not None:
         sentences += (f"its URDF finds the meshes where {ROBOT}/ is the root of {package}",)
     (folder / DH_TABLE).write_bytes(dh_csv(calibration).encode())
@@ -77,12 +77,13 @@ def delivered_robot(calibration: Calibration, robot: Robot, fit: FittedModel) ->
     Its world is the frame of the measurements.
     """
     model = handed_robot(calibration, fit).model
-    return identified_robot(
+    found = identified_robot(
         robot,
         RobotModel(model.chain, model.joint_errors),
         name=identified_name(robot.name),
         reflectors=reflectors_on(calibration, fit),
     )
+    return replace(found, notes=(*found.notes, *handed_out(calibration)))
 
 
 def reflectors_on(calibration: Calibration, fit: FittedModel) -> tuple[Reflector, ...]:

@@ -22,7 +22,7 @@ def handed_out(calibration: Calibration) -> tuple[str, ...]:
     lead = calibration.visits[0].name
     return (
         "base and tool of the robot handed out, and the stated radius, are those of session "
-        f'"{lead}"; where the others had theirs stands under Parameters in the report',
+        f'"{lead}"',
     )
 
 

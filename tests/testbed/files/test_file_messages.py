@@ -102,6 +102,21 @@ def stations(*seen):
     return case
 
 
+def visits(config, **files):
+    """Several sessions of one robot, all of the same rows unless a file has its own."""
+
+    def case(folder):
+        for name in ("a", "b"):
+            (folder / f"{name}.csv").write_text(csv(files.get(name, table())))
+        (folder / "session.toml").write_text(config)
+        return read_session(folder, ROBOT)
+
+    return case
+
+
+A, B = ('[[session]]\nname = "a"\nfile = "a.csv"\n', '[[session]]\nname = "b"\nfile = "b.csv"\n')
+
+
 def held_out(config):
     """Frames of held-out poses without joints, beside a session that names its files."""
 
@@ -525,6 +540,29 @@ CASES = {
     "session: poses of no kind": read(table(), '[identification]\nheld_out = "random"\n'),
     "session: not TOML": read(table(), "joints\n"),
     "session: a file elsewhere": read(table(), '[joints]\nfile = "../../etc/passwd"\n[frames]\n'),
+    "sessions: one without poses": visits(A + '[[session]]\nname = "b"\n'),
+    "sessions: two of one name": visits(A + A),
+    "sessions: same as nobody": visits(A + B + 'base = "same as A"\n'),
+    "sessions: neither free nor the same": visits(A + B + 'tool = "fixed"\n'),
+    "sessions: a tool in a circle": visits(
+        A + 'tool = "same as b"\n' + B + 'tool = "same as a"\n'
+    ),
+    "sessions: a payload in a circle": visits(A + 'payload = "same as a"\n'),
+    "sessions: a payload that nobody states": visits(A + B + 'payload = "same as a"\n'),
+    "sessions: a payload in one of two": visits(
+        A + "conditions = { payload_kg = 2 }\n" + B + "[conditions]\n"
+    ),
+    "sessions: too few poses for frames": visits(A + B + "held_out = true\nframe_poses = 5\n"),
+    "sessions: frames fitted to nothing": visits(A + B + "held_out = true\n"),
+    "sessions: poses for no frames": visits(A + B + "frame_poses = 10\n"),
+    "sessions: all held out": visits(A + "held_out = true\nframe_poses = 10\n"),
+    "sessions: a start": visits(A + B + "[start]\n"),
+    "sessions: a key misspelled": visits(A + 'bas = "free"\n'),
+    "sessions: distances": visits(A + B, b=ranged()),
+    "sessions: joints of another kind": visits(
+        A + B + '[session.joints]\nsource = "read-back"\n',
+        b=table() | {f"q{k + 1}_read_deg": np.degrees(made().q[:, k]) for k in range(N)},
+    ),
     "session: no file": lambda folder: (
         (folder / "session.toml").write_text("[frames]\n"), read_session(folder, ROBOT)
     ),

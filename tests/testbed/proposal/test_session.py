@@ -13,6 +13,8 @@ from testbed.cli import app
 from testbed.files.probe import probe
 from testbed.files.read import read_session
 from tests.testbed import files
+from tests.testbed.files.campaign import table as visit_table
+from tests.testbed.files.campaign import visit
 from tests.testbed.files.made import ROBOT, columns, csv, made, poses_csv
 
 M = 40
@@ -275,6 +277,22 @@ def test_files_of_one_kind_are_stations(tmp_path):
     session = read_session(tmp_path / "session.toml", ROBOT)
     assert session.station_names == ("1", "2")
     assert len(session.measurements) == 2 * M - 5
+
+
+def test_files_of_one_head_with_joints_of_their_own_are_visits(tmp_path):
+    """Three visits of one arm; where the joints are the same, the files are stations."""
+    files = write(
+        tmp_path, **{f"{name}__csv": visit_table(visit(k, 20)) for k, name in enumerate("abc")}
+    )
+    said, text = proposed(tmp_path, files, "--robot", "staubli_tx60")
+    assert "3 files have the same columns and other joints" in said
+    assert [one["file"] for one in tomllib.loads(text)["session"]] == ["a.csv", "b.csv", "c.csv"]
+    read = read_session(tmp_path / "session.toml", ROBOT)
+    assert [one.name for one in read.visits] == ["a", "b", "c"]
+    assert read.fixtures.counts == (0, 0, 2, 2)
+    told = CliRunner().invoke(app, ["check", str(tmp_path / "session.toml")]).stdout
+    assert "3 sessions of one robot: a, b, c" in told
+    assert told.count("base and tool alone leave") == 3
 
 
 def test_a_file_that_is_left_aside_is_named(tmp_path):

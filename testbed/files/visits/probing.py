@@ -1,5 +1,7 @@
 """Whether the files of a session are read as they were meant, each in frames of its own."""
 
+from collections.abc import Sequence
+
 from calib.errors import InputError
 from testbed.files.probe import Probe, probe
 from testbed.files.session import Session
@@ -31,3 +33,11 @@ def probed(robot: Robot, session: Session) -> tuple[Probe, ...]:
             part.raise_if_wrong()
         return (parts[0],)
     return probes
+
+
+def tried_words(session: Session, probes: Sequence[Probe]) -> tuple[str, ...]:
+    """What became of trying other readings, of each visit by its name."""
+    if not session.visits:
+        return tuple(one.sentence for one in probes)
+    several = zip(session.visits, probes, strict=True)
+    return tuple(f"session {visit.name}: {one.sentence}" for visit, one in several)
