@@ -236,15 +236,15 @@ def rank_words(fit: FittedModel) -> str:
     )
     if result.prior is not None:
         text += (
-            f"{counted(len(result.prior.names), 'joint term')} have a weak prior and are all "
-            "estimated, told apart or not. "
+            f"{counted(len(result.prior.names), 'number')} of links and joints have a weak prior "
+            "and are all estimated, told apart or not. "
         )
     if not reduction.dropped:
         return text + "All free numbers can be told apart."
     return text + (
         f"{counted(len(reduction.dropped), 'number')} cannot be told from others and "
         f"{'is' if len(reduction.dropped) == 1 else 'are'} left nominal"
-        f"{':' if result.prior is None else ' unless they are joint terms, which the prior holds.'}"
+        f"{':' if result.prior is None else ' unless the prior holds them.'}"
     )
 
 

@@ -28,6 +28,8 @@ class HandBack:
     """(n, 2) of the joints [rad, m]."""
     in_use: ToolInUseStatement | None
     """What is believed of the tool in use; None without one, or where nothing is believed."""
+    tool_refused: str
+    """Why nothing is, where a tool in use is stated; else empty."""
 
 
 def hand_back(
@@ -60,9 +62,14 @@ def hand_back(
     """
     told = "as the session states" if session.link_sd is not None else ""
     told = told or ("as the robot's file states" if robot.tolerances is not None else "the usual")
-    in_use = None
-    if session.in_use is not None and belief is not None:
+    in_use, refused = None, ""
+    if session.in_use is not None and belief is None:
+        refused = (
+            f"nothing is stated of the tip of {session.in_use.name}: no region of the target that "
+            "was measured is believed either"
+        )
+    elif session.in_use is not None and belief is not None:
         in_use = tool_statement_of(
             belief, session.in_use, q, target=target, link_sd=links.sd, repeatability=repeatability
         )
-    return HandBack(links.sd, told, links.why, by_prior, robot.limits, in_use)
+    return HandBack(links.sd, told, links.why, by_prior, robot.limits, in_use, refused)

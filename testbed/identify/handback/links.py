@@ -74,9 +74,10 @@ def link_belief(
         return LinkBelief(sd, prior, "the session states it")
     if session.in_use is not None:
         return LinkBelief(sd, prior, "another tool will be used, and the links carry it")
-    lacking = (runaway(plain, prior), _lost(plain, start, train, parameters, prior),
-               _poor(plain, train, prior))  # fmt: skip
-    return LinkBelief(sd, prior, next(filter(None, lacking), ""))
+    if plain.status is not Status.CONVERGED and (away := farthest(plain, sd)):
+        return LinkBelief(sd, prior, f"without it the fit does not end, and {away}")
+    lost = _lost(plain, start, train, parameters, prior)
+    return LinkBelief(sd, prior, lost or _poor(plain, train, prior))
 
 
 def link_prior(parameters: Parameters, sd: Array) -> Prior | None:
@@ -87,21 +88,18 @@ def link_prior(parameters: Parameters, sd: Array) -> Prior | None:
     return Prior(np.zeros(len(free)), widths, free) if free else None
 
 
-def runaway(fit: Identification, prior: Prior) -> str:
-    """Which link's number runs away, for its width, in a fit that did not end; else empty."""
-    if fit.status is Status.CONVERGED:
-        return ""
-    widths = dict(zip(prior.names, prior.sd, strict=True))
+def farthest(fit: Identification, sd: Array) -> str:
+    """Which link's number went furthest from nominal, for its width (n, 5); empty without one."""
+    widths = dict(zip(fit.parameters.names[6 : 6 + sd.size], sd.ravel().tolist(), strict=True))
     kept = [k for k, name in enumerate(fit.names) if name in widths]
     if not kept:
         return ""
-    away = [abs(fit.step[k]) / widths[fit.names[k]] for k in kept]
-    worst = kept[int(np.argmax(away))]
+    worst = max(kept, key=lambda k: abs(fit.step[k]) / widths[fit.names[k]])
     length = fit.parameters.is_length[fit.parameters.free_index]
     value = float(in_units(fit.step, length)[worst])
     return (
-        f"without it the fit does not end: {fit.names[worst]} runs away, "
-        f"{significant(abs(value), 2)} {unit_of(bool(length[worst]))} from nominal"
+        f"{fit.names[worst]} runs away, {significant(abs(value), 2)} "
+        f"{unit_of(bool(length[worst]))} from nominal"
     )
 
 

@@ -19,7 +19,9 @@ def hand_back_section(calibration: Calibration) -> Section:
         ),
     ]
     found = calibration.handback.in_use
-    if found is not None:
+    if found is None:
+        blocks += [Points(sentences(told))] if (told := tool_words(calibration)) else []
+    else:
         ends = [
             (name, *(significant(float(size) * UM) for size in (np.median(at), at.max())))
             for name, at in (

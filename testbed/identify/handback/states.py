@@ -6,6 +6,7 @@ import numpy as np
 
 from calib.arrays import Array
 from testbed.identify.handback.least_moved import RULE, LeastMoved, least_moved
+from testbed.identify.handback.links import farthest
 from testbed.identify.records import Calibration, FittedModel
 from testbed.robots.write.dh_table import DhRow, dh_rows
 from testbed.units import DEG, MM, UM, counted, listed, sentences, significant
@@ -97,7 +98,9 @@ def hand_back_warnings(calibration: Calibration) -> tuple[str, ...]:
 
 def _why_and_beyond(calibration: Calibration) -> list[str]:
     """Why links have a prior, and which numbers moved further than their tolerance."""
-    given, said = calibration.handback, []
+    given, result, said = calibration.handback, calibration.fit.identification, []
+    if not calibration.converged and (away := farthest(result, given.tolerance)):
+        said.append(f"the fit did not end: {away}")
     if given.why:
         said.append(
             f"the links have a prior of {_widths(given.tolerance)} ({given.stated_by}): {given.why}"
@@ -133,7 +136,7 @@ def tool_words(calibration: Calibration) -> tuple[str, ...]:
     """What is believed of the tool in use, in sentences; empty without one."""
     found = calibration.handback.in_use
     if found is None:
-        return ()
+        return tuple(filter(None, [calibration.handback.tool_refused]))
     x, y, z = (1e3 * each for each in found.worst)
     text = (
         f"for {found.tool.name}, at ({x:.6g}, {y:.6g}, {z:.6g}) mm in the flange's frame, the mean "

@@ -42,7 +42,7 @@ def test_no_robot_of_the_same_poses_lies_nearer():
     def lacks(step):
         return ((handed.moved(step).poses(q) - wanted)[:, :3]).ravel()
 
-    for _ in range(6):
+    for _ in range(3):
         start = widths * rng.normal(size=len(widths))
         found = least_squares(lacks, start, xtol=1e-15, ftol=1e-15, gtol=1e-15)
         assert np.abs(found.fun).max() < 1e-9

@@ -11,7 +11,7 @@ import pytest
 
 from testbed.files.read import read_session
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.handback.states import handed_numbers, handed_robot
+from testbed.identify.handback.states import hand_back_warnings, handed_numbers, handed_robot
 from testbed.robots.catalog import load_robot
 from tests.testbed.identify.handback.test_other_tool import write_ur5
 
@@ -64,6 +64,17 @@ def test_fifty_poses_hand_back_a_robot_near_nominal(tmp_path):
     # the thesis's robot: axis 4 is not parallel to axis 3
     assert told["alpha3"].held_by == "measurements, beyond its tolerance"
     assert told["theta5"].held_by == told["d5"].held_by == "prior"
+
+
+def test_a_prior_that_holds_nothing_lets_a_number_run_away_and_it_is_named(tmp_path):
+    ur5, read = session(tmp_path, 50, "[prior]\nlength_mm = 1000\nangle_deg = 100\n")
+    found = calibrate(ur5, read, Options())
+    assert found.handback.why == "the session states it"
+    if found.converged:  # then it is known by no more than that width
+        held = [one for one in handed_numbers(found) if one.row.name in ("theta5", "d5", "alpha5")]
+        assert {one.held_by for one in held} == {"prior"}
+    else:
+        assert any("runs away" in text for text in hand_back_warnings(found))
 
 
 @pytest.mark.study

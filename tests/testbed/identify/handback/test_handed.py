@@ -1,0 +1,187 @@
+"""What is handed back, in tables, words and files: numbers with what holds them, a tool in use."""
+
+import csv
+import io
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from testbed.files.program import correct_program
+from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.conditions import measured
+from testbed.identify.handback.deliver import delivered_robot, in_own_frames
+from testbed.identify.handback.delivered import Delivered
+from testbed.identify.handback.handed import hand_back
+from testbed.identify.handback.links import LinkBelief
+from testbed.identify.handback.report import hand_back_section
+from testbed.identify.handback.results import dh_csv, tool_csv
+from testbed.identify.handback.states import (
+    LOOSE,
+    MEASURED,
+    NOMINAL,
+    PRIOR,
+    hand_back_warnings,
+    hand_back_words,
+    handed_numbers,
+    tool_words,
+)
+from testbed.identify.records import Calibration
+from testbed.identify.results import headline
+from testbed.identify.targets import statement_at
+from testbed.report.page import Table
+from testbed.robots.catalog import load_robot
+from testbed.robots.tolerances import usual_tolerances
+from testbed.robots.write.folder import write_robot_folder
+from testbed.scenario.tool_in_use import ToolInUse
+from testbed.store.codec import pack, unpack
+from tests.calibrated import real, robot, session_of, sound, table_of, true_model
+from tests.reference import pool_r
+
+GRIPPER = ToolInUse("gripper", (0.0, 0.0, 0.15), (0.0, 0.0, 0.0), 1e-4)
+
+
+@cache
+def with_gripper():
+    session = session_of(table_of(true_model(), pool_r(80)), in_use=GRIPPER)
+    return calibrate(robot(), session, Options(seed=1))
+
+
+def rows_of(text):
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_the_tip_stands_in_table_result_and_report_and_comes_back():
+    found = unpack(Calibration, pack(with_gripper()))
+    stated = found.handback.in_use
+    rows = rows_of(tool_csv(found))
+    assert [row["pose_id"] for row in rows] == [
+        found.pose_names[pose]
+        for pose in np.unique(found.measurements.pose_id[found.split.is_test])
+    ]
+    tips = [float(row["R95_tool_in_use_um"]) for row in rows]
+    np.testing.assert_allclose(tips, 1e6 * stated.at_poses, rtol=1e-3)
+    document = headline(found, Delivered((), (), 0))["handed_back"]
+    assert document["tool_in_use"]["R95_mean_um"] == pytest.approx(1e6 * stated.radius_mean)
+    assert document["tool_in_use"]["point_mm"] == pytest.approx([0.0, 0.0, 150.0])
+    assert document["links_held_because"] == found.handback.why
+    section = hand_back_section(found)
+    (table,) = (block for block in section.blocks if isinstance(block, Table))
+    assert [row[0] for row in table.rows] == ["target that was measured", "gripper"]
+    assert tool_words(found)[0].startswith("for gripper, at (0, 0, 150) mm in the flange")
+    assert (stated.at_poses > 20 * stated.measured_at_poses).all()
+
+
+def test_targets_of_a_program_are_those_of_the_tool_in_use(tmp_path):
+    program = tmp_path / "jobs.csv"
+    program.write_text("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n10,20,30,40,50,60\n")
+    found = with_gripper()
+    result = correct_program(
+        program, robot(), in_own_frames(found), tmp_path / "out.csv",
+        measured=measured(found), set_up=found.set_up,
+    )  # fmt: skip
+    tip = statement_at(found, result).radius_mean
+    assert tip > 0.9 * found.handback.in_use.at_poses.min()
+    plain = replace(found, handback=replace(found.handback, in_use=None))
+    assert statement_at(plain, result).radius_mean < tip / 10
+
+
+def test_every_number_says_what_holds_it():
+    rows = rows_of(dh_csv(with_gripper()))
+    held = {row["number"]: row["held_by"] for row in rows}
+    # the last link was taken for the place of the target: nothing but its prior is known
+    assert {held[f"{name}6"] for name in ("theta", "d", "a", "alpha", "beta")} == {PRIOR}
+    assert held["a2"] == held["alpha1"] == MEASURED
+    written = {row["number"]: float(row["new"]) for row in rows}
+    handed = delivered_robot(with_gripper(), robot(), with_gripper().fit).model.chain.links
+    for k in range(6):
+        assert written[f"d{k + 1}"] == pytest.approx(1e3 * handed[k, 1], abs=1e-6)
+        assert written[f"alpha{k + 1}"] == pytest.approx(np.degrees(handed[k, 3]), abs=1e-7)
+
+
+def test_where_nothing_is_believed_nothing_is_said_of_the_tip():
+    session = session_of(table_of(true_model(), pool_r(80)), in_use=GRIPPER)
+    links = LinkBelief(usual_tolerances(6), None, "")
+    found = hand_back(
+        robot(), session, links, np.zeros((6, 5)), None, np.zeros((1, 6)),
+        target=(0.0, 0.0, 0.0), repeatability=np.zeros(6),
+    )  # fmt: skip
+    assert found.in_use is None
+    assert found.tool_refused.startswith("nothing is stated of the tip of gripper")
+
+
+def test_without_a_need_no_prior_is_spoken_of():
+    found = sound()
+    assert (found.handback.why, found.handback.in_use) == ("", None)
+    assert found.fit.identification.prior is None
+    assert not hand_back_warnings(found)
+    assert len(hand_back_words(found)) == 1  # the rule
+    held = {one.row.name: one.held_by for one in handed_numbers(found)}
+    assert held["theta1"] == held["d6"] == NOMINAL  # base and tool take them up
+    assert held["d2"] == held["d3"] == MEASURED  # half of what is known of both
+
+
+def test_a_number_beyond_its_tolerance_is_told():
+    found = sound()
+    narrow = replace(found.handback, tolerance=usual_tolerances(6) / 4)
+    told = hand_back_warnings(replace(found, handback=narrow))
+    moved = {
+        one.row.name: abs(one.row.delta)
+        for one in handed_numbers(replace(found, handback=narrow))
+        if one.tolerance and abs(one.row.delta) > one.tolerance
+    }
+    assert moved
+    (sentence,) = (text for text in told if "moved further than the tolerance" in text)
+    assert all(f"{name} by " in sentence for name in list(moved)[:6])
+
+
+def test_a_number_that_nothing_holds_is_told():
+    found = sound()
+    narrow = replace(found.handback, tolerance=usual_tolerances(6) / 1000)
+    other = replace(found, handback=narrow)
+    loose = [one.row.name for one in handed_numbers(other) if one.held_by == LOOSE]
+    assert loose
+    assert any("U exceeds the tolerance" in text for text in hand_back_warnings(other))
+    assert any(text.startswith("Nothing holds ") for text in hand_back_words(other))
+
+
+def test_a_chosen_models_links_are_held_by_their_prior_where_they_share():
+    held = {one.row.name: one.held_by for one in handed_numbers(real())}
+    assert held["d2"] == held["d3"] == PRIOR
+    assert held["a2"] == MEASURED
+
+
+def test_tolerances_of_the_robot_and_the_session_are_the_priors_widths():
+    arm = replace(robot(), tolerances=usual_tolerances(6) / 2)
+    table = table_of(true_model(), pool_r(60))
+    found = calibrate(arm, session_of(table, in_use=GRIPPER), Options(seed=1))
+    assert found.handback.stated_by == "as the robot's file states"
+    u = dict(
+        zip(
+            found.fit.identification.names,
+            found.fit.identification.standard_uncertainty,
+            strict=True,
+        )
+    )
+    assert u["d6"] == pytest.approx(0.3e-3, rel=0.01)
+    stated = session_of(table, link_sd=usual_tolerances(6) / 4)
+    found = calibrate(arm, stated, Options(seed=1))
+    assert (found.handback.why, found.handback.stated_by) == (
+        "the session states it", "as the session states",
+    )  # fmt: skip
+    u = dict(
+        zip(
+            found.fit.identification.names,
+            found.fit.identification.standard_uncertainty,
+            strict=True,
+        )
+    )
+    assert u["d6"] == pytest.approx(0.15e-3, rel=0.01)
+
+
+def test_a_robot_keeps_its_tolerances_through_its_file(tmp_path):
+    widths = usual_tolerances(6) * np.arange(1, 7)[:, None]
+    write_robot_folder(replace(robot(), tolerances=widths), tmp_path / "arm")
+    again = load_robot(tmp_path / "arm")
+    np.testing.assert_allclose(again.tolerances, widths, rtol=1e-15)
