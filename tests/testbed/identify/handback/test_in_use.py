@@ -105,3 +105,14 @@ def test_a_point_of_the_measured_tool_stays_as_well_known_as_it_was():
     )
     np.testing.assert_allclose(one.covariance, two.covariance, rtol=1e-12)
     np.testing.assert_allclose(one.position, two.position, atol=1e-15)
+
+
+def test_what_is_stated_of_the_tool_itself_adds_to_it():
+    found = calibrated()
+    q, point = found.stated_q, np.array(TOOL.point)
+    plain, known = (
+        carried(found.proof.belief, replace(TOOL, sd=sd), point, SD).regions(q, growth=1.0)
+        for sd in (0.0, 2e-4)
+    )
+    more = known.covariance - plain.covariance
+    np.testing.assert_allclose(more, np.broadcast_to(4e-8 * np.eye(3), more.shape), atol=1e-18)

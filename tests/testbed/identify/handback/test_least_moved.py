@@ -71,6 +71,12 @@ def test_its_covariance_is_that_of_the_estimate_moved_the_same_way():
     for model, C in ((fit.model, fit.full_covariance), (handed.model, handed.covariance)):
         _, J = model.poses_and_jacobian(q)
         spreads.append(J @ C @ np.swapaxes(J, 1, 2))
+    # d3 stood for d2 and d3: each has half of its deviation, and theta1 is the base's again
+    sd = dict(zip(fit.parameters.names, np.sqrt(np.diag(handed.covariance)), strict=True))
+    u = dict(zip(fit.names, fit.standard_uncertainty, strict=True))
+    assert sd["d2"] == pytest.approx(u["d3"] / 2, rel=0.01)
+    assert sd["d3"] == pytest.approx(u["d3"] / 2, rel=0.01)
+    assert sd["theta1"] == 0.0
     # the two sets of numbers differ by 1e-3 of a turn
     np.testing.assert_allclose(*spreads, atol=5e-3 * np.abs(spreads[0]).max())
 

@@ -11,6 +11,7 @@ import pytest
 
 from testbed.files.read import read_session
 from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.handback.states import MEASURED, PRIOR, handed_numbers
 from testbed.robots.catalog import load_robot
 from testbed.robots.tolerances import usual_tolerances
 from tests.truth.foreign import UR5, ForeignArm, candidates, true_arm
@@ -112,3 +113,8 @@ def test_the_tip_of_another_tool_lies_within_its_radius(tmp_path):
         # the reflector itself is known to tens of micrometres, the tip by what the flange may be
         assert at.measured_at_poses.max() < 1e-4
         assert 0.5e-3 < radius < 5e-3
+        held = {one.row.name: one.held_by for one in handed_numbers(found)}
+        assert all(held[name].startswith(MEASURED) for name in ("a2", "theta2", "alpha1"))
+        assert held["d6"] == held["theta6"] == PRIOR
+        if not off_axis:  # known by what is believed of its neighbors alone
+            assert held["theta5"] == held["d5"] == held["alpha5"] == PRIOR
