@@ -27,7 +27,7 @@ from calib.uncertainty.statement.other_frame import FEWEST as FEWEST_OF_A_FRAME
 from calib.uncertainty.statement.other_frame import OtherFrame, other_frame
 from calib.uncertainty.statement.questions import Questions, fisher
 from calib.uncertainty.statement.stated_point import StatedPoint, common_radius, stated_point
-from calib.uncertainty.trust import FRAME, Trust, trust
+from calib.uncertainty.trust import FRAME, MISFIT, Trust, trust
 from calib.uncertainty.validation import LinearCheck
 
 
@@ -256,7 +256,7 @@ def _asked(
     """Distinct questions with their p-values; residuals and held-out errors make one number."""
     names, p = [], []
     if belief is not None:
-        names.append("misfit")
+        names.append(MISFIT)
         p.append(belief.misfit.p_value)
     if frame is not None:
         names.append(FRAME)

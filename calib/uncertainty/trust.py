@@ -16,7 +16,7 @@ from calib.uncertainty.statement.questions import Questions
 from calib.uncertainty.statement.stated_point import StatedPoint
 from calib.uncertainty.validation import LinearCheck
 
-FRAME = "another frame"
+FRAME, MISFIT = "another frame", "misfit"
 """Name of that question."""
 StatementName = Literal["region", "none"]
 
@@ -84,7 +84,7 @@ def trust(
     if belief is None or point is None:
         words += _nothing(identification, nonlinear, conformal)
     else:
-        words += _believed(belief, point, drifting)
+        words += _believed(belief, point, questions, drifting)
     if reasons:
         words.append("The parameters alone do not explain the readings: " + "; ".join(reasons))
     else:
@@ -100,14 +100,16 @@ def trust(
     return Trust("none" if belief is None else "region", refuted, tuple(words))
 
 
-def _believed(belief: Belief, point: StatedPoint, drifting: Drifting | None) -> list[str]:
+def _believed(
+    belief: Belief, point: StatedPoint, questions: Questions, drifting: Drifting | None
+) -> list[str]:
     """What is believed, and what is in it."""
     um = 1e6 * belief.misfit.upper
     what = f"a misfit of up to {um:.1f} um per axis is in it" if um > 0 else "no misfit is in it"
     words = [f"{_capital(point.sentence)}; {what}"]
     if point.move_sentence:
         words.append(_capital(point.move_sentence))
-    words.append(_capital(belief.misfit.sentence))
+    words.append(_capital(belief.misfit.told(MISFIT in questions.said)))
     if belief.n_guards:
         words.append(f"{belief.n_guards} held-out poses guard the factor, k = {belief.factor:.2f}")
     else:

@@ -80,10 +80,14 @@ class HiddenMisfit:
 
     @property
     def sentence(self) -> str:
-        """The result in words."""
+        """The result in words, where nothing else was asked of the readings."""
+        return self.told(self.p_value < SHOWN)
+
+    def told(self, shown: bool) -> str:
+        """The result in words, and whether the readings count as showing a misfit."""
         if not np.isfinite(self.upper):
             return "there are too few measurements to bound what the model may miss"
-        if self.p_value < SHOWN:
+        if shown:
             return (
                 f"the readings show a misfit of about {1e6 * self.best:.1f} um per axis (p "
                 f"{'< 0.001' if self.p_value < SEEN else f'= {self.p_value:.3f}'}), and up to "

@@ -81,7 +81,8 @@ class OtherFrame:
         else:
             angle = np.degrees(float(np.linalg.norm(self.turn)))
             what = (
-                f"stand in another frame: {_length(self.size)}, {angle:.3g} deg, as one piece "
+                f"stand in another frame: {_length(self.size)}, {angle:.{1 if angle >= 1 else 3}f} "
+                "deg, as one piece "
                 "(another base, or the station moved)"
             )
         return f"{rows} {what}; they prove nothing: state a session of their own"
