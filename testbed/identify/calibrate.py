@@ -25,7 +25,15 @@ from testbed.identify.frames import FRAMES_ALONE, frames_of
 from testbed.identify.handback.handed import hand_back
 from testbed.identify.handback.links import link_belief, prior_share
 from testbed.identify.order import order_words, require_order
-from testbed.identify.outliers import held_out_outliers, training_outliers, warnings_of
+from testbed.identify.outliers import (
+    Looking,
+    bad_words,
+    first_look,
+    held_out_outliers,
+    model_words,
+    second_look,
+    warnings_of,
+)
 from testbed.identify.proof import (
     guard_warnings,
     proof_of,
@@ -132,34 +140,39 @@ def _calibrated(
         before = own.placed(frames.before)
     report(STEPS[1], 1, len(STEPS))
     names, places = row_names(session, measurements), np.flatnonzero(split.is_train)
-    train = measurements.rows(places)
-    plain = identify(frames.start, train, frames.parameters)
-    outliers, misfits, doubts = training_outliers(
-        frames, train, plain, [names[row] for row in places]
+    called = [names[row] for row in places]
+    looking = Looking(
+        frames, measurements.rows(places), robot.model.chain, row_terms(session), options.seed
     )
+    plain = identify(frames.start, looking.train, frames.parameters)
+    shots = first_look(looking, plain)
     left_out = np.zeros(len(measurements), dtype=bool)
-    if options.loss == AUTO:
-        left_out[places[outliers.rows]] = True
-    used = split.is_train & ~left_out
-    train = measurements.rows(used)
     report(STEPS[2], 2, len(STEPS))
-    if left_out.any() or loss != "squared":
-        plain = identify(frames.start, train, frames.parameters, loss=loss)
-    links = link_belief(robot, session, frames.start, train, frames.parameters, plain)
-    pairs, choice = fit(
-        frames.start,
-        train,
-        frames.parameters,
-        model=model,
-        loss=loss,
-        seed=options.seed,
-        plain=plain,
-        mounted=robot.model.chain,
-        known=row_terms(session),
-        links=links.prior,
-        held=bool(links.why),
-    )
-    trained = next(one for name, _, one in pairs if name == choice.chosen)
+    while True:
+        left_out[places[shots.bad]] = options.loss == AUTO
+        used = split.is_train & ~left_out
+        train = measurements.rows(used)
+        if left_out.any() or loss != "squared":
+            plain = identify(frames.start, train, frames.parameters, loss=loss)
+        links = link_belief(robot, session, frames.start, train, frames.parameters, plain)
+        pairs, choice = fit(
+            frames.start,
+            train,
+            frames.parameters,
+            model=model,
+            loss=loss,
+            seed=options.seed,
+            plain=plain,
+            mounted=looking.mounted,
+            known=looking.known,
+            links=links.prior,
+            held=bool(links.why),
+        )
+        handed = next(each for each in pairs if each[0] == choice.chosen)
+        seen, shots = shots, second_look(looking, handed, shots)
+        if shots is seen or not len(shots.bad) or options.loss != AUTO:
+            break
+    trained = handed[2]
     models = tuple(
         fitted_model(name, identification, began, measurements, used, split.is_test)
         for name, began, identification in pairs
@@ -210,9 +223,9 @@ def _calibrated(
         stated_reflectors=session.stated_reflectors,
         split=split,
         gross=OutlierRows(
-            noise_factor=outliers.noise_factor,
+            noise_factor=shots.noise_factor,
             left_out=frozen(left_out, np.bool_),
-            sentences=misfits,
+            sentences=bad_words(shots, looking.train, called),
             held_out_sentences=held_out_outliers(chosen.misses, split.is_test, names),
         ),
         before_misses=misses,
@@ -228,7 +241,7 @@ def _calibrated(
         visit=session.visit,
         handback=handback,
         warnings=(
-            *doubts,
+            *model_words(shots, looking.train, chosen, called),
             *warnings_of(models[0], chosen, train),
             *guard_warnings(session, measurements.rows(split.is_test)),
             *target_warnings(measurements),

@@ -84,7 +84,7 @@ def fit(
         start,
         train,
         parameters,
-        prior=_wide_prior(parameters, links),
+        prior=wide_prior(parameters, links),
         own_prior=links,
         loss=loss,
         mounted=mounted,
@@ -139,7 +139,7 @@ def _links(parameters: Parameters) -> list[str]:
     return [name for name in parameters.free_names if not is_frame(name)]
 
 
-def _wide_prior(parameters: Parameters, links: Prior | None) -> Prior:
+def wide_prior(parameters: Parameters, links: Prior | None = None) -> Prior:
     """The weak prior, wide for frames: their start knows nothing of the links' true lengths."""
     prior = weak_prior(parameters)
     own = {} if links is None else dict(zip(links.names, links.sd.tolist(), strict=True))

@@ -1,73 +1,182 @@
 """What a calibration warns of: rows that do not fit the others, joints and poses hardly moved."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.arrays import Bool
+from calib.arrays import Array, Bool, Index, frozen
+from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
+from calib.identification.bad_shots import CHANCE, BadShots, bad_shots, excess_of
 from calib.identification.fit_statistics import RED
-from calib.identification.identify import Identification, Status
-from calib.identification.outlier_search import OutlierSearch, search_outliers
+from calib.identification.identify import Identification, Status, identify
+from calib.identification.ladders import ladders_of
+from calib.identification.outlier_search import search_outliers
 from calib.identification.result import ILL_CONDITIONED
+from calib.identification.row_ladders import RowTerms, row_ladders
 from calib.measurement.observations import Measurements
-from calib.measurement.prediction import Prediction, predict
+from calib.measurement.prediction import predict
+from testbed.identify.fit import Fitted, wide_prior
 from testbed.identify.frames import StartFrames
 from testbed.identify.records import FittedModel, RowErrors
-from testbed.units import DEG, MM, in_units, significant, unit_of
+from testbed.streams import stream
+from testbed.units import DEG, MM, counted, in_units, listed, significant, unit_of
 
-CHANCE = 0.01
-"""Chance that a table of sound rows, whose noise is as stated, has any suspect."""
-MOST = 0.1
-"""Part of the rows above which misfits are the model's fault, not theirs."""
 ELSEWHERE = 3.0
 """A row fits another pose if it misses that one by less than so many typical misses."""
 HELD_OUT_FAR = 8.0
 """Held-out misses beyond so many medians are named."""
+FAR_OFF = 3.0
+"""Rows missed by more than so many medians are said to be."""
+MOST_NAMED = 10
+"""Rows that a model misses, named in one sentence."""
 
 
-def training_outliers(
-    frames: StartFrames, train: Measurements, plain: Identification, name: list[str]
-) -> tuple[OutlierSearch, tuple[str, ...], tuple[str, ...]]:
-    """Training rows that do not fit, judged by a fit that they cannot pull.
+@dataclass(frozen=True, slots=True, eq=False)
+class LookedAt:
+    """What a look at the training rows found."""
+
+    noise_factor: float
+    """Typical residual of the model looked at, in units of the stated noise."""
+    asked: BadShots | None = None
+    """What richer models say of them; None where nothing was suspected."""
+    suspects: Index = ()  # type: ignore[assignment]  # becomes an array in __post_init__
+    """Training rows that the model looked at misses."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "suspects", frozen(self.suspects, np.int64))
+
+    @property
+    def bad(self) -> Index:
+        """Training rows to leave out, worst first."""
+        return frozen((), np.int64) if self.asked is None else self.asked.bad
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Looking:
+    """Training rows to be looked at, and the models that are asked."""
+
+    frames: StartFrames
+    """Where fits begin, and what is free."""
+    train: Measurements
+    mounted: Chain
+    """The arm as it stands, see `extended_model`."""
+    known: RowTerms
+    """What the session says of its rows."""
+    seed: int
+    """Of the poses that confirm a model."""
+
+    def asked(self, near: RobotModel) -> BadShots:
+        """What richer models say of the rows, about a fit of geometry."""
+        start, parameters = self.frames.start, self.frames.parameters
+        ladders = (
+            *ladders_of(start, self.mounted), *row_ladders(start, self.train, self.known)
+        )  # fmt: skip
+        return bad_shots(
+            start, near, self.train, parameters, prior=wide_prior(parameters), ladders=ladders,
+            rng=stream(self.seed, "confirm"),
+        )  # fmt: skip
+
+
+def first_look(looking: Looking, plain: Identification) -> LookedAt:
+    """Look for training rows that geometry misses; richer models say whether these are bad.
 
     Parameters
     ----------
-    frames : StartFrames
-        Where fits begin, and what is free.
+    looking : Looking
+        The rows.
+    plain : Identification
+        Least squares of geometry over all of them.
+    """
+    frames = looking.frames
+    search = search_outliers(
+        frames.start, plain, looking.train, frames.parameters, chance=CHANCE, noise_is_known=False
+    )
+    if not len(search.suspects):
+        return LookedAt(search.noise_factor)
+    shots = looking.asked(search.identification.model)
+    return LookedAt(search.noise_factor, shots, search.suspects)
+
+
+def second_look(looking: Looking, chosen: Fitted, before: LookedAt) -> LookedAt:
+    """The same by the model that was chosen, where geometry is so rough that it suspects nothing.
+
+    Nothing more is asked where a richer model was asked before.
+    """
+    name, start, fit = chosen
+    if before.asked is not None or name == "geometric" or fit.loss != "squared":
+        return before
+    suspects = np.flatnonzero(excess_of(start, fit, looking.train) > 1)
+    if not len(suspects):
+        return before
+    frames = looking.frames
+    near = identify(frames.start, looking.train, frames.parameters, loss="cauchy").model
+    return replace(before, asked=looking.asked(near), suspects=suspects)
+
+
+def bad_words(found: LookedAt, train: Measurements, name: list[str]) -> tuple[str, ...]:
+    """A sentence on each bad shot among the training rows, worst first; `name` calls each row."""
+    shots = found.asked
+    if shots is None:
+        return ()
+    return tuple(
+        f"{name[row]} does not fit the others: the richest model offered, fitted without it, "
+        f"misses it by {_error(shots, train, row)}, where {_typical(shots, train, row)} is typical "
+        f"of others left out{_elsewhere(shots, train, row, name)}"
+        for row in map(int, shots.bad)
+    )
+
+
+def model_words(
+    found: LookedAt, train: Measurements, chosen: FittedModel, name: list[str]
+) -> tuple[str, ...]:
+    """What is missed and not called bad: a sentence on the model.
+
+    Parameters
+    ----------
+    found : LookedAt
+        Bad shots among the training rows.
     train : Measurements
         The training rows.
-    plain : Identification
-        Least squares over all of them.
+    chosen : FittedModel
+        The model handed out.
     name : list of str
         (m,) how each row is called.
-
-    Returns
-    -------
-    tuple
-        What was found, a sentence on each row, and why none is left out although many do not fit.
     """
-    search = search_outliers(
-        frames.start, plain, train, frames.parameters, chance=CHANCE, most=MOST,
-        noise_is_known=False,
-    )  # fmt: skip
-    if search.too_many:
-        many = (
-            f"{len(search.suspects)} of {len(train)} training rows do not fit: that many are no "
-            "gross errors, so none is left out; the model or the stated noise is wrong"
+    shots = found.asked
+    if shots is None:
+        return ()
+    if shots.too_many:
+        poses = train.together
+        missed = len(np.unique(poses[shots.sound]))
+        return (
+            f"{missed} of {counted(len(np.unique(poses)), 'training pose')} do not fit: that many "
+            "are no gross errors, so none is left out; the model or the stated noise is wrong",
         )
-        return search, (), (many,)
-    if not len(search.rows):
-        return search, (), ()
-    model = search.identification.model
-    seen = predict(model, train)
-    typical = float(np.median(seen.misses))
-    sentences = tuple(
-        f"{name[row]} does not fit the others: it misses by {_error(seen, train, row)}, where "
-        f"{significant(typical * MM, 2)} mm is typical{_elsewhere(model, train, seen, row, name)}"
-        for row in map(int, search.rows)
+    misses = predict(chosen.identification.model, train).misses
+    rows = set(shots.sound.tolist())
+    rows |= {k for k in found.suspects if misses[k] > FAR_OFF * _median(misses, train, k)}
+    rows -= set(shots.bad.tolist())
+    if not rows:
+        return ()
+    ranked = sorted(rows, key=lambda row: -misses[row])
+    names = [name[row] for row in ranked[:MOST_NAMED]]
+    names += [f"{len(ranked) - MOST_NAMED} more"] if len(ranked) > MOST_NAMED else []
+    is_, them, there = ("is", "it", "this shot is") if len(ranked) == 1 else (
+        "are", "them", "these shots are"
+    )  # fmt: skip
+    typical = _median(misses, train, ranked[0])
+    return (
+        f"the model misses a region: {listed(names)} {is_} missed by up to "
+        f"{significant(misses[ranked[0]] * MM)} mm, where {significant(typical * MM, 2)} mm is "
+        f"typical, and a richer model, fitted without {them}, explains {them}; nothing is left "
+        f"out: only another shot there could tell whether {there} bad",
     )
-    return search, sentences, ()
+
+
+def _median(misses: Array, train: Measurements, row: int) -> float:
+    """Median miss of the rows of the kind of one row [m]: a distance shows one direction alone."""
+    return float(np.median(misses[train.kind == train.kind[row]]))
 
 
 def held_out_outliers(errors: RowErrors, is_test: Bool, name: list[str]) -> tuple[str, ...]:
@@ -85,26 +194,32 @@ def held_out_outliers(errors: RowErrors, is_test: Bool, name: list[str]) -> tupl
     )
 
 
-def _error(seen: Prediction, train: Measurements, row: int) -> str:
+def _error(shots: BadShots, train: Measurements, row: int) -> str:
     """By how much a row is missed, in words."""
-    text = f"{significant(seen.misses[row] * MM)} mm"
+    text = f"{significant(shots.misses[row] * MM)} mm"
     if not train.is_pose[row]:
         return text
-    return f"{text} and {significant(seen.turns[row] * DEG, 2)} deg"
+    return f"{text} and {significant(shots.turns[row] * DEG, 2)} deg"
 
 
-def _elsewhere(
-    model: RobotModel, train: Measurements, seen: Prediction, row: int, name: list[str]
-) -> str:
+def _typical(shots: BadShots, train: Measurements, row: int) -> str:
+    """The same of a typical row of its kind."""
+    text = f"{significant(_median(shots.misses, train, row) * MM, 2)} mm"
+    if not train.is_pose[row]:
+        return text
+    return f"{text} and {significant(_median(shots.turns, train, row) * DEG, 2)} deg"
+
+
+def _elsewhere(shots: BadShots, train: Measurements, row: int, name: list[str]) -> str:
     """Whose joints the reading of a row fits, if it does: then rows were swapped."""
     others = np.flatnonzero((train.q != train.q[row]).any(axis=1))
     if train.is_distance[row] or not len(others):
         return ""
     here = train.rows(np.full(len(others), row))
-    there = predict(model, replace(here, q=train.q[others]))
-    fits = there.misses < ELSEWHERE * float(np.median(seen.misses))
+    there = predict(shots.judge.model, replace(here, q=train.q[others]))
+    fits = there.misses < ELSEWHERE * _median(shots.misses, train, row)
     if train.is_pose[row]:
-        fits &= there.turns < ELSEWHERE * float(np.median(seen.turns[train.is_pose]))
+        fits &= there.turns < ELSEWHERE * _median(shots.turns, train, row)
     if not fits.any():
         return "; measure it again or leave it out"
     best = int(others[np.argmin(np.where(fits, there.misses, np.inf))])

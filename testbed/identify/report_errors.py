@@ -84,7 +84,7 @@ def residual_section(calibration: Calibration) -> Section:
 def outlier_section(calibration: Calibration) -> Section:
     """Rows that do not fit, by name."""
     outliers = calibration.gross
-    blocks: list[Block] = [Text("No training row is far from what the others say.")]
+    blocks: list[Block] = [Text("No training row is a bad shot.")]
     if outliers.sentences:
         rows = counted(len(outliers.sentences), "training row")
         part = (
@@ -109,5 +109,9 @@ def outlier_section(calibration: Calibration) -> Section:
         f"{significant(outliers.noise_factor, 2)} times the stated noise; only gross errors are "
         "named then."
     )
-    judged = f"Rows are judged by a robust fit that they cannot pull, {against}"
+    judged = (
+        f"Rows are looked for by a robust fit that they cannot pull, {against} None is called bad "
+        "that the richest model offered, fitted without it, foretells: then it is the model that "
+        "misses a region, and the warnings say so."
+    )
     return Section("outliers", "Outliers", (*blocks, Text(judged)))

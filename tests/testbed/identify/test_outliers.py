@@ -1,13 +1,15 @@
 """Gross errors: found by name, left out, nothing else with them."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
+from calib.identification.bad_shots import BadShots
 from calib.identification.outlier_search import noise_factor
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.outliers import held_out_outliers
+from testbed.identify.outliers import LookedAt, bad_words, held_out_outliers, model_words
 from tests.calibrated import robot, session_of, sound, sound_session, table_of, true_model
 from tests.reference import pool_r
 
@@ -23,10 +25,16 @@ def spoilt(noise=1.0, size=2e-3):
     return session_of(replace(table, position=position)), rows
 
 
+@cache
+def left(noise=1.0):
+    """The calibration that leaves them out."""
+    return calibrate(robot(), spoilt(noise)[0], Options(seed=1))
+
+
 @pytest.mark.parametrize("noise", [1.0, 5.0])
 def test_gross_errors_are_named_and_left_out_and_nothing_else_is(noise):
     session, rows = spoilt(noise)
-    found = calibrate(robot(), session, Options(seed=1))
+    found = left(noise)
     assert set(np.flatnonzero(found.gross.left_out)) == set(rows)
     for row in rows:
         assert any(f"pose P{row + 1} does not fit" in text for text in found.gross.sentences)
@@ -49,12 +57,11 @@ def test_gross_errors_are_named_and_left_out_and_nothing_else_is(noise):
 def test_kept_gross_errors_are_still_named_and_pull_the_fit():
     session, rows = spoilt()
     kept = calibrate(robot(), session, Options(seed=1, loss="squared"))
-    left = calibrate(robot(), session, Options(seed=1))
     assert len(kept.gross.sentences) == len(rows)
     assert not kept.gross.left_out.any()
-    assert kept.fit.test.position.mean > 1.3 * left.fit.test.position.mean
+    assert kept.fit.test.position.mean > 1.3 * left().fit.test.position.mean
     robust = calibrate(robot(), session, Options(seed=1, loss="cauchy"))
-    assert robust.fit.test.position.mean < 1.1 * left.fit.test.position.mean
+    assert robust.fit.test.position.mean < 1.1 * left().fit.test.position.mean
 
 
 def test_swapped_rows_are_told_apart_from_bad_ones():
@@ -80,6 +87,34 @@ def test_many_misfits_are_the_model_s_fault():
     found = calibrate(robot(), session_of(replace(table, position=position)), Options(seed=1))
     assert not found.gross.left_out.any()
     assert any("that many are no gross errors" in text for text in found.warnings)
+
+
+def test_a_good_shot_that_the_model_misses_is_told_as_the_models_fault():
+    """The sentence names poses and two values of one kind; three medians are the limit."""
+    found, train = sound(), sound_session().measurements.rows(sound().split.is_train)
+    names = [f"pose P{k + 1}" for k in range(len(train))]
+    far = train.position.copy()
+    far[[4, 9]] += [[0.3e-3, 0, 0], [0.5e-3, 0, 0]]
+    seen = replace(train, position=far)
+    shots = BadShots(
+        np.array([9]), np.array([4]), False, found.fit.identification, 1.0, "", np.full(53, 1e-5),
+        np.full(53, 1e-4),
+    )  # fmt: skip
+    (told,) = model_words(LookedAt(1.0, shots, [4, 9, 20]), seen, found.fit, names)
+    assert told.startswith("the model misses a region: pose P5 is missed by up to 0.284 mm, ")
+    assert "P10" not in told
+    assert "P21" not in told
+    (bad,) = bad_words(LookedAt(1.0, shots, [4, 9]), seen, names)
+    assert bad.startswith("pose P10 does not fit the others: the richest model offered, fitted ")
+    assert "misses it by 0.0100 mm and 0.0057 deg, where 0.010 mm and 0.0057 deg is typical" in bad
+    many = replace(shots, too_many=True)
+    (told,) = model_words(LookedAt(1.0, many, [4]), seen, found.fit, names)
+    assert told.startswith(f"1 of {len(train)} training poses do not fit")
+    for words in (
+        model_words(LookedAt(1.0), seen, found.fit, names),
+        bad_words(LookedAt(1.0), seen, names),
+    ):
+        assert words == ()
 
 
 def test_the_noise_factor_is_one_for_honest_noise_and_not_moved_by_a_few():

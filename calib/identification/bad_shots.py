@@ -1,0 +1,203 @@
+"""Bad shots, told from poses that a model misses: what the richest model misses too is bad.
+
+A model that lacks a joint error misses good observations wherever that error is large. So none is
+called bad before two models were asked: the one that the others ask for, under a loss that no gross
+error can pull, and the richest one that is offered, fitted without it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri
+
+from calib.arrays import Array, Bool, Index, frozen
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
+from calib.identification.climb import climb
+from calib.identification.ladders import Ladder, ladders_of
+from calib.identification.model_choice import extended_by, parts_of, some_poses
+from calib.identification.outlier_search import FAR, HONEST, with_noise
+from calib.identification.outliers import inspect
+from calib.identification.prior import Prior, prior_rows, weak_prior
+from calib.identification.result import Identification
+from calib.identification.tangent import covariance_factor
+from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predict
+from calib.measurement.residual import linearize, table_whiteners
+
+CHANCE = 0.01
+"""Chance that a table of sound observations, whose noise is as stated, has any suspect."""
+MOST = 0.1
+"""Part of the poses above which misfits are the model's fault, or the stated noise's."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BadShots:
+    """Observations that no model explains, and those that a richer one does."""
+
+    bad: Index
+    """Missed by the richest model, which was fitted without them; worst first."""
+    sound: Index
+    """Missed by the model that the others ask for, and not by the richest one."""
+    too_many: bool
+    """So many are missed that the model or the stated noise is to blame: then none is bad."""
+    judge: Identification
+    """The richest model, fitted without all of them; where too many are, the one asked for."""
+    noise_factor: float
+    """Noise that the models leave, in units of the stated one, one or more."""
+    asked: str
+    """The joint errors that the observations ask for; empty for geometry alone."""
+    misses: Array
+    """(m,) by how much `judge`, fitted without each observation, misses it [m]."""
+    turns: Array
+    """(m,) the same of orientations; zero where there are none [rad]."""
+
+    def __repr__(self) -> str:
+        return f"BadShots({len(self.bad)} bad, {len(self.sound)} missed by a poorer model)"
+
+
+def bad_shots(
+    nominal: RobotModel,
+    near: RobotModel,
+    measurements: Measurements,
+    parameters: Parameters,
+    *,
+    prior: Prior | None = None,
+    ladders: Sequence[Ladder] | None = None,
+    chance: float = CHANCE,
+    most: float = MOST,
+    rng: np.random.Generator | None = None,
+) -> BadShots:
+    """Ask the model that the observations want, and the richest one, which of them are bad.
+
+    Parameters
+    ----------
+    nominal : RobotModel
+        Where fits begin.
+    near : RobotModel
+        The same after a fit of its geometry that gross errors do not pull.
+    measurements : Measurements
+        What is looked at: training rows alone.
+    parameters : Parameters
+        What fits free.
+    prior, ladders, rng
+        As in `model_choice.choose`.
+    chance : float
+        Chance that a table of sound observations has any that is called bad.
+    most : float
+        Part of the poses from which on those missed are too many to be gross errors.
+    """
+    prior = weak_prior(parameters) if prior is None else prior
+    ladders = ladders_of(nominal) if ladders is None else ladders
+    rng = np.random.default_rng(0) if rng is None else rng
+    asked = some_poses(measurements, rng)
+    found = climb(
+        nominal, near, asked, parameters, ladders, parts_of(asked, rng), prior=prior, loss="cauchy"
+    )
+    table = with_noise(measurements, found.noise_factor)
+    wide, judge = extended_by(nominal, table, parameters, found.taken, prior=prior, loss="cauchy")
+    excess = excess_of(wide, judge, table, found.noise_factor, chance=chance)
+    suspects, used = np.flatnonzero(excess > 1), np.ones(len(table), dtype=np.bool_)
+    poses = measurements.together
+    too_many = len(np.unique(poses[suspects])) > most * len(np.unique(poses))
+    bad = suspects[:0]
+    if len(suspects) and not too_many:
+        used[suspects] = False
+        richest = tuple(ladder.levels[-1] for ladder in ladders)
+        wide, judge = extended_by(nominal, table.rows(used), parameters, richest, prior=prior)
+        limit = chdtri(table.equations[suspects], chance / len(suspects))
+        missed = foretold(judge, table.rows(~used)) / limit
+        bad = suspects[missed > mildness(found.noise_factor)]
+        bad = bad[np.argsort(-excess[bad], kind="stable")]
+    misses, turns = left_out_misses(wide, judge, table, used)
+    return BadShots(
+        frozen(bad, np.int64), frozen(np.setdiff1d(suspects, bad), np.int64), too_many, judge,
+        found.noise_factor, " and ".join(level.name for level in found.taken), misses, turns,
+    )  # fmt: skip
+
+
+def excess_of(
+    nominal: RobotModel,
+    result: Identification,
+    measurements: Measurements,
+    factor: float = 1.0,
+    *,
+    chance: float = CHANCE,
+) -> Array:
+    """Score (m,) of each observation over its limit, by the scatter that there is.
+
+    Parameters
+    ----------
+    nominal, result, measurements
+        As in `inspect`.
+    factor : float
+        How many times the stated noise there is, as far as that is in `measurements` already.
+    chance : float
+        Chance that any of sound observations is beyond its limit.
+    """
+    seen = inspect(nominal, result, measurements, chance=chance)
+    usual = float(np.median(seen.score / chdtri(measurements.equations, 0.5)))
+    factor = max(1.0, factor) * max(1.0, float(np.sqrt(usual)))
+    return np.asarray(seen.score / (seen.limit * max(1.0, usual) * mildness(factor)))
+
+
+def mildness(factor: float) -> float:
+    """Factor on limits: what models leave out has longer tails than noise has."""
+    return 1.0 if factor <= HONEST else FAR
+
+
+def foretold(fit: Identification, others: Measurements) -> Array:
+    """Whitened square (m,) of what a fit misses in observations that it never saw.
+
+    References
+    ----------
+    r'inv(I + A C A')r: chi-square if the observation is sound.
+    """
+    stack = linearize(fit.model, others)
+    A = stack.A[:, fit.parameters.free_index]
+    out = np.zeros(len(others))
+    for row in range(len(others)):
+        mine = stack.row_of == row
+        V = np.eye(int(mine.sum())) + A[mine] @ fit.covariance @ A[mine].T
+        out[row] = stack.r[mine] @ np.linalg.solve(V, stack.r[mine])
+    return out
+
+
+def left_out_misses(
+    nominal: RobotModel, fit: Identification, table: Measurements, used: Bool
+) -> tuple[Array, Array]:
+    """By how much (m,) a fit without it misses each row in position [m] and orientation [rad].
+
+    Parameters
+    ----------
+    nominal : RobotModel
+        Where the fit began: its prior counts from there.
+    fit : Identification
+        From the rows used.
+    table : Measurements
+        All rows.
+    used : (m,) array of bool
+        Rows that the fit had.
+
+    References
+    ----------
+    inv(I - w_j A_j C A_j') r_j, C = inv(A'WA + Lambda0): exact for a linear model.
+    """
+    own, columns = table.rows(used), fit.parameters.free_index
+    stack, prior = linearize(fit.model, own), np.zeros((0, len(columns)))
+    A = stack.A[:, columns]
+    if fit.prior is not None:
+        prior = prior_rows(fit.prior, nominal, fit.parameters).at(fit.model)[1][:, columns]
+    weight = fit.weights if fit.loss != "squared" else np.ones(len(own))
+    root = np.sqrt(weight)[stack.row_of, None] * A
+    B = root @ covariance_factor(np.concatenate([root, prior]))
+    residual, W = predict(fit.model, table).residual.copy(), table_whiteners(own)
+    ends = np.flatnonzero(np.diff(stack.row_of, prepend=-1, append=len(own)))
+    for row, place in enumerate(np.flatnonzero(used)):
+        mine = slice(ends[row], ends[row + 1])
+        r = np.linalg.solve(np.eye(mine.stop - mine.start) - B[mine] @ B[mine].T, stack.r[mine])
+        size = len(r)
+        residual[place, :size] = np.linalg.solve(W[row, :size, :size], r)
+    place, turn = (np.linalg.norm(part, axis=1) for part in np.split(residual, 2, axis=1))
+    return frozen(place), frozen(turn)

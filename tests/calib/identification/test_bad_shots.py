@@ -1,0 +1,135 @@
+"""Bad shots against poses that a model misses: virtual arms richer than geometry, and refits."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.special import chdtri
+
+from calib.geometry.joint_errors import JointErrors, harmonic_terms
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import parameters_of
+from calib.identification.bad_shots import bad_shots, foretold, left_out_misses
+from calib.identification.identify import identify
+from calib.identification.ladders import NOTHING, Ladder, Level, ladders_of
+from calib.identification.outlier_search import search_outliers
+from calib.identification.prior import weak_prior
+from calib.measurement.prediction import predict
+from tests.calib import kinds
+
+TX60 = RobotModel(kinds.ARMS["tx60"])
+MDEG = np.radians(1e-3)
+
+
+def waves(orders):
+    """Waves of joints 2 and 3."""
+    return tuple(t for t in harmonic_terms(6, orders) if t.joint in (1, 2))
+
+
+def ladders():
+    """Two waves a turn, or eight: what is offered here."""
+    few, many = (JointErrors(waves(orders)) for orders in ((1, 2), tuple(range(1, 9))))
+    levels = (
+        Level(f"{len(each.names)}", each, np.full(len(each.names), 20 * MDEG))
+        for each in (few, many)
+    )
+    return (Ladder("waves", (NOTHING, *levels)),)
+
+
+def bumpy(rng, size=60 * MDEG, wide=0.25):
+    """A TX60 whose joints 2 and 3 err in a narrow range: rounded bumps, as their eight waves."""
+    terms, at = waves(tuple(range(1, 9))), rng.uniform(-1, 1, 6)
+    order = np.array([max(map(abs, t.weights)) for t in terms])
+    share = size * wide * np.sqrt(2 / np.pi) * np.exp(-((order * wide) ** 2) / 2)
+    phase = np.array([at[t.joint] for t in terms]) * order
+    turned = np.array([t.wave == "sin" for t in terms])
+    return RobotModel(
+        TX60.chain, JointErrors(terms, share * np.where(turned, np.sin(phase), np.cos(phase)))
+    )
+
+
+@cache
+def campaign(seed, planted=0, count=90):
+    """Poses of such a robot, some of them shifted by ten standard deviations along every axis."""
+    rng = np.random.default_rng([seed, 11])
+    table = kinds.poses(bumpy(rng), kinds.joints("tx60", rng, count), rng)
+    rows = np.sort(rng.permutation(count)[:planted])
+    position = table.position.copy()
+    position[rows] += 10 * kinds.NOISE * rng.choice([-1.0, 1.0], (planted, 3))
+    return replace(table, position=position), rows
+
+
+def asked(table):
+    """What is called bad, from a fit of geometry that nothing pulls."""
+    parameters = parameters_of(TX60)
+    near = identify(TX60, table, parameters, loss="cauchy").model
+    return bad_shots(TX60, near, table, parameters, ladders=ladders())
+
+
+def test_good_shots_where_a_joint_errs_are_the_models_fault():
+    table, _ = campaign(6)
+    first = identify(TX60, table, parameters_of(TX60))
+    assert len(search_outliers(TX60, first, table, noise_is_known=False).rows)  # of geometry alone
+    found = asked(table)
+    assert (len(found.bad), found.too_many) == (0, False)
+    assert found.asked == "32"
+
+
+def test_where_few_poses_confirm_no_model_the_richest_one_speaks_for_a_good_shot():
+    found = asked(campaign(1, count=19)[0])
+    assert found.asked == ""
+    assert (len(found.bad), len(found.sound)) == (0, 1)
+
+
+def test_bad_shots_are_named_and_nothing_else_is():
+    table, rows = campaign(2, 3)
+    found = asked(table)
+    # 17 standard deviations in all, of which the leverage of 90 poses leaves half at the worst
+    assert set(found.bad) == set(rows)
+    assert "3 bad" in repr(found)
+
+
+def test_misses_without_a_row_are_those_of_a_refit_without_it():
+    """Every tenth row left out and all identified again, with a prior on all numbers."""
+    table, _ = campaign(2)
+    table, parameters = table.rows(np.arange(40)), parameters_of(TX60)
+    prior = weak_prior(parameters)
+    fit = identify(TX60, table, parameters, prior=prior)
+    misses, turns = left_out_misses(TX60, fit, table, np.ones(40, dtype=bool))
+    for row in range(0, 40, 10):
+        used = np.arange(40) != row
+        without = identify(TX60, table.rows(used), parameters, prior=prior)
+        seen = predict(without.model, table.rows(~used))
+        # steps of 0.3 mm and 0.1 deg bend what is linear by 1e-3 of themselves at most
+        assert misses[row] == pytest.approx(seen.misses[0], rel=0.01)
+        assert turns[row] == pytest.approx(seen.turns[0], rel=0.01)
+        _, out = left_out_misses(TX60, without, table, used)
+        assert out[row] == pytest.approx(seen.turns[0], rel=1e-12)
+
+
+def test_what_a_fit_never_saw_is_chi_square():
+    rng = np.random.default_rng(5)
+    true = bumpy(rng, size=0.0)
+    squares = []
+    for _ in range(8):
+        table = kinds.poses(true, kinds.joints("tx60", rng, 60), rng)
+        fit = identify(TX60, table.rows(np.arange(20)), parameters_of(TX60))
+        squares.append(foretold(fit, table.rows(np.arange(20, 60))))
+    # mean of chi-square with six degrees; rows of one fit share its error: a third of them counts
+    spread = np.sqrt(12 / (8 * 40 / 3))
+    assert np.mean(squares) == pytest.approx(6.0, abs=3 * spread)
+    assert (np.array(squares) > chdtri(6, 0.5)).mean() == pytest.approx(0.5, abs=0.12)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("bump", [30, 60, 120])
+def test_no_good_shot_is_called_bad_on_forty_robots(bump):
+    """With the ladders that are shipped: whole joint maps, and bumps narrower than their waves."""
+    for robot in range(40):
+        rng = np.random.default_rng([robot, bump, 12])
+        table = kinds.poses(bumpy(rng, bump * MDEG), kinds.joints("tx60", rng, 100), rng)
+        parameters = parameters_of(TX60)
+        near = identify(TX60, table, parameters, loss="cauchy").model
+        found = bad_shots(TX60, near, table, parameters, ladders=ladders_of(TX60))
+        assert not len(found.bad), robot
