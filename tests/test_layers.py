@@ -58,9 +58,9 @@ FLOORS = {
         ("scenario", "recording", "jobsheet"),
         ("laboratory", "studies/protocol"),
         ("studies/trial", "studies/many_robots", "plan", "files"),
-        ("studies/kinds",),
+        ("studies/kinds", "iso9283"),
         ("studies/pose_sets", "studies/coverage", "studies/compensation", "studies/wen2022",
-         "identify", "run", "proposal", "iso9283"),
+         "identify", "run", "proposal"),
         ("cli", "front"),
     ),
     "calib": (

@@ -10,7 +10,7 @@ from calib.measurement.cycles import FEWEST
 from testbed.files.matching import visits_of
 from testbed.files.refusal import refusal
 from testbed.iso9283.records import PATH_CYCLES, POSE_CYCLES, PathRuns, Visits
-from testbed.iso9283.rows import Rows, one_command, require_pose_names
+from testbed.iso9283.rows import Rows, are_counts, one_command, require_pose_names
 from testbed.units import counted, listed
 
 MOST_NAMED = 5
@@ -94,7 +94,7 @@ def _path(
     noise = None if rows.covariance is None else rows.covariance[:, :3, :3].mean(axis=0)
     if rows.point is None or np.isnan(rows.point).all():
         return _sampled(name, rows, commands, noise), ()
-    wrong = np.isnan(rows.point) | (rows.point != np.floor(np.nan_to_num(rows.point)))
+    wrong = ~are_counts(rows.point)
     if wrong.any():
         place, fix = rows.place[int(np.argmax(wrong))], "number the points of the path"
         message = f"path_point of {called} is no whole number"

@@ -234,14 +234,19 @@ def _path(path: PathRuns, shared: Shared) -> tuple[list[StatedFigure], PathShown
     a, r = found.worst
     AT, RT = accuracy(x, path.command, common=common), found.repeatability
     own = float(_shared_part(AT, found.accuracy)[a])
-    where, far = f"path {path.name}", mean_limits(AT, n - 1)
-    near = repeatability_limits(x)
+    where, m = f"path {path.name}", len(x)
+    # the largest of m lower limits is one of the largest figure if each holds at 1 - 0.025 / m;
+    # the largest upper limit holds it as any one does: it is no smaller than that of its point
+    single = 1 - (1 - PROBABILITY) / m
+    low, near = mean_limits(AT, n - 1, probability=single), repeatability_limits(x)
+    far = mean_limits(AT, n - 1)
+    least = repeatability_limits(x, probability=single)
     steps = np.linalg.norm(np.diff(path.command, axis=0), axis=1)
     figures = [
-        StatedFigure("AT", where, float(AT.value[a]), float(far.lower[a]), float(far.upper[a]),
-               float(AT.uncertainty[a]), found.floor, n, shared=own),
-        StatedFigure("RT", where, float(RT.value[r]), float(near.lower[r]), float(near.upper[r]),
-               float(RT.uncertainty[r]), float(RT.floor[r]), n),
+        StatedFigure("AT", where, float(AT.value[a]), float(low.lower.max()),
+                     float(far.upper.max()), float(AT.uncertainty[a]), found.floor, n, shared=own),
+        StatedFigure("RT", where, float(RT.value[r]), float(least.lower.max()),
+                     float(near.upper.max()), float(RT.uncertainty[r]), float(RT.floor[r]), n),
     ]  # fmt: skip
     along = frozen(np.concatenate([[0.0], np.cumsum(steps)]))
     mean = frozen(x.mean(axis=1))

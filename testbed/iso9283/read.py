@@ -16,7 +16,7 @@ from testbed.gates.text import SourceFile
 from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.iso9283.grouped import Commands, paths_in, visits_in
 from testbed.iso9283.records import CycleTest, PathRuns, Visits
-from testbed.iso9283.rows import Rows, read_rows
+from testbed.iso9283.rows import Rows, are_counts, read_rows
 
 
 def read_test(
@@ -102,7 +102,11 @@ def _test(
         job=sheet,
         systematic=settings.uncertainty.systematic,
         limits=limits,
-        uncertainty=" and ".join(dict.fromkeys(filter(None, (one.uncertainty for one in parts)))),
+        uncertainty=" and ".join(
+            dict.fromkeys(
+                said for one in parts if one.uncertainty for said in one.uncertainty.split(" and ")
+            )
+        ),
         simulated=settings.simulated,
         warnings=tuple(dict.fromkeys(warnings)),
         notes=tuple(dict.fromkeys([*(note for one in parts for note in one.notes), *notes])),
@@ -132,8 +136,14 @@ def _commanded(
     found: dict[tuple[str, ...], tuple[np.ndarray, np.ndarray | None]] = {}
     for k, place in enumerate(rows.place):
         point = None if rows.point is None else rows.point[k]
-        on_path = bool(rows.path[k]) and point is not None and np.isfinite(point)
-        name = (rows.path[k], str(int(point))) if on_path and point is not None else (rows.pose[k],)
+        if rows.path[k] and (point is None or not are_counts(np.array(point))):
+            message, fix = "path_point is no whole number", "number the points of the path"
+            raise refuse("path_point", code="M25", message=message, fix=fix, where=place)
+        name = (
+            (rows.path[k], str(int(point)))
+            if point is not None and rows.path[k]
+            else (rows.pose[k],)
+        )
         if not name[0] or name in found:
             what = "is commanded twice" if name[0] else "has no name"
             message = f"{' point '.join(name) or 'a row'} {what}"

@@ -10,6 +10,7 @@ from testbed.iso9283.words import (
     EDITION,
     decisions,
     enough,
+    equal,
     mark,
     next_step,
     notice,
@@ -33,7 +34,8 @@ LIMITS = (
     "Limits hold the figure that endlessly many cycles would show with 95 % probability: of AP, "
     "AD, vAP and AT by Student's t, with what the instrument is stated to share; of RP, RD and RT "
     "by chi-square, its degrees of freedom from the shape of the scatter. Floor: what the figure "
-    "reads, on average, where there is nothing to see."
+    "reads, on average, where there is nothing to see. PASS: every upper limit keeps the limit, at "
+    "a risk of 2.5 %; FAIL: a lower limit is beyond it, at 2.5 % for each figure."
 )
 
 
@@ -252,7 +254,8 @@ def _drift(result: CycleResult) -> Section | None:
         size="small",
         note="Blocks of ten cycles in the order of time; dAP and dRP: largest change of AP and RP "
         "against the first block. Chance: what 95 % of random orders of the same cycles stay "
-        f"below; p: share of them that change as much.{_more(len(rows))}",
+        f"below; p: share of them that change as much; all poses and figures together: p "
+        f"{equal(result.drift_p_value)}.{_more(len(result.drifts))}",
     )
     picture = Drawing(
         "AP and RP of each block of ten cycles; dark: the pose whose change is least by chance.",
@@ -279,7 +282,8 @@ def _paths(result: CycleResult) -> list[Section]:
             note="AT: largest distance of the mean path from a commanded point, in the plane "
             "across the path there; RT: largest mean distance to the mean path and three standard "
             "deviations, in such a plane. Early or late along the path is no error. Largest of "
-            f"many points, both read a little more than any single one.{how}",
+            f"many points, both read a little more than any single one: the lower limits allow for "
+            f"that, each point's at 1 - 0.025/{len(shown.command)}.{how}",
         )
         picture = Drawing(
             f"Left: commanded path, mean path and the tube of RT, errors drawn {factor_of(shown)} "

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.arrays import Array, Index
+from calib.arrays import Array, Bool, Index
 from calib.errors import InputError
 from testbed.bounds import COUNT
 from testbed.files.cleaned import table_in
@@ -178,8 +178,7 @@ def _cycles(table: DataTable, index: Index) -> Index | None:
     if name is None:
         return None
     values = table.numbers([name])[index, 0]
-    with np.errstate(invalid="ignore"):
-        wrong = ~(np.abs(values) <= COUNT.most) | (values != np.floor(values))
+    wrong = ~are_counts(values)
     if wrong.any():
         row = int(index[np.argmax(wrong)])
         message = f'{name} is "{table.texts(name)[row][:20]}"'
@@ -187,6 +186,12 @@ def _cycles(table: DataTable, index: Index) -> Index | None:
             table.place(row), name, message, allowed="it is a whole number", fix="mend it"
         )
     return np.asarray(values.astype(np.int64))
+
+
+def are_counts(values: Array) -> Bool:
+    """Which numbers (r,) are whole, and count something."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray((np.abs(values) <= COUNT.most) & (values == np.floor(values)))
 
 
 def _texts(table: DataTable, name: str, index: Index) -> tuple[str, ...]:

@@ -5,7 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from testbed.iso9283.records import PATH_CYCLES, POSE_CYCLES, STANDARD, CycleResult, StatedFigure
+from testbed.iso9283.records import (
+    PATH_CYCLES,
+    POSE_CYCLES,
+    STANDARD,
+    CycleResult,
+    CycleTest,
+    StatedFigure,
+)
 from testbed.report.page import SIMULATED
 from testbed.units import MDEG, UM, counted, probability, sentences, significant
 
@@ -120,14 +127,17 @@ def verdict(result: CycleResult) -> str:
             span = f"{show(figure.least, figure)} to {show(figure.most, figure)}"
             parts.append(f"{name} is up to {um(figure.size)} ({figure.where}: {span})")
     text = f"{'; '.join(parts)}; in brackets 95 % limits"
+    return f"{text}. Measured: {extent(result.test)}."
+
+
+def extent(test: CycleTest) -> str:
+    """How much was measured."""
     counts = []
-    if result.test.visits is not None:
-        visits = result.test.visits
-        counts.append(
-            f"{counted(visits.cycles, 'cycle')} of {counted(len(set(visits.pose)), 'pose')}"
-        )
-    counts += [f"{counted(len(one.runs), 'run')} of path {one.name}" for one in result.test.paths]
-    return f"{text}. Measured: {', '.join(counts)}."
+    if test.visits is not None:
+        poses = counted(len(set(test.visits.pose)), "pose")
+        counts.append(f"{counted(test.visits.cycles, 'cycle')} of {poses}")
+    counts += [f"{counted(len(one.runs), 'run')} of path {one.name}" for one in test.paths]
+    return ", ".join(counts)
 
 
 def told(figure: StatedFigure) -> str:
@@ -150,9 +160,9 @@ def reasons(result: CycleResult) -> tuple[str, ...]:
     if near:
         worst = min(near, key=lambda figure: figure.size / figure.floor)
         texts.append(
-            f"{counted(len(near), 'figure')} of repeatability read little more than the stated "
-            f"noise alone would: {worst.name} of {worst.where} is {um(worst.size)}, noise alone "
-            f"reads {um(worst.floor)}; the robot itself repeats better than that"
+            f"{worst.name} of {worst.where} is {um(worst.size)}, and the stated noise alone reads "
+            f"{um(worst.floor)}: the robot itself repeats better than that"
+            + (f" ({counted(len(near) - 1, 'more figure')} like it)" if len(near) > 1 else "")
         )
     if not test.uncertainty:
         texts.append(

@@ -12,6 +12,8 @@ from testbed.files.visits.tables import CampaignFile
 from testbed.gates.mistakes import validated
 from testbed.gates.paths import is_there, real
 from testbed.gates.toml import read_toml, read_toml_bytes, toml_document
+from testbed.iso9283.read import read_test
+from testbed.iso9283.words import extent
 from testbed.proposal.data import look_at
 from testbed.robots.catalog import ROBOT_FILE, TRACKER_FILE, XML, load_robot, robot_names
 from testbed.robots.file import TrackerFile
@@ -19,8 +21,10 @@ from testbed.robots.robot import Robot
 from testbed.units import counted
 
 SCENARIO_FILE = "scenario.toml"
-OF_SESSIONS = {"joints", "frames", "points", "ranges", "drift", "dialect", "match", "uncertainty",
-               "session"}  # fmt: skip
+OF_SESSIONS = {
+    "joints", "frames", "points", "ranges", "drift", "dialect", "match", "uncertainty", "session",
+    "cycles", "paths", "iso9283", "job",
+}  # fmt: skip
 OF_SCENARIOS = {"trial", "truth", "tracker", "pool", "test", "plan", "studies", "seed", "cell"}
 
 
@@ -102,10 +106,19 @@ def _session(file: Path, document: dict[str, Any], robot: str | None) -> list[st
     """Sentences on a session, and on its files where the robot is known."""
     settings = validated(document, CampaignFile, str(file))
     tables = [table.name for table in settings.observed]
+    repeated = {"cycles": settings.cycles, "paths": settings.paths}
+    tables += [name for name, table in repeated.items() if table is not None]
     said = f"a session of {' and '.join(tables) or 'no readings yet'}"
     if settings.session:
         names = [one.name + " (held out)" * one.held_out for one in settings.session]
         said = f"{counted(len(names), 'session')} of one robot: {', '.join(names)}"
+    if any(repeated.values()):
+        test = read_test(file)
+        told = [*test.notes, *(f"warning: {text}" for text in test.warnings)]
+        told = [f"for truebed iso9283: {extent(test)}", *told]
+        if not settings.observed:
+            return [said, *told]
+        said = "; ".join([said, *told])
     named = robot or (settings.robot if settings.robot in robot_names() else None)
     if named is None:
         return [said, "its files were not read: name the robot by --robot"]

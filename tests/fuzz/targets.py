@@ -15,6 +15,10 @@ from testbed.files.read import read_session
 from testbed.files.session_toml import SessionFile
 from testbed.gates.mistakes import validated
 from testbed.gates.toml import toml_document
+from testbed.iso9283.play import play_test
+from testbed.iso9283.read import read_test
+from testbed.iso9283.results import headline as numbers_of
+from testbed.iso9283.words import mark, reasons
 from testbed.laboratory.cell import cell_from
 from testbed.laboratory.joint_lists import read_conditions, read_joints
 from testbed.proposal.data import look_at
@@ -104,6 +108,12 @@ def read_proposal(folder: Path) -> object:
     return validated(toml_document(visible(text).encode(), "new"), SessionFile, "new")
 
 
+def read_cycles(folder: Path) -> object:
+    """A test after ISO 9283, all its figures, and what is said of them."""
+    result = play_test(read_test(folder))
+    return result, numbers_of(result), mark(result), reasons(result)
+
+
 def read_program(folder: Path) -> object:
     """A program and what becomes of it."""
     return correct_program(folder / "program.csv", ROBOT, whole.REAL, folder / "corrected.csv")
@@ -167,6 +177,12 @@ TARGETS = {
     "spatial analyzer": Target(read_measured, whole.SESSIONS, ("smr.txt",), NOT_STATED),
     "joints of a program": Target(read_measured, whole.SESSIONS, ("cal.txt",), NOT_STATED),
     "proposal": Target(read_proposal, whole.SESSIONS, ("a.csv", "smr.txt", "cal.txt")),
+    "cycles": Target(
+        read_cycles,
+        whole.CYCLES,
+        ("session.toml", "cycles.csv", "path.csv"),
+        frozenset({"floor", "drift_p_value"}),
+    ),
     "URDF": Target(read_robot("arm.urdf"), whole.ARMS, ("arm.urdf",)),
     "MJCF": Target(read_robot("arm.xml"), whole.ARMS, ("arm.xml",)),
     "mesh of a URDF": Target(read_robot("arm.urdf"), whole.ARMS, ("part.obj", "part.stl")),

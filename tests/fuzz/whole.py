@@ -17,6 +17,7 @@ from testbed.studies import load_scenario
 from testbed.studies.trial.records import PoseCountStudy, RandomSets, RandomSetsStudy
 from tests.testbed.files.made import ROBOT, made
 from tests.testbed.files.test_mutation import FILES
+from tests.testbed.iso9283.made import SESSION, path_rows, pose_rows, text_of
 from tests.testbed.robots.described_cases import MJCF, block, urdf
 from tests.testbed.studies.trial.fake_campaign import Fake, scenario
 
@@ -257,6 +258,15 @@ ARMS = (
 )
 ROBOTS = (encoded({"robot.toml": ROBOT_TOML}) | {"part.stl": block()},)
 PLANS = (encoded({"plan.csv": PLAN}),)
+CYCLES = (
+    encoded(
+        {
+            "session.toml": SESSION,
+            "cycles.csv": text_of(pose_rows(n=20)[:100]),
+            "path.csv": text_of(path_rows(n=4, m=6)),
+        }
+    ),
+)
 PROGRAMS = (
     encoded({"program.csv": PROGRAM_OF_JOINTS}),
     encoded({"program.csv": program_of_poses()}),

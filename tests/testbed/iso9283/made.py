@@ -10,6 +10,30 @@ BIAS = np.array([[80, 0, 0], [0, -60, 0], [0, 0, 40], [30, 40, 0], [0, 0, 0.0]])
 """Barycenter less command [um]."""
 
 
+SESSION = """
+name = "acceptance"
+[cycles]
+file = "cycles.csv"
+[paths]
+file = "path.csv"
+[uncertainty]
+position_um = 4
+[iso9283]
+frame = "robot"
+speed_percent = 80
+limits_um = {AP = 200, RP = 60}
+[conditions]
+payload_kg = 5
+date = "2026-11-22"
+[job]
+customer = "A <b>bold</b> one"
+[job.instrument]
+certificate = "K 1"
+valid_until = "2026-01-31"
+"""
+"""A session of both kinds, with limits and a job sheet."""
+
+
 def scatter(n, poses, sd, seed=0):
     """Normal errors (poses, n, 3) [um] with exactly this mean zero and this covariance."""
     x = np.random.default_rng(seed).standard_normal((poses, n, 3))

@@ -11,29 +11,7 @@ from testbed.cli import app
 from testbed.iso9283.play import play_test
 from testbed.iso9283.read import read_test
 from testbed.iso9283.report import page_of
-from tests.testbed.iso9283.made import path_rows, pose_rows, text_of
-
-SESSION = """
-name = "acceptance"
-[cycles]
-file = "cycles.csv"
-[paths]
-file = "path.csv"
-[uncertainty]
-position_um = 4
-[iso9283]
-frame = "robot"
-speed_percent = 80
-limits_um = {AP = 200, RP = 60}
-[conditions]
-payload_kg = 5
-date = "2026-11-22"
-[job]
-customer = "A <b>bold</b> one"
-[job.instrument]
-certificate = "K 1"
-valid_until = "2026-01-31"
-"""
+from tests.testbed.iso9283.made import SESSION, path_rows, pose_rows, text_of
 
 
 def truebed(*words):

@@ -1,0 +1,96 @@
+"""Do the limits hold the truth as often as they say? With an instrument written once more here."""
+
+import numpy as np
+import pytest
+
+from testbed.iso9283.play import play_test
+from testbed.iso9283.records import CycleTest, PathRuns, Visits
+from testbed.jobsheet.sheet import JobSheet
+from testbed.scenario.systematic import SystematicTable
+from tests.testbed.iso9283.made import CUBE
+
+COMMAND = CUBE * 1e-3
+STATION = np.array([-2.0, 0.5, 0.2])
+SD = 8e-6 * np.array([1.0, 0.6, 0.4])
+"""Scatter of a robot along each axis [m]."""
+STATED = SystematicTable(
+    range_offset_um=3, scale_um_per_m=1.5, encoder_amplitude_um=(7.5, 3.0),
+    station_mm=(-2000, 500, 200),
+)  # fmt: skip
+
+
+def bare(visits=None, paths=(), systematic=None):
+    """A test without words."""
+    return CycleTest(
+        "made", (), visits, tuple(paths), False, None, "", "", JobSheet(), systematic, {}, "", True,
+        (), (),
+    )  # fmt: skip
+
+
+def seen_by_a_tracker(x, rng):
+    """Places x (..., 3) as one instrument with errors of its own shows them: range and angles."""
+    d = x - STATION
+    r = np.sqrt((d**2).sum(axis=-1))
+    azimuth, elevation = np.arctan2(d[..., 1], d[..., 0]), np.arcsin(d[..., 2] / r)
+    one, two = rng.uniform(0, 2 * np.pi, 2)
+    wave = 7.5e-6 + 3e-6 * r
+    a = azimuth + wave * np.sin(azimuth + one) / (r * np.cos(elevation))
+    e = elevation + wave * np.sin(2 * elevation + two) / r
+    r = r + 3e-6 * rng.standard_normal() + 1.5e-6 * rng.standard_normal() * r
+    beam = [np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)]
+    return STATION + np.stack([r * one for one in beam], axis=-1)
+
+
+def held(campaigns, n, systematic, seed=1):
+    """How often the limits of each kind of figure hold the truth."""
+    rng, inside = np.random.default_rng(seed), {}
+    far = np.linalg.norm(rng.standard_normal((400_000, 3)) * SD, axis=1)
+    RP, names = far.mean() + 3 * far.std(), tuple("01234")
+    for _ in range(campaigns):
+        bias = 60e-6 * rng.standard_normal((5, 3))
+        x = (COMMAND + bias)[:, None] + SD * rng.standard_normal((5, n, 3))
+        x = seen_by_a_tracker(x, rng) if systematic else x
+        visits = Visits(names, ("",) * 5, COMMAND, x, None, None, None, None, None)
+        for figure in play_test(bare(visits, systematic=systematic)).figures:
+            ends = [int(word) for word in figure.where.split(" to ")]
+            gap = COMMAND[ends[-1]] - COMMAND[ends[0]]
+            true = {
+                "AP": np.linalg.norm(bias[ends[0]]), "RP": RP,
+                "AD": np.linalg.norm(gap + bias[ends[-1]] - bias[ends[0]]) - np.linalg.norm(gap),
+                "RD": 3 * np.sqrt(2) * np.linalg.norm(gap * SD) / max(np.linalg.norm(gap), 1e-9),
+                **{f"AP_{axis}": bias[ends[0], k] for k, axis in enumerate("xyz")},
+            }[figure.name]  # fmt: skip
+            inside.setdefault(figure.name[:3], []).append(figure.lower <= true <= figure.upper)
+    return {name: float(np.mean(each)) for name, each in inside.items()}
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("systematic", [None, STATED], ids=["alone", "with its instrument"])
+@pytest.mark.parametrize("n", [5, 30])
+def test_limits_of_poses_and_distances_hold_the_truth(n, systematic):
+    found = held(200, n, systematic)
+    # 1000 poses, 2000 pairs: figures of one campaign hang together, 0.95 +- 0.02 at most
+    assert min(found.values()) > 0.93, found
+    # waves of any phase are bounded, and Student's t widens what is no scatter: wider, not narrower
+    assert found["AP"] < (0.98 if systematic is None else 1.001), found
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("together", [True, False])
+@pytest.mark.parametrize("n", [5, 10, 30])
+def test_limits_of_the_largest_along_a_path_hold_the_largest_truth(n, together):
+    rng, m, s = np.random.default_rng(n), 40, 20e-6
+    away = np.linalg.norm(rng.standard_normal((400_000, 2)) * s, axis=1)
+    RT, along = away.mean() + 3 * away.std(), np.linspace(0, 0.4, m)
+    command = np.stack([along, 0 * along, 0 * along], axis=1)
+    off = 60e-6 * (1 + 0.1 * np.sin(15 * along))
+    misses = np.zeros(4)
+    for _ in range(200):
+        e = rng.standard_normal((n, 1 if together else m, 3)) * s * [0, 1, 1]
+        runs = tuple(command + off[:, None] * [0, 1, 0] + one for one in e)
+        path = PathRuns("a", tuple("x" * m), command, runs, ("a:1",) * n, True, None)
+        found = {figure.name: figure for figure in play_test(bare(paths=[path])).figures}
+        ends = [(found["AT"], off.max()), (found["RT"], RT)]
+        misses += [miss for f, true in ends for miss in (f.lower > true, f.upper < true)]
+    # 0.025 of 200 on each side, and three standard errors; without the 1/m a third would miss
+    assert misses.max() / 200 < 0.025 + 0.034
