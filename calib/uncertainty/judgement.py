@@ -246,6 +246,7 @@ def _stated(
         measured=quiet.test.rows(~quiet.test.is_distance)
         if held and belief.n_guards
         else None,
+        visits=known.stations_are_visits,
     )  # fmt: skip
 
 

@@ -39,7 +39,10 @@ def shared_of(
     if session.systematic is None:
         return None
     further = len(identification.model.fixtures.stations)
-    beams = np.stack([beam_of(session.systematic), *np.eye(4)[None].repeat(further, axis=0)])
+    own = beam_of(session.systematic)
+    # what is stated of one session of a robot holds for its others
+    others = own if session.visits else np.eye(4)
+    beams = np.stack([own, *others[None].repeat(further, axis=0)])
     return shared_errors(errors_of(session.systematic), identification, train, judged, beams)
 
 

@@ -16,7 +16,7 @@ from calib.geometry.model import RobotModel
 from calib.identification.identify import Identification
 from calib.information.propagation import propagated
 from calib.measurement.observations import Measurements
-from calib.measurement.prediction import predict
+from calib.measurement.prediction import predict, predicted_positions
 from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.regions import coverage_factor, mahalanobis_squared
 from calib.uncertainty.statement.applicability import Proven, proven_at
@@ -88,6 +88,16 @@ class Belief:
             (sd,) = check(f"{self.model.chain.n_joints}", repeatability=repeatability)
             moved = rows[:, :, joint_columns(self.model.chain)] * sd
             sigma = sigma + moved @ np.swapaxes(moved, 1, 2)
+        return ToolStatement(frozen(position), frozen(sigma), self.factor, self.probability)
+
+    def seen_regions(self, table: Measurements) -> ToolStatement:
+        """Regions of the points that rows of a table look at, with their own stations and tools.
+
+        In the axes of each row's station: what is uncertain of its frames is in them.
+        """
+        rows = predict(self.model, table).rows[:, :3]
+        sigma = _region(self, rows, self.proven.applies(table.q).growth)
+        position = predicted_positions(self.model, table)
         return ToolStatement(frozen(position), frozen(sigma), self.factor, self.probability)
 
 

@@ -69,6 +69,7 @@ def stated_point(
     repeatability: Array | None = None,
     told_by: str = "",
     measured: Measurements | None = None,
+    visits: bool = False,
 ) -> StatedPoint:
     """What is believed at poses like q (n, j), as one radius.
 
@@ -91,6 +92,9 @@ def stated_point(
         What tells it.
     measured : Measurements, optional
         Readings of points at these poses that guard the radius.
+    visits : bool
+        Whether they were read in frames of their own: then they guard the radius there, and it
+        grows here as it does there.
     """
     growth = belief.proven.applies(q).growth
     mean = belief.regions(q, target=target, growth=growth)
@@ -100,7 +104,11 @@ def stated_point(
         u_move, radius_move = _usual(move), common_radius(move)
     radius, grown = common_radius(mean), 1.0
     if measured is not None:
-        grown = _guarded(radius, belief, measured, target) / radius
+        there = belief.seen_regions(measured) if visits else None
+        usual = radius if there is None else common_radius(there)
+        if there is None:
+            there = belief.regions(measured.q, target=target)
+        grown = _guarded(usual, belief, measured, there) / usual
     return StatedPoint(
         grown * _usual(mean), grown * radius, grown * u_move, grown * radius_move,
         belief.probability, len(q), held_out, told_by if np.isfinite(u_move) else "",
@@ -119,13 +127,13 @@ def common_radius(stated: ToolStatement) -> float:
     return radius_over(S, np.full(len(S), 1 / len(S)), stated.probability)
 
 
-def _guarded(radius: float, belief: Belief, measured: Measurements, target: Array) -> float:
+def _guarded(radius: float, belief: Belief, measured: Measurements, there: ToolStatement) -> float:
     """The radius, or the one that errors measured at some points ask for, one of each pose [m].
 
     Whether they are too many beyond it is asked of errors less the share of their noise; the larger
     radius is that of the errors themselves, less what noise adds in squares.
     """
-    own = np.trace(widened(belief.regions(measured.q, target=target)), axis1=1, axis2=2)
+    own = np.trace(widened(there), axis1=1, axis2=2)
     noise = np.trace(measured.covariance[:, :3, :3], axis1=1, axis2=2)
     square, p = predict(belief.model, measured).misses ** 2, belief.probability
     pose = np.unique(measured.pose_id, return_inverse=True)[1].ravel()

@@ -5,11 +5,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from calib.arrays import Bool
+from calib.uncertainty.statement.stated_point import common_radius
 from testbed.files.visits.visit import OWN, RobotVisit
+from testbed.identify.proof import stated_target
 from testbed.identify.records import Calibration
 from testbed.report.page import Section, Table, Text
 from testbed.store.quantities import METRE, RADIAN, Quantity, below
-from testbed.units import DEG, MM, counted, fixed
+from testbed.units import DEG, MM, UM, counted, fixed, significant
 
 IDENTIFIES, FITS, JUDGES = "identify", "fit its frames", "judge"
 """What rows of a visit do."""
@@ -54,11 +56,13 @@ def visit_section(calibration: Calibration) -> Section | None:
     errors = Table(
         caption="Errors of each session: seen minus predicted",
         head=("session", "rows that", "rows", "before mean mm", "mean mm", "p95 mm", "max mm",
-              "mean deg"),
+              "mean deg", "R95 there µm"),
         rows=tuple(_error_cells(calibration, *each) for each in _parts(calibration)),
-        align="llrrrrrr",
+        align="llrrrrrrr",
         size="small",
-        note="before: nominal links, and all frames fitted as far as they are free.",
+        note="before: nominal links, and all frames fitted as far as they are free. R95 there: "
+        "radius that holds a true point of the target with 95 % probability (3-D) in the frames of "
+        "this session, at these poses; what is uncertain of its frames is in it.",
     )  # fmt: skip
     (said,) = handed_out(calibration)
     text = Text(f"{said[0].upper()}{said[1:]}.")
@@ -87,6 +91,8 @@ def visit_numbers(calibration: Calibration) -> Iterator[Quantity]:
                 Quantity("mean_mm", misses.position[rows].mean(), METRE),
                 Quantity("max_mm", misses.position[rows].max(), METRE),
             ]
+            if (radius := radius_there(calibration, rows)) is not None:
+                own.append(Quantity("radius_mean_mm", radius, METRE))
             if (rows & calibration.measurements.is_pose).any():
                 own.append(Quantity("mean_deg", misses.rotation[rows].mean(), RADIAN))
             found += below(part.replace(" ", "_"), own)
@@ -107,6 +113,8 @@ def visit_words(calibration: Calibration) -> tuple[str, ...]:
             f"session {visit.name}: {poses}{frames}: mean error {fixed(before * MM, 4)} mm before, "
             f"{fixed(mean * MM, 4)} mm after"
         )
+        if (radius := radius_there(calibration, rows)) is not None and not calibration.elsewhere:
+            said[-1] += f"; R95 there, its frames included, = {significant(radius * UM)} um"
     return (*said, *handed_out(calibration))
 
 
@@ -159,8 +167,26 @@ def _error_cells(calibration: Calibration, k: int, part: str, rows: Bool) -> tup
     p, turned = after.position[rows], rows & calibration.measurements.is_pose
     lengths = (before.position[rows].mean(), p.mean(), np.quantile(p, 0.95), p.max())
     turn = fixed(after.rotation[turned].mean() * DEG, 4) if turned.any() else "–"
-    name = calibration.visits[k].name
-    return (name, part, str(len(p)), *(fixed(value * MM, 4) for value in lengths), turn)
+    radius = radius_there(calibration, rows)
+    return (
+        calibration.visits[k].name, part, str(len(p)),
+        *(fixed(value * MM, 4) for value in lengths), turn,
+        "–" if radius is None else significant(radius * UM),
+    )  # fmt: skip
+
+
+def radius_there(calibration: Calibration, rows: Bool) -> float | None:
+    """R95 at some rows (m,) in the frames of their session [m]; None where nothing is believed.
+
+    The radius that is stated grows where held-out errors ask for it; so does this one.
+    """
+    belief, point = calibration.proof.belief, calibration.proof.point
+    if belief is None or point is None:
+        return None
+    target = stated_target(calibration.measurements)
+    plain = common_radius(belief.regions(calibration.stated_q, target=target))
+    there = belief.seen_regions(calibration.measurements.rows(rows))
+    return common_radius(there) * point.radius_mean / plain
 
 
 def own_reflectors(

@@ -72,6 +72,16 @@ def test_the_believed_region_holds_the_truth(size):
         assert abs(alone.mean() - 0.95) < 3 * spread
 
 
+def test_regions_of_rows_are_those_of_their_joints_seen_by_the_first_station():
+    rng = np.random.default_rng(8)
+    _, fit, train, held_out = campaign(rng, 20e-6)
+    belief = believe(fit, train, held_out)
+    seen, plain = belief.seen_regions(held_out), belief.regions(held_out.q)
+    # the same products in another order
+    np.testing.assert_allclose(seen.covariance, plain.covariance, rtol=1e-9, atol=1e-20)
+    np.testing.assert_allclose(seen.position, plain.position, atol=1e-13)
+
+
 def test_the_region_is_parameters_and_the_largest_misfit():
     """Put together again from its parts, at a target off the flange, with growth."""
     rng = np.random.default_rng(1)
