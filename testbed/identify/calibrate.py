@@ -244,7 +244,7 @@ def _calibrated(
             *model_words(shots, looking.train, chosen, called),
             *warnings_of(models[0], chosen, train),
             *guard_warnings(session, measurements.rows(split.is_test)),
-            *target_warnings(measurements),
+            *(() if handback.in_use else target_warnings(measurements)),
             *held_out_warnings(session.conditions, session.set_up, used, split.is_test),
         ),
     )

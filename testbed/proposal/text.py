@@ -15,6 +15,8 @@ MAY = """
 # [drift]           nests = ["B1", "B2", "B3"]: targets that stay on the floor
 # [conditions]      payload_kg, tool, temperature_degC and date of all rows
 # [tolerance]       position_um: how far the tool may miss; rule = "guarded" or "simple"
+# [tool_in_use]     point_mm = [x, y, z] in the flange: the tool that will be used, if it is another
+# [prior]           length_mm, angle_deg: how far the links may lie from nominal (k = 1)
 # [identification]  model = "choose", base = "free", tool = "free"; free = "frames": no link number
 # [[session]]       of a robot measured several times: name, file, base and tool "same as" another
 #

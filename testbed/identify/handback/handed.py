@@ -22,8 +22,9 @@ class HandBack:
     """Who states it: the session, the robot's file, or nobody."""
     why: str
     """Why the links of a geometric fit have a prior of that width; empty where they need none."""
-    by_prior: Annotated[Array, "n", 5]
-    """(n, 5) part of the variance of each that comes from a prior, not from the readings."""
+    by_prior: Annotated[Array, "c"]
+    """(12 + 5 n,) part of the variance of each number of base, links and tool that comes from a
+    prior, not from the readings."""
     limits: Annotated[Array, "n", 2]
     """(n, 2) of the joints [rad, m]."""
     in_use: ToolInUseStatement | None
@@ -51,8 +52,8 @@ def hand_back(
         What was calibrated, from what.
     links : LinkBelief
         What was believed of the links.
-    by_prior : (n, 5) array
-        Part of the variance of each number of a link that comes from a prior.
+    by_prior : (12 + 5 n,) array
+        As in `prior_share`.
     belief : Belief or None
         Of the identified robot.
     q : (n, j) array

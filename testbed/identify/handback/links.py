@@ -72,12 +72,12 @@ def link_belief(
         return LinkBelief(sd, None, "")
     if session.link_sd is not None:
         return LinkBelief(sd, prior, "the session states it")
-    if session.in_use is not None:
-        return LinkBelief(sd, prior, "another tool will be used, and the links carry it")
     if plain.status is not Status.CONVERGED and (away := farthest(plain, sd)):
         return LinkBelief(sd, prior, f"without it the fit does not end, and {away}")
-    lost = _lost(plain, start, train, parameters, prior)
-    return LinkBelief(sd, prior, lost or _poor(plain, train, prior))
+    lacking = _lost(plain, start, train, parameters, prior) or _poor(plain, train, prior)
+    if session.in_use is not None and not lacking:
+        lacking = "another tool will be used, and the links carry it"
+    return LinkBelief(sd, prior, lacking)
 
 
 def link_prior(parameters: Parameters, sd: Array) -> Prior | None:
@@ -149,7 +149,7 @@ def _poor(plain: Identification, train: Measurements, prior: Prior) -> str:
 
 
 def prior_share(result: Identification, train: Measurements, n: int) -> Array:
-    """Part (n, 5) of the variance of each link's number that comes from a prior, whosever it is.
+    """Part (12 + 5 n,) of the variance of base, links and tool that comes from any prior.
 
     One where it was not estimated: then nothing but its nominal value is known.
 
@@ -157,13 +157,13 @@ def prior_share(result: Identification, train: Measurements, n: int) -> Array:
     ----------
     C = inv(H), H = A'A + Lambda0: C A'A C comes from the readings, C Lambda0 C from the prior.
     """
-    names = result.parameters.names[6 : 6 + 5 * n]
+    names = result.parameters.names[: 12 + 5 * n]
     if result.prior is None:
-        return frozen(np.reshape([float(name not in result.names) for name in names], (n, 5)))
+        return frozen([float(name not in result.names) for name in names])
     believed = prior_precision(result)
     stack = linearize(result.model, train)
     weight = np.sqrt(result.weights[stack.row_of])[:, None]
     A = stack.A[:, result.parameters.free_index] * result.parameters.free_scale * weight
     C = np.linalg.solve(A.T @ A + believed, np.eye(len(believed)))
     own = dict(zip(result.names, np.diag(C @ believed @ C) / np.diag(C), strict=True))
-    return frozen(np.reshape([own.get(name, 1.0) for name in names], (n, 5)))
+    return frozen([own.get(name, 1.0) for name in names])

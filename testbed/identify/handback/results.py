@@ -9,6 +9,8 @@ from testbed.store.quantities import AS_NAMED, METRE, Quantity
 from testbed.units import UM
 
 DH_HEAD = ("number", "unit", "old", "new", "delta", "U_k2", "tolerance", "held_by")
+ROUNDING = 1e-9
+"""What of a number is none [mm, deg]."""
 TIP_HEAD = ("pose_id", "R95_measured_target_um", "R95_tool_in_use_um", "transfer")
 
 
@@ -18,7 +20,10 @@ def dh_csv(calibration: Calibration) -> str:
         (
             one.row.name,
             one.row.unit,
-            *(f"{value:.9g}" for value in (one.row.old, one.row.new, one.row.delta)),
+            *(
+                f"{value if abs(value) > ROUNDING else 0.0:.9g}"
+                for value in (one.row.old, one.row.new, one.row.delta)
+            ),
             "" if one.row.expanded is None else f"{one.row.expanded:.3g}",
             "" if one.tolerance is None else f"{one.tolerance:.4g}",
             one.held_by,

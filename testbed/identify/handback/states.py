@@ -52,7 +52,7 @@ def handed_numbers(calibration: Calibration) -> tuple[HandedNumber, ...]:
     sizes = dict(
         zip(names, calibration.handback.tolerance.ravel() * scale, strict=True)
     )  # in the units of the rows
-    shares = dict(zip(names, calibration.handback.by_prior.ravel(), strict=True))
+    shares = dict(zip((row.name for row in rows), calibration.handback.by_prior, strict=False))
     return tuple(
         _held(row, sizes.get(row.name), row.name in believed, shares.get(row.name, 0.0))
         for row in rows
@@ -64,7 +64,7 @@ def _held(row: DhRow, tolerance: float | None, believed: bool, share: float) -> 
     if row.expanded is None:
         return HandedNumber(row, tolerance, NOMINAL)
     if tolerance is None:
-        return HandedNumber(row, None, PRIOR if believed else MEASURED)
+        return HandedNumber(row, None, PRIOR if believed or share > HALF else MEASURED)
     if believed and (share > HALF or row.expanded > tolerance):
         return HandedNumber(row, tolerance, PRIOR)
     if row.expanded > tolerance:
