@@ -158,11 +158,11 @@ def would_decide(calibration: Calibration) -> str:
     if np.isfinite(found.quieter):
         shots = int(np.ceil(found.quieter**2))
         ways.append(
-            f"readings {significant(found.quieter, 2)} times quieter, as the mean of {shots} "
-            "re-approached shots of each pose is"
+            f"readings {significant(found.quieter, 2)} times quieter (of each pose the mean of "
+            f"{shots} re-approached shots)"
         )
     if ways:
-        return f"{said}By forecast {' or '.join(ways)} would decide it."
+        return f"{said}By forecast, {' or '.join(ways)} would decide it."
     stays = [f"{significant(found.staying * UM)} um stay"] if found.staying else []
     stays += [f"{significant(found.shared * UM)} um are what all readings share"] * bool(
         found.shared

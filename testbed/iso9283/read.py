@@ -10,6 +10,7 @@ from calib.errors import refuse
 from testbed.files.read import ReadOptions
 from testbed.files.session import Sources
 from testbed.files.session_toml import SESSION_FILE, CyclesTable, SessionFile
+from testbed.files.visits.tables import CampaignFile
 from testbed.gates.mistakes import validated
 from testbed.gates.paths import is_there, real
 from testbed.gates.text import SourceFile
@@ -43,11 +44,12 @@ def read_test(
     file = path / SESSION_FILE if is_there(path, Path.is_dir) else path
     real(file, field="DATA", code="S37")
     toml = file if config is None and file.suffix.lower() == ".toml" else config
-    settings, first = SessionFile(), list[SourceFile]()
+    settings: SessionFile = SessionFile()
+    first = list[SourceFile]()
     if toml is not None:
         content = read_toml_bytes(Path(toml), str(toml))
         first.append(SourceFile(Path(toml), sha256(content).hexdigest()))
-        settings = validated(toml_document(content, str(toml)), SessionFile, str(toml))
+        settings = validated(toml_document(content, str(toml)), CampaignFile, str(toml))
     if toml == file and settings.cycles is None and settings.paths is None:
         message, fix = "has no [cycles] and no [paths]", 'write [cycles] and file = "cycles.csv"'
         raise refuse("cycles", code="S37", message=message, fix=fix, where=str(file))

@@ -158,6 +158,7 @@ def _joined(
             tolerance=lead.set_up.tolerance,
             date=" and ".join(dict.fromkeys(filter(None, dates))),
             stations=tuple(dict.fromkeys(name for one in alone for name in one.set_up.stations)),
+            job=lead.set_up.job,
         ),
         approach=None,
         uncertainty="; ".join(dict.fromkeys(one.uncertainty for one in alone)),

@@ -74,7 +74,7 @@ def test_what_all_readings_share_no_number_of_poses_lowers():
         (5000, "guarded", ["robot as it was: PASS", "robot corrected: PASS"]),
         (200, "guarded", ["robot as it was: FAIL", "robot corrected: PASS (20 pass"]),
         (40, "guarded", ["robot corrected: UNDECIDED (", "no smaller tolerance can be decided now",
-                         "times as many poses", "times quieter, as the mean of "]),
+                         "times as many poses", "times quieter (of each pose the mean of "]),
         (0.01, "guarded", ["UNDECIDED", "Neither more poses nor quieter readings would decide it"]),
         (0.01, "simple", ["robot corrected: PASS (20 pass, simple acceptance)"]),
     ],

@@ -19,6 +19,8 @@ from testbed.proposal.text import MAY
 from testbed.scenario.tolerance import Decision
 from testbed.store.codec import pack, unpack
 from tests.calibrated import sound
+from tests.testbed.files.campaign import HEAD, visit, written
+from tests.testbed.files.campaign import session as visit_of
 from tests.testbed.files.made import ROBOT, poses_csv
 from tests.testbed.identify.test_report import DELIVERED
 
@@ -101,6 +103,24 @@ def test_an_instrument_out_of_date_is_a_warning_of_the_session(tmp_path):
     toml.write_text(SHEET.replace("2026-10-31", "2027-10-31") + '[conditions]\ndate="2026-11-22"\n')
     session = read_session(tmp_path / "a.csv", ROBOT, config=toml)
     assert not [text for text in session.warnings if "certificate" in text]
+
+
+def test_each_visit_of_a_campaign_is_held_against_the_one_certificate(tmp_path):
+    head = SHEET.strip() + "\n"
+    found = read_session(
+        written(
+            tmp_path,
+            {"a": visit(0, 8), "b": visit(1, 7)},
+            visit_of("a", 'conditions = { date = "2026-05-01" }'),
+            visit_of("b", 'conditions = { date = "2026-11-22" }'),
+            head=HEAD + head,
+        ),
+        ROBOT,
+    )
+    assert found.set_up.job == sheet_of(SHEET).sheet
+    said = [text for text in found.warnings if "certificate" in text]
+    assert len(said) == 1
+    assert "measured on 2026-11-22" in said[0]
 
 
 def test_every_entry_is_printed_and_comes_back_from_the_record():
