@@ -43,7 +43,7 @@ class SinglePoses:
         import calib.kernels.single_pose  # noqa: F401  # compiled now, not at the first pose
 
         errors, chain = model.joint_errors, model.chain
-        if errors.sprung is not None or not all(term.is_wave for term in errors.terms):
+        if errors.springs is not None or not all(term.is_wave for term in errors.terms):
             raise refuse(
                 "model", code="A3",
                 message="this model has springs, or terms that are no waves of its joints",

@@ -15,8 +15,9 @@ FACTORS: dict[str, float] = {
     "m": 1.0, "mm": 1e-3, "um": 1e-6, "in": 0.0254,
     "rad": 1.0, "deg": DEG, "mdeg": pi / 180e3, "urad": 1e-6,
     "rad/s": 1.0, "m/s": 1.0, "deg/s": DEG, "mm/s": 1e-3, "degC": 1.0, "s": 1.0, "": 1.0,
-    "kg": 1.0, "kg m2": 1.0, "kg/m3": 1.0, "m2": 1.0, "m rad": 1.0, "rad2": 1.0,
+    "kg": 1.0, "kg m": 1.0, "kg m2": 1.0, "kg/m3": 1.0, "m2": 1.0, "m rad": 1.0, "rad2": 1.0,
     "um/m": 1e-6, "hPa": 100.0, "Nm": 1.0, "Nmm": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3,
+    "N m": 1.0, "m/s2": 1.0,
 }  # fmt: skip
 """Units that files have, and their factors to SI (temperatures stay in degC)."""
 
@@ -81,6 +82,10 @@ LIMIT = Bound("a limit or angle of a joint", 1e6)
 DIRECTION = Bound("a component of a direction", 1e6)
 """Of an axis, a quaternion or a rotation matrix; their lengths are another question."""
 SCALE = Bound("a scale of a mesh", 1e6, 1e-6)
+LOAD = Bound("a load of a spring", 1e9, 1e-12)
+"""A torque, or a force along a slide."""
+MOMENT = Bound("a first moment", 1e6)
+GRAVITY = Bound("a component of gravity", 1e3)
 MASS = Bound("a mass", 1e6, 1e-9)
 DENSITY = Bound("a density", 1e6)
 INERTIA = Bound("a moment of inertia", 1e9, 1e-13)

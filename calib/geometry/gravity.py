@@ -7,7 +7,7 @@ arm is mounted turns it, the frame of a tracker does not.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -133,11 +133,11 @@ class Weight:
 
     chain: Chain
     """Geometry that the torques are computed for, as a rule the nominal one."""
-    moments: Array
+    moments: Annotated[Array, "n", 4]
     """(n, 4) mass and first moments of the links in their body frames [kg, kg m]."""
-    payload: Array = (0.0, 0.0, 0.0, 0.0)  # type: ignore[assignment]  # an array in __post_init__
+    payload: Annotated[Array, 4] = (0.0, 0.0, 0.0, 0.0)  # type: ignore[assignment]  # an array in __post_init__
     """(4,) of what hangs on the flange, in its frame [kg, kg m]."""
-    gravity: Array = DOWN  # type: ignore[assignment]  # likewise
+    gravity: Annotated[Array, 3] = DOWN  # type: ignore[assignment]  # likewise
     """(3,) in the frame of the base [m/s^2]."""
 
     def __post_init__(self) -> None:
@@ -192,6 +192,23 @@ def guessed_moments(chain: Chain) -> Array:
     d, a = chain.links[:, 1], chain.links[:, 2]
     left = np.cumsum((np.hypot(d, a) + LEAST)[::-1])[::-1]
     return moments_of(GUESSED * left, np.column_stack([a, np.zeros_like(a), d]) / 2)
+
+
+def weight_of(chain: Chain, stands: Chain | None = None, moments: Array | None = None) -> Weight:
+    """What gravity pulls at in a world whose z is up.
+
+    Parameters
+    ----------
+    chain : Chain
+        Geometry of the arm.
+    stands : Chain, optional
+        The arm as it is mounted, where the world of `chain` is another one.
+    moments : (n, 4) array, optional
+        Of its links; guessed where nobody states them [kg, kg m].
+    """
+    base = (chain if stands is None else stands).T_world_base
+    own = guessed_moments(chain) if moments is None else moments
+    return Weight(chain, own, gravity=base[:3, :3].T @ DOWN)
 
 
 def axis_places(axes: Sequence[str]) -> list[int]:

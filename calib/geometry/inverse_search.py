@@ -43,9 +43,9 @@ def joint_jacobian(
     """
     errors = model.joint_errors
     growth = errors.growth(at)
-    if errors.sprung:
+    if errors.springs:
         T, J = bent_pose_and_jacobian(model.chain, q, errors.bends(q, at), growth)
-        bent, springs = J[:, :, model.chain.n_numbers :], errors.sprung
+        bent, springs = J[:, :, model.chain.n_numbers :], errors.springs
         give = bent[:, :, springs.places] @ springs.slopes_by_joint(
             q, errors.of_springs, at.moments
         )

@@ -15,7 +15,7 @@ from calib.arrays import LATER, Array, check, frozen
 from calib.errors import refuse
 from calib.geometry.bodies import Z
 from calib.geometry.operating import AS_USUAL, OperatingConditions
-from calib.geometry.springs import STIFF, Compliance, SprungJoints
+from calib.geometry.springs import SprungJoints
 
 _WAVES: tuple[Literal["sin", "cos"], ...] = ("sin", "cos")
 Wave = Literal["sin", "cos", "approach", "torque", "lengths"]
@@ -72,8 +72,8 @@ class JointErrors:
     coefficients: Array = ()  # type: ignore[assignment]  # becomes an array in __post_init__
     """(k + s,) one coefficient per term, then the numbers of the springs; all zero if left out
     [rad or m; kg or kg m for moments]."""
-    springs: Compliance = STIFF
-    """What gives way under load, if anything: `SprungJoints`."""
+    springs: Annotated[SprungJoints | None, LATER] = None
+    """What gives way under load, if anything."""
 
     def __post_init__(self) -> None:
         (coefficients,) = check("k", coefficients=self.coefficients)
@@ -88,13 +88,8 @@ class JointErrors:
     @property
     def names(self) -> tuple[str, ...]:
         """(k + s,) names of the terms and of the springs' numbers."""
-        sprung = self.springs.names if isinstance(self.springs, SprungJoints) else ()
+        sprung = () if self.springs is None else self.springs.names
         return (*(term.name for term in self.terms), *sprung)
-
-    @property
-    def sprung(self) -> SprungJoints | None:
-        """The springs, if anything gives way."""
-        return self.springs if isinstance(self.springs, SprungJoints) else None
 
     @property
     def joints(self) -> list[int]:
@@ -132,7 +127,7 @@ class JointErrors:
 
     def offsets(self, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
         """Joint offsets dq (m, n) [rad or m] at joint values q (m, n), where nothing gives way."""
-        if self.sprung is not None:
+        if self.springs is not None:
             raise refuse(
                 "springs", code="A3",
                 message="these joint errors have springs, which bend a joint about three axes",
@@ -144,14 +139,14 @@ class JointErrors:
     def bends(self, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
         """Bends (m, n, 3) about x, y, z of every joint [rad or m] at joint values q (m, n)."""
         out = np.zeros((*q.shape, 3))
-        if self.sprung is not None:
-            out = self.sprung.bends(q, self.of_springs, at.moments)
+        if self.springs is not None:
+            out = self.springs.bends(q, self.of_springs, at.moments)
         out[:, :, Z] += self.of_terms(q, at)
         return out
 
     def joined(self, other: "JointErrors") -> "JointErrors":
         """Both of them as one; springs stand after all terms, and only one of them may have any."""
-        if self.sprung is not None and other.sprung is not None:
+        if self.springs is not None and other.springs is not None:
             raise refuse(
                 "springs", code="A3", message="both joint errors have springs",
                 allowed="springs in one of them", fix="leave those of one out",
@@ -161,7 +156,7 @@ class JointErrors:
             *(self.coefficients[:k], other.coefficients[:j]),
             *(self.coefficients[k:], other.coefficients[j:]),
         )
-        springs = self.springs if other.sprung is None else other.springs
+        springs = self.springs if other.springs is None else other.springs
         return JointErrors((*self.terms, *other.terms), np.concatenate(parts), springs)
 
     @property

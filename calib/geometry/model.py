@@ -50,7 +50,7 @@ class RobotModel:
         kinds = (*self.chain.kinds, "none")  # of the term that moves no joint
         terms = tuple(kinds[joint] == "prismatic" for joint in self.joint_errors.joints)
         links = link * self.chain.n_joints
-        springs = self.joint_errors.sprung
+        springs = self.joint_errors.springs
         sprung = springs.is_length if springs else ()
         return (*frame, *links, *frame, *terms, *sprung, *self.fixtures.is_length)
 
@@ -88,7 +88,7 @@ class RobotModel:
         """Tool poses T_world_tool (m, 4, 4) at commanded joint values q (m, n)."""
         q, errors = joint_vectors(self.chain, q), self.joint_errors
         at.require_rows(len(q))
-        if errors.sprung:
+        if errors.springs:
             return bent_forward(self.chain, q, errors.bends(q, at), errors.growth(at))
         return forward(self.chain, q + errors.offsets(q, at), errors.growth(at))
 
@@ -105,8 +105,8 @@ class RobotModel:
         q, errors = joint_vectors(self.chain, q), self.joint_errors
         at.require_rows(len(q))
         growth = errors.growth(at)
-        if errors.sprung:
-            return self._sprung_poses_and_jacobian(q, errors.sprung, at)
+        if errors.springs:
+            return self._sprung_poses_and_jacobian(q, errors.springs, at)
         T, J = pose_and_jacobian(self.chain, q + errors.offsets(q, at), growth)
         if self.n_numbers == self.chain.n_numbers:
             return T, J

@@ -86,6 +86,8 @@ def shown_in(name: str, is_length: bool) -> tuple[str, float]:
     """Unit in which people read a number, and how many of it are one of SI."""
     if name == "lengths":
         return "1e-6/K", 1e6
+    if name.startswith("moment"):
+        return ("kg", 1.0) if name.endswith(".m") else ("kg m", 1.0)
     unit, scale = ("mm", 1e3) if is_length else ("deg", float(np.degrees(1.0)))
     return (f"{unit} per N m, N or A" if name.startswith("torque") else unit), scale
 

@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Bool, Index, check, frozen, wrong_shape
 from calib.errors import refuse
-from calib.geometry.chain import joint_vectors
+from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.frames import exp_so3
 from calib.geometry.gravity import (
     AXES,
@@ -22,17 +22,12 @@ from calib.geometry.gravity import (
 )
 from calib.geometry.jacobian import BATCH
 
+POSTURES = 500
+"""Drawn within the joint limits to see how large a torque gets."""
+ANYWHERE = (np.pi, 1.0)
+"""Limits of joints that nobody states: of turning ones, and of sliding ones [rad, m]."""
 FELT = 1e-6
 """A spring is worth naming where its largest load is more than this part of the largest of all."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Compliance:
-    """What gives way in an arm, here nothing; as such it takes no place in a record."""
-
-
-STIFF = Compliance()
-"""An arm without springs."""
 
 
 class _Loaded(NamedTuple):
@@ -59,7 +54,7 @@ class _Loaded(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SprungJoints(Compliance):
+class SprungJoints:
     """Springs at some axes of some joints, loaded by gravity; what they are and do.
 
     A spring bends its joint by its number times its load's share of `load`. So a number is the bend
@@ -71,13 +66,13 @@ class SprungJoints(Compliance):
 
     weight: Weight
     """What loads the springs, on nominal links."""
-    joint: Index
+    joint: Annotated[Index, "p"]
     """(p,) joint of each spring, 0-based."""
-    axis: Index
+    axis: Annotated[Index, "p"]
     """(p,) its axis: 0, 1, 2 for x, y, z of `bodies`."""
-    load: Array
+    load: Annotated[Array, "p"]
     """(p,) at which the bend of a spring is its number [N m, or N along a slide]."""
-    free: Bool
+    free: Annotated[Bool, "n", 4]
     """(n, 4) moments that are numbers too: what is added to those of `weight` [kg, kg m]."""
     passes: int = 1
     """1: loads of the stiff arm; each further pass weighs the arm as the last one has bent it."""
@@ -175,6 +170,16 @@ class SprungJoints(Compliance):
             bends = self._spread(at.give * load)
         return bends, slopes
 
+    def bends_of_many(self, q: Array, numbers: Array, payload: Array | None = None) -> Array:
+        """Bends (M, m, p) of the springs at joints q (m, n) for M sets of numbers (M, s)."""
+        if self.passes > 1 or self.tilts:
+            every = [self.bends(q, own, payload) for own in numbers]
+            return np.array(every)[:, :, self.joint, self.axis]
+        p = len(self.load)
+        stated, per_moment = self.torques(q, payload)
+        loads = stated + np.moveaxis(per_moment @ numbers[:, p:].T, -1, 0)
+        return np.asarray(loads * (numbers[:, :p] / self.load)[:, None])
+
     def torques(self, q: Array, payload: Array | None = None) -> tuple[Array, Array]:
         """What loads the springs of the stiff arm: torques (m, p), and per free moment (m, p, f).
 
@@ -246,6 +251,16 @@ def across(gravity: Array) -> Array:
     return np.array([one, np.cross(one, down)])
 
 
+def postures(chain: Chain, limits: ArrayLike | None = None) -> Array:
+    """Joint values (m, n) all over the limits (n, 2), or anywhere where nobody states them."""
+    if limits is None:
+        most = np.where(chain.prismatic > 0, ANYWHERE[1], ANYWHERE[0])
+        limits = np.column_stack([-most, most])
+    (limits,) = check(f"{chain.n_joints} 2", limits=limits)
+    lower, upper = limits.T
+    return np.random.default_rng(0).uniform(lower, upper, (POSTURES, chain.n_joints))
+
+
 def felt_springs(
     weight: Weight,
     q: ArrayLike,
@@ -279,16 +294,18 @@ def felt_springs(
         raise refuse("tilt", tilt, "0 rad or more", code="A3", message=f"tilt is {tilt:g}")
     sides = [side * tilt * axis for axis in across(weight.gravity) for side in (1, -1)]
     leaning = [replace(weight, gravity=exp_so3(side) @ weight.gravity) for side in sides]
-    loads = [one.torques(q) for one in (weight, *(leaning if tilt else ()))]
+    loads = np.array([one.torques(q) for one in (weight, *(leaning if tilt else ()))])
     largest = np.abs(loads).max(axis=(0, 1), initial=0.0)
+    changes = np.ptp(loads, axis=(0, 1)) > FELT * largest.max()
     felt, wanted = largest > FELT * largest.max(), np.isin(range(3), axis_places(axes))
     verb = np.tile(["bends", "bends", "turns"], (len(largest), 1)).astype("U11")
     verb[weight.chain.prismatic > 0, 2] = "pulls along"
     silent = tuple(
-        f"joint {i + 1} {AXES[a]}: gravity never {verb[i, a]} it"
-        for i, a in np.argwhere(wanted & ~felt)
+        f"joint {i + 1} {AXES[a]}: gravity {'always' if felt[i, a] else 'never'} {verb[i, a]} it"
+        + " alike, as an offset would" * bool(felt[i, a])
+        for i, a in np.argwhere(wanted & ~(felt & changes))
     )
-    joint, axis = np.nonzero(wanted & felt)
+    joint, axis = np.nonzero(wanted & felt & changes)
     stated = np.zeros(weight.moments.shape, dtype=bool)
     springs = SprungJoints(weight, joint, axis, largest[joint, axis], stated, passes, tilt > 0)
     if free_moments:

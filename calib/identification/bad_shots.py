@@ -15,7 +15,8 @@ from calib.arrays import Array, Bool, Index, frozen
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.climb import climb
-from calib.identification.ladders import Ladder, ladders_of
+from calib.identification.ladders import ladders_of
+from calib.identification.levels import Ladder
 from calib.identification.model_choice import extended_by, parts_of, some_poses
 from calib.identification.outlier_search import FAR, HONEST, with_noise
 from calib.identification.outliers import inspect
@@ -96,7 +97,9 @@ def bad_shots(
         nominal, near, asked, parameters, ladders, parts_of(asked, rng), prior=prior, loss="cauchy"
     )
     table = with_noise(measurements, found.noise_factor)
-    wide, judge = extended_by(nominal, table, parameters, found.taken, prior=prior, loss="cauchy")
+    wide, judge = extended_by(
+        nominal, table, parameters, found.taken, prior=prior, loss="cauchy", start=found.near
+    )
     excess = excess_of(wide, judge, table, found.noise_factor, chance=chance)
     suspects, used = np.flatnonzero(excess > 1), np.ones(len(table), dtype=np.bool_)
     poses = measurements.together
@@ -105,7 +108,9 @@ def bad_shots(
     if len(suspects) and not too_many:
         used[suspects] = False
         richest = tuple(ladder.levels[-1] for ladder in ladders)
-        wide, judge = extended_by(nominal, table.rows(used), parameters, richest, prior=prior)
+        wide, judge = extended_by(
+            nominal, table.rows(used), parameters, richest, prior=prior, start=found.richest
+        )
         limit = chdtri(table.equations[suspects], chance / len(suspects))
         missed = foretold(judge, table.rows(~used)) / limit
         bad = suspects[missed > mildness(found.noise_factor)]

@@ -16,7 +16,7 @@ from calib.errors import refuse
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.identification.ladders import Ladder, Level, joined
+from calib.identification.levels import Ladder, Level, joined, with_errors
 from calib.identification.normal_equations import (
     MOST_TURNS,
     SETTLED,
@@ -79,6 +79,10 @@ class Climb:
     """Mean miss at these poses, left out in turn, by geometry alone [m]."""
     after: float
     """The same by the model reached [m]."""
+    near: RobotModel
+    """The model reached as the linear system has it: close to its fit."""
+    richest: RobotModel
+    """The same of the last level of every ladder."""
 
     def __repr__(self) -> str:
         return f"Climb({', '.join(level.name for level in self.taken) or 'geometry alone'})"
@@ -155,7 +159,23 @@ def climb(
     if loss != "squared":
         system = _calmed(system, richest, loss)
     pose = np.unique(measurements.together, return_inverse=True)[1].ravel()
-    return _climbed(system, ladders, part, pose)
+    found = _climbed(system, ladders, part, pose, near)
+    reached, most = (
+        _moved(near, parameters.free_names, system, levels) for levels in (found.levels, richest)
+    )
+    return replace(found, near=reached, richest=most)
+
+
+def _moved(
+    near: RobotModel, free: Sequence[str], system: NormalEquations, levels: Sequence[Level]
+) -> RobotModel:
+    """The model with some levels where the system has it, about a fit of its free geometry."""
+    errors, sd, mean = _asked(levels)
+    wide = with_errors(near, errors)
+    step = np.zeros(wide.n_numbers)
+    places = [wide.names.index(name) for name in (*free, *errors.names)]
+    step[places] = system.solved(errors, sd, mean).step
+    return wide.moved(step)
 
 
 def _calmed(plain: NormalEquations, levels: Sequence[Level], loss: Loss) -> NormalEquations:
@@ -184,7 +204,11 @@ def _asked(levels: Sequence[Level]) -> tuple[JointErrors, Array, Array]:
 
 
 def _climbed(
-    system: NormalEquations, ladders: Sequence[Ladder], part: Index | None, pose: Index
+    system: NormalEquations,
+    ladders: Sequence[Ladder],
+    part: Index | None,
+    pose: Index,
+    near: RobotModel,
 ) -> Climb:
     """The climb over levels of a linear system; misses are means of poses (m,) of rows."""
     count = np.bincount(pose)
@@ -239,7 +263,7 @@ def _climbed(
     )
     return Climb(
         here, tuple(steps), offered, evidence - bottom, system.scale, len(count),
-        float(lowest.mean()), float(before.mean()),
+        float(lowest.mean()), float(before.mean()), near, near,
     )  # fmt: skip
 
 
@@ -251,8 +275,6 @@ def _offers(
     confirmed: bool,
 ) -> Iterator[Offer]:
     """What became of each level of a ladder."""
-    if ladder.why_not:
-        yield Offer(ladder.name, "none", float("nan"), f"not offered: {ladder.why_not}")
     tried = {step.level: step.taken for step in steps if step.ladder == ladder.name}
     for level in ladder.levels[1:]:
         gained = gain(level)
@@ -265,6 +287,9 @@ def _offers(
         elif reached.names and gained > ASKED:
             outcome = f"not needed beside {reached.name}"
         yield Offer(ladder.name, level.name, gained, outcome)
+    for reason in ladder.why_not:
+        what, why = reason.split(": ", maxsplit=1)
+        yield Offer(ladder.name, what, float("nan"), f"not offered: {why}")
 
 
 def _names(levels: Sequence[Level]) -> tuple[str, ...]:

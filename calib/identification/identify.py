@@ -32,6 +32,7 @@ def identify(
     prior: Prior | None = None,
     loss: Loss = "squared",
     report: Callable[[int, float], None] | None = None,
+    start: RobotModel | None = None,
 ) -> Identification:
     """Find the free numbers of a model that fit a table best, starting from the nominal model.
 
@@ -64,6 +65,8 @@ def identify(
         answer (Cauchy's, which has several minima, from Huber's). Only for *whitened*.
     report : callable, optional
         Told the step count and the sum of squares after each step; a robust loss counts anew.
+    start : RobotModel, optional
+        Where the search begins, if something nearer is known than the nominal model.
 
     Raises
     ------
@@ -100,7 +103,7 @@ def identify(
         fix = f"hold {', '.join(reduction.dropped)} fixed"
         raise refuse("free", reduction.dropped, code="M30", message=message, fix=fix)
     kept = _estimable(nominal, measurements, parameters, prior, reduction, first)
-    solution = _solve(nominal, first, rows, kept, belief, "squared", nominal, report)
+    solution = _solve(nominal, first, rows, kept, belief, "squared", start or nominal, report)
     for step in LOSSES[1 : LOSSES.index(loss) + 1]:
         solution = _solve(nominal, first, rows, kept, belief, step, solution.x, report)
     fit = SolvedFit(nominal, kept, reduction, solution, mode, prior, belief, loss)

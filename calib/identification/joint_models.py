@@ -6,9 +6,11 @@ import numpy as np
 
 from calib.errors import refuse
 from calib.geometry.chain import Chain, forward
+from calib.geometry.gravity import weight_of
 from calib.geometry.joint_errors import JointErrors, JointTerm, gravity_terms, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from calib.geometry.springs import felt_springs, postures
 from calib.identification.result import Identification
 
 UPRIGHT = np.radians(1.0)
@@ -16,10 +18,11 @@ UPRIGHT = np.radians(1.0)
 
 
 def extended_model(nominal: RobotModel, mounted: Chain | None = None) -> RobotModel:
-    """The model with gravity and harmonic terms added, all of them zero: same poses as before.
+    """The model with what gravity does and harmonics added, all zero: same poses as before.
 
-    Three gravity terms where their closed form holds, and sin q, cos q, sin 2q, cos 2q for every
-    revolute joint: 27 terms on a six-axis arm. Terms that `nominal` has already are kept.
+    Three gravity terms where their closed form holds, 27 in all on a six-axis arm; of other arms a
+    spring in each joint that gravity turns, loaded by guessed masses. And sin q, cos q, sin 2q,
+    cos 2q for every revolute joint. What `nominal` has already is kept.
 
     One wave of q2 stands twice, as sag and as harmonic: identify under a prior, and read their sum.
 
@@ -41,11 +44,14 @@ def extended_model(nominal: RobotModel, mounted: Chain | None = None) -> RobotMo
     turning = [kind == "revolute" for kind in chain.kinds]
     wanted = [term for term in harmonic_terms(chain.n_joints) if turning[term.joint]]
     quarters = gravity_quarters(chain if mounted is None else mounted)
+    springs = None
     if quarters is not None:
         wanted = [*gravity_terms(chain.n_joints, quarters), *wanted]
+    elif known.springs is None:
+        springs, _ = felt_springs(weight_of(chain, mounted), postures(chain), axes=("z",))
     added = tuple(term for term in wanted if term.name not in known.names)
-    coefficients = np.concatenate([known.coefficients, np.zeros(len(added))])
-    return replace(nominal, joint_errors=JointErrors((*known.terms, *added), coefficients))
+    sag = springs if springs is not None and len(springs.load) else None
+    return replace(nominal, joint_errors=known.joined(JointErrors(added, springs=sag)))
 
 
 def extended_parameters(

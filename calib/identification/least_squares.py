@@ -23,6 +23,12 @@ LEVEL = 1e-10
 a noise of micrometres, leave 1e-10 in each whitened residual."""
 
 
+SLOW = 0.3
+"""An undamped step that leaves more than this part of the way is part of a slow approach."""
+DEPTH = 5
+"""So many steps of a slow approach are remembered."""
+
+
 class Status(Enum):
     """How a fit ended, in a sentence."""
 
@@ -123,19 +129,27 @@ def solve(
         allowed = "at least as many rows as unknowns"
         raise refuse("residual", len(here.r), allowed, code="M27", message=message)
     radius = np.inf if reach is None else float(np.linalg.norm(here.scale * reach)) or np.inf
-    trace, refused = [here.cost], 0
+    trace, refused, memory = [here.cost], 0, Memory()
     while not here.finished and len(trace) <= most and refused < MOST_REFUSALS:
         step, length, predicted = here.step(radius)
+        plain, free = step, here.damping(radius) == 0.0
+        if free:
+            step = memory.mixed(plain, here.scale)
         candidate = move(x, step)
         there = _system(evaluate, candidate, here.scale)
         drop = here.cost - there.cost if there is not None else -np.inf
         gain = drop / predicted if predicted > 0 else -np.inf
         nearer = there is not None and _nearer(here, there)
+        taken = there is not None and (nearer or (gain > 1e-4 and not here.at_rounding))
+        if step is not plain and not taken:
+            memory.forget()
+            continue
         if gain > 0.75 and length > 0.95 * radius:
             radius *= 2
         elif gain < 0.25 and not nearer:
             radius = 0.25 * length
-        if there is not None and (nearer or (gain > 1e-4 and not here.at_rounding)):
+        if there is not None and taken:
+            memory.add(step, plain, free and there.offset > SLOW * here.offset)
             x, here, refused = candidate, there, 0
             trace.append(here.cost)
             if report is not None:
@@ -153,6 +167,43 @@ def solve(
         iterations=len(trace) - 1,
         trace=frozen(trace),
     )
+
+
+class Memory:
+    """The last undamped steps of a slow approach, and where they led.
+
+    Where products of numbers bend the model as much as the residual is large, each undamped step
+    leaves a fixed part of the way. What the last ones had in common tells the rest of it.
+
+    References
+    ----------
+    Anderson 1965; Walker & Ni 2011, SIAM J. Numer. Anal. 49(4), 1715-1735, eq. (2.1).
+    """
+
+    def __init__(self) -> None:
+        self.steps: list[tuple[Array, Array]] = []
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self.steps.clear()
+
+    def add(self, taken: Array, plain: Array, slow: bool) -> None:
+        """Note a step taken, the undamped one there, and whether it left much of the way."""
+        if not slow:
+            self.forget()
+        else:
+            self.steps = [*self.steps[1 - DEPTH :], (taken, plain)]
+
+    def mixed(self, plain: Array, scale: Array) -> Array:
+        """The step (p,) to take from here, where the undamped one is `plain`."""
+        if not self.steps:
+            return plain
+        taken = np.array([one for one, _ in self.steps]).T
+        before = np.array([one for _, one in self.steps] + [plain])
+        changes = np.diff(before, axis=0).T
+        weighed = scale[:, None] * changes
+        share = np.linalg.lstsq(weighed, scale * plain, rcond=None)[0]
+        return np.asarray(plain - (taken + changes) @ share)
 
 
 def _system(

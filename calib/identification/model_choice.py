@@ -17,7 +17,8 @@ from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.climb import Climb, Offer, climb
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_parameters, with_joint_terms
-from calib.identification.ladders import Ladder, Level, joined, ladders_of, prior_of, with_errors
+from calib.identification.ladders import ladders_of
+from calib.identification.levels import Ladder, Level, joined, prior_of, with_errors
 from calib.identification.outlier_search import HONEST, noise_factor
 from calib.identification.prior import Prior, weak_prior
 from calib.identification.result import Identification
@@ -128,6 +129,7 @@ def choose(
         nominal, measurements, parameters, levels,
         prior=prior if own_prior is None else own_prior,
         factor=found.noise_factor, loss=loss, report=report,
+        start=found.near if found.taken else None,
     )  # fmt: skip
     best = best_offer(found)
     return ModelChoice(
@@ -150,6 +152,7 @@ def extended_by(
     factor: float = 1.0,
     loss: Loss = "squared",
     report: Callable[[int, float], None] | None = None,
+    start: RobotModel | None = None,
 ) -> tuple[RobotModel, Identification]:
     """The model with some levels of joint errors, before its fit and after.
 
@@ -164,12 +167,17 @@ def extended_by(
         What is added.
     factor : float
         How many times the stated noise there is.
+    start : RobotModel, optional
+        As in `identify`, with the same levels.
     """
     added = joined(levels)
     wide = with_errors(nominal, added)
     table = extended_parameters(nominal, wide, parameters) if added.names else parameters
     belief = prior.joined(prior_of(levels)) if added.names else prior
-    return wide, under_noise(wide, measurements, table, belief, factor, loss=loss, report=report)
+    found = under_noise(
+        wide, measurements, table, belief, factor, loss=loss, report=report, start=start
+    )
+    return wide, found
 
 
 def under_noise(
@@ -181,6 +189,7 @@ def under_noise(
     *,
     loss: Loss = "squared",
     report: Callable[[int, float], None] | None = None,
+    start: RobotModel | None = None,
 ) -> Identification:
     """Identify where there is `factor` times the stated noise, under a prior as it is believed.
 
@@ -192,7 +201,9 @@ def under_noise(
     inv(H)(A'A + factor^4 Lambda0)inv(H), H = A'A + factor^2 Lambda0.
     """
     tighter = Prior.of_precision(prior.mean, prior.precision * factor**2, prior.names)
-    found = identify(nominal, measurements, parameters, prior=tighter, loss=loss, report=report)
+    found = identify(
+        nominal, measurements, parameters, prior=tighter, loss=loss, report=report, start=start
+    )
     at = [found.names.index(name) for name in tighter.names]
     wider = found.covariance[:, at] @ tighter.precision @ found.covariance[at]
     covariance = found.covariance + (factor**2 - 1) * (wider + wider.T) / 2

@@ -216,7 +216,7 @@ def normal_equations(
     """
     added = tuple(added)
     terms = tuple({t.name: t for errors in added for t in errors.terms}.values())
-    springs = [errors.sprung for errors in added if errors.sprung is not None]
+    springs = [errors.springs for errors in added if errors.springs is not None]
     q, at = measurements.q, measurements.conditions
     T, J, bends = fitted.poses_and_bends(q, at)
     products, loads = products_of(springs, q, parameters.n_free + len(terms), at.moments)

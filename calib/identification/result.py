@@ -1,6 +1,6 @@
 """The result of an identification: model, numbers estimated, covariance, tests, and all as text."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -8,7 +8,6 @@ import numpy as np
 from calib.arrays import Array, FloatOrNan, frozen
 from calib.geometry.chain import Chain
 from calib.geometry.fixtures import Fixtures
-from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, shown_in
 from calib.identification.lack_of_fit import LackOfFit
@@ -118,9 +117,10 @@ def values_and_uncertainties(result: Identification) -> tuple[Array, Array]:
     along their own axes, so that the uncertainty is carried over to what is listed.
     """
     chain, fixtures = result.model.chain, result.model.fixtures
+    errors = result.model.joint_errors
     nothing = RobotModel(
         Chain(np.zeros_like(chain.links), chain.kinds),
-        JointErrors(result.model.joint_errors.terms),
+        replace(errors, coefficients=np.zeros_like(errors.coefficients)),
         Fixtures(
             np.zeros_like(fixtures.reflectors),
             np.zeros_like(fixtures.anchors),

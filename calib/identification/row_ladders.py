@@ -12,7 +12,8 @@ from calib.arrays import Array, Bool
 from calib.geometry.gravity import Weight, guessed_moments
 from calib.geometry.joint_errors import NO_JOINT, JointErrors, JointTerm, Wave
 from calib.geometry.model import RobotModel
-from calib.identification.ladders import HIGHER, MDEG, Ladder, Level
+from calib.identification.ladders import HIGHER, MDEG
+from calib.identification.levels import Ladder, Level
 from calib.information.rank import SAG
 from calib.measurement.observations import Measurements
 
@@ -96,7 +97,7 @@ def _ladder(
         why = [*why, "the model has it already"]
     errors = JointErrors(tuple(terms[k] for k in new))
     level = Level(name, errors, np.array([sd[k] for k in new]), mean=np.full(len(new), mean))
-    said = "; ".join(f"{name}: {each}" for each in why)
+    said = tuple(f"{name}: {each}" for each in why)
     return Ladder(name, (UNUSUAL, level) if new else (UNUSUAL,), said)
 
 

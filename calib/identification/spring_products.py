@@ -35,7 +35,7 @@ class Products:
 
     def of(self, errors: JointErrors, sd: Array) -> "ModelSprings":
         """Those of one model whose springs' numbers have some prior sd (s,)."""
-        springs = errors.sprung
+        springs = errors.springs
         if springs is None:
             return ModelSprings(np.zeros(0, dtype=np.int64), np.zeros(0), 0, np.zeros(0))
         wide = 1 + len(self.moments)

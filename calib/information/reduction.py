@@ -120,10 +120,12 @@ def reduce(
     mixing[:, keep] = np.eye(len(keep))
     n_directions, left = count(singular, tolerance), sorted(set(range(len(names))) - set(keep))
     lengths = parameters.is_length[parameters.free]
+    # moments load springs, and where none bends they do nothing yet
+    unloaded = {k for k in found.silent.tolist() if names[k].startswith("moment")}
     sentences = [
         *_causes(model, parameters, q, n_directions < len(names)),
         *_count_sentences(len(A), len(keep), n_directions, len(names)),
-        *(_dependency(names, lengths, keep, mixing, k) for k in left),
+        *(_dependency(names, lengths, keep, mixing, k) for k in left if k not in unloaded),
     ]
     spread = singular_values(small[:, keep]) if keep else np.ones(1)
     return Reduction(

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check
 from calib.errors import InputError, refuse
-from calib.geometry.jacobian import joint_columns, pose_and_jacobian, reflector_rows
+from calib.geometry.jacobian import joint_columns, reflector_rows
 from calib.geometry.model import RobotModel
 
 SMALLEST_PIVOT = 1e-13
@@ -107,7 +107,7 @@ def with_joint_noise(
     q, covariance, sigma_q = check(
         f"m {n}, m 6 6, {n}", q=q, covariance=covariance, sigma_q=sigma_q
     )
-    T, J = pose_and_jacobian(model.chain, q + model.joint_errors.offsets(q))
+    T, J = model.poses_and_jacobian(q)
     J_q = J[:, :, joint_columns(model.chain)]
     if offset is not None:
         _, offset = check("m 6 6, m 3", covariance=covariance, offset=offset)

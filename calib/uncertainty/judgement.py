@@ -300,5 +300,6 @@ def _can_play(identification: Identification, train: Measurements) -> bool:
 
     A prior drawn anew for each would be tested over its own width, not over that of the estimate.
     """
-    lonely = identification.model.fixtures.n_numbers or train.is_distance.any()
+    model = identification.model
+    lonely = model.fixtures.n_numbers or model.joint_errors.springs or train.is_distance.any()
     return identification.loss == "squared" and identification.prior is None and not lonely

@@ -159,6 +159,7 @@ def unknown_to_loops(
         (measurements.is_distance.any(), "kind", "distances"),
         (measurements.station.any(), "station", "rows of further stations"),
         (measurements.tool.any(), "tool", "rows of further tools"),
+        (model.joint_errors.springs is not None, "model", "arm that gives way under its weight"),
         (bool(free), "parameters", f"free fixtures ({', '.join(free[:3])})"),
         (bool(model.joint_errors.of_lengths), "model", "lengths that follow the temperature"),
     ):

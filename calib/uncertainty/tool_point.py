@@ -144,6 +144,8 @@ class Configurations:
     """(n, N) nominal shift of each joint along its axis [m]."""
     basis: Array
     """(k, N) values of the joint terms."""
+    q: Array
+    """(N, n) joint vectors [rad, m]."""
 
     @property
     def rows(self) -> int:
@@ -157,11 +159,11 @@ def configurations(
     """Prepare joint vectors q (N, n) [rad, m] under some conditions for `tool_points`."""
     q = joint_vectors(model.chain, q)
     slides, links = model.chain.prismatic, model.chain.links
-    value = q + model.joint_errors.offsets(q, at)
+    value = q + model.joint_errors.of_terms(q, at)
     turn = (value * (1 - slides) + links[:, 0]).T
     slide = (value * slides + links[:, 1]).T
     basis = model.joint_errors.basis(q, at).T
-    return Configurations(model, np.cos(turn), np.sin(turn), slide, basis)
+    return Configurations(model, np.cos(turn), np.sin(turn), slide, basis, q)
 
 
 def propagate(model: RobotModel, q: ArrayLike, steps: ArrayLike) -> Array:
@@ -198,6 +200,7 @@ def tool_points(at: Configurations, steps: Array) -> Array:
     moves = steps[:, 6 : 6 + 5 * n].reshape(-1, n, 5)
     base, tool = steps[:, :6], steps[:, 6 + 5 * n :][:, :6]
     terms = steps[:, 12 + 5 * n : at.model.first_fixture]
+    bends = _bends_of_springs(at, terms[:, len(at.basis) :])
     start = chain.T_flange_tool[:3, 3] + tool[:, :3] @ chain.T_flange_tool[:3, :3].T
     x, y, z = start.T[:, :, None]
     for i in reversed(range(n)):
@@ -211,6 +214,11 @@ def tool_points(at: Configurations, steps: Array) -> Array:
         own = [k for k, joint in enumerate(at.model.joint_errors.joints) if joint == i]
         shift = terms[:, own] @ at.basis[own] if terms[:, own].any() else 0.0  # (M, N)
         turned = chain.kinds[i] == "revolute"
+        if i in bends:
+            bx, by, bz = bends[i]
+            x, z = _turned(x, z + (chain.links[i, 1] + dd), by)
+            z, y = _turned(z, y, bx)
+            z, shift = z - (chain.links[i, 1] + dd), shift + bz
         z = z + (at.slide[i] + dd if turned else at.slide[i] + dd + shift)
         c, s = at.cosine[i], at.sine[i]
         turn = dtheta + shift if turned else dtheta
@@ -219,6 +227,28 @@ def tool_points(at: Configurations, steps: Array) -> Array:
             c, s = c * ct - s * st, s * ct + c * st
         x, y = c * x - s * y, s * x + c * y
     return _into_world(chain.T_world_base, base, np.stack(np.broadcast_arrays(x, y, z)))
+
+
+def _bends_of_springs(at: Configurations, steps: Array) -> dict[int, tuple[Array, Array, Array]]:
+    """Bends about x, y and z (M, N) of the joints that have springs, at steps (M, s)."""
+    errors = at.model.joint_errors
+    springs = errors.springs
+    if springs is None:
+        return {}
+    bent = springs.bends_of_many(at.q, errors.of_springs + steps)
+    out = {}
+    for i in np.unique(springs.joint):
+        three = [np.zeros(bent.shape[:2]) for _ in range(3)]
+        for k in np.flatnonzero(springs.joint == i):
+            three[springs.axis[k]] = bent[:, :, k]
+        out[int(i)] = three[0], three[1], three[2]
+    return out
+
+
+def _turned(u: Array, v: Array, angle: Array) -> tuple[Array, Array]:
+    """Coordinates u, v after a turn that takes the axis of v towards that of u."""
+    c, s = np.cos(angle), np.sin(angle)
+    return c * u + s * v, c * v - s * u
 
 
 def _cos_sin(nominal: float, step: Array) -> tuple[Array, Array]:

@@ -141,9 +141,7 @@ def _calibrated(
     report(STEPS[1], 1, len(STEPS))
     names, places = row_names(session, measurements), np.flatnonzero(split.is_train)
     called = [names[row] for row in places]
-    looking = Looking(
-        frames, measurements.rows(places), robot.model.chain, row_terms(session), options.seed
-    )
+    looking = Looking(frames, measurements.rows(places), robot, row_terms(session), options.seed)
     plain = identify(frames.start, looking.train, frames.parameters)
     shots = first_look(looking, plain)
     left_out = np.zeros(len(measurements), dtype=bool)
@@ -167,6 +165,7 @@ def _calibrated(
             known=looking.known,
             links=links.prior,
             held=bool(links.why),
+            ladders=looking.bends,
         )
         handed = next(each for each in pairs if each[0] == choice.chosen)
         seen, shots = shots, second_look(looking, handed, shots)

@@ -1,5 +1,7 @@
 """The fits of a calibration with their errors, by row and in figures; which is handed out."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from calib.arrays import Array, Bool, frozen
@@ -9,6 +11,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification, identify
 from calib.identification.joint_models import extended_model, extended_parameters
+from calib.identification.levels import Ladder
 from calib.identification.model_choice import (
     best_offer,
     choose,
@@ -18,7 +21,7 @@ from calib.identification.model_choice import (
 from calib.identification.outlier_search import HONEST, noise_factor
 from calib.identification.prior import Prior, prior_rows, weak_prior
 from calib.identification.robust import Loss
-from calib.identification.row_ladders import NOTHING_KNOWN, RowTerms
+from calib.identification.row_ladders import NOTHING_KNOWN, RowTerms, row_ladders
 from calib.identification.tangent import covariance_factor
 from calib.measurement.accuracy import error_statistics
 from calib.measurement.observations import Measurements
@@ -48,13 +51,15 @@ def fit(
     known: RowTerms = NOTHING_KNOWN,
     links: Prior | None = None,
     held: bool = False,
+    ladders: Sequence[Ladder] | None = None,
 ) -> tuple[tuple[Fitted, ...], Choice]:
     """Identify as asked; with "choose" two models, and one of them chosen within the training.
 
     The geometric fit knows no prior: what the data cannot tell apart is left nominal; unless the
     links must be `held`. A model with joint errors has the weak prior on its terms; a chosen one on
     its links, too: `links`, or the usual one. `plain` is the geometric one, if it is there already;
-    `mounted` the arm as it stands, see `extended_model`; `known` what the session says of its rows.
+    `mounted` the arm as it stands, see `extended_model`; `known` what the session says of its rows,
+    `ladders` what else "choose" offers.
     """
     if links is None and (names := _links(parameters)):
         links = weak_prior(parameters.freeing(names))
@@ -88,6 +93,7 @@ def fit(
         own_prior=links,
         loss=loss,
         mounted=mounted,
+        ladders=None if ladders is None else (*ladders, *row_ladders(start, train, known)),
         known=known,
         rng=stream(seed, "confirm"),
     )

@@ -7,10 +7,12 @@ import numpy as np
 from calib.arrays import Array, Bool, Index, frozen
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
+from calib.geometry.parameters import shown_in
 from calib.identification.bad_shots import CHANCE, BadShots, bad_shots, excess_of
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status, identify
 from calib.identification.ladders import ladders_of
+from calib.identification.levels import Ladder
 from calib.identification.outlier_search import search_outliers
 from calib.identification.result import ILL_CONDITIONED
 from calib.identification.row_ladders import RowTerms, row_ladders
@@ -19,8 +21,9 @@ from calib.measurement.prediction import predict
 from testbed.identify.fit import Fitted, wide_prior
 from testbed.identify.frames import StartFrames
 from testbed.identify.records import FittedModel, RowErrors
+from testbed.robots.robot import Robot
 from testbed.streams import stream
-from testbed.units import DEG, MM, counted, in_units, listed, significant, unit_of
+from testbed.units import DEG, MM, counted, listed, significant
 
 ELSEWHERE = 3.0
 """A row fits another pose if it misses that one by less than so many typical misses."""
@@ -59,19 +62,30 @@ class Looking:
     frames: StartFrames
     """Where fits begin, and what is free."""
     train: Measurements
-    mounted: Chain
-    """The arm as it stands, see `extended_model`."""
+    robot: Robot
+    """As its maker describes it."""
     known: RowTerms
     """What the session says of its rows."""
     seed: int
     """Of the poses that confirm a model."""
 
+    @property
+    def mounted(self) -> Chain:
+        """The arm as it stands, see `extended_model`."""
+        return self.robot.model.chain
+
+    @property
+    def bends(self) -> tuple[Ladder, ...]:
+        """Ladders of what bends the arm, whatever the rows say."""
+        robot = self.robot
+        return ladders_of(
+            self.frames.start, self.mounted, moments=robot.moments, limits=robot.limits
+        )
+
     def asked(self, near: RobotModel) -> BadShots:
         """What richer models say of the rows, about a fit of geometry."""
         start, parameters = self.frames.start, self.frames.parameters
-        ladders = (
-            *ladders_of(start, self.mounted), *row_ladders(start, self.train, self.known)
-        )  # fmt: skip
+        ladders = (*self.bends, *row_ladders(start, self.train, self.known))
         return bad_shots(
             start, near, self.train, parameters, prior=wide_prior(parameters), ladders=ladders,
             rng=stream(self.seed, "confirm"),
@@ -270,10 +284,10 @@ def _condition(fit: FittedModel) -> tuple[str, ...]:
     if result.prior is not None:
         return (f"{alike}the prior of the links holds what they do not tell{more}",)
     lengths = result.parameters.is_length[result.parameters.free_index]
-    u = result.standard_uncertainty
     worst = result.least_known
-    value = float(in_units(u, lengths)[worst])
+    unit, scale = shown_in(result.names[worst], bool(lengths[worst]))
+    value = scale * float(result.standard_uncertainty[worst])
     return (
-        f"{alike}least known is {result.names[worst]}, U = {significant(2 * value, 2)} "
-        f"{unit_of(bool(lengths[worst]))} from the stated noise{more}",
+        f"{alike}least known is {result.names[worst]}, U = {significant(2 * value, 2)} {unit} "
+        f"from the stated noise{more}",
     )

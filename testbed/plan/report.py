@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from calib.geometry.parameters import shown_in
 from testbed.plan import plots
 from testbed.plan.promises import (
     expanded,
@@ -218,7 +219,7 @@ def parameter_section(plan: Plan) -> Section:
         rows=tuple(
             (name, significant(float(value) * factor), unit)
             for name, value, length in zip(names, u, lengths, strict=True)
-            for factor, unit in [(UM, "µm") if length else (MDEG, "mdeg")]
+            for factor, unit in [_fine(name, bool(length))]
         ),
         align="lrl",
         note="Standard uncertainties, k = 1. They are strongly correlated: never combine them as "
@@ -228,3 +229,9 @@ def parameter_section(plan: Plan) -> Section:
     if plan.notes:
         blocks += [Text("What the measurements cannot tell apart:"), Points(plan.notes)]
     return Section("parameters", "What will be identified", tuple(blocks))
+
+
+def _fine(name: str, is_length: bool) -> tuple[float, str]:
+    """How many small units of a number are one of SI, and the unit."""
+    unit, _ = shown_in(name, is_length)
+    return {"mm": (UM, "µm"), "deg": (MDEG, "mdeg")}.get(unit, (1.0, unit))

@@ -142,7 +142,7 @@ def robot_chain(data: RobotFile) -> Chain:
 
 
 def joint_errors(path: Path, data: RobotFile) -> JointErrors:
-    """Joint terms of a robot file with their coefficients [rad or m]."""
+    """Joint terms and springs of a robot file with their numbers [rad or m; kg or kg m]."""
     terms, coefficients = [], []
     for entry in data.joint_terms:
         terms.append(
@@ -164,7 +164,8 @@ def joint_errors(path: Path, data: RobotFile) -> JointErrors:
                 message=f"[joint_terms] {entry.name}: coefficient_{unit} of a {kind} joint",
                 fix=f"write coefficient_{wanted}",
             )  # fmt: skip
-    return JointErrors(tuple(terms), np.array(coefficients))
+    own = JointErrors(tuple(terms), np.array(coefficients))
+    return own if data.springs is None else own.joined(data.springs.joint_errors(robot_chain(data)))
 
 
 def load_tracker_visuals() -> tuple[Visual, ...]:

@@ -18,6 +18,7 @@ from testbed.bounds import (
     SLIDE_SPEED,
     TURN_SPEED,
 )
+from testbed.robots.springs import SpringsTable
 from testbed.robots.tolerances import LinkTolerances
 from testbed.strict import PlainText, Strict, choice_of
 
@@ -240,6 +241,7 @@ class RobotFile(Drawn):
     never_collide: tuple[Annotated[tuple[int, ...], Field(min_length=2, max_length=2)], ...] = ()
     free_sets: dict[PlainText, tuple[str, ...]] = Field(default_factory=dict)
     joint_terms: tuple[JointTermEntry, ...] = ()
+    springs: SpringsTable | None = None
     reflectors: tuple[ReflectorEntry, ...] = ()
     tolerances: LinkTolerances | None = None
     notes: tuple[PlainText, ...] = ()
@@ -287,6 +289,8 @@ class RobotFile(Drawn):
                     f"joint_terms: {term.name} has {len(term.weights)} weights; one for each of "
                     f"{n} joints"
                 )
+        if self.springs and (wrong := self.springs.contradictions([j.kind for j in self.joints])):
+            raise ValueError(wrong)
         return self
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.frames import inverse
+from calib.geometry.gravity import moments_of
 from calib.geometry.model import RobotModel
 from testbed.units import in_units
 
@@ -125,6 +126,13 @@ class Robot:
     rad, rad]; None where its file states none."""
     agreement: float | None = None
     """Largest distance from the poses another reader finds in the file, if converted [m]."""
+
+    @property
+    def moments(self) -> Array | None:
+        """(n, 4) masses and first moments of its links [kg, kg m]; None where some are assumed."""
+        if any(note.startswith(NO_MASS) for note in self.notes) or not self.masses.any():
+            return None
+        return moments_of(self.masses, self.centers)
 
 
 def body_name(link: int) -> str:

@@ -122,6 +122,7 @@ def truth_part(truth: TruthSettings) -> dict[str, Any]:
 def robot_hash(robot: "Robot") -> str:
     """Hex sha256 of a robot's numbers and meshes, with no path of this machine in it."""
     from testbed.robots.robot import IN_PLACE
+    from testbed.robots.springs import springs_table
 
     chain, errors = robot.model.chain, robot.model.joint_errors
     numbers = (
@@ -158,4 +159,6 @@ def robot_hash(robot: "Robot") -> str:
             for t in errors.terms
         ]
         document["joint_terms"] = [terms, errors.coefficients.tolist()]
+    if errors.springs is not None:
+        document["springs"] = springs_table(errors)
     return sha256(canonical(document)).hexdigest()

@@ -79,8 +79,11 @@ def _whole(cls: type, packed: Mapping[str, Any], *, make: bool) -> object:
 def _pairs(value: object, path: str, hint: Any) -> Iterator[tuple[str, Any]]:
     """(path, array or JSON value) of everything below `value`, whose field has the type `hint`."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        usual = _usual(type(value))
         for name, kind in _hints(type(value)).items():
-            yield from _pairs(getattr(value, name), _join(path, name), kind)
+            one = getattr(value, name)
+            if name not in usual or one is not usual[name]:
+                yield from _pairs(one, _join(path, name), kind)
     elif isinstance(value, Enum):
         yield path, value.name
     elif isinstance(value, tuple):
@@ -192,12 +195,21 @@ def _build(hint: Any, path: str, left: dict[str, Any], *, make: bool) -> Any:
 def _later(cls: type, path: str, left: Mapping[str, Any]) -> dict[str, Any]:
     """Defaults of the fields that are newer than the record."""
     out = {}
-    for field in dataclasses.fields(cls):
-        if LATER in _notes(_hints(cls)[field.name]):
-            start = _join(path, field.name)
-            if start not in left and not any(name.startswith(f"{start}.") for name in left):
-                out[field.name] = field.default
+    for name, default in _usual(cls).items():
+        start = _join(path, name)
+        if start not in left and not any(one.startswith(f"{start}.") for one in left):
+            out[name] = default
     return out
+
+
+@cache
+def _usual(cls: type) -> dict[str, Any]:
+    """Defaults of the fields that records need not hold."""
+    return {
+        field.name: field.default
+        for field in dataclasses.fields(cls)
+        if LATER in _notes(_hints(cls)[field.name])
+    }
 
 
 def _check_sizes(cls: type, values: Mapping[str, Any], path: str) -> None:

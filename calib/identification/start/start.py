@@ -16,7 +16,7 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.errors import refuse
-from calib.geometry.chain import Chain, forward
+from calib.geometry.chain import Chain
 from calib.geometry.frames import inverse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
@@ -154,8 +154,7 @@ def _with_one_tool(
     require_equations(model, measurements, parameters)
     # flange poses by the nominal links alone
     links = Chain(model.chain.links, model.chain.kinds)
-    own = model.joint_errors.offsets(measurements.q, measurements.conditions)
-    F = forward(links, measurements.q + own)
+    F = RobotModel(links, model.joint_errors).poses(measurements.q, measurements.conditions)
     problem = start_problem(model, F, measurements, free_tool, free_anchors)
     # best guess on some rows, refined on all of them
     alignment = _best_guess(problem, parameters)

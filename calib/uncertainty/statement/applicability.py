@@ -195,9 +195,8 @@ def proven_by(
             allowed="one pose or more",
         )  # fmt: skip
     wide = lacking(model)
-    start, more = model.first_fixture, wide.first_fixture - model.first_fixture
-    columns = np.arange(start, start + more)
-    own = np.delete(np.arange(wide.n_numbers), columns)
+    held = np.isin(wide.names, model.names)
+    columns, own = np.flatnonzero(~held), np.flatnonzero(held)
     seen = predict(wide, train)
     B = unheld(wide, columns, up, train.q, seen.rows)
     absorbed = np.zeros((model.n_numbers, B.shape[2]))
@@ -218,17 +217,13 @@ def unheld(wide: RobotModel, columns: Index, up: Array, q: Array, rows: Array) -
 
 
 def lacking(model: RobotModel) -> RobotModel:
-    """The model with joint terms beyond it: gravity and two waves, or where it has these, more."""
+    """The model with joint errors beyond it: gravity and two waves, or where it has these, more."""
     # whatever tool it carries: the closed form of gravity is that of the arm
     wide, order = extended_model(model, replace(model.chain, T_flange_tool=np.eye(4))), 3
     turning = [kind == "revolute" for kind in model.chain.kinds]
-    while len(wide.joint_errors.terms) == len(model.joint_errors.terms):
+    while len(wide.names) == len(model.names):
         known = set(wide.joint_errors.names)
         more = [t for t in harmonic_terms(model.chain.n_joints, (order,)) if turning[t.joint]]
-        added = [t for t in more if t.name not in known]
-        errors = JointErrors(
-            (*wide.joint_errors.terms, *added),
-            np.concatenate([wide.joint_errors.coefficients, np.zeros(len(added))]),
-        )
-        wide, order = RobotModel(model.chain, errors, model.fixtures), order + 1
+        added = JointErrors(tuple(t for t in more if t.name not in known))
+        wide, order = replace(wide, joint_errors=wide.joint_errors.joined(added)), order + 1
     return wide

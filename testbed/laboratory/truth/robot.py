@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array
 from calib.errors import refuse
+from calib.geometry.bodies import Z, bent_forward
 from calib.geometry.chain import Chain, chain_names, joint_vectors
 from calib.geometry.model import RobotModel
 from calib.identification.joint_models import gravity_quarters
@@ -85,7 +86,7 @@ class TrueRobot:
         """
         q = joint_vectors(self.model.chain, q)
         before = np.zeros_like(q) if previous is None else previous
-        reached, scatter = q + self.model.joint_errors.offsets(q), np.zeros_like(q)
+        reached, scatter = q + self.model.joint_errors.of_terms(q), np.zeros_like(q)
         if self.unmodelled.backlash is not None:
             reached = reached + self.unmodelled.backlash.offsets(q, before)
         if rng is not None:
@@ -93,6 +94,11 @@ class TrueRobot:
         growth = None
         if self.unmodelled.thermal is not None:
             growth = self.unmodelled.thermal.growth(np.zeros(len(q)) if time is None else time)
+        errors = self.model.joint_errors
+        if errors.springs is not None:  # those that its maker states
+            bends = errors.springs.bends(q, errors.of_springs)
+            bends[:, :, Z] += reached + scatter - q
+            return bent_forward(self.model.chain, q, bends, growth)
         if isinstance(self.simulator, Simulator):
             return self.simulator.poses(reached + scatter, growth=growth)
         if isinstance(self.simulator, ElasticArm):

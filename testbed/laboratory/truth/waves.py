@@ -1,6 +1,7 @@
 """What true joints add to what is commanded: sag, gear and encoder errors, as sums of waves."""
 
 from collections.abc import Sequence
+from functools import reduce
 from typing import Literal
 
 import numpy as np
@@ -131,8 +132,5 @@ def turning(chain: Chain, terms: tuple[JointTerm, ...], coefficients: Array) -> 
 
 
 def joined(sums: Sequence[JointErrors]) -> JointErrors:
-    """Several sums of joint terms as one."""
-    return JointErrors(
-        tuple(term for one in sums for term in one.terms),
-        np.concatenate([one.coefficients for one in sums]),
-    )
+    """Several joint errors as one."""
+    return reduce(JointErrors.joined, sums)

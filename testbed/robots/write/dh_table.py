@@ -21,7 +21,7 @@ class DhRow:
     name: str
     """As in `RobotModel.names`."""
     unit: str
-    """mm, deg, or 1e-6/K."""
+    """mm, deg, kg, kg m, or 1e-6/K."""
     old: float
     """Nominal."""
     new: float
@@ -57,7 +57,7 @@ def dh_rows(
     Sola et al. arXiv 1812.01537, right Jacobian of SO(3).
     """
     (covariance,) = check(f"{parameters.n_free} {parameters.n_free}", covariance=covariance)
-    n, k = identified.chain.n_joints, len(identified.joint_errors.terms)
+    n, k = identified.chain.n_joints, len(identified.joint_errors.names)
     if parameters.names[: 12 + 5 * n + k] != identified.names[: 12 + 5 * n + k]:
         message = "parameters are not those of the identified model"
         raise refuse("parameters", code="A3", message=message)

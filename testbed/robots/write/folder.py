@@ -9,6 +9,7 @@ import numpy as np
 
 from calib.arrays import Array, frozen
 from calib.errors import one_line, refuse
+from calib.geometry.bodies import Z
 from calib.geometry.chain import Chain, forward
 from calib.geometry.frames import inverse, slide
 from calib.geometry.inverse import spread
@@ -25,7 +26,7 @@ from testbed.robots.write.mjcf import frames_of, load_mjcf, mjcf_poses, mjcf_tex
 from testbed.robots.write.ros import ros_files
 from testbed.robots.write.toml import robot_toml
 from testbed.robots.write.urdf import require_package, urdf_bytes
-from testbed.units import MM
+from testbed.units import MM, counted
 
 SHIFT, TURN = 0.01, np.radians(1.0)
 """A link's frame that moved further than this moved by the gauge, not by calibration [m, rad]."""
@@ -60,9 +61,10 @@ def identified_robot(
         message = f"the model has joints {model.chain.kinds}"
         allowed = f"those of {robot.name}: {nominal.kinds}"
         raise refuse("model", allowed=allowed, code="A3", message=message)
-    chain, notes = model.chain, robot.notes
-    # lengths that grow are those of the links as they are
-    if not model.joint_errors.of_lengths and longest(chain) > max(longest(nominal), reach(nominal)):
+    chain, notes, errors = model.chain, robot.notes, model.joint_errors
+    # lengths that grow and axes of bearings are those of the links as they are
+    bound = errors.of_lengths or (errors.springs is not None and (errors.springs.axis != Z).any())
+    if not bound and longest(chain) > max(longest(nominal), reach(nominal)):
         other = regauged(chain)
         notes = (
             *notes,
@@ -73,6 +75,8 @@ def identified_robot(
     robot = _rehung(robot, chain)
     sources = dict(robot.sources)
     sources["geometry"] = f"identified from measurements of {robot.name}"
+    if model.joint_errors.springs:
+        sources["springs"] = f"identified from measurements of {robot.name}"
     if model.joint_errors.terms:
         sources["joint_terms"] = f"identified from measurements of {robot.name}"
     return replace(
@@ -199,7 +203,7 @@ def write_robot_folder(
         for name, (position, rotation) in found.items()
     )
     told += tuple(proof for _, proof in ros.values())
-    return (*told, words) if robot.model.joint_errors.terms else told
+    return (*told, words) if robot.model.joint_errors.names else told
 
 
 def _require_free(folder: Path, names: list[str], *, overwrite: bool) -> None:
@@ -254,14 +258,16 @@ def _head(robot: Robot) -> str:
 
 def _geometric_words(robot: Robot) -> str:
     """What URDF and MJCF hold, and what they cannot."""
-    terms = len(robot.model.joint_errors.terms)
-    if not terms:
+    errors = robot.model.joint_errors
+    parts = [counted(len(errors.terms), "joint term")] if errors.terms else []
+    parts += [counted(len(errors.springs.load), "spring")] if errors.springs else []
+    if not parts:
         return "Geometry only; this is the whole model."
     q = spread(robot.limits, SAMPLES)[1:]
     full, part = robot.model.poses(q), forward(robot.model.chain, q)
     away = np.linalg.norm(full[:, :3, 3] - part[:, :3, 3], axis=1)
     return (
-        f"Geometry only: the {terms} joint terms of robot.toml cannot be said in URDF or MJCF. "
+        f"Geometry only: the {' and '.join(parts)} of robot.toml cannot be said in URDF or MJCF. "
         f"Without them the tool is up to {away.max() * MM:.3f} mm away from the full model, rms "
         f"{np.sqrt(np.mean(away**2)) * MM:.3f} mm over poses spread over the joint limits."
     )

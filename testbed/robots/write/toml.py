@@ -1,6 +1,5 @@
 """A robot as robot.toml: every number so that reading it back gives the same bits, or the next."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,43 +10,9 @@ from calib.errors import one_line
 from calib.geometry.frames import transform_step
 from calib.geometry.joint_errors import JointTerm
 from testbed.robots.robot import Reflector, Robot, Visual, Workspace
+from testbed.robots.springs import springs_table
+from testbed.robots.units import Unit, degrees, millimeters, millionths
 from testbed.strict import toml_lines, toml_value
-
-Unit = Callable[[float], float]
-
-
-def degrees(value: float) -> float:
-    """What `numpy.radians` of it gives back an angle [rad to deg]."""
-    return _inverted(float(np.degrees(value)), value, lambda x: float(np.radians(x)))
-
-
-def millimeters(value: float) -> float:
-    """What a thousandth of it gives back a length [m to mm]."""
-    return _inverted(value * 1e3, value, lambda x: x / 1e3)
-
-
-def millionths(value: float) -> float:
-    """What 1e-6 times it gives back a value."""
-    return _inverted(value * 1e6, value, lambda x: x * 1e-6)
-
-
-def _inverted(guess: float, value: float, read: Unit) -> float:
-    """The shortest decimal number that is read as `value`, or else the nearest neighbor.
-
-    A unit's factor maps some neighbors onto one and leaves gaps of one unit in the last place.
-    """
-    guess, value = float(guess), float(value)
-    for digits in range(1, 17):
-        short = float(f"{guess:.{digits}g}")
-        if read(short) == value:
-            return short + 0.0
-    near = [guess]
-    for direction in (-np.inf, np.inf):
-        one = guess
-        for _ in range(2):
-            one = float(np.nextafter(one, direction))
-            near.append(one)
-    return min(near, key=lambda x: abs(read(x) - value))
 
 
 def robot_toml(robot: Robot, *, comment: str = "") -> str:
@@ -64,7 +29,7 @@ def robot_toml(robot: Robot, *, comment: str = "") -> str:
         "floor_mm": millimeters(robot.base_offset),
         "never_collide": [[_number(a), _number(b)] for a, b in robot.exclusions],
     }
-    both = zip(errors.terms, errors.coefficients, strict=True)
+    both = zip(errors.terms, errors.coefficients, strict=False)
     terms = [_term(term, value, (*chain.kinds, "lengths")[term.joint]) for term, value in both]
     model = {
         "sources": {key: _text(source) for key, source in robot.sources.items()},
@@ -74,6 +39,7 @@ def robot_toml(robot: Robot, *, comment: str = "") -> str:
         "joints": [_joint(robot, i) for i in range(chain.n_joints)],
         "tolerances": _tolerances(robot),
         "joint_terms": terms or None,
+        **({} if (springs := springs_table(errors)) is None else {"springs": springs}),
         "reflectors": [_reflector(reflector) for reflector in robot.reflectors] or None,
     }
     lines = [f"# {one_line(line)}" for line in comment.split("\n")] if comment else []

@@ -17,6 +17,7 @@ from calib.errors import InputError, refuse
 from calib.geometry.frames import exp_so3, transform
 from calib.geometry.inverse import inverse_kinematics, spread
 from calib.geometry.model import RobotModel
+from calib.identification.ladders import ladders_of
 from calib.identification.model_choice import choose
 from calib.measurement.accuracy import error_statistics, position_errors
 from calib.measurement.iso9283 import (
@@ -109,7 +110,8 @@ def play_robot(
     own = robot_of(laboratory, truth, robot)
     nominal = own.setting.nominal
     seen = own.measure_pool(trial.selection.indices, "compensation", "identification", robot)
-    choice = choose(nominal, seen, own.free("whitened"))
+    ladders = ladders_of(nominal, moments=own.robot.moments, limits=own.robot.limits)
+    choice = choose(nominal, seen, own.free("whitened"), ladders=ladders)
     models = [found.model for found in choice.identifications]
     extended = choice.chosen == "extended"
     runs = [execute(own, T, q, "before", robot)]

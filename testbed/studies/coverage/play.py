@@ -14,6 +14,7 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.identification.identify import Identification, identify
+from calib.identification.ladders import ladders_of
 from calib.identification.least_squares import Status
 from calib.identification.model_choice import choose
 from calib.measurement.accuracy import point_distances
@@ -167,7 +168,9 @@ def models(measured: MeasuredRobot) -> tuple[tuple[Identification, ...], float, 
     prior. Validation poses have no say in the choice: they would no longer be a test.
     """
     nominal, free = measured.laboratory.setting.nominal, measured.laboratory.free("whitened")
-    choice = choose(nominal, measured.seen, free)
+    robot = measured.laboratory.robot
+    ladders = ladders_of(nominal, moments=robot.moments, limits=robot.limits)
+    choice = choose(nominal, measured.seen, free, ladders=ladders)
     fits = (identify(nominal, measured.seen, free), choice.identifications[1])
     return fits, choice.log_evidence, choice.chosen == "extended"
 

@@ -5,16 +5,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calib.geometry.model import RobotModel
-from calib.geometry.parameters import Parameters
+from calib.geometry.parameters import CHARACTERISTIC_LENGTH, Parameters
 from calib.identification.climb import Climb, ClimbStep, Offer
 from calib.identification.identify import Identification, Mode, identify
 from calib.identification.joint_models import with_joint_terms
-from calib.identification.ladders import Ladder, Level, ladders_of
+from calib.identification.ladders import ladders_of
+from calib.identification.levels import Ladder, Level
 from calib.identification.model_choice import choose
 from calib.identification.prior import Prior
 from calib.identification.robust import Loss
+from calib.information.rank import BEARING, MOMENT, SAG
 from calib.measurement.observations import Measurements
 from testbed.laboratory.truth.laboratory import Laboratory
+from testbed.robots.robot import Robot
 from testbed.scenario.tables import PriorSettings
 
 WEAK = PriorSettings()
@@ -81,7 +84,7 @@ def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Esti
             measured,
             free,
             prior=scenario_prior(own, free),
-            ladders=scenario_ladders(own, nominal),
+            ladders=scenario_ladders(own, nominal, bench.robot),
             loss=settings.loss,
         )
         why, evidence, climbed = choice.sentence, choice.log_evidence, choice.climb
@@ -105,12 +108,18 @@ def scenario_prior(settings: PriorSettings, parameters: Parameters) -> Prior:
     return Prior(np.zeros(len(names)), sd, names)
 
 
-def scenario_ladders(settings: PriorSettings, nominal: RobotModel) -> tuple[Ladder, ...]:
+def scenario_ladders(
+    settings: PriorSettings, nominal: RobotModel, robot: Robot
+) -> tuple[Ladder, ...]:
     """The ladders of an arm with the sizes that a scenario believes in."""
     first, second = (MDEG * size for size in settings.harmonics_mdeg)
+    ladders = ladders_of(
+        nominal, moments=robot.moments, limits=robot.limits,
+        waves=(first, second), sag=MDEG * settings.gravity_mdeg,
+    )  # fmt: skip
     return tuple(
         replace(ladder, levels=tuple(_with_own_sizes(level, settings) for level in ladder.levels))
-        for ladder in ladders_of(nominal, waves=(first, second), sag=MDEG * settings.gravity_mdeg)
+        for ladder in ladders
     )
 
 
@@ -127,6 +136,8 @@ def _spread(settings: PriorSettings, name: str, is_length: bool) -> float:
     if own is not None:
         return own * MM if is_length else float(np.radians(own))
     frame = name.startswith(("base.", "tool."))
+    if name.startswith(("spring", "moment")):
+        return _of_springs(settings, name, is_length)
     if is_length:
         return (settings.frame_lengths_mm if frame else settings.lengths_mm) * MM
     if frame:
@@ -137,3 +148,12 @@ def _spread(settings: PriorSettings, name: str, is_length: bool) -> float:
         first, higher = settings.harmonics_mdeg
         return float((first if name.endswith(("sin1", "cos1")) else higher) * MDEG)
     return float(np.radians(settings.angles_deg))
+
+
+def _of_springs(settings: PriorSettings, name: str, is_length: bool) -> float:
+    """The same of springs and of the moments that load them [rad, m; kg, kg m]."""
+    if name.startswith("moment"):
+        return MOMENT[not name.endswith(".m")]
+    across = 1.0 if name.endswith(".z") else BEARING / SAG
+    length = CHARACTERISTIC_LENGTH if is_length else 1.0
+    return float(settings.gravity_mdeg * MDEG * across * length)

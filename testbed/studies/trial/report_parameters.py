@@ -3,6 +3,7 @@
 import numpy as np
 
 from calib.geometry.model import RobotModel
+from calib.geometry.parameters import shown_in
 from testbed.report.page import Block, Section, Table, Text, heads
 from testbed.scenario.fixtures import targets_mm
 from testbed.scenario.scenario import Scenario
@@ -11,8 +12,6 @@ from testbed.studies.trial.compare import INTERVAL
 from testbed.studies.trial.records import Campaign, Estimate, Trial
 from testbed.units import (
     counted,
-    in_units,
-    unit_of,
     with_uncertainty,
 )
 
@@ -73,7 +72,8 @@ def parameter_table(nominal: RobotModel, trial: Trial, estimate: Estimate) -> Ta
     known = dict(zip(nominal.names, start_values, strict=True))
     at = np.array([known.get(name, 0.0) for name in found.names])
     values = (at, found.step, seen.true_step, found.standard_uncertainty, estimate.type_a)
-    start, step, true, u, type_a = (in_units(numbers, is_length) for numbers in values)
+    units = [shown_in(*one) for one in zip(found.names, is_length.tolist(), strict=True)]
+    start, step, true, u, type_a = np.array(values) * [scale for _, scale in units]
     held = np.abs(found.step - seen.true_step) <= INTERVAL * estimate.type_a
     rows = []
     for k, name in enumerate(found.names):
@@ -81,13 +81,12 @@ def parameter_table(nominal: RobotModel, trial: Trial, estimate: Estimate) -> Ta
             start[k] + step[k], u[k], start[k] + true[k], true[k] - step[k], 2 * u[k]
         )
         identified, _, truth, error, expanded = written
-        unit = unit_of(bool(is_length[k]))
         repeated = with_uncertainty(0.0, type_a[k])[1]
         inside = "yes" if seen.parameter_inside[k] else "NO"
         at_start = f"{start[k]:g}".replace("-", "−")
         by_repeats = "yes" if held[k] else "NO"
         cells = (identified, truth, error, expanded, repeated, inside, by_repeats)
-        rows.append((name, unit, at_start, *cells))
+        rows.append((name, units[k][0], at_start, *cells))
     return Table(
         caption=f"{trial.name}, {plots.NAMES[estimate.mode]}: "
         f"{int(seen.parameter_inside.sum())} of {len(rows)} inside by the fit's covariance, "

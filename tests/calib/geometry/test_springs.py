@@ -92,7 +92,7 @@ def test_at_rest_springs_carry_the_slope_of_the_potential_energy():
     """After many passes, by complex step: no other forces are left."""
     rng, h = np.random.default_rng(3), 1e-30
     model, q = sprung(rng, 40, bend=3e-3, free_moments=False), rng.uniform(-2, 2, (3, 6))
-    springs = model.joint_errors.sprung
+    springs = model.joint_errors.springs
     moments = np.vstack([springs.weight.moments, springs.weight.payload])
     numbers = model.joint_errors.of_springs
     bends, gravity = springs.bends(q, numbers), springs.gravity(numbers)
@@ -121,7 +121,7 @@ def test_springs_that_give_nothing_leave_the_stiff_arm_to_the_bit(passes):
 def test_one_product_of_compliances_and_moments_is_free():
     rng = np.random.default_rng(5)
     model, q = sprung(rng, 1), rng.uniform(-2, 2, (5, 6))
-    springs, numbers = model.joint_errors.sprung, model.joint_errors.of_springs
+    springs, numbers = model.joint_errors.springs, model.joint_errors.of_springs
     bare = replace(springs, weight=replace(springs.weight, payload=np.zeros(4)))
     twice, own = numbers.copy(), springs.weight.moments[springs.free]
     twice[:18] /= 2

@@ -10,7 +10,8 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.climb import ASKED
 from calib.identification.identify import Status, identify
 from calib.identification.joint_models import extended_model, shared_waves
-from calib.identification.ladders import ladders_of, with_errors
+from calib.identification.ladders import ladders_of
+from calib.identification.levels import with_errors
 from calib.identification.model_choice import choose, extended_by, parts_of, some_poses
 from calib.identification.prior import Prior, weak_prior
 from calib.measurement.observations import joined
@@ -53,6 +54,8 @@ def test_log_evidence_is_the_ratio_of_the_densities_of_the_measurements():
     scale = choice.climb.noise_factor
     levels = {level.name: level for ladder in ladders for level in ladder.levels}
     for offer in choice.climb.offered:
+        if np.isnan(offer.gain):  # what gravity never bends
+            continue
         level = levels[offer.level]
         wide, density = with_errors(tx60(), level.errors), []
         stack = linearize(wide, table)
@@ -178,7 +181,7 @@ def test_a_model_that_has_some_terms_already_is_offered_the_others():
     assert choice.chosen == "geometric"
     bends = [one for one in choice.climb.offered if one.ladder in ("gravity", "waves")]
     offered = {offer.level: offer.outcome for offer in bends}
-    assert offered.pop("none") == "not offered: sag: the model has it already"
+    assert offered.pop("sag") == "not offered: the model has it already"
     assert set(offered) == {"waves 1 to 4", "joint map with small waves"}
 
 

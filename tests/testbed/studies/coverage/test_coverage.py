@@ -9,7 +9,7 @@ from scipy import optimize, stats
 from calib.errors import InputError
 from calib.geometry.frames import log_so3
 from calib.geometry.joint_errors import JointErrors
-from calib.identification.ladders import with_errors
+from calib.identification.levels import with_errors
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.robots.catalog import load_robot
 from testbed.run.derive import arrays, headline, page_of

@@ -111,7 +111,7 @@ def test_a_tight_prior_holds_its_number_and_a_wide_one_lets_go():
 
 def test_sizes_that_a_scenario_states_of_single_waves_are_those_of_its_ladders():
     settings = PriorSettings(sd_deg={"harmonic2.cos1": 0.003}, harmonics_mdeg=(8.0, 4.0))
-    waves = scenario_ladders(settings, bench("rigid").setting.nominal)[1]
+    waves = scenario_ladders(settings, bench("rigid").setting.nominal, bench("rigid").robot)[1]
     usual = dict(zip(waves.levels[2].names, waves.levels[2].sd, strict=True))
     assert usual["harmonic2.cos1"] == pytest.approx(np.radians(0.003))
     assert usual["harmonic2.sin1"] == pytest.approx(np.radians(0.008))

@@ -1,0 +1,77 @@
+"""What the levels of ladders are: joint errors that a model may have, and how large they may be."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import reduce
+
+import numpy as np
+
+from calib.arrays import Array, check, frozen
+from calib.geometry.joint_errors import JointErrors
+from calib.geometry.model import NO_ERRORS, RobotModel
+from calib.identification.prior import Prior
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Level:
+    """Joint errors that a model may have, and what is believed of their sizes."""
+
+    name: str
+    errors: JointErrors = NO_ERRORS
+    """All of them zero."""
+    sd: Array = ()  # type: ignore[assignment]  # becomes an array in __post_init__
+    """(k,) prior standard deviation of each of its numbers [rad, m; kg, kg m; 1/K]."""
+    usual: bool = False
+    """Whether this is the level at which a model is shown that nobody asked for."""
+    mean: Array = ()  # type: ignore[assignment]  # likewise
+    """(k,) what its numbers are believed to be; zero if left out."""
+
+    def __post_init__(self) -> None:
+        k = len(self.errors.names)
+        mean = self.mean if np.size(self.mean) else np.zeros(k)
+        sd, mean = check(f"{k}, {k}", sd=self.sd, mean=mean)
+        object.__setattr__(self, "sd", sd)
+        object.__setattr__(self, "mean", mean)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """(k,) names of its numbers."""
+        return self.errors.names
+
+    def __repr__(self) -> str:
+        return f"Level({self.name}: {len(self.errors.names)} numbers)"
+
+
+NOTHING = Level("none")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ladder:
+    """The levels of one cause."""
+
+    name: str
+    levels: tuple[Level, ...]
+    """The first one is empty."""
+    why_not: tuple[str, ...] = ()
+    """What is not offered, and why: ``joint 1 z: gravity never turns it``."""
+
+    def __repr__(self) -> str:
+        return f"Ladder({self.name}: {', '.join(level.name for level in self.levels)})"
+
+
+def joined(levels: Iterable[Level]) -> JointErrors:
+    """The joint errors of some levels as one."""
+    return reduce(JointErrors.joined, (level.errors for level in levels), NO_ERRORS)
+
+
+def with_errors(nominal: RobotModel, added: JointErrors) -> RobotModel:
+    """The model with joint errors added that are zero: same poses as before."""
+    return replace(nominal, joint_errors=nominal.joint_errors.joined(added))
+
+
+def prior_of(levels: Iterable[Level]) -> Prior:
+    """What is believed of the numbers of some levels, which are independent."""
+    levels = tuple(levels)
+    mean, sd = (np.concatenate([getattr(level, key) for level in levels]) for key in ("mean", "sd"))
+    names = tuple(name for level in levels for name in level.names)
+    return Prior(frozen(mean), frozen(sd), names)

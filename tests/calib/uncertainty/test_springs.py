@@ -1,0 +1,56 @@
+"""Uncertainty of arms that give way: every kernel against the poses of the model itself."""
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from calib.geometry.joint_errors import JointErrors
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import parameters_of
+from calib.identification.identify import identify
+from calib.identification.prior import weak_prior
+from calib.measurement.noise import with_joint_noise
+from calib.measurement.tables import poses
+from calib.uncertainty.bootstrap import bootstrap
+from calib.uncertainty.monte_carlo import propagate
+from tests.calib.geometry.test_springs import sprung, tx60_springs
+from tests.reference import SIGMA_POSITION, SIGMA_ROTATION, pool_r, tx60
+
+
+@pytest.mark.parametrize("passes", [1, 2])
+def test_tool_points_of_many_sprung_robots_are_those_of_each_of_them(passes):
+    rng = np.random.default_rng(passes)
+    model, q = sprung(rng, passes), rng.uniform(-2, 2, (5, 6))
+    steps = rng.normal(size=(4, model.n_numbers)) * 1e-3
+    steps[3, 54:] = 0.0
+    expected = [model.moved(step).poses(q)[:, :3, 3] for step in steps]
+    np.testing.assert_allclose(propagate(model, q, steps), expected, rtol=0, atol=1e-14)
+
+
+def test_noise_of_the_joints_moves_a_sprung_arm_as_its_joints_do():
+    """Against poses of an arm whose links are turned by as much, on the same springs."""
+    rng, h = np.random.default_rng(3), 1e-6
+    model, q = sprung(rng, 1), rng.uniform(-2, 2, (3, 6))
+    turning = [i for i in range(6) if model.chain.kinds[i] == "revolute"]
+    J = np.zeros((3, 3, 6))
+    for i in turning:
+        e = h * np.eye(model.n_numbers)[6 + 5 * i]
+        ends = [model.moved(sign * e).poses(q)[:, :3, 3] for sign in (1, -1)]
+        J[:, :, i] = (ends[0] - ends[1]) / (2 * h)
+    sd = np.zeros(6)
+    sd[turning] = 1e-5
+    sigma = with_joint_noise(model, q, np.zeros((3, 6, 6)), sd)[:, :3, :3]
+    expected = 1e-10 * J @ np.swapaxes(J, 1, 2)
+    # differences: 1e-9 of a meter
+    np.testing.assert_allclose(sigma, expected, rtol=0, atol=1e-8 * expected.max())
+
+
+def test_virtual_calibrations_say_that_they_know_no_springs():
+    model = RobotModel(tx60().chain, JointErrors(springs=tx60_springs()))
+    q = pool_r(40)
+    table = poses(q, model.poses(q), sd=(SIGMA_POSITION, SIGMA_ROTATION))
+    free = parameters_of(model)
+    found = identify(model, table, free, prior=weak_prior(free))
+    with pytest.raises(InputError, match="know no arm that gives way under its weight"):
+        bootstrap(found.model, table, found.parameters, np.random.default_rng(0),
+                  prior_precision=found.prior.precision)  # fmt: skip
