@@ -1,7 +1,9 @@
 """How long must one wait? Arms that move to a pose, stop, swing out and are looked at too soon.
 
-Run it: python scenes/dwell.py
+Run it: python scenes/dwell.py, which prints a table and draws dwell.svg.
 """
+
+from pathlib import Path
 
 import numpy as np
 
@@ -10,26 +12,22 @@ from testbed.robots.catalog import load_robot
 from testbed.scenario.laboratory import TruthSettings
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
+from testbed.studies.trial.bending.plots import dying_away
 
-DWELLS_S = (0.0, 0.1, 0.3, 0.5, 1.0)
-AT_REST_S = 8.0
+DWELLS_S, AT_REST_S = (0.0, 0.1, 0.3, 0.5, 1.0), 8.0
 ARMS = {  # at an arm's usual speed, and as slowly as in Wen et al. 2022
     "fast": {"speed_deg_s": 120.0, "approach_deg": 20.0},
     "at 62.5 mm/s": {"speed_mm_s": 62.5, "approach_deg": 5.0},
 }
-KINDS = ((0.05, 1.0), (0.02, 0.3), (0.02, 0.0))
-"""Shares: damping of the critical one, friction of 1 % of the rated torque."""
+KINDS = ((0.05, 1.0), (0.02, 0.3), (0.02, 0.0))  # damping of critical, friction of 1 % of rated
 
 
 def of_kind(truth: TruthSettings, share: float, rng: np.random.Generator) -> TruthSettings:
     """One arm of a kind: stiffness and friction of every joint 30 % more or less."""
     keys = {"drive_nm_per_mrad": 1.0, "bearing_nm_per_mrad": 1.0, "friction_nm": share}
-    return truth.model_copy(
-        update={
-            key: tuple(factor * rng.uniform(0.7, 1.3, 6) * getattr(truth, key))
-            for key, factor in keys.items()
-        }
-    )
+    size = {key: factor * rng.uniform(0.7, 1.3, 6) for key, factor in keys.items()}
+    update = {key: tuple(each * getattr(truth, key)) for key, each in size.items()}
+    return truth.model_copy(update=update)
 
 
 def waited(how: str, damping: float, friction: float, *, robots: int, poses: int) -> np.ndarray:
@@ -65,11 +63,13 @@ def table(*, robots: int = 5, poses: int = 12) -> list[tuple[str, float, float, 
 
 if __name__ == "__main__":
     print("um from where the tool comes to rest: mean over poses and robots (the worst pose)")
-    times = "".join(f"{f'{dwell:g} s':>13}" for dwell in DWELLS_S)
+    times, drawn = "".join(f"{f'{dwell:g} s':>13}" for dwell in DWELLS_S), {}
     print(f"{'':14}damping friction{times}{'other side':>13}")
     for how, damping, friction, um in table():
-        row = "".join(
-            f"{mean:7.1f} ({most:4.0f})"
-            for mean, most in zip(um.mean(axis=(0, 2)), um.max(axis=(0, 2)), strict=True)
-        )
+        mean, most = um.mean(axis=(0, 2)), um.max(axis=(0, 2))
+        row = "".join(f"{a:7.1f} ({b:4.0f})" for a, b in zip(mean, most, strict=True))
         print(f"{how:14}{damping:7g}{friction:9g}{row}")
+        if how == "fast":
+            name = f"damping {damping:g}, friction {friction:g}: "
+            drawn[name] = mean[:-1] / 1e6, most[:-1] / 1e6
+    Path("dwell.svg").write_text(dying_away(np.array(DWELLS_S), drawn), encoding="utf-8")

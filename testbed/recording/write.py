@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from calib.arrays import Array
+from calib.geometry.chain import forward
 from calib.geometry.frames import rot_z
 from testbed.machine import RECORDING, require_room
 from testbed.recording.cell import draw_arm
 from testbed.recording.pen import Pen
 from testbed.recording.story import Panel, Story, floor_height, timeline_of
 from testbed.recording.timeline import Phase, Timeline
+from testbed.robots.placements import link_poses
 
 APPLICATION = "truebed"
 
@@ -144,6 +146,9 @@ class _Layout:
 FRAMES_PER_SECOND = 24.0
 ASIDE, TOWARD_TRACKER = np.radians(140.0), 0.13
 """Camera: turned so far from the tracker's direction, aimed at this part of the way to it."""
+OPENING, ASPECT, FILLED = np.radians(55.0), 1.4, 0.92
+"""The viewer's angle of view from bottom to top, the cell's width over its height, and the part of
+both in which the axes of bodies stay: the bodies themselves are thicker."""
 
 
 def blueprint(story: Story, timeline: Timeline) -> Any:
@@ -166,7 +171,7 @@ def blueprint(story: Story, timeline: Timeline) -> Any:
     )
     return rrb.Blueprint(
         rrb.Vertical(
-            rrb.Horizontal(_cell(story), texts, *beside, column_shares=widths),
+            rrb.Horizontal(_cell(story, timeline), texts, *beside, column_shares=widths),
             rrb.StateTimelineView(origin="/phase", name="Phase"),
             rrb.Horizontal(*plots),
             row_shares=[6.5, 1.05, 2.4],
@@ -178,12 +183,15 @@ def blueprint(story: Story, timeline: Timeline) -> Any:
     )
 
 
-def _cell(story: Story) -> Any:
+def _cell(story: Story, timeline: Timeline) -> Any:
     """The robot's cell, the robot in front and the tracker in the background."""
     import rerun as rr
     import rerun.blueprint as rrb
 
-    position, target = camera(story.reach, story.chain.T_world_base[:3, 3], story.station)
+    bodies = link_poses(story.chain, timeline.q)[:, :, :3, 3].reshape(-1, 3)
+    tools = forward(story.chain, timeline.q)[:, :3, 3]
+    drawn = np.vstack([bodies, tools, story.station])
+    position, target = camera(story.reach, story.chain.T_world_base[:3, 3], story.station, drawn)
     return rrb.Spatial3DView(
         origin="/world",
         name="Cell",
@@ -203,8 +211,8 @@ def _cell(story: Story) -> Any:
     )
 
 
-def camera(reach: Array, base: Array, station: Array) -> tuple[Array, Array]:
-    """Eye and the point it looks at (3,), so that workspace and tracker are both in view [m].
+def camera(reach: Array, base: Array, station: Array, drawn: Array) -> tuple[Array, Array]:
+    """Eye and the point it looks at (3,), so that workspace, robot and tracker are in view [m].
 
     Parameters
     ----------
@@ -212,6 +220,8 @@ def camera(reach: Array, base: Array, station: Array) -> tuple[Array, Array]:
         Tool positions.
     base, station : (3,) array
         The robot's base and the tracker.
+    drawn : (k, 3) array
+        Where bodies and tools are at any step, and whatever else must be in view.
     """
     middle = (reach.mean(axis=0) + base) / 2
     radius = float(np.quantile(np.linalg.norm(reach - middle, axis=1), 0.95))
@@ -223,7 +233,14 @@ def camera(reach: Array, base: Array, station: Array) -> tuple[Array, Array]:
     sides = [rot_z(sign * ASIDE)[:3, :3] @ ahead for sign in (1, -1)]
     side = max(sides, key=lambda direction: float(direction @ front))
     target = middle + TOWARD_TRACKER * away - [0, 0, 0.2 * radius]
-    return target + radius * (2.9 * side + np.array([0, 0, 1.15])), target
+    back = 2.9 * side + np.array([0, 0, 1.15])
+    back = back / np.linalg.norm(back)
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    x, y, z = np.stack([right, np.cross(back, right), back]) @ (drawn - target).T
+    # a point is in view if it is nearer to the line of sight than its share of its depth
+    depth = np.maximum(np.abs(x) / ASPECT, np.abs(y)) / (FILLED * np.tan(OPENING / 2)) + z
+    return target + max(3.12 * radius, float(depth.max())) * back, target
 
 
 def _plane(panel: Panel) -> Any:

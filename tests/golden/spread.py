@@ -183,6 +183,10 @@ FIGURES: dict[str, tuple[Figure, ...]] = {
     ),
     "stations": (*errors("designed-16", "random-16"), *believed("designed-16", "random-16")),
     "wen2022": tuple(campaign_of_the_paper()),
+    "wen2022_moving": (
+        *errors("best-61", "random-61", "best-29", "random-29", digits=3),
+        *believed("best-61", "best-29"),
+    ),
     "compensate": tuple(compensated()),
     "coverage": tuple(covered()),
     "wen2022_reexamined": tuple(reexamined()),

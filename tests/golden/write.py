@@ -11,6 +11,7 @@ SCENES = (
     "quick",
     "iiwa",
     "wen2022",
+    "wen2022_moving",
     "position_only",
     "stations",
     "pose_sets",
@@ -22,6 +23,8 @@ SCENES = (
 SMALLER = {"studies.population": 8, "uncertainty.replications": 4}
 """What is played less often where the whole scene takes too long to play in a test."""
 LONG = ("pose_sets", "pose_sets_rigid")
+BY_HAND = (*LONG, "wen2022_moving")
+"""What takes so long that only a study plays it again."""
 FEWER: dict[str, dict[str, Any]] = {
     "wen2022": {"uncertainty.replications": 8},
     "stations": {"uncertainty.replications": 8},

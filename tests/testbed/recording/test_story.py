@@ -6,11 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from testbed.recording.curves import draw_curve
 from testbed.recording.story import Panel, timeline_of
 from testbed.recording.timeline import evenly, leaf, spread, visit
-from testbed.recording.write import blueprint, story_bytes
+from testbed.recording.write import blueprint, camera, story_bytes
+from testbed.robots.catalog import load_robot, robot_names
+from testbed.robots.placements import link_poses
 from tests import viewed
 from tests.recorded import column, scalars, store
 from tests.toy_story import STOPS, chapter, held, story
@@ -34,6 +37,29 @@ def test_a_chapter_brings_its_place_on_the_timeline_its_curve_and_its_words(tmp_
     assert steps.tolist() == [0, phase.start]
     assert texts[1] == ["#### Toy\n- toy"]
     assert column(opened, "/phase", "StateChange:state")[1] == [["first"], ["toy"]]
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_an_arm_is_in_the_picture_wherever_its_joints_may_take_it(name):
+    robot = load_robot(name)
+    chain, rng = robot.model.chain, np.random.default_rng(0)
+    q = rng.uniform(*robot.limits.T, (300, chain.n_joints))
+    bodies = link_poses(chain, q)[:, :, :3, 3].reshape(-1, 3)
+    tools, station = robot.model.poses(q)[:, :3, 3], np.array([2.5, 0.4, 0.8])
+    drawn = np.vstack([bodies, tools, station])
+    for reach in (tools, tools[tools[:, 0] > 0.3]):
+        eye, target = camera(reach, chain.T_world_base[:3, 3], station, drawn)
+        # a pinhole that looks from the eye to the target, world z up in it
+        view = Rotation.align_vectors([[0, 0, 1]], [target - eye])[0]
+        up = view.apply([0, 0, 1.0])
+        view = Rotation.from_euler("z", np.arctan2(up[0], up[1])) * view
+        x, y, z = view.apply(drawn - eye).T
+        assert z.min() > 0
+        assert np.abs(y / z).max() < 0.93 * np.tan(np.radians(27.5))
+        assert np.abs(x / z).max() < 0.93 * 1.4 * np.tan(np.radians(27.5))
+        # and not much farther off than it has to be, or than the workspace asks for
+        size = np.quantile(np.linalg.norm(reach - reach.mean(axis=0), axis=1), 0.95)
+        assert np.linalg.norm(eye - target) < 9 * size + np.linalg.norm(station)
 
 
 def test_slow_drawing_gives_the_same_content(tmp_path):

@@ -102,7 +102,7 @@ def dying_away(dwell: Array, kinds: Mapping[str, tuple[Array, Array]], own: floa
         plain_log(ax)
         ax.set_xlabel("since the motors stopped [s]")
         ax.set_ylabel("tool from rest [µm]")
-        legend_above(figure, ax, None if len(kinds) < 3 else 4)
+        legend_above(figure, ax, len(kinds) if len(kinds) > 1 else None)
         return svg_of(figure)
 
 
