@@ -208,6 +208,7 @@ def _calibrated(
         source=origin_of(robot, session, probes),
         nominal=robot.model,
         before=before,
+        limits=robot.limits,
         own_frames=frames.own,
         frames=frames.sentences,
         measurements=measurements,

@@ -152,6 +152,8 @@ class Calibration:
     """As the robot's maker describes it."""
     before: RobotModel
     """The nominal links with base, tool and fixtures fitted to the training rows."""
+    limits: Annotated[Array, "n", 2]
+    """(n, 2) least and largest joint values, as the maker gives them [rad, m]."""
     own_frames: bool
     """Whether the measuring frame is the world of the robot's file."""
     frames: tuple[str, ...]

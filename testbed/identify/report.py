@@ -4,17 +4,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from calib.arrays import Array
 from calib.geometry.fixtures import POINT_AXES
 from calib.geometry.frames import log_so3
 from calib.identification.ladders import order_of
+from testbed.identify.applies.region import reach_section
 from testbed.identify.conditions import conditions_words
 from testbed.identify.decisions import decided_at, decision_section, decision_words
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.report import hand_back_section
 from testbed.identify.handback.states import HandedNumber, handed_numbers
 from testbed.identify.records import Calibration
-from testbed.identify.report_belief import belief_section, reach_section
+from testbed.identify.report_belief import belief_section
 from testbed.identify.report_errors import (
     accuracy_section,
     joint_section,
@@ -123,7 +123,7 @@ def delivered_section(delivered: Delivered) -> Section:
             "the geometric part, joint_origins.yaml for ROS (for arms of UR's kind "
             "kinematics_params.yaml, too). dh_table.csv: every number old and new. joint_map.csv, "
             "where there is one: what each joint turns beside its command, with U. split.csv: "
-            "every row with its errors."
+            "every row with its errors, held-out ones with their place against what was proven."
         ),
         Points(sentences(delivered.robot)),
     ]
@@ -264,34 +264,7 @@ def identifiable_section(calibration: Calibration) -> Section:
         shown = dependent if fit is calibration.fits[0] else ()
         lists = (shown, result.notes[len(dependent) :])
         blocks += [Points(sentences(texts)) for texts in lists if texts]
-    blocks.append(coverage_table(calibration))
     return Section("identifiable", "What can be identified", tuple(blocks))
-
-
-def coverage_table(calibration: Calibration) -> Table:
-    """How far each joint was moved: what was not moved was not calibrated."""
-    table = calibration.measurements
-    rows = []
-    for k, kind in enumerate(calibration.nominal.chain.kinds):
-        scale, unit = (DEG, "deg") if kind == "revolute" else (MM, "mm")
-        cells = [str(k + 1), unit]
-        for which in (calibration.is_used, calibration.split.is_test):
-            cells += _range(table.q[which, k] * scale)
-        rows.append(tuple(cells))
-    return Table(
-        caption="How far the joints were moved",
-        head=("joint", "unit", "identify from", "to", "held out from", "to"),
-        rows=tuple(rows),
-        align="llrrrr",
-        note="Nothing was tested where no joint was: what a model leaves out may grow there.",
-    )
-
-
-def _range(values: Array) -> list[str]:
-    """Smallest and largest, in whole units."""
-    if not len(values):
-        return ["–", "–"]
-    return [f"{value:.0f}".replace("-", "−") for value in (values.min(), values.max())]
 
 
 def _cells(number: HandedNumber) -> tuple[str, ...]:

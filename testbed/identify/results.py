@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from calib.measurement.accuracy import Accuracy
+from testbed.identify.applies.rows import HEAD, held_out_places, place_numbers
 from testbed.identify.conditions import conditions_numbers
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.results import hand_back_numbers
@@ -97,6 +98,7 @@ def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:
         *(each for fit in calibration.fits for each in below(f"models/{fit.model}", _model(fit))),
         *unitless(chosen),
         *below("statements", statements(calibration)),
+        *below("applies", place_numbers(calibration)),
         *below("shared", shared_numbers(calibration.shared)),
         Quantity("parameters", numbers),
         *below("handed_back", hand_back_numbers(calibration)),
@@ -156,7 +158,8 @@ def split_csv(calibration: Calibration) -> str:
     """Every row: what it was used for, and its errors before and after."""
     table, split, outliers = calibration.measurements, calibration.split, calibration.gross
     before, after = calibration.before_misses, calibration.fit.misses
-    rows = []
+    found, rows = held_out_places(calibration), []
+    places = {} if found is None else found.cells()
     for k in range(len(table)):
         part = "test" if split.is_test[k] else "left out" if outliers.left_out[k] else "identify"
         if part == "identify" and not split.is_train[k]:
@@ -172,10 +175,11 @@ def split_csv(calibration: Calibration) -> str:
                 f"{after.position[k] * MM:.6f}",
                 f"{before.rotation[k] * DEG:.6f}" if pose else "",
                 f"{after.rotation[k] * DEG:.6f}" if pose else "",
+                *places.get(k, ("",) * len(HEAD)),
             )
         )
     head = ("pose_id", "repeat", "kind", "split", "error_before_mm", "error_after_mm",
-            "rotation_before_deg", "rotation_after_deg")  # fmt: skip
+            "rotation_before_deg", "rotation_after_deg", *HEAD)  # fmt: skip
     return csv_text(head, rows)
 
 

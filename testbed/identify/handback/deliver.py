@@ -7,13 +7,13 @@ from pathlib import Path
 from calib.geometry.model import RobotModel
 from testbed.files.program import correct_program
 from testbed.gates.paths import short_stem
+from testbed.identify.applies.targets import statement_at, statement_csv, target_words
 from testbed.identify.conditions import measured
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.results import dh_csv, tool_csv
 from testbed.identify.handback.states import handed_robot
 from testbed.identify.records import Calibration, FittedModel
 from testbed.identify.results import joint_map_csv
-from testbed.identify.targets import statement_at, statement_csv, target_words
 from testbed.identify.visits.report import handed_out, own_reflectors
 from testbed.identify.words import mm
 from testbed.robots.catalog import Robot

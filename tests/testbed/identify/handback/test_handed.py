@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from testbed.files.program import correct_program
+from testbed.identify.applies.targets import statement_at
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.conditions import measured
 from testbed.identify.handback.deliver import delivered_robot, in_own_frames
@@ -29,7 +30,6 @@ from testbed.identify.handback.states import (
 )
 from testbed.identify.records import Calibration
 from testbed.identify.results import headline
-from testbed.identify.targets import statement_at
 from testbed.report.page import Table
 from testbed.robots.catalog import load_robot
 from testbed.robots.tolerances import usual_tolerances

@@ -11,13 +11,13 @@ import pytest
 
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.conditions import SetUp
+from testbed.identify.applies.region import reach_section
+from testbed.identify.applies.targets import target_words, tool_point
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.decisions import at_held_out, decided_at, decision_line, decision_section
 from testbed.identify.handback.deliver import deliver, in_own_frames
 from testbed.identify.handback.delivered import Delivered
-from testbed.identify.report_belief import reach_section
 from testbed.identify.results import headline
-from testbed.identify.targets import target_words, tool_point
 from testbed.report.text import csv_text
 from testbed.scenario.tolerance import Decision
 from testbed.store.codec import pack, unpack
@@ -101,7 +101,7 @@ def test_a_program_that_the_statement_does_not_reach_has_no_region(tmp_path):
     away[:, 0] = 2.9
     made, table = delivered(found, away, tmp_path)
     told = " ".join(target_words(made.targets))
-    assert "no target of the program lies inside what was proven" in told
+    assert "of 8 targets of the program 0 lie inside what was proven" in told
     if not made.targets.reaches:
         assert "the statement does not reach there" in told
         assert "measure 20 poses there" in told
@@ -190,7 +190,7 @@ def test_what_was_stated_and_decided_stands_in_report_and_result_and_comes_back(
     assert result["statements"]["R95_mean_um"] == pytest.approx(
         found.proof.point.radius_mean * 1e6, rel=1e-12
     )
-    shown = reach_section(found, again).blocks[2]
+    shown = reach_section(found, again).blocks[4]
     assert [float(row[1]) for row in shown.rows] == pytest.approx(radii, rel=0.01)  # three digits
 
 

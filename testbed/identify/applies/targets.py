@@ -4,9 +4,10 @@ import numpy as np
 
 from calib.arrays import Array, Bool, frozen
 from calib.geometry.frames import inverse
-from calib.uncertainty.statement.applicability import REFUSED, WARNED, Applicability
+from calib.uncertainty.statement.applicability import Applicability
 from calib.uncertainty.statement.conformity import Conformity, conformity
 from calib.uncertainty.statement.distance import distance_radius
+from calib.uncertainty.statement.places import MEASURE, place_words, reasons
 from calib.uncertainty.statement.stated_point import widened
 from calib.uncertainty.tool_point import ToolStatement
 from testbed.files.program import ProgramResult
@@ -15,12 +16,10 @@ from testbed.identify.handback.delivered import TargetStatement
 from testbed.identify.handback.in_use import carried
 from testbed.identify.records import Calibration
 from testbed.report.text import csv_text
-from testbed.units import DEG, MM, UM, counted, listed, significant
+from testbed.units import UM, counted
 
 HEAD = ("target", "R95_mean_um", "R95_move_um", "transfer", "leverage", "place", "why")
 DECIDED = ("deviation_before_um", "decision_before", "deviation_um", "decision", "risk")
-PLACES = ("inside", "edge", "outside")
-MEASURE = "measure 20 poses there"
 
 
 def statement_at(calibration: Calibration, program: ProgramResult) -> TargetStatement | None:
@@ -79,21 +78,9 @@ def _radii(region: ToolStatement, stated: Bool) -> Array:
 def _why(calibration: Calibration, reach: Applicability, program: ProgramResult) -> tuple[str, ...]:
     """(m,) what grows or refuses each region; empty where nothing does."""
     assert calibration.proof.belief is not None  # else nothing reaches anything
-    low, high = calibration.proof.belief.proven.low, calibration.proof.belief.proven.high
-    kinds = calibration.nominal.chain.kinds
     out = []
-    for k, q in enumerate(program.q):
-        told = []
-        for name, value in (("transfer", reach.transfer[k]), ("leverage", reach.leverage[k])):
-            if value > WARNED:
-                limit = REFUSED if value > REFUSED else WARNED
-                told.append(f"{name} {significant(float(value), 2)} is above {limit:g}")
-        if reach.growth[k] > WARNED and reach.place[k] == "edge":
-            told.append("the region is grown")
-        for j in np.flatnonzero(reach.beyond[k]):
-            scale, unit = (DEG, "deg") if kinds[j] == "revolute" else (MM, "mm")
-            side, end = ("below", low[j]) if q[j] < low[j] else ("above", high[j])
-            told.append(f"joint {j + 1} was never proven {side} {end * scale:.0f} {unit}")
+    for k, text in enumerate(reasons(calibration.proof.belief.proven, reach, program.q)):
+        told = [text] if text else []
         if program.departed is not None and program.departed[k]:
             told.append(program.conditions[k])
         if not reach.reaches:
@@ -119,34 +106,21 @@ def _decided(
 def target_words(found: TargetStatement) -> tuple[str, ...]:
     """What is stated at the targets, in sentences."""
     m, n = len(found.place), int(found.stated.sum())
-    inside, edge, outside = (int((found.place == place).sum()) for place in PLACES)
-    said = []
-    if not inside:
-        said.append(
-            f"no target of the program lies inside what was proven: {edge} at its edge, {outside} "
-            "outside"
-        )
+    outside = int((found.place == "outside").sum())
+    said = [place_words(found.place, "target of the program", "targets of the program")]
     if not found.reaches:
         said.append(
-            f"the statement does not reach there, {outside} of {m} targets lie outside what was "
-            f"proven: {MEASURE}, and hold them out"
+            f"the statement does not reach there, {outside} of {m} targets lie outside: {MEASURE}"
         )
     elif outside:
-        numbers = [str(k + 1) for k in np.flatnonzero(found.place == "outside")[:10]]
-        more = [f"{outside - 10} more"] if outside > 10 else []
-        said.append(f"no region is stated at {_targets(outside)} {listed([*numbers, *more])}")
+        said.append("no region is stated outside")
     if n:
         text = f"R95 (3-D radius, 95 %) of the mean is {_span(found.radius_mean[found.stated])} um"
         if len(found.radius_move):
             text += f", of one move {_span(found.radius_move[found.stated])} um,"
-        grown = f"; {counted(edge, 'target')} at the edge of what was proven" if edge else ""
+        grown = "; at the edge it is grown" if (found.place[found.stated] == "edge").any() else ""
         said.append(f"{text} at {n} of {counted(m, 'target')}{grown}")
     return tuple(said)
-
-
-def _targets(count: int) -> str:
-    """The noun."""
-    return "target" if count == 1 else "targets"
 
 
 def _span(radius: Array) -> str:

@@ -1,0 +1,95 @@
+"""Where targets lie against what was proven, in words: the same ones for every statement."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.arrays import Array
+from calib.uncertainty.statement.applicability import REFUSED, WARNED, Applicability, Proven
+
+PLACES = ("inside", "edge", "outside")
+MEASURE = "measure 20 poses there, and hold them out"
+"""What lets a statement reach where it does not."""
+
+
+def reasons(proven: Proven, reach: Applicability, q: Array) -> tuple[str, ...]:
+    """What warns of each target, or refuses it; empty inside of what was proven.
+
+    Parameters
+    ----------
+    proven : Proven
+        Where the proof stands.
+    reach : Applicability
+        Of the targets, from `proven`.
+    q : (N, n) array
+        Their joints [rad, m].
+    """
+    slides = proven.wide.chain.prismatic > 0
+    out = []
+    for k, values in enumerate(q):
+        told = []
+        for name, value in (("transfer", reach.transfer[k]), ("leverage", reach.leverage[k])):
+            if value > WARNED:
+                limit = REFUSED if value > REFUSED else WARNED
+                told.append(f"{name} {_short(float(value))} is above {limit:g}")
+        if reach.growth[k] > WARNED and reach.place[k] == "edge":
+            told.append("the region is grown")
+        told += [
+            f"joint {j + 1} was never proven {_beyond(proven, int(j), values, slides)}"
+            for j in np.flatnonzero(reach.beyond[k])
+        ]
+        out.append("; ".join(told))
+    return tuple(out)
+
+
+def place_words(
+    place: NDArray[np.str_], noun: str, plural: str, names: Sequence[str] | None = None
+) -> str:
+    """How many targets lie inside what was proven, at its edge, or outside, and which ones do.
+
+    Parameters
+    ----------
+    place : (N,) array of str
+        Inside, edge or outside.
+    noun, plural : str
+        What one and several are called.
+    names : sequence of str, optional
+        (N,) how each is called; numbers from 1 by default.
+
+    Examples
+    --------
+    >>> place_words(np.array(["inside", "edge", "inside", "outside"]), "target", "targets")
+    'of 4 targets 2 lie inside what was proven, 1 at its edge (2), 1 outside (4)'
+    """
+    called = [str(k + 1) for k in range(len(place))] if names is None else list(names)
+    parts = []
+    for word, text in zip(
+        PLACES, ("inside what was proven", "at its edge", "outside"), strict=True
+    ):
+        which = np.flatnonzero(place == word)
+        if word == "inside" or len(which):
+            some = "" if word == "inside" else f" ({_named([called[k] for k in which])})"
+            parts.append(f"{len(which)} {'lie ' * (word == 'inside')}{text}{some}")
+    if len(place) == 1:
+        where = dict(zip(PLACES, ("inside", "at the edge of", "outside"), strict=True))
+        return f"the one {noun} lies {where[str(place[0])]} what was proven"
+    return f"of {len(place)} {plural} {', '.join(parts)}"
+
+
+def _named(names: Sequence[str], most: int = 10) -> str:
+    """The first of some names, and how many more."""
+    more = [f"{len(names) - most} more"] if len(names) > most else []
+    return ", ".join([*names[:most], *more])
+
+
+def _beyond(proven: Proven, joint: int, q: Array, slides: NDArray[np.bool_]) -> str:
+    """Beyond which end of its range over the held-out poses a joint goes."""
+    low, high = proven.low[joint], proven.high[joint]
+    side, end = ("below", low) if q[joint] < low else ("above", high)
+    return f"{side} {1e3 * end:.0f} mm" if slides[joint] else f"{side} {np.degrees(end):.0f} deg"
+
+
+def _short(value: float) -> str:
+    """Two digits of a number above four."""
+    return f"{value:.2g}" if value < 100 else f"{value:.0f}"

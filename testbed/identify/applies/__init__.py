@@ -1,0 +1,1 @@
+"""Where a calibration's statement applies: the region it was proven in, held-out poses, targets."""

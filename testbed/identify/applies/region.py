@@ -1,0 +1,116 @@
+"""A calibration report's section on where it applies: joints, workspace, poses, targets."""
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.uncertainty.statement.applicability import REFUSED, WARNED
+from testbed.identify.applies.rows import held_out_words
+from testbed.identify.applies.targets import target_words
+from testbed.identify.conditions import conditions_words
+from testbed.identify.handback.delivered import Delivered, TargetStatement
+from testbed.identify.records import Calibration
+from testbed.report.page import Block, Points, Section, Table, Text, heads
+from testbed.units import DEG, MM, UM, sentences, significant
+
+MOST_TARGETS = 30
+"""Targets of a program in the report; all are in a file beside it."""
+
+
+def reach_section(calibration: Calibration, delivered: Delivered) -> Section:
+    """Where the result holds: what was calibrated, what was proven, and where targets lie."""
+    blocks: list[Block] = [joint_table(calibration), workspace_table(calibration)]
+    blocks.append(Points(sentences((conditions_words(calibration), *held_out_words(calibration)))))
+    belief = calibration.proof.belief
+    if belief is None:
+        blocks.append(Text("No statement is believed, so none applies anywhere."))
+    else:
+        here = belief.proven.applies(calibration.stated_q)
+        blocks.append(
+            Text(
+                f"Over the {len(calibration.stated_q)} poses that the radius is of, transfer g "
+                f"lies between {_ends(here.transfer)}, leverage h between {_ends(here.leverage)}, "
+                f"each with mean one. A target is inside what was proven where both are at most "
+                f"{WARNED:g} and every joint is within 10 deg or 50 mm of its proven range; up to "
+                f"{REFUSED:g} it is at the edge, its region grown with g; beyond that it is "
+                "outside, and no region is stated. Neither g nor h sees a payload, another tool or "
+                "another temperature."
+            )
+        )
+    if delivered.targets is not None:
+        told = sentences(target_words(delivered.targets))
+        blocks += [target_table(delivered.targets), Points(told)]
+    return Section("reach", "Where it applies", tuple(blocks))
+
+
+def joint_table(calibration: Calibration) -> Table:
+    """How far each joint was moved to identify, to prove, and how far it can be."""
+    table = calibration.measurements
+    rows = []
+    for k, kind in enumerate(calibration.nominal.chain.kinds):
+        scale, unit = (DEG, "deg") if kind == "revolute" else (MM, "mm")
+        cells = [str(k + 1), unit]
+        for which in (calibration.is_used, calibration.is_stated & calibration.split.is_test):
+            cells += _range(table.q[which, k] * scale)
+        limits = calibration.limits[k] * scale if len(calibration.limits) else np.zeros(0)
+        rows.append((*cells, *_range(limits)))
+    return Table(
+        caption="The calibrated region of the joints",
+        head=("joint", "unit", "identified from", "to", "proven from", "to", "limit", "limit"),
+        rows=tuple(rows),
+        align="llrrrrrr",
+        note="proven: over the held-out poses. Nothing was tested where no joint was: what a model "
+        "leaves out may grow there. Limits are those of the robot's description.",
+    )
+
+
+def workspace_table(calibration: Calibration) -> Table:
+    """The box of the tool, and how far it is from the axis of the base."""
+    model = calibration.nominal
+    base = model.chain.T_world_base
+    p = (model.poses(calibration.measurements.q)[:, :3, 3] - base[:3, 3]) @ base[:3, :3]
+    p = np.column_stack([p, np.hypot(p[:, 0], p[:, 1])])
+    sides = (calibration.is_used, calibration.is_stated & calibration.split.is_test)
+    rows = [
+        (name, *(cell for which in sides for cell in _range(p[which, k] * MM)))
+        for k, name in enumerate(("x", "y", "z", "distance from the z axis"))
+    ]
+    return Table(
+        caption="The calibrated workspace: where the tool was, in the base frame [mm]",
+        head=("", "identified from", "to", "proven from", "to"),
+        rows=tuple(rows),
+        align="lrrrr",
+        note="By the robot's description, tool and all.",
+    )
+
+
+def target_table(found: TargetStatement) -> Table:
+    """What is stated at the first targets of a program."""
+    rows = []
+    for k in range(min(len(found.why), MOST_TARGETS)):
+        moves = found.radius_move[k : k + 1]
+        radii = [significant(float(x) * UM) for x in (found.radius_mean[k], *moves)]
+        cells = [*radii, "–"][:2] if found.stated[k] else ["–", "–"]
+        reach = (significant(float(x[k]), 2) for x in (found.transfer, found.leverage))
+        rows.append((str(k + 1), *cells, *reach, str(found.place[k]), found.why[k]))
+    more = len(found.why) - len(rows)
+    return Table(
+        caption="What is stated at the targets of the corrected program",
+        head=heads("target, R95 mean um, R95 one move um, transfer g, leverage h, place, why"),
+        rows=tuple(rows),
+        align="rrrrrll",
+        size="small",
+        note="R95: 3-D radius, 95 %; a dash: no region is stated there."
+        + (f" {more} more targets are in the table beside the program." if more > 0 else ""),
+    )
+
+
+def _ends(values: Array) -> str:
+    """Least and largest."""
+    return " and ".join(significant(float(end), 2) for end in (values.min(), values.max()))
+
+
+def _range(values: Array) -> list[str]:
+    """Smallest and largest, in whole units."""
+    if not len(values):
+        return ["–", "–"]
+    return [f"{value:.0f}".replace("-", "−") for value in (values.min(), values.max())]

@@ -1,0 +1,115 @@
+"""Where held-out poses lie against what they prove together, each with its own radius."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.arrays import Array, Index
+from calib.uncertainty.statement.applicability import BEYOND
+from calib.uncertainty.statement.distance import distance_radius
+from calib.uncertainty.statement.places import PLACES, place_words, reasons
+from calib.uncertainty.statement.stated_point import widened
+from testbed.identify.proof import stated_target
+from testbed.identify.records import Calibration
+from testbed.store.quantities import Quantity
+from testbed.units import DEG, MM, UM, listed, percent
+
+HEAD = ("place", "transfer", "leverage", "R95_mean_um", "why")
+ELSEWHERE = 0.25
+"""Share of the held-out poses from which a joint beyond its range in training is told: of few drawn
+at random some are."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldOutPlaces:
+    """Held-out rows against what was proven."""
+
+    rows: Index
+    """(n,) of the table."""
+    place: NDArray[np.str_]
+    """(n,) inside, edge or outside."""
+    transfer: Array
+    leverage: Array
+    radius: Array
+    """(n,) R95 of the mean, grown at the edge; zero where no region is stated [m]."""
+    why: tuple[str, ...]
+
+    def cells(self) -> dict[int, tuple[str, ...]]:
+        """Row of the table to its cells of `HEAD`."""
+        out = dict[int, tuple[str, ...]]()
+        for k, row in enumerate(map(int, self.rows)):
+            radius = f"{self.radius[k] * UM:.4g}" if self.radius[k] > 0 else ""
+            out[row] = (
+                str(self.place[k]), f"{self.transfer[k]:.3g}", f"{self.leverage[k]:.3g}", radius,
+                self.why[k],
+            )  # fmt: skip
+        return out
+
+
+def held_out_places(calibration: Calibration) -> HeldOutPlaces | None:
+    """Where every held-out row lies; None where nothing is believed, or none is held out.
+
+    Against all of them; against the poses identified from where these prove nothing.
+    """
+    belief, rows = calibration.proof.belief, np.flatnonzero(calibration.split.is_test)
+    if belief is None or not len(rows):
+        return None
+    q, target = calibration.measurements.q[rows], stated_target(calibration.measurements)
+    reach = belief.proven.applies(q)
+    regions = belief.regions(q, target=target, growth=reach.growth)
+    stated = reach.place != "outside"
+    return HeldOutPlaces(
+        rows, reach.place, reach.transfer, reach.leverage,
+        np.where(stated, distance_radius(widened(regions), belief.probability), 0.0),
+        reasons(belief.proven, reach, q),
+    )  # fmt: skip
+
+
+def held_out_words(calibration: Calibration) -> tuple[str, ...]:
+    """Where held-out poses lie against each other, and against the poses identified from."""
+    found = held_out_places(calibration)
+    said = list(beyond_training(calibration))
+    if found is not None:
+        table = calibration.measurements
+        first = np.unique(table.pose_id[found.rows], return_index=True)[1]
+        names = [calibration.pose_names[int(table.pose_id[row])] for row in found.rows[first]]
+        against = " by the poses identified from" if calibration.elsewhere else ""
+        said.append(
+            place_words(found.place[first], "held-out pose", "held-out poses", names) + against
+        )
+    return tuple(said)
+
+
+def beyond_training(calibration: Calibration) -> tuple[str, ...]:
+    """Whether the proof stands where nothing was identified from."""
+    table, is_test = calibration.measurements, calibration.split.is_test
+    if not is_test.any():
+        return ()
+    train, test = table.q[calibration.is_used], table.q[is_test]
+    kinds, far = calibration.nominal.chain.kinds, []
+    for j, kind in enumerate(kinds):
+        room, scale, unit = (BEYOND, DEG, "deg") if kind == "revolute" else (0.05, MM, "mm")
+        for side, end, share in (
+            ("below", train[:, j].min(), (test[:, j] < train[:, j].min() - room).mean()),
+            ("above", train[:, j].max(), (test[:, j] > train[:, j].max() + room).mean()),
+        ):
+            if share >= ELSEWHERE:
+                where = f"{side} {end * scale:.0f} {unit}"
+                far.append(f"joint {j + 1} {where} at {percent(float(share))}")
+    if not far:
+        return ()
+    return (
+        "the held-out poses go where nothing was identified from "
+        f"({listed(far)}): what is stated is stated of that place",
+    )
+
+
+def place_numbers(calibration: Calibration) -> Iterator[Quantity]:
+    """The same for result.json."""
+    found = held_out_places(calibration)
+    yield Quantity("sentences", held_out_words(calibration))
+    if found is not None:
+        for word in PLACES:
+            yield Quantity(f"share_{word}", float((found.place == word).mean()))
