@@ -9,6 +9,7 @@ from scipy.special import chdtrc
 from calib.arrays import Array, frozen
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from calib.identification.joint_models import against_gravity
 from calib.identification.lack_of_fit import LackOfFit, lack_of_fit
 from calib.identification.least_squares import Solution, Status
 from calib.identification.outliers import Outliers, outliers
@@ -71,6 +72,8 @@ def with_statistics(
     else:
         statistics = _robust_statistics(fit, measurements, rows(fit.solution.x))
     notes = (*fit.reduction.sentences, *statistics.notes)
+    errors, names = fit.solution.x.joint_errors, fit.kept.free_names
+    notes += against_gravity(errors, names, statistics.covariance)
     if fit.solution.status is not Status.CONVERGED:
         notes += (f"the fit {fit.solution.status.value}",)
     return Identification(

@@ -1,9 +1,11 @@
 """The extended model: geometry with gravity and harmonics of every joint that has them."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from calib.arrays import Array
 from calib.errors import refuse
 from calib.geometry.chain import Chain, forward
 from calib.geometry.gravity import weight_of
@@ -162,3 +164,39 @@ def shared_waves(result: Identification) -> tuple[str, ...]:
             f"uncertainty of {1e3 * np.degrees(sd):.1f} mdeg"
         )
     return tuple(sentences)
+
+
+def against_gravity(
+    errors: JointErrors, names: Sequence[str], covariance: Array
+) -> tuple[str, ...]:
+    """A sentence where springs bend against their load by more than two standard uncertainties.
+
+    Parameters
+    ----------
+    errors : JointErrors
+        Identified.
+    names : sequence of str
+        The f numbers that were estimated.
+    covariance : (f, f) array
+        Of these.
+    """
+    springs = errors.springs
+    if springs is None:
+        return ()
+    p, told = len(springs.load), []
+    sd = dict(zip(names, np.sqrt(np.diag(covariance)), strict=True))
+    for name, bend, load, length in zip(
+        springs.names[:p], errors.of_springs, springs.load, springs.is_length, strict=False
+    ):
+        if name in sd and bend < -2 * sd[name]:
+            unit, scale = ("um", 1e6) if length else ("mdeg", 1e3 * float(np.degrees(1.0)))
+            told.append(
+                f"{name} by {-scale * bend:.1f} {unit} (U = {2 * scale * sd[name]:.1f}) at "
+                f"{load:.3g} {'N' if length else 'N m'}"
+            )
+    if not told:
+        return ()
+    return (
+        f"bends against gravity: {', '.join(told)}; a joint gives way to its load, so that gravity "
+        "points elsewhere than stated, or the term stands for something else",
+    )

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
+from scipy.optimize import least_squares, minimize
 
 from calib.geometry.chain import Chain
 from calib.geometry.gravity import guessed_moments, moments_of
@@ -14,6 +14,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.climb import climb
 from calib.identification.identify import Status, identify
 from calib.identification.ladders import ladders_of
+from calib.identification.least_squares import solve
 from calib.identification.levels import Level, joined, with_errors
 from calib.identification.model_choice import choose, extended_by
 from calib.identification.normal_equations import normal_equations
@@ -240,3 +241,48 @@ def test_rows_of_further_tools_climb_like_those_of_the_chain():
         found = climb(model, near, rows, parameters, ladders_of(model), part, prior=prior)
         evidence.append([offer.gain for offer in found.offered])
     np.testing.assert_allclose(evidence[0], evidence[1], rtol=1e-6, atol=1e-5)
+
+
+@pytest.mark.parametrize("up", [False, True])
+def test_springs_that_bend_against_their_load_are_told_aloud(up):
+    """A base that hangs, and the model is told that it stands: torques of the other sign."""
+    level = ladders_of(NOMINAL)[0].levels[2]
+    wide = with_errors(NOMINAL, level.errors)
+    step = np.zeros(wide.n_numbers)
+    step[-len(level.sd) :] = (-1 if up else 1) * level.sd
+    table = seen(wide.moved(step), 40, 7)
+    _, found = extended_by(NOMINAL, table, PARAMETERS, [level], prior=PRIOR)
+    told = [note for note in found.notes if note.startswith("bends against gravity")]
+    if not up:
+        assert not told
+        return
+    k = found.names.index("spring2.z")
+    value, u = (1e3 * np.degrees(x[k]) for x in (found.step, found.standard_uncertainty))
+    load = level.errors.springs.load[list(level.names).index("spring2.z")]
+    assert f"spring2.z by {-value:.1f} mdeg (U = {2 * u:.1f}) at {load:.3g} N m" in told[0]
+    assert "gravity points elsewhere than stated" in told[0]
+    assert told[0] in found.summary()
+
+
+def test_a_slow_approach_ends_where_scipy_ends_and_sooner(monkeypatch):
+    """Products of numbers beside large residuals: each undamped step leaves part of the way."""
+    rng = np.random.default_rng(2)
+    A, r0 = rng.normal(size=(40, 9)), 3 * rng.normal(size=40)
+
+    def evaluate(x):
+        y, slopes = np.outer(x[:3], x[3:]).ravel(), np.zeros((9, 6))
+        slopes[range(9), np.repeat(range(3), 3)] = np.tile(x[3:], 3)
+        slopes[range(9), 3 + np.tile(range(3), 3)] = np.repeat(x[:3], 3)
+        r, J = r0 - A @ y, A @ slopes
+        return np.concatenate([r, 1.0 - x]), np.vstack([J, np.eye(6)])
+
+    start = np.ones(6)
+    mixed = solve(evaluate, start, move=lambda x, step: x + step)
+    other = least_squares(lambda x: evaluate(x)[0], mixed.x, xtol=1e-15, gtol=1e-15, ftol=1e-15)
+    assert mixed.status is Status.CONVERGED
+    assert mixed.trace[-1] <= 2 * other.cost * (1 + 1e-12)
+    np.testing.assert_allclose(mixed.x, other.x, atol=1e-6)
+    monkeypatch.setattr("calib.identification.least_squares.SLOW", np.inf)  # none is remembered
+    plain = solve(evaluate, start, move=lambda x, step: x + step)
+    assert mixed.iterations < 0.8 * plain.iterations
+    np.testing.assert_allclose(mixed.x, plain.x, atol=1e-6)

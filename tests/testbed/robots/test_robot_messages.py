@@ -26,6 +26,9 @@ LEVELS = "".join(
 )
 ONE = urdf("one", [("turn", "revolute", "0 0 0.1", "0 0 0", "0 0 1", (-1, 1))])
 SECRET = "TOP-SECRET"
+BODY = "theta_deg = 0\nd_mm = 0\na_mm = 290\nalpha_deg = 0\nmass_kg = 5.0\n"
+BEND = '[[springs.bends]]\njoint = {}\naxis = "z"\nload_nm = 40.0\nbend_deg = 0.02\n'
+SPRING = BEND.format(2) + BEND.format(3)
 
 
 def in_urdf(old="", new="", *, text=ONE, files=None, **options):
@@ -306,6 +309,21 @@ CASES = {
     ),
     "reflector that is there twice": lambda folder: toml(folder, TERM, REFLECTORS),
     "term with the name of another number": lambda folder: toml(folder, '"g"', '"d2"'),
+    **{
+        f"springs {name}": lambda folder, old=old, new=new: toml(folder, TERM, sprung(old, new))
+        for name, old, new in (
+            ("of a joint that is not there", "joint = 2", "joint = 7"),
+            ("twice about one axis", "joint = 3", "joint = 2"),
+            ("in mm where a joint turns", "load_nm = 40.0\nbend_deg", "load_n = 40.0\nbend_mm"),
+            ("without a load", "load_nm = 40.0\n", ""),
+            ("loaded by nothing", "load_nm = 40.0", "load_nm = 0.0"),
+            ("about an axis that is none", 'axis = "z"', 'axis = "w"'),
+            ("with a body too few", "[[springs.bodies]]\n" + BODY, ""),
+            ("with a moment found that was held", "mass_kg = 5.0", "mass_kg = 5.0\nadded_kg = 1.0"),
+            ("with a mass below zero", "mass_kg = 5.0", "mass_kg = -5.0"),
+            ("that bend nothing", SPRING, "bends = []\n"),
+        )
+    },
 }
 SMALL = replace(TX60, visuals=())
 REFLECTORS = '[[reflectors]]\nname = "A"\nposition_mm = [1, 2, 3]\n' * 2
@@ -317,6 +335,14 @@ wave = "sin"
 weights = [0, 1, 0, 0, 0, 0]
 coefficient_deg = 0.01
 """
+
+
+def sprung(old, new):
+    """[springs] of the shipped robot with something changed."""
+    bodies = ("[[springs.bodies]]\n" + BODY) * 6
+    text = f"\n[springs]\ngravity_m_s2 = [0, 0, -9.81]\n{SPRING}{bodies}"
+    assert old in text
+    return text.replace(old, new, 1)
 
 
 def toml(folder, old="", new=""):
