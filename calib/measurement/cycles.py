@@ -11,6 +11,8 @@ from calib.errors import refuse
 
 FEWEST = 3
 """Fewest cycles for which a scatter is stated."""
+MOST_GROUPS = 500
+"""Groups of cycles that a jackknife leaves out in turn; up to so many cycles each is one."""
 
 
 def cycles_of(position: ArrayLike) -> Array:

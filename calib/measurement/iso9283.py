@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, Index, frozen, wrong_shape
 from calib.geometry.frames import exp_so3, log_so3
 from calib.measurement.cycles import (
+    MOST_GROUPS,
     covariances_of,
     cycles_of,
     mean_norm,
@@ -282,14 +283,13 @@ def _distances(first: ArrayLike, second: ArrayLike) -> Array:
 
 
 def _jackknife(figure: Callable[[Array], Array], x: Array) -> Array:
-    """Standard uncertainty of a figure of cycles (..., n, k), leaving each one out.
+    """Standard uncertainty of a figure of cycles (..., n, k), leaving each one out, or each group.
 
-    References
-    ----------
-    Efron & Stein 1981: u^2 = (n - 1)/n sum (f_j - mean f)^2.
+    Efron & Stein 1981: u^2 = (n - 1)/n sum (f_j - mean f)^2; groups: Shao & Wu 1989.
     """
-    n = x.shape[-2]
-    without = np.stack([figure(np.delete(x, j, axis=-2)) for j in range(n)])
+    n = min(x.shape[-2], MOST_GROUPS)
+    groups = np.array_split(np.arange(x.shape[-2]), n)
+    without = np.stack([figure(np.delete(x, group, axis=-2)) for group in groups])
     return np.asarray(np.sqrt((n - 1) / n * ((without - without.mean(axis=0)) ** 2).sum(axis=0)))
 
 

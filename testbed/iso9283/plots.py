@@ -18,7 +18,7 @@ MOST_POSES = 5
 MOST_DRIFTS = 8
 PALE = "#c9d6e3"
 FEW = 200
-"""Readings up to which each is a marker."""
+"""Readings of each half up to which each is a marker; of more so many are drawn."""
 WIDE = 0.09
 """Largest drawn error of a path, as part of its size."""
 
@@ -83,7 +83,7 @@ def _cluster(ax: "Axes", x: Array, radius: float, toward: Array, reach: float) -
     half = len(x) // 2
     for part, color in ((x[:half], LIGHT), (x[half:], DARK)):
         if len(part) > FEW:
-            dots(ax, part, color)
+            dots(ax, part[np.linspace(0, len(part) - 1, FEW).round().astype(np.int64)], color)
         else:
             ax.plot(part[:, 0], part[:, 1], "o", color=color, markersize=2.6)
     ax.plot(0, 0, "+", color=INK, markersize=7)

@@ -1,6 +1,6 @@
 """A test after ISO 9283 from its files: tables of measured cycles, and a session.toml."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from hashlib import sha256
 from pathlib import Path
 
@@ -110,9 +110,16 @@ def _test(
             )
         ),
         simulated=settings.simulated,
-        warnings=tuple(dict.fromkeys(warnings)),
-        notes=tuple(dict.fromkeys([*(note for one in parts for note in one.notes), *notes])),
+        warnings=_without_folders(warnings, sha),
+        notes=_without_folders([*(note for one in parts for note in one.notes), *notes], sha),
     )
+
+
+def _without_folders(texts: Sequence[str], files: Sequence[SourceFile]) -> tuple[str, ...]:
+    """Sentences that name files without the folders of this machine, each once."""
+    for folder in sorted({f"{file.path.parent}/" for file in files} - {"./", "/"}, key=len)[::-1]:
+        texts = [text.replace(folder, "") for text in texts]
+    return tuple(dict.fromkeys(texts))
 
 
 def _tables(

@@ -2,34 +2,35 @@
 
 from collections.abc import Mapping
 
-import numpy as np
-
-from testbed.iso9283.plots import clusters, drawn, drift_picture, factor_of, path_picture
-from testbed.iso9283.records import STANDARD, CycleResult, StatedFigure
+from testbed.iso9283.records import STANDARD, CycleResult
+from testbed.iso9283.report_figures import (
+    angle_section,
+    cells,
+    distance_section,
+    drift_section,
+    path_sections,
+    plain_section,
+    pose_section,
+)
 from testbed.iso9283.words import (
     EDITION,
     decisions,
     enough,
-    equal,
     mark,
     next_step,
     notice,
     overall,
     reasons,
-    show,
     unit,
     verdict,
 )
 from testbed.jobsheet.report import Row, job_rows, job_section
 from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section
-from testbed.report.page import Figure as Drawing
-from testbed.units import UM, counted, probability, sentences, significant
+from testbed.units import UM, sentences, significant
 
 WORST = ("AP", "RP", "AP_angle", "RP_angle_x", "RP_angle_y", "RP_angle_z", "vAP", "AD", "RD",
          "dAP", "dRP", "AT", "RT")  # fmt: skip
 """Figures of the headline, in its order."""
-MOST_ROWS = 60
-"""Rows of a table; all of them stand in iso9283.csv."""
 LIMITS = (
     "Limits hold the figure that endlessly many cycles would show with 95 % probability: of AP, "
     "AD, vAP and AT by Student's t, with what the instrument is stated to share; of RP, RD and RT "
@@ -43,14 +44,14 @@ def page_of(result: CycleResult, versions: Mapping[str, str]) -> Page:
     """The report; sections without data are left out."""
     test = result.test
     sections = (
-        _poses(result),
-        _angles(result),
-        _table(result, "vAP", "directions", "Directions of approach",
+        pose_section(result),
+        angle_section(result),
+        plain_section(result, "vAP", "directions", "Directions of approach",
                "Largest distance between the barycenters of one pose reached from several "
                "directions."),
-        _distances(result),
-        _drift(result),
-        *_paths(result),
+        distance_section(result),
+        drift_section(result),
+        *path_sections(result),
         _data(result),
         job_section(sheet_rows(result)),
         record_section("The same files with the same versions give the same numbers.", versions),
@@ -81,7 +82,7 @@ def headline(result: CycleResult) -> Table:
                 (
                     called(name),
                     figure.where,
-                    *_cells(figure),
+                    *cells(figure),
                     unit(figure),
                     "–" if limit is None else significant(limit.limit * UM),
                     "–" if limit is None else limit.word,
@@ -119,180 +120,6 @@ def sheet_rows(result: CycleResult) -> tuple[Row, ...]:
         ),
     )
     return (*stated, ("standard", STANDARD)) if stated else ()
-
-
-def _cells(figure: StatedFigure) -> tuple[str, ...]:
-    """Value, limits, floor and cycles."""
-    floor = "–" if np.isnan(figure.floor) else show(figure.floor, figure)
-    values = (show(x, figure) for x in (figure.value, figure.lower, figure.upper))
-    return (*values, floor, str(figure.cycles))
-
-
-def _poses(result: CycleResult) -> Section | None:
-    """AP and RP of every pose, and where the cycles fell."""
-    visits = result.test.visits
-    if visits is None:
-        return None
-    parts = {name: result.of(name) for name in ("AP", "AP_x", "AP_y", "AP_z", "RP")}
-    rows = []
-    for e, name in enumerate(visits.names[:MOST_ROWS]):
-        own = {key: figures[e] for key, figures in parts.items()}
-        signed = (show(own[f"AP_{axis}"].value, own["AP"]) for axis in "xyz")
-        AP, RP = own["AP"], own["RP"]
-        rows.append(
-            (
-                name, show(AP.value, AP), _span(AP), *signed,
-                show(RP.value, RP), _span(RP), "–" if np.isnan(RP.floor) else show(RP.floor, RP),
-            )
-        )  # fmt: skip
-    table = Table(
-        caption=f"Pose accuracy and repeatability, um, {visits.cycles} cycles",
-        head=("pose", "AP", "95 %", "AP x", "AP y", "AP z", "RP", "95 %", "floor of RP"),
-        rows=tuple(rows),
-        align="lrrrrrrrr",
-        size="small",
-        note="AP: from the commanded position to the barycenter of the attained ones; x, y, z in "
-        "the frame of the commands. RP: mean distance to the barycenter and three standard "
-        f"deviations of it.{_more(len(visits.names))}",
-    )
-    count = len(drawn(result))
-    which = "" if count == len(visits.names) else f" The {count} poses that scatter most."
-    picture = Drawing(
-        "Where the cycles of each pose fell, about their barycenter: above from above (x, y), "
-        f"below from the side (x, z).{which} An arrow that ends at the edge points to a command "
-        "further out.",
-        clusters(result),
-    )
-    return Section("poses", "Poses", (table, picture))
-
-
-def _span(figure: StatedFigure) -> str:
-    """Both limits in one cell."""
-    return f"{show(figure.lower, figure)} to {show(figure.upper, figure)}"
-
-
-def _more(count: int) -> str:
-    """What a note adds where rows are left out."""
-    return f" {count - MOST_ROWS} more stand in iso9283.csv." if count > MOST_ROWS else ""
-
-
-def _angles(result: CycleResult) -> Section | None:
-    """Orientation of every pose."""
-    turns = result.of("AP_angle")
-    if not turns:
-        return None
-    about = [result.of(f"RP_angle_{axis}") for axis in "xyz"]
-    rows = tuple(
-        (
-            turn.where, show(turn.value, turn), _span(turn),
-            *(cell for own in about for cell in (show(own[e].value, turn), _span(own[e]))),
-        )
-        for e, turn in enumerate(turns[:MOST_ROWS])
-    )  # fmt: skip
-    table = Table(
-        "Orientation, mdeg",
-        ("pose", "AP", "95 %", "RP x", "95 %", "RP y", "95 %", "RP z", "95 %"),
-        rows,
-        size="small",
-        note="By rotation vectors about the mean attained rotation, in the axes of the commands, "
-        "not by Euler angles: AP is the angle from the commanded to the mean rotation, RP three "
-        f"standard deviations about each axis.{_more(len(turns))}",
-    )
-    return Section("angles", "Orientation", (table,))
-
-
-def _table(
-    result: CycleResult, name: str, anchor: str, title: str, note: str, caption: str = ""
-) -> Section | None:
-    """All figures of one name."""
-    figures = result.of(name)
-    if not figures:
-        return None
-    rows = tuple((figure.where, *_cells(figure)) for figure in figures[:MOST_ROWS])
-    head = ("where", f"{name} um", "95 % from", "to", "floor", "cycles")
-    table = Table(caption or name, head, rows, size="small", note=note + _more(len(figures)))
-    return Section(anchor, title, (table,))
-
-
-def _distances(result: CycleResult) -> Section | None:
-    """AD and RD of pairs of poses."""
-    AD, RD = result.of("AD"), result.of("RD")
-    if not AD:
-        return None
-    rows = tuple(
-        (one.where, show(one.value, one), _span(one), show(two.value, two), _span(two))
-        for one, two in zip(AD[:MOST_ROWS], RD, strict=False)
-    )
-    table = Table(
-        "Distance accuracy and repeatability, um",
-        ("from, to", "AD", "95 %", "RD", "95 %"),
-        rows,
-        size="small",
-        note="AD: mean attained distance less the commanded one. RD: three standard deviations of "
-        f"the attained distance, cycle by cycle.{_more(len(AD))}",
-    )
-    return Section("distances", "Distances", (table,))
-
-
-def _drift(result: CycleResult) -> Section | None:
-    """Drift over blocks of ten cycles."""
-    if not result.drifts:
-        return None
-    dAP, dRP = result.of("dAP"), result.of("dRP")
-    rows = tuple(
-        (
-            one.where, str(len(one.AP)), significant(float(np.ptp(one.hours)), 2),
-            show(a.value, a), _span(a), show(one.chance[0], a), probability(one.p_values[0]),
-            show(r.value, r), show(one.chance[1], r), probability(one.p_values[1]),
-        )
-        for one, a, r in zip(result.drifts[:MOST_ROWS], dAP, dRP, strict=False)
-    )  # fmt: skip
-    table = Table(
-        "Drift of pose accuracy and repeatability, um",
-        ("pose", "blocks", "over h", "dAP", "95 %", "chance 95 %", "p", "dRP", "chance 95 %", "p"),
-        rows,
-        size="small",
-        note="Blocks of ten cycles in the order of time; dAP and dRP: largest change of AP and RP "
-        "against the first block. Chance: what 95 % of random orders of the same cycles stay "
-        f"below; p: share of them that change as much; all poses and figures together: p "
-        f"{equal(result.drift_p_value)}.{_more(len(result.drifts))}",
-    )
-    picture = Drawing(
-        "AP and RP of each block of ten cycles; dark: the pose whose change is least by chance.",
-        drift_picture(result.drifts),
-    )
-    return Section("drift", "Drift", (table, picture))
-
-
-def _paths(result: CycleResult) -> list[Section]:
-    """AT and RT of every path, with its tube."""
-    sections = []
-    for k, shown in enumerate(result.paths):
-        figures = [f for f in result.of("AT", "RT") if f.where == f"path {shown.name}"]
-        rows = tuple((figure.name, *_cells(figure)) for figure in figures)
-        run = result.test.paths[k]
-        how = (
-            "" if run.matched else " Runs were read without numbers of points, in their order."
-        )  # fmt: skip
-        table = Table(
-            f"Path {shown.name}: {counted(len(run.runs), 'run')}, {len(shown.command)} points",
-            ("figure", "um", "95 % from", "to", "floor", "runs"),
-            rows,
-            size="small",
-            note="AT: largest distance of the mean path from a commanded point, in the plane "
-            "across the path there; RT: largest mean distance to the mean path and three standard "
-            "deviations, in such a plane. Early or late along the path is no error. Largest of "
-            f"many points, both read a little more than any single one: the lower limits allow for "
-            f"that, each point's at 1 - 0.025/{len(shown.command)}.{how}",
-        )
-        picture = Drawing(
-            f"Left: commanded path, mean path and the tube of RT, errors drawn {factor_of(shown)} "
-            "times larger than life. Right: how far the mean path lies off, and RT, point by "
-            "point.",
-            path_picture(shown),
-        )
-        sections.append(Section(f"path-{k + 1}", f"Path {shown.name}", (table, picture)))
-    return sections
 
 
 def _data(result: CycleResult) -> Section:

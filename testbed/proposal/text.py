@@ -18,6 +18,7 @@ MAY = """
 # [tool_in_use]     point_mm = [x, y, z] in the flange: the tool that will be used, if it is another
 # [prior]           length_mm, angle_deg: how far the links may lie from nominal (k = 1)
 # [identification]  model = "choose", base = "free", tool = "free"; free = "frames": no link number
+# [cycles], [paths] file = "cycles.csv", of truebed iso9283; [iso9283] limits_um = { RP = 30 }
 # [[session]]       of a robot measured several times: name, file, base and tool "same as" another
 #
 # The job sheet: printed, but for the days of the certificate, which are held against [conditions]

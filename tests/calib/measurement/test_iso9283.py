@@ -158,3 +158,9 @@ def test_the_mean_rotation_is_free_of_the_axes_in_which_it_is_written():
 def test_bad_input_is_named(call, said):
     with pytest.raises(InputError, match=said):
         call()
+
+
+def test_groups_of_many_cycles_tell_the_same_uncertainty_as_single_ones():
+    x = np.random.default_rng(5).standard_normal((1500, 3))
+    # delta method of RP for equal scatter: n u^2 = 3.27; 500 groups tell u to 4 %
+    assert float(repeatability(x).uncertainty) == pytest.approx((3.27 / 1500) ** 0.5, rel=0.15)
