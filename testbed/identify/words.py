@@ -12,7 +12,7 @@ from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.states import hand_back_warnings, tool_words
 from testbed.identify.records import Calibration, Figures, FittedModel
-from testbed.identify.visits.report import visit_words
+from testbed.identify.visits.report import judges_called, visit_words
 from testbed.jobsheet.report import Row, job_rows
 from testbed.report.page import SIMULATED
 from testbed.units import DEG, MM, UM, counted, fixed, sentences, significant
@@ -62,7 +62,7 @@ def verdict(calibration: Calibration) -> str:
     else:
         where = f"on {counted(held_out_poses(calibration), 'held-out pose')}"
     if calibration.elsewhere and calibration.proof.frame is not None:
-        said = calibration.proof.frame.sentence
+        said = calibration.proof.frame.said_of(judges_called(calibration))
         return f"{said[0].upper()}{said[1:]}. {believed_words(calibration)}"
     if calibration.choice.asked == FRAMES_ALONE:
         text = f"With frames fitted alone the {kind(calibration)} {where} is "

@@ -72,7 +72,12 @@ class OtherFrame:
         """The result in words."""
         if not self.found:
             return f"{self.n_poses} held-out poses stand in the frame of the calibration"
-        rows = "the held-out rows" + f" of station {self.station + 1}" * bool(self.station)
+        return self.said_of(
+            "the held-out rows" + f" of station {self.station + 1}" * bool(self.station)
+        )
+
+    def said_of(self, rows: str) -> str:
+        """That they stand elsewhere, in words; `rows` is what they are called."""
         if self.at_tool:
             what = (
                 f"see another target: {_length(self.tool_size)} from where the calibration has it, "

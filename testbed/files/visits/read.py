@@ -18,6 +18,7 @@ from testbed.files.session_toml import SessionFile
 from testbed.files.visits.shared import Sharing, sharing_of
 from testbed.files.visits.tables import CampaignFile, VisitTable
 from testbed.files.visits.visit import OWN, RobotVisit
+from testbed.units import counted
 
 Reader = Callable[[SessionFile, Sources], Session]
 
@@ -263,8 +264,18 @@ def _visits(
 
 def _require_one(visits: Sequence[VisitTable], alone: Sequence[Session], where: str) -> None:
     """Refuse what sessions of one calibration cannot differ in."""
-    lead = alone[0]
+    lead, known = alone[0], dict[bytes, str]()
     for visit, one in zip(visits, alone, strict=True):
+        # what another station saw of another tool is never the same to the last bit
+        seen = {row.tobytes() for row in one.measurements.position}
+        again = [row for row in seen if row in known]
+        if again:
+            raise refusal(
+                where, "session.file",
+                f'session "{visit.name}" has {counted(len(again), "reading")} of session '
+                f'"{known[again[0]]}" again', code="M26", fix="name each file once",
+            )  # fmt: skip
+        known |= dict.fromkeys(seen, visit.name)
         what = ""
         if one.joint_source != lead.joint_source:
             what = f"{one.joint_source} joints, and {visits[0].name} has {lead.joint_source} ones"

@@ -59,6 +59,11 @@ def _require_names(visits: Sequence[VisitTable], where: str) -> None:
                 where, "session.name", f'two sessions are called "{one.name}"', code="S37",
                 value=one.name, fix="give each [[session]] a name of its own",
             )  # fmt: skip
+        if "/" in one.name:
+            raise refusal(
+                where, "session.name", f'session "{one.name}" has a / in its name, which stands '
+                "between session and pose", code="S37", value=one.name, fix="rename it",
+            )  # fmt: skip
         if not one.names_a_file:
             raise refusal(
                 where, "session.file", f'session "{one.name}" has no poses: it names no file',

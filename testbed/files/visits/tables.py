@@ -1,9 +1,10 @@
 """[[session]] of session.toml: one visit of a robot that was measured several times."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field
 
+from calib.errors import refuse
 from testbed.files.conditions import ConditionsTable
 from testbed.files.session_toml import (
     DialectTable,
@@ -17,6 +18,8 @@ from testbed.files.session_toml import (
 )
 from testbed.strict import Strict
 
+MOST = 100
+"""Sessions of one file."""
 FREE, SAME = "free", "same as "
 FEWEST = 6
 """Poses that frames of a held-out session are fitted to, at least: five determine base and tool."""
@@ -63,8 +66,18 @@ class VisitTable(Strict):
 class CampaignFile(SessionFile):
     """A session.toml, of one session or of several."""
 
-    session: tuple[VisitTable, ...] = ()
+    session: Annotated[tuple[VisitTable, ...], Field(max_length=MOST)] = ()
     """What stands above them holds for each of them that does not say otherwise."""
+
+    @property
+    def of_one_table(self) -> Self:
+        """As for one session; several do not say how to read one CSV."""
+        if self.session:
+            raise refuse(
+                "--test", code="M35", message="--test is given beside a file of several sessions",
+                fix="state it as a [[session]] of that file with held_out = true",
+            )  # fmt: skip
+        return super().of_one_table
 
     def of(self, visit: VisitTable) -> SessionFile:
         """The session.toml of one visit alone."""

@@ -28,6 +28,17 @@ def handed_out(calibration: Calibration) -> tuple[str, ...]:
     )
 
 
+def judges_called(calibration: Calibration) -> str:
+    """The held-out rows that were asked whether they stand in another frame."""
+    frame, called = calibration.proof.frame, "the held-out rows"
+    judges = calibration.split.is_test
+    for k, visit in enumerate(calibration.visits):
+        there = frame is not None and visit.station == frame.station
+        if there and (of(calibration, k) & judges).any():
+            return f"{called} of session {visit.name}"
+    return called
+
+
 def visit_section(calibration: Calibration) -> Section | None:
     """The sessions of the robot side by side, and the errors of each."""
     if not calibration.visits:
@@ -127,7 +138,10 @@ def part_of(calibration: Calibration, row: int) -> str:
     """What split.csv calls a row that fits the frames of a held-out visit; else nothing."""
     if calibration.visit is None or calibration.split.is_test[row]:
         return ""
-    return "frames" if calibration.visits[int(calibration.visit[row])].held_out else ""
+    visit = calibration.visits[int(calibration.visit[row])]
+    if not visit.held_out:
+        return ""
+    return "frames" if visit.frame_poses else "known joints"
 
 
 def _parts(calibration: Calibration) -> Iterator[tuple[int, str, Bool]]:

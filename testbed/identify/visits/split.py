@@ -20,7 +20,8 @@ def split_of_session(
 ) -> HeldOutSplit:
     """The split of a session, of one visit or of several; arguments as those of `split_of`.
 
-    Poses that the frames of a held-out visit are fitted to neither identify nor judge.
+    Poses that the frames of a held-out visit are fitted to neither identify nor judge; those at
+    joints that another visit identifies from fit its frames, too.
 
     Raises
     ------
@@ -28,7 +29,8 @@ def split_of_session(
         As `split_of`; M27: a held-out visit has no pose left to judge.
     """
     first = session.wanted.visits == "first"
-    frames = _frame_rows(session, seed)
+    known = _at_known_joints(session)
+    frames = _frame_rows(session, seed) | known
     stated = session.is_test & ~frames if session.split_stated else None
     split = split_of(
         session.measurements, stated, first_visits=first, train=train, held_out=held_out, seed=seed
@@ -47,6 +49,8 @@ def split_of_session(
         for visit in judges
         if visit.frame_poses
     ]
+    if known.any():
+        said.append(f"left out of proof, at joints that identify: {_poses(table, known)}")
     return replace(split, is_train=frozen(used, np.bool_), sentence="; ".join(said))
 
 
@@ -62,6 +66,15 @@ def of_visits(session: Session, some: list[RobotVisit]) -> Bool:
     if session.visit is None:
         return np.zeros(len(session.measurements), dtype=np.bool_)
     return np.isin(session.visit, [session.visits.index(visit) for visit in some])
+
+
+def _at_known_joints(session: Session) -> Bool:
+    """Rows (m,) of held-out visits at joints of rows to identify from: they are no proof."""
+    held = of_visits(session, [visit for visit in session.visits if visit.held_out])
+    if not held.any():
+        return held
+    pose = groups(session.measurements)
+    return held & np.isin(pose, pose[~held & ~session.is_test])
 
 
 def _frame_rows(session: Session, seed: int) -> Bool:

@@ -550,7 +550,8 @@ CASES = {
     "sessions: a payload in a circle": visits(A + 'payload = "same as a"\n'),
     "sessions: a payload that nobody states": visits(A + B + 'payload = "same as a"\n'),
     "sessions: a payload in one of two": visits(
-        A + "conditions = { payload_kg = 2 }\n" + B + "[conditions]\n"
+        A + "conditions = { payload_kg = 2 }\n" + B + "[conditions]\n",
+        b=table(x_mm=table()["x_mm"] + 1.0),
     ),
     "sessions: too few poses for frames": visits(A + B + "held_out = true\nframe_poses = 5\n"),
     "sessions: frames fitted to nothing": visits(A + B + "held_out = true\n"),
@@ -558,10 +559,21 @@ CASES = {
     "sessions: all held out": visits(A + "held_out = true\nframe_poses = 10\n"),
     "sessions: a start": visits(A + B + "[start]\n"),
     "sessions: a key misspelled": visits(A + 'bas = "free"\n'),
+    "sessions: a name of two parts": visits(A + '[[session]]\nname = "a/b"\nfile = "b.csv"\n'),
+    "sessions: one file twice": visits(A + B),
+    "sessions: too many": visits(A * 101),
+    "sessions: a file elsewhere": visits(
+        A + '[[session]]\nname = "b"\nfile = "../../etc/passwd"\n'
+    ),
+    "sessions: --test beside them": lambda folder: (
+        (folder / "session.toml").write_text(A), (folder / "t.csv").write_text(csv(table())),
+        read_held_out(folder / "t.csv", ROBOT, folder),
+    ),
     "sessions: distances": visits(A + B, b=ranged()),
     "sessions: joints of another kind": visits(
         A + B + '[session.joints]\nsource = "read-back"\n',
-        b=table() | {f"q{k + 1}_read_deg": np.degrees(made().q[:, k]) for k in range(N)},
+        b=table(x_mm=table()["x_mm"] + 1.0)
+        | {f"q{k + 1}_read_deg": np.degrees(made().q[:, k]) for k in range(N)},
     ),
     "session: no file": lambda folder: (
         (folder / "session.toml").write_text("[frames]\n"), read_session(folder, ROBOT)

@@ -18,6 +18,7 @@ from testbed.identify.records import Calibration
 from testbed.identify.results import headline, split_csv
 from testbed.identify.visits.frames import own_frames
 from testbed.identify.visits.report import radius_there, visit_section
+from testbed.identify.visits.split import split_of_session
 from testbed.identify.words import next_step, terminal_text, verdict
 from testbed.store.npz import record_bytes, record_from
 from tests.testbed.files.campaign import HEAD, place, session, visit, written
@@ -195,3 +196,37 @@ def test_frames_that_nothing_determines_are_refused_by_name(tmp_path, counts, li
     )
     with pytest.raises(InputError, match=said):
         calibrate(ROBOT, read, replace(GEOMETRIC, held_out=None if lines else 0))
+
+
+def test_a_session_that_does_not_stand_where_it_is_said_to_is_called_by_its_name(tmp_path):
+    """Its tool was remounted and its station moved; the file says both are those of others."""
+    read = read_session(
+        written(
+            tmp_path, {"a": visit(0, 40), "b": visit(1, 30), "c": visit(2, 20)},
+            session("a"), session("b"),
+            session("c", "held_out = true", 'base = "same as b"', 'tool = "same as a"'),
+        ),
+        ROBOT,
+    )  # fmt: skip
+    found = calibrate(ROBOT, read, GEOMETRIC)
+    assert verdict(found).startswith("The held-out rows of session c stand in another frame: ")
+
+
+def test_one_file_in_two_sessions_is_refused(tmp_path):
+    text = [session("a"), session("b").replace('"b.csv"', '"a.csv"')]
+    with pytest.raises(InputError, match='"b" has 40 readings of session "a" again'):
+        read_session(written(tmp_path, {"a": visit(0, 40)}, *text), ROBOT)
+
+
+def test_a_held_out_pose_at_joints_that_identify_judges_nothing(tmp_path):
+    """The home pose, measured in every visit."""
+    a, c = visit(0, 40), visit(2, 30)
+    T = c.truth.poses(a.q[:1])
+    again = replace(c, q=np.concatenate([c.q, a.q[:1]]), T=np.concatenate([c.T, T]))
+    read = read_session(
+        written(tmp_path, {"a": a, "c": again}, session("a"), session("c", *HELD)), ROBOT
+    )
+    split = split_of_session(read, train=None, held_out=None, seed=0)
+    assert not split.is_test[-1]
+    assert not split.is_train[-1]
+    assert "left out of proof, at joints that identify: 1" in split.sentence
