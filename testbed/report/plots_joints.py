@@ -46,6 +46,7 @@ def joint_maps(
                 ax.set_ylabel("beside [mdeg]")
             if k + COLUMNS >= len(joints):
                 ax.set_xlabel("command [deg]")
+                ax.tick_params(labelbottom=True)  # also above a panel that is not there
         if truth is not None:
             legend_above(figure, axes[0])
         return svg_of(figure)

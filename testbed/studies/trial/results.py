@@ -7,6 +7,7 @@ from calib.measurement.accuracy import Accuracy
 from calib.uncertainty.statement.stated_point import widened
 from testbed.store.quantities import METRE, RADIAN, Quantity, below, fields_of, in_si
 from testbed.studies.trial import decisions
+from testbed.studies.trial.bending.results import motion_headline
 from testbed.studies.trial.records import Campaign, Estimate, Trial
 from testbed.studies.trial.statement.records import (
     BELIEVED,
@@ -28,6 +29,8 @@ def published(campaign: Campaign) -> list[Quantity]:
         Quantity("pool/rejected", rejected),
         *below("truth_budget", truth_headline(campaign.validation)),
     ]
+    if campaign.motion is not None:
+        found += below("motion", motion_headline(campaign.motion))
     for trial in campaign.trials:
         found += below(f"trials/{trial.name}", _trial(campaign, trial))
     if campaign.pose_count is not None:

@@ -45,6 +45,8 @@ def map_figure(campaign: Campaign, trial: Trial, estimate: Estimate) -> tuple[Bl
         f"only a simulation knows it), and by the model of {trial.name}"
     )
     text += "; the band holds 2 u of the fit." if len(model.joints) else ", which has no waves."
+    if campaign.scenario.truth.drive_nm_per_mrad:
+        text += " Droop on springs is in no true map; waves of the model may follow some of it."
     drawn = (
         np.column_stack([column(values, one, joint) for joint in joints])
         for one, values in ((model, model.turn), (model, model.u), (true, true.turn))

@@ -18,11 +18,13 @@ from testbed.recording.timeline import visit
 from testbed.robots.catalog import load_robot
 from testbed.robots.placements import placements
 from testbed.scenario.read import changed
+from testbed.store.quantities import as_json
 from testbed.studies import load_scenario
 from testbed.studies.trial.bending.play import EVERY, SLOW, STEP, filmed, loops, waited
 from testbed.studies.trial.bending.recording import move_chapter
 from testbed.studies.trial.bending.records import Ways
 from testbed.studies.trial.bending.report import motion_figures
+from testbed.studies.trial.bending.results import motion_headline
 from testbed.studies.trial.study import STUDY
 from tests.testbed.laboratory.test_moving import CHAIN, FRICTION, SPRINGS, UP, Q, motion, um
 from tests.toy_story import chapter
@@ -157,6 +159,15 @@ def test_the_report_states_the_loops_and_what_no_wait_takes_away():
     smooth = replace(seen, tool_width=1e-7)
     assert len(motion_figures(SimpleNamespace(motion=smooth, scenario=campaign.scenario))) == 1
     assert motion_figures(SimpleNamespace(motion=None, scenario=campaign.scenario)) == ()
+
+
+def test_what_is_published_of_it_carries_its_unit():
+    seen = film()
+    told = as_json(motion_headline(seen))
+    np.testing.assert_allclose(told["loop_width_mdeg"], 1e3 * np.degrees(seen.loop_width))
+    assert told["tool_loop_width_um"] == pytest.approx(1e6 * seen.tool_width, rel=1e-12)
+    assert told["both_sides_max_um"] == pytest.approx(1e6 * seen.apart.max(), rel=1e-12)
+    assert told["from_rest_mean_um"] == pytest.approx(1e6 * seen.seen.mean(), rel=1e-12)
 
 
 @pytest.mark.parametrize(("preset", "there"), [("elastic", False), ("moving", True)])
