@@ -23,8 +23,8 @@ class HandBack:
     why: str
     """Why the links of a geometric fit have a prior of that width; empty where they need none."""
     by_prior: Annotated[Array, "c"]
-    """(12 + 5 n,) part of the variance of each number of base, links and tool that comes from a
-    prior, not from the readings."""
+    """(c,) part of the variance of each of the 12 + 5 n numbers of base, links and tool that comes
+    from a prior, not from the readings."""
     limits: Annotated[Array, "n", 2]
     """(n, 2) of the joints [rad, m]."""
     in_use: ToolInUseStatement | None

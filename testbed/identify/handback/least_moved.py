@@ -29,7 +29,7 @@ FRAME = 10.0
 SAMPLES, STEPS = 41, 30
 SETTLED, KEPT = 1e-12, 1e-10
 """Steps that are rounding, and what may be lost of a pose [m, rad]."""
-ROUNDING = 1e-9
+ROUNDING = 1e-5
 """Part of a width below which a deviation is none."""
 
 
@@ -77,6 +77,7 @@ def least_moved(
     """
     found, own = result.model, 6 + tolerance.size
     session = {*result.reduction.kept, *result.reduction.dropped}
+    session |= {name for name in result.names if name.startswith("tool")}  # of held-out visits, too
     table = result.parameters.names
     free = np.array(
         [k for k, name in enumerate(table)
@@ -109,7 +110,8 @@ def least_moved(
     if result.prior is None or not set(table[6:own]) & set(result.prior.names):
         P = np.eye(found.n_numbers) - N @ (N / width[:, None] ** 2).T
         C = P @ C @ P.T
-        sure = np.diag(C) < (ROUNDING * width) ** 2  # a number that others stand for
+        # links that base and tool stand for
+        sure = 6 + np.flatnonzero(np.diag(C)[6:own] < (ROUNDING * width[6:own]) ** 2)
         C[sure], C[:, sure] = 0.0, 0.0
     return LeastMoved(model, frozen(C))
 
