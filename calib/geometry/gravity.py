@@ -194,7 +194,12 @@ def guessed_moments(chain: Chain) -> Array:
     return moments_of(GUESSED * left, np.column_stack([a, np.zeros_like(a), d]) / 2)
 
 
-def weight_of(chain: Chain, stands: Chain | None = None, moments: Array | None = None) -> Weight:
+def weight_of(
+    chain: Chain,
+    stands: Chain | None = None,
+    moments: Array | None = None,
+    payload: Array | None = None,
+) -> Weight:
     """What gravity pulls at in a world whose z is up.
 
     Parameters
@@ -205,10 +210,13 @@ def weight_of(chain: Chain, stands: Chain | None = None, moments: Array | None =
         The arm as it is mounted, where the world of `chain` is another one.
     moments : (n, 4) array, optional
         Of its links; guessed where nobody states them [kg, kg m].
+    payload : (4,) array, optional
+        What hangs on the flange, in its frame; nothing by default [kg, kg m].
     """
     base = (chain if stands is None else stands).T_world_base
     own = guessed_moments(chain) if moments is None else moments
-    return Weight(chain, own, gravity=base[:3, :3].T @ DOWN)
+    heavy = np.zeros(4) if payload is None else payload
+    return Weight(chain, own, heavy, gravity=base[:3, :3].T @ DOWN)
 
 
 def axis_places(axes: Sequence[str]) -> list[int]:

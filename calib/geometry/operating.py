@@ -67,6 +67,11 @@ class OperatingConditions:
         center = np.zeros((len(self.payload), 3)) if self.center is None else self.center
         return self.payload[:, None] * np.column_stack([np.ones(len(center)), center])
 
+    @property
+    def usual_payload(self) -> Array | None:
+        """(4,) mean of these moments; None where no payload is stated [kg, kg m]."""
+        return None if self.moments is None else np.asarray(self.moments.mean(axis=0))
+
     def rows(self, which: Sequence[int] | Bool | Index) -> "OperatingConditions":
         """The same of some poses (a mask or indices)."""
         if not self.stated:

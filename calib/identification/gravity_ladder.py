@@ -33,6 +33,7 @@ def gravity_ladder(
     *,
     moments: Array | None = None,
     limits: ArrayLike | None = None,
+    payload: Array | None = None,
     sag: float,
 ) -> Ladder:
     """Levels of what gravity bends, of any serial arm.
@@ -45,7 +46,8 @@ def gravity_ladder(
     if known.springs is not None or any(name.startswith("gravity") for name in known.names):
         return Ladder("gravity", (NOTHING,), ("sag: the model has it already",))
     stands = chain if mounted is None else mounted
-    weight = weight_of(chain, stands, moments)
+    weight = weight_of(chain, stands, moments, payload)
+    believed = doubted(weight, said=payload is not None)
     q = postures(chain, limits)
     across, silent = felt_springs(weight, q, free_moments=True)
     along, _ = felt_springs(weight, q, axes=("z",), free_moments=True)
@@ -61,9 +63,9 @@ def gravity_ladder(
         levels.append(_level(f"{beside}small bearings", across, sag, SMALL_BEARING))
         levels.append(_level(f"{beside}bearings", across, sag))
     if along.free.any():
-        levels.append(_level("springs", along, sag, moments=True))
+        levels.append(_level("springs", along, sag, moments=believed))
     if len(along.load) < len(across.load) and across.free.any():
-        levels.append(_level("springs and bearings", across, sag, moments=True))
+        levels.append(_level("springs and bearings", across, sag, moments=believed))
     return Ladder("gravity", tuple(levels), silent)
 
 
@@ -73,23 +75,27 @@ def _level(
     sag: float,
     bearings: float = 1.0,
     *,
-    moments: bool = False,
+    moments: Array | None = None,
     usual: bool = False,
 ) -> Level:
     """Springs with their prior: small bends at the largest torque, moments near those stated."""
-    springs = springs if moments else replace(springs, free=np.zeros_like(springs.free))
+    if moments is None:
+        springs = replace(springs, free=np.zeros_like(springs.free))
     size = sag * np.where(springs.axis == Z, 1.0, BEARING / SAG * bearings)
     # along a slide a turn counts as far as it reaches
     size = size * np.where(springs.is_length[: len(size)], CHARACTERISTIC_LENGTH, 1.0)
-    sd = np.concatenate([size, doubted(springs.weight)[springs.free]])
+    sd = size if moments is None else np.concatenate([size, moments[springs.free]])
     return Level(name, JointErrors(springs=springs), sd, usual)
 
 
-def doubted(weight: Weight) -> Array:
-    """Prior sd (n, 4) of what is added to the moments of links that are stated, or guessed."""
+def doubted(weight: Weight, *, said: bool = False) -> Array:
+    """Prior sd (n, 4) of what is added to the moments of links that are stated, or guessed.
+
+    Unless it is `said` what hangs on the flange, something may hang there.
+    """
     links = weight.chain.links
     reach = np.maximum(np.hypot(links[:, 1], links[:, 2]), BESIDE)[:, None]
     sd = UNSURE * weight.moments[:, :1] * np.hstack([np.ones_like(reach), np.tile(reach, 3) / 2])
-    if not weight.payload.any():
+    if not said:
         sd[-1] = np.hypot(sd[-1], UNSAID * np.array([1, BESIDE, BESIDE, reach[-1, 0] + BESIDE]))
     return np.asarray(sd)

@@ -33,6 +33,7 @@ def ladders_of(
     *,
     moments: Array | None = None,
     limits: ArrayLike | None = None,
+    payload: Array | None = None,
     waves: tuple[float, float] = (FIRST, SECOND),
     sag: float = SAG,
 ) -> tuple[Ladder, ...]:
@@ -50,10 +51,15 @@ def ladders_of(
     limits : (n, 2) array_like, optional
         Of the joints [rad, m]: how large torques get within them tells how large a compliance may
         be. The measured poses may hardly load a joint.
+    payload : (4,) array, optional
+        Mean of the moments of what hung on the flange, where rows state it [kg, kg m]; else
+        something may hang there though nobody says so.
     waves, sag : float, optional
         Prior sd of one and two waves a turn, and of sag at the largest torque [rad].
     """
-    bends = gravity_ladder(nominal, mounted, moments=moments, limits=limits, sag=sag)
+    bends = gravity_ladder(
+        nominal, mounted, moments=moments, limits=limits, payload=payload, sag=sag
+    )
     return bends, _waves(nominal, waves)
 
 

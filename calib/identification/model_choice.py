@@ -113,7 +113,9 @@ def choose(
     parameters = parameters_of(nominal) if parameters is None else parameters
     prior = weak_prior(parameters) if prior is None else prior
     if ladders is None:
-        ladders = (*ladders_of(nominal, mounted), *row_ladders(nominal, measurements, known))
+        payload = measurements.conditions.usual_payload
+        own = ladders_of(nominal, mounted, payload=payload)
+        ladders = (*own, *row_ladders(nominal, measurements, known))
     rng = np.random.default_rng(0) if rng is None else rng
     asked = some_poses(measurements, rng)
     geometric = identify(nominal, measurements, parameters, prior=prior, loss=loss, report=report)

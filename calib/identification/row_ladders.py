@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calib.arrays import Array, Bool
-from calib.geometry.gravity import Weight, guessed_moments
+from calib.geometry.bodies import Z
+from calib.geometry.gravity import Weight, weight_of
 from calib.geometry.joint_errors import NO_JOINT, JointErrors, JointTerm, Wave
 from calib.geometry.model import RobotModel
 from calib.identification.ladders import HIGHER, MDEG
@@ -46,6 +47,8 @@ class RowTerms:
     """Whether drives report currents [A] instead of torques."""
     unsaid: Mapping[str, str] = field(default_factory=dict)
     """Ladder to the reason why its rows are silent, where more is known than that."""
+    weight: Weight | None = None
+    """What loads the joints, which reported torques are judged by; guessed by default."""
 
 
 NOTHING_KNOWN = RowTerms()
@@ -57,8 +60,6 @@ def row_ladders(
     nominal: RobotModel,
     measurements: Measurements,
     known: RowTerms = NOTHING_KNOWN,
-    *,
-    weight: Weight | None = None,
 ) -> tuple[Ladder, ...]:
     """Ladders of approach, torque, gear and lengths.
 
@@ -70,13 +71,10 @@ def row_ladders(
         What is identified from: its rows say what can be offered.
     known : RowTerms, optional
         What else is known of them.
-    weight : Weight, optional
-        What loads the joints, which reported torques are judged by; guessed on an upright arm by
-        default.
     """
     return (
         _approach(nominal, measurements, known),
-        _torque(nominal, measurements, known, weight),
+        _torque(nominal, measurements, known),
         _gear(nominal, measurements, known),
         _lengths(nominal, measurements, known),
     )
@@ -113,15 +111,13 @@ def _approach(nominal: RobotModel, measurements: Measurements, known: RowTerms) 
     return _ladder("approach", nominal, terms, [PLAY] * len(terms), why)
 
 
-def _torque(
-    nominal: RobotModel, measurements: Measurements, known: RowTerms, weight: Weight | None
-) -> Ladder:
+def _torque(nominal: RobotModel, measurements: Measurements, known: RowTerms) -> Ladder:
     """What each joint gives way under the torque that its drive reports."""
     load = measurements.conditions.torque
     if load is None:
         why = known.unsaid.get("torque", "the file has no such columns")
         return _ladder("torque", nominal, [], [], [why])
-    odd = "" if known.current else _in_other_unit(nominal, measurements.q, load, weight)
+    odd = "" if known.current else _in_other_unit(nominal, measurements, known.weight)
     if odd:
         return _ladder("torque", nominal, [], [], [odd])
     moves = np.ptp(load, axis=0) > STEADY
@@ -133,10 +129,13 @@ def _torque(
     return _ladder("torque", nominal, terms, [SAG / float(largest[i]) for i in some], still)
 
 
-def _in_other_unit(nominal: RobotModel, q: Array, load: Array, weight: Weight | None) -> str:
+def _in_other_unit(nominal: RobotModel, measurements: Measurements, weight: Weight | None) -> str:
     """Whether torques cannot be those of the arm in N m, in words; empty if they can."""
-    own = Weight(nominal.chain, guessed_moments(nominal.chain)) if weight is None else weight
-    pull = np.sqrt(np.square(own.torques(q)[:, :, 2]).mean(axis=0))
+    at, load = measurements.conditions, measurements.conditions.torque
+    assert load is not None  # asked for only where there are some
+    own = weight_of(nominal.chain) if weight is None else weight
+    torques = own.torques(measurements.q, payload=at.moments)[:, :, Z]
+    pull = np.sqrt(np.square(torques).mean(axis=0))
     heavy: Bool = pull > HEAVY * pull.max(initial=0.0)
     if not heavy.any():
         return ""

@@ -226,7 +226,8 @@ def _half_radius(alone: Belief, points: Measurements, known: Circumstances) -> f
     """Half of R95 at the held-out poses, by what is believed without their readings [m]."""
     if not np.isfinite(alone.misfit.upper):
         return 0.0
-    return common_radius(alone.regions(points.q, target=known.target)) / 2
+    there = alone.regions(points.q, target=known.target, at=points.conditions)
+    return common_radius(there) / 2
 
 
 def _stated(
@@ -239,8 +240,9 @@ def _stated(
     sd = known.repeatability
     if sd is not None:
         (sd,) = check(f"{belief.model.chain.n_joints}", repeatability=sd)
+    first = np.unique(where.pose_id, return_index=True)[1]
     return stated_point(
-        belief, where.q[np.unique(where.pose_id, return_index=True)[1]],
+        belief, where.q[first], at=where.conditions.rows(first),
         target=np.asarray(known.target, float), held_out=held, repeatability=sd,
         told_by=known.told_by,
         measured=quiet.test.rows(~quiet.test.is_distance)

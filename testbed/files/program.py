@@ -17,6 +17,7 @@ from calib.geometry.frames import inverse as inverse_transform
 from calib.geometry.frames import transform
 from calib.geometry.inverse import InverseStatus, inverse_kinematics, spread
 from calib.geometry.model import RobotModel
+from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.measurement.accuracy import rotation_errors
 from calib.uncertainty.statement.conditions import Conditions, departure
 from testbed.disk import atomic_write
@@ -65,6 +66,8 @@ class ProgramResult:
     """What was done, and what is to be looked at."""
     conditions: tuple[str, ...] = ()
     """(m,) whether the target lies under the conditions of the measurements, in words."""
+    at: OperatingConditions = AS_USUAL
+    """Under which the model takes the targets."""
     departed: Bool | None = None
     """(m,) whether it lies under others."""
 
@@ -215,6 +218,7 @@ def _correct_joints(
         q_before=joints.q,
         q=q,
         sentences=assumed,
+        at=at,
     )
     return result, _Targets(joints.columns, q)
 
@@ -245,6 +249,7 @@ def _correct_poses(
         q_before=correction.q_before,
         q=q,
         sentences=(*odd, *assumed, *more),
+        at=at,
     )
     return result, _Targets(columns, np.hstack([poses[:, :3, 3], new]))
 

@@ -141,7 +141,9 @@ def _calibrated(
     report(STEPS[1], 1, len(STEPS))
     names, places = row_names(session, measurements), np.flatnonzero(split.is_train)
     called = [names[row] for row in places]
-    looking = Looking(frames, measurements.rows(places), robot, row_terms(session), options.seed)
+    looking = Looking(
+        frames, measurements.rows(places), robot, row_terms(session, robot), options.seed
+    )
     plain = identify(frames.start, looking.train, frames.parameters)
     shots = first_look(looking, plain)
     left_out = np.zeros(len(measurements), dtype=bool)

@@ -79,7 +79,11 @@ class Looking:
         """Ladders of what bends the arm, whatever the rows say."""
         robot = self.robot
         return ladders_of(
-            self.frames.start, self.mounted, moments=robot.moments, limits=robot.limits
+            self.frames.start,
+            self.mounted,
+            moments=robot.moments,
+            limits=robot.limits,
+            payload=self.train.conditions.usual_payload,
         )
 
     def asked(self, near: RobotModel) -> BadShots:

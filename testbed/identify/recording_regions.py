@@ -44,7 +44,8 @@ def regions_at(calibration: Calibration, rows: Index, station: Array) -> ShownRe
     belief = calibration.proof.belief
     if belief is None or calibration.elsewhere:
         return None
-    stated = belief.regions(calibration.measurements.q[rows], target=belief.proven.target)
+    table = calibration.measurements.rows(rows)
+    stated = belief.regions(table.q, target=belief.proven.target, at=table.conditions)
     half, turn = stated.region
     return ShownRegions(
         stated.position @ station[:3, :3].T + station[:3, 3],

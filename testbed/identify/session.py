@@ -18,6 +18,7 @@ from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.held_out import SAME_POSE
 from testbed.files.conditions import joined as joined_conditions
 from testbed.files.probe import Probe
+from testbed.files.rows.say import taken_as_usual
 from testbed.files.session import Session, Stated
 from testbed.files.visits.probing import tried_words
 from testbed.identify.order import order_of
@@ -75,7 +76,15 @@ def with_test(session: Session, other: Session) -> Session:
         split_stated=True,
         approach=None,
         masked=(*session.masked, *other.masked),
-        warnings=tuple(dict.fromkeys([*session.warnings, *other.warnings])),
+        warnings=tuple(
+            dict.fromkeys(
+                [
+                    *session.warnings,
+                    *other.warnings,
+                    *taken_as_usual(mine.conditions, theirs.conditions),
+                ]
+            )
+        ),
         notes=tuple(dict.fromkeys([*session.notes, *other.notes])),
         stated=_both_stated(session.stated, other.stated),
         simulated=session.simulated or other.simulated,

@@ -16,6 +16,7 @@ from calib.errors import refuse
 from calib.geometry.jacobian import reflector_rows
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
+from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification
 from calib.identification.joint_models import extended_model
@@ -98,10 +99,10 @@ class Proven:
         """(n,) how far each joint may leave its range over the held-out poses [rad, m]."""
         return np.where(self.wide.chain.prismatic > 0, BEYOND_SLIDE, BEYOND)
 
-    def applies(self, q: ArrayLike) -> Applicability:
-        """Whether the statement reaches joints q (N, n) [rad, m]."""
+    def applies(self, q: ArrayLike, at: OperatingConditions = AS_USUAL) -> Applicability:
+        """Whether the statement reaches joints q (N, n) [rad, m] under some conditions."""
         (q,) = check(f"N {len(self.low)}", q=q)
-        of_terms, of_foot, leverage = self.left(q) / self.usual[:, None]
+        of_terms, of_foot, leverage = self.left(q, at) / self.usual[:, None]
         room = self.room
         return Applicability(
             frozen(np.maximum(of_terms, of_foot)),
@@ -109,9 +110,9 @@ class Proven:
             frozen((q < self.low - room) | (q > self.high + room), np.bool_),
         )
 
-    def left(self, q: Array) -> Array:
+    def left(self, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
         """(3, N) variance of the target left by a unit of every term, by the foot, by the noise."""
-        T, J = self.wide.poses_and_jacobian(q)
+        T, J = self.wide.poses_and_jacobian(q, at)
         _, rows = reflector_rows(T, J, np.broadcast_to(self.target, (len(T), 3)))
         own = rows[:, :, self.own]
         G = unheld(self.wide, self.columns, self.up, q, rows)

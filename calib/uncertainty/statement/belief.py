@@ -13,6 +13,7 @@ from scipy.special import chdtri
 from calib.arrays import Array, check, frozen
 from calib.geometry.jacobian import joint_columns, reflector_rows
 from calib.geometry.model import RobotModel
+from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.identification.identify import Identification
 from calib.information.propagation import propagated
 from calib.measurement.observations import Measurements
@@ -63,6 +64,7 @@ class Belief:
         target: ArrayLike = (0.0, 0.0, 0.0),
         growth: ArrayLike | None = None,
         repeatability: ArrayLike | None = None,
+        at: OperatingConditions = AS_USUAL,
     ) -> ToolStatement:
         """Regions of the mean of many moves to joints q (N, n) [rad, m], or of where one move ends.
 
@@ -78,10 +80,12 @@ class Belief:
         repeatability : (n,) array_like, optional
             Standard deviation with which each joint comes back [rad, m]; given, the regions are of
             where one move ends, at the same factor.
+        at : OperatingConditions, optional
+            Under which the robot goes there.
         """
         (target,) = check("3", target=target)
-        grown = self.proven.applies(q).growth if growth is None else np.asarray(growth, float)
-        T, J = self.model.poses_and_jacobian(q)
+        grown = self.proven.applies(q, at).growth if growth is None else np.asarray(growth, float)
+        T, J = self.model.poses_and_jacobian(q, at)
         position, rows = reflector_rows(T, J, np.broadcast_to(target, (len(T), 3)))
         sigma = _region(self, rows, np.broadcast_to(grown, (len(T),)))
         if repeatability is not None:
@@ -198,7 +202,7 @@ def _scores(belief: Belief, points: Measurements) -> Array:
     growth: any score makes a split conformal factor.
     """
     seen = predict(belief.model, points)
-    growth = belief.proven.applies(points.q).growth
+    growth = belief.proven.applies(points.q, points.conditions).growth
     sigma = _region(belief, seen.rows[:, :3], growth)
     sigma = sigma + belief.misfit.larger_noise**2 * points.covariance[:, :3, :3]
     within = np.sqrt(mahalanobis_squared(seen.residual[:, :3], sigma))

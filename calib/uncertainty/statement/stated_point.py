@@ -6,6 +6,7 @@ import numpy as np
 from scipy.special import bdtr
 
 from calib.arrays import Array, FloatOrNan
+from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.uncertainty.regions import coverage_factor
@@ -70,6 +71,7 @@ def stated_point(
     told_by: str = "",
     measured: Measurements | None = None,
     visits: bool = False,
+    at: OperatingConditions = AS_USUAL,
 ) -> StatedPoint:
     """What is believed at poses like q (n, j), as one radius.
 
@@ -95,19 +97,21 @@ def stated_point(
     visits : bool
         Whether they were read in frames of their own: then they guard the radius there, and it
         grows here as it does there.
+    at : OperatingConditions, optional
+        Under which the robot stands there.
     """
-    growth = belief.proven.applies(q).growth
-    mean = belief.regions(q, target=target, growth=growth)
+    growth = belief.proven.applies(q, at).growth
+    mean = belief.regions(q, target=target, growth=growth, at=at)
     u_move = radius_move = float("nan")
     if repeatability is not None and repeatability.any():
-        move = belief.regions(q, target=target, growth=growth, repeatability=repeatability)
+        move = belief.regions(q, target=target, growth=growth, repeatability=repeatability, at=at)
         u_move, radius_move = _usual(move), common_radius(move)
     radius, grown = common_radius(mean), 1.0
     if measured is not None:
         there = belief.seen_regions(measured) if visits else None
         usual = radius if there is None else common_radius(there)
         if there is None:
-            there = belief.regions(measured.q, target=target)
+            there = belief.regions(measured.q, target=target, at=measured.conditions)
         grown = _guarded(usual, belief, measured, there) / usual
     return StatedPoint(
         grown * _usual(mean), grown * radius, grown * u_move, grown * radius_move,

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from calib.geometry.operating import OperatingConditions
+
 UNKNOWN = "the order of the poses is not known"
 NO_TORQUES = "the file has no such columns"
 
@@ -18,3 +20,16 @@ class RowsSay:
 
 NOTHING_SAID = RowsSay()
 """Of a session that says nothing of the kind."""
+
+
+def taken_as_usual(said: OperatingConditions, silent: OperatingConditions) -> tuple[str, ...]:
+    """What held-out rows do not say of what the others say, and how they are taken then."""
+    words = {
+        "approach": "the order of the held-out rows is not known, that of the others is: where the "
+        "model knows the play of joints, they are taken in the middle of it",
+        "torque": "the held-out rows have no torques of the drives, the others have: they are "
+        "taken at the mean of these",
+    }
+    return tuple(
+        text for name, text in words.items() if name in said.stated and name not in silent.stated
+    )

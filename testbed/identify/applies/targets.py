@@ -35,19 +35,21 @@ def statement_at(calibration: Calibration, program: ProgramResult) -> TargetStat
     belief = calibration.proof.belief
     if belief is None or calibration.elsewhere:
         return None
-    reach, point = belief.proven.applies(program.q), tool_point(calibration)
+    reach, point = belief.proven.applies(program.q, program.at), tool_point(calibration)
     if (in_use := calibration.handback.in_use) is not None:
         links = calibration.handback.tolerance
         belief = carried(belief, in_use.tool, np.array(in_use.worst), links)
         point = np.zeros(3)
     departed = np.zeros(len(program.q), np.bool_) if program.departed is None else program.departed
     stated = (reach.place != "outside") & ~departed & reach.reaches
-    mean = belief.regions(program.q, target=point)
+    mean = belief.regions(program.q, target=point, at=program.at)
     radius_move = frozen(())
     if calibration.repeatability.any():
-        move = belief.regions(program.q, target=point, repeatability=calibration.repeatability)
+        move = belief.regions(
+            program.q, target=point, repeatability=calibration.repeatability, at=program.at
+        )
         radius_move = _radii(move, stated)
-    before = belief.regions(program.q_before, target=point)
+    before = belief.regions(program.q_before, target=point, at=program.at)
     return TargetStatement(
         radius_mean=_radii(mean, stated),
         radius_move=radius_move,

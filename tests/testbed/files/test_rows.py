@@ -98,7 +98,12 @@ def test_currents_are_told_from_torques(tmp_path):
 def test_held_out_rows_that_say_less_are_taken_at_the_mean(tmp_path):
     one = read(tmp_path, rows(**DRIVES))
     two = read(tmp_path, rows(), name="b")
-    both = with_test(one, two).measurements.conditions
+    joined = with_test(one, two)
+    both = joined.measurements.conditions
+    assert [text for text in joined.warnings if "drives" in text] == [
+        "the held-out rows have no torques of the drives, the others have: they are taken at the "
+        "mean of these"
+    ]
     np.testing.assert_allclose(both.torque[M:], np.tile(LOADS.mean(axis=0), (M, 1)), atol=1e-12)
 
 
