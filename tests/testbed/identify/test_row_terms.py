@@ -10,8 +10,8 @@ from calib.geometry.chain import forward
 from calib.geometry.operating import OperatingConditions, approaches
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.program import correct_program
+from testbed.identify.applies.targets import statement_at
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.targets import statement_at
 from tests.calibrated import robot, session_of, table_of, true_model
 from tests.reference import DEG, pool_r
 from tests.testbed.files.made import csv
