@@ -15,10 +15,6 @@ from calib.geometry.parameters import Parameters
 from testbed.robots.write.dh_table import COVERAGE
 from testbed.units import MDEG
 
-MOST_WAVES = 90
-"""Waves a turn that steps of a degree can show; those of an encoder's lines are left out."""
-
-
 FINEST = 90
 """Waves a turn of which a table with one line a degree shows the shape: gears leave more."""
 
@@ -58,7 +54,6 @@ def joint_map(model: RobotModel, parameters: Parameters, covariance: Array) -> J
         if term.is_wave
         and max(map(abs, term.weights)) <= FINEST
         and not any(weight for i, weight in enumerate(term.weights) if i != term.joint)
-        and abs(term.weights[term.joint]) <= MOST_WAVES
         and model.chain.kinds[term.joint] == "revolute"
     ]
     joints = sorted({term.joint for term, _ in own})

@@ -99,7 +99,7 @@ def test_a_film_shows_the_arm_beside_where_it_would_rest(springs):
 
 @cache
 def film():
-    motors, bends, away = filmed(arm(), REST, Q[1], UP[1])
+    motors, bends, away = filmed(arm(SPRINGS), ElasticArm(CHAIN, SPRINGS), Q[1], UP[1])
     both = {"film_q": motors, "film_bends": bends, "film_away": away}
     return Ways(
         *loops(arm(), REST, Q[0]), *waited(arm(dwell=0.25), Q[:2], UP[:2]),
