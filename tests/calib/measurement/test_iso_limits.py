@@ -75,6 +75,15 @@ def test_limits_of_a_mean_are_those_of_student_and_never_below_zero():
     np.testing.assert_allclose(found.lower, np.maximum(figure.value - half, 0), atol=1e-15)
 
 
+def test_limits_of_five_points_as_by_hand():
+    points = np.array([[0, 0, 0], [2, 0, 0], [1, 1, 0], [1, -1, 0], [1, 0, 0.0]])
+    found = repeatability_limits(points)
+    RP, f = (0.8 + 3 * 0.2**0.5) * np.sqrt(5 / 4), float(found.dof)
+    assert float(found.upper) == pytest.approx(RP * np.sqrt(f / stats.chi2(f).ppf(0.025)))
+    assert float(found.lower) == pytest.approx(RP * np.sqrt(f / stats.chi2(f).ppf(0.975)))
+    assert 4 < f < 8  # four along a line, about eight if round
+
+
 def test_cycles_that_do_not_scatter_have_limits_of_zero():
     found = repeatability_limits(np.ones((4, 3)))
     assert (float(found.lower), float(found.upper)) == (0.0, 0.0)

@@ -62,6 +62,8 @@ def test_what_all_readings_share_no_number_of_poses_lowers():
                    .regions(q, target=belief.proven.target))  # fmt: skip
     radius = float(distance_radius(bare).max())
     found = what_decides(whole, q, 0.99 * radius, shared=shared)
+    every = distance_radius(widened(whole.regions(q, target=belief.proven.target)))
+    assert found.radius == pytest.approx(float(every.max()), rel=1e-9)
     # eigenvalues of differences are cut at 1e-12
     assert found.shared == pytest.approx(radius, rel=1e-6)
     assert (found.poses, found.quieter) == (np.inf, np.inf)

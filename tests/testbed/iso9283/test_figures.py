@@ -192,19 +192,34 @@ def test_paths_read_as_they_come_are_cut_where_the_command_says(tmp_path):
 def test_a_fitted_frame_takes_a_rigid_motion_and_nothing_else(tmp_path):
     from scipy.spatial.transform import Rotation
 
-    bias = 50 * np.random.default_rng(4).standard_normal((5, 3))
-    plain = played(tmp_path, pose_rows(bias=bias), '[iso9283]\nframe = "fitted"\n')
+    bias, station = 50 * np.random.default_rng(4).standard_normal((5, 3)), [-1500, 700, 100]
+    toml = (
+        '[iso9283]\nframe = "fitted"\n[uncertainty]\nposition_um = 2\n[uncertainty.systematic]\n'
+        "scale_um_per_m = 5\nencoder_amplitude_um = [9, 0]\nstation_mm = {}\nstation_up = {}\n"
+    )
+    plain = played(tmp_path, pose_rows(bias=bias), toml.format(station, [0, 0, 1]))
     R, t = Rotation.from_rotvec([0.3, -0.2, 1.0]), np.array([100.0, -2000, 30])
     moved = []
     for row in pose_rows(bias=bias):
         x = R.apply([row[f"{a}_mm"] for a in "xyz"]) + t
         moved.append(row | {f"{a}_mm": x[i] for i, a in enumerate("xyz")})
-    other = played(tmp_path, moved, '[iso9283]\nframe = "fitted"\n')
+    away = (R.apply(station) + t).tolist()
+    other = played(tmp_path, moved, toml.format(away, R.apply([0, 0, 1]).tolist()))
     for one, two in zip(plain.figures, other.figures, strict=True):
         # twelve digits of 2 m are 2e-6 um
         assert (one.name, one.where) == (two.name, two.where)
         assert one.value == pytest.approx(two.value, abs=1e-9), one.name
+        assert one.u == pytest.approx(two.u, rel=1e-3, abs=1e-10), one.name
     assert "best fit over 5 points" in other.frame
+
+
+def test_stated_noise_turns_with_the_readings(tmp_path):
+    rows = [row | {"x_mm": -row["y_mm"], "y_mm": row["x_mm"]} for row in pose_rows(n=4)]
+    noise = {"ux_mm": 1e-3, "uy_mm": 2e-3, "uz_mm": 3e-3}
+    found = played(tmp_path, [row | noise for row in rows], '[iso9283]\nframe = "fitted"\n')
+    # a quarter turn back: what was y is x; the fit turns by 60 um of 400 mm more
+    variances = np.diagonal(found.test.visits.noise, axis1=1, axis2=2)
+    np.testing.assert_allclose(variances[0], [4e-12, 1e-12, 9e-12], rtol=1e-5)
 
 
 def test_limits_are_decided_with_their_confidence(tmp_path):
@@ -222,6 +237,9 @@ def test_limits_are_decided_with_their_confidence(tmp_path):
     assert "nothing that was measured gives AT" in found["AT"].sentence
     assert "cycles would decide it" in found["RD"].sentence
     assert mark(result).startswith("✗ FAIL at the stated limits")
+    near = played(tmp_path, pose_rows(n=30, sd=10.0), "[iso9283]\nlimits_um = {AP = 82}\n")
+    assert [one.word for one in decisions(near)] == ["UNDECIDED"]  # 80.0 of 76.3 to 83.7
+    assert mark(near) == "? UNDECIDED at the stated limits"
     assert "AP is up to 80.0 um (P1: 76.3 to 83.7)" in verdict(result)
 
 
