@@ -10,6 +10,7 @@ from testbed.files.conditions import SetUp
 from testbed.identify.conditions import conditions_words, held_out_warnings, measured
 from testbed.identify.report import page_of
 from testbed.identify.words import next_step, terminal_text
+from testbed.scenario.tolerance import Decision
 from tests.calibrated import sound
 from tests.reported import VERSIONS
 from tests.testbed.identify.test_report import DELIVERED
@@ -52,7 +53,10 @@ def test_the_conditions_stand_after_the_next_step_and_with_the_data(case):
     assert words in terminal_text(found, DELIVERED)
     if case != "all":  # a page is drawn in two seconds
         return
+    found = replace(found, decision=Decision(1e-3, "guarded"))
     page = page_of(found, DELIVERED, VERSIONS)
+    assert page.reasons[0].startswith("Tolerance 1000 um: ")  # the decision comes first
+    assert [section.anchor for section in page.sections][-2:] == ["job", "record"]
     assert page.next_step == f"{next_step(found)} {words}"
     data = next(section for section in page.sections if section.anchor == "data")
     assert ("conditions", words) in data.blocks[0].rows
