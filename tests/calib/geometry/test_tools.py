@@ -8,16 +8,17 @@ import pytest
 from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3, inverse
-from calib.geometry.joint_errors import JointErrors, gravity_terms
+from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
-from calib.identification.prior import step_derivative
+from calib.identification.normal_equations import normal_equations
+from calib.identification.prior import step_derivative, weak_prior
 from calib.identification.start.start import start_frames
 from calib.measurement import tables
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import perfect, predict, predicted_positions
-from calib.measurement.residual import paper_stack
+from calib.measurement.residual import linearize, paper_stack
 from calib.uncertainty.refit import unknown_to_loops
 from tests.calib.kinds import ARMS, NOISE, TURN_NOISE, anywhere, joints, true_robot
 from tests.reference import pool_r
@@ -126,6 +127,25 @@ def test_every_row_has_the_derivative_of_its_residual_in_every_number_of_the_too
         # h^2 / 6 of the third derivative and rounding 1e-15 / h are below 1e-9
         error = np.abs((behind - ahead) / (2 * h) - seen.rows[:, :, k]).max()
         assert error < 2e-9 * max(1.0, np.abs(seen.rows).max()), model.names[k]
+
+
+def test_a_climb_sees_the_rows_of_every_tool():
+    """Terms that compete move whatever tool is mounted: the rows of a model that has them."""
+    rng, model = np.random.default_rng(6), robot_with_tools()
+    q = joints("tx60", rng, 40)
+    table = joined([seen_poses(model, q, rng, station=k, tool=k) for k in range(3)])
+    free = [n for n in model.names if not n.startswith(("reflector", "anchor", "gravity"))]
+    parameters = parameters_of(model, free)
+    wide = JointErrors(harmonic_terms(6)[:4])
+    found = normal_equations(model, model, table, parameters, [wide], weak_prior(parameters))
+    both = model.joint_errors.joined(wide)
+    seen = linearize(replace(model, joint_errors=both), table)
+    names = list(replace(model, joint_errors=both).names)
+    own = [names.index(name) for name in (*free, *wide.names)]
+    # as triangles: the same rows in another order of sums
+    np.testing.assert_allclose(
+        found.A.reshape(-1, len(own)), seen.A[:, own], rtol=1e-9, atol=1e-6 * np.abs(seen.A).max()
+    )
 
 
 def test_a_perfect_table_of_any_tool_leaves_no_residual():
