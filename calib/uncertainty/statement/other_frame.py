@@ -22,8 +22,8 @@ from calib.uncertainty.statement.shape import of_poses, same_count
 
 FOLLOWED = 0.01
 """Part of a motion below which nothing of it is left: the model is not quite straight."""
-STRAIGHT = 0.02
-"""Turn up to which a motion is straight enough to be told by its derivative [rad]."""
+PLAIN = 5.0
+"""One kind of motion that leaves so many times less than the other is plainly the one."""
 FEWEST = 6
 """Held-out poses below which a motion of six numbers is not told from their noise."""
 
@@ -135,28 +135,47 @@ def other_frame(
     shared, error, of_base, of_tool = _whitened(belief, points, size, rows, columns)
     moved, gain, moves = _explained(shared, error, of_base, base)
     offset, tool_gain, tool_size = _explained(shared, error, of_tool, tool)
-    if np.linalg.norm(moved[3:]) > STRAIGHT:
-        moved, moves = _whole_motion(belief.model, points, about)
     p_base, p_tool = float(chdtrc(6, gain)), float(chdtrc(3, tool_gain))
-    # where both are beyond doubt, chances of zero do not tell which explains more
-    at_tool = tool_gain - 3 > gain - 6 if p_base == p_tool == 0.0 else p_tool < p_base
+    at_tool = p_tool < p_base
+    # a misfit as large as gross errors explains them, too, and no derivative a large turn
+    whole, whole_size, left = _whole_motion(belief.model, points, about)
+    plain, plain_size, plain_left = _plain_offset(e, tool)
+    if max(left, plain_left) > PLAIN * min(left, plain_left):
+        at_tool = plain_left < left
+        if at_tool:
+            offset, tool_size = plain, plain_size
+        else:
+            moved, moves = whole, whole_size
     return OtherFrame(
         frozen(moved[:3]), frozen(moved[3:]), frozen(offset), moves, tool_size, p_base, p_tool,
         points.n_poses, at_tool, int(points.station[0]),
     )  # fmt: skip
 
 
-def _whole_motion(model: RobotModel, table: Measurements, about: Array) -> tuple[Array, float]:
-    """Shift and turn (6,) of the motion from predicted to seen positions, and its size [m].
+def _whole_motion(
+    model: RobotModel, table: Measurements, about: Array
+) -> tuple[Array, float, float]:
+    """Shift and turn (6,) of the motion from predicted to seen positions; its size, what it leaves.
 
-    By Procrustes, for turns that no derivative describes.
+    By Procrustes, whatever the turn [m, rad].
     """
     p = predicted_positions(model, table)
     T = fitted_frame(table.position, p, np.eye(3))
     moved = p @ T[:3, :3].T + T[:3, 3] - p
     shift = T[:3, :3] @ about + T[:3, 3] - about
     turn = log_so3(T[None, :3, :3])[0]
-    return np.concatenate([shift, turn]), float(np.sqrt((moved**2).sum() / len(moved)))
+    return np.concatenate([shift, turn]), _rms(moved), _rms(table.position - p - moved)
+
+
+def _plain_offset(e: Array, tool: Array) -> tuple[Array, float, float]:
+    """Offset (3,) of the target that errors (m, 3) show alone; its size, what it leaves [m]."""
+    offset = np.linalg.lstsq(tool.reshape(-1, 3), e.ravel(), rcond=None)[0]
+    return np.asarray(offset, np.float64), _rms(tool @ offset), _rms(e - tool @ offset)
+
+
+def _rms(vectors: Array) -> float:
+    """Root mean square length of vectors (m, 3)."""
+    return float(np.sqrt((vectors**2).sum() / len(vectors)))
 
 
 def _motions(model: RobotModel, table: Measurements, about: Array) -> Array:
@@ -237,8 +256,7 @@ def _explained(shared: Array, e: Array, motion: Array, plain: Array) -> tuple[Ar
     without, found = (np.linalg.lstsq(M, b, rcond=None)[0] for M in (A[:, :P], A))
     gain = float(((b - A[:, :P] @ without) ** 2).sum() - ((b - A @ found) ** 2).sum())
     numbers = found[P:]
-    size = float(np.sqrt(((plain @ numbers) ** 2).sum() / len(plain)))
-    return numbers, max(gain, 0.0), size
+    return numbers, max(gain, 0.0), _rms(plain @ numbers)
 
 
 def _length(metres: float) -> str:

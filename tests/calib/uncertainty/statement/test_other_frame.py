@@ -10,6 +10,7 @@ from scipy.stats import binom, chi2
 from calib.errors import InputError
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
+from calib.identification.prior import weak_prior
 from calib.measurement.observations import joined
 from calib.measurement.prediction import predict, predicted_positions
 from calib.uncertainty.judgement import judge
@@ -122,6 +123,26 @@ def test_gross_motions_are_found_with_few_poses_and_told_apart(count, tool):
     assert found.at_tool == tool
     angle = np.degrees(np.sqrt(3))
     assert ("616." if tool else f"{angle:.3g} deg") in found.sentence
+
+
+@pytest.mark.parametrize("tool", [False, True], ids=["station", "target"])
+def test_one_point_whose_numbers_are_hardly_known_tells_a_moved_station_from_another_target(tool):
+    """A misfit as large as the errors explains them by numbers that the rows hardly determine."""
+    rng = np.random.default_rng(9)
+    true = bent(rng, 60e-6)
+    q = kinds.joints("tx60", rng, 60)
+    table = replace(kinds.points(true, q, rng), pose_id=np.arange(60))
+    train, held_out = table.rows(np.arange(40)), table.rows(np.arange(40, 60))
+    fit = identify(TX60, train, parameters_of(TX60), prior=weak_prior(parameters_of(TX60)))
+    turn = np.radians(17.7) * np.array([0.6, 0.0, 0.8])
+    moved = held_out.position @ kinds.exp_so3(turn).T + [0.4, -0.3, 0.36]
+    if tool:
+        R = true.poses(held_out.q)[:, :3, :3]
+        moved = held_out.position + R @ [0.4, -0.3, 0.36]
+    found = judge(fit, replace(held_out, position=moved), train=train).frame
+    assert found.found
+    assert found.at_tool == tool
+    assert ("616" if tool else "17.7 deg") in found.sentence
 
 
 @pytest.mark.study
