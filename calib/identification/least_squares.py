@@ -232,7 +232,9 @@ def _nearer(here: Tangent, there: Tangent) -> bool:
 
 def _status(here: Tangent, out_of_steps: bool) -> Status:
     """How the fit ended."""
-    here = tangent_plane(here.r, here.A, column_norms(here.A))
+    own = column_norms(here.A)
+    if not np.array_equal(own, here.scale):
+        here = tangent_plane(here.r, here.A, own)
     if here.deficient:
         return Status.DEFICIENT
     if here.certified:

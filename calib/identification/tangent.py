@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import qr
 
 from calib.arrays import Array
 
@@ -125,6 +126,11 @@ def column_norms(A: Array) -> Array:
 
 def tangent_plane(r: Array, A: Array, scale: Array) -> Tangent:
     """Tangent plane at a point, its columns divided by `scale` (p,)."""
-    Q, R = np.linalg.qr(A / scale)
-    U, singular, Vt = np.linalg.svd(R, full_matrices=False)
-    return Tangent(r, A, float(r @ r), scale, singular, Vt, U.T @ (r @ Q))
+    n, p = A.shape
+    # the residual as one more column: Q'r without Q, which costs as much as the triangle
+    whole = np.empty((n, p + 1), order="F")
+    np.divide(A, scale, out=whole[:, :p])
+    whole[:, p] = r
+    R: Array = qr(whole, mode="r", overwrite_a=True, check_finite=False)[0][:p]
+    U, singular, Vt = np.linalg.svd(R[:, :p], full_matrices=False)
+    return Tangent(r, A, float(r @ r), scale, singular, Vt, U.T @ R[:, p])

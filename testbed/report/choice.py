@@ -8,6 +8,11 @@ from calib.identification.climb import ClimbStep, Offer
 from testbed.report.page import Table
 from testbed.units import MM, fixed
 
+SAG = (
+    " sag: waves where gravity has that form; by torques: each joint gives way in proportion to "
+    "what the stated or guessed masses of the links pull; bearings: across its axis, too; springs: "
+    "the moments of the links are looked for as well."
+)
 PLACES = 4
 """Of a mean miss in millimeters."""
 
@@ -24,7 +29,9 @@ def choice_tables(offered: Sequence[Offer], steps: Sequence[ClimbStep]) -> list[
                 rows=tuple(rows),
                 align="llrl",
                 note="log evidence: natural logarithm of the odds that the poses asked give this "
-                "level alone against geometry alone; asked for above 3.0, odds of 20 to 1.",
+                "level alone against geometry alone; asked for above 3.0, odds of 20 to 1."
+                + SAG
+                * any(o.ladder == "gravity" and not np.isnan(o.gain) for o in offered),
             )
         )
     if steps:
