@@ -18,7 +18,7 @@ from calib.identification.climb import climb
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import Ladder
 from calib.identification.model_choice import extended_by, parts_of, some_poses
-from calib.identification.outlier_search import FAR, HONEST, with_noise
+from calib.identification.outlier_search import FAR, with_noise
 from calib.identification.outliers import inspect
 from calib.identification.prior import Prior, prior_rows, weak_prior
 from calib.identification.result import Identification
@@ -29,6 +29,9 @@ from calib.measurement.residual import linearize, table_whiteners
 
 CHANCE = 0.01
 """Chance that a table of sound observations, whose noise is as stated, has any suspect."""
+LONGER_TAILS = (1.2, 1.5)
+"""Variance, in units of the stated one, from which on tails are longer than those of noise, and at
+which limits are `FAR` times as far."""
 MOST = 0.1
 """Part of the poses above which misfits are the model's fault, or the stated noise's."""
 
@@ -100,7 +103,7 @@ def bad_shots(
     wide, judge = extended_by(
         nominal, table, parameters, found.taken, prior=prior, loss="cauchy", start=found.near
     )
-    excess = excess_of(wide, judge, table, found.noise_factor, chance=chance)
+    excess, scatter = excess_of(wide, judge, table, found.noise_factor, chance=chance)
     suspects, used = np.flatnonzero(excess > 1), np.ones(len(table), dtype=np.bool_)
     poses = measurements.together
     too_many = len(np.unique(poses[suspects])) > most * len(np.unique(poses))
@@ -112,8 +115,7 @@ def bad_shots(
             nominal, table.rows(used), parameters, richest, prior=prior, start=found.richest
         )
         limit = chdtri(table.equations[suspects], chance / len(suspects))
-        missed = foretold(judge, table.rows(~used)) / limit
-        bad = suspects[missed > mildness(found.noise_factor)]
+        bad = suspects[foretold(judge, table.rows(~used)) > scatter * limit]
         bad = bad[np.argsort(-excess[bad], kind="stable")]
     misses, turns = left_out_misses(wide, judge, table, used)
     return BadShots(
@@ -129,8 +131,8 @@ def excess_of(
     factor: float = 1.0,
     *,
     chance: float = CHANCE,
-) -> Array:
-    """Score (m,) of each observation over its limit, by the scatter that there is.
+) -> tuple[Array, float]:
+    """Score (m,) of each observation over its limit, and by what the scatter raised all limits.
 
     Parameters
     ----------
@@ -142,14 +144,18 @@ def excess_of(
         Chance that any of sound observations is beyond its limit.
     """
     seen = inspect(nominal, result, measurements, chance=chance)
-    usual = float(np.median(seen.score / chdtri(measurements.equations, 0.5)))
-    factor = max(1.0, factor) * max(1.0, float(np.sqrt(usual)))
-    return np.asarray(seen.score / (seen.limit * max(1.0, usual) * mildness(factor)))
+    usual = max(1.0, float(np.median(seen.score / chdtri(measurements.equations, 0.5))))
+    scatter = usual * mildness(max(1.0, factor) ** 2 * usual)
+    return np.asarray(seen.score / (scatter * seen.limit)), scatter
 
 
-def mildness(factor: float) -> float:
-    """Factor on limits: what models leave out has longer tails than noise has."""
-    return 1.0 if factor <= HONEST else FAR
+def mildness(variance: float) -> float:
+    """Factor on limits where scores have so many times the usual variance.
+
+    What models leave out has longer tails than noise has. The median of sound scores of a hundred
+    observations is a tenth from its expectation.
+    """
+    return float(np.interp(variance, LONGER_TAILS, (1.0, FAR)))
 
 
 def foretold(fit: Identification, others: Measurements) -> Array:

@@ -4,7 +4,6 @@ import numpy as np
 
 from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.statement.stated_point import StatedPoint
-from testbed.identify.applies.rows import beyond_training
 from testbed.identify.beyond import beyond_words
 from testbed.identify.conditions import conditions_words
 from testbed.identify.decisions import decision_words
@@ -136,7 +135,6 @@ def reasons(calibration: Calibration) -> tuple[str, ...]:
             "systematic part"
         )
     texts += [*hand_back_warnings(calibration), *tool_words(calibration)]
-    texts += beyond_training(calibration)
     texts += calibration.warnings
     texts += calibration.source.warnings
     return sentences(texts)

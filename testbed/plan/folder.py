@@ -11,7 +11,7 @@ from testbed.plan.plan import plan as make_plan
 from testbed.plan.recording import plan_story
 from testbed.plan.records import Plan
 from testbed.plan.report import plan_report_html
-from testbed.plan.results import Stop, plan_csv, plan_numbers, stops_of
+from testbed.plan.results import Stop, goal_csv, plan_csv, plan_numbers, stops_of
 from testbed.progress import Progress
 from testbed.recording.write import story_bytes
 from testbed.report.page import SIMULATED
@@ -29,6 +29,7 @@ ACCELERATION = 1.4
 JOINTS = 6
 """These programs are for arms with so many turning joints."""
 TABLE, REPORT, RECORDING = "plan.csv", "plan_report.html", "plan.rrd"
+GOAL = "goal.csv"
 
 
 def programs(plan: Plan) -> dict[str, str]:
@@ -160,6 +161,7 @@ def write_plan(plan: Plan, robot: Robot, out: Path, *, overwrite: bool = False) 
         texts = {
             SCENARIO: dump_scenario(plan.scenario),
             TABLE: plan_csv(plan),
+            GOAL: goal_csv(plan),
             **programs(plan),
             REPORT: plan_report_html(plan, robot, versions=all_versions()),
         }

@@ -6,11 +6,12 @@ from calib.arrays import Array, Index, frozen
 from calib.geometry.parameters import Parameters
 from calib.measurement import tables
 from calib.measurement.observations import Measurements
-from calib.uncertainty.statement.applicability import Applicability, proven_by
+from calib.uncertainty.statement.applicability import Proven, proven_by
 from calib.uncertainty.statement.distance import distance_radius, radius_over
 from calib.uncertainty.statement.gain import beside_held, least_squares_gain
 from calib.uncertainty.statement.instrument import SharedErrors, planned_errors
 from calib.uncertainty.statement.misfit import detectable_size, evidence_rows
+from calib.uncertainty.statement.places import reasons
 from testbed.laboratory.bench import Bench
 from testbed.laboratory.goal import Goal
 from testbed.laboratory.tracker.predicted import goal_u
@@ -58,6 +59,8 @@ def foresight(
     train, apart = planned_rows(bench, q), planned_rows(bench, held_out)
     gain = least_squares_gain(bench.robot.model, parameters, train)
     _, evidence = evidence_rows(bench.robot.model, parameters, train, apart, np.ones(len(train)))
+    proven = proof(bench, goal, parameters, gain, train, held_out)
+    reach = None if proven is None else proven.applies(goal.q)
     return Foresight(
         covariance=frozen(covariance * np.outer(scale, scale)),
         noise=frozen(u.noise),
@@ -65,7 +68,8 @@ def foresight(
         R95_over=radius_over(sigma, goal.weights),
         R95_worst=_largest(sigma, u.whole),
         misfit_seen=detectable_size(evidence),
-        applies=applies(bench, goal, parameters, gain, train, held_out),
+        applies=reach,
+        why=() if proven is None or reach is None else reasons(proven, reach, goal.q),
         sources=sources(bench, parameters, gain, train, apart if len(apart) else train),
     )
 
@@ -85,15 +89,15 @@ def planned_rows(bench: Bench, q: Array) -> Measurements:
     )
 
 
-def applies(
+def proof(
     bench: Bench,
     goal: Goal,
     parameters: Parameters,
     gain: Array,
     train: Measurements,
     held_out: Array,
-) -> Applicability | None:
-    """Whether the statement after the plan will reach the goal; None without held-out poses."""
+) -> Proven | None:
+    """What the statement after the plan will be proven at; None without held-out poses."""
     if not len(held_out):
         return None
     model = bench.robot.model
@@ -101,7 +105,7 @@ def applies(
     return proven_by(
         model, parameters, gain, noise, train, held_out,
         target=goal.point, up=model.chain.T_world_base[2, :3],
-    ).applies(goal.q)  # fmt: skip
+    )  # fmt: skip
 
 
 def sources(

@@ -149,15 +149,16 @@ def _where(seen: Applicability) -> str:
     """At which part of the goal the statement will hold, grow, or not be made."""
     outside, edge = (float((seen.place == word).mean()) for word in ("outside", "edge"))
     if not outside and not edge:
-        return "The statement will reach every posture of the goal"
+        return "Every posture of the goal lies inside what will be proven"
     parts = []
     if outside:
-        parts.append(f"at {percent(outside)} no region will be stated")
+        parts.append(f"{percent(outside)} lie outside, where no region will be stated")
     grown = float((np.maximum(seen.transfer, seen.leverage) > WARNED).mean()) - outside
     if grown > 0:
         parts.append(
-            f"at {percent(grown)} what no model holds, or noise, arrives with more than "
-            f"{WARNED:g} times the variance that it has at the held-out poses, and the region grows"
+            f"{percent(grown)} lie at the edge: what no model holds, or noise, arrives with more "
+            f"than {WARNED:g} times the variance that it has at the held-out poses, and the region "
+            "grows"
         )
     shares = seen.beyond.mean(axis=0)
     far = [
@@ -169,4 +170,5 @@ def _where(seen: Applicability) -> str:
         parts.append(
             f"a joint goes more than 10 deg beyond its range over the held-out poses: {listed(far)}"
         )
-    return f"The statement will reach the goal, but of its postures: {'; '.join(parts)}"
+    inside = percent(1 - outside - edge)
+    return f"Of the goal's postures {inside} lie inside what will be proven: {'; '.join(parts)}"

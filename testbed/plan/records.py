@@ -81,6 +81,8 @@ class Foresight:
     """Size per axis of a misfit of the model that the measurements will show [m]."""
     applies: Applicability | None
     """Whether the statement will reach the goal's postures; None without held-out poses."""
+    why: tuple[str, ...]
+    """(g,) what will warn of each of them, or refuse it; empty where nothing does."""
     sources: SharedErrors | None
     """The systematic errors one by one, at the held-out poses; None if the tracker states none."""
 

@@ -40,6 +40,24 @@ def plan_csv(plan: Plan) -> str:
     return csv_text([*head, "move", "approach_s", *_use(plan)], rows)
 
 
+def goal_csv(plan: Plan) -> str:
+    """Each posture of the goal: how well it will be known, and whether a statement reaches it."""
+    seen, u = plan.foresight, plan.coverage * plan.u * UM
+    rows = []
+    for k, q in enumerate(plan.goal.q):
+        row = [str(k + 1), *(f"{value:.{DECIMALS}f}" for value in q * joint_units(plan))]
+        row += [f"{plan.goal.weights[k]:.6g}", f"{u[k]:.4g}"]
+        if seen.applies is not None:
+            reach = seen.applies
+            row += [f"{reach.transfer[k]:.3g}", f"{reach.leverage[k]:.3g}", str(reach.place[k])]
+            row.append(seen.why[k])
+        rows.append(row)
+    head = ["posture", *joint_columns(plan), "weight", "U_um"]
+    if seen.applies is not None:
+        head += ["transfer", "leverage", "place", "why"]
+    return csv_text(head, rows)
+
+
 def _use(plan: Plan) -> dict[str, object]:
     """The conditions that every pose is to be measured under, as far as they are stated."""
     use = plan.scenario.plan.use

@@ -11,7 +11,6 @@ from calib.uncertainty.statement.applicability import BEYOND
 from calib.uncertainty.statement.distance import distance_radius
 from calib.uncertainty.statement.places import PLACES, place_words, reasons
 from calib.uncertainty.statement.stated_point import widened
-from testbed.identify.proof import stated_target
 from testbed.identify.records import Calibration
 from testbed.store.quantities import Quantity
 from testbed.units import DEG, MM, UM, listed, percent
@@ -56,14 +55,13 @@ def held_out_places(calibration: Calibration) -> HeldOutPlaces | None:
     belief, rows = calibration.proof.belief, np.flatnonzero(calibration.split.is_test)
     if belief is None or not len(rows):
         return None
-    q, target = calibration.measurements.q[rows], stated_target(calibration.measurements)
-    reach = belief.proven.applies(q)
-    regions = belief.regions(q, target=target, growth=reach.growth)
+    table = calibration.measurements.rows(rows)
+    reach, regions = belief.proven.applies(table.q), belief.seen_regions(table)
     stated = reach.place != "outside"
     return HeldOutPlaces(
         rows, reach.place, reach.transfer, reach.leverage,
         np.where(stated, distance_radius(widened(regions), belief.probability), 0.0),
-        reasons(belief.proven, reach, q),
+        reasons(belief.proven, reach, table.q),
     )  # fmt: skip
 
 

@@ -1,5 +1,7 @@
 """The folder of a plan: the same bytes each time, numbers as in the plan, whole or not at all."""
 
+import csv
+import io
 import json
 import re
 import tomllib
@@ -10,10 +12,11 @@ import pytest
 from typer.testing import CliRunner
 
 from calib.errors import MachineError, one_line, visible
+from calib.uncertainty.statement.applicability import WARNED
 from testbed.cli import app
 from testbed.plan import folder as plan_files
 from testbed.plan.folder import play_plan, programs
-from testbed.plan.results import plan_numbers, stops_of
+from testbed.plan.results import goal_csv, plan_numbers, stops_of
 from testbed.plan.words import next_step, promise, reasons, terminal_text
 from testbed.scenario.read import dump_scenario
 from testbed.store import layout
@@ -30,7 +33,7 @@ from tests.planned import (
 )
 
 FILES = {
-    "plan.csv", "plan.json", "plan_report.html", "plan.rrd", "scenario.toml",
+    "goal.csv", "plan.csv", "plan.json", "plan_report.html", "plan.rrd", "scenario.toml",
     "program.val3.txt", "program.rapid.txt", "program.krl.txt", "program.urscript.txt",
 }  # fmt: skip
 
@@ -101,6 +104,22 @@ def test_the_table_read_back_is_the_plan():
     ids = [row["pose_id"] for row in rows]
     assert len(set(ids)) == len(ids)
     assert sum(name.startswith("T") for name in ids if "via" not in name) == 6
+
+
+def test_each_posture_of_the_goal_has_its_u_and_its_place():
+    made = small_plan()
+    rows = list(csv.DictReader(io.StringIO(goal_csv(made))))
+    reach = made.foresight.applies
+    assert joints(rows) == pytest.approx(made.goal.q, abs=1e-11)
+    u = np.array([float(row["U_um"]) for row in rows]) * 1e-6  # four digits
+    assert u == pytest.approx(made.coverage * made.u, rel=1e-3)
+    assert [row["place"] for row in rows] == reach.place.tolist()
+    for k, row in enumerate(rows):
+        asked = max(reach.transfer[k], reach.leverage[k]) > WARNED or reach.beyond[k].any()
+        assert bool(row["why"]) == bool(asked)
+        assert (row["place"] == "inside") == (not asked)
+    alone = replace(made, foresight=replace(made.foresight, applies=None, why=()))
+    assert "place" not in goal_csv(alone)
 
 
 def test_json_holds_the_plans_numbers_in_the_units_of_its_keys():
@@ -223,7 +242,7 @@ def test_the_words_name_poses_uncertainty_time_and_station():
         f"a misfit of {1e6 * made.foresight.misfit_seen:.2g} µm per axis or more would be seen"
     ) in promise(made)
     reach, guard, proof, count, route, order, clearance, station = reasons(made)
-    assert reach.startswith("The statement will reach")
+    assert reach.startswith("Of the goal's postures ")
     assert guard == "6 held-out poses cannot guard the factor of the statement, which 19 can."
     assert "drift of the station and misfit of the model look alike" in order
     assert f"comes to {1e3 * made.tour.clearance:.1f} mm from floor or obstacles" in clearance
