@@ -11,7 +11,7 @@ from calib.arrays import Array, Bool, Index
 from calib.measurement.observations import DISTANCE, POSE, Measurements, joined
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.columns import covariance_names
-from testbed.files.conditions import COLUMNS
+from testbed.files.conditions import CENTERS, COLUMNS
 from testbed.files.session_toml import SESSION_FILE
 from testbed.laboratory.tracker.rounds import world_mm
 from testbed.laboratory.tracker.tracker import bias_size
@@ -115,9 +115,11 @@ def conditions_in(bench: Laboratory, table: Measurements, time: Array) -> Condit
     truth, terms, payload = bench.scenario.truth, bench.truth.unmodelled, table.conditions.payload
     if payload is None and terms.springs is not None:
         payload = np.full(len(time), truth.payload_kg)
-    return Conditions(
-        payload, None, terms.thermal.temperature(time) if terms.thermal is not None else None
-    )
+    center = None
+    if payload is not None and terms.springs is not None:
+        center = np.tile(terms.springs.payload_center, (len(time), 1))
+    warmth = terms.thermal.temperature(time) if terms.thermal is not None else None
+    return Conditions(payload, None, warmth, center)
 
 
 def _files(trial: Trial, table: Measurements) -> dict[str, Index]:
@@ -158,6 +160,9 @@ def session_csv(
     under = conditions or Conditions()
     said = [getattr(under, kind) for kind in under.stated]
     head += [COLUMNS[kind] for kind in under.stated]
+    if under.center is not None:
+        said += list(under.center.T)
+        head += [f"{stem}_m" for stem in CENTERS]
     # the triangle that whitening reads: the two may differ in the last bit
     i, j = np.triu_indices(6)
     seen = table.distance[:, None] if far else table.position

@@ -34,6 +34,12 @@ def of_targets(
             "the model follows what the drives report: the targets are taken at what they reported "
             "on average in the measurements"
         )
+    springs = identified.joint_errors.springs
+    if springs is not None:
+        load = f"{springs.weight.payload[0]:.3g} kg, as on average in the measurements"
+        if stated.payload is not None:
+            load = stated.words("payload")
+        said.append(f"the arm is bent by its own weight and a payload of {load}")
     if "lengths" in terms:
         mean = terms["lengths"].reference
         words = f"{mean:.4g} degC, the mean of the measurements: they state no temperature"

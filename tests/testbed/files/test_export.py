@@ -92,6 +92,8 @@ def test_what_hung_on_the_arm_and_how_warm_it_was_is_in_the_files(tmp_path):
     export_campaign(campaign.played(scenario), robot, tmp_path / "out")
     session = read_session(tmp_path / "out", robot)
     assert set(session.conditions.payload.tolist()) == {2.0}
+    center = session.measurements.conditions.center
+    assert np.unique(center, axis=0).tolist() == [[0.0, 0.0, 0.05]]  # of every shipped preset
     since = np.genfromtxt(tmp_path / "out" / "first.csv", delimiter=",", names=True)["time_s"]
     # 63 % of the rise after 180 s
     warm = 20.0 + 5.0 * (1.0 - np.exp(-since / 180.0))
