@@ -62,16 +62,16 @@ def tangents(command: ArrayLike) -> Array:
 def through_planes(measured: ArrayLike, command: ArrayLike) -> Array:
     """Where one measured path (k, 3) passes the planes across a commanded one (m, 3): (m, 3).
 
-    Of several passes of a plane the nearest to the commanded point counts. The first and the last
-    step go on in a straight line by their own length: a path may begin a little late. Not a
-    number where a plane is not passed at all.
+    Of several passes of a plane the nearest to the commanded point counts. A path may begin late or
+    end early by one step of the command: it goes on in the direction of that, as far off as it was.
+    Not a number where a plane is not passed at all.
     """
     x, c = check("k 3, m 3", measured=measured, command=command)
     if len(x) < 2:
         return np.full(c.shape, np.nan)
-    longer = np.concatenate([[2 * x[0] - x[1]], x, [2 * x[-1] - x[-2]]])
-    start, step = longer[:-1], np.diff(longer, axis=0)
     normal = tangents(c)
+    longer = np.concatenate([[x[0] - (c[1] - c[0])], x, [x[-1] + (c[-1] - c[-2])]])
+    start, step = longer[:-1], np.diff(longer, axis=0)
     found = np.full(c.shape, np.nan)
     for i, (point, across) in enumerate(zip(c, normal, strict=True)):
         before, after = (start - point) @ across, (start + step - point) @ across

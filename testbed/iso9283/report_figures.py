@@ -29,7 +29,8 @@ def pose_section(result: CycleResult) -> Section | None:
     rows = []
     for e, name in enumerate(visits.names[:MOST_ROWS]):
         own = {key: figures[e] for key, figures in parts.items()}
-        signed = (show(own[f"AP_{axis}"].value, own["AP"]) for axis in "xyz")
+        along = (own[f"AP_{axis}"] for axis in "xyz")
+        signed = (show(part.value, part) for part in along)
         AP, RP = own["AP"], own["RP"]
         rows.append(
             (

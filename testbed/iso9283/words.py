@@ -14,7 +14,16 @@ from testbed.iso9283.records import (
     StatedFigure,
 )
 from testbed.report.page import SIMULATED
-from testbed.units import MDEG, UM, counted, probability, sentences, significant
+from testbed.units import (
+    MDEG,
+    UM,
+    counted,
+    decimals,
+    fixed,
+    probability,
+    sentences,
+    significant,
+)
 
 MEASURED = "MEASURED - a test report, not a certificate of traceability"
 EDITION = (
@@ -26,9 +35,12 @@ NEAR = 1.5
 """Times its floor up to which a figure may be mostly noise."""
 SURE = 0.01
 """A p-value, for all poses together, below which a drift is said."""
+FINEST = 1e-3
+"""Of a standard uncertainty that decides digits [um, mdeg]."""
 MOST_CYCLES = 1000
 """Beyond which no number of cycles is proposed."""
-PATHS = ("AT", "RT")
+OF_THE_FRAME = ("AP", "AT")
+"""Figures that a fitted frame makes smaller."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +73,7 @@ def decisions(result: CycleResult) -> tuple[LimitDecision, ...]:
 
 def _decision(result: CycleResult, name: str, limit: float) -> LimitDecision:
     """One limit."""
-    figures, allowed = result.of(name), f"{name} at most {um(limit)}"
+    figures, allowed = result.of(name), f"limit {name} {um(limit)}"
     if not figures:
         text = f"{allowed}: UNDECIDED: nothing that was measured gives {name}"
         return LimitDecision(name, limit, "UNDECIDED", "", text)
@@ -73,6 +85,10 @@ def _decision(result: CycleResult, name: str, limit: float) -> LimitDecision:
     worst = max(figures, key=lambda figure: figure.most)
     if worst.most <= limit:
         text = f"{allowed}: PASS: the largest upper limit is {um(worst.most)} ({worst.where})"
+        if result.test.fitted and name in OF_THE_FRAME:
+            text += ", in the frame that was fitted to these very readings"
+        if drifts(result):
+            text += ", if the drift below is no more than what these cycles show"
         return LimitDecision(name, limit, "PASS", worst.where, text)
     text = f"{allowed}: UNDECIDED: {told(worst)}; {would_decide(worst, limit)}"
     return LimitDecision(name, limit, "UNDECIDED", worst.where, text)
@@ -112,7 +128,7 @@ def mark(result: CycleResult) -> str:
     word, sign = overall(result), {"PASS": "✓", "FAIL": "✗", "UNDECIDED": "?"}
     if word:
         few = "" if enough(result) else f", with fewer cycles than {STANDARD} asks for"
-        return f"{sign[word]} {word} at the stated limits{few}"
+        return f"{sign[word]} {word} at the stated limits{few}{' (it drifts)' * drifts(result)}"
     if not enough(result):
         return f"? Fewer cycles than {STANDARD} asks for"
     return f"✓ Measured with as many cycles as {STANDARD} asks for"
@@ -125,7 +141,7 @@ def verdict(result: CycleResult) -> str:
         figure = result.worst(name)
         if figure is not None:
             span = f"{show(figure.least, figure)} to {show(figure.most, figure)}"
-            parts.append(f"{name} is up to {um(figure.size)} ({figure.where}: {span})")
+            parts.append(f"{name} is up to {show(figure.size, figure)} um ({figure.where}: {span})")
     text = f"{'; '.join(parts)}; in brackets 95 % limits"
     return f"{text}. Measured: {extent(result.test)}."
 
@@ -198,6 +214,11 @@ def _too_few(result: CycleResult) -> list[str]:
     return texts
 
 
+def drifts(result: CycleResult) -> bool:
+    """Whether chance alone hardly orders the cycles so."""
+    return result.drift_p_value < SURE  # nan where nothing tells
+
+
 def _drifting(result: CycleResult) -> list[str]:
     """Which poses drift, or why nobody asked."""
     visits = result.test.visits
@@ -206,7 +227,7 @@ def _drifting(result: CycleResult) -> list[str]:
     if not result.drifts:
         why = "there are no times" if visits.time is None else "there are fewer than 20 cycles"
         return [f"Drift was not asked about: {why}"]
-    if result.drift_p_value >= SURE:
+    if not drifts(result):
         return []
     worst = max(result.drifts, key=lambda one: float((one.changes / one.chance).max()))
     k = int((worst.changes / worst.chance).argmax())
@@ -243,8 +264,11 @@ def um(length: float) -> str:
 
 
 def show(value: float, figure: StatedFigure) -> str:
-    """A value of a figure in um, or mdeg."""
-    return significant(value * (MDEG if figure.angle else UM))
+    """A value of a figure in um, or mdeg, to the second digit of its standard uncertainty."""
+    scale = MDEG if figure.angle else UM
+    if figure.u * scale < FINEST:
+        return significant(value * scale)
+    return fixed(value * scale, decimals(figure.u * scale, 2))
 
 
 def unit(figure: StatedFigure) -> str:

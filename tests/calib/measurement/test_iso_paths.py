@@ -19,7 +19,9 @@ def brute(paths, command, fine=400):
     ahead = np.vstack([command[1:], 2 * command[-1] - command[-2]])
     behind = np.vstack([2 * command[0] - command[1], command[:-1]])
     for k, path in enumerate(paths):
-        ends = np.vstack([2 * path[0] - path[1], path, 2 * path[-1] - path[-2]])
+        late, early = command[1] - command[0], command[-1] - command[-2]
+        more = np.arange(1, 31)[:, None] / 30  # of a long step small ones
+        ends = np.vstack([path[0] - late * more[::-1], path, path[-1] + early * more])
         share = np.linspace(0, 1, fine, endpoint=False)[None, :, None]
         walk = (ends[:-1, None] * (1 - share) + ends[1:, None] * share).reshape(-1, 3)
         for i, point in enumerate(command):

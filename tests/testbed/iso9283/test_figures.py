@@ -147,6 +147,9 @@ def test_a_drift_is_read_and_said_and_its_absence_is_too(tmp_path):
     said = " ".join(reasons(result))
     assert "The robot drifts (p = 0.001" in said
     assert "AP of P1 changes by" in said
+    passed = played(tmp_path, later, "[iso9283]\nlimits_um = {AP = 900}\n")
+    assert mark(passed) == "✓ PASS at the stated limits (it drifts)"
+    assert "if the drift below is no more" in decisions(passed)[0].sentence
     calm = played(tmp_path, rows)
     assert "drift" not in " ".join(reasons(calm)).lower()
     still = [{k: v for k, v in row.items() if k != "time_s"} for row in rows]
@@ -211,6 +214,9 @@ def test_a_fitted_frame_takes_a_rigid_motion_and_nothing_else(tmp_path):
         assert one.value == pytest.approx(two.value, abs=1e-9), one.name
         assert one.u == pytest.approx(two.u, rel=1e-3, abs=1e-10), one.name
     assert "best fit over 5 points" in other.frame
+    limited = played(tmp_path, moved, '[iso9283]\nframe = "fitted"\nlimits_um = {AP = 900}\n')
+    assert "PASS" in decisions(limited)[0].sentence
+    assert "in the frame that was fitted to these very readings" in decisions(limited)[0].sentence
 
 
 def test_stated_noise_turns_with_the_readings(tmp_path):
