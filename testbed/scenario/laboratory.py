@@ -92,7 +92,7 @@ class TruthSettings(Settings):
     payloads_kg: Annotated[
         tuple[Annotated[float, Field(ge=0.0, le=1000.0)], ...], Field(max_length=20)
     ] = ()
-    """What hangs there instead where poses of the pool are measured, in turn; rows say so. Held-out
+    """What hangs there instead while poses of the pool are visited, in turn; rows say so. Held-out
     poses have payload_kg. Empty: always that."""
     motion: bool = False
     """Whether the sprung arm moves: the next six keys, played by MuJoCo. Else it is at rest."""

@@ -167,20 +167,16 @@ class Laboratory(Bench):
     def measure_pool(
         self, indices: Index, *names: str | int, repeat: int = 0, start: float = 0.0
     ) -> Measurements:
-        """Measure pool poses by index (m,)."""
+        """Measure pool poses by index (m,), with what hangs on the arm in turn."""
+        springs = self.truth.unmodelled.springs
         return self.measure(
             self.pool_q[indices],
             indices,
             *names,
             repeat=repeat,
             start=start,
-            payload=self.pool_payload(indices),
+            payload=None if springs is None else springs.in_turn(len(indices)),
         )
-
-    def pool_payload(self, indices: Index) -> Array | None:
-        """What hangs on the arm at pool poses by index (m,) [kg]; None where nothing changes."""
-        springs = self.truth.unmodelled.springs
-        return None if springs is None else springs.at_pool(indices)
 
     def held_out(self, q: Array, *, rng: np.random.Generator | None = None) -> Array:
         """True poses (m, 4, 4) at held-out joints q (m, n) [m]; single moves end there with `rng`.

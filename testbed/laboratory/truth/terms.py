@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from calib.arrays import Array, Index
+from calib.arrays import Array
 from calib.geometry.chain import Chain
 from testbed.robots.catalog import Robot
 from testbed.robots.placements import link_poses
@@ -143,11 +143,11 @@ class Springs:
     gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -GRAVITY]))
     """(3,) in the world [m/s^2]."""
     payloads: Array = field(default_factory=lambda: np.zeros(0))
-    """(c,) what hangs there instead where poses of the pool are measured, in turn [kg]."""
+    """(c,) what hangs there instead where poses of the pool are visited, in turn [kg]."""
 
-    def at_pool(self, pose_id: Index) -> Array | None:
-        """Payload (m,) at poses of the pool by number, the same at each visit [kg]."""
-        return self.payloads[pose_id % len(self.payloads)] if len(self.payloads) else None
+    def in_turn(self, m: int) -> Array | None:
+        """What hangs at m poses of the pool that are visited one after the other (m,) [kg]."""
+        return np.resize(self.payloads, m) if len(self.payloads) else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

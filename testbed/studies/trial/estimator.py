@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from calib.arrays import Array
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH, Parameters
 from calib.identification.climb import Climb, ClimbStep, Offer
@@ -84,7 +85,7 @@ def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Esti
             measured,
             free,
             prior=scenario_prior(own, free),
-            ladders=scenario_ladders(own, nominal, bench.robot),
+            ladders=scenario_ladders(own, nominal, bench.robot, measured.conditions.usual_payload),
             loss=settings.loss,
         )
         why, evidence, climbed = choice.sentence, choice.log_evidence, choice.climb
@@ -109,12 +110,12 @@ def scenario_prior(settings: PriorSettings, parameters: Parameters) -> Prior:
 
 
 def scenario_ladders(
-    settings: PriorSettings, nominal: RobotModel, robot: Robot
+    settings: PriorSettings, nominal: RobotModel, robot: Robot, payload: Array | None = None
 ) -> tuple[Ladder, ...]:
-    """The ladders of an arm with the sizes that a scenario believes in."""
+    """The ladders of an arm with the sizes that a scenario believes in; `payload` as there."""
     first, second = (MDEG * size for size in settings.harmonics_mdeg)
     ladders = ladders_of(
-        nominal, moments=robot.moments, limits=robot.limits,
+        nominal, moments=robot.moments, limits=robot.limits, payload=payload,
         waves=(first, second), sag=MDEG * settings.gravity_mdeg,
     )  # fmt: skip
     return tuple(

@@ -173,12 +173,12 @@ def replicate(
     # each pose once, in the order in which it was visited first
     once = np.sort(np.unique(visited.pose_id, return_index=True)[1])
     q, pose_id = visited.q[once], visited.pose_id[once]
+    hung = visited.conditions.rows(once).payload
     believed = None
     if statement is not None and statement.belief is not None:
         believed = statement.belief.regions(setting.test_q, target=setting.target)
     played = []
     for k in range(count):
-        hung = bench.pool_payload(pose_id)
         seen = bench.measure(q, pose_id, "replication", name, repeat=k, payload=hung)
         found = estimator.fit(seen, first.parameters)
         point, _, covariance = target_prediction(

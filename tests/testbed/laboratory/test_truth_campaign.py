@@ -90,19 +90,21 @@ def test_the_bench_plays_what_was_drawn_for_the_setting():
     assert np.abs(away - expected)[:, :3, 3].max() > 10e-6
 
 
-def test_what_hangs_on_the_arm_belongs_to_the_pose_and_rows_say_so():
+def test_what_hangs_on_the_arm_changes_from_pose_to_pose_and_rows_say_so():
     scenario = small({"preset": "payloads"}, {"preset": "paper"}, test={"poses": 4})
     bench = open_laboratory(scenario, make_setting(scenario))
     chosen = np.array([7, 2, 9, 4, 3])
     first, again = (bench.measure_pool(chosen, "a", repeat=k) for k in (0, 1))
     for seen in (first, again):
-        np.testing.assert_array_equal(seen.conditions.payload, [5, 0, 5, 0, 5])
+        np.testing.assert_array_equal(seen.conditions.payload, [0, 5, 0, 5, 0])
         np.testing.assert_array_equal(seen.conditions.center, np.tile([0, 0, 0.05], (5, 1)))
-    usual = bench.truth.poses(bench.pool_q[chosen])[:, :3, 3]
-    heavy = bench.truth.poses(bench.pool_q[chosen], payload=np.full(5, 5.0))[:, :3, 3]
-    away = first.position - usual
-    # noise of some 10 um against 2.5 kg more or less: some 100 um
-    assert (np.sum(away * (heavy - usual), axis=1) * [1, -1, 1, -1, 1] > 0).all()
+    q, hung = bench.pool_q[chosen], first.conditions.payload
+    # scatter of some 30 um an axis; 2.5 kg more or less move the tool by some 150 um
+    away, usual = (
+        np.linalg.norm(first.position - bench.truth.poses(q, payload=kg)[:, :3, 3])
+        for kg in (hung, None)
+    )
+    assert away < 0.7 * usual
     held_out = bench.measure(bench.setting.test_q, np.arange(4), "test")
     np.testing.assert_array_equal(held_out.conditions.payload, np.full(4, 2.5))
     time = np.zeros(5)

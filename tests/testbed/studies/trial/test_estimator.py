@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from calib.geometry.model import RobotModel
+from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model, extended_parameters
 from calib.identification.prior import weak_prior
@@ -116,6 +117,23 @@ def test_sizes_that_a_scenario_states_of_single_waves_are_those_of_its_ladders()
     assert usual["harmonic2.cos1"] == pytest.approx(np.radians(0.003))
     assert usual["harmonic2.sin1"] == pytest.approx(np.radians(0.008))
     assert usual["harmonic1.sin2"] == pytest.approx(np.radians(0.004))
+
+
+def test_a_model_that_follows_the_payload_takes_the_usual_one_where_nobody_says():
+    loaded = bench("payloads", model="choose")
+    table = seen(loaded, 40)
+    np.testing.assert_array_equal(table.conditions.payload, np.resize([0.0, 5.0], 40))
+    found = estimator_for(loaded, "whitened", table).fit(table).model
+    q, true = loaded.setting.test_q, loaded.held_out(loaded.setting.test_q)[:, :3, 3]
+    center = np.tile([0.0, 0.0, 0.05], (len(q), 1))
+    said = OperatingConditions(payload=np.full(len(q), 2.5), center=center)
+    away, told = (
+        np.linalg.norm(found.poses(q, at)[:, :3, 3] - true, axis=1).mean()
+        for at in (AS_USUAL, said)
+    )
+    assert away < 50e-6  # three times as much if nothing hung there
+    # and 2.5 kg did on average
+    assert away == pytest.approx(told, rel=1e-9)
 
 
 def test_the_model_is_chosen_by_what_the_robot_needs_and_the_result_says_why():
