@@ -7,6 +7,7 @@ import numpy as np
 from calib.arrays import frozen
 from calib.errors import InputError, refuse
 from calib.identification.identify import identify
+from calib.identification.outlier_search import noise_factor
 from calib.identification.robust import LOSSES, Loss
 from testbed.files.probe import Probe
 from testbed.files.rows.terms import row_terms
@@ -20,6 +21,7 @@ from testbed.identify.fit import (
     fitted_model,
     frames_model,
     row_errors,
+    scatter_covariance,
 )
 from testbed.identify.frames import FRAMES_ALONE, frames_of
 from testbed.identify.handback.handed import hand_back
@@ -154,7 +156,11 @@ def _calibrated(
         train = measurements.rows(used)
         if left_out.any() or loss != "squared":
             plain = identify(frames.start, train, frames.parameters, loss=loss)
-        links = link_belief(robot, session, frames.start, train, frames.parameters, plain)
+        factor = noise_factor(plain.model, train)
+        scatter = scatter_covariance(frames.start, plain, train, factor)
+        links = link_belief(
+            robot, session, frames.start, train, frames.parameters, plain, scatter, factor
+        )
         pairs, choice = fit(
             frames.start,
             train,

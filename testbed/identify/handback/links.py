@@ -12,7 +12,6 @@ from calib.arrays import Array, frozen
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification, Status
-from calib.identification.outlier_search import noise_factor
 from calib.identification.prior import Prior
 from calib.information.rank import PRACTICAL_RATIO
 from calib.information.reduction import reduce
@@ -48,6 +47,8 @@ def link_belief(
     train: Measurements,
     parameters: Parameters,
     plain: Identification,
+    scatter: Array,
+    factor: float,
 ) -> LinkBelief:
     """What is believed of a robot's links, and whether its fit needs it.
 
@@ -63,6 +64,10 @@ def link_belief(
         The free numbers of `start`.
     plain : Identification
         Of `train` without any prior.
+    scatter : (f, f) array
+        Its covariance from how its residuals scatter from pose to pose.
+    factor : float
+        How many times the stated noise they have.
     """
     n = start.chain.n_joints
     sd = usual_tolerances(n) if robot.tolerances is None else robot.tolerances
@@ -74,7 +79,9 @@ def link_belief(
         return LinkBelief(sd, prior, "the session states it")
     if plain.status is not Status.CONVERGED and (away := farthest(plain, sd)):
         return LinkBelief(sd, prior, f"without it the fit does not end, and {away}")
-    lacking = _lost(plain, start, train, parameters, prior) or _poor(plain, train, prior)
+    lacking = _lost(plain, start, train, parameters, prior) or _poor(
+        plain, prior, (max(1.0, factor) ** 2 * plain.covariance, scatter)
+    )
     if session.in_use is not None and not lacking:
         lacking = "another tool will be used, and the links carry it"
     return LinkBelief(sd, prior, lacking)
@@ -128,20 +135,24 @@ def _lost(
     return f"these readings do not tell {listed(lost)}, which full poses at these joints would"
 
 
-def _poor(plain: Identification, train: Measurements, prior: Prior) -> str:
-    """The direction of links that is known worse than half its width, if there is one."""
+def _poor(plain: Identification, prior: Prior, spreads: tuple[Array, Array]) -> str:
+    """The direction of links that is known worse than half its width, if there is one.
+
+    By two covariances of the estimate: from the size of the residuals, and from their scatter.
+    """
     widths = dict(zip(prior.names, prior.sd, strict=True))
     kept = [k for k, name in enumerate(plain.names) if name in widths]
     if not kept:
         return ""
     scale = np.array([widths[plain.names[k]] for k in kept])
-    factor = max(1.0, noise_factor(plain.model, train))
-    size, turn = np.linalg.eigh(plain.covariance[np.ix_(kept, kept)] / np.outer(scale, scale))
-    if factor**2 * size[-1] <= PRACTICAL_RATIO**2:
+    found = [np.linalg.eigh(C[np.ix_(kept, kept)] / np.outer(scale, scale)) for C in spreads]
+    k = int(np.argmax([size[-1] for size, _ in found]))
+    size, turn = found[k]
+    if size[-1] <= PRACTICAL_RATIO**2:
         return ""
     worst = kept[int(np.argmax(np.abs(turn[:, -1])))]
     length = plain.parameters.is_length[plain.parameters.free_index]
-    u = factor * float(in_units(plain.standard_uncertainty, length)[worst])
+    u = float(in_units(np.sqrt(np.diag(spreads[k])), length)[worst])
     return (
         f"without it {plain.names[worst]} is known to no better than U = {significant(2 * u, 2)} "
         f"{unit_of(bool(length[worst]))}"

@@ -127,7 +127,7 @@ def _widths(tolerance: Array) -> str:
     """Lengths and angles, from least to largest."""
     spans = []
     for sizes, unit in ((tolerance[:, 1:3] * MM, "mm"), (tolerance[:, [0, 3, 4]] * DEG, "deg")):
-        ends = dict.fromkeys(f"{float(end):.3g}" for end in (sizes.min(), sizes.max()))
+        ends = dict.fromkeys(f"{float(end):.4g}" for end in (sizes.min(), sizes.max()))
         spans.append(f"{' to '.join(ends)} {unit}")
     return " and ".join(spans)
 

@@ -98,7 +98,8 @@ def test_the_tip_of_another_tool_lies_within_its_radius_on_95_robots_of_100(
         inside[robot] = (away <= radius).mean()
         assert found.converged
         moved = found.fit.identification.model.chain.links - UR5_LINKS
-        assert np.abs(moved / usual_tolerances(6)).max() < 5
+        # the true axes are turned about points half a meter off: 5.5 tolerances of theta2 at most
+        assert np.abs(moved / usual_tolerances(6)).max() < 8
     assert inside.mean() >= 0.95
     assert (inside >= 0.95).mean() >= 0.95
 
