@@ -14,6 +14,8 @@ from testbed.iso9283.rows import Rows, are_counts, one_command, require_pose_nam
 from testbed.units import counted, listed
 
 MOST_NAMED = 5
+MOST_POINTS = 5000
+"""Planes across a path: each is held against every reading of a run."""
 Key = tuple[str, ...]
 Commands = Mapping[Key, tuple[Array, Array | None]]
 """Commanded position and rotation by the name of a pose, or by path and point."""
@@ -152,7 +154,12 @@ def _by_approach(cycle: Index, approach: Sequence[str]) -> Index:
 def _require_steps(
     called: str, points: Sequence[object], sent: Sequence[Array], place: str
 ) -> None:
-    """Refuse two points after each other that are commanded to one place; M31."""
+    """Refuse two points after each other that are commanded to one place, M31; too many, M36."""
+    if len(points) > MOST_POINTS:
+        message = f"{called} has {len(points)} commanded points"
+        allowed = f"at most {MOST_POINTS}; its runs may have more readings"
+        fix = "take every second point, or fewer"
+        raise refusal(place, "path_point", message, allowed=allowed, code="M36", fix=fix)
     for k in range(1, len(points)):
         if not np.linalg.norm(sent[k] - sent[k - 1]) > 0:
             both = f"{points[k - 1]} and {points[k]}"

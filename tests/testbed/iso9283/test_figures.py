@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from calib.errors import InputError
 from testbed.files.read import ReadOptions
+from testbed.iso9283 import grouped
 from testbed.iso9283.play import play_test
 from testbed.iso9283.read import read_test
 from testbed.iso9283.results import headline, iso_csv
@@ -311,6 +313,12 @@ def test_commands_may_stand_in_a_file_of_their_own(tmp_path):
     again = played(tmp_path, bare, '[cycles]\ncommanded = "sent.csv"\n')
     for one, two in zip(first.figures, again.figures, strict=True):
         assert one.value == two.value
+
+
+def test_a_path_of_too_many_points_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(grouped, "MOST_POINTS", 20)
+    with pytest.raises(InputError, match=r"has 25 commanded points; at most 20; .* \[M36\]"):
+        played(tmp_path, path_rows(n=3))
 
 
 def test_every_figure_stands_in_the_table_and_in_the_json(tmp_path):
