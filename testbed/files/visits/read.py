@@ -85,17 +85,16 @@ def _with_payload(settings: CampaignFile, shared: Sharing, k: int, where: str) -
     owner = shared.owner["payload"][k]
     if owner == k:
         return own
-    payload = settings.of(settings.session[owner]).conditions.payload_kg
+    theirs = settings.of(settings.session[owner]).conditions
     name = settings.session[owner].name
-    if payload is None:
+    if theirs.payload_kg is None:
         raise refusal(
             where, "session.payload",
             f'session "{own.name}" has the payload of "{name}", which states none', code="S37",
             fix=f'write payload_kg under [session.conditions] of "{name}"',
         )  # fmt: skip
-    return own.model_copy(
-        update={"conditions": own.conditions.model_copy(update={"payload_kg": payload})}
-    )
+    same = {key: getattr(theirs, key) for key in ("payload_kg", "payload_center_mm")}
+    return own.model_copy(update={"conditions": own.conditions.model_copy(update=same)})
 
 
 def _one(

@@ -50,7 +50,8 @@ def test_a_visit_may_state_its_own_noise_conditions_and_columns(tmp_path):
     found = read(
         tmp_path,
         {"a": visit(0, 8), "b": renamed, "c": visit(2, 7)},
-        session("a", 'conditions = { payload_kg = 2.0, date = "2026-01-02" }'),
+        session("a", 'conditions = { payload_kg = 2.0, payload_center_mm = [0, 0, 50], '
+                'date = "2026-01-02" }'),
         session(
             "b", 'payload = "same as c"', 'frames = { columns = { x_mm = "X" } }',
             "uncertainty = { position_um = 50, rotation_mdeg = 20, joint_repeatability = "
@@ -61,6 +62,7 @@ def test_a_visit_may_state_its_own_noise_conditions_and_columns(tmp_path):
         head=HEAD + "[conditions]\ntemperature_degC = 21\n",
     )  # fmt: skip
     assert found.conditions.payload.tolist() == [2.0] * 22
+    assert found.measurements.conditions.center.tolist() == [[0.0, 0.0, 0.05]] * 22
     assert found.conditions.temperature.tolist() == [21.0] * 22
     assert found.set_up.date == "2026-01-02 and 2026-05-01"
     sd = np.sqrt(found.measurements.covariance[:, 0, 0])

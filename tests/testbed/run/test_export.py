@@ -156,7 +156,7 @@ def test_the_files_say_what_urdf_and_mjcf_leave_out(tmp_path):
     for name in ("mine.urdf", "mine.xml"):
         assert words in (tmp_path / "r" / name).read_text()
     rigid = write_robot_folder(PLAIN, tmp_path / "plain")
-    assert len(rigid) == 4
+    assert len(rigid) == 5
 
 
 def test_no_length_leaves_larger_than_the_robot(tmp_path):
