@@ -9,6 +9,7 @@ from calib.geometry.chain import forward
 from calib.geometry.operating import OperatingConditions, approaches
 from calib.geometry.parameters import parameters_of
 from calib.identification.model_choice import choose, extended_by
+from calib.identification.normal_equations import normal_equations
 from calib.identification.prior import weak_prior
 from calib.identification.row_ladders import (
     EXPANSION,
@@ -215,3 +216,23 @@ def test_what_the_model_has_is_not_offered_again():
     (again,) = [one for one in row_ladders(wide, found) if one.name == "lengths"]
     assert again.why_not == ("lengths: the model has it already",)
     assert len(gear_terms(6, 2, 100.0)[0].weights) == 6
+
+
+def test_a_belief_about_another_value_than_zero_is_zero_of_what_is_left():
+    """Least squares about a mean is least squares about zero of readings less what it explains."""
+    truth, q, rng = drawn(3)
+    warmth = np.linspace(20.0, 30.0, len(q))
+    found = table(warmed(truth, q, warmth), q, rng, temperature=warmth)
+    level, parameters = ladder("lengths", found).levels[1], parameters_of(tx60())
+    prior = weak_prior(parameters)
+    system = normal_equations(tx60(), tx60(), found, parameters, [level.errors], prior)
+    about = system.solved(level.errors, level.sd, level.mean, 1.5)
+    column = system.A[:, :, system.names.index("lengths")]
+    less = system._of(system.A, system.r - level.mean[0] * column, system.equations)
+    zero = less.solved(level.errors, level.sd, None, 1.5)
+    # sums of some 1e5, to rounding
+    assert about.evidence == pytest.approx(zero.evidence, rel=1e-11)
+    assert about.left == pytest.approx(zero.left, rel=1e-8)
+    assert about.learned == pytest.approx(zero.learned, rel=1e-12)
+    np.testing.assert_allclose(about.step[:-1], zero.step[:-1], rtol=1e-6, atol=1e-12)
+    assert about.step[-1] == pytest.approx(zero.step[-1] + level.mean[0], rel=1e-9)
