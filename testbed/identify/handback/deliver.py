@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 from calib.geometry.model import RobotModel
 from testbed.files.program import correct_program
@@ -10,6 +11,7 @@ from testbed.gates.paths import short_stem
 from testbed.identify.applies.targets import statement_at, statement_csv, target_words
 from testbed.identify.conditions import measured
 from testbed.identify.handback.delivered import Delivered
+from testbed.identify.handback.least_moved import RULE
 from testbed.identify.handback.results import dh_csv, tool_csv
 from testbed.identify.handback.states import handed_robot
 from testbed.identify.records import Calibration, FittedModel
@@ -83,7 +85,10 @@ def delivered_robot(calibration: Calibration, robot: Robot, fit: FittedModel) ->
         name=identified_name(robot.name),
         reflectors=reflectors_on(calibration, fit),
     )
-    return replace(found, notes=(*found.notes, *handed_out(calibration)))
+    told = {**found.sources, "geometry": f"{found.sources['geometry']}; {RULE}"}
+    return replace(
+        found, sources=MappingProxyType(told), notes=(*found.notes, *handed_out(calibration))
+    )
 
 
 def reflectors_on(calibration: Calibration, fit: FittedModel) -> tuple[Reflector, ...]:

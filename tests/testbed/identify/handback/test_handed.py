@@ -98,7 +98,9 @@ def test_every_number_says_what_holds_it():
     assert {held[f"{name}6"] for name in ("theta", "d", "a", "alpha", "beta")} == {PRIOR}
     assert held["a2"] == held["alpha1"] == MEASURED
     written = {row["number"]: float(row["new"]) for row in rows}
-    handed = delivered_robot(with_gripper(), robot(), with_gripper().fit).model.chain.links
+    arm = delivered_robot(with_gripper(), robot(), with_gripper().fit)
+    assert "of all robots with the same tool poses" in arm.sources["geometry"]
+    handed = arm.model.chain.links
     for k in range(6):
         assert written[f"d{k + 1}"] == pytest.approx(1e3 * handed[k, 1], abs=1e-6)
         assert written[f"alpha{k + 1}"] == pytest.approx(np.degrees(handed[k, 3]), abs=1e-7)
