@@ -12,7 +12,7 @@ from calib.errors import visible
 from testbed.cli.terminal import headline
 from testbed.files.program import correct_program
 from testbed.files.read import read_session
-from testbed.files.session_toml import SessionFile
+from testbed.files.visits.tables import CampaignFile
 from testbed.gates.mistakes import validated
 from testbed.gates.toml import toml_document
 from testbed.iso9283.play import play_test
@@ -105,7 +105,7 @@ def read_proposal(folder: Path) -> object:
     looks = look_at(files, folder)
     proposed = propose_session(looks, None, folder)
     text = session_text(proposed, looks, "session.toml", None, None)
-    return validated(toml_document(visible(text).encode(), "new"), SessionFile, "new")
+    return validated(toml_document(visible(text).encode(), "new"), CampaignFile, "new")
 
 
 def read_cycles(folder: Path) -> object:

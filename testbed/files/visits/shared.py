@@ -74,7 +74,8 @@ def _require_names(visits: Sequence[VisitTable], where: str) -> None:
 def _owner(visits: Sequence[VisitTable], k: int, part: str, where: str) -> int:
     """Whose part session k has: its own, or at the end of "same as"."""
     names, seen = [one.name for one in visits], [k]
-    while (said := getattr(visits[seen[-1]], part)) not in (FREE, None):
+    own = None if part == "payload" else FREE
+    while (said := getattr(visits[seen[-1]], part)) != own:
         one = visits[seen[-1]]
         other = said.removeprefix(SAME)
         if other == said or other not in names:

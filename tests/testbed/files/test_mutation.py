@@ -49,6 +49,13 @@ PROGRAM = (
 )
 CONFIG = f'[joints]\nfile = "joints.csv"\n[points]\nfile = "smr.txt"\nformat = "sa"\n{SIGMAS}'
 NESTS = f'[points]\n[drift]\nnests = ["A", "B", "C"]\n{SIGMAS}'
+VISITS = (
+    f'[frames]\neuler = "XYZ"\n{SIGMAS}'
+    '[[session]]\nname = "b"\nfile = "b.csv"\npayload = "same as d"\n'
+    '[[session]]\nname = "c"\nfile = "c.csv"\nbase = "same as b"\npayload = "same as d"\n'
+    '[[session]]\nname = "d"\nfile = "d.csv"\nheld_out = true\nframe_poses = 6\n'
+    'conditions = { payload_kg = 1, date = "2026-11-22" }\n'
+)
 FILES = {
     "poses": ({"a.csv": POSES}, "a.csv", None),
     "matrices": ({"a.csv": MATRIX, "s.toml": f"[frames]\n{SIGMAS}{SHARED}"}, "a.csv", "s.toml"),
@@ -61,6 +68,11 @@ FILES = {
     ),
     "spatial analyzer": (
         {"joints.csv": JOINTS, "smr.txt": SA, "session.toml": CONFIG}, "session.toml", None
+    ),
+    "visits": (
+        {f"{name}.csv": csv(columns(made(k, 12))) for k, name in enumerate("bcd", 12)}
+        | {"session.toml": VISITS},
+        "session.toml", None,
     ),
     "rapid": ({"cal.txt": RAPID, "smr.txt": SA, "session.toml": PROGRAM}, "session.toml", None),
 }  # fmt: skip
