@@ -137,15 +137,16 @@ def other_frame(
     offset, tool_gain, tool_size = _explained(shared, error, of_tool, tool)
     p_base, p_tool = float(chdtrc(6, gain)), float(chdtrc(3, tool_gain))
     at_tool = p_tool < p_base
-    # a misfit as large as gross errors explains them, too, and no derivative a large turn
-    whole, whole_size, left = _whole_motion(belief.model, points, about)
-    plain, plain_size, plain_left = _plain_offset(e, tool)
-    if max(left, plain_left) > PLAIN * min(left, plain_left):
-        at_tool = plain_left < left
-        if at_tool:
-            offset, tool_size = plain, plain_size
-        else:
-            moved, moves = whole, whole_size
+    if min(p_base, p_tool) < RED:
+        # a misfit as large as gross errors explains them, too, and no derivative a large turn
+        whole, whole_size, left = _whole_motion(belief.model, points, about)
+        plain, plain_size, plain_left = _plain_offset(e, tool)
+        if max(left, plain_left) > PLAIN * min(left, plain_left):
+            at_tool = plain_left < left
+            if at_tool:
+                offset, tool_size = plain, plain_size
+            else:
+                moved, moves = whole, whole_size
     return OtherFrame(
         frozen(moved[:3]), frozen(moved[3:]), frozen(offset), moves, tool_size, p_base, p_tool,
         points.n_poses, at_tool, int(points.station[0]),
