@@ -13,6 +13,7 @@ from testbed.files.probe import Probe
 from testbed.files.rows.terms import row_terms
 from testbed.files.session import Session
 from testbed.files.visits.probing import probed
+from testbed.identify.applies.poses import warnings_of
 from testbed.identify.conditions import held_out_warnings
 from testbed.identify.fit import (
     checked_model,
@@ -34,7 +35,6 @@ from testbed.identify.outliers import (
     held_out_outliers,
     model_words,
     second_look,
-    warnings_of,
 )
 from testbed.identify.proof import (
     guard_warnings,
@@ -234,7 +234,9 @@ def _calibrated(
             noise_factor=shots.noise_factor,
             left_out=frozen(left_out, np.bool_),
             sentences=bad_words(shots, looking.train, called),
-            held_out_sentences=held_out_outliers(chosen.misses, split.is_test, names),
+            held_out_sentences=held_out_outliers(
+                chosen.misses, measurements, split.is_test, proof.belief, names
+            ),
         ),
         before_misses=misses,
         before_train=figures_of(misses, measurements, used),

@@ -16,7 +16,10 @@ from testbed.units import listed
 def conditions_words(calibration: Calibration) -> str:
     """What was mounted, how warm it was, from where and when; what of it nobody stated."""
     rows, set_up = measured(calibration), calibration.set_up
-    parts = [rows.phrase] if rows.stated else []
+    by, parts = set_up.job.instrument, [rows.phrase] if rows.stated else []
+    if by.name:
+        serial = f" (serial number {by.serial_number})" if by.serial_number else ""
+        parts.append(f"by {by.name}{serial}")
     if set_up.stations:
         parts.append(f"from station{'s' * (len(set_up.stations) > 1)} {listed(set_up.stations)}")
     if set_up.date:

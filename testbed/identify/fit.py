@@ -168,13 +168,22 @@ def row_errors(model: RobotModel, measurements: Measurements) -> RowErrors:
 
 
 def figures_of(errors: RowErrors, measurements: Measurements, rows: Bool) -> Figures:
-    """Statistics over some rows (m,), one or more."""
+    """Statistics over the poses of some rows (m,), one or more: each pose counts once."""
     pose = rows & measurements.is_pose
+    position = of_poses(errors.position, measurements, rows)
     return Figures(
-        position=error_statistics(errors.position[rows]),
-        rotation=error_statistics(errors.rotation[pose]) if pose.any() else None,
-        median=float(np.median(errors.position[rows])),
+        position=error_statistics(position),
+        rotation=error_statistics(of_poses(errors.rotation, measurements, pose))
+        if pose.any()
+        else None,
+        median=float(np.median(position)),
     )
+
+
+def of_poses(values: Array, measurements: Measurements, rows: Bool) -> Array:
+    """Root mean square (p,) of the values (m,) over the rows of each pose among some."""
+    pose = np.unique(measurements.pose_id[rows], return_inverse=True)[1].ravel()
+    return np.asarray(np.sqrt(np.bincount(pose, values[rows] ** 2) / np.bincount(pose)))
 
 
 def fitted_model(

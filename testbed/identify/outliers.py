@@ -1,4 +1,4 @@
-"""What a calibration warns of: rows that do not fit the others, joints and poses hardly moved."""
+"""Rows that do not fit the others: bad shots, and poses that the model misses."""
 
 from dataclasses import dataclass, replace
 
@@ -7,17 +7,15 @@ import numpy as np
 from calib.arrays import Array, Bool, Index, frozen
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
-from calib.geometry.parameters import shown_in
 from calib.identification.bad_shots import CHANCE, BadShots, bad_shots, excess_of
-from calib.identification.fit_statistics import RED
-from calib.identification.identify import Identification, Status, identify
+from calib.identification.identify import Identification, identify
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import Ladder
 from calib.identification.outlier_search import search_outliers
-from calib.identification.result import ILL_CONDITIONED
 from calib.identification.row_ladders import RowTerms, row_ladders
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
+from calib.uncertainty.statement.belief import Belief
 from testbed.identify.fit import Fitted, wide_prior
 from testbed.identify.frames import StartFrames
 from testbed.identify.records import FittedModel, RowErrors
@@ -29,6 +27,12 @@ ELSEWHERE = 3.0
 """A row fits another pose if it misses that one by less than so many typical misses."""
 HELD_OUT_FAR = 8.0
 """Held-out misses beyond so many medians are named."""
+LOOK = {
+    "inside": "look at its shot, or the model misses there",
+    "edge": "it lies at the edge of what the others prove, and the model may miss there",
+    "outside": "it lies outside what the others prove, and the model may miss there",
+}
+"""What is said of a held-out row far off, by its place."""
 FAR_OFF = 3.0
 """Rows missed by more than so many medians are said to be."""
 MOST_NAMED = 10
@@ -197,19 +201,42 @@ def _median(misses: Array, train: Measurements, row: int) -> float:
     return float(np.median(misses[train.kind == train.kind[row]]))
 
 
-def held_out_outliers(errors: RowErrors, is_test: Bool, name: list[str]) -> tuple[str, ...]:
-    """Held-out rows that are far off; they stay in every figure."""
-    rows = np.flatnonzero(is_test)
-    if not len(rows):
-        return ()
-    typical = float(np.median(errors.position[rows]))
-    far = rows[errors.position[rows] > HELD_OUT_FAR * typical]
-    return tuple(
-        f"held-out {name[row]} is missed by {significant(errors.position[row] * MM)} mm, "
-        f"{errors.position[row] / typical:.0f} times the median: look at its shot; it stays in "
-        "every figure"
-        for row in far[np.argsort(-errors.position[far], kind="stable")]
-    )
+def held_out_outliers(
+    errors: RowErrors, table: Measurements, is_test: Bool, belief: Belief | None, name: list[str]
+) -> tuple[str, ...]:
+    """Held-out rows that are far off; they stay in every figure.
+
+    Parameters
+    ----------
+    errors : RowErrors
+        Of all rows (m).
+    table : Measurements
+        These rows.
+    is_test : (m,) array of bool
+        Which are held out.
+    belief : Belief or None
+        What is believed: where a row lies against the others decides what is to be looked at.
+    name : list of str
+        (m,) how each row is called.
+    """
+    rows, said = np.flatnonzero(is_test), list[tuple[float, str]]()
+    for kind in dict.fromkeys(table.kind[rows].tolist()):
+        some = rows[table.kind[rows] == kind]  # a distance shows one direction alone
+        typical = float(np.median(errors.position[some]))
+        for row in map(int, some[errors.position[some] > HELD_OUT_FAR * typical]):
+            place = "inside"
+            if belief is not None:
+                place = str(belief.proven.applies(table.q[row : row + 1]).place[0])
+            look = LOOK[place]
+            said.append(
+                (
+                    -float(errors.position[row]),
+                    f"held-out {name[row]} is missed by {significant(errors.position[row] * MM)} "
+                    f"mm, {errors.position[row] / typical:.0f} times the median: {look}; it stays "
+                    "in every figure",
+                )
+            )
+    return tuple(text for _, text in sorted(said))
 
 
 def _error(shots: BadShots, train: Measurements, row: int) -> str:
@@ -242,56 +269,3 @@ def _elsewhere(shots: BadShots, train: Measurements, row: int, name: list[str]) 
         return "; measure it again or leave it out"
     best = int(others[np.argmin(np.where(fits, there.misses, np.inf))])
     return f"; it fits the joints of {name[best]}: were they swapped?"
-
-
-LEAST_TURN, LEAST_SLIDE = np.radians(10.0), 0.010
-"""Range of a joint at the training poses below which it counts as not moved [rad, m]."""
-
-
-def warnings_of(
-    geometric: FittedModel, chosen: FittedModel, train: Measurements
-) -> tuple[str, ...]:
-    """Sentences on the poses, by the geometric fit, and on the fit that was chosen."""
-    result = chosen.identification
-    texts = [*_still(geometric, train), *_condition(geometric)]
-    if result.status is not Status.CONVERGED:
-        texts.append(f"the fit {result.status.value}")
-    if result.p_value > 1 - RED:
-        texts.append(
-            "the residuals are smaller than the stated noise: the stated uncertainty is too large"
-        )
-    return tuple(texts)
-
-
-def _still(fit: FittedModel, train: Measurements) -> tuple[str, ...]:
-    """Which joints were hardly moved: nothing was learnt of them, and nothing tests it."""
-    kinds = np.array(fit.identification.model.chain.kinds)
-    least = np.where(kinds == "revolute", LEAST_TURN, LEAST_SLIDE)
-    still = np.flatnonzero(np.ptp(train.q, axis=0) < least) + 1
-    if not len(still):
-        return ()
-    many = len(still) > 1
-    return (
-        f"joint{'s' * many} {', '.join(map(str, still))} moved by less than "
-        f"{np.degrees(LEAST_TURN):.0f} deg or {1e3 * LEAST_SLIDE:.0f} mm: nothing here says how "
-        f"well the result holds where {'they stand' if many else 'it stands'} otherwise",
-    )
-
-
-def _condition(fit: FittedModel) -> tuple[str, ...]:
-    """Whether the poses are too much alike, and which number suffers most."""
-    result = fit.identification
-    if result.reduction.condition <= ILL_CONDITIONED:
-        return ()
-    alike = f"the poses are much alike: condition {significant(result.reduction.condition, 2)}; "
-    more = "; vary the wrist and the tool's orientation more"
-    if result.prior is not None:
-        return (f"{alike}the prior of the links holds what they do not tell{more}",)
-    lengths = result.parameters.is_length[result.parameters.free_index]
-    worst = result.least_known
-    unit, scale = shown_in(result.names[worst], bool(lengths[worst]))
-    value = scale * float(result.standard_uncertainty[worst])
-    return (
-        f"{alike}least known is {result.names[worst]}, U = {significant(2 * value, 2)} {unit} "
-        f"from the stated noise{more}",
-    )

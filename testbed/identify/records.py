@@ -80,7 +80,7 @@ class RowErrors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Figures:
-    """Statistics of one model's misses over one part of the table."""
+    """Statistics of one model's misses over one part of the table, each pose once."""
 
     position: Accuracy
     """[m]"""

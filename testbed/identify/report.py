@@ -107,7 +107,8 @@ def headline(calibration: Calibration) -> Table:
         rows=headline_rows(calibration),
         strong=(chosen,),
         size="small",
-        note="Errors hold the measuring noise, too. First row: the links as the maker describes "
+        note="Errors hold the measuring noise, too; a pose of several rows counts once, by their "
+        "root mean square. First row: the links as the maker describes "
         "them, with base, tool and fixtures fitted to the training poses: without that fit no "
         "error can be told at all. training mean: at the rows identified from. χ²/dof: residuals "
         "of the identification against the stated noise. cond.: of the scaled Jacobian of the "

@@ -10,6 +10,7 @@ from testbed.files.conditions import SetUp
 from testbed.identify.conditions import conditions_words, held_out_warnings, measured
 from testbed.identify.report import page_of
 from testbed.identify.words import next_step, terminal_text
+from testbed.jobsheet.sheet import Instrument, JobSheet
 from testbed.scenario.tolerance import Decision
 from tests.calibrated import sound
 from tests.reported import VERSIONS
@@ -26,9 +27,13 @@ WORDS = {
     ),
     "all": (
         Conditions(PAYLOAD, TOOLS, WARMTH),
-        SetUp(date="2026-11-22", stations=("S1", "S2")),
-        "Measured with a payload of 2.5 kg and the tool probe at 20.1 to 23.4 degC from stations "
-        "S1 and S2 on 2026-11-22.",
+        SetUp(
+            date="2026-11-22",
+            stations=("S1", "S2"),
+            job=JobSheet(instrument=Instrument("AT960", "750123")),
+        ),
+        "Measured with a payload of 2.5 kg and the tool probe at 20.1 to 23.4 degC by AT960 "
+        "(serial number 750123) from stations S1 and S2 on 2026-11-22.",
     ),
     "a tool alone": (
         Conditions(tool=TOOLS),

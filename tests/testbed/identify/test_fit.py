@@ -16,8 +16,8 @@ from calib.identification.model_choice import identify_extended
 from calib.identification.outlier_search import noise_factor
 from calib.identification.prior import weak_prior
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.fit import fit
-from testbed.identify.records import Choice
+from testbed.identify.fit import figures_of, fit
+from testbed.identify.records import Choice, RowErrors
 from testbed.store.codec import pack, unpack
 from tests.calibrated import real, robot, session_of, table_of, true_model
 from tests.reference import pool_r
@@ -123,3 +123,14 @@ def test_both_models_are_reported_and_the_better_one_is_handed_out():
     errors = [fit.test.position.mean for fit in (extended, geometric)]
     assert errors == sorted(errors)
     assert errors[-1] < found.before_test.position.mean
+
+
+def test_a_pose_of_several_rows_counts_once_in_every_figure():
+    table = replace(train_of().rows(np.arange(4)), pose_id=np.array([0, 0, 1, 2]))
+    missed = np.array([3e-3, 4e-3, 5e-3, 1e-3])
+    errors = RowErrors(np.zeros((4, 3)), missed, missed)
+    found = figures_of(errors, table, np.array([True, True, True, False]))
+    first = np.sqrt((3e-3**2 + 4e-3**2) / 2)
+    for one in (found.position, found.rotation):
+        assert (one.mean, one.maximum) == pytest.approx(((first + 5e-3) / 2, 5e-3))
+    assert found.median == pytest.approx((first + 5e-3) / 2)

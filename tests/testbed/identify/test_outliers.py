@@ -134,6 +134,13 @@ def test_far_held_out_rows_are_named_but_stay():
     position[row] = 0.4
     names = [f"pose P{k + 1}" for k in range(80)]
     far = replace(found.fit.misses, position=position)
-    (told,) = held_out_outliers(far, found.split.is_test, names)
+    table, is_test, belief = found.measurements, found.split.is_test, found.proof.belief
+    (told,) = held_out_outliers(far, table, is_test, belief, names)
     assert told.startswith(f"held-out pose P{row + 1} is missed by 400 mm")
-    assert held_out_outliers(found.fit.misses, found.split.is_test, names) == ()
+    place = belief.proven.applies(table.q[row : row + 1]).place[0]
+    assert ("look at its shot" in told) == (place == "inside")
+    q = table.q.copy()
+    q[row, 2] = 2 * belief.proven.high[2]
+    (told,) = held_out_outliers(far, replace(table, q=q), is_test, belief, names)
+    assert "of what the others prove" in told or "outside what the others prove" in told
+    assert held_out_outliers(found.fit.misses, table, is_test, belief, names) == ()

@@ -1,0 +1,63 @@
+"""What a calibration warns of its poses: joints hardly moved, poses too much alike."""
+
+import numpy as np
+
+from calib.geometry.parameters import shown_in
+from calib.identification.fit_statistics import RED
+from calib.identification.identify import Status
+from calib.identification.result import ILL_CONDITIONED
+from calib.measurement.observations import Measurements
+from testbed.identify.records import FittedModel
+from testbed.units import significant
+
+LEAST_TURN, LEAST_SLIDE = np.radians(10.0), 0.010
+"""Range of a joint at the training poses below which it counts as not moved [rad, m]."""
+
+
+def warnings_of(
+    geometric: FittedModel, chosen: FittedModel, train: Measurements
+) -> tuple[str, ...]:
+    """Sentences on the poses, by the geometric fit, and on the fit that was chosen."""
+    result = chosen.identification
+    texts = [*_still(geometric, train), *_condition(geometric)]
+    if result.status is not Status.CONVERGED:
+        texts.append(f"the fit {result.status.value}")
+    if result.p_value > 1 - RED:
+        texts.append(
+            "the residuals are smaller than the stated noise: the stated uncertainty is too large"
+        )
+    return tuple(texts)
+
+
+def _still(fit: FittedModel, train: Measurements) -> tuple[str, ...]:
+    """Which joints were hardly moved: nothing was learnt of them, and nothing tests it."""
+    kinds = np.array(fit.identification.model.chain.kinds)
+    least = np.where(kinds == "revolute", LEAST_TURN, LEAST_SLIDE)
+    still = np.flatnonzero(np.ptp(train.q, axis=0) < least) + 1
+    if not len(still):
+        return ()
+    many = len(still) > 1
+    return (
+        f"joint{'s' * many} {', '.join(map(str, still))} moved by less than "
+        f"{np.degrees(LEAST_TURN):.0f} deg or {1e3 * LEAST_SLIDE:.0f} mm: nothing here says how "
+        f"well the result holds where {'they stand' if many else 'it stands'} otherwise",
+    )
+
+
+def _condition(fit: FittedModel) -> tuple[str, ...]:
+    """Whether the poses are too much alike, and which number suffers most."""
+    result = fit.identification
+    if result.reduction.condition <= ILL_CONDITIONED:
+        return ()
+    alike = f"the poses are much alike: condition {significant(result.reduction.condition, 2)}; "
+    more = "; vary the wrist and the tool's orientation more"
+    if result.prior is not None:
+        return (f"{alike}the prior of the links holds what they do not tell{more}",)
+    lengths = result.parameters.is_length[result.parameters.free_index]
+    worst = result.least_known
+    unit, scale = shown_in(result.names[worst], bool(lengths[worst]))
+    value = scale * float(result.standard_uncertainty[worst])
+    return (
+        f"{alike}least known is {result.names[worst]}, U = {significant(2 * value, 2)} {unit} "
+        f"from the stated noise{more}",
+    )
