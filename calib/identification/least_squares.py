@@ -25,6 +25,11 @@ a noise of micrometres, leave 1e-10 in each whitened residual."""
 
 SLOW = 0.3
 """An undamped step that leaves more than this part of the way is part of a slow approach."""
+SLOWEST = 0.9
+"""Part of the way that a step may leave where the sum of squares cannot tell any more."""
+SLOW_OFFSET = 1e-5
+"""Certificate of a slow approach that ends where no step helps: a valley in which the sum of
+squares is level to rounding. A hundredth of what Bates & Watts 1988 ask of any fit."""
 DEPTH = 5
 """So many steps of a slow approach are remembered."""
 
@@ -102,7 +107,8 @@ def solve(
     Returns
     -------
     Solution
-        `status` is CONVERGED only with the certificate, whatever else happened.
+        `status` is CONVERGED only with the certificate, whatever else happened; after a slow
+        approach with one of 1e-5.
 
     References
     ----------
@@ -129,7 +135,7 @@ def solve(
         allowed = "at least as many rows as unknowns"
         raise refuse("residual", len(here.r), allowed, code="M27", message=message)
     radius = np.inf if reach is None else float(np.linalg.norm(here.scale * reach)) or np.inf
-    trace, refused, memory = [here.cost], 0, Memory()
+    trace, refused, memory, slow = [here.cost], 0, Memory(), False
     while not here.finished and len(trace) <= most and refused < MOST_REFUSALS:
         step, length, predicted = here.step(radius)
         plain, free = step, here.damping(radius) == 0.0
@@ -149,7 +155,8 @@ def solve(
         elif gain < 0.25 and not nearer:
             radius = 0.25 * length
         if there is not None and taken:
-            memory.add(step, plain, free and there.offset > SLOW * here.offset)
+            slow = there.offset > SLOW * here.offset
+            memory.add(step, plain, free and slow)
             x, here, refused = candidate, there, 0
             trace.append(here.cost)
             if report is not None:
@@ -163,7 +170,7 @@ def solve(
         residual=frozen(here.r),
         jacobian=frozen(here.A),
         certificate=here.certificate,
-        status=_status(here, len(trace) > most),
+        status=_status(here, len(trace) > most, slow),
         iterations=len(trace) - 1,
         trace=frozen(trace),
     )
@@ -224,19 +231,21 @@ def _system(
 def _nearer(here: Tangent, there: Tangent) -> bool:
     """Whether a step halved the offset and left the sum of squares level.
 
-    Near the answer the sum of squares is flat to rounding; the offset is the finer judge.
+    Near the answer the sum of squares is flat to rounding; the offset is the finer judge. Where it
+    is the only one, a slow approach counts as well.
     """
     level = there.exact or there.cost <= here.cost * (1 + LEVEL)
-    return level and there.offset <= 0.5 * here.offset
+    flat = here.offset**2 <= LEVEL * here.cost
+    return level and there.offset <= (SLOWEST if flat else 0.5) * here.offset
 
 
-def _status(here: Tangent, out_of_steps: bool) -> Status:
+def _status(here: Tangent, out_of_steps: bool, slow: bool) -> Status:
     """How the fit ended."""
     own = column_norms(here.A)
     if not np.array_equal(own, here.scale):
         here = tangent_plane(here.r, here.A, own)
     if here.deficient:
         return Status.DEFICIENT
-    if here.certified:
+    if here.certified or (slow and not out_of_steps and here.certificate < SLOW_OFFSET):
         return Status.CONVERGED
     return Status.LIMIT if out_of_steps else Status.STALLED

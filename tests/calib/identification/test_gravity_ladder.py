@@ -286,3 +286,15 @@ def test_a_slow_approach_ends_where_scipy_ends_and_sooner(monkeypatch):
     plain = solve(evaluate, start, move=lambda x, step: x + step)
     assert mixed.iterations < 0.8 * plain.iterations
     np.testing.assert_allclose(mixed.x, plain.x, atol=1e-6)
+
+
+def test_a_valley_that_is_level_to_rounding_is_an_end():
+    """(1 - xy)^2 + x^2 + y^2 rises as the fourth power along x = y: no step ever ends there."""
+
+    def evaluate(x):
+        r = np.array([1.0 - x[0] * x[1], -x[0], -x[1]])
+        return r, np.array([[x[1], x[0]], [1.0, 0.0], [0.0, 1.0]])
+
+    found = solve(evaluate, np.array([0.5, 0.4]), move=lambda x, step: x + step)
+    assert found.status is Status.CONVERGED
+    assert found.trace[-1] - 1.0 < 1e-6
