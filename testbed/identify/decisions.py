@@ -95,7 +95,7 @@ def decided_at(calibration: Calibration, delivered: Delivered) -> tuple[Decided,
         ]
     targets = delivered.targets
     if targets is not None and targets.before is not None and targets.after is not None:
-        missing = int((~targets.stated).sum())
+        missing = int((~targets.decidable).sum())
         found += [
             Decided("program_before", "program as it was", targets.before, missing),
             Decided("program_after", "corrected program", targets.after, missing),

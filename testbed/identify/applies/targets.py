@@ -12,11 +12,11 @@ from calib.uncertainty.statement.stated_point import widened
 from calib.uncertainty.tool_point import ToolStatement
 from testbed.files.program import ProgramResult
 from testbed.identify.decisions import UNDECIDED, outcomes
-from testbed.identify.handback.delivered import TargetStatement
+from testbed.identify.handback.delivered import NOT_CORRECTED, TargetStatement
 from testbed.identify.handback.in_use import carried
 from testbed.identify.records import Calibration
 from testbed.report.text import csv_text
-from testbed.units import UM, counted
+from testbed.units import UM, counted, significant
 
 HEAD = ("target", "R95_mean_um", "R95_move_um", "transfer", "leverage", "place", "why")
 DECIDED = ("deviation_before_um", "decision_before", "deviation_um", "decision", "risk")
@@ -41,7 +41,9 @@ def statement_at(calibration: Calibration, program: ProgramResult) -> TargetStat
         belief = carried(belief, in_use.tool, np.array(in_use.worst), links)
         point = np.zeros(3)
     departed = np.zeros(len(program.q), np.bool_) if program.departed is None else program.departed
-    stated = (reach.place != "outside") & ~departed & reach.reaches
+    decidable = (reach.place != "outside") & ~departed & reach.reaches
+    stated = decidable & program.corrected
+    place = np.where(program.corrected, np.where(departed, "outside", reach.place), NOT_CORRECTED)
     mean = belief.regions(program.q, target=point, at=program.at)
     radius_move = frozen(())
     if calibration.repeatability.any():
@@ -55,12 +57,13 @@ def statement_at(calibration: Calibration, program: ProgramResult) -> TargetStat
         radius_move=radius_move,
         transfer=reach.transfer,
         leverage=reach.leverage,
-        place=frozen(np.where(departed, "outside", reach.place), np.str_),
+        place=frozen(place, np.str_),
         stated=frozen(stated, np.bool_),
+        decidable=frozen(decidable, np.bool_),
         reaches=reach.reaches,
         why=_why(calibration, reach, program),
-        before=_decided(calibration, program.deviation_before, before, stated),
-        after=_decided(calibration, program.deviation, mean, stated),
+        before=_decided(calibration, program.deviation_before, before, decidable),
+        after=_decided(calibration, program.deviation, mean, decidable),
     )
 
 
@@ -82,7 +85,11 @@ def _why(calibration: Calibration, reach: Applicability, program: ProgramResult)
     assert calibration.proof.belief is not None  # else nothing reaches anything
     out = []
     for k, text in enumerate(reasons(calibration.proof.belief.proven, reach, program.q)):
-        told = [text] if text else []
+        told = []
+        if not program.corrected[k]:
+            left = significant(1e3 * float(program.left[k]), 2)
+            told.append(f"{NOT_CORRECTED}: {left} mm is left")
+        told += [text] if text else []
         if program.departed is not None and program.departed[k]:
             told.append(program.conditions[k])
         if not reach.reaches:
@@ -92,24 +99,32 @@ def _why(calibration: Calibration, reach: Applicability, program: ProgramResult)
 
 
 def _decided(
-    calibration: Calibration, deviation: Array, region: ToolStatement, stated: Bool
+    calibration: Calibration, deviation: Array, region: ToolStatement, decidable: Bool
 ) -> Conformity | None:
     """Decisions on the targets with a region, if a tolerance was stated."""
     asked = calibration.decision
-    if asked is None or not stated.any():
+    if asked is None or not decidable.any():
         return None
     found = calibration.fit.identification.model.chain.T_world_base
     own = found if calibration.own_frames else calibration.nominal.chain.T_world_base
     R = own[:3, :3] @ found[:3, :3].T  # deviations are in the axes of the robot's file
     S = R @ widened(region) @ R.T
-    return conformity(deviation[stated], S[stated], asked.tolerance, rule=asked.rule)
+    return conformity(deviation[decidable], S[decidable], asked.tolerance, rule=asked.rule)
 
 
 def target_words(found: TargetStatement) -> tuple[str, ...]:
     """What is stated at the targets, in sentences."""
     m, n = len(found.place), int(found.stated.sum())
     outside = int((found.place == "outside").sum())
-    said = [place_words(found.place, "target of the program", "targets of the program")]
+    left = found.place == NOT_CORRECTED
+    which, kind = np.flatnonzero(~left), "corrected " * bool(left.any())
+    said = []
+    if len(which):
+        names = [str(k + 1) for k in which]
+        one, many = (f"{kind}{noun} of the program" for noun in ("target", "targets"))
+        said.append(place_words(found.place[which], one, many, names))
+    if left.any():
+        said.append(f"no radius is stated at {counted(int(left.sum()), 'target')} left as written")
     if not found.reaches:
         said.append(
             f"the statement does not reach there, {outside} of {m} targets lie outside: {MEASURE}"
@@ -140,16 +155,16 @@ def statement_csv(found: TargetStatement) -> str:
         cells = [f"{radius * UM:.4g}" for radius in radii]
         cells = [str(k + 1), *cells, *[""] * (2 - len(cells))]
         cells += [f"{found.transfer[k]:.3g}", f"{found.leverage[k]:.3g}", str(found.place[k])]
-        cells.append(why if found.stated[k] else f"no region: {why}")
+        cells.append(why if found.decidable[k] else f"no region: {why}")
         rows.append([*cells, *(_decision_cells(found, k) if decided else ())])
     return csv_text(HEAD + DECIDED * decided, rows)
 
 
 def _decision_cells(found: TargetStatement, k: int) -> list[str]:
     """Cells of `DECIDED` for one target."""
-    if found.before is None or found.after is None or not found.stated[k]:
+    if found.before is None or found.after is None or not found.decidable[k]:
         return ["", UNDECIDED, "", UNDECIDED, ""]
-    at = int(found.stated[:k].sum())
+    at = int(found.decidable[:k].sum())
     cells = []
     for one in (found.before, found.after):
         cells += [f"{one.distance[at] * UM:.3f}", outcomes(one)[at]]

@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 from calib.arrays import Array, Bool
 from calib.uncertainty.statement.conformity import Conformity
 
+NOT_CORRECTED = "not corrected"
+"""The place of a target that was left as written."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TargetStatement:
@@ -23,9 +26,12 @@ class TargetStatement:
     leverage: Annotated[Array, "m"]
     """(m,) h: the same of the noise."""
     place: Annotated[NDArray[np.str_], "m"]
-    """(m,) inside, edge or outside of what was proven."""
+    """(m,) inside, edge or outside of what was proven; `NOT_CORRECTED` where the program has the
+    target as it was."""
     stated: Annotated[Bool, "m"]
-    """(m,) whether a region is stated."""
+    """(m,) whether a radius is stated: the target is corrected, and has a region."""
+    decidable: Annotated[Bool, "m"]
+    """(m,) whether it has a region: what an uncorrected one misses can be decided on as well."""
     reaches: bool
     """Whether the statement reaches the program: not too many of its targets lie outside."""
     why: tuple[str, ...]
