@@ -166,7 +166,7 @@ def _tests(result: Identification) -> list[str]:
 def _remarks(result: Identification) -> list[str]:
     """Lines on what cannot be told apart, and warnings."""
     lines = [f"note: {note}" for note in result.notes]
-    if result.reduction.condition > ILL_CONDITIONED:
+    if result.reduction.told_apart and result.reduction.condition > ILL_CONDITIONED:
         lines.append(
             f"warning: the poses are much alike (condition {result.reduction.condition:.1e}); "
             f"least known is {result.names[result.least_known]}; vary the wrist and the "

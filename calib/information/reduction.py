@@ -46,6 +46,11 @@ class Reduction:
     practical_rank: int | None = None
     """Directions learned beyond the prior; None if no prior was given."""
 
+    @property
+    def told_apart(self) -> bool:
+        """Whether the data alone tell the kept numbers apart; else a prior keeps more."""
+        return self.condition * self.tolerance < 1
+
     def __repr__(self) -> str:
         kept, dropped = len(self.kept), len(self.dropped)
         return f"Reduction({kept} kept, {dropped} dropped, condition {self.condition:.3g})"

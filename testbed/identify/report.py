@@ -112,7 +112,7 @@ def headline(calibration: Calibration) -> Table:
         "them, with base, tool and fixtures fitted to the training poses: without that fit no "
         "error can be told at all. training mean: at the rows identified from. χ²/dof: residuals "
         "of the identification against the stated noise. cond.: of the scaled Jacobian of the "
-        "kept numbers. rank: directions that the data tell apart.",
+        "kept numbers, where no prior keeps more. rank: directions that the data tell apart.",
     )
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from calib.information.reduction import Reduction
 from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.statement.stated_point import StatedPoint
 from testbed.identify.beyond import beyond_words
@@ -205,7 +206,7 @@ def headline_rows(calibration: Calibration) -> tuple[tuple[str, ...], ...]:
                 f"{fit.model} (chosen)" if chosen else fit.model,
                 *_figures(fit.test, fit.train),
                 significant(result.chi_square / result.dof, 3) if result.dof > 0 else "–",
-                significant(result.reduction.condition, 3),
+                _condition(result.reduction) or "–",
                 str(result.reduction.rank),
             )
         )
@@ -223,6 +224,11 @@ def _figures(test: Figures | None, train: Figures) -> tuple[str, ...]:
     return (*(mm(value) for value in lengths), *turns, mm(train.position.mean))
 
 
+def _condition(reduction: Reduction) -> str:
+    """Condition of the kept columns; empty where a prior keeps what the data cannot tell apart."""
+    return significant(reduction.condition, 3) if reduction.told_apart else ""
+
+
 def rank_words(fit: FittedModel) -> str:
     """How many numbers the data tell apart, and how that was counted."""
     result = fit.identification
@@ -231,9 +237,10 @@ def rank_words(fit: FittedModel) -> str:
     text = (
         f"{fit.model.capitalize()}: {counted(free, 'number')} free, "
         f"{len(result.parameters.names) - free} held; rank {reduction.rank} (singular values above "
-        f"{reduction.tolerance:.0e} of the largest count), condition "
-        f"{significant(reduction.condition, 3)} of the kept columns. "
+        f"{reduction.tolerance:.0e} of the largest count)"
     )
+    condition = _condition(reduction)
+    text += f", condition {condition} of the kept columns. " if condition else ". "
     if result.prior is not None:
         text += (
             f"{counted(len(result.prior.names), 'number')} of links and joints have a weak prior "

@@ -57,7 +57,7 @@ def sheet_of(text):
         (("[20.1, 21]", "[21]"), "temperature_degC has 1 entry"),
         (("1013.2", "1.0132"), "pressure_hpa is 1.0132; it must be 100 hPa or larger"),
         (("= 45", "= 145"), "humidity_percent is 145.*100 % or smaller"),
-        (("operator =", "operater ="), 'has no key "operater"; did you mean "operator"'),
+        (("operator =", "operators ="), 'has no key "operators"; did you mean "operator"'),
         (('"N. N."', '"a\\u001b[31mb"'), "one line without control characters"),
     ],
 )
