@@ -184,7 +184,7 @@ class Memory:
 
     References
     ----------
-    Anderson 1965; Walker & Ni 2011, SIAM J. Numer. Anal. 49(4), 1715-1735, eq. (2.1).
+    Anderson 1965; Walker & Ni 2011, SIAM Journal on Numerical Analysis 49(4), (2.1).
     """
 
     def __init__(self) -> None:
