@@ -171,7 +171,7 @@ class Measurements:
     @property
     def together(self) -> Index:
         """Number (m,) of what each row belongs to: rows at the same joints, or of one `pose_id`."""
-        return _united(first_met(self.q), first_met(self.pose_id[:, None]))
+        return united(first_met(self.q), first_met(self.pose_id[:, None]))
 
     def split(self, *, held_out: int = 20, seed: int = 0) -> tuple["Measurements", "Measurements"]:
         """Rows to identify from, and the rows of `held_out` poses drawn at random.
@@ -200,7 +200,7 @@ def joined(tables: Sequence[Measurements]) -> Measurements:
     )
 
 
-def _united(one: Index, other: Index) -> Index:
+def united(one: Index, other: Index) -> Index:
     """Group (m,) of each row, where rows that either numbering puts together are together."""
     group = one
     while True:

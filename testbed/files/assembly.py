@@ -11,14 +11,12 @@ from testbed.files.conditions import SetUp, first_stated, of_session
 from testbed.files.matching import pose_numbers, poses_of_joints, visits_of
 from testbed.files.refusal import refusal
 from testbed.files.rows.beside import BesideJoints
-from testbed.files.rows.operating import RowsOfFile, operating_conditions
+from testbed.files.rows.operating import SAME_JOINTS, RowsOfFile, operating_conditions
+from testbed.files.rows.stops import one_stop
 from testbed.files.session import Session, Stated
 from testbed.files.session_toml import SessionFile
 from testbed.files.targets import TargetPart, targets_of, texts_of
 from testbed.robots.robot import Robot
-
-SAME_JOINTS = 1e-6
-"""Commanded joints of one pose differ by rounding only [rad, m]."""
 
 
 def assemble(
@@ -78,6 +76,7 @@ def assemble(
         settings.conditions,
         len(q),
     )
+    table, names, odd = one_stop(table, conditions, names)
     operating, said, notes = operating_conditions(
         [_rows(part) for part in parts], conditions, robot, settings.identification.order
     )
@@ -110,8 +109,9 @@ def assemble(
         reflector_names=target.reflector_names,
         anchor_names=target.anchor_names,
         station_names=target.station_names,
-        warnings=tuple(
-            text for part in parts for text in (*part.joints.warnings, *part.readings.warnings)
+        warnings=(
+            *(text for part in parts for text in (*part.joints.warnings, *part.readings.warnings)),
+            *(f"{place[0].rpartition(':')[0]}: {text}" for text in odd if named),
         ),
         notes=(*(note for part in parts for note in part.readings.notes), *notes),
         stated=parts[0].readings.stated if len(parts) == 1 else Stated(),
