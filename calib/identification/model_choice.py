@@ -140,7 +140,7 @@ def choose(
         starts=(nominal, wide),
         climb=found,
         log_evidence=found.gain if found.taken else best.gain if best else float("nan"),
-        sentence=sentence_of(found),
+        sentence=sentence_of(found, nominal),
     )
 
 
@@ -212,8 +212,8 @@ def under_noise(
     return replace(found, covariance=frozen(covariance))
 
 
-def sentence_of(found: Climb) -> str:
-    """What was chosen and why."""
+def sentence_of(found: Climb, nominal: RobotModel) -> str:
+    """What was chosen and why; `nominal` may have joint errors of its own."""
     if found.taken:
         names = " and ".join(level.name for level in found.taken)
         text = f"extended by {names}: the measurements ask for it (log evidence {found.gain:+.1f})"
@@ -234,8 +234,10 @@ def sentence_of(found: Climb) -> str:
     best = best_offer(found)
     if best is None:
         return "geometric: no joint of this robot has terms to add"
+    own = nominal.joint_errors
+    more = " beyond the robot's own" if own.terms or own.springs is not None else ""
     return (
-        "geometric: the measurements do not ask for joint errors (log evidence "
+        f"geometric: the measurements do not ask for joint errors{more} (log evidence "
         f"{best.gain:+.1f} at best, for {best.level})"
     )
 

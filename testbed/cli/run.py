@@ -173,7 +173,7 @@ def identify(
         from testbed.files.read import ReadOptions, read_held_out, read_session
         from testbed.identify.calibrate import Options
         from testbed.identify.folder import check_place, play_calibration
-        from testbed.identify.session import with_test
+        from testbed.identify.session import all_identify, with_test
         from testbed.identify.words import terminal_text
         from testbed.robots.catalog import load_robot
         from testbed.robots.write.urdf import require_package
@@ -189,6 +189,7 @@ def identify(
         how = ReadOptions(drop_invalid=drop_invalid, max_mb=max_mb)
         session = read_session(data, arm, config=config, options=how)
         if test is not None:
+            all_identify(train, held_out)
             apart = read_held_out(test, arm, data, config=config, options=how)
             session = with_test(session, apart)
         options = Options(train=train, held_out=held_out, seed=seed, model=model, loss=loss)

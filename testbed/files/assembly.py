@@ -20,9 +20,9 @@ from testbed.robots.robot import Robot
 
 
 def assemble(
-    parts: Sequence[TargetPart], robot: Robot, settings: SessionFile, *, name: str
+    parts: Sequence[TargetPart], robot: Robot, settings: SessionFile, *, where: str
 ) -> Session:
-    """One session of all parts; what the reader knows besides is left empty.
+    """One session of all parts, `where` in messages; what the reader knows besides is left empty.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def assemble(
     )
     included = settings.uncertainty.joint_repeatability == "included"
     return Session(
-        name=name,
+        name=settings.name,
         measurements=replace(table, conditions=operating),
         pose_names=names,
         is_test=is_test,
@@ -118,7 +118,7 @@ def assemble(
         simulated=settings.simulated,
         wanted=settings.identification,
         rows_say=said,
-        gear=settings.gear.of_joints(q.shape[1]),
+        gear=settings.gear.of_joints(q.shape[1], where),
         decision=settings.tolerance.decision if settings.tolerance else None,
         place=place,
     )

@@ -127,7 +127,7 @@ def session_of(
     for one in cleaned:
         elsewhere = {name for other in cleaned if other is not one for name in other.poses}
         joined.append(_with_joints(one, sources, settings, robot, elsewhere, drop=drop))
-    session = assemble([part for part, _ in joined], robot, settings, name=settings.name)
+    session = assemble([part for part, _ in joined], robot, settings, where=where)
     require_shown(settings.uncertainty, session.measurements, where)
     warnings = [f"{where}: {text}" for text in settings.uncertainty.odd]
     sheet = settings.job.sheet

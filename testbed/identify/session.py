@@ -35,6 +35,16 @@ six-axis arm. Fewer were too few for a real one: of 8 draws of 8 or 10 poses of 
 three left errors of centimeters and more on the others; of 14 poses, none."""
 
 
+def all_identify(train: int | None, held_out: int | None) -> None:
+    """Refuse a number of poses to draw beside --test: C41."""
+    for option, value in (("--train", train), ("--held-out", held_out)):
+        if value is not None:
+            raise refuse(
+                option, value, code="C41", message=f"{option} is given beside --test",
+                fix=f"leave {option} out: all poses of DATA identify, those of --test are held out",
+            )  # fmt: skip
+
+
 def with_test(session: Session, other: Session) -> Session:
     """The session with the rows of another one held out; both in one measuring frame.
 

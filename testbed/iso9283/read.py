@@ -88,6 +88,7 @@ def _test(
     sheet, stated = settings.job.sheet, settings.conditions
     warnings = [f"{where}: {text}" for text in sheet.instrument.warnings(stated.date)]
     warnings += [text for one in parts for text in one.warnings]
+    warnings += _repeating(visits, paths)
     limits: dict[str, float] = {}
     limits |= {name: limit * 1e-6 for name, limit in settings.iso9283.limits_um.items()}
     sha = tuple(dict.fromkeys([*first, *sources.files]))
@@ -113,6 +114,23 @@ def _test(
         warnings=_without_folders(warnings, sha),
         notes=_without_folders([*(note for one in parts for note in one.notes), *notes], sha),
     )
+
+
+def _repeating(visits: Visits | None, paths: Sequence[PathRuns]) -> Iterator[str]:
+    """Sentences on readings that are the commands, digit for digit."""
+    same = [f"path {one.name}" for one in paths if _repeats(one)]
+    if visits is not None and (visits.position == visits.command[:, None]).all():
+        same.insert(0, "poses")
+    for what in same:
+        yield (
+            f"{what}: every reading is its command to the last digit: no measurement; name the "
+            "columns of what the instrument saw"
+        )
+
+
+def _repeats(path: PathRuns) -> bool:
+    """Whether every run of a path is its command."""
+    return path.matched and all(np.array_equal(run, path.command) for run in path.runs)
 
 
 def _without_folders(texts: Sequence[str], files: Sequence[SourceFile]) -> tuple[str, ...]:

@@ -19,8 +19,8 @@ class GearTable(Strict):
     orders: dict[Joint, tuple[Order, ...]] = Field(default_factory=dict)
     """Further waves a turn, of stages between or of the lines of an encoder."""
 
-    def of_joints(self, n: int) -> tuple[tuple[float, ...], ...]:
-        """Orders of each of n joints, each once.
+    def of_joints(self, n: int, where: str) -> tuple[tuple[float, ...], ...]:
+        """Orders of each of n joints, each once; `where` is the file that states them.
 
         Raises
         ------
@@ -32,7 +32,7 @@ class GearTable(Strict):
             for name in table:
                 if name not in joints:
                     raise refusal(
-                        "session.toml", f"gear.{key}", f"[gear] {key} names {name}", code="S37",
+                        where, f"gear.{key}", f"[gear] {key} names {name}", code="S37",
                         value=name, allowed=f"the joints are joint1 to joint{n}",
                         fix="name joints that the robot has",
                     )  # fmt: skip

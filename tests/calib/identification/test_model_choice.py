@@ -12,7 +12,7 @@ from calib.identification.identify import Status, identify
 from calib.identification.joint_models import extended_model, shared_waves
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import with_errors
-from calib.identification.model_choice import choose, extended_by, parts_of, some_poses
+from calib.identification.model_choice import choose, extended_by, parts_of, sentence_of, some_poses
 from calib.identification.prior import Prior, weak_prior
 from calib.measurement.observations import joined
 from calib.measurement.residual import linearize
@@ -64,6 +64,15 @@ def test_log_evidence_is_the_ratio_of_the_densities_of_the_measurements():
             C = np.eye(len(B)) + B @ B.T
             density.append(-(r @ np.linalg.solve(C, r) + np.linalg.slogdet(C)[1]) / 2)
         assert offer.gain == pytest.approx(density[1] - density[0], abs=1e-3)
+
+
+def test_a_robot_with_joint_errors_of_its_own_is_called_so():
+    """What its file holds stays, whether the measurements ask for more or not."""
+    truth = rigid_truth(np.random.default_rng(4))
+    choice = choose(tx60(), seen(truth, 29, 4), parameters_of(tx60(), WEN24))
+    assert "do not ask for joint errors (log" in choice.sentence
+    own = sentence_of(choice.climb, bent(4))
+    assert own == choice.sentence.replace("joint errors", "joint errors beyond the robot's own")
 
 
 def test_few_poses_confirm_nothing():

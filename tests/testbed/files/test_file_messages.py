@@ -473,6 +473,7 @@ CASES = {
     "M35 a tool in one of two files": stations(SEEN | {"tool": ["probe"] * 29}, SEEN),
     "M25 a payload heavier than the arm": read(table(payload_kg=[80.0] * 29)),
     "M35 a center without a payload": read(table(**{f"payload_{a}_mm": [0.0] * 29 for a in "xyz"})),
+    "V9 temperatures in kelvin": read(table(temperature_degC=[293.15] * 29)),
     "M35 half a center": read(table(payload_kg=[1.0] * 29, payload_z_mm=[0.0] * 29)),
     "M35 torques of one joint": read(table(torque1_Nm=[0.0] * 29)),
     "M35 torques without the first": read(table(torque2_Nm=[0.0] * 29)),

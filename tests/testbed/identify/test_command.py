@@ -101,6 +101,8 @@ def test_bad_words_end_with_code_2_and_leave_nothing(exported, done, tmp_path):
         ((data, "--train", "3"), "--train is given, but the data say which poses are held out"),
         ((data, "--model", "best"), '--model is "best"'),
         ((data, "--test", tmp_path / "none.csv"), "none.csv"),
+        ((data, "--test", data, "--held-out", "0"), "--held-out is given beside --test; leave"),
+        ((data, "--test", data, "--train", "9"), "--train is given beside --test; leave"),
         ((data, "--program", tmp_path / "none.csv"), "none.csv"),
     ):
         result = truebed("identify", "staubli_tx60", *words, "--out", out)

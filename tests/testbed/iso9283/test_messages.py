@@ -136,3 +136,16 @@ def test_every_message_is_one_line_with_file_and_code():
         assert len(text.splitlines()) == 1, name
         assert text.startswith(("DIR/", "a.csv", "none.csv", "twice.csv")), text
         assert text.endswith("]"), name
+
+
+@pytest.mark.parametrize("rows", [POSES, PATH], ids=["poses", "path"])
+def test_readings_that_are_the_commands_are_called_so(tmp_path, rows):
+    """The columns of the commands taken for those of the readings; one other digit is enough."""
+    same = [row | {f"{a}_mm": row[f"command_{a}_mm"] for a in "xyz"} for row in rows]
+    other = [same[0] | {"x_mm": same[0]["x_mm"] + 1e-6}, *same[1:]]
+    for table, expected in ((same, 1), (other, 0)):
+        (tmp_path / "a.csv").write_text(text_of(table))
+        found = [
+            text for text in read_test(tmp_path / "a.csv").warnings if "no measurement" in text
+        ]
+        assert len(found) == expected
