@@ -24,7 +24,7 @@ from calib.uncertainty.statement.belief import Belief, adding, believe
 from calib.uncertainty.statement.drifting import Drifting, drifting
 from calib.uncertainty.statement.gain import of_all_numbers
 from calib.uncertainty.statement.other_frame import FEWEST as FEWEST_OF_A_FRAME
-from calib.uncertainty.statement.other_frame import OtherFrame, other_frame
+from calib.uncertainty.statement.other_frame import OtherFrame, after_the_motion, other_frame
 from calib.uncertainty.statement.questions import Questions, fisher
 from calib.uncertainty.statement.stated_point import StatedPoint, common_radius, stated_point
 from calib.uncertainty.trust import FRAME, MISFIT, Trust, trust
@@ -187,6 +187,8 @@ def _belief(
     if frame is not None and frame.found:
         alone = believed(None)
         frame = replace(frame, within=_half_radius(alone, points, known))
+        ruler = alone if np.isfinite(alone.misfit.upper) else sure
+        frame = after_the_motion(frame, ruler, points, fit, train)
         use, belief = (None, alone) if frame.found else (use, belief)
     slow = None
     if known.order is not None:

@@ -79,7 +79,7 @@ def trust(
         nonlinear.append(linear.sentence)
     refuted = bool(reasons or nonlinear)
     words: list[str] = []
-    if frame is not None and frame.found:
+    if frame is not None and (frame.found or frame.in_part):
         words.append(_capital(frame.sentence))
     if belief is None or point is None:
         words += _nothing(identification, nonlinear, conformal)
@@ -169,7 +169,9 @@ def _unrefuted(questions: Questions, held_out: HeldOut | None, frame: OtherFrame
     of = "residuals" if held_out is None else "residuals and held-out errors"
     if questions.said:
         said = " and ".join(questions.said)
-        if frame is not None and not frame.found:
+        if frame is not None and frame.in_part:
+            said = said.replace(FRAME, "a motion that explains the held-out errors in part")
+        elif frame is not None and not frame.found:
             said = said.replace(FRAME, f"{FRAME}, by less than the region holds")
         return f"A test of the {of} answers: {said} ({p})"
     if not questions.agree:

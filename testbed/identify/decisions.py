@@ -125,7 +125,7 @@ def decision_words(calibration: Calibration, delivered: Delivered) -> tuple[str,
         return tuple(filter(None, (line, would_decide(calibration))))
     why = "no region of the tool point is believed"
     if calibration.elsewhere:
-        why = "the held-out poses stand in another frame"
+        why = "the held-out poses stand apart from the others"
     return (f"Tolerance {asked.tolerance * UM:.6g} um: UNDECIDED: {why}.",)
 
 

@@ -54,7 +54,11 @@ def _believed(calibration: Calibration) -> list[StatedRadius]:
         within += ", a drift"
     stated = calibration.shared is not None
     within += ", and what all readings share" if stated else "; what all readings share is not"
-    use = BELIEVED if calibration.believable else "believed, but not tested: another frame"
+    use = (
+        BELIEVED
+        if calibration.believable
+        else "believed, but not tested: held-out poses stand apart"
+    )
     found = [StatedRadius("region_mean", "believed region: mean of many moves", point.radius_mean,
                        within, use)]  # fmt: skip
     if np.isfinite(point.radius_move):

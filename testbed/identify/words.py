@@ -21,7 +21,7 @@ MEASURED = "MEASURED - a calibration report, not a certificate of traceability"
 GUARDED = "✓ A region of the tool point is believed, and held-out poses guard it"
 UNGUARDED = "? A region of the tool point is believed; too few held-out poses test it to guard it"
 UNTESTED = "? A region of the tool point is believed; no held-out pose has tested it"
-ELSEWHERE = "✗ The held-out poses stand in another frame: they prove nothing until that is settled"
+ELSEWHERE = "✗ The held-out poses stand apart: they prove nothing until that is settled"
 NOTHING = "✗ No statement about the tool point is believed"
 LEARNT = 1.1
 """Errors at held-out poses up to so many times those at training poses are all that is left."""
@@ -90,7 +90,7 @@ def believed_words(calibration: Calibration) -> str:
         return "No statement about the true tool point can be believed."
     radius = f"For the mean tool point {r95(point)} = {significant(point.radius_mean * UM)} um"
     if calibration.elsewhere:
-        return f"{radius} was to be tested there, and was not: these poses stand in another frame."
+        return f"{radius} was to be tested there, and was not."
     if belief.n_guards:
         return f"{radius} can be believed: {belief.n_guards} held-out poses guard it."
     if calibration.proof.held_out is None:

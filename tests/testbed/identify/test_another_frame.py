@@ -54,6 +54,17 @@ def test_another_target_is_told_where_it_is(tmp_path):
     said = verdict(judged_by(tmp_path, moved(visit(0, 20, seed=5), 300.0, 30.0, tool=True)))
     # millimeters of a robot that is not nominal do not matter to 300 mm
     assert said.startswith("The held-out rows see another target: 300 mm")
+    assert "another frame" not in said
+
+
+def test_a_joint_that_was_bumped_is_no_other_frame(tmp_path):
+    """0.5 deg in joint 2: no rigid motion does that, so the rows go on to judge."""
+    data = visit(0, 20, seed=5)
+    found = judged_by(tmp_path, Made(data.q + np.radians([0, 0.5, 0, 0, 0, 0]), data.T, None))
+    assert not found.elsewhere
+    assert found.proof.belief.n_guards == 20
+    # what is believed then holds what is seen
+    assert found.proof.point.radius_mean > found.fit.test.position.rms
 
 
 def test_held_out_rows_of_one_file_that_stand_elsewhere_are_not_left_out_as_wrong_shots(tmp_path):

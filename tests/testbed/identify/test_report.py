@@ -171,7 +171,7 @@ def test_the_mark_is_good_only_where_held_out_poses_guard_the_region():
     assert [text[0] for text in marks] == ["✓", "?", "?", "✗", "✗"]
     told = [one.believable for one in (found, few, apart, none)]
     assert told == [True, True, False, False]
-    for one, says in ((few, "too few to guard"), (apart, "another frame"), (none, "No statement")):
+    for one, says in ((few, "too few to guard"), (apart, "prove nothing"), (none, "No statement")):
         assert says in verdict(one)
 
 

@@ -165,7 +165,7 @@ def tests_table(statements: list[tuple[Trial, Statement]]) -> Table:
             answer = "yes" if adjusted < QUESTION_LEVEL else "not seen"
             frame = statement.frame
             if answer == "yes" and name == "another frame" and frame and not frame.found:
-                answer = "by less than the region holds"
+                answer = "in part" if frame.in_part else "by less than the region holds"
             rows.append((first, QUESTIONS[name], probability(p), probability(adjusted), answer))
         answer = "nothing seen, which is no proof" if asked.agree else "larger than the noise"
         first = "" if asked.names else trial.name
