@@ -1,7 +1,8 @@
-"""Held-out poses that lie where the training says little: told by how far both kinds are missed."""
+"""Where a misfit may come from: poses where the training says little, an arm that hangs."""
 
 import numpy as np
 
+from calib.identification.climb import ASKED
 from testbed.identify.records import Calibration
 from testbed.units import DEG, MM, fixed, significant
 
@@ -34,6 +35,22 @@ def beyond_words(calibration: Calibration) -> tuple[str, ...]:
     if joints:
         text += f" ({joints} beyond its poses)"
     return (f"{text}; identify from poses there as well, and the radius shrinks",)
+
+
+def gravity_words(calibration: Calibration) -> tuple[str, ...]:
+    """Which way gravity was taken, where no level of it helps an arm that the numbers do not fit.
+
+    A robot file that does not turn its base says nothing of how the arm is mounted.
+    """
+    offers = [offer for offer in calibration.choice.offered if offer.ladder == "gravity"]
+    asked = [offer.gain for offer in offers if not np.isnan(offer.gain)]
+    turned = (calibration.nominal.chain.T_world_base[:3, :3] != np.eye(3)).any()
+    if not calibration.refuted or turned or not asked or max(asked) > ASKED:
+        return ()
+    return (
+        "Gravity is taken along -z of the base, and what it bends does not explain the readings: "
+        "if the arm hangs on a wall or ceiling, say so in robot.toml ([base] rotation_vector_deg)",
+    )
 
 
 def _ahead(calibration: Calibration) -> str:

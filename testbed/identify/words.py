@@ -5,7 +5,7 @@ import numpy as np
 from calib.information.reduction import Reduction
 from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.statement.stated_point import StatedPoint
-from testbed.identify.beyond import beyond_words
+from testbed.identify.beyond import beyond_words, gravity_words
 from testbed.identify.conditions import conditions_words
 from testbed.identify.decisions import decision_words
 from testbed.identify.frames import FRAMES_ALONE
@@ -121,7 +121,7 @@ def reasons(calibration: Calibration) -> tuple[str, ...]:
             "U of the numbers is made from their scatter from pose to pose instead"
         )
     texts.append(f"Model: {calibration.choice.sentence}")
-    texts += beyond_words(calibration)
+    texts += [*gravity_words(calibration), *beyond_words(calibration)]
     out = int(calibration.gross.left_out.sum())
     if out:
         texts.append(f"{counted(out, 'row')} did not fit and took no part: see Outliers")

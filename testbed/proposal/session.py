@@ -224,6 +224,11 @@ def _drafts(looks: tuple[Found, ...], n: int) -> Iterator[Draft]:
     if bare and heads:
         message = f"has no line that names its columns, but {heads[0].name} has"
         raise refusal(str(bare[0].path), "file", message, fix="name the columns of both")
+    if alone := [look for look in bare if look.rows < 2]:
+        raise refusal(
+            str(alone[0].path), "file", "is one line of numbers: nothing tells what they are",
+            code="M27", fix="give the file with all its rows, the columns named in the first line",
+        )  # fmt: skip
     joints: list[Part | None] = [part for look in looks for part in joint_parts(look, n)]
     groups = _stations(looks)
     seen = [part for group in groups for part in seen_parts(group[0], n)]

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from calib.geometry.chain import Chain
-from testbed.identify.beyond import beyond_words
+from calib.identification.climb import Offer
+from testbed.identify.beyond import beyond_words, gravity_words
 
 ARM = Chain(np.zeros((3, 5)), ("revolute", "prismatic", "revolute"))
 Q = np.zeros((30, 3))
@@ -55,3 +56,30 @@ def test_poses_missed_far_more_than_training_poses_left_out_are_told_with_their_
 )  # fmt: skip
 def test_nothing_is_told_where_the_place_may_be_the_same(other):
     assert beyond_words(other) == ()
+
+
+def hanging(*gains, refuted=True, turn=None):
+    base = np.eye(4)
+    if turn is not None:
+        base[:3, :3] = turn
+    offered = [Offer("gravity", f"level {k}", gain, "") for k, gain in enumerate(gains)]
+    return SimpleNamespace(
+        refuted=refuted,
+        nominal=SimpleNamespace(chain=SimpleNamespace(T_world_base=base)),
+        choice=SimpleNamespace(offered=[*offered, Offer("waves", "small waves", 40.0, "taken")]),
+    )
+
+
+def test_gravity_is_asked_about_where_it_explains_nothing_and_no_mounting_is_stated():
+    (text,) = gravity_words(hanging(-8.0, np.nan))
+    assert "along -z of the base" in text
+    assert "[base] rotation_vector_deg" in text
+    ceiling = np.diag([1.0, -1.0, -1.0])
+    for other in (
+        hanging(-8.0, refuted=False),
+        hanging(-8.0, turn=ceiling),
+        hanging(-8.0, 100.0),
+        hanging(np.nan),
+        hanging(),
+    ):
+        assert gravity_words(other) == ()
