@@ -22,7 +22,7 @@ from calib.identification.prior import weak_prior
 from calib.identification.spring_products import ModelSprings, settled
 from calib.information.rank import SAG
 from calib.measurement.tables import poses
-from testbed.robots.catalog import load_robot
+from tests.calib import kinds
 from tests.reference import DEG, SIGMA_POSITION, SIGMA_ROTATION, TX60_LIMITS, pool_r, tx60
 
 NOMINAL = tx60()
@@ -37,6 +37,18 @@ POLAR = Chain(
     [[0, 0.4, 0, np.pi / 2, 0], [0, 0, 0, np.pi / 2, 0], [0, 0.5, 0, 0, 0]],
     kinds=("revolute", "revolute", "prismatic"),
 )
+
+IIWA = RobotModel(kinds.ARMS["iiwa"])
+IIWA_LIMITS = np.outer([170, 120, 170, 120, 170, 120, 175], [-1.0, 1.0]) * DEG
+IIWA_WEIGHT = moments_of(
+    np.array([4.0, 4.0, 3.0, 2.8, 2.1, 1.8, 0.8]),
+    np.array(
+        [
+            [0, -0.02, 0.245], [0, -0.095, 0.025], [0, 0.025, 0.31], [0, 0.09, 0.025],
+            [0, -0.02, 0.3], [0, -0.02, 0.02], [0, 0, 0.14],
+        ]
+    ),
+)  # fmt: skip
 
 
 def turned(chain: Chain, angle: float) -> Chain:
@@ -63,10 +75,7 @@ def test_every_arm_is_offered_what_gravity_bends_and_told_what_it_does_not():
     assert ladders_of(NOMINAL)[0].why_not == (
         never(1), "joint 5 y: gravity never bends it", never(6)
     )  # fmt: skip
-    arm = load_robot("kuka_iiwa7")
-    ladder, _ = ladders_of(
-        arm.model, moments=moments_of(arm.masses, arm.centers), limits=arm.limits
-    )
+    ladder, _ = ladders_of(IIWA, moments=IIWA_WEIGHT, limits=IIWA_LIMITS)
     assert tuple(level.name for level in ladder.levels) == ("none", *ALL)
     assert ladder.why_not == (never(1), never(7))
     # on a wall gravity turns joint 1 as well, and the closed form holds no more
@@ -202,18 +211,17 @@ def test_the_climb_has_the_numbers_and_the_evidence_of_whole_fits(which):
 
 def test_springs_of_an_arm_without_closed_form_are_found_and_serve_it():
     """Seven axes, nobody states a mass, one robot: most of what its sag leaves is gone."""
-    arm = load_robot("kuka_iiwa7")
-    nominal, rng = RobotModel(arm.model.chain), np.random.default_rng(3)
-    truth = ladders_of(nominal, moments=moments_of(arm.masses, arm.centers), limits=arm.limits)
+    nominal, rng = IIWA, np.random.default_rng(3)
+    truth = ladders_of(nominal, moments=IIWA_WEIGHT, limits=IIWA_LIMITS)
     sag = truth[0].levels[1]
     wide = with_errors(nominal, sag.errors)
     step = np.zeros(wide.n_numbers)
     step[-len(sag.sd) :] = 0.5 * sag.sd
-    true, q = wide.moved(step), rng.uniform(*arm.limits.T, (300, 7))
+    true, q = wide.moved(step), rng.uniform(*IIWA_LIMITS.T, (300, 7))
     T = true.poses(q)
     T[:, :3, 3] += rng.normal(size=(300, 3)) * SIGMA_POSITION
     table = poses(q[:80], T[:80], sd=(SIGMA_POSITION, SIGMA_ROTATION))
-    choice = choose(nominal, table, ladders=ladders_of(nominal, limits=arm.limits))
+    choice = choose(nominal, table, ladders=ladders_of(nominal, limits=IIWA_LIMITS))
     assert choice.climb.taken[0].errors.springs is not None
     gap = [
         np.linalg.norm(one.model.poses(q[80:])[:, :3, 3] - true.poses(q[80:])[:, :3, 3], axis=1)
