@@ -46,6 +46,7 @@ from testbed.identify.proof import (
 from testbed.identify.records import Calibration, HeldOutSplit, OutlierRows
 from testbed.identify.session import origin_of, row_names, with_scatter
 from testbed.identify.shared import shared_of
+from testbed.identify.visits.apart import require_shared
 from testbed.identify.visits.fit import with_own_frames
 from testbed.identify.visits.frames import own_frames
 from testbed.identify.visits.split import split_of_session
@@ -147,6 +148,8 @@ def _calibrated(
         frames, measurements.rows(places), robot, row_terms(session, robot), options.seed
     )
     plain = identify(frames.start, looking.train, frames.parameters)
+    if session.visit is not None:
+        require_shared(session, robot.model, looking.train, session.visit[places], plain)
     shots = first_look(looking, plain)
     left_out = np.zeros(len(measurements), dtype=bool)
     report(STEPS[2], 2, len(STEPS))
