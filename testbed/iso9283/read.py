@@ -130,7 +130,7 @@ def _repeating(visits: Visits | None, paths: Sequence[PathRuns]) -> Iterator[str
 
 def _repeats(path: PathRuns) -> bool:
     """Whether every run of a path is its command."""
-    return path.matched and all(np.array_equal(run, path.command) for run in path.runs)
+    return all(np.array_equal(run, path.command) for run in path.runs)
 
 
 def _without_folders(texts: Sequence[str], files: Sequence[SourceFile]) -> tuple[str, ...]:

@@ -142,7 +142,7 @@ def target_words(found: TargetStatement) -> tuple[str, ...]:
 
 def _span(radius: Array) -> str:
     """Least to largest [um]."""
-    ends = (f"{float(end) * UM:.3g}" for end in (radius.min(), radius.max()))
+    ends = (significant(float(end) * UM) for end in (radius.min(), radius.max()))
     return " to ".join(dict.fromkeys(ends))
 
 
