@@ -32,7 +32,7 @@ from testbed.files.text import read_sheet, rewritten
 from testbed.files.valid import valid_rows
 from testbed.gates.text import FileText, read_text
 from testbed.robots.catalog import Robot
-from testbed.units import DEG
+from testbed.units import DEG, significant
 
 ADDED = ("status", "before_mm", "left_mm", "left_deg", "conditions")
 """Columns that are added: outcome, errors before and after by the identified model, and whether the
@@ -161,8 +161,8 @@ def correct_program(
     kept = f"; the other {count - changed} stay as they were" if changed < count else ""
     done = (
         f"{changed} of {count} targets corrected{kept}: by the identified model they miss "
-        f"{1e3 * result.before.mean():.3f} mm before and {1e3 * result.left.mean():.3g} mm after "
-        "on average"
+        f"{1e3 * result.before.mean():.3f} mm before and "
+        f"{significant(1e3 * result.left.mean())} mm after on average"
     )
     sentences = (done, *status_sentences(result.status, "target", WORDS), *away.sentences)
     sentences += (*away.unsaid, *result.sentences)

@@ -196,6 +196,8 @@ def family_confidence(comparisons: int) -> float:
     return 1 - (1 - CONFIDENCE) / max(comparisons, 1)
 
 
+ROUNDING = 1e-12
+"""Part of a figure below which its interval is rounding alone."""
 CONFIDENCE = 0.95
 
 
@@ -234,7 +236,7 @@ def plus_minus(mean: Mean, places: int = 2) -> str:
 
     `places` is the least number of decimals: a narrow interval asks for more.
     """
-    if not mean.half_width:
+    if mean.half_width <= ROUNDING * abs(mean.value):
         return fixed(mean.value, places)
     if not isfinite(mean.half_width):
         return f"{fixed(mean.value, places)} (one pool)"

@@ -12,6 +12,7 @@ from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.program import correct_program
 from testbed.identify.applies.targets import statement_at
 from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.handback.deliver import in_own_frames
 from tests.calibrated import robot, session_of, table_of, true_model
 from tests.reference import DEG, pool_r
 from tests.testbed.files.made import csv
@@ -84,8 +85,8 @@ def test_targets_far_from_the_mean_warmth_are_less_certain(tmp_path):
         more = {} if warm is None else {"temperature_degC": np.full(6, warm)}
         (tmp_path / f"{name}.csv").write_text(csv(joints | more))
         done = correct_program(
-            tmp_path / f"{name}.csv", robot(), found().fit.identification.model,
-            tmp_path / f"{name}_out.csv", measured=found().conditions, set_up=found().set_up,
+            tmp_path / f"{name}.csv", robot(), in_own_frames(found()), tmp_path / f"{name}_out.csv",
+            measured=found().conditions, set_up=found().set_up,
         )  # fmt: skip
         radii[name] = statement_at(found(), done).radius_mean
         sentences[name] = " ".join(done.sentences)

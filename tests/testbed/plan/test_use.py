@@ -105,8 +105,8 @@ def test_a_session_finds_the_conditions_in_the_plan_that_was_measured(tmp_path):
         ("payload_kg", "1e4", "payload_kg is 10000; a payload is at most 1000 kg; mend it. [V9]"),
         ("temperature_degC", "nan", 'temperature_degC is "nan"; it must be a number; mend or '
          "remove that row. [M25]"),
-        ("temperature_degC", "-2e3", "temperature_degC is -2000; a temperature is at most 1000 "
-         "degC; mend it. [V9]"),
+        ("temperature_degC", "-2e3", "temperature_degC is -2000; a temperature (in degC, not in "
+         "kelvin) is at most 150 degC; mend it. [V9]"),
         ("tool", "", "tool is empty; fill the cell. [M25]"),
     ],
 )  # fmt: skip

@@ -135,7 +135,8 @@ def test_joint_ranges_that_the_robot_cannot_have_are_named(ranges, says):
 @pytest.mark.parametrize("robot", [TX60, UR10, IIWA], ids=lambda robot: robot.name)
 def test_each_preset_fits_the_arm_or_is_refused_in_words_before_anything_is_drawn(robot, preset):
     truth = scenario(robot.name, truth={"preset": preset})
-    closed = preset in ("rigid", "elastic", "drives", "moving") or robot is not IIWA
+    fits = ("rigid", "elastic", "drives", "moving", "payloads", "gears")
+    closed = preset in fits or robot is not IIWA
     if not closed:
         with pytest.raises(InputError, match=r"gravity_mdeg does not fit this arm, kuka_iiwa7"):
             check_robot(truth, robot, where="x.toml")
