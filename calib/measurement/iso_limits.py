@@ -1,6 +1,5 @@
 """Confidence limits of ISO 9283 figures: Student's t for accuracies, chi-square for scatters."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,8 +82,9 @@ def repeatability_limits(position: ArrayLike, *, probability: float = 0.95) -> L
 
 def _chi_square(value: Array, dof: Array, probability: float) -> Limits:
     """Limits of a standard deviation, or of what scatters like one."""
-    tail: Callable[[float], Array] = lambda p: value * np.sqrt(dof / chdtri(dof, p))  # noqa: E731
-    lower, upper = tail((1 - probability) / 2), tail((1 + probability) / 2)
+    lower, upper = (
+        value * np.sqrt(dof / chdtri(dof, (1 + side * probability) / 2)) for side in (-1, 1)
+    )
     return Limits(frozen(lower), frozen(upper), _all(dof, value))
 
 

@@ -27,7 +27,7 @@ from tests.testbed.iso9283.made import (
     text_of,
 )
 
-PROTOTYPE = Path("/work/shared/prototypes/reference/iso9283.py")
+PROTOTYPE = Path(__file__).parents[4] / "shared" / "prototypes" / "reference" / "iso9283.py"
 UM = 1e-6
 
 

@@ -15,7 +15,7 @@ from testbed.identify.handback.states import hand_back_warnings, handed_numbers,
 from testbed.robots.catalog import load_robot
 from tests.testbed.identify.handback.test_other_tool import write_ur5
 
-DATA = Path("/work/shared/data/jacobi_ur5")
+DATA = Path(__file__).parents[5] / "shared" / "data" / "jacobi_ur5"
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="the public data are not here")
 
 
