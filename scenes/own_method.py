@@ -10,7 +10,8 @@ import numpy as np
 
 import calib
 from calib.arrays import Array, Index
-from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
+from testbed.laboratory.truth.laboratory import open_laboratory
+from testbed.laboratory.truth.setting import make_setting
 from testbed.scenario.read import changed
 from testbed.streams import stream
 from testbed.studies import load_scenario

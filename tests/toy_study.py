@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from calib.arrays import Array
-from testbed.laboratory.truth.laboratory import Setting
+from testbed.laboratory.truth.setting import Setting
 from testbed.recording.curves import draw_curve
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter

@@ -8,11 +8,12 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array
 from calib.geometry.bodies import Z
 from calib.geometry.chain import Chain
+from calib.geometry.felt_springs import felt_springs, postures
 from calib.geometry.gravity import Weight, weight_of
 from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
-from calib.geometry.springs import SprungJoints, felt_springs, postures
+from calib.geometry.springs import SprungJoints
 from calib.identification.joint_models import gravity_quarters
 from calib.identification.levels import NOTHING, Ladder, Level
 from calib.information.rank import BEARING, SAG

@@ -8,11 +8,11 @@ import numpy as np
 from calib.arrays import Array
 from calib.errors import refuse
 from calib.geometry.chain import Chain, forward
+from calib.geometry.felt_springs import felt_springs, postures
 from calib.geometry.gravity import weight_of
 from calib.geometry.joint_errors import JointErrors, JointTerm, gravity_terms, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.geometry.springs import felt_springs, postures
 from calib.identification.result import Identification
 
 UPRIGHT = np.radians(1.0)

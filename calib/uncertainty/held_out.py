@@ -120,3 +120,19 @@ def require_disjoint(q: ArrayLike, used_q: ArrayLike) -> None:
                 "identification",
                 fix="measure other poses, or leave these out of the identification",
             )  # fmt: skip
+
+
+def first_of_pose(test: Measurements) -> Measurements:
+    """The first row of every pose: its others repeat the same error of the model."""
+    return test.rows(np.unique(test.pose_id, return_index=True)[1])
+
+
+def errors_of_poses(model: RobotModel, test: Measurements) -> Array:
+    """Largest position error (p,) of each pose [m]: poses are alike, rows of one not independent.
+
+    A distance shows an error along one line only: no radius around a point comes of it.
+    """
+    points = test.rows(~test.is_distance)
+    if not len(points):
+        return np.zeros(0)
+    return points.largest_of_poses(predict(model, points).misses)

@@ -9,17 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.arrays import Array, check
-from calib.geometry.model import RobotModel
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
 from calib.measurement.observations import Measurements
-from calib.measurement.prediction import predict
 from calib.uncertainty.bootstrap import REPLICATES, Bootstrap, bootstrap
 from calib.uncertainty.circumstances import Circumstances as Circumstances
 from calib.uncertainty.circumstances import MeasuredNoise, measured_noise
 from calib.uncertainty.conformal import Conformal, conformal, fewest_poses
 from calib.uncertainty.discrepancy import FEWEST, Discrepancy, discrepancy
-from calib.uncertainty.held_out import HeldOut, held_out
+from calib.uncertainty.held_out import HeldOut, errors_of_poses, first_of_pose, held_out
 from calib.uncertainty.statement.belief import Belief, adding, believe
 from calib.uncertainty.statement.drifting import Drifting, drifting
 from calib.uncertainty.statement.gain import of_all_numbers
@@ -272,22 +270,6 @@ def _asked(
     parts = [fit.p_value] if fit.dof > 0 and fit.mode == "whitened" else []
     parts += [seen.p_value] if seen is not None else []
     return Questions(tuple(names), tuple(p), fisher(parts))
-
-
-def first_of_pose(test: Measurements) -> Measurements:
-    """The first row of every pose: its others repeat the same error of the model."""
-    return test.rows(np.unique(test.pose_id, return_index=True)[1])
-
-
-def errors_of_poses(model: RobotModel, test: Measurements) -> Array:
-    """Largest position error (p,) of each pose [m]: poses are alike, rows of one not independent.
-
-    A distance shows an error along one line only: no radius around a point comes of it.
-    """
-    points = test.rows(~test.is_distance)
-    if not len(points):
-        return np.zeros(0)
-    return points.largest_of_poses(predict(model, points).misses)
 
 
 def _rejected(identification: Identification, seen: HeldOut | None) -> bool:

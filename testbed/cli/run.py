@@ -173,7 +173,8 @@ def identify(
         from testbed.files.read import ReadOptions, read_held_out, read_session
         from testbed.identify.calibrate import Options
         from testbed.identify.folder import check_place, play_calibration
-        from testbed.identify.session import all_identify, with_test
+        from testbed.identify.session import with_test
+        from testbed.identify.splitting import all_identify
         from testbed.identify.words import terminal_text
         from testbed.robots.catalog import load_robot
         from testbed.robots.write.urdf import require_package

@@ -6,6 +6,13 @@ from dataclasses import dataclass, replace
 from calib.errors import InputError
 from testbed.files.dialects.rapid import read_rapid
 from testbed.files.dialects.spatial_analyzer import read_sa
+from testbed.files.dialects.tables import (
+    FileTable,
+    JointsTable,
+    ObservedTable,
+    OpticalTable,
+    PointsTable,
+)
 from testbed.files.drift import without_drift
 from testbed.files.observed import (
     misspelt_columns,
@@ -14,14 +21,7 @@ from testbed.files.observed import (
 )
 from testbed.files.readings import Readings, copied_rows, lost_readings
 from testbed.files.session import Drift, Sources
-from testbed.files.session_toml import (
-    FileTable,
-    JointsTable,
-    ObservedTable,
-    OpticalTable,
-    PointsTable,
-    SessionFile,
-)
+from testbed.files.session_toml import SessionFile
 from testbed.files.table import DataTable, table_of
 from testbed.files.text import read_sheet
 from testbed.gates.text import FileText

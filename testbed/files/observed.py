@@ -7,18 +7,13 @@ import numpy as np
 from calib.arrays import Array, Bool
 from calib.geometry.frames import inverse, transform
 from testbed.files.columns import TEXTS, close_to, is_known, misspelling
+from testbed.files.dialects.tables import FramesTable, ObservedTable, PointsTable, RangesTable
 from testbed.files.joints import extra_columns, extras_of
 from testbed.files.readings import Readings, plain_readings
 from testbed.files.refusal import refusal, require_names
 from testbed.files.rotations import checked_rotations, stated_in
 from testbed.files.session import Stated
-from testbed.files.session_toml import (
-    FramesTable,
-    ObservedTable,
-    PointsTable,
-    RangesTable,
-    UncertaintyTable,
-)
+from testbed.files.session_toml import UncertaintyTable
 from testbed.files.table import Columns, DataTable, together
 from testbed.files.uncertainty import spread_columns, spread_of
 from testbed.files.valid import valid_rows

@@ -9,17 +9,12 @@ from calib.arrays import Array, Index
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.frames import slide
 from calib.measurement.observations import GIVEN
+from testbed.files.dialects.tables import ObservedTable, Place, PointsTable, RangesTable
 from testbed.files.joints import Joints
 from testbed.files.matching import numbered
 from testbed.files.readings import Readings
 from testbed.files.refusal import refusal
-from testbed.files.session_toml import (
-    ObservedTable,
-    Place,
-    PointsTable,
-    RangesTable,
-    StartTable,
-)
+from testbed.files.session_toml import StartTable
 from testbed.strict import choice_of
 
 

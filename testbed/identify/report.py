@@ -13,6 +13,7 @@ from testbed.identify.decisions import decided_at, decision_section, decision_wo
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.report import hand_back_section
 from testbed.identify.handback.states import HandedNumber, handed_numbers
+from testbed.identify.headline import HEAD, headline_rows
 from testbed.identify.records import Calibration
 from testbed.identify.report_belief import belief_section
 from testbed.identify.report_errors import (
@@ -23,17 +24,7 @@ from testbed.identify.report_errors import (
 )
 from testbed.identify.shared import shared_section
 from testbed.identify.visits.report import visit_section
-from testbed.identify.words import (
-    HEAD,
-    headline_rows,
-    mark,
-    next_step,
-    notice,
-    rank_words,
-    reasons,
-    sheet_rows,
-    verdict,
-)
+from testbed.identify.words import mark, next_step, notice, rank_words, reasons, sheet_rows, verdict
 from testbed.jobsheet.report import job_section
 from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section
 from testbed.units import DEG, MM, counted, fixed, sentences, with_uncertainty

@@ -4,9 +4,9 @@ import numpy as np
 
 from calib.identification.outlier_search import HONEST
 from testbed.identify import plots
+from testbed.identify.headline import mm
 from testbed.identify.records import Calibration
 from testbed.identify.results import map_of
-from testbed.identify.words import mm
 from testbed.report.choice import choice_tables
 from testbed.report.page import Block, Figure, Points, Section, Text
 from testbed.report.plots_joints import joint_maps

@@ -2,20 +2,20 @@
 
 import numpy as np
 
-from calib.information.reduction import Reduction
 from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.statement.stated_point import StatedPoint
-from testbed.identify.beyond import beyond_words, gravity_words
+from testbed.identify.applies.beyond import beyond_words, gravity_words
 from testbed.identify.conditions import conditions_words
 from testbed.identify.decisions import decision_words
 from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.states import hand_back_warnings, tool_words
-from testbed.identify.records import Calibration, Figures, FittedModel
+from testbed.identify.headline import HEAD, condition, deg, headline_rows, mm
+from testbed.identify.records import Calibration, FittedModel
 from testbed.identify.visits.report import judges_called, visit_words
 from testbed.jobsheet.report import Row, job_rows
 from testbed.report.page import SIMULATED
-from testbed.units import DEG, MM, UM, counted, fixed, sentences, significant
+from testbed.units import UM, counted, sentences, significant
 
 MEASURED = "MEASURED - a calibration report, not a certificate of traceability"
 GUARDED = "✓ A region of the tool point is believed, and held-out poses guard it"
@@ -29,10 +29,6 @@ LARGER = 1.2
 """Residuals so many times the stated noise are said to be larger."""
 MOST_NAMED = 5
 """Rows that do not fit, named on the terminal."""
-HEAD = (
-    "model", "mean mm", "median mm", "rms mm", "p95 mm", "max mm", "mean deg", "p95 deg", "max deg",
-    "training mean mm", "χ²/dof", "cond.", "rank",
-)  # fmt: skip
 
 
 def notice(calibration: Calibration) -> str:
@@ -194,41 +190,6 @@ def _more_poses() -> str:
     return f"Measure at least {fewest_poses()} poses to hold out, drawn from where it is used."
 
 
-def headline_rows(calibration: Calibration) -> tuple[tuple[str, ...], ...]:
-    """Before, and each model: figures at the held-out rows, else at the training rows."""
-    before = _figures(calibration.before_test, calibration.before_train)
-    rows = [("nominal links, frames fitted", *before, *"–––")]
-    for fit in calibration.fits:
-        result = fit.identification
-        chosen = fit is calibration.fit and len(calibration.fits) > 1
-        rows.append(
-            (
-                f"{fit.model} (chosen)" if chosen else fit.model,
-                *_figures(fit.test, fit.train),
-                significant(result.chi_square / result.dof, 3) if result.dof > 0 else "–",
-                _condition(result.reduction) or "–",
-                str(result.reduction.rank),
-            )
-        )
-    return tuple(rows)
-
-
-def _figures(test: Figures | None, train: Figures) -> tuple[str, ...]:
-    """Cells of one model."""
-    shown = train if test is None else test
-    p, r = shown.position, shown.rotation
-    turns = (
-        ("–",) * 3 if r is None else tuple(fixed(v * DEG, 4) for v in (r.mean, r.p95, r.maximum))
-    )
-    lengths = (p.mean, shown.median, p.rms, p.p95, p.maximum)
-    return (*(mm(value) for value in lengths), *turns, mm(train.position.mean))
-
-
-def _condition(reduction: Reduction) -> str:
-    """Condition of the kept columns; empty where a prior keeps what the data cannot tell apart."""
-    return significant(reduction.condition, 3) if reduction.told_apart else ""
-
-
 def rank_words(fit: FittedModel) -> str:
     """How many numbers the data tell apart, and how that was counted."""
     result = fit.identification
@@ -239,8 +200,8 @@ def rank_words(fit: FittedModel) -> str:
         f"{len(result.parameters.names) - free} held; rank {reduction.rank} (singular values above "
         f"{reduction.tolerance:.0e} of the largest count)"
     )
-    condition = _condition(reduction)
-    text += f", condition {condition} of the kept columns. " if condition else ". "
+    alike = condition(reduction)
+    text += f", condition {alike} of the kept columns. " if alike else ". "
     if result.prior is not None:
         text += (
             f"{counted(len(result.prior.names), 'number')} of links and joints have a weak prior "
@@ -258,16 +219,6 @@ def rank_words(fit: FittedModel) -> str:
 def held_out_poses(calibration: Calibration) -> int:
     """Number of held-out poses."""
     return calibration.measurements.rows(calibration.split.is_test).n_poses
-
-
-def mm(length: float) -> str:
-    """A length [m] in mm to a tenth of a micrometre."""
-    return fixed(length * MM, 4)
-
-
-def deg(angle: float) -> str:
-    """An angle [rad] in deg."""
-    return fixed(angle * DEG, 4)
 
 
 def sheet_rows(calibration: Calibration, delivered: Delivered) -> tuple[Row, ...]:

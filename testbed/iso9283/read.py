@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from calib.errors import refuse
+from testbed.files.dialects.tables import CyclesTable
 from testbed.files.read import ReadOptions
 from testbed.files.session import Sources
-from testbed.files.session_toml import SESSION_FILE, CyclesTable, SessionFile
+from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.files.visits.tables import CampaignFile
 from testbed.gates.mistakes import validated
 from testbed.gates.paths import is_there, real

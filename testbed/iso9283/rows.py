@@ -10,11 +10,12 @@ from calib.errors import InputError
 from testbed.bounds import COUNT
 from testbed.files.cleaned import table_in
 from testbed.files.columns import COMMANDED, COUNTS, misspelling
+from testbed.files.dialects.tables import CyclesTable, FramesTable
 from testbed.files.observed import misspelt_columns, read_observed, section_of, unused_columns
 from testbed.files.readings import Readings, copied_rows, lost_readings
 from testbed.files.refusal import refusal, require_names
 from testbed.files.session import rows_of
-from testbed.files.session_toml import CyclesTable, FramesTable, SessionFile, UncertaintyTable
+from testbed.files.session_toml import SessionFile, UncertaintyTable
 from testbed.files.table import Columns, DataTable
 from testbed.files.uncertainty import spread_columns
 from testbed.gates.text import FileText

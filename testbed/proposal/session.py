@@ -1,8 +1,6 @@
 """A session.toml from the files of a user: readings tried with the nominal robot, and told."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -18,31 +16,15 @@ from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.gates.mistakes import validated
 from testbed.gates.text import MAX_MB, FileText
 from testbed.proposal.data import Found
+from testbed.proposal.drafts import MATCHED, PARTS, drafts_of
 from testbed.proposal.names import is_wished
-from testbed.proposal.parts import Document, Part, joint_parts, seen_parts
+from testbed.proposal.parts import Document
 from testbed.robots.robot import Robot
 
 JOINTS = 6
 """Of a robot that nobody names."""
 TRIED, FITTED = 300, 60
 """Lines of one file that readings are tried with, and rows of them that frames are fitted to."""
-MATCHED = 2000
-"""Rows of several files above which they are tried with their first lines, too."""
-PARTS = (1, 3)
-"""Parts of the rows of which the best one counts."""
-ASSUMED = {"position_um": 30, "rotation_mdeg": 10}
-"""Standard uncertainties where no file has any: of a laser tracker at some meters."""
-
-
-@dataclass(frozen=True, slots=True)
-class Draft:
-    """A session that may be meant."""
-
-    document: Document
-    notes: tuple[str, ...]
-    """What was taken as it is not said anywhere, in words."""
-    jointless: bool = False
-    """Whether no file has joints."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +112,7 @@ def _of_visits(proposed: Proposed, looks: tuple[Found, ...]) -> Proposed:
 def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Proposed:
     """The same without the files that it leaves aside."""
     n = robot.model.chain.n_joints if robot is not None else _count(looks)
-    drafts = list(_drafts(looks, n))
+    drafts = list(drafts_of(looks, n))
     if not drafts:
         wished = [name for one in looks for name in one.head if is_wished(name)]
         fix = "name the columns, or name them under columns in session.toml by hand"
@@ -215,105 +197,3 @@ def _count(looks: tuple[Found, ...]) -> int:
         if known:
             return len(known)
     return JOINTS
-
-
-def _drafts(looks: tuple[Found, ...], n: int) -> Iterator[Draft]:
-    """Sessions that may be meant, the likely ones first."""
-    bare = [look for look in looks if look.kind == "bare"]
-    heads = [look for look in looks if look.kind == "table"]
-    if bare and heads:
-        message = f"has no line that names its columns, but {heads[0].name} has"
-        raise refusal(str(bare[0].path), "file", message, fix="name the columns of both")
-    if alone := [look for look in bare if look.rows < 2]:
-        raise refusal(
-            str(alone[0].path), "file", "is one line of numbers: nothing tells what they are",
-            code="M27", fix="give the file with all its rows, the columns named in the first line",
-        )  # fmt: skip
-    joints: list[Part | None] = [part for look in looks for part in joint_parts(look, n)]
-    groups = _stations(looks)
-    seen = [part for group in groups for part in seen_parts(group[0], n)]
-    files = {id(group[0]): group for group in groups}
-    taken: set[str] = set()
-    for one, two in product(joints or [None], seen):
-        # both in one file without a head must be parts of one layout, and of two files none
-        if (
-            one is not None
-            and (one[0] is two[0]) != (one[3] == two[3])
-            and "both" in one[3] + two[3]
-        ):
-            continue
-        if one is not None and one[0] is two[0] and one[3] != two[3]:
-            continue
-        for draft in _matched(one, two, n, files[id(two[0])]):
-            if (key := repr(draft.document)) not in taken:
-                taken.add(key)
-                yield draft
-
-
-def _stations(looks: tuple[Found, ...]) -> list[tuple[Found, ...]]:
-    """Tables of one kind whose rows have names are of one robot from several stations."""
-    alike: dict[object, list[Found]] = {}
-    for look in looks:
-        many = look.kind == "table" and look.sheet is None and look.has("pose_id")
-        alike.setdefault(look.head if many else id(look), []).append(look)
-    return [tuple(group) for group in alike.values()]
-
-
-def _matched(
-    joints: Part | None, seen: Part, n: int, stations: tuple[Found, ...]
-) -> Iterator[Draft]:
-    """Sessions of joints and readings, by each way that may match them."""
-    look, keys, notes, _ = seen
-    keys = dict(keys)
-    section = keys.pop("section")
-    document: Document = {"joints": {"file": "joints.csv"}, section: {**_where(look), **keys}}
-    said = [f"joints: no file has q1 to q{n}; name it under [joints]", *notes]
-    ways: tuple[str, ...] = ("",)
-    if joints is not None:
-        document["joints"] = {**_where(joints[0]), **joints[1]}
-        said = [*joints[2], *notes]
-        ways = ("",) if joints[0] is look else _ways(joints[0], look)
-    if len(stations) > 1:
-        document[section] = {"files": [one.name for one in stations], **keys}
-        said.append("stations: each file is one, and the frame of the first is the world")
-        ways = ("pose_id",)
-    if look.kind == "bare":
-        document["dialect"] = {"header": False}
-    stated, more = _uncertainty(look, section)
-    document["uncertainty"] = stated
-    for way in ways:
-        note = ("order: the k-th reading belongs to the k-th joints",) if way == "order" else ()
-        match = {"match": way} if way else {}
-        yield Draft({**match, **document}, (*said, *note, *more), joints is None)
-
-
-def _uncertainty(look: Found, section: str) -> tuple[Document, tuple[str, ...]]:
-    """[uncertainty] where no columns have it."""
-    missing = {"position_um": ("x", "y", "z"), "rotation_mdeg": ("rx", "ry", "rz")}
-    stated = {
-        key: ASSUMED[key]
-        for key, axes in missing.items()
-        if (key == "position_um" or section == "frames")
-        and not any(look.has(*(f"{u}{axis}" for axis in axes)) for u in ("u", "U95"))
-    }
-    return stated, tuple(
-        f"uncertainty: no column has it; {key} = {value} is assumed: your instrument's certificate "
-        "knows"
-        for key, value in stated.items()
-    )
-
-
-def _where(look: Found) -> Document:
-    """File, and sheet, of a table."""
-    return {"file": look.name} | ({"sheet": look.sheet} if look.sheet is not None else {})
-
-
-def _ways(one: Found, two: Found) -> tuple[str, ...]:
-    """pose_id where both sides have the same names, else order; an export's names are tried."""
-    if two.kind in ("points", "frames"):
-        return ("pose_id", "order") if one.has("pose_id") else ("order",)
-    sides = []
-    for look in (one, two):
-        found = look.stems.get("pose_id")
-        sides.append(set(look.column(found.theirs)) if found else None)
-    return ("pose_id",) if None not in sides and sides[0] == sides[1] else ("order",)

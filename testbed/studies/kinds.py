@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
 
-from testbed.laboratory.truth.laboratory import Setting
+from testbed.laboratory.truth.setting import Setting
 from testbed.report.page import Section
 from testbed.scenario.hashes import goal_part, part, shared_part, truth_part
 from testbed.scenario.scenario import Scenario

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from testbed.assets import scenes
 from testbed.identify.records import HeldOutSplit, Origin
-from testbed.laboratory.truth.laboratory import Setting
+from testbed.laboratory.truth.setting import Setting
 from testbed.run.play import play_run
 from testbed.scenario.read import dump_scenario
 from testbed.store import layout, npz

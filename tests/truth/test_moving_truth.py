@@ -9,9 +9,10 @@ from calib.geometry.operating import OperatingConditions, approaches
 from calib.identification.ladders import ladders_of
 from calib.identification.model_choice import choose
 from calib.identification.row_ladders import row_ladders
-from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
+from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.laboratory.truth.moving import MovingArm
 from testbed.laboratory.truth.robot import draw_truth
+from testbed.laboratory.truth.setting import make_setting
 from testbed.robots.catalog import load_robot
 from testbed.run.play import play_run
 from testbed.scenario.read import changed

@@ -14,8 +14,9 @@ import pytest
 from calib.design import Problem, exchange, random_selection
 from calib.geometry.frames import log_so3
 from calib.identification.identify import identify
-from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
+from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.laboratory.truth.robot import draw_truth
+from testbed.laboratory.truth.setting import make_setting
 from testbed.scenario.read import changed
 from testbed.streams import stream
 from testbed.studies import load_scenario

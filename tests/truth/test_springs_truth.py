@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from calib.arrays import Array
+from calib.geometry.felt_springs import felt_springs
 from calib.geometry.frames import exp_so3
 from calib.geometry.gravity import DOWN, Weight, guessed_moments, moments_of
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
-from calib.geometry.springs import SprungJoints, felt_springs
+from calib.geometry.springs import SprungJoints
 from calib.identification.identify import Status, identify
 from calib.identification.ladders import ladders_of
 from calib.identification.model_choice import ModelChoice, choose

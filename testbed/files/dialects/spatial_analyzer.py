@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbed.files.columns import ANGLES, LENGTHS, MATRIX_COLUMNS, QUATERNION_COLUMNS, is_known
+from testbed.files.dialects.tables import FramesTable, OpticalTable, PointsTable
 from testbed.files.joints import Extras
 from testbed.files.matching import visits_of
 from testbed.files.observed import cartesian, inverse_poses
@@ -19,7 +20,7 @@ from testbed.files.readings import Readings, plain_readings
 from testbed.files.refusal import refusal
 from testbed.files.rotations import checked_rotations, sequence_of
 from testbed.files.session import Stated
-from testbed.files.session_toml import FramesTable, OpticalTable, PointsTable, UncertaintyTable
+from testbed.files.session_toml import UncertaintyTable
 from testbed.files.table import Columns, DataTable, number_of, table_of, together, unknown_column
 from testbed.files.text import Sheet
 from testbed.files.uncertainty import spread_columns, spread_of

@@ -1,37 +1,27 @@
 """Several visits of one robot read and joined: stations and tools numbered through."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from calib.arrays import Array, Index
 from calib.errors import InputError
 from calib.geometry.fixtures import Fixtures
-from calib.measurement.observations import GIVEN, Measurements, joined
+from calib.measurement.observations import joined
 from testbed.files.conditions import SetUp
 from testbed.files.conditions import joined as joined_conditions
 from testbed.files.refusal import refusal
 from testbed.files.rows.say import RowsSay
 from testbed.files.session import Session, Sources, Stated
 from testbed.files.session_toml import SessionFile
+from testbed.files.visits.numbers import Numbered, numbers, renumbered
 from testbed.files.visits.shared import Sharing, sharing_of
 from testbed.files.visits.tables import CampaignFile, VisitTable
 from testbed.files.visits.visit import OWN, RobotVisit
 from testbed.units import counted
 
 Reader = Callable[[SessionFile, Sources], Session]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Numbered:
-    """Where the stations, the tool and the reflectors of one visit stand among all."""
-
-    station: Index
-    """Number of each of its stations."""
-    mounted: int
-    reflector: Index
-    """Number of each of its reflectors."""
 
 
 def read_visits(settings: CampaignFile, sources: Sources, read: Reader, *, where: str) -> Session:
@@ -122,11 +112,11 @@ def _joined(
     where: str,
 ) -> Session:
     """All rows as one session."""
-    numbered, station_names, n_tools, reflector_names = _numbers(visits, alone, owner)
+    numbered, station_names, n_tools, reflector_names = numbers(visits, alone, owner)
     _require_one(visits, alone, where)
     first = np.cumsum([0, *(len(one.pose_names) for one in alone)])
     tables = [
-        _renumbered(one.measurements, number, int(start))
+        renumbered(one.measurements, number, int(start))
         for one, number, start in zip(alone, numbered, first[:-1], strict=True)
     ]
     counts = [len(table) for table in tables]
@@ -182,53 +172,6 @@ def _joined(
         visit=np.repeat(np.arange(len(visits)), counts),
         alone=tuple(alone),
     )  # fmt: skip
-
-
-def _numbers(
-    visits: Sequence[VisitTable], alone: Sequence[Session], owner: dict[str, list[int]]
-) -> tuple[list[Numbered], tuple[str, ...], int, tuple[str, ...]]:
-    """Numbers of every visit's stations, tool and reflectors; their names, and how many tools."""
-    stations: list[str] = []
-    at: dict[tuple[int, str], int] = {}
-    tools: dict[int, int] = {}
-    reflectors: dict[tuple[int, str], int] = {}
-    found = []
-    for k, (visit, one) in enumerate(zip(visits, alone, strict=True)):
-        base, tool = owner["base"][k], owner["tool"][k]
-        own = []
-        for j, name in enumerate(one.station_names):
-            # the first station of a session is where its base says
-            key = (base, "" if j == 0 else name)
-            if key not in at:
-                at[key] = len(stations)
-                stations.append(visit.name if j == 0 else f"{visit.name}/{name}")
-            own.append(at[key])
-        named = []
-        for name in one.reflector_names:
-            if (tool, name) not in reflectors:
-                reflectors[tool, name] = len(reflectors)
-            named.append(reflectors[tool, name])
-        mounted = 0
-        # a tool of which only reflectors of unknown place were seen is where they place it
-        if not k or (one.measurements.reflector == GIVEN).any():
-            mounted = tools.setdefault(tool, len(tools))
-        found.append(Numbered(np.array(own), mounted, np.array(named, dtype=np.int64)))
-    names = tuple(f"{visits[tool].name}/{name}" for tool, name in reflectors)
-    return found, tuple(stations), len(tools), names
-
-
-def _renumbered(table: Measurements, number: Numbered, first: int) -> Measurements:
-    """The rows of one visit among those of all."""
-    reflector = table.reflector
-    if len(number.reflector):
-        reflector = np.where(reflector == GIVEN, GIVEN, number.reflector[reflector])
-    return replace(
-        table,
-        pose_id=table.pose_id + first,
-        station=number.station[table.station],
-        reflector=reflector,
-        tool=np.full(len(table), number.mounted),
-    )
 
 
 def _visits(

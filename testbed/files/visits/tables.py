@@ -6,16 +6,8 @@ from pydantic import Field
 
 from calib.errors import refuse
 from testbed.files.conditions import ConditionsTable
-from testbed.files.session_toml import (
-    DialectTable,
-    DriftTable,
-    FramesTable,
-    JointsTable,
-    Name,
-    PointsTable,
-    SessionFile,
-    UncertaintyTable,
-)
+from testbed.files.dialects.tables import DialectTable, FramesTable, JointsTable, Name, PointsTable
+from testbed.files.session_toml import DriftTable, SessionFile, UncertaintyTable
 from testbed.strict import Strict
 
 MOST = 100

@@ -14,13 +14,14 @@ from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.least_moved import RULE
 from testbed.identify.handback.results import dh_csv, tool_csv
 from testbed.identify.handback.states import handed_robot
+from testbed.identify.headline import mm
 from testbed.identify.records import Calibration, FittedModel
 from testbed.identify.results import joint_map_csv
 from testbed.identify.visits.report import handed_out, own_reflectors
-from testbed.identify.words import mm
 from testbed.robots.catalog import Robot
 from testbed.robots.robot import Reflector
-from testbed.robots.write.folder import identified_robot, write_robot_folder
+from testbed.robots.write.folder import write_robot_folder
+from testbed.robots.write.identified import identified_robot
 
 ROBOT, DH_TABLE, JOINT_MAP = "robot", "dh_table.csv", "joint_map.csv"
 TOOL_TABLE = "tool_in_use.csv"

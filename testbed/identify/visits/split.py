@@ -10,7 +10,7 @@ from testbed.files.refusal import refusal
 from testbed.files.session import Session
 from testbed.files.visits.visit import RobotVisit
 from testbed.identify.records import HeldOutSplit
-from testbed.identify.session import groups, split_of
+from testbed.identify.splitting import groups, split_of
 from testbed.streams import stream
 from testbed.units import counted
 

@@ -1,58 +1,22 @@
 """The laboratory: a bench with the secret true robot on it, which measures."""
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Self
+from typing import Self
 
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
-from calib.errors import refuse
-from calib.geometry.model import RobotModel
 from calib.geometry.operating import OperatingConditions
 from calib.measurement.observations import DISTANCE, Measurements, joined
 from testbed.laboratory.bench import Bench, open_bench
-from testbed.laboratory.tracker.rounds import Round, first_tracker, true_fixtures
-from testbed.laboratory.tracker.stations import require_ranges, require_stations
+from testbed.laboratory.tracker.rounds import Round, first_tracker
 from testbed.laboratory.truth.robot import TrueRobot, draw_truth, unmodelled_terms
+from testbed.laboratory.truth.setting import Setting, held_out_poses, journey
 from testbed.laboratory.truth.springs import ElasticArm
 from testbed.robots.catalog import load_robot
-from testbed.scenario.fixtures import rounds_per_visit
-from testbed.scenario.laboratory import At960Tracker, TruthSettings
+from testbed.scenario.laboratory import TruthSettings
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Setting:
-    """The setup of a campaign, which all trials share: robot nominal and true, pool, test poses."""
-
-    nominal: RobotModel
-    true: RobotModel
-    """The secret: geometry and joint errors of the true robot."""
-    joint_repeatability: Annotated[Array, "n"]
-    """(n,) sd of each joint at each approach [rad or m]."""
-    pool_q: Annotated[Array, "N", "n"]
-    """(N, n) feasible candidate joints [rad, m]."""
-    pool_nominal: Annotated[Array, "N", 4, 4]
-    """(N, 4, 4) nominal tool poses of the pool in the world [m]."""
-    rejected_q: Annotated[Array, "R", "n"]
-    """(R, n) a sample (at most 100 a reason) of rejected candidates [rad, m]."""
-    rejected_reason: Annotated[tuple[str, ...], "R"]
-    """(R,) why: one of `rejection_names`."""
-    rejection_names: Annotated[tuple[str, ...], "w"]
-    """(w,) reasons, in the order they are tested, from `laboratory.pool`."""
-    rejection_counts: Annotated[Index, "w"]
-    """(w,) candidates rejected for each reason, the first that applied."""
-    n_drawn: int
-    """Candidates drawn in all."""
-    test_q: Annotated[Array, "t", "n"]
-    """(t, n) held-out poses, never used for identification [rad, m]."""
-    test_true: Annotated[Array, "t", 4, 4]
-    """(t, 4, 4) noise-free true tool poses at the held-out joints [m]."""
-    T_world_tracker: Annotated[Array, 4, 4]
-    """(4, 4) tracker station [m]."""
-    target: Annotated[Array, 3]
-    """(3,) the tool point that is judged, in the tool frame: the reflector, else the origin [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -236,75 +200,3 @@ def resting_arm(scenario: Scenario, setting: Setting) -> ElasticArm | None:
     springs = unmodelled_terms(load_robot(scenario.robot), scenario.truth).springs
     assert springs is not None
     return ElasticArm(setting.true.chain, springs)
-
-
-def journey(q: Array, start: float, pose_time: float) -> tuple[Array, Array]:
-    """Times (m,) at which poses q (m, n) are visited in turn [s], and where each came from."""
-    time: Array = start + pose_time * np.arange(len(q), dtype=np.float64)
-    return time, np.vstack([np.zeros((1, q.shape[1])), q[:-1]])[: len(q)]
-
-
-def validation_start(scenario: Scenario) -> float:
-    """When held-out poses are visited: after one visit of the largest trial [s]."""
-    poses = max(trial.poses for trial in scenario.trial)
-    return scenario.tracker.pose_s * poses * rounds_per_visit(scenario)
-
-
-def held_out_poses(
-    truth: TrueRobot, scenario: Scenario, q: Array, *, rng: np.random.Generator | None = None
-) -> Array:
-    """True poses (m, 4, 4) at q (m, n), visited in turn after the trials; without `rng` no scatter.
-
-    In meters.
-    """
-    time, previous = journey(q, validation_start(scenario), scenario.tracker.pose_s)
-    return truth.poses(q, rng=rng, time=time, previous=previous)
-
-
-def make_setting(scenario: Scenario) -> Setting:
-    """Draw the true robot, the feasible pool and the held-out poses of a scenario."""
-    bench = open_bench(scenario)
-    require_stations(bench)
-    truth = draw_truth(bench.robot, scenario.truth, scenario.seed)
-    candidates = bench.candidates()
-    pool = candidates.draw(stream(scenario.seed, "pool"))
-    require_ranges(bench, pool.q, "the pool")
-    bench.check_views(pool.q)
-    test = candidates.draw(stream(scenario.seed, "test"), size=scenario.test.poses, exclude=pool.q)
-    setting = Setting(
-        nominal=bench.robot.model,
-        true=replace(truth.model, fixtures=true_fixtures(scenario, bench.robot.model.fixtures)),
-        joint_repeatability=truth.joint_repeatability,
-        pool_q=pool.q,
-        pool_nominal=pool.T,
-        rejected_q=pool.rejected_q,
-        rejected_reason=pool.rejected_reason,
-        rejection_names=pool.rejection_names,
-        rejection_counts=pool.rejection_counts,
-        n_drawn=pool.n_drawn,
-        test_q=test.q,
-        test_true=held_out_poses(truth, scenario, test.q),
-        T_world_tracker=bench.tracker.T_world_tracker,
-        target=bench.tracker.reflector,
-    )
-    require_poses(replace(bench, pool_q=pool.q))
-    return setting
-
-
-def require_poses(bench: Bench) -> None:
-    """Refuse a trial with too few poses before anything is played: M27, and how many it needs."""
-    rows = bench.equations
-    most = max(
-        bench.kept().n_free if mode == "whitened" else bench.free(mode).n_free
-        for mode in bench.scenario.identification.estimators
-    )
-    tracker = bench.scenario.tracker
-    missed = tracker.missed if isinstance(tracker, At960Tracker) else 0
-    if bench.scenario.uncertainty.replications:
-        missed *= 2  # they visit what was measured, and miss some again
-    for trial in bench.scenario.trial:
-        if rows * (trial.poses - missed) <= most:
-            has = f"{rows * max(trial.poses - missed, 0)} equations for {most} parameters"
-            message = f'[[trial]] "{trial.name}" poses is {trial.poses}: {has}'
-            fix = f"write poses = {most // rows + 1 + missed} or more"
-            raise refuse("trial.poses", trial.poses, code="M27", message=message, fix=fix)

@@ -1,136 +1,32 @@
 """A robot out of a calibration: its folder with robot.toml, URDF and MJCF, each proven equal."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
-from calib.arrays import Array, frozen
+from calib.arrays import Array
 from calib.errors import one_line, refuse
-from calib.geometry.bodies import Z
-from calib.geometry.chain import Chain, forward
-from calib.geometry.frames import inverse, slide
+from calib.geometry.chain import forward
+from calib.geometry.frames import slide
 from calib.geometry.inverse import spread
-from calib.geometry.model import RobotModel
 from testbed.disk import flush_file, flush_folder, passing_folder, write_error
 from testbed.gates.paths import real
 from testbed.robots.catalog import ROBOT_FILE, load_robot
-from testbed.robots.describe.axes import reach, regauged
 from testbed.robots.describe.urdf import load_urdf, urdf_poses, way_to
 from testbed.robots.meshes.files import Mesh, part_mesh
-from testbed.robots.placements import LIMIT, difference, link_poses
-from testbed.robots.robot import IN_PLACE, Reflector, Robot, Visual, reflector_frames
+from testbed.robots.placements import LIMIT, difference
+from testbed.robots.robot import IN_PLACE, Robot, Visual, reflector_frames
+from testbed.robots.write.identified import require_name
 from testbed.robots.write.mjcf import frames_of, load_mjcf, mjcf_poses, mjcf_text
 from testbed.robots.write.ros import ros_files
 from testbed.robots.write.toml import robot_toml
 from testbed.robots.write.urdf import require_package, urdf_bytes
 from testbed.units import MM, counted
 
-SHIFT, TURN = 0.01, np.radians(1.0)
-"""A link's frame that moved further than this moved by the gauge, not by calibration [m, rad]."""
-NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 PROOFS, SAMPLES = 65, 1001
 """Poses at which a file is proven, and at which joint terms are weighed; without mid-range."""
 MESHES = "meshes"
-
-
-def identified_robot(
-    robot: Robot, model: RobotModel, *, name: str, reflectors: tuple[Reflector, ...] = ()
-) -> Robot:
-    """The robot with an identified model, under a new name.
-
-    What is drawn and what has mass stays where it was at joint zero. If a length came out larger
-    than the robot, which only a gauge can do, the links get other numbers for the same poses.
-
-    Parameters
-    ----------
-    robot : Robot
-        What was calibrated.
-    model : RobotModel
-        Identified geometry and joint errors; reflectors and stations are not part of a robot.
-    name : str
-        Small letters, digits, underscores.
-    reflectors : tuple of Reflector
-        What was mounted on the tool, in the tool frame of the model.
-    """
-    require_name(name)
-    nominal = robot.model.chain
-    if model.chain.kinds != nominal.kinds:
-        message = f"the model has joints {model.chain.kinds}"
-        allowed = f"those of {robot.name}: {nominal.kinds}"
-        raise refuse("model", allowed=allowed, code="A3", message=message)
-    chain, notes, errors = model.chain, robot.notes, model.joint_errors
-    # lengths that grow and axes of bearings are those of the links as they are
-    bound = errors.of_lengths or (errors.springs is not None and (errors.springs.axis != Z).any())
-    if not bound and longest(chain) > max(longest(nominal), reach(nominal)):
-        other = regauged(chain)
-        notes = (
-            *notes,
-            f"a link came out {longest(chain):.3g} m long, more than the robot; its numbers were "
-            f"chosen anew for the same poses, the longest is now {longest(other):.3g} m",
-        )
-        chain = other
-    robot = _rehung(robot, chain)
-    sources = dict(robot.sources)
-    sources["geometry"] = f"identified from measurements of {robot.name}"
-    if model.joint_errors.springs:
-        sources["springs"] = f"identified from measurements of {robot.name}"
-    if model.joint_errors.terms:
-        sources["joint_terms"] = f"identified from measurements of {robot.name}"
-    return replace(
-        robot,
-        name=name,
-        title=f"{robot.title}, identified",
-        model=RobotModel(chain, model.joint_errors),
-        sources=MappingProxyType(sources),
-        notes=notes,
-        reflectors=reflectors,
-        agreement=None,
-    )
-
-
-def longest(chain: Chain) -> float:
-    """Largest |d| or |a| among the links [m]."""
-    return float(np.abs(chain.links[:, 1:3]).max())
-
-
-def require_name(name: str) -> None:
-    """Refuse a name that cannot be a robot's."""
-    if not NAME.fullmatch(name):
-        allowed = "small letters, digits and underscores, a letter first, at most 64"
-        raise refuse(
-            "name", name, allowed, code="S37", message=f'a robot cannot be called "{name}"'
-        )
-
-
-def _rehung(robot: Robot, new: Chain) -> Robot:
-    """The robot with its bodies described in the frames of a chain of nearly the same poses.
-
-    Frames that moved as little as an identification moves them are taken as they are.
-    """
-    zero = np.zeros((1, new.n_joints))
-    before, after = (
-        link_poses(replace(chain, T_world_base=np.eye(4)), zero)[0]
-        for chain in (robot.model.chain, new)
-    )
-    moves = np.array([inverse(there) @ here for here, there in zip(before, after, strict=True)])
-    still = np.tile(np.eye(4), (len(moves), 1, 1))
-    position, rotation = difference(moves, still)
-    if position <= SHIFT and rotation <= TURN:
-        return robot
-    visuals = tuple(
-        replace(v, affine=tuple(map(tuple, (moves[v.link] @ np.array(v.affine)).tolist())))
-        for v in robot.visuals
-    )
-    centers, inertias = [], []
-    for T, center, moments in zip(moves[1:], robot.centers, robot.inertias, strict=True):
-        centers.append(T[:3, :3] @ center + T[:3, 3])
-        inertias.append(np.diagonal((T[:3, :3] * moments) @ T[:3, :3].T))
-    return replace(
-        robot, visuals=visuals, centers=frozen(np.array(centers)), inertias=frozen(inertias)
-    )
 
 
 def write_robot_folder(

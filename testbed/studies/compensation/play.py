@@ -13,9 +13,6 @@ import numpy as np
 
 from calib.arrays import Array, frozen
 from calib.compensation import compensate
-from calib.errors import InputError, refuse
-from calib.geometry.frames import exp_so3, transform
-from calib.geometry.inverse import inverse_kinematics, spread
 from calib.geometry.model import RobotModel
 from calib.identification.ladders import ladders_of
 from calib.identification.model_choice import choose
@@ -29,16 +26,11 @@ from calib.measurement.iso9283 import (
     rotation_accuracy,
 )
 from calib.uncertainty.statement.applicability import proven_at
-from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.tracker.tracker import bias_size
-from testbed.laboratory.truth.laboratory import (
-    Laboratory,
-    Setting,
-    open_laboratory,
-    validation_start,
-)
-from testbed.robots.catalog import Robot
+from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
+from testbed.laboratory.truth.setting import Setting, validation_start
 from testbed.scenario.scenario import Scenario
+from testbed.studies.compensation.cube import cube_joints, cube_poses
 from testbed.studies.compensation.settings import CompensationSettings
 from testbed.studies.compensation.study import CompensationStudy
 from testbed.studies.many_robots import alone, together, truth_of_kind
@@ -234,69 +226,3 @@ def _held_out(model: RobotModel, laboratory: Laboratory, true: Array) -> tuple[f
 def _columns(figure: IsoFigure) -> Array:
     """Value, uncertainty and floor (3, ...) of a figure."""
     return np.stack([figure.value, figure.uncertainty, figure.floor])
-
-
-FROM_CORNER = 0.1
-"""Poses 2 to 5 lie this share of the diagonal away from their corners."""
-STARTS = 32
-
-
-def cube_poses(settings: CompensationSettings, T_world_base: Array) -> Array:
-    """Tool poses (5, 4, 4) in the world [m]: the center, then four on the diagonals of a plane.
-
-    The plane holds the cube's y edges and leans up toward the robot's front: poses 2 and 3 are high
-    in front, 4 and 5 low behind.
-
-    References
-    ----------
-    ISO 9283: poses P1 to P5 of the test plane C1-C2-C7-C8, at (10 +- 2) % of the diagonals.
-    """
-    h = settings.side_mm / 2e3 * (1 - 2 * FROM_CORNER)
-    place = np.array([[0, 0, 0], [h, -h, h], [h, h, h], [-h, h, -h], [-h, -h, -h]])
-    turn = exp_so3(np.radians(settings.turn_deg))
-    T = transform(np.broadcast_to(turn, (5, 3, 3)), place + np.array(settings.center_mm) / 1e3)
-    return np.asarray(T_world_base @ T)
-
-
-def cube_joints(robot: Robot, simulator: Simulator, T: Array) -> Array:
-    """Joint targets (5, n) of the nominal robot: all five in one configuration [rad, m].
-
-    Raises
-    ------
-    InputError
-        A pose is out of reach, nearly singular, or makes the robot hit something.
-    """
-    n, limits = len(robot.limits), robot.limits
-    starts = np.broadcast_to(spread(limits, STARTS), (STARTS, n))
-    first = inverse_kinematics(robot.model, np.broadcast_to(T[0], (STARTS, 4, 4)), starts, limits)
-    ways = first.q[np.array([one == "reached" for one in first.status])]
-    ways = ways[~simulator.collides(ways)] if len(ways) else ways
-    if not len(ways):
-        raise _unfit(T[0], 1)
-    # every way to stand at the center, and on to the other four from there
-    best, score = None, np.inf
-    for way in np.unique(ways.round(9), axis=0):
-        seeds = np.broadcast_to(way, (len(T), n))
-        found = inverse_kinematics(robot.model, T, seeds, limits, whole_turns=False)
-        sound = all(one == "reached" for one in found.status)
-        if sound and found.condition.max() < score and not simulator.collides(found.q).any():
-            best, score = found.q, float(found.condition.max())
-    if best is not None:
-        return best
-    seeds = np.broadcast_to(ways[0], (len(T), n))
-    found = inverse_kinematics(robot.model, T, seeds, limits, whole_turns=False)
-    wrong = [k for k, one in enumerate(found.status) if one != "reached"]
-    raise _unfit(T[wrong[0]] if wrong else T[1], wrong[0] + 1 if wrong else 2)
-
-
-def _unfit(T: Array, number: int) -> InputError:
-    """A pose that the robot cannot take."""
-    x, y, z = T[:3, 3] * 1e3
-    return refuse(
-        "compensation.center_mm",
-        number,
-        code="S37",
-        message=f"[compensation] pose {number} of the cube at ({x:.0f}, {y:.0f}, {z:.0f}) mm "
-        "cannot be taken in one configuration with the others, without hitting something",
-        fix="move center_mm, choose a smaller side_mm, or turn the tool with turn_deg",
-    )

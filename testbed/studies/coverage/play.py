@@ -25,12 +25,8 @@ from calib.uncertainty.regions import mahalanobis_squared
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.conditions import Conditions, departure
 from calib.uncertainty.tool_point import tool_statement
-from testbed.laboratory.truth.laboratory import (
-    Laboratory,
-    Setting,
-    open_laboratory,
-    validation_start,
-)
+from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
+from testbed.laboratory.truth.setting import Setting, validation_start
 from testbed.laboratory.truth.terms import UnmodelledTerms
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream

@@ -19,7 +19,8 @@ from calib.information.propagation import point_uncertainty
 from calib.measurement.accuracy import point_distances, target_points
 from calib.uncertainty.regions import inside
 from testbed.laboratory.goal import goals_of
-from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
+from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
+from testbed.laboratory.truth.setting import Setting
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.many_robots import alone, together

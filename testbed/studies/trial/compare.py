@@ -19,7 +19,7 @@ from calib.measurement.observations import Measurements
 from calib.measurement.prediction import perfect, predict, predicted_positions
 from calib.uncertainty.regions import coverage_factor, inside, mahalanobis_squared
 from calib.uncertainty.tool_point import ToolStatement
-from testbed.laboratory.truth.laboratory import Setting
+from testbed.laboratory.truth.setting import Setting
 from testbed.studies.trial.records import Comparison, Estimate
 from testbed.studies.trial.statement.records import Validation
 

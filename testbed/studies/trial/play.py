@@ -29,14 +29,8 @@ from calib.uncertainty.regions import inside, mahalanobis_squared
 from calib.uncertainty.type_a import type_a
 from testbed.laboratory.goal import goals_of, wants_goals
 from testbed.laboratory.truth.budget import truth_budget
-from testbed.laboratory.truth.laboratory import (
-    Laboratory,
-    Setting,
-    journey,
-    make_setting,
-    open_laboratory,
-    validation_start,
-)
+from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
+from testbed.laboratory.truth.setting import Setting, journey, make_setting, validation_start
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import TrialSettings
 from testbed.streams import stream

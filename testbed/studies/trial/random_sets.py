@@ -4,7 +4,8 @@ import numpy as np
 
 from calib.design import PoseCount, Problem, pose_count, random_sets
 from calib.information.observability import CRITERIA, Form
-from testbed.laboratory.truth.laboratory import Setting, open_laboratory
+from testbed.laboratory.truth.laboratory import open_laboratory
+from testbed.laboratory.truth.setting import Setting
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.protocol import Records

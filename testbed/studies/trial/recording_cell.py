@@ -12,7 +12,8 @@ from calib.measurement.observations import Measurements
 from calib.measurement.prediction import targets
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.tool_point import ToolStatement
-from testbed.laboratory.truth.laboratory import Setting, resting_arm
+from testbed.laboratory.truth.laboratory import resting_arm
+from testbed.laboratory.truth.setting import Setting
 from testbed.laboratory.truth.springs import ElasticArm
 from testbed.recording import style
 from testbed.recording.cell import draw_beam, draw_station

@@ -19,7 +19,7 @@ from calib.information.propagation import point_uncertainty
 from calib.measurement.accuracy import Accuracy
 from calib.measurement.observations import Measurements
 from calib.uncertainty.statement.belief import Belief
-from testbed.laboratory.truth.laboratory import Setting
+from testbed.laboratory.truth.setting import Setting
 from testbed.scenario.scenario import Scenario
 from testbed.studies.protocol import Records
 from testbed.studies.trial.bending.records import Ways

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from calib.information.criteria.named import NEEDS_GOALS
-from testbed.laboratory.truth.laboratory import Setting
+from testbed.laboratory.truth.setting import Setting
 from testbed.report.page import Section
 from testbed.scenario.hashes import goal_part, part, shared_part
 from testbed.scenario.scenario import Scenario

@@ -7,7 +7,8 @@ from calib.errors import refuse
 from calib.identification.identify import Identification, Mode, identify
 from calib.measurement.observations import Measurements
 from calib.uncertainty.type_a import best_budget, location_regions, random_budget
-from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
+from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
+from testbed.laboratory.truth.setting import Setting
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import BudgetSettings
 from testbed.streams import stream

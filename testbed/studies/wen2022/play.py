@@ -17,7 +17,8 @@ from calib.measurement.accuracy import point_distances
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predicted_positions
 from calib.uncertainty.type_a import root_sum_square, type_a
-from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
+from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
+from testbed.laboratory.truth.setting import Setting
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.many_robots import alone, together, truth_of_kind

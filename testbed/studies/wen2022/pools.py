@@ -14,7 +14,8 @@ from calib.design import Problem, pose_count, random_selection
 from calib.geometry.parameters import Parameters
 from calib.measurement.noise import whiteners
 from calib.uncertainty.covariance import matrix_row_weights
-from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
+from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
+from testbed.laboratory.truth.setting import Setting
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import TrialSettings
 from testbed.streams import stream

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from testbed.laboratory.truth.laboratory import Setting
+from testbed.laboratory.truth.setting import Setting
 from testbed.report.page import Section
 from testbed.scenario.hashes import goal_part, part, shared_part, truth_part
 from testbed.scenario.scenario import Scenario

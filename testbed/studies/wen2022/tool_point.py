@@ -5,7 +5,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.geometry.model import RobotModel
 from calib.uncertainty.monte_carlo import distance_spread, point_spread
-from testbed.laboratory.truth.laboratory import Setting
+from testbed.laboratory.truth.setting import Setting
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.protocol import Records

@@ -7,12 +7,12 @@ import pytest
 
 from calib.errors import InputError
 from calib.geometry.chain import Chain, forward
+from calib.geometry.felt_springs import felt_springs
 from calib.geometry.gravity import Weight, guessed_moments
 from calib.geometry.inverse_search import joint_jacobian
 from calib.geometry.joint_errors import NO_JOINT, JointErrors, JointTerm
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions, approaches, joined_conditions
-from calib.geometry.springs import felt_springs
 from calib.measurement.observations import joined
 from calib.measurement.tables import points, poses
 from tests.calib.geometry.bent import random_arm

@@ -8,6 +8,7 @@ import pytest
 from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.chain import Chain
+from calib.geometry.felt_springs import felt_springs
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.frames import exp_so3, log_so3
 from calib.geometry.gravity import DOWN, Weight, guessed_moments, moments_of
@@ -16,7 +17,7 @@ from calib.geometry.inverse_search import joint_jacobian
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
-from calib.geometry.springs import SprungJoints, across, felt_springs
+from calib.geometry.springs import SprungJoints, across
 from calib.identification.identify import Status, identify
 from calib.measurement.tables import poses
 from tests.calib.geometry.bent import random_arm

@@ -7,7 +7,7 @@ import pytest
 
 from calib.geometry.chain import Chain
 from calib.identification.climb import Offer
-from testbed.identify.beyond import beyond_words, gravity_words
+from testbed.identify.applies.beyond import beyond_words, gravity_words
 
 ARM = Chain(np.zeros((3, 5)), ("revolute", "prismatic", "revolute"))
 Q = np.zeros((30, 3))

@@ -30,7 +30,8 @@ from testbed.identify.recording import calibration_story
 from testbed.robots.catalog import load_robot
 from testbed.robots.describe.axes import reach
 from testbed.robots.robot import Reflector, reflector_frames
-from testbed.robots.write.folder import identified_robot, write_robot_folder
+from testbed.robots.write.folder import write_robot_folder
+from testbed.robots.write.identified import identified_robot
 from tests import viewed
 from tests.calibrated import robot, session_of, sound, sound_session, true_model
 from tests.recorded import column, store, structure

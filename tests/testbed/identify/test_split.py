@@ -5,7 +5,7 @@ import pytest
 
 from calib.errors import InputError
 from calib.measurement.observations import joined
-from testbed.identify.session import groups, split_of
+from testbed.identify.splitting import groups, split_of
 from tests.calibrated import table_of, true_model
 from tests.reference import pool_r
 

@@ -11,7 +11,8 @@ from calib.measurement.observations import DISTANCE, GIVEN
 from testbed.laboratory.bench import open_bench
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.tracker.rounds import nominal_fixtures, true_fixtures
-from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
+from testbed.laboratory.truth.laboratory import open_laboratory
+from testbed.laboratory.truth.setting import make_setting
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 

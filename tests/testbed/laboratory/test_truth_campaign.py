@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from testbed.laboratory.truth.laboratory import (
-    journey,
-    make_setting,
-    open_laboratory,
-    validation_start,
-)
+from testbed.laboratory.truth.laboratory import open_laboratory
+from testbed.laboratory.truth.setting import journey, make_setting, validation_start
 from testbed.robots.catalog import load_robot
 from testbed.run.export import conditions_in
 from testbed.run.play import play_run

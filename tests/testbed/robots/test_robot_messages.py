@@ -16,7 +16,8 @@ import pytest
 
 from calib.errors import InputError
 from testbed.robots.catalog import load_robot
-from testbed.robots.write.folder import identified_robot, write_robot_folder
+from testbed.robots.write.folder import write_robot_folder
+from testbed.robots.write.identified import identified_robot
 from tests.testbed.robots.described_cases import MJCF, UR_LIKE, bench_arm, block, stl, urdf
 from tests.testbed.robots.robot_cases import TX60
 

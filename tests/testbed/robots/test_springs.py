@@ -16,7 +16,8 @@ from testbed.laboratory.truth.robot import TrueRobot
 from testbed.laboratory.truth.terms import UnmodelledTerms
 from testbed.robots.catalog import load_robot
 from testbed.robots.write.dh_table import dh_rows
-from testbed.robots.write.folder import identified_robot, write_robot_folder
+from testbed.robots.write.folder import write_robot_folder
+from testbed.robots.write.identified import identified_robot
 from testbed.robots.write.toml import robot_toml
 from testbed.scenario.hashes import robot_hash
 from tests.calib.geometry.test_gravity import random_moments

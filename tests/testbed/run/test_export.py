@@ -23,7 +23,8 @@ from testbed.robots.placements import link_poses
 from testbed.robots.units import degrees, millimeters
 from testbed.robots.write import folder as export
 from testbed.robots.write.dh_table import dh_rows
-from testbed.robots.write.folder import identified_robot, write_robot_folder
+from testbed.robots.write.folder import write_robot_folder
+from testbed.robots.write.identified import identified_robot
 from testbed.scenario.hashes import robot_hash
 from tests.testbed.robots.described_cases import ARMS, UR_LIKE, bench_arm
 from tests.testbed.robots.robot_cases import AGREE, TX60, joint_vectors, slider

@@ -8,7 +8,8 @@ from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.laboratory.truth.robot import draw_truth
-from testbed.robots.write.folder import identified_robot, write_robot_folder
+from testbed.robots.write.folder import write_robot_folder
+from testbed.robots.write.identified import identified_robot
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from testbed.studies.trial.compare import true_step

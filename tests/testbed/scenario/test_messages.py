@@ -27,8 +27,8 @@ from calib.uncertainty.held_out import HeldOut, held_out
 from testbed.files.program import correct_program
 from testbed.laboratory.joint_lists import read_joints
 from testbed.laboratory.simulator import Simulator
-from testbed.laboratory.truth.laboratory import make_setting
 from testbed.laboratory.truth.robot import draw_truth
+from testbed.laboratory.truth.setting import make_setting
 from testbed.plan.plan import plan
 from testbed.robots.catalog import load_robot
 from testbed.robots.robot import NO_MASS
@@ -42,7 +42,7 @@ from testbed.store.run_folder import RunFolder
 from testbed.store.whole_folder import check_free
 from testbed.streams import stream
 from testbed.studies import load_scenario, parse_scenario, scenario_of
-from testbed.studies.compensation.play import cube_joints, cube_poses
+from testbed.studies.compensation.cube import cube_joints, cube_poses
 from testbed.studies.compensation.settings import CompensationSettings
 from tests.planned import QUICK, ROBOT, scenario
 from tests.testbed.laboratory.outcomes import settings as outcome_settings

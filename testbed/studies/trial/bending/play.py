@@ -3,14 +3,9 @@
 import numpy as np
 
 from calib.arrays import Array
-from testbed.laboratory.truth.laboratory import (
-    Setting,
-    journey,
-    open_laboratory,
-    resting_arm,
-    validation_start,
-)
+from testbed.laboratory.truth.laboratory import open_laboratory, resting_arm
 from testbed.laboratory.truth.moving import STEP, MovingArm
+from testbed.laboratory.truth.setting import Setting, journey, validation_start
 from testbed.laboratory.truth.springs import ElasticArm, as_bends
 from testbed.scenario.scenario import Scenario
 from testbed.studies.trial.bending.records import Ways

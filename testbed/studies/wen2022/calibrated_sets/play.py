@@ -16,7 +16,8 @@ from calib.information.observability import index_of_singular
 from calib.information.rank import singular_values
 from calib.measurement.accuracy import point_distances, target_points
 from calib.measurement.observations import Measurements
-from testbed.laboratory.truth.laboratory import Laboratory, Setting, open_laboratory
+from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
+from testbed.laboratory.truth.setting import Setting
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import TrialSettings
 from testbed.streams import stream

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from calib.arrays import Array, Index
-from testbed.laboratory.truth.laboratory import Setting
+from testbed.laboratory.truth.setting import Setting
 from testbed.recording import style
 from testbed.recording.cell import box_edges
 from testbed.recording.curves import draw_curve

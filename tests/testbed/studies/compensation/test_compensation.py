@@ -19,14 +19,8 @@ from testbed.scenario.checks import check_robot
 from testbed.scenario.read import changed
 from testbed.store.codec import pack, unpack
 from testbed.studies import load_scenario
-from testbed.studies.compensation.play import (
-    cube_joints,
-    cube_poses,
-    execute,
-    gather,
-    play_robots,
-    robot_of,
-)
+from testbed.studies.compensation.cube import cube_joints, cube_poses
+from testbed.studies.compensation.play import execute, gather, play_robots, robot_of
 from testbed.studies.compensation.report import section, sentences, summary_table
 from testbed.studies.compensation.settings import CompensationSettings
 from testbed.studies.compensation.study import STUDY, CompensationStudy

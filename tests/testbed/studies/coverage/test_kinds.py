@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
+from testbed.laboratory.truth.laboratory import open_laboratory
+from testbed.laboratory.truth.setting import make_setting
 from testbed.scenario.read import changed
 from testbed.streams import stream
 from testbed.studies import load_scenario

@@ -10,7 +10,8 @@ from scipy import stats
 from calib.design import Problem, best_of_random, detmax, exchange, fedorov, greedy, random_set
 from calib.information.criteria.named import criterion_named
 from testbed.laboratory.goal import goals_of
-from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
+from testbed.laboratory.truth.laboratory import open_laboratory
+from testbed.laboratory.truth.setting import make_setting
 from testbed.report.page import render
 from testbed.run.derive import headline, page_of
 from testbed.scenario.read import changed

@@ -11,7 +11,8 @@ from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model, extended_parameters
 from calib.identification.prior import weak_prior
-from testbed.laboratory.truth.laboratory import Laboratory, make_setting, open_laboratory
+from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
+from testbed.laboratory.truth.setting import make_setting
 from testbed.scenario.checks import default_parameters
 from testbed.scenario.read import changed
 from testbed.scenario.tables import PriorSettings

@@ -12,7 +12,8 @@ from calib.errors import InputError
 from calib.uncertainty.discrepancy import Discrepancy
 from calib.uncertainty.tool_point import tool_statement
 from testbed.laboratory.tracker.tracker import bias_size
-from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
+from testbed.laboratory.truth.laboratory import open_laboratory
+from testbed.laboratory.truth.setting import make_setting
 from testbed.robots.catalog import load_robot
 from testbed.scenario.read import changed
 from testbed.store.codec import pack, unpack

@@ -15,7 +15,8 @@ from testbed.files.probe import probe
 from testbed.files.read import read_session
 from testbed.identify.calibrate import calibrate
 from testbed.identify.session import row_names
-from testbed.laboratory.truth.laboratory import make_setting, open_laboratory
+from testbed.laboratory.truth.laboratory import open_laboratory
+from testbed.laboratory.truth.setting import make_setting
 from testbed.robots.catalog import load_robot
 from testbed.run.export import export_campaign, exported_rows
 from testbed.scenario.read import changed

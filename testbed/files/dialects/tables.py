@@ -1,0 +1,118 @@
+"""Tables of a session.toml that name a file, and how it is written."""
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from testbed.bounds import COORDINATE
+from testbed.strict import Strict
+
+Name = Annotated[str, Field(min_length=1, max_length=200)]
+Coordinate = Annotated[float, COORDINATE.signed("mm")]
+Point = tuple[Coordinate, Coordinate, Coordinate]
+Euler = Annotated[str, Field(min_length=1, max_length=20)]
+Place = Point | Literal["free"]
+
+
+class DialectTable(Strict):
+    """[dialect]: how cells are written, where the file leaves a doubt."""
+
+    header: bool | None = None
+    """Whether the first line names the columns; false: they are called "1", "2" ... and named by
+    the tables `columns`. Left out: it does, and is refused where it holds numbers."""
+    separator: Literal["comma", "semicolon", "tab", "space"] | None = None
+    decimal: Literal[".", ","] | None = None
+
+
+class FileTable(Strict):
+    """What all tables of files share."""
+
+    file: Name | None = None
+    """Beside session.toml or below; the DATA of the command if left out."""
+    sheet: Name | None = None
+    """Of a workbook that has several."""
+    columns: dict[Name, Name] = Field(default_factory=dict)
+    """Own column name, unit included, to the name in the file: ``x_mm = "measurement_x"``."""
+
+
+class ObservedTable(FileTable):
+    """What the files of a measuring device share."""
+
+    name: ClassVar[str] = ""
+    """What the table is called."""
+    kind: ClassVar[str] = ""
+    """Kind of its readings: pose, point or distance."""
+    files: tuple[Name, ...] = ()
+    """One file per station, the first one's frame is the world."""
+
+    @model_validator(mode="after")
+    def _one_way(self) -> "ObservedTable":
+        """Either one file or several."""
+        if self.file is not None and self.files:
+            raise ValueError("write either file or files")
+        return self
+
+
+class JointsTable(FileTable):
+    """[joints]: where the robot was commanded to be, or read back that it was."""
+
+    format: Literal["csv", "rapid"] = "csv"
+    source: Literal["commanded", "read-back"] | None = None
+
+
+class OpticalTable(ObservedTable):
+    """What [frames] and [points] share."""
+
+    format: Literal["csv", "sa"] = "csv"
+    length: Literal["mm", "m", "in"] | None = None
+    """For format = "sa", where the file does not state it."""
+    angle: Literal["deg", "rad"] | None = None
+    """For format = "sa": of Euler angles, or of polar readings."""
+
+
+class FramesTable(OpticalTable):
+    """[frames]: full poses."""
+
+    name = "frames"
+    kind = "pose"
+    euler: Euler | None = None
+    """Capitals: about axes that turn along; small letters: about fixed axes."""
+    gives: Literal["T_tracker_tool", "T_tool_tracker"] = "T_tracker_tool"
+    rotation: (
+        Literal["euler", "matrix", "quaternion_scalar_first", "quaternion_scalar_last"] | None
+    ) = None
+    """For format = "sa"."""
+
+
+class PointsTable(OpticalTable):
+    """[points]: positions of reflectors."""
+
+    name = "points"
+    kind = "point"
+    names: Annotated[int, Field(ge=0, le=3)] | None = None
+    """For format = "sa": fields of each line before the coordinates."""
+    after: tuple[Name, ...] = ()
+    """For format = "sa": own names of the fields after the coordinates, "" for those unused."""
+    pose: Literal["target", "group", "occurrence"] | None = None
+    """For format = "sa": what numbers the poses."""
+    reflectors_mm: dict[Name, Place] = Field(default_factory=dict)
+    """Place of each target in the tool frame, or "free" where it is to be identified."""
+
+
+class RangesTable(ObservedTable):
+    """[ranges]: distances from fixed points."""
+
+    name = "ranges"
+    kind = "distance"
+    anchors_mm: dict[Name, Place] = Field(default_factory=dict)
+    """Place of each anchor in the world, or "free" where it is to be identified."""
+    reflectors_mm: dict[Name, Place] = Field(default_factory=dict)
+
+
+class CyclesTable(FileTable):
+    """[cycles] or [paths]: poses or paths that were run again and again, for ISO 9283."""
+
+    commanded: Name | None = None
+    """File of the commanded poses or path points, where the rows do not say them."""
+    euler: Euler | None = None
+    """As under [frames]."""

@@ -1,0 +1,55 @@
+"""The table of errors of every model, before and after."""
+
+from calib.information.reduction import Reduction
+from testbed.identify.records import Calibration, Figures
+from testbed.units import DEG, MM, fixed, significant
+
+HEAD = (
+    "model", "mean mm", "median mm", "rms mm", "p95 mm", "max mm", "mean deg", "p95 deg", "max deg",
+    "training mean mm", "χ²/dof", "cond.", "rank",
+)  # fmt: skip
+
+
+def headline_rows(calibration: Calibration) -> tuple[tuple[str, ...], ...]:
+    """Before, and each model: figures at the held-out rows, else at the training rows."""
+    before = _figures(calibration.before_test, calibration.before_train)
+    rows = [("nominal links, frames fitted", *before, *"–––")]
+    for fit in calibration.fits:
+        result = fit.identification
+        chosen = fit is calibration.fit and len(calibration.fits) > 1
+        rows.append(
+            (
+                f"{fit.model} (chosen)" if chosen else fit.model,
+                *_figures(fit.test, fit.train),
+                significant(result.chi_square / result.dof, 3) if result.dof > 0 else "–",
+                condition(result.reduction) or "–",
+                str(result.reduction.rank),
+            )
+        )
+    return tuple(rows)
+
+
+def _figures(test: Figures | None, train: Figures) -> tuple[str, ...]:
+    """Cells of one model."""
+    shown = train if test is None else test
+    p, r = shown.position, shown.rotation
+    turns = (
+        ("–",) * 3 if r is None else tuple(fixed(v * DEG, 4) for v in (r.mean, r.p95, r.maximum))
+    )
+    lengths = (p.mean, shown.median, p.rms, p.p95, p.maximum)
+    return (*(mm(value) for value in lengths), *turns, mm(train.position.mean))
+
+
+def condition(reduction: Reduction) -> str:
+    """Condition of the kept columns; empty where a prior keeps what the data cannot tell apart."""
+    return significant(reduction.condition, 3) if reduction.told_apart else ""
+
+
+def mm(length: float) -> str:
+    """A length [m] in mm to a tenth of a micrometre."""
+    return fixed(length * MM, 4)
+
+
+def deg(angle: float) -> str:
+    """An angle [rad] in deg."""
+    return fixed(angle * DEG, 4)
