@@ -15,6 +15,10 @@ if TYPE_CHECKING:
 
 Scene = Annotated[str, typer.Argument(metavar="SCENE", help="A scene's name or a .toml file.")]
 Seed = Annotated[int | None, typer.Option(help="Another seed.")]
+Data = Annotated[
+    Path, typer.Argument(metavar="DATA", help="A session.toml, or a table: CSV, xlsx.")
+]
+MaxMb = Annotated[float, typer.Option("--max-mb", help="Largest file read [MB].")]
 Overwrite = Annotated[
     bool, typer.Option("--overwrite", help="Rename an old run of that name first.")
 ]
@@ -113,9 +117,7 @@ def identify(
     robot: Annotated[
         str, typer.Argument(metavar="ROBOT", help="A shipped robot, robot.toml, URDF or MJCF file.")
     ],
-    data: Annotated[
-        Path, typer.Argument(metavar="DATA", help="A session.toml, or a table: CSV, xlsx.")
-    ],
+    data: Data,
     config: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Names and units of the columns of a foreign CSV."),
@@ -157,7 +159,7 @@ def identify(
     drop_invalid: Annotated[
         bool, typer.Option("--drop-invalid", help="Leave rows out that are not numbers.")
     ] = False,
-    max_mb: Annotated[float, typer.Option("--max-mb", help="Largest file read [MB].")] = 100.0,
+    max_mb: MaxMb = 100.0,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -220,9 +222,7 @@ def identify(
 
 @app.command()
 def iso9283(
-    data: Annotated[
-        Path, typer.Argument(metavar="DATA", help="A session.toml, or a table: CSV, xlsx.")
-    ],
+    data: Data,
     config: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="A session.toml on how to read a table."),
@@ -235,7 +235,7 @@ def iso9283(
             help="Leave rows out that are not numbers, and cycles that are not whole.",
         ),
     ] = False,
-    max_mb: Annotated[float, typer.Option("--max-mb", help="Largest file read [MB].")] = 100.0,
+    max_mb: MaxMb = 100.0,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     as_json: Json = False,
