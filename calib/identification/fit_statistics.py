@@ -106,7 +106,7 @@ def with_statistics(
 def _paper_statistics(fit: SolvedFit, m: int) -> _Statistics:
     """What a fit of unweighted rows claims for itself."""
     n, f = fit.solution.jacobian.shape
-    factor = covariance_factor(fit.solution.jacobian)
+    factor = fit.solution.factor
     variance = float(fit.solution.residual @ fit.solution.residual) / (n - f)
     note = (
         f"twelve rows per pose hold six freedoms: s^2 = RSS/{n - f} counts {n // 2} rows too "
@@ -132,7 +132,7 @@ def _squared_statistics(
     """Covariance inv(A'A + Lambda0) and the tests of known noise."""
     n, f = measurements.n_equations, fit.kept.n_free
     r, A = fit.solution.residual[:n], fit.solution.jacobian[:n]
-    factor = covariance_factor(fit.solution.jacobian)
+    factor = fit.solution.factor
     learned = float(f) if fit.belief is None else float(np.square(A @ factor).sum())
     total, dof = float(r @ r), n - learned
     p_value = float(chdtrc(dof, total))
@@ -179,7 +179,7 @@ def _robust_statistics(fit: SolvedFit, measurements: Measurements, stack: Stack)
             *_outlier_notes(judged, measurements, many),
             *_chi_square_notes(total, dof, p_value, smaller=False),
         ),
-        log_evidence=_log_evidence(fit, covariance_factor(fit.solution.jacobian), n),
+        log_evidence=_log_evidence(fit, fit.solution.factor, n),
     )
 
 

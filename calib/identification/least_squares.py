@@ -12,7 +12,7 @@ import numpy as np
 
 from calib.arrays import Array, frozen
 from calib.errors import refuse
-from calib.identification.tangent import Tangent, column_norms, tangent_plane
+from calib.identification.tangent import Tangent, normal_plane
 
 X = TypeVar("X")
 
@@ -58,6 +58,8 @@ class Solution(Generic[X]):
     """(n,) measured minus predicted there."""
     jacobian: Array
     """(n, p) derivative of the prediction there."""
+    end: Tangent
+    """The tangent plane there, its columns scaled by their own norms."""
     certificate: float
     """Relative offset, or |Q1'r| for an exact fit; see `Tangent.certificate`."""
     status: Status
@@ -65,6 +67,11 @@ class Solution(Generic[X]):
     """Steps taken."""
     trace: Array
     """(iterations + 1,) sum of squares at the start and after each step."""
+
+    @property
+    def factor(self) -> Array:
+        """K (p, p) with K K' = inv(A'A) there."""
+        return self.end.factor
 
     def __repr__(self) -> str:
         status = self.status.name.lower()
@@ -82,9 +89,10 @@ def solve(
 ) -> Solution[X]:
     """Minimize the sum of squares |r(x)|^2 from `start`.
 
-    Each step is the best one inside a trust region, by the singular values of A with its columns
-    scaled: a Levenberg-Marquardt step far away, a plain Gauss-Newton step near the answer, until
-    what is left is 1e-10 standard deviations.
+    Each step is the best one inside a trust region, the columns of A scaled: a Levenberg-Marquardt
+    step far away, a plain Gauss-Newton step near the answer, until what is left is 1e-10 standard
+    deviations. Steps come from normal equations where these are well conditioned; the end is
+    judged by orthogonal factors of A.
 
     Parameters
     ----------
@@ -136,7 +144,11 @@ def solve(
         raise refuse("residual", len(here.r), allowed, code="M27", message=message)
     radius = np.inf if reach is None else float(np.linalg.norm(here.scale * reach)) or np.inf
     trace, refused, memory, slow = [here.cost], 0, Memory(), False
-    while not here.finished and len(trace) <= most and refused < MOST_REFUSALS:
+    while len(trace) <= most and refused < MOST_REFUSALS:
+        if here.finished:
+            here = here.on_rows()
+            if here.finished:
+                break
         step, length, predicted = here.step(radius)
         plain, free = step, here.damping(radius) == 0.0
         if free:
@@ -165,10 +177,12 @@ def solve(
             break
         else:
             refused += 1
+    here = here.on_rows()
     return Solution(
         x=x,
         residual=frozen(here.r),
         jacobian=frozen(here.A),
+        end=here,
         certificate=here.certificate,
         status=_status(here, len(trace) > most, slow),
         iterations=len(trace) - 1,
@@ -223,9 +237,7 @@ def _system(
     """
     # a trial step may be far too long: overflow there is an answer, not a mishap
     with np.errstate(all="ignore"):
-        r, A = evaluate(x)
-        usable = np.isfinite(r @ r) and np.isfinite(np.einsum("ij,ij->", A, A))
-    return tangent_plane(r, A, np.maximum(column_norms(A), least)) if usable else None
+        return normal_plane(*evaluate(x), least)
 
 
 def _nearer(here: Tangent, there: Tangent) -> bool:
@@ -241,9 +253,6 @@ def _nearer(here: Tangent, there: Tangent) -> bool:
 
 def _status(here: Tangent, out_of_steps: bool, slow: bool) -> Status:
     """How the fit ended."""
-    own = column_norms(here.A)
-    if not np.array_equal(own, here.scale):
-        here = tangent_plane(here.r, here.A, own)
     if here.deficient:
         return Status.DEFICIENT
     if here.certified or (slow and not out_of_steps and here.certificate < SLOW_OFFSET):

@@ -1,9 +1,14 @@
-"""The tangent plane of a least-squares problem at one point: steps, certificate, covariance."""
+"""The tangent plane of a least-squares problem at one point: steps, certificate, covariance.
+
+A triangle R with R'R = A'A, columns scaled, tells all of it. It comes cheaply from the normal
+equations where these are well conditioned, else, and at the end of a fit, from A itself.
+"""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import qr
+from scipy.linalg.lapack import dgeqrf, dpotrf, dtrcon, dtrtri, dtrtrs
 
 from calib.arrays import Array
 
@@ -16,22 +21,46 @@ EXACT_OFFSET = 1e-9
 NEGLIGIBLE = 1e-10
 """Relative offset at which to stop: what is left is some 1e-10 standard deviations."""
 EPSILON = float(np.finfo(np.float64).eps)
+BLOCK = 64
+"""Columns that are eliminated together."""
+SQUARED = 1e-5
+"""Inverse condition of the scaled triangle from which on normal equations serve: squared, it leaves
+six digits of a step, and the certificate 1e-11 |r| of rounding."""
+SOUND = 1e-9
+"""The same from which on no direction is lost, whatever the number of rows."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Tangent:
-    """A residual with the singular value decomposition of its column-scaled Jacobian."""
+    """A residual and the column-scaled Jacobian as a triangle, Q R = A / scale."""
 
     r: Array
     A: Array
     cost: float
     scale: Array
     """(p,) by which the columns of A are divided: their norms, or larger ones met before."""
-    singular: Array
-    """(p,) singular values of A / scale, largest first."""
-    Vt: Array
+    R: Array
+    """(p, p) upper triangle; of fewer than p rows where there are fewer."""
     inside: Array
-    """(p,) U'r, the residual inside the tangent plane."""
+    """(p,) Q'r, the residual inside the tangent plane."""
+    orthogonal: bool
+    """Whether R is of A itself; else of A'A."""
+
+    @cached_property
+    def spectrum(self) -> tuple[Array, Array, Array]:
+        """Singular values (p,), largest first, V' (p, p), and U'Q'r (p,)."""
+        U, singular, Vt = np.linalg.svd(self.R, full_matrices=False)
+        return singular, Vt, U.T @ self.inside
+
+    @cached_property
+    def sound(self) -> bool:
+        """Whether all columns are plainly told apart."""
+        return _inverse_condition(self.R) > SOUND
+
+    @cached_property
+    def along(self) -> Array:
+        """(p,) undamped step in scaled numbers, where the columns are told apart."""
+        return np.asarray(dtrtrs(self.R, self.inside)[0])
 
     @property
     def offset(self) -> float:
@@ -81,7 +110,18 @@ class Tangent:
     @property
     def deficient(self) -> bool:
         """Whether some direction leaves the prediction still, to rounding."""
-        return bool(self.singular[-1] <= len(self.r) * EPSILON * self.singular[0])
+        if self.sound:
+            return False
+        singular = self.spectrum[0]
+        return bool(singular[-1] <= len(self.r) * EPSILON * singular[0])
+
+    @property
+    def factor(self) -> Array:
+        """K (p, p) with K K' = inv(A'A)."""
+        if self.sound:
+            return np.asarray(dtrtri(self.R)[0] / self.scale[:, None])
+        singular, Vt, _ = self.spectrum
+        return np.asarray(Vt.T / singular / self.scale[:, None])
 
     def step(self, radius: float) -> tuple[Array, float, float]:
         """Best step (p,) within a scaled length, that length, and the drop of |r|^2 it predicts.
@@ -89,15 +129,22 @@ class Tangent:
         The undamped step if short enough; else the Levenberg-Marquardt step of just that length.
         """
         damping = self.damping(radius)
-        power = self.singular**2
-        along = self.singular * self.inside / (power + damping)
+        if not damping and self.sound:
+            length = float(np.linalg.norm(self.along))
+            return self.along / self.scale, length, self.offset**2
+        singular, Vt, inside = self.spectrum
+        power = singular**2
+        along = singular * inside / (power + damping)
         left = damping / (power + damping)
-        drop = float(np.sum(self.inside**2 * (1 - left**2)))
-        return (self.Vt.T @ along) / self.scale, float(np.linalg.norm(along)), drop
+        drop = float(np.sum(inside**2 * (1 - left**2)))
+        return (Vt.T @ along) / self.scale, float(np.linalg.norm(along)), drop
 
     def damping(self, radius: float) -> float:
         """Lambda at which the step has length `radius` to 1 %; 0 if the undamped one is shorter."""
-        damping, power, gradient = 0.0, self.singular**2, self.singular * self.inside
+        if self.sound and np.linalg.norm(self.along) <= 1.01 * radius:
+            return 0.0
+        singular, _, inside = self.spectrum
+        damping, power, gradient = 0.0, singular**2, singular * inside
         if self.deficient:
             damping = EPSILON * float(power[0]) or 1.0
         for _ in range(30):
@@ -110,27 +157,59 @@ class Tangent:
             damping += (length - radius) / radius * length / slope
         return damping
 
+    def on_rows(self) -> "Tangent":
+        """The same by orthogonal factors of A, its columns scaled by their own norms."""
+        own = column_norms(self.A)
+        if self.orthogonal and np.array_equal(own, self.scale):
+            return self
+        return tangent_plane(self.r, self.A, own)
+
 
 def covariance_factor(A: Array) -> Array:
-    """K (p, p) with K K' = inv(A'A), through the singular values of the column-scaled A (n, p)."""
-    scale = column_norms(A)
-    _, singular, Vt = np.linalg.svd(np.linalg.qr(A / scale, mode="r"))
-    return np.asarray(Vt.T / singular / scale[:, None])
+    """K (p, p) with K K' = inv(A'A), by orthogonal factors of the column-scaled A (n, p)."""
+    return tangent_plane(np.zeros(len(A)), A, column_norms(A)).factor
 
 
 def column_norms(A: Array) -> Array:
     """Norms (p,) of the columns; 1 for a column of zeros."""
-    norms = np.linalg.norm(A, axis=0)
+    norms = np.sqrt(np.einsum("ij,ij->j", A, A))
     return np.where(norms > 0, norms, 1.0)
 
 
 def tangent_plane(r: Array, A: Array, scale: Array) -> Tangent:
-    """Tangent plane at a point, its columns divided by `scale` (p,)."""
+    """Tangent plane at a point, its columns divided by `scale` (p,), by orthogonal factors of A."""
     n, p = A.shape
     # the residual as one more column: Q'r without Q, which costs as much as the triangle
     whole = np.empty((n, p + 1), order="F")
     np.divide(A, scale, out=whole[:, :p])
     whole[:, p] = r
-    R: Array = qr(whole, mode="r", overwrite_a=True, check_finite=False)[0][:p]
-    U, singular, Vt = np.linalg.svd(R[:, :p], full_matrices=False)
-    return Tangent(r, A, float(r @ r), scale, singular, Vt, U.T @ R[:, p])
+    R = dgeqrf(whole, lwork=BLOCK * (p + 1), overwrite_a=True)[0][:p]
+    return Tangent(r, A, float(r @ r), scale, np.triu(R[:, :p]), R[:, p].copy(), True)
+
+
+def normal_plane(r: Array, A: Array, least: Array | float = 0.0) -> Tangent | None:
+    """The same by normal equations, with scales no smaller than `least`; by A where these fail.
+
+    None where something is not finite.
+
+    References
+    ----------
+    Bjorck 1996, Numerical Methods for Least Squares Problems, 2.2: the error of a step grows with
+    the square of the condition, that of the gradient does not.
+    """
+    normal, cost = A.T @ A, float(r @ r)
+    power = np.diagonal(normal)
+    if not np.isfinite(cost + power.sum()):
+        return None
+    norms = np.sqrt(power)
+    scale = np.maximum(np.where(norms > 0, norms, 1.0), least)
+    R, failed = dpotrf((normal / scale / scale[:, None]).T, overwrite_a=True)
+    if failed or not _inverse_condition(R) > SQUARED:
+        return tangent_plane(r, A, np.maximum(column_norms(A), least))
+    inside = dtrtrs(R, (r @ A) / scale, trans=1)[0]
+    return Tangent(r, A, cost, scale, R, inside, False)
+
+
+def _inverse_condition(R: Array) -> float:
+    """One over the condition of a triangle in the norm of column sums, within a factor of some."""
+    return float(dtrcon(R)[0]) if R.shape[0] == R.shape[1] else 0.0

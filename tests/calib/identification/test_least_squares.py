@@ -12,7 +12,12 @@ from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3
 from calib.identification.least_squares import Solution, Status, solve
-from calib.identification.tangent import column_norms, covariance_factor, tangent_plane
+from calib.identification.tangent import (
+    column_norms,
+    covariance_factor,
+    normal_plane,
+    tangent_plane,
+)
 
 STRD = Path(__file__).resolve().parents[4] / "shared" / "reference" / "strd"
 
@@ -283,6 +288,38 @@ def test_covariance_factor_inverts_the_normal_matrix():
     A = np.random.default_rng(2).normal(size=(20, 4)) * [1, 1e-3, 1e4, 1]
     K = covariance_factor(A)
     np.testing.assert_allclose(K @ K.T @ (A.T @ A), np.eye(4), atol=1e-6)  # units spread by 1e7
+
+
+def correlated(condition):
+    """Residual and four columns of that condition, each in units of its own."""
+    rng = np.random.default_rng(3)
+    U, V = (np.linalg.qr(rng.normal(size=shape))[0] for shape in ((30, 4), (4, 4)))
+    A = (U * np.geomspace(1.0, 1 / condition, 4)) @ V * [1, 1e-3, 1e4, 1]
+    return rng.normal(size=30), A
+
+
+@pytest.mark.parametrize("radius", [np.inf, 0.3], ids=["plain", "damped"])
+def test_normal_equations_lead_where_the_rows_do(radius):
+    r, A = correlated(1e3)
+    cheap, sure = normal_plane(r, A), tangent_plane(r, A, column_norms(A))
+    assert (cheap.orthogonal, sure.orthogonal) == (False, True)
+    assert cheap.offset == pytest.approx(sure.offset, rel=1e-9)
+    for here, there in zip(cheap.step(radius), sure.step(radius), strict=True):
+        np.testing.assert_allclose(here, there, rtol=1e-8)
+
+
+def test_normal_equations_are_left_where_they_lose_digits_or_fail():
+    for condition in (1e7, 1e12):
+        r, A = correlated(condition)
+        assert normal_plane(r, A).orthogonal
+    assert normal_plane(r, A[:, [0, 0]]).deficient
+    assert normal_plane(np.full(30, np.inf), A) is None
+
+
+def test_a_fit_is_certified_and_its_covariance_taken_from_the_rows_themselves():
+    found = solve(valley, np.array([-1.2, 1.0]), move=np.add)
+    assert found.end.orthogonal
+    np.testing.assert_array_equal(found.factor, covariance_factor(found.jacobian))
 
 
 def test_steps_into_the_undefined_are_taken_back():
