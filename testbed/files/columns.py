@@ -48,6 +48,7 @@ STEMS: dict[str, str] = {
     **dict.fromkeys(("x", "y", "z", "range", "distance"), "length"),
     **dict.fromkeys(("reflector_x", "reflector_y", "reflector_z"), "length"),
     **dict.fromkeys(("payload_x", "payload_y", "payload_z"), "length"),
+    **dict.fromkeys(("difference_x", "difference_y", "difference_z"), "length"),
     **dict.fromkeys(("rx", "ry", "rz", "e1", "e2", "e3", "rvx", "rvy", "rvz"), "angle"),
     **dict.fromkeys(("azimuth", "elevation", "zenith"), "angle"),
     **{f"{u}{axis}": "length" for u in ("u", "U95") for axis in ("x", "y", "z", "_distance")},

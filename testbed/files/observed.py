@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool
 from calib.geometry.frames import inverse, transform
-from testbed.files.columns import TEXTS, close_to, is_known, misspelling
+from testbed.files.columns import COMMANDED, TEXTS, close_to, is_known, misspelling
 from testbed.files.dialects.tables import FramesTable, ObservedTable, PointsTable, RangesTable
 from testbed.files.joints import extra_columns, extras_of
 from testbed.files.readings import Readings, plain_readings
@@ -33,7 +33,7 @@ def section_of(table: DataTable) -> ObservedTable:
         table.find("angle", stem) for stem in ("rx", "e1", "rvx")
     ):
         return FramesTable()
-    if any(table.find("length", stem) for stem in ("x", "range")):
+    if any(table.find("length", stem) for stem in ("x", "range", "difference_x")):
         return PointsTable()
     hint = misspelling(table.names)
     raise refusal(
@@ -73,7 +73,7 @@ def read_observed(
     if far := isinstance(section, RangesTable):
         distance, used = _distances(table)
     else:
-        position, used = _positions(table)
+        position, used = _positions(table, section)
     offset = table.find("length", "reflector_x", "reflector_y", "reflector_z")
     scatter = spread_columns(section.kind, table, uncertainty)
     columns = together(used, turned, offset, scatter, extra_columns(table))
@@ -166,11 +166,16 @@ def _stated(table: DataTable, section: FramesTable) -> tuple[Stated, Columns]:
     return replace(stated, inverted=section.gives == "T_tool_tracker"), columns
 
 
-def _positions(table: DataTable) -> tuple[Array, Columns]:
-    """Positions (m, 3) [m], Cartesian or polar, and their columns."""
+def _positions(table: DataTable, section: ObservedTable) -> tuple[Array, Columns]:
+    """Positions (m, 3) [m], Cartesian or polar or from a target, and their columns."""
     found = table.find("length", "x", "y", "z")
     if found:
         return table.values(found), found
+    away = table.find("length", *(f"difference_{axis}" for axis in "xyz"))
+    target = table.find("length", *(f"{COMMANDED}{axis}" for axis in "xyz"))
+    if away and target and isinstance(section, PointsTable):
+        sign = 1.0 if section.differences == "measured - target" else -1.0
+        return table.values(target) + sign * table.values(away), together(target, away)
     reach = table.find("length", "range")
     azimuth = table.find("angle", "azimuth")
     up, down = table.find("angle", "elevation"), table.find("angle", "zenith")
@@ -214,7 +219,9 @@ def _names(table: DataTable, column: str, needed: Bool | None) -> tuple[str, ...
 def _dialect(table: DataTable) -> str:
     """How the file is written."""
     mark = "comma" if table.decimal == "," else "point"
+    titles = table.sheet.titles
+    above = f", under a title ({titles[0][:40]})" if titles else ""
     return (
         f"{table.where}: {table.sheet.encoding}, {table.sheet.separator} between cells, decimal "
-        f"{mark}, {len(table)} rows"
+        f"{mark}, {len(table)} rows{above}"
     )

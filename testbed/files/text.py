@@ -5,11 +5,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from calib.arrays import Array, Bool
-from calib.errors import visible
+from calib.errors import InputError, visible
 from testbed.files.refusal import refusal
-from testbed.gates.text import SEPARATORS, FileText, separator_of, split
+from testbed.gates.text import EMPTY, SEPARATORS, FileText, separator_of, split
 from testbed.report.text import guarded, unguarded
 
+MOST_TITLES = 50
+"""Lines that free text above a table may have."""
 NUMBER = re.compile(r"[+-]?\d[\d.,]*([eE][+-]?\d+)?")
 
 
@@ -25,10 +27,14 @@ class Sheet:
     separator: str
     """One of `SEPARATORS`."""
     encoding: str
+    titles: tuple[str, ...] = ()
+    """Lines above the one that names the columns."""
 
 
 def read_sheet(text: FileText, *, separator: str = "", header: bool | None = None) -> Sheet:
-    """Cells of a table whose first line names the columns; lines that begin with # do not count.
+    """Cells of a table under the line that names its columns; those that begin with # do not count.
+
+    Lines above that one are titles, if each has fewer cells.
 
     Parameters
     ----------
@@ -49,6 +55,8 @@ def read_sheet(text: FileText, *, separator: str = "", header: bool | None = Non
     content = text.content("#")
     if not content:
         raise refusal(text.where, "file", "has no table")
+    above = 0 if header is not None else titles_above(content, separator)
+    titles, content = content[:above], content[above:]
     separator = separator or separator_of(content[0][1])
     cells = split_cells(content, separator, text.where)
     head, first = _trimmed(cells[0]), 1
@@ -60,9 +68,34 @@ def read_sheet(text: FileText, *, separator: str = "", header: bool | None = Non
     width = len(head)
     rows = tuple(tuple(row if any(row[width:]) else row[:width]) for row in cells[first:])
     lines = tuple(number for number, _ in content[first:])
-    sheet = Sheet(text.where, head, rows, lines, separator, text.encoding)
+    said = tuple(line.strip(EMPTY) for _, line in titles)
+    sheet = Sheet(text.where, head, rows, lines, separator, text.encoding, said)
     _check_lengths(sheet)
     return sheet
+
+
+def titles_above(content: Sequence[tuple[int, str]], separator: str = "") -> int:
+    """How many lines of free text stand above the one that names the columns.
+
+    That is the line of words, with a number in the row below it, under which the most cells fit.
+    """
+    best = most = 0
+    lines = [(1, line) for _, line in content[: 3 * MOST_TITLES]]
+    tables: dict[str, list[list[str]]] = {}
+    for k in range(min(len(lines) - 1, MOST_TITLES + 1)):
+        mark = separator or separator_of(lines[k][1])
+        try:
+            cells = tables.get(mark) or tables.setdefault(mark, split(lines, mark, ""))
+        except InputError:
+            return 0
+        names = _trimmed(cells[k])
+        if _holds_data(names) or any(len(_trimmed(above)) >= len(names) for above in cells[:k]):
+            continue
+        fit = [len(row) >= len(names) > 1 and not any(row[len(names) :]) for row in cells[k + 1 :]]
+        many = sum(fit) * len(names)
+        if fit[0] and many > most and any(map(NUMBER.fullmatch, cells[k + 1])):
+            best, most = k, many
+    return best
 
 
 def split_cells(content: Sequence[tuple[int, str]], separator: str, where: str) -> list[list[str]]:
@@ -77,13 +110,18 @@ def _trimmed(cells: Sequence[str]) -> tuple[str, ...]:
     return tuple(cells[: max((k + 1 for k, cell in enumerate(cells) if cell), default=0)])
 
 
+def _holds_data(cells: Sequence[str]) -> bool:
+    """Whether half of the cells of a line, or more, are numbers."""
+    return 2 * sum(bool(NUMBER.fullmatch(cell)) for cell in cells) >= len(cells) > 0
+
+
 def _require_names(head: Sequence[str], where: str) -> None:
     """Refuse a first line that holds data."""
-    numbers = [cell[:20] for cell in head if NUMBER.fullmatch(cell)]
-    if 2 * len(numbers) >= len(head) > 0:
+    if _holds_data(head):
+        number = next(cell[:20] for cell in head if NUMBER.fullmatch(cell))
         line = where.rpartition(":")[2]
         raise refusal(
-            where, "file", f'line {line} holds numbers ("{numbers[0]}")', value=numbers[0],
+            where, "file", f'line {line} holds numbers ("{number}")', value=number,
             allowed="the first line names the columns: pose_id, q1_deg ..., x_mm ...",
             fix="name the columns, or say header = false in session.toml, "
             "which `truebed new session` writes",
@@ -145,7 +183,7 @@ def rewritten(
     """
     mark = SEPARATORS[sheet.separator]
     lines = list(text.lines)
-    head = text.content("#")[0][0]
+    head = text.content("#")[len(sheet.titles)][0]
     lines[head - 1] = mark.join([*(_cell(name, mark) for name in sheet.head), *added])
     places = {name: sheet.head.index(name) for name in numbers}
     for row, number in enumerate(sheet.lines):

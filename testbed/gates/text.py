@@ -17,6 +17,8 @@ MAX_LINE = 65_536
 """Bytes."""
 SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "space": " "}
 """In the order in which they are looked for."""
+EMPTY = " \t\r\f\v,;"
+"""What a line without content may hold."""
 FOREIGN = (
     (b"PK\x03\x04", "an archive or a workbook (zip, npz, xlsx)"),
     (b"\x1f\x8b", "a gzip archive"),
@@ -53,12 +55,15 @@ class FileText:
     source: SourceFile
 
     def content(self, *comments: str) -> list[tuple[int, str]]:
-        """Number, from 1, and text of each line that is neither empty nor a comment."""
+        """Number, from 1, and text of each line that is neither empty nor a comment.
+
+        A line of nothing but separators is an empty row.
+        """
         numbered = enumerate(self.lines, start=1)
         return [
             (k, line)
             for k, line in numbered
-            if line.strip() and not line.lstrip().startswith(comments)
+            if line.strip(EMPTY) and not line.lstrip().startswith(comments)
         ]
 
 

@@ -11,7 +11,7 @@ from testbed.files.dialects.rapid import is_rapid, read_rapid
 from testbed.files.dialects.spatial_analyzer import name_fields, sa_lines
 from testbed.files.refusal import refusal
 from testbed.files.session import text_of
-from testbed.files.text import NUMBER, Sheet, read_sheet
+from testbed.files.text import NUMBER, Sheet, read_sheet, titles_above
 from testbed.gates.paths import is_there, real
 from testbed.gates.text import MAX_MB, FileText
 from testbed.gates.workbook import is_workbook, sheet_names
@@ -104,7 +104,8 @@ def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
     if not content:
         raise refusal(text.where, "file", "has no table")
     commented = any(line.lstrip().startswith("//") for line in text.lines)
-    if commented or not _has_head(content[0][1]):
+    titled = titles_above(content) and not commented
+    if commented or not (titled or _has_head(content[0][1])):
         try:
             return _of_lines(path, name, sheet, text)
         except InputError:

@@ -12,7 +12,7 @@ MATCHED = 2000
 """Rows of several files above which they are tried with their first lines, too."""
 PARTS = (1, 3)
 """Parts of the rows of which the best one counts."""
-ASSUMED = {"position_um": 30, "rotation_mdeg": 10}
+ASSUMED = {"position_um": 30, "distance_um": 30, "rotation_mdeg": 10}
 """Standard uncertainties where no file has any: of a laser tracker at some meters."""
 
 
@@ -99,12 +99,15 @@ def _matched(
 
 def _uncertainty(look: Found, section: str) -> tuple[Document, tuple[str, ...]]:
     """[uncertainty] where no columns have it."""
-    missing = {"position_um": ("x", "y", "z"), "rotation_mdeg": ("rx", "ry", "rz")}
+    missing: dict[str, tuple[str, ...]] = {"position_um": ("x", "y", "z")}
+    if section == "frames":
+        missing["rotation_mdeg"] = ("rx", "ry", "rz")
+    elif section == "ranges":
+        missing = {"distance_um": ("_distance",)}
     stated = {
         key: ASSUMED[key]
         for key, axes in missing.items()
-        if (key == "position_um" or section == "frames")
-        and not any(look.has(*(f"{u}{axis}" for axis in axes)) for u in ("u", "U95"))
+        if not any(look.has(*(f"{u}{axis}" for axis in axes)) for u in ("u", "U95"))
     }
     return stated, tuple(
         f"uncertainty: no column has it; {key} = {value} is assumed: your instrument's certificate "

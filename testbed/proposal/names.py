@@ -24,11 +24,13 @@ ROS = {
 JOINT = re.compile(r"(?:.*[\s_])?(?:j|a|q|joint|axis|achse|theta|ax)[\s_]*a?([1-9])")
 READ = {"read", "actual", "act", "feedback", "measured", "current"}
 """Words of a joint that was read back."""
-WISHED = {
-    "goal", "target", "nominal", "nom", "cmd", "command", "commanded", "ref", "set", "t",
-    "dif", "diff", "difference", "delta", "err", "error", "dev", "deviation",
-}  # fmt: skip
+TARGETS = {"goal", "target", "nominal", "nom", "cmd", "command", "commanded", "ref", "set", "t"}
+DIFFERENCES = {"dif", "diff", "difference", "delta", "err", "error", "dev", "deviation"}
+WISHED = TARGETS | DIFFERENCES
 """Words of a place that was not measured."""
+DISTANCE = {"distance", "dist", "range", "length"}
+"""Words of a distance from a fixed point, where no angle stands beside it."""
+ANGLE = {"azimuth", "elevation", "zenith", "hz", "horizontal", "vertical"}
 DRIVES = {"torque": "torque", "tau": "torque", "moment": "torque", "effort": "torque"}
 """Words of what a drive reports; a current is known by its unit, or as that of a motor."""
 LOADS = {"payload", "load"}
@@ -39,6 +41,7 @@ PLAIN = {
     "pose_id": {"pose", "poseid", "pose id", "pose nr", "pose no", "nr", "no", "id", "index",
                 "number", "point", "point id", "point name", "pointname", "name", "step order"},
     "target": {"target", "reflector", "smr", "target name"},
+    "anchor": {"anchor", "anchor name", "fixed point", "from", "nest", "ball", "base point"},
     "temperature_degC": {"temperature", "temp", "t air", "ambient temperature",
                          "measurement temperature"},
     "payload_kg": {"payload", "load"},
@@ -121,9 +124,25 @@ def _meaning(name: str, head: Sequence[str]) -> Meaning | None:
     joint = JOINT.fullmatch(" ".join(word for word in text.split() if word not in READ | WISHED))
     if joint and not words & {"error", "diff", "dev", "deviation"}:
         return Meaning(name, f"q{joint[1]}{'_read' if words & READ else ''}", unit)
-    if words & WISHED:
-        return None
+    polar = any(ANGLE & set(without_unit(other)[0].split()) for other in head)
+    if words & DISTANCE and not polar and not words & {"x", "y", "z"}:
+        mark = "U95" if words & EXPANDED else "u" if words & STANDARD else ""
+        return Meaning(name, f"{mark}_distance" if mark else "distance", unit)
+    if words & WISHED or text in ("dx", "dy", "dz"):
+        return _wished(name, text, unit)
     return _coordinate(name, text, unit)
+
+
+def _wished(name: str, text: str, unit: str) -> Meaning | None:
+    """A coordinate of a target, or how far from it something was; None for their turns."""
+    if text in ("dx", "dy", "dz"):
+        return Meaning(name, f"difference_{text[1]}", unit)
+    words = set(text.split())
+    axes = words & {"x", "y", "z"}
+    if len(axes) != 1 or not words <= TARGETS | DIFFERENCES | axes | {"position", "pos"}:
+        return None
+    kind = "difference" if words & DIFFERENCES else "command"
+    return Meaning(name, f"{kind}_{axes.pop()}", unit)
 
 
 def _coordinate(name: str, text: str, unit: str) -> Meaning | None:

@@ -9,12 +9,16 @@ import numpy as np
 from calib.arrays import Array
 from testbed.files.alternatives import BY_AXIS
 from testbed.files.columns import PLAIN
+from testbed.files.refusal import refusal
 from testbed.files.table import number_of
 from testbed.proposal.data import Found
+from testbed.proposal.layouts import layouts
 from testbed.proposal.names import Meaning
 
 FEW = 300
 """Rows whose numbers are looked at."""
+TARGET = ("command_x", "command_y", "command_z")
+DIFFERENCE = ("difference_x", "difference_y", "difference_z")
 TURN = 6.4
 """Joints never turn so far where they are in radians [rad]."""
 REACH = 20.0
@@ -36,7 +40,7 @@ def joint_parts(look: Found, n: int) -> Iterator[Part]:
             "",
         )
     elif look.kind == "bare":
-        for layout, columns in _layouts(look, n):
+        for layout, columns in layouts(look, n):
             names = columns.get("joints")
             if names:
                 for unit in _by_size(look, names, TURN, ("deg", "rad")):
@@ -68,15 +72,21 @@ def seen_parts(look: Found, n: int) -> Iterator[Part]:
     if look.kind in ("points", "frames"):
         yield from _exported(look)
     elif look.kind == "bare":
-        for layout, columns in _layouts(look, n):
+        for layout, columns in layouts(look, n):
             if "position" in columns:
-                for keys, notes in _readings(look, columns["position"], columns["rotation"], {}):
+                place = dict(zip("xyz", columns["position"], strict=True))
+                for keys, notes in _readings(look, place, columns["rotation"], {}):
                     yield look, keys, notes, layout
     elif look.kind == "table":
         stems = look.stems
-        place = [stems[s].theirs for s in ("x", "y", "z") if s in stems]
         polar = look.has("range", "azimuth") and (look.has("elevation") or look.has("zenith"))
-        if len(place) == 3 or polar:
+        measured, parted = look.has(*"xyz"), look.has(*TARGET, *DIFFERENCE)
+        names = tuple("xyz") if measured else (*TARGET, *DIFFERENCE) if parted and not polar else ()
+        place = {stem: stems[stem].theirs for stem in names}
+        if parted and not measured and not polar:
+            for keys, notes in _readings(look, place, (), _more(look) | _drives(look, n)):
+                yield look, keys, (_sum_said(place), *notes), ""
+        elif place or polar:
             turns = next(
                 (
                     tuple(stems[s].theirs for s in form)
@@ -86,13 +96,50 @@ def seen_parts(look: Found, n: int) -> Iterator[Part]:
                 (),
             )
             more = _more(look) | _drives(look, n)
-            for keys, notes in _readings(look, tuple(place), turns, more):
+            for keys, notes in _readings(look, place, turns, more):
                 yield look, keys, notes, ""
+        elif look.has("distance"):
+            yield from _distances(look, n)
+
+
+def _sum_said(place: dict[str, str]) -> str:
+    """What is taken where a table has targets, and how far from them something was."""
+    target, away = (", ".join(place[stem] for stem in stems) for stems in (TARGET, DIFFERENCE))
+    return (
+        f"positions: none was measured as such; taken as the targets {target} plus the differences "
+        f"{away}, as measured - target; no fit tells the sign, for targets lie where a nominal "
+        'robot goes: if it is the other, write differences = "target - measured" under [points]'
+    )
+
+
+def _distances(look: Found, n: int) -> Iterator[Part]:
+    """[ranges] of a file, in each unit that is left open."""
+    if not look.has("anchor"):
+        raise refusal(
+            str(look.path), "anchor", "has distances but no column anchor",
+            allowed="each distance is one from a fixed point",
+            fix="name the fixed point of each row in a column anchor",
+        )  # fmt: skip
+    one, anchors = look.stems["distance"], look.column(look.stems["anchor"].theirs)
+    names = list(dict.fromkeys(filter(None, anchors)))
+    places = (
+        f"anchors: no file says where {', '.join(names)} {'stand' if len(names) > 1 else 'stands'};"
+        ' "free" finds the places, [x, y, z] in mm states one'
+    )
+    told = one.known or one.unit
+    for unit in ("",) if told else _by_size(look, [one.theirs], REACH, ("mm", "m")):
+        columns = _more(look) | _drives(look, n)
+        for stem in ("distance", "u_distance", "U95_distance"):
+            if look.has(stem) and not (own := look.stems[stem]).known:
+                columns[f"{stem}_{own.unit or unit or 'mm'}"] = own.theirs
+        note = (f"distances: no column says its unit; taken as {unit}",) if unit else ()
+        keys: Document = {"section": "ranges", "anchors_mm": dict.fromkeys(names, "free")}
+        yield look, keys | ({"columns": columns} if columns else {}), (places, *note), ""
 
 
 def _more(look: Found) -> dict[str, str]:
     """Columns besides joints and places, by our names."""
-    own = ("pose_id", "target", "time", "temperature_degC", "payload_kg", "order")
+    own = ("pose_id", "target", "anchor", "time", "temperature_degC", "payload_kg", "order")
     found = {one.stem: one.theirs for one in look.meanings if one.stem in own and not one.known}
     found = {key: name for key, name in found.items() if key in PLAIN}
     if "payload_kg" in found or look.has("payload_kg"):
@@ -117,17 +164,17 @@ def _drives(look: Found, n: int) -> dict[str, str]:
 
 
 def _readings(
-    look: Found, place: tuple[str, ...], turns: tuple[str, ...], more: dict[str, str]
+    look: Found, place: dict[str, str], turns: tuple[str, ...], more: dict[str, str]
 ) -> Iterator[tuple[Document, tuple[str, ...]]]:
-    """Keys and notes of [points] or [frames] with columns of these names."""
+    """Keys and notes of [points] or [frames] with columns of these names, by their stems."""
     means = {one.theirs: one for one in look.meanings}
     stated = {means[name].unit or (means[name].stem.rpartition("_")[2] if means[name].known else "")
-              for name in place if name in means}  # fmt: skip
+              for name in place.values() if name in means}  # fmt: skip
     told = not place or (stated and "" not in stated)
-    lengths = ("",) if told else _by_size(look, place, REACH, ("mm", "m"))
+    lengths = ("",) if told else _by_size(look, tuple(place.values()), REACH, ("mm", "m"))
     for unit, (form, extra, said) in product(lengths, _turnings(look, turns, means)):
         columns = dict(more)
-        for stem, name in zip("xyz", place, strict=False):
+        for stem, name in place.items():
             one = means.get(name)
             if one is None or not one.known:
                 columns[f"{stem}_{(one.unit if one else '') or unit}"] = name
@@ -213,35 +260,6 @@ def _exported(look: Found) -> Iterator[Part]:
             taken = ", ".join(f"{key} {value}" for key, value in keys.items())
             words = f"rotations: the export does not say how they turn; taken as {taken}"
             yield look, {"section": "frames", "format": "sa", **keys, **length}, (*note, words), ""
-
-
-def _layouts(look: Found, n: int) -> Iterator[tuple[str, dict[str, tuple[str, ...]]]]:
-    """Where joints, position and rotation may stand in rows without a head, by column number."""
-    begin = look.names
-    for skip in (0, 1):
-        left = look.width - skip
-        at = begin + skip
-
-        def columns(start: int, count: int) -> tuple[str, ...]:
-            return tuple(str(start + k + 1) for k in range(count))
-
-        if left == n:
-            yield "joints", {"joints": columns(at, n)}
-        for turns in (0, 3, 4, 9):
-            if left == 3 + turns:
-                both = {"position": columns(at, 3), "rotation": columns(at + 3, turns)}
-                yield "readings", both
-            if left in (n + 3 + turns, n + 6 + turns) and left >= n + 3 + turns:
-                q, p, r = columns(at, n), columns(at + n, 3), columns(at + n + 3, turns)
-                yield (
-                    f"both {skip} {turns} joints first",
-                    {"joints": q, "position": p, "rotation": r},
-                )
-                p, r, q = columns(at, 3), columns(at + 3, turns), columns(at + 3 + turns, n)
-                yield (
-                    f"both {skip} {turns} joints last",
-                    {"joints": q, "position": p, "rotation": r},
-                )
 
 
 def _by_size(

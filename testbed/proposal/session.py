@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from calib.errors import InputError
-from calib.measurement.observations import Measurements
 from testbed.files.frames_fit import FAR, fit_frames, flange_poses, target_groups
-from testbed.files.probe import FEWEST, TIMES
+from testbed.files.probe import FEWEST, TIMES, probe
 from testbed.files.read import session_of
 from testbed.files.refusal import refusal
-from testbed.files.session import Sources
+from testbed.files.session import Session, Sources
 from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.gates.mistakes import validated
 from testbed.gates.text import MAX_MB, FileText
@@ -131,18 +130,18 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
         return Proposed(drafts[0].document, drafts[0].notes, tried, False)
     texts = {(root / one.name, one.sheet): _beginning(one, looks) for one in looks}
 
-    def read(document: Document) -> Measurements | None:
+    def read(document: Document) -> Session | None:
         try:
             settings = validated(document, SessionFile, SESSION_FILE)
             sources = Sources(root, None, MAX_MB, dict(texts))
-            return session_of(settings, sources, robot, drop=True, where=SESSION_FILE).measurements
+            return session_of(settings, sources, robot, drop=True, where=SESSION_FILE)
         except InputError:
             return None
 
-    tables = [read(draft.document) for draft in drafts]
+    sessions = [read(draft.document) for draft in drafts]
     # where a shot was missed, a part of the rows still shows the reading
     for parts in PARTS:
-        scores = [_misfit(robot, table, parts) for table in tables]
+        scores = [_misfit(robot, session, parts) for session in sessions]
         order = np.argsort(scores, kind="stable")
         best, least = drafts[int(order[0])], scores[int(order[0])]
         if least <= FAR:
@@ -162,10 +161,15 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
     return Proposed(best.document, best.notes, tried, True)
 
 
-def _misfit(robot: Robot, table: Measurements | None, parts: int) -> float:
+def _misfit(robot: Robot, session: Session | None, parts: int) -> float:
     """What base and tool leave in the best of some parts of the rows of one target [m]."""
-    groups = target_groups(table) if table is not None else []
-    if table is None or not groups or len(groups[0]) < FEWEST * parts:
+    if session is None:
+        return np.inf
+    table, groups = session.measurements, target_groups(session.measurements)
+    if not groups and parts == 1:
+        stated = probe(robot, session).stated
+        return stated.score if stated is not None else np.inf
+    if not groups or len(groups[0]) < FEWEST * parts:
         return np.inf
     left = []
     for stretch in np.array_split(groups[0], parts):

@@ -7,6 +7,7 @@ from testbed.files.columns import is_known
 from testbed.proposal.data import Found
 from testbed.proposal.parts import Document
 from testbed.proposal.session import Proposed
+from testbed.proposal.wished import wished_lines
 from testbed.strict import toml_lines, toml_value
 from testbed.units import counted
 
@@ -57,7 +58,7 @@ def session_text(
         if line.startswith("["):
             lines += _unused(line.strip("[]"), proposed.document, looks)
         lines.append(line)
-    return "\n".join(lines).replace("\n\n# not used", "\n# not used") + "\n" + MAY
+    return "\n".join(lines) + "\n" + MAY
 
 
 def _unused(section: str, document: Document, looks: Sequence[Found]) -> list[str]:
@@ -73,8 +74,10 @@ def _unused(section: str, document: Document, looks: Sequence[Found]) -> list[st
     look = next((one for one in looks if (one.name, one.sheet) == place), None)
     if look is None or look.kind in ("points", "frames", "rapid"):
         return []
-    left = [name for name in look.head if name not in read and not is_known(name)]
-    return [f"# not used: {', '.join(map(toml_value, left))}"] if left else []
+    said, known = wished_lines(look)
+    left = [name for name in look.head if name not in read | known and not is_known(name)]
+    told = [f"not used: {', '.join(map(toml_value, left))}"] if left else []
+    return [f"# {line}" for line in (*said, *told)]
 
 
 def _place(table: Document) -> tuple[str, str | None] | None:

@@ -91,6 +91,8 @@ class PointsTable(OpticalTable):
     kind = "point"
     names: Annotated[int, Field(ge=0, le=3)] | None = None
     """For format = "sa": fields of each line before the coordinates."""
+    differences: Literal["measured - target", "target - measured"] = "measured - target"
+    """What columns difference_x_mm ... are, where a table has command_x_mm ... in place of x_mm."""
     after: tuple[Name, ...] = ()
     """For format = "sa": own names of the fields after the coordinates, "" for those unused."""
     pose: Literal["target", "group", "occurrence"] | None = None

@@ -107,7 +107,8 @@ def test_residuals_of_two_visits_are_those_of_the_noise():
     """The p-value of the fit is as likely anywhere: 5 % of 200 campaigns below .05."""
     values = np.array([campaign(1000 + seed)[1].p_value for seed in range(200)])
     below, uniform = (values < 0.05).sum(), kstest(values, "uniform").pvalue
-    print(f"\n{below} of 200 below .05; tenths {np.histogram(values, 10, (0, 1))[0]}, {uniform:.3f}")  # noqa: T201  # figures of a study
+    tenths = np.histogram(values, 10, (0, 1))[0]
+    print(f"\n{below} of 200 below .05; of each tenth {tenths}, uniform: p = {uniform:.3f}")  # noqa: T201  # figures of a study
     assert binom.ppf(0.001, 200, 0.05) <= below <= binom.ppf(0.999, 200, 0.05)
     assert uniform > 1e-3
 

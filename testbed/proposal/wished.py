@@ -1,0 +1,76 @@
+"""Targets and differences that stand beside what was measured: what they are, and whether so."""
+
+import numpy as np
+
+from calib.arrays import Array
+from testbed.bounds import FACTORS
+from testbed.files.table import number_of
+from testbed.proposal.data import Found
+from testbed.proposal.names import Meaning
+from testbed.proposal.parts import DIFFERENCE, TARGET
+from testbed.strict import toml_value
+
+UNITS = ("mm", "m")
+"""Of columns that say none; the measured ones are tried in each, then targets and differences."""
+
+
+def wished_lines(look: Found) -> tuple[list[str], set[str]]:
+    """Words on the targets and differences of a table with measured positions; their columns."""
+    stems = look.stems
+    if not look.has("x", "y", "z"):
+        return [], set()
+    there = {
+        what: [stems[stem] for stem in names]
+        for what, names in (("targets", TARGET), ("differences", DIFFERENCE))
+        if look.has(*names)
+    }
+    said = [
+        f"{what}, not used: {', '.join(toml_value(one.theirs) for one in ones)}"
+        for what, ones in there.items()
+    ]
+    if len(there) == 2:
+        measured = [stems[axis] for axis in "xyz"]
+        said[1] += f": {_checked(look, measured, *there.values())}"
+    return said, {one.theirs for ones in there.values() for one in ones}
+
+
+def _checked(
+    look: Found, measured: list[Meaning], target: list[Meaning], away: list[Meaning]
+) -> str:
+    """Whether differences are measured - target, or the reverse, in words."""
+    least, told = np.inf, ""
+    for one in _units(measured):
+        m, rounded = _meters(look, measured, one)
+        for other in _units(target):
+            t, coarse = _meters(look, target, other)
+            for third in _units(away):
+                d, rough = _meters(look, away, third)
+                for sign, words in ((1.0, "measured - target"), (-1.0, "target - measured")):
+                    off = np.abs(d - sign * (m - t)).max(axis=1)
+                    rows = np.isfinite(off)
+                    if not rows.any() or (worst := float(off[rows].max())) >= least:
+                        continue
+                    least = worst
+                    # each cell is rounded by half of its last digit; float64 of meters beside it
+                    agree = worst <= 0.5 * (rounded + coarse + rough) + 1e-12
+                    told = (
+                        f"they are {words} in all {int(rows.sum())} rows"
+                        if agree
+                        else f"they are neither measured - target nor the reverse, but up to "
+                        f"{1e3 * worst:.3g} mm off: of another frame, or of other rows"
+                    )
+    return told or "no row has numbers in all of them"
+
+
+def _units(columns: list[Meaning]) -> tuple[str, ...]:
+    """The unit that columns say, or those that they may have."""
+    known = {one.stem.rpartition("_")[2] if one.known else one.unit for one in columns}
+    return UNITS if "" in known else (known.pop(),)
+
+
+def _meters(look: Found, columns: list[Meaning], unit: str) -> tuple[Array, float]:
+    """Numbers (m, 3) of columns in a unit [m], and one of their last digits [m]."""
+    cells = [[cell.replace(",", ".") for cell in look.column(one.theirs)] for one in columns]
+    digits = min(len(cell.partition(".")[2]) for column in cells for cell in column)
+    values: Array = np.array([[number_of(cell) for cell in column] for column in cells]).T
+    return values * FACTORS[unit], 10.0**-digits * FACTORS[unit]

@@ -1,0 +1,156 @@
+"""Targets, differences, distances and titles in the files of users: what `new session` makes of it.
+
+Truth: the files are written here from poses that are known.
+"""
+
+import re
+import tomllib
+
+import numpy as np
+import pytest
+
+from testbed.files.probe import probe
+from testbed.files.read import read_session
+from tests.testbed.files.made import ROBOT, csv
+from tests.testbed.proposal.test_session import (
+    JOINTS,
+    M,
+    call,
+    data,
+    joints,
+    places,
+    points,
+    proposed,
+    refused,
+    write,
+)
+
+WISHED = np.round(points(), 1) + np.array([3.0, -2.0, 1.0])
+"""Where the controller says it goes [mm]."""
+AWAY = points() - WISHED
+NAMES = {
+    "thesis": ("{}_t", "{}_dif", "joint_{}"),
+    "long": ("Target {} [mm]", "Difference {} (mm)", "J{}"),
+    "deltas": ("nominal_{}", "d{}", "axis_{}"),
+}
+
+
+@pytest.mark.parametrize("form", NAMES, ids=str)
+def test_targets_with_differences_are_read_as_their_sum(form, tmp_path):
+    target, away, joint = NAMES[form]
+    table = {"step_order": np.arange(M)}
+    table |= places(*(target.format(axis) for axis in "xyz"), values=WISHED)
+    table |= places(*(away.format(axis) for axis in "xyz"), values=AWAY)
+    table |= joints(*(joint.format(k) for k in range(1, 7)))
+    rows = csv(table).splitlines()
+    # a table program leaves empty rows
+    lines = [*rows[:9], "," * rows[0].count(","), *rows[9:], "", "," * rows[0].count(",")]
+    said, text = proposed(tmp_path, write(tmp_path, a__csv="\n".join(lines)), "--robot", ROBOT.name)
+    assert "none was measured as such; taken as the targets" in said
+    assert "as measured - target; no fit tells the sign" in said
+    session = read_session(tmp_path / "session.toml", ROBOT)
+    np.testing.assert_allclose(session.measurements.position, points() / 1e3, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(session.measurements.q, data().q, rtol=0, atol=1e-12)
+    probe(ROBOT, session).raise_if_wrong()
+    reverse = text.replace(
+        "\n[points.columns]", 'differences = "target - measured"\n[points.columns]'
+    )
+    (tmp_path / "session.toml").write_text(reverse)
+    session = read_session(tmp_path / "session.toml", ROBOT)
+    np.testing.assert_allclose(
+        session.measurements.position, (WISHED - AWAY) / 1e3, rtol=0, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("away", "told"),
+    [
+        (AWAY, f"they are measured - target in all {M} rows"),
+        (-AWAY, f"they are target - measured in all {M} rows"),
+        (
+            AWAY + np.array([0.0, 0.0, 0.05]),
+            "they are neither measured - target nor the reverse",
+        ),
+    ],
+    ids=["difference", "reverse", "neither"],
+)
+def test_targets_and_differences_beside_readings_are_named_and_compared(away, told, tmp_path):
+    """The readings count; targets in meters, their differences and the readings in millimeters."""
+    table = places("measured_x", "measured_y", "measured_z") | joints(*JOINTS)
+    table |= places("Goal x", "Goal y", "Goal z", values=WISHED / 1e3)
+    table |= places("x error", "y error", "z error", values=away)
+    rows = csv(table, form="{:.7f}")
+    _, text = proposed(tmp_path, write(tmp_path, a__csv=rows), "--robot", ROBOT.name)
+    assert '# targets, not used: "Goal x", "Goal y", "Goal z"\n' in text
+    assert f'# differences, not used: "x error", "y error", "z error": {told}' in text
+    if "neither" in told:
+        assert "up to 0.05 mm off" in text
+    named = tomllib.loads(text)["points"]["columns"]
+    assert named == {f"{axis}_mm": f"measured_{axis}" for axis in "xyz"}
+    session = read_session(tmp_path / "session.toml", ROBOT)
+    # seven decimals of a millimeter are written
+    np.testing.assert_allclose(session.measurements.position, points() / 1e3, rtol=0, atol=6e-11)
+
+
+def test_targets_alone_are_no_readings(tmp_path):
+    table = places("x_t", "y_t", "z_t", values=WISHED) | joints(*JOINTS)
+    (file,) = write(tmp_path, a__csv=csv(table))
+    said = refused(tmp_path, file)
+    assert "x_t, y_t, z_t are targets or differences: give what was measured" in said
+
+
+@pytest.mark.parametrize("unit", ["mm", "m", ""])
+def test_distances_from_fixed_points_are_proposed(unit, tmp_path):
+    anchors = {"A": [2000.0, 0.0, 0.0], "B": [0.0, 2500.0, 0.0], "C": [-1500.0, -1500.0, 1500.0]}
+    at = np.array(list(anchors.values()))
+    seen = np.linalg.norm(points()[:, None] - at, axis=2).ravel()
+    name = f"Distance [{unit}]" if unit else "dist"
+    table = {"Pose": np.repeat(np.arange(M), 3), "Fixed Point": list("ABC") * M}
+    table |= {one: np.repeat(column, 3) for one, column in joints(*JOINTS).items()}
+    table |= {name: seen / 1e3 if unit == "m" else seen}
+    (file,) = write(tmp_path, a__csv=csv(table))
+    said, text = proposed(tmp_path, [file], "--robot", ROBOT.name)
+    assert "anchors: no file says where A, B, C stand" in said
+    assert ("distances: no column says its unit; taken as mm" in said) == (not unit)
+    assert re.search(r"alone leave [01]\.\d+ mm", text)
+    told = tomllib.loads(text)
+    assert told["ranges"]["anchors_mm"] == dict.fromkeys("ABC", "free")
+    assert told["uncertainty"] == {"distance_um": 30}
+    session = read_session(tmp_path / "session.toml", ROBOT)
+    np.testing.assert_allclose(session.measurements.distance, seen / 1e3, rtol=0, atol=1e-12)
+    assert session.measurements.n_poses == M
+    del table["Fixed Point"]
+    (tmp_path / "session.toml").unlink()
+    said = refused(tmp_path, *write(tmp_path, a__csv=csv(table)))
+    assert "a.csv: has distances but no column anchor; each distance is one from a fixed" in said
+
+
+TITLES = {
+    "one": ["Calibration of robot 7, hall 3"],
+    "several": [
+        "Measured by A. Person",
+        "",
+        "Date; 2026-01-05;;;",
+        "Tracker; 4711",
+        "Air [C]; 20,5",
+    ],
+    "padded": ["Report" + ";" * 8, "Station;1" + ";" * 7],
+}
+
+
+@pytest.mark.parametrize("kind", TITLES, ids=str)
+def test_titles_above_a_table_are_seen(kind, tmp_path):
+    table = joints(*(f"J{k}" for k in range(1, 7))) | places("X", "Y", "Z")
+    rows = csv(table, separator=";", decimal=",").splitlines()
+    (file,) = write(tmp_path, a__csv="\n".join([*TITLES[kind], *rows]))
+    proposed(tmp_path, [file], "--robot", ROBOT.name)
+    session = read_session(tmp_path / "session.toml", ROBOT)
+    np.testing.assert_allclose(session.measurements.position, points() / 1e3, rtol=0, atol=1e-12)
+    (said,) = [note for note in session.notes if "decimal comma" in note]
+    assert said.endswith(f"{M} rows, under a title ({TITLES[kind][0].strip(';')})")
+    assert session.place[0].endswith(f"a.csv:{len(TITLES[kind]) + 2}")
+    # a row that is too long is still told by the names of its columns
+    (tmp_path / "a.csv").write_text("\n".join([*TITLES[kind], rows[0], rows[1], rows[2] + ";1"]))
+    done = call("check", tmp_path / "session.toml", "--robot", ROBOT.name)
+    assert done.exit_code == 2
+    assert f"a.csv:{len(TITLES[kind]) + 3}: has 10 cells; the first line names 9" in done.stderr
