@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg.lapack import dtrtri
 from scipy.special import ndtri
 
 from calib.arrays import Array, Bool, Index
@@ -164,5 +165,14 @@ def _alike(pose: Index, at: Bool, heavy: Bool) -> list[Index]:
 
 def reduced(A: Array) -> Array:
     """A derivative (n, f) of positions in the directions (n, p) that they show."""
-    _, singular, directions = np.linalg.svd(triangle(A), full_matrices=False)
+    root = triangle(A)
+    if len(root) == A.shape[1] and _sure(root):
+        return A
+    _, singular, directions = np.linalg.svd(root, full_matrices=False)
     return np.asarray(A @ directions[singular > RANK_TOLERANCE * singular[0]].T)
+
+
+def _sure(root: Array) -> bool:
+    """Whether a triangle (p, p) has full rank, by a bound on its smallest singular value."""
+    inverse, flaw = dtrtri(root)
+    return flaw == 0 and bool(RANK_TOLERANCE * np.linalg.norm(root) * np.linalg.norm(inverse) < 1.0)

@@ -7,6 +7,7 @@ of numbers, or with a prior three.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from calib.arrays import Array, frozen
 from calib.uncertainty.statement.evidence import NoiseRepeats, PositionRows, reduced
@@ -17,8 +18,12 @@ SMALLEST, LARGEST = 0.03, 1e4
 """Sizes tried, in standard deviations of the noise per axis; zero as well."""
 MOST_NUMBERS = 4_000_000
 """In one array on the way: 32 MB."""
+AT_ONCE = 24
+"""Sizes looked at together: most rows deny all but the first fifty."""
 COSTLY, POOLS = 5e7, 120
 """Products of columns above which rows that share noise and misfit alike are pooled; pools."""
+ROWS_FOR_NUMBERS = 2.0
+"""Rows for each number up to which the covariance of rows is the smaller work."""
 EPSILON = 1e-12
 """Part of the largest share below which no misfit shows in a row."""
 NODES = np.array([-3.0, 0.0, 3.0])
@@ -86,16 +91,15 @@ def likelihood(
     count = int(np.log(LARGEST / SMALLEST) / STEP) + 1
     t = np.concatenate([[0.0], SMALLEST * np.exp(STEP * np.arange(-reach, count + reach))])
     known = (log_g - center) ** 2 / (2 * sd**2) if repeats is None else repeats.against(log_g)
-    X = np.column_stack([A, both.y])
-    of_both, highest = np.full((len(t), len(log_g)), -np.inf), -np.inf
     lam = unit**2 * rows.lam
-    pools = _Pools.of(X[:n], lam) if n * X.shape[1] ** 2 > COSTLY and lam.any() else None
-    some = max(1, MOST_NUMBERS // X.shape[1] ** 2)
-    for start in range(0, len(t), some):
-        part = slice(start, start + some)
-        H = _normal(X[:n], lam, t[part]) if pools is None else pools.normal(t[part])
+    nodes = center + NODES * sd if n < len(A) else np.zeros(1)
+    systems = _systems(np.column_stack([A, both.y]), lam, nodes)
+    of_both, highest = np.full((len(t), len(log_g)), -np.inf), -np.inf
+    for start in range(0, len(t), AT_ONCE):
+        part = slice(start, start + AT_ONCE)
         logarithms = np.log1p(t[part, None] ** 2 * lam).sum(axis=1)
-        of_both[part] = _values(H, X[n:], n, log_g, center, sd) - logarithms[:, None] / 2 - known
+        values = _values(systems.eliminated(t[part]), nodes, log_g, n, A.shape[1])
+        of_both[part] = values - logarithms[:, None] / 2 - known
         highest = max(highest, float(of_both[part].max()))
         if of_both[part].max(axis=1)[-1] < highest - HOPELESS:
             break  # larger ones are less likely still
@@ -111,25 +115,101 @@ def likelihood(
     )
 
 
-def _values(H: Array, prior: Array, n: int, log_g: Array, center: float, sd: float) -> Array:
+def _values(found: tuple[Array, Array], nodes: Array, log_g: Array, n: int, p: int) -> Array:
     """Log-likelihood (k, g) by size and scale of the noise but for ln|1 + t^2 lam| and the scale.
 
-    `H` (k, p + 1, p + 1) are products of the columns [A, y] of n rows, at unit noise.
+    `found` are ln|H| and y'Py (nodes, k) of n rows and p numbers.
     """
-    if not len(prior):
-        logarithm, square = _eliminated(H)
-        free = n - H.shape[1] + 1
-        return np.asarray(
-            -(logarithm[:, None] + 2 * free * log_g + square[:, None] * np.exp(-2 * log_g)) / 2
-        )
-    nodes = center + NODES * sd
-    found = [_eliminated(H * np.exp(-2 * node) + prior.T @ prior) for node in nodes]
-    logarithm = np.array([each[0] for each in found])
-    square = np.array([each[1] * np.exp(2 * node) for node, each in zip(nodes, found, strict=True)])
+    logarithm, square = found
+    if len(nodes) == 1:  # without a prior
+        left = square[0, :, None] * np.exp(-2 * log_g)
+        return np.asarray(-(logarithm[0, :, None] + 2 * (n - p) * log_g + left) / 2)
+    square = square * np.exp(2 * nodes[:, None])
+    center = nodes.mean()
     powers = np.vander(nodes - center, len(nodes))
     place = np.linalg.solve(powers.T, np.vander(log_g - center, len(nodes)).T).T
     quadratic = (place @ square).T * np.exp(-2 * log_g)
     return np.asarray(-((place @ logarithm).T + 2 * n * log_g + quadratic) / 2)
+
+
+def _systems(X: Array, lam: Array, nodes: Array) -> "_OfNumbers | _OfRows":
+    """Of rows and a prior, columns [A, y], by numbers or by rows as it costs less."""
+    n, p = len(lam), X.shape[1] - 1
+    if n <= ROWS_FOR_NUMBERS * p and len(X) - n >= p:
+        return _OfRows.of(X[:n], X[n:], lam, nodes)
+    pooled = n * X.shape[1] ** 2 > COSTLY and lam.any()
+    before = X[n:].T @ X[n:]
+    return _OfNumbers(X[:n], before, lam, nodes, _Pools.of(X[:n], lam) if pooled else None)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _OfNumbers:
+    """One system of numbers for each size and scale of the noise."""
+
+    X: Array
+    """(n, p + 1) columns [A, y] of the rows."""
+    before: Array
+    """(p + 1, p + 1) products of the same columns of the prior."""
+    lam: Array
+    """(n,) variance per t^2 of misfit."""
+    nodes: Array
+    """(k,) logarithms of the scale."""
+    pools: "_Pools | None"
+
+    def eliminated(self, t: Array) -> tuple[Array, Array]:
+        """ln|H| and y'Py (nodes, k) of sizes t (k,)."""
+        pools = self.pools
+        H = _normal(self.X, self.lam, t) if pools is None else pools.normal(t)
+        found = [_eliminated(H * np.exp(-2 * node) + self.before) for node in self.nodes]
+        return np.stack([one[0] for one in found]), np.stack([one[1] for one in found])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _OfRows:
+    """The same where rows are few and all numbers have a prior: by the covariance of the rows.
+
+    References
+    ----------
+    K = A inv(Lambda0) A', V = g^2 + K + g^2 t^2 Lambda: with the eigenvalues mu of Lambda against
+    g^2 + K all t are at hand. ln|H| = ln|V| + ln|Lambda0| - ln|g^2 (1 + t^2 Lambda)|.
+    """
+
+    lam: Array
+    """(n,) variance per t^2 of misfit."""
+    nodes: Array
+    """(k,) logarithms of the scale."""
+    logarithm: Array
+    """(k,) ln|g^2 + K| + ln|Lambda0| - 2 n ln g."""
+    mu: Array
+    """(k, n) eigenvalues, times g^2."""
+    y: Array
+    """(k, n) residuals along the eigenvectors, of variance one."""
+
+    @classmethod
+    def of(cls, X: Array, prior: Array, lam: Array, nodes: Array) -> "_OfRows":
+        """Those of columns [A, y] of rows (n, p + 1) and prior."""
+        root = np.linalg.qr(prior[:, :-1], mode="r")
+        expected = np.linalg.lstsq(prior[:, :-1], prior[:, -1])[0]
+        y = X[:, -1] - X[:, :-1] @ expected
+        B = solve_triangular(root, X[:, :-1].T, trans=1, check_finite=False)
+        K, of_prior = B.T @ B, 2 * np.log(np.abs(np.diag(root))).sum()
+        logarithm, mu, along = [], [], []
+        for g in np.exp(nodes):
+            L = np.linalg.cholesky(K + g**2 * np.eye(len(y)))
+            both = np.column_stack([g * np.diag(np.sqrt(lam)), y])
+            both = solve_triangular(L, both, lower=True, check_finite=False)
+            values, axes = np.linalg.eigh(both[:, :-1] @ both[:, :-1].T)
+            logarithm.append(2 * np.log(np.diag(L) / g).sum() + of_prior)
+            mu.append(np.maximum(values, 0.0))
+            along.append(both[:, -1] @ axes)
+        return cls(lam, nodes, np.array(logarithm), np.array(mu), np.array(along))
+
+    def eliminated(self, t: Array) -> tuple[Array, Array]:
+        """ln|H| and y'Py (nodes, k) of sizes t (k,)."""
+        square = t[:, None] ** 2
+        size = 1 + square * self.mu[:, None]
+        logarithm = np.log(size).sum(axis=2) - np.log1p(square * self.lam).sum(axis=1)
+        return self.logarithm[:, None] + logarithm, (self.y[:, None] ** 2 / size).sum(axis=2)
 
 
 def _normal(X: Array, lam: Array, t: Array) -> Array:
@@ -188,7 +268,8 @@ class _Pools:
 
 def _eliminated(H: Array) -> tuple[Array, Array]:
     """ln|A'inv(V)A| (k,) and what is left of y'inv(V)y (k,), of products of the columns [A, y]."""
-    root = np.linalg.cholesky(H[:, :-1, :-1])
-    b = np.linalg.solve(root, H[:, :-1, -1:])[:, :, 0]
-    logarithms = 2 * np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
-    return logarithms, H[:, -1, -1] - (b**2).sum(axis=1)
+    # one factor serves both; the corner is raised, so that it has one where nothing is left
+    raised, H = H[:, -1, -1] + 1.0, H.copy()
+    H[:, -1, -1] += raised
+    pivots = np.diagonal(np.linalg.cholesky(H), axis1=1, axis2=2)
+    return 2 * np.log(pivots[:, :-1]).sum(axis=1), pivots[:, -1] ** 2 - raised

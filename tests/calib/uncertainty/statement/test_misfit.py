@@ -167,6 +167,29 @@ def test_many_rows_pooled_say_what_each_by_itself_says(monkeypatch):
     assert pooled.limit(DROP) == pytest.approx(plain.limit(DROP), rel=1e-3)
 
 
+@pytest.mark.parametrize("p", [70, 130, 260])
+def test_rows_fewer_than_numbers_say_what_the_numbers_say(monkeypatch, p):
+    """By the eigenvalues of the covariance of rows, and by one system of numbers for each size."""
+    rng = np.random.default_rng(22)
+    n = 120
+    rows = PositionRows(3 * rng.normal(size=(n, p)), 5 * rng.normal(size=n), np.ones(n), float(n))
+    rows = replace(rows, lam=np.exp(rng.normal(size=n)))
+    root = np.tril(rng.normal(size=(p, p))) / np.sqrt(p) + 2 * np.eye(p)
+    before = PositionRows(root.T, root.T @ rng.normal(size=p), np.zeros(p), 0.0)
+    found = []
+    for limit in (2.0, 0.0):
+        monkeypatch.setattr("calib.uncertainty.statement.likelihood.ROWS_FOR_NUMBERS", limit)
+        found.append(likelihood(rows, 1.0, NoiseRepeats(60, 90.0), before))
+    ours, theirs = found
+    near = theirs.value > theirs.value.max() - 20
+    # logarithms of some hundred, of matrices of condition 1e4
+    np.testing.assert_allclose(
+        ours.value[near] - ours.value[0], theirs.value[near] - theirs.value[0], atol=1e-9
+    )
+    np.testing.assert_array_equal(ours.noise_scale[near], theirs.noise_scale[near])
+    assert ours.limit(DROP) == pytest.approx(theirs.limit(DROP), rel=1e-10)
+
+
 def test_shape_is_one_metre_per_axis_half_in_the_joints():
     rng = np.random.default_rng(4)
     for arm in ("tx60", "scara", "iiwa"):
