@@ -82,3 +82,10 @@ def require_finite(name: str, array: Array) -> None:
 def wrong_shape(name: str, shape: tuple[int, ...], allowed: str) -> InputError:
     """The error for an array of another shape than allowed."""
     return refuse(name, shape, allowed, code="A1", message=f"{name} has shape {shape}")
+
+
+def require_probability(probability: float, code: str = "A3") -> float:
+    """The probability, if it lies strictly between 0 and 1."""
+    if not 0 < probability < 1:
+        raise refuse("probability", probability, "between 0 and 1, e.g. 0.95", code=code)
+    return probability

@@ -66,7 +66,7 @@ FLOORS = {
     "calib": (
         ("errors",),
         ("arrays",),
-        ("geometry", "kernels"),
+        ("geometry", "held_out_counts", "kernels"),
         ("measurement",),
         ("information", "compensation", "single_poses"),
         ("design", "identification"),
@@ -372,6 +372,14 @@ def test_importing_a_package_loads_nothing_else(package):
 def test_the_types_that_pass_the_door_load_no_scipy():
     loaded = loaded_by("import calib; calib.Chain; calib.RobotModel; calib.points; calib.poses")
     assert "numpy" in loaded
+    assert "scipy" not in loaded
+
+
+def test_reading_every_shipped_scene_and_robot_loads_no_scipy():
+    """It takes as long as all else that `truebed scenes` does."""
+    scenes = ", ".join(f"'{path.stem}'" for path in (ROOT / "scenes").glob("*.toml"))
+    loaded = loaded_by(f"from testbed import studies; [*map(studies.load_scenario, [{scenes}])]")
+    assert "pydantic" in loaded
     assert "scipy" not in loaded
 
 

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from calib.arrays import Array, check, frozen
+from calib.arrays import Array, check, frozen, require_probability
 from calib.errors import refuse
 from calib.uncertainty.covariance import correlation
 from calib.uncertainty.monte_carlo import numerical_tolerance
-from calib.uncertainty.regions import require_probability
 
 Sample = Callable[[int, np.random.Generator], Array]
 """(M, rng) -> M values of the k outputs (M, k)."""

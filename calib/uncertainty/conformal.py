@@ -8,7 +8,7 @@ from scipy.special import betaincinv
 
 from calib.arrays import check
 from calib.errors import refuse
-from calib.uncertainty.regions import require_probability
+from calib.held_out_counts import fewest_poses
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +46,6 @@ class Conformal:
             f"{100 * high:.0f} %. The noise of that reading is in it, and what all readings share "
             "is not"
         )
-
-
-def fewest_poses(probability: float = 0.95) -> int:
-    """Smallest n for which the k-th smallest of n errors exists: 19 for 95 %."""
-    require_probability(probability, "C41")
-    return int(np.ceil(probability / (1 - probability) - 1e-9))
 
 
 def conformal(distance: ArrayLike, *, probability: float = 0.95) -> Conformal:

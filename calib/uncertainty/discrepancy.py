@@ -6,13 +6,10 @@ from typing import Annotated
 import numpy as np
 from scipy.special import fdtri
 
-from calib.arrays import Array, frozen
+from calib.arrays import Array, frozen, require_probability
 from calib.errors import refuse
+from calib.held_out_counts import FEWEST
 from calib.uncertainty.held_out import HeldOut
-from calib.uncertainty.regions import require_probability
-
-FEWEST = 10
-"""Held-out poses below which a 3 x 3 covariance is not stated."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,14 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.arrays import Array, check
+from calib.held_out_counts import FEWEST, fewest_poses
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
 from calib.measurement.observations import Measurements
 from calib.uncertainty.bootstrap import REPLICATES, Bootstrap, bootstrap
 from calib.uncertainty.circumstances import Circumstances as Circumstances
 from calib.uncertainty.circumstances import MeasuredNoise, measured_noise
-from calib.uncertainty.conformal import Conformal, conformal, fewest_poses
-from calib.uncertainty.discrepancy import FEWEST, Discrepancy, discrepancy
+from calib.uncertainty.conformal import Conformal, conformal
+from calib.uncertainty.discrepancy import Discrepancy, discrepancy
 from calib.uncertainty.held_out import HeldOut, errors_of_poses, first_of_pose, held_out
 from calib.uncertainty.statement.belief import Belief, adding, believe
 from calib.uncertainty.statement.drifting import Drifting, drifting
@@ -46,7 +47,7 @@ class Judgement:
     drifting: Drifting | None
     """Whether the noise remembers, and what that leaves; None without an order in time."""
     discrepancy: Discrepancy | None
-    """What the model leaves out, as a covariance; None below `discrepancy.FEWEST` poses."""
+    """What the model leaves out, as a covariance; None below `held_out_counts.FEWEST` poses."""
     conformal: Conformal | None
     """Radius without a model of the error; None below `conformal.fewest_poses` poses."""
     bootstrap: Bootstrap | None

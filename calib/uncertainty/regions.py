@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtri, stdtrit
 
-from calib.arrays import Array, Bool
+from calib.arrays import Array, Bool, require_probability
 from calib.errors import InputError, refuse
 
 FLAT = 1e-12
@@ -125,13 +125,6 @@ def inside(error: Array, covariance: Array, *, probability: float = 0.95) -> Boo
         [0.0, *(coverage_factor(k, probability) for k in range(1, flat.shape[-1] + 1))]
     )
     return np.asarray((square <= factors[(~flat).sum(axis=-1)] ** 2) & ~off_plane)
-
-
-def require_probability(probability: float, code: str = "A3") -> float:
-    """The probability, if it lies strictly between 0 and 1."""
-    if not 0 < probability < 1:
-        raise refuse("probability", probability, "between 0 and 1, e.g. 0.95", code=code)
-    return probability
 
 
 def _not_definite(what: str, numbers: str) -> InputError:

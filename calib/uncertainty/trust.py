@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from calib.held_out_counts import fewest_poses
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
 from calib.uncertainty.bootstrap import Bootstrap
-from calib.uncertainty.conformal import Conformal, fewest_poses
+from calib.uncertainty.conformal import Conformal
 from calib.uncertainty.held_out import HeldOut
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.drifting import Drifting

@@ -4,9 +4,9 @@ import numpy as np
 
 from calib.arrays import Array, Bool, frozen
 from calib.geometry.model import RobotModel
+from calib.held_out_counts import fewest_poses
 from calib.identification.identify import Identification
 from calib.measurement.observations import GIVEN, Measurements
-from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.judgement import Circumstances, Judgement, judge
 from calib.uncertainty.statement.repeats import FEWEST_FREEDOM, joint_scatter, repeated
 from testbed.files.session import Session

@@ -6,8 +6,8 @@ from scipy.sparse.csgraph import connected_components
 
 from calib.arrays import Bool, Index, frozen
 from calib.errors import refuse
+from calib.held_out_counts import fewest_poses
 from calib.measurement.observations import Measurements
-from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.held_out import SAME_POSE
 from testbed.identify.records import HeldOutSplit
 from testbed.streams import stream

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from calib.uncertainty.conformal import fewest_poses
+from calib.held_out_counts import fewest_poses
 from calib.uncertainty.statement.stated_point import StatedPoint
 from testbed.identify.applies.beyond import beyond_words, gravity_words
 from testbed.identify.conditions import conditions_words

@@ -8,7 +8,7 @@ from calib.arrays import Array, frozen
 from calib.errors import InputError, refuse
 from calib.geometry.frames import exp_so3, inverse, log_so3, slide, transform
 from calib.geometry.inverse import inverse_kinematics
-from calib.information.criteria.named import NEEDS_GOALS
+from calib.information.criteria import NEEDS_GOALS
 from calib.information.goals import Goals, goal_matrix
 from testbed.laboratory.bench import PROBED_POSES, Bench
 from testbed.laboratory.joint_lists import from_deg

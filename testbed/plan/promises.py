@@ -4,7 +4,7 @@ from math import floor
 
 import numpy as np
 
-from calib.uncertainty.conformal import fewest_poses
+from calib.held_out_counts import fewest_poses
 from calib.uncertainty.statement.applicability import REFUSED, WARNED, Applicability
 from calib.uncertainty.statement.distance import least_content
 from testbed.plan.records import Plan

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator
 
-from calib.information.criteria.named import NEEDS_GOALS
+from calib.information.criteria import NEEDS_GOALS
 from testbed.bounds import LENGTH_SD, shown
 from testbed.scenario.fixtures import fixture_contradictions
 from testbed.scenario.laboratory import SYSTEMATIC, At960Tracker

@@ -1,13 +1,15 @@
 """[tolerance] of a session or a scenario: how far the tool may miss, and how that is decided."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import model_validator
 
-from calib.uncertainty.statement.conformity import Rule
 from testbed.bounds import CELL
 from testbed.strict import Strict
+
+Rule = Literal["guarded", "simple"]
+"""Those of `calib.uncertainty.statement.conformity`."""
 
 
 @dataclass(frozen=True, slots=True)

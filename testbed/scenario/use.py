@@ -1,14 +1,16 @@
 """Under which conditions a robot is used or measured, as a table of a scenario or a session."""
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from pydantic import Field
 
 from calib.arrays import frozen
-from calib.uncertainty.statement.conditions import Conditions
 from testbed.bounds import PAYLOAD, TEMPERATURE
 from testbed.strict import PlainText, Strict
+
+if TYPE_CHECKING:
+    from calib.uncertainty.statement.conditions import Conditions
 
 
 class UseSettings(Strict):
@@ -20,8 +22,10 @@ class UseSettings(Strict):
     """Name of what is mounted there."""
     temperature_degC: Annotated[float, TEMPERATURE.signed("degC")] | None = None  # noqa: N815
 
-    def rows(self, m: int) -> Conditions:
+    def rows(self, m: int) -> "Conditions":
         """The stated conditions of m rows."""
+        from calib.uncertainty.statement.conditions import Conditions
+
         payload, temperature = (
             None if value is None else frozen(np.full(m, value))
             for value in (self.payload_kg, self.temperature_degC)

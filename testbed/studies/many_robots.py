@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, T
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
-from scipy.special import stdtrit
 
 from calib.arrays import Array
 from testbed.scenario.laboratory import TruthSettings
@@ -173,6 +172,8 @@ def mean_over_robots(values: Array, *, probability: float = 0.95) -> Mean:
     ----------
     Student's t with R - 1 degrees of freedom; JCGM 100:2008, G.3.
     """
+    from scipy.special import stdtrit
+
     count = len(values)
     t = float(stdtrit(count - 1, (1 + probability) / 2))
     return Mean(float(values.mean()), t * float(values.std(ddof=1)) / count**0.5)

@@ -26,7 +26,6 @@ _OF_GOALS: dict[str, Callable[[Goals, str], Criterion]] = {"V": v_of, "G": g_of}
 _OF_ALL: dict[str, Callable[[Goals, int, str], Criterion]] = {"V": total_v, "G": total_g}
 NAMES = ("D", "A", "V", "G", "E", "O1", "O2", "O3", "O4", "O5")
 """O1 is D, and O3 is E, under the name of the paper."""
-NEEDS_GOALS = tuple(_OF_GOALS)
 
 
 def criterion_named(

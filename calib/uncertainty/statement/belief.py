@@ -14,11 +14,11 @@ from calib.arrays import Array, check, frozen
 from calib.geometry.jacobian import joint_columns, reflector_rows
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
+from calib.held_out_counts import fewest_poses
 from calib.identification.identify import Identification
 from calib.information.propagation import propagated
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict, predicted_positions
-from calib.uncertainty.conformal import fewest_poses
 from calib.uncertainty.regions import coverage_factor, mahalanobis_squared
 from calib.uncertainty.statement.applicability import Proven, proven_at
 from calib.uncertainty.statement.distance import SPARE, distance_radius

@@ -6,9 +6,8 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calib.arrays import Array, check, frozen
+from calib.arrays import Array, check, frozen, require_probability
 from calib.errors import refuse
-from calib.uncertainty.regions import require_probability
 from calib.uncertainty.statement.distance import distance_radius, probability_within
 
 Rule = Literal["guarded", "simple"]

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtr, erf, ndtr, roots_legendre
 
-from calib.arrays import Array, check
+from calib.arrays import Array, check, require_probability
 from calib.errors import refuse
-from calib.uncertainty.regions import coverage_factor, require_probability
+from calib.uncertainty.regions import coverage_factor
 
 NODES = 40
 """Nodes of each of two nested Gauss-Legendre rules: 1e-7 for round shapes, 5e-6 for thin ones."""

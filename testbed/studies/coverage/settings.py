@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field
 
+from calib.held_out_counts import FEWEST, fewest_poses
 from testbed.scenario.laboratory import At960Tracker, TruthSettings
 from testbed.scenario.scenario import Scenario
 from testbed.strict import Fault
@@ -42,10 +43,6 @@ class CoverageSettings(ManyRobots):
 
     def own_contradictions(self, scenario: Scenario) -> Iterable[str]:
         """A radius that needs no model of the error asks for enough poses."""
-        # reading a scenario without this study loads no uncertainty
-        from calib.uncertainty.conformal import fewest_poses
-        from calib.uncertainty.discrepancy import FEWEST
-
         tracker = scenario.tracker
         missed = tracker.missed if isinstance(tracker, At960Tracker) else 0
         needed = max(FEWEST, fewest_poses(self.level)) + missed

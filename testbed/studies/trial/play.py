@@ -19,8 +19,9 @@ from calib.design import (
     detmax,
 )
 from calib.identification.identify import Identification, Mode
+from calib.information.criteria import NEEDS_GOALS
 from calib.information.criteria.base import Criterion
-from calib.information.criteria.named import NEEDS_GOALS, criterion_named
+from calib.information.criteria.named import criterion_named
 from calib.information.observability import Observability, indices
 from calib.information.rank import singular_values
 from calib.measurement.accuracy import point_distances, target_points

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from calib.information.criteria.named import NEEDS_GOALS
+from calib.information.criteria import NEEDS_GOALS
 from testbed.laboratory.truth.setting import Setting
 from testbed.report.page import Section
 from testbed.scenario.hashes import goal_part, part, shared_part

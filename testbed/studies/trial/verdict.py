@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from calib.held_out_counts import fewest_poses
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
-from calib.uncertainty.conformal import fewest_poses
 from testbed.report.page import Verdict
 from testbed.studies.trial.records import Campaign, Comparison, Estimate, Replications, Trial
 from testbed.studies.trial.statement.records import LEVEL, Statement

@@ -6,8 +6,9 @@ from scipy import stats
 
 from calib.errors import InputError
 from calib.geometry.parameters import parameters_of
+from calib.held_out_counts import fewest_poses
 from calib.identification.identify import identify
-from calib.uncertainty.conformal import conformal, fewest_poses
+from calib.uncertainty.conformal import conformal
 from calib.uncertainty.discrepancy import discrepancy
 from calib.uncertainty.held_out import HeldOut, held_out
 from tests.reference import WEN24, pool_r, rigid_truth, tx60

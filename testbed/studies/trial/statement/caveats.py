@@ -1,10 +1,9 @@
 """What could not be stated of a calibration, or rests on trust, and what to do about it."""
 
 from calib.arrays import Index
+from calib.held_out_counts import FEWEST, fewest_poses
 from calib.identification.identify import Identification
 from calib.identification.joint_models import shared_waves
-from calib.uncertainty.conformal import fewest_poses
-from calib.uncertainty.discrepancy import FEWEST
 from testbed.studies.trial.statement.records import LEVEL
 
 

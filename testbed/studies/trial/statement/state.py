@@ -11,13 +11,13 @@ import numpy as np
 from scipy.special import chdtri
 
 from calib.arrays import Array, Bool, Index
+from calib.held_out_counts import FEWEST
 from calib.identification.fit_statistics import MOST_OUTLIERS
 from calib.identification.identify import Identification
 from calib.identification.outlier_search import search_outliers
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
 from calib.uncertainty.bootstrap import Bootstrap
-from calib.uncertainty.discrepancy import FEWEST
 from calib.uncertainty.held_out import held_out
 from calib.uncertainty.judgement import Circumstances, judge
 from calib.uncertainty.regions import mahalanobis_squared
