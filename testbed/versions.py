@@ -2,6 +2,8 @@
 
 import platform
 import tomllib
+from contextlib import suppress
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -28,6 +30,16 @@ def _version(package: str) -> str:
 def number_versions() -> dict[str, str]:
     """What must not change when a run goes on."""
     return {"truebed": own_version(), **{name: _version(name) for name in NUMBERS}}
+
+
+@cache
+def processor() -> str:
+    """The kind of processor: bits of results are promised for one kind only."""
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
 
 
 def all_versions() -> dict[str, str]:

@@ -31,7 +31,10 @@ def compute(scenario, key, get):
     """Make one record in all its pieces; `get` hands over another one by key."""
     study, record = planned(scenario)[key]
     needed = Records({other: get(other) for other in record.needs}, {})
-    parts = [study.play(scenario, Task(study.name, key, k), needed) for k in range(record.pieces)]
+    if record.cut is None:
+        return study.play(scenario, Task(study.name, (key,)), needed)
+    tasks = (Task(study.name, (key,), k, record.cut.block(k)) for k in range(record.cut.count))
+    parts = [study.play(scenario, task, needed)[key] for task in tasks]
     return parts[0] if len(parts) == 1 else study.gather(scenario, key, parts)
 
 

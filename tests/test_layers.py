@@ -57,7 +57,7 @@ FLOORS = {
         ("robots", "store", "report"),
         ("scenario", "recording", "jobsheet"),
         ("laboratory", "studies/protocol"),
-        ("studies/trial", "studies/many_robots", "plan", "files"),
+        ("studies/trial", "studies/many_robots", "plan", "files", "engines"),
         ("studies/kinds", "iso9283"),
         ("studies/pose_sets", "studies/coverage", "studies/compensation", "studies/wen2022",
          "identify", "run", "proposal"),
@@ -79,6 +79,8 @@ FLOORS = {
 NEVER = (
     *(("testbed/run/", f"testbed.studies.{name}") for name in
       ("pose_sets", "coverage", "compensation", "wen2022", "many_robots")),
+    *(("testbed/engines/", f"testbed.studies.{name}") for name in
+      ("trial", "pose_sets", "coverage", "compensation", "wen2022", "many_robots")),
     ("testbed/identify/", "testbed.studies"),
     ("testbed/identify/", "testbed.laboratory.truth"),
     ("testbed/plan/", "testbed.studies"),

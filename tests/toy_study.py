@@ -20,7 +20,7 @@ from testbed.scenario.scenario import Scenario, StudyTable
 from testbed.store.quantities import METRE, Quantity
 from testbed.streams import stream
 from testbed.strict import Fault
-from testbed.studies.protocol import Answer, Record, Records, Task
+from testbed.studies.protocol import Answer, Cut, Record, Records, Task
 
 KEY = "toy.spread"
 
@@ -69,18 +69,20 @@ class ToyStudy:
         if not robots:
             return ()
         reads = shared_part(scenario) | part(scenario, "toy")
-        return (Record(KEY, Spread, reads, needs=("setting",), pieces=-(-robots // 2)),)
+        less = reads | {"toy": {"shots": scenario.table(ToySettings).shots}}
+        return (Record(KEY, Spread, reads, ("setting",), Cut("toy", robots, 2, less)),)
 
-    def play(self, scenario: Scenario, task: Task, needed: Records) -> Spread:
+    def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
         """Two robots."""
         if task.piece == self.interrupted_at:
             raise KeyboardInterrupt
         self.played.append(task.piece)
         table = scenario.table(ToySettings)
         size = needed.get("setting", Setting).pool_q.mean()
-        robots = range(2 * task.piece, min(table.robots, 2 * task.piece + 2))
-        draws = [stream(scenario.seed, "toy", k).normal(size, 1e-5, table.shots) for k in robots]
-        return Spread(np.std(draws, axis=1))
+        draws = [
+            stream(scenario.seed, "toy", k).normal(size, 1e-5, table.shots) for k in task.block
+        ]
+        return {KEY: Spread(np.std(draws, axis=1))}
 
     def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> Spread:
         """All robots."""

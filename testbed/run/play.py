@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from calib.errors import InputError, refuse
+from testbed.engines.engine import Engine
 from testbed.gates.paths import is_there
 from testbed.progress import Progress
 from testbed.run.derive import Derive, derived_file, led_by, require_trial
@@ -66,6 +67,7 @@ def play_run(
     where: str = "scenario",
     studies: Sequence[Study] | None = None,
     derive: Derive | None = None,
+    engine: Engine | None = None,
 ) -> RunOutcome:
     """Play a scenario, with failures and kept records.
 
@@ -87,6 +89,8 @@ def play_run(
         What messages call the scenario.
     studies, derive : optional
         Stand in for the registered studies and for the usual derived files.
+    engine : Engine, optional
+        Who plays the pieces of studies; this process by default. No number depends on it.
 
     Raises
     ------
@@ -97,7 +101,7 @@ def play_run(
     """
     robot = robot_of(scenario, where)
     played = all_studies(scenario) if studies is None else studies
-    work = Work(scenario, robot, played, derive or derived_file, progress=progress)
+    work = Work(scenario, robot, played, derive or derived_file, engine=engine, progress=progress)
     if out is None:
         try:
             records: Records = work.make(order)

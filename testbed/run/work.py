@@ -6,7 +6,10 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from calib.errors import CalibError, MachineError, refuse
+from testbed.engines.engine import Alone, Engine, Kit
+from testbed.engines.piece import pieces_of
 from testbed.progress import Clock, Progress
+from testbed.run.cut import Pieces, cut_together, step_of
 from testbed.run.derive import Derive, Played
 from testbed.scenario.hashes import record_hash
 from testbed.scenario.scenario import Scenario
@@ -33,6 +36,7 @@ class Work:
         studies: Iterable[Study],
         derive: Derive,
         *,
+        engine: Engine | None = None,
         progress: Progress | None = None,
         folder: RunFolder | None = None,
         only_stored: bool = False,
@@ -46,12 +50,19 @@ class Work:
             for study in self.studies
             for record in study.records(scenario)
         }
+        self._steps = {
+            step_of(record): record.cut.count if record.cut else 1
+            for _, record in self.planned.values()
+        }
         self.failed: dict[str, str] = {}
         self.kept: list[str] = []
         self._derive = derive
         self._progress = progress or (lambda *_: None)
         self._values: dict[str, object] = {}
         self._making: list[str] = []
+        self._pieces = Pieces(engine or Alone())
+        self._played: dict[str, int] = {}
+        """How many pieces of each cut there are."""
         self._clock = Clock()
         self._derived = 0
 
@@ -92,7 +103,8 @@ class Work:
         key = record.key
         if key in self._making:
             raise RuntimeError(f"{key} asks for itself: {' -> '.join([*self._making, key])}")
-        self._report(key)
+        if record.cut is None:
+            self._report(key)
         self._making.append(key)
         try:
             with self._clock.step(key):
@@ -103,7 +115,6 @@ class Work:
             self._making.pop()
         if self.folder:
             self.folder.write_record(key, data)
-            self.folder.remove_pieces(key, record.pieces)
         seconds = round(self._clock.seconds[key], 3)
         self.event("record", key=key, status=status, seconds=seconds)
         # read back: what follows sees the same bits, whether this was made now or kept
@@ -113,9 +124,9 @@ class Work:
         """The file of one record; a failure that is a result of the study is a record too."""
         key = record.key
         try:
-            parts = [self._part(study, record, spec, k) for k in range(record.pieces)]
-            whole = parts[0] if len(parts) == 1 else study.gather(self.scenario, key, parts)
-            return record_bytes(key, whole, spec), DONE
+            whole = self._whole(study, record)
+            status = FAILED if isinstance(whole, Failure) else DONE
+            return record_bytes(key, whole, spec), status
         except MachineError:
             raise
         except MemoryError as error:
@@ -130,24 +141,23 @@ class Work:
                 raise
             return record_bytes(key, Failure(str(error)), spec), FAILED
 
-    def _part(self, study: Study, record: Record, spec: str, piece: int) -> object:
-        """One piece of a record: from disk, or played now and kept until the record is whole."""
+    def _whole(self, study: Study, record: Record) -> object:
+        """One record, played now or joined from its pieces."""
         needed = Records(
             {key: self._values[key] for key in record.needs if key in self._values},
             {key: self.failed[key] for key in record.needs if key in self.failed},
         )
-        task = Task(study.name, record.key, piece)
-        if record.pieces == 1:
-            return study.play(self.scenario, task, needed)
-        name, stored = f"{record.key}.{piece}", None
-        if self.folder:
-            stored = self.folder.read_record(record.key, record.kind, spec, piece=piece)
-        if stored is not None:
-            return stored
-        data = record_bytes(name, study.play(self.scenario, task, needed), spec)
-        if self.folder:
-            self.folder.write_record(record.key, data, piece=piece)
-        return record_from(data, name, record.kind, spec)
+        if record.cut is None:
+            return study.play(self.scenario, Task(study.name, (record.key,)), needed)
+        cut, kit = record.cut.name, Kit(self.scenario, study, needed)
+        pieces = pieces_of(study, cut_together(self.planned, cut), self.robot)
+        if self._played.get(cut) != len(pieces):  # no other record of the cut was made before
+            with self._clock.step(cut):
+                for done in self._pieces.have(self.folder, kit, pieces):
+                    self._played[cut] = done
+                    if done < len(pieces):
+                        self._report(cut)
+        return self._pieces.joined(self.folder, kit, record, pieces)
 
     def derive(self, names: Iterable[str]) -> Records:
         """Write derived files from the records, each whole or not at all."""
@@ -177,13 +187,17 @@ class Work:
 
     @property
     def steps(self) -> int:
-        """Records and derived files in all."""
-        return len(self.planned) + (len(layout.DERIVED) if self.folder else 0)
+        """Records, pieces of those that are cut, and derived files in all."""
+        return sum(self._steps.values()) + (len(layout.DERIVED) if self.folder else 0)
 
     def _report(self, name: str) -> None:
         """Report what begins now."""
-        done = len(self._values) + len(self.failed) + self._derived
-        self._progress(name, done, self.steps)
+        had = {step_of(self.planned[key][1]) for key in (*self._values, *self.failed)}
+        done = sum(
+            count if step in had else self._played.get(step, 0)
+            for step, count in self._steps.items()
+        )
+        self._progress(name, done + self._derived, self.steps)
 
     def _write_timing(self, folder: RunFolder) -> None:
         """How long each step took; no number of the result depends on it."""

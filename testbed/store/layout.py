@@ -13,7 +13,7 @@ RECORDING_ENDING = ".rrd"
 OF_TRIAL = ("campaign-", RECORDING_ENDING)
 """What stands about the name of a trial in the name of its recording; RECORDING shows the first."""
 PARTS = "parts"
-"""Pieces of records that are not whole yet."""
+"""Pieces of the records that are played in pieces; they stay, so that more robots reuse them."""
 TIMING, LOG, UNFINISHED = "timing.json", "log.jsonl", "UNFINISHED.txt"
 CRASH = "crash.txt"
 """Traceback of a defect of ours."""

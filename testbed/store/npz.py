@@ -161,12 +161,12 @@ def record_from(data: bytes | IO[bytes], key: str, cls: type[T], spec: str) -> T
     """
 
     def accept(meta: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:
-        _require_own(meta, key, spec)
+        require_own(meta, key, spec)
         if meta.get("status") != FAILED:
             require_fit(cls, {**meta["values"], **arrays})
 
     meta, arrays = from_bytes(data, accept)
-    _require_own(meta, key, spec)
+    require_own(meta, key, spec)
     if meta.get("status") == FAILED:
         return Failure(str(meta.get("reason")))
     try:
@@ -177,7 +177,7 @@ def record_from(data: bytes | IO[bytes], key: str, cls: type[T], spec: str) -> T
         raise DamagedError(str(error)) from error
 
 
-def _require_own(meta: Mapping[str, Any], key: str, spec: str) -> None:
+def require_own(meta: Mapping[str, Any], key: str, spec: str) -> None:
     """Refuse another record, or one of another format or scenario."""
     if meta.get("key") != key:
         raise DamagedError(f"key is {meta.get('key')!r} instead of {key!r}")

@@ -18,6 +18,7 @@ from testbed.disk import (
 from testbed.store import layout
 from testbed.store.manifest import check_same_run, manifest_bytes, read_manifest
 from testbed.store.npz import DamagedError, Failure, OtherVersionError, record_from
+from testbed.store.pieces import StoredPiece, piece_from
 from testbed.store.whole_folder import check_movable, make_way, real_folder, writing
 
 T = TypeVar("T")
@@ -108,24 +109,31 @@ class RunFolder:
                     (self.path / name).unlink(missing_ok=True)
                 self.path.rmdir()
 
-    def _record_path(self, key: str, piece: int | None) -> Path:
-        """File of a record, or of one piece of a record that is not whole yet."""
-        if piece is None:
-            return self.path / layout.TRIALS / f"{key}.npz"
-        return self.path / layout.PARTS / f"{key}.{piece}.npz"
+    def _record_path(self, key: str) -> Path:
+        """File of a record."""
+        return self.path / layout.TRIALS / f"{key}.npz"
 
-    def write_record(self, key: str, data: bytes, *, piece: int | None = None) -> None:
-        """Write the file of one record or of one piece; whole or not at all."""
-        path = self._record_path(key, piece)
+    def write_record(self, key: str, data: bytes) -> None:
+        """Write the file of one record; whole or not at all."""
+        atomic_write(self._record_path(key), data)
+
+    def read_record(self, key: str, cls: type[T], spec: str) -> T | Failure | None:
+        """A record; None if it is missing, damaged or belongs to another scenario."""
+        with suppress(OSError, DamagedError), _opened(self._record_path(key)) as file:
+            return record_from(file, key, cls, spec)
+        return None
+
+    def write_piece(self, name: str, data: bytes) -> None:
+        """Write the file of one piece of work; whole or not at all."""
+        path = self.path / layout.PARTS / f"{name}.npz"
         path.parent.mkdir(exist_ok=True)
         atomic_write(path, data)
 
-    def read_record(
-        self, key: str, cls: type[T], spec: str, *, piece: int | None = None
-    ) -> T | Failure | None:
-        """A record or piece; None if it is missing, damaged or belongs to another scenario."""
-        with suppress(OSError, DamagedError):
-            return self._read(self._record_path(key, piece), cls, spec)
+    def read_piece(self, name: str, spec: str) -> StoredPiece | None:
+        """A piece; None if it is missing, damaged or belongs to another scenario or size."""
+        path = self.path / layout.PARTS / f"{name}.npz"
+        with suppress(OSError, DamagedError), _opened(path) as file:
+            return piece_from(file, name, spec)
         return None
 
     def require_record(self, key: str, cls: type[T], spec: str, *, fix: str) -> T | Failure:
@@ -137,7 +145,8 @@ class RunFolder:
             D42: it is missing or damaged, or whole and of another version of the program.
         """
         try:
-            return self._read(self._record_path(key, None), cls, spec)
+            with _opened(self._record_path(key)) as file:
+                return record_from(file, key, cls, spec)
         except FileNotFoundError:
             told = "is missing"
         except OSError as error:
@@ -149,21 +158,6 @@ class RunFolder:
         message = f"the record {key} {told}"
         raise refuse(key, code="D42", message=message, fix=fix, where=str(self.path))
 
-    @staticmethod
-    def _read(path: Path, cls: type[T], spec: str) -> T | Failure:
-        """The record in a file."""
-        if not stat.S_ISREG(path.stat().st_mode):  # to open a pipe would wait for ever
-            raise DamagedError("it is not an ordinary file")
-        with path.open("rb") as file:
-            return record_from(file, path.stem, cls, spec)
-
-    def remove_pieces(self, key: str, pieces: int) -> None:
-        """Remove the pieces of a record that is whole; the folder too when it is empty."""
-        with suppress(OSError):
-            for piece in range(pieces):
-                self._record_path(key, piece).unlink(missing_ok=True)
-            (self.path / layout.PARTS).rmdir()
-
     def write(self, name: str, data: bytes) -> None:
         """Write another file; whole or not at all; its time stamp stays if nothing changed."""
         keep_or_write(self.path / name, data)
@@ -173,6 +167,13 @@ class RunFolder:
         path = self.path / layout.LOG
         with suppress(OSError), open(path, "ab", opener=unfollowed) as file:
             file.write(line)
+
+
+def _opened(path: Path) -> IO[bytes]:
+    """An ordinary file."""
+    if not stat.S_ISREG(path.stat().st_mode):  # to open a pipe would wait for ever
+        raise DamagedError("it is not an ordinary file")
+    return path.open("rb")
 
 
 def is_unused(path: Path) -> bool:

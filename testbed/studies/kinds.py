@@ -12,10 +12,9 @@ from testbed.scenario.scenario import Scenario
 from testbed.store.quantities import Quantity, below
 from testbed.studies.many_robots import (
     ManyRobots,
-    block_of,
+    cut_of,
     kind_of,
     of_each_kind,
-    pieces_of,
     played_keys,
 )
 from testbed.studies.protocol import Answer, Record, Records, Task
@@ -41,10 +40,12 @@ R = TypeVar("R", bound=OfOneKind)
 class KindsStudy(Generic[R]):
     """The poses of the first trial on robots of several kinds, played in blocks of robots.
 
+    All kinds of a block are one piece of work: robot k of every kind meets the same poses.
+
     What is particular stands in modules of the study's folder, imported when they are used: `play`
-    has ``play_robots`` and ``gather``, `summary` has ``published`` and ``published_arrays``,
-    `report` has ``answer`` and ``section``, `recording` has ``chapter``. All but those of `play`
-    are called only where some kind of robots was played.
+    has ``play_robots``, of several kinds, and ``gather``, `summary` has ``published`` and
+    ``published_arrays``, `report` has ``answer`` and ``section``, `recording` has ``chapter``. All
+    but those of `play` are called only where some kind of robots was played.
     """
 
     settings: type[ManyRobots]
@@ -80,20 +81,22 @@ class KindsStudy(Generic[R]):
             "poses": [trial.poses for trial in trials],
             **goal_part(scenario),
         }
-        needs, pieces = (SETTING, trials[0].name), pieces_of(table.robots)
-        found = []
-        for key in played_keys(table):
-            truth = truth_part(table.truth_of(scenario, kind_of(key)))
-            own = {self.name: part(scenario, self.name)[self.name] | {"truths": truth}}
-            found.append(Record(key, self.record, reads | own, needs, pieces))
-        return tuple(found)
+        keys = played_keys(table)
+        truths = {key: truth_part(table.truth_of(scenario, kind_of(key))) for key in keys}
+        own = part(scenario, self.name)[self.name]
+        needs, less = (SETTING, trials[0].name), {k: v for k, v in own.items() if k != "robots"}
+        cut = cut_of(self.name, table.robots, reads | {self.name: less | {"truths": truths}})
+        return tuple(
+            Record(key, self.record, reads | {self.name: own | {"truths": truth}}, needs, cut)
+            for key, truth in truths.items()
+        )
 
     def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
-        """Some robots of one kind."""
+        """Some robots of each kind."""
         setting, trial = needed.get(SETTING, Setting), needed.get(scenario.trial[0].name, Trial)
-        robots = block_of(scenario.table(self.settings).robots, task.piece)
-        kind = kind_of(task.key)
-        return self._part("play").play_robots(scenario, setting, kind, trial, robots)
+        kinds = {kind_of(key): key for key in task.keys}
+        found = self._part("play").play_robots(scenario, setting, tuple(kinds), trial, task.block)
+        return {key: found[kind] for kind, key in kinds.items()}
 
     def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> object:
         """The robots of all pieces."""

@@ -18,7 +18,7 @@ from testbed.scenario.scenario import Scenario, StudyTable
 from testbed.scenario.tables import PAPER_SET
 from testbed.scenario.truth import truth_faults
 from testbed.strict import Fault
-from testbed.studies.protocol import Records
+from testbed.studies.protocol import Cut, Records
 from testbed.units import MM, NARROW, Mean, decimals, fixed, percent
 
 if TYPE_CHECKING:
@@ -33,8 +33,9 @@ TRUTHS: tuple[TruthName, ...] = get_args(TruthName)
 """Presets of the truth, from the one a geometric model knows to those no model knows."""
 
 
-BLOCK = 25
-"""Robots in a piece of work: a run that was interrupted goes on between pieces."""
+BLOCK, LARGE_BLOCK, MANY = 25, 250, 2500
+"""Robots in a piece of work: few, so that a run that was stopped has little to play again; more
+where there are so many robots in all that what the pieces share would cost too much."""
 
 
 class ManyRobots(StudyTable):
@@ -131,14 +132,9 @@ def keys_of(table: str, kinds: Sequence[str] = TRUTHS) -> tuple[str, ...]:
     return tuple(f"{table}.{kind}" for kind in kinds)
 
 
-def pieces_of(robots: int) -> int:
-    """Independent pieces of work in which so many robots are played."""
-    return max(1, -(-robots // BLOCK))
-
-
-def block_of(robots: int, piece: int) -> range:
-    """The robots of one piece."""
-    return range(piece * BLOCK, min(robots, (piece + 1) * BLOCK))
+def cut_of(name: str, robots: int, reads: Mapping[str, Any]) -> Cut:
+    """The pieces of work in which so many robots are played."""
+    return Cut(name, robots, LARGE_BLOCK if robots >= MANY else BLOCK, reads)
 
 
 def kind_of(key: str) -> str:

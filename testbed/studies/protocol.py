@@ -23,6 +23,30 @@ Json = Any
 
 
 @dataclass(frozen=True, slots=True)
+class Cut:
+    """How the work on one record, or on several together, is cut into pieces."""
+
+    name: str
+    """Of the pieces; records with one name come from the same pieces."""
+    total: int
+    """What is counted in all: robots, pools, designed sets."""
+    size: int
+    """How many of them each piece has, but for the last: the scenario decides, no machine."""
+    reads: Mapping[str, Json]
+    """What decides a piece beside its number and size: without the total, so that all full pieces
+    are kept where more is asked for."""
+
+    @property
+    def count(self) -> int:
+        """Number of pieces."""
+        return max(1, -(-self.total // self.size))
+
+    def block(self, piece: int) -> range:
+        """What one piece has."""
+        return range(piece * self.size, min(self.total, (piece + 1) * self.size))
+
+
+@dataclass(frozen=True, slots=True)
 class Record:
     """One file under trials/: its class, and all that its numbers depend on."""
 
@@ -34,19 +58,28 @@ class Record:
     """What of the scenario decides it; its hash follows from this."""
     needs: tuple[str, ...] = ()
     """Keys of the records that `play` is handed; they are made first."""
-    pieces: int = 1
-    """Independent pieces of work, of the record's class; they are not hashed."""
+    cut: Cut | None = None
+    """Into independent pieces of work, parts of the record's class; None: it is one."""
     vital: bool = False
     """Without it there is no campaign: bad input ends the run and leaves nothing behind."""
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One piece of one record, named so that any process can play it."""
+    """One record, or one piece of those of a cut, named so that any process can play it."""
 
     study: str
-    key: str
+    keys: tuple[str, ...]
+    """The records: several only where they are cut together."""
     piece: int = 0
+    block: range = range(0)
+    """What of the total it has, where it is a piece."""
+
+    @property
+    def key(self) -> str:
+        """The record, where it is one."""
+        (key,) = self.keys
+        return key
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,10 +135,14 @@ class Study(Protocol):
         """The records of this scenario; none where the study is off."""
 
     def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
-        """One piece, from what is handed in alone: the same bytes in any process and order."""
+        """One record, from what is handed in alone: the same bytes in any process and order.
+
+        Of a piece the parts of its records by key, those of each the same whatever others there
+        are; where one cannot be computed, each is asked for alone.
+        """
 
     def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> object:
-        """The record from two or more pieces, in the order of their numbers; they are joined."""
+        """The record from its parts in two or more pieces, in the order of their numbers."""
 
     def answer(self, scenario: Scenario, records: Records) -> Answer | None:
         """Its answer to the question of the scene; None where it has nothing to say."""

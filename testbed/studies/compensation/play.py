@@ -65,13 +65,16 @@ AXES = dict.fromkeys(("distances", "held_out", "extended", "step"), -1) | {
 
 
 def play_robots(
-    scenario: Scenario, setting: Setting, truth: str, trial: Trial, robots: range
-) -> CompensationStudy:
-    """Play some robots of one kind; the readings are those of the first of them."""
+    scenario: Scenario, setting: Setting, kinds: Sequence[str], trial: Trial, robots: range
+) -> dict[str, CompensationStudy]:
+    """Play some robots of each kind; the readings are those of the first of them."""
     laboratory = open_laboratory(scenario, setting)
     T = cube_poses(scenario.table(CompensationSettings), laboratory.robot.model.chain.T_world_base)
     q = cube_joints(laboratory.robot, laboratory.simulator, T)
-    return gather([play_robot(laboratory, truth, trial, T, q, k) for k in robots])
+    return {
+        kind: gather([play_robot(laboratory, kind, trial, T, q, k) for k in robots])
+        for kind in kinds
+    }
 
 
 def gather(parts: Sequence[CompensationStudy]) -> CompensationStudy:

@@ -73,12 +73,14 @@ AXES = dict.fromkeys((*OF_A_MODEL, *OF_A_ROBOT), -1)
 
 
 def play_robots(
-    scenario: Scenario, setting: Setting, truth: str, trial: Trial, robots: range
-) -> CoverageStudy:
-    """Play a trial's pose set on some robots of one kind."""
+    scenario: Scenario, setting: Setting, kinds: Sequence[str], trial: Trial, robots: range
+) -> dict[str, CoverageStudy]:
+    """Play a trial's pose set on some robots of each kind."""
     laboratory = open_laboratory(scenario, setting)
     chosen = trial.selection.indices
-    return gather([play_robot(laboratory, truth, chosen, k) for k in robots])
+    return {
+        kind: gather([play_robot(laboratory, kind, chosen, k) for k in robots]) for kind in kinds
+    }
 
 
 def gather(parts: Sequence[CoverageStudy]) -> CoverageStudy:

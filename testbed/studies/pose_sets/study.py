@@ -7,7 +7,7 @@ from testbed.laboratory.truth.setting import Setting
 from testbed.report.page import Section
 from testbed.scenario.scenario import Scenario
 from testbed.store.quantities import Quantity
-from testbed.studies.many_robots import block_of, pieces_of
+from testbed.studies.many_robots import cut_of
 from testbed.studies.pose_sets.compare import POPULATION, PopulationStudy, has_contest, published
 from testbed.studies.protocol import Answer, Record, Records, Task
 from testbed.studies.trial.records import Trial, campaign_of
@@ -29,16 +29,18 @@ class PoseSetsStudy:
         if not scenario.studies.population:
             return ()
         needs = (SETTING, *(trial.name for trial in scenario.trial))
-        reads, pieces = campaign_part(scenario), pieces_of(scenario.studies.population)
-        return (Record(POPULATION, PopulationStudy, reads, needs=needs, pieces=pieces),)
+        reads, robots = campaign_part(scenario), scenario.studies.population
+        less = {k: v for k, v in reads["studies"].items() if k != "population"}
+        cut = cut_of(POPULATION, robots, reads | {"studies": less})
+        return (Record(POPULATION, PopulationStudy, reads, needs, cut),)
 
     def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
         """Every trial's set on some robots, one visit each."""
         from testbed.studies.pose_sets.play import play_robots
 
         trials = [needed.get(trial.name, Trial) for trial in scenario.trial]
-        robots = block_of(scenario.studies.population, task.piece)
-        return play_robots(scenario, needed.get(SETTING, Setting), trials, robots)
+        setting = needed.get(SETTING, Setting)
+        return {task.key: play_robots(scenario, setting, trials, task.block)}
 
     def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> object:
         """The robots of all pieces."""

@@ -8,8 +8,8 @@ from testbed.report.page import Section
 from testbed.scenario.hashes import goal_part, part, shared_part, truth_part
 from testbed.scenario.scenario import Scenario
 from testbed.store.quantities import Quantity
-from testbed.studies.many_robots import block_of, kind_of, pieces_of, played_keys, truth_of_kind
-from testbed.studies.protocol import Answer, Record, Records, Task
+from testbed.studies.many_robots import cut_of, kind_of, played_keys, truth_of_kind
+from testbed.studies.protocol import Answer, Cut, Record, Records, Task
 from testbed.studies.trial.records import campaign_of
 from testbed.studies.trial.study import SETTING, campaign_part
 from testbed.studies.wen2022.calibrated_sets.records import RANDOM_CALIBRATIONS, RandomCalibrations
@@ -49,40 +49,45 @@ class Wen2022Study:
             found.append(Record(TOOL_POINT, ToolPointStudy, everything, needs=needs))
         if budgeted and scenario.studies.random_sets:
             needs, key = (SETTING, *designed), RANDOM_CALIBRATIONS
-            found.append(Record(key, RandomCalibrations, everything, needs, pieces=len(designed)))
+            cut = Cut(key, len(designed), 1, everything)
+            found.append(Record(key, RandomCalibrations, everything, needs, cut))
         table = scenario.table(ReexaminedSettings)
         if not table.robots:
             return tuple(found)
         reads = shared_part(scenario)
         reads |= part(scenario, "studies", "budget", "trial", "uncertainty")
-        reads |= {"pools": table.pools} | goal_part(scenario)
-        judged = {"statements": STATEMENTS}
-        pieces = pieces_of(table.pools)
-        found.append(Record(SETS_KEY, PoolSets, reads, needs=(SETTING,), pieces=pieces))
-        for key in played_keys(table):
-            truth = truth_part(truth_of_kind(scenario, kind_of(key)))
+        reads |= goal_part(scenario)
+        cut = cut_of(SETS_KEY, table.pools, reads)
+        reads |= {"pools": table.pools}
+        found.append(Record(SETS_KEY, PoolSets, reads, (SETTING,), cut))
+        judged, needs, keys = {"statements": STATEMENTS}, (SETTING, SETS_KEY), played_keys(table)
+        truths = {key: truth_part(truth_of_kind(scenario, kind_of(key))) for key in keys}
+        cut = cut_of(table.table, table.robots, reads | judged | {"kinds": truths})
+        for key, truth in truths.items():
             kind = reads | judged | {"robots": table.robots, "kind": truth}
-            pieces = pieces_of(table.robots)
-            found.append(Record(key, Reexamined, kind, needs=(SETTING, SETS_KEY), pieces=pieces))
+            found.append(Record(key, Reexamined, kind, needs, cut))
         return tuple(found)
 
     def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
-        """One record, or some robots of one; random numbers come from streams named after it."""
+        """One record, or some robots; random numbers come from streams named after it."""
         from testbed.studies.wen2022 import budget, play, pools, tool_point
         from testbed.studies.wen2022.calibrated_sets.play import random_calibrations
 
-        setting, table = needed.get(SETTING, Setting), scenario.table(ReexaminedSettings)
-        if task.key == PAPER_BUDGET:
+        setting = needed.get(SETTING, Setting)
+        first = task.keys[0]
+        if first == PAPER_BUDGET:
             return budget.paper_budget_study(scenario, setting, needed)
-        if task.key == TOOL_POINT:
+        if first == TOOL_POINT:
             return tool_point.tool_point_study(scenario, setting, needed)
-        if task.key == RANDOM_CALIBRATIONS:
-            return random_calibrations(scenario, setting, needed, task.piece)
-        if task.key == SETS_KEY:
-            return pools.play_pools(scenario, setting, block_of(table.pools, task.piece))
-        robots = block_of(table.robots, task.piece)
+        if first == RANDOM_CALIBRATIONS:
+            return {first: random_calibrations(scenario, setting, needed, task.piece)}
+        if first == SETS_KEY:
+            return {first: pools.play_pools(scenario, setting, task.block)}
         sets = needed.get(SETS_KEY, PoolSets)
-        return play.play_robots(scenario, setting, kind_of(task.key), sets, robots)
+        return {
+            key: play.play_robots(scenario, setting, kind_of(key), sets, task.block)
+            for key in task.keys
+        }
 
     def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> object:
         """The designed trials, the pools, or the robots, of all pieces."""

@@ -196,7 +196,7 @@ def test_the_umask_decides_who_may_read(tmp_path, mask):
             folder.begin("x = 1\n", {"scenario_sha256": "0" * 64})
             folder.log(b"one line\n")
             folder.write_record("a", b"x")
-            folder.write_record("a", b"x", piece=1)
+            folder.write_piece("a", b"x")
         atomic_write(tmp_path / "one", b"x")
     finally:
         os.umask(before)

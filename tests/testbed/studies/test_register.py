@@ -77,7 +77,7 @@ def test_a_toy_study_runs_reports_and_records_without_a_line_changed_elsewhere(t
     assert html.index('id="toy"') < html.index('id="accuracy"')
     opened = store(tmp_path / "toys" / layout.RECORDING)
     assert ["toy"] in column(opened, "/phase", "StateChange:state")[1]
-    assert not (tmp_path / "toys" / layout.PARTS).exists()
+    assert len(list((tmp_path / "toys" / layout.PARTS).iterdir())) == 4
     again = load_run(tmp_path / "toys")
     assert again.records.get(toy_study.KEY, toy_study.Spread).sd.tolist() == sd.tolist()
 
@@ -90,7 +90,7 @@ def test_a_toy_study_goes_on_between_its_pieces(toys, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         play_run(scenario, cut)
     assert sorted(path.name for path in (cut / layout.PARTS).iterdir()) == [
-        "toy.spread.0.npz", "toy.spread.1.npz"
+        "toy.000000.npz", "toy.000001.npz"
     ]  # fmt: skip
     toy_study.STUDY.interrupted_at = None
     play_run(scenario, cut, resume=True)
@@ -104,7 +104,7 @@ def test_a_damaged_piece_is_played_again(toys, tmp_path):
     toy_study.STUDY.interrupted_at = 3
     with pytest.raises(KeyboardInterrupt):
         play_run(scenario, tmp_path)
-    (tmp_path / layout.PARTS / "toy.spread.1.npz").write_bytes(b"PK")
+    (tmp_path / layout.PARTS / "toy.000001.npz").write_bytes(b"PK")
     toy_study.STUDY.interrupted_at = None
     toy_study.STUDY.played.clear()
     play_run(scenario, tmp_path, resume=True, derive=lambda *_: b"{}")

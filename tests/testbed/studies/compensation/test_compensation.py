@@ -236,8 +236,8 @@ def test_full_size_rigid_below_twenty_micrometres_and_all_kinds_at_their_models_
 
 
 def test_robots_played_in_pieces_are_those_played_at_once(campaign, studies):
-    given = campaign.scenario, campaign.setting, "elastic", campaign.trials[0]
-    parts = [play_robots(*given, range(2)), play_robots(*given, range(2, 5))]
+    given = campaign.scenario, campaign.setting, ("elastic",), campaign.trials[0]
+    parts = [play_robots(*given, robots)["elastic"] for robots in (range(2), range(2, 5))]
     assert_same(gather(parts), studies["elastic"])
 
 

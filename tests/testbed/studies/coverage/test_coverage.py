@@ -428,9 +428,10 @@ def test_hidden_errors_belong_to_a_tracker_that_states_them():
 
 
 def test_robots_played_in_pieces_are_those_played_at_once(campaign):
-    given = campaign.scenario, campaign.setting, "rigid", campaign.trials[0]
+    given = campaign.scenario, campaign.setting, ("rigid", "wen2022"), campaign.trials[0]
     parts = [play_robots(*given, range(1)), play_robots(*given, range(1, 3))]
-    assert_same(gather(parts), study_of(campaign, "rigid"))
+    for kind in ("rigid", "wen2022"):
+        assert_same(gather([part[kind] for part in parts]), study_of(campaign, kind))
 
 
 def test_numbers_that_one_robot_cannot_hold_are_judged_on_none(campaign):

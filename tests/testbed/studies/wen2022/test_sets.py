@@ -100,7 +100,7 @@ def test_a_random_set_measured_and_identified_by_hand_gives_the_same_errors(k):
 def test_one_piece_for_each_designed_trial_and_they_join_in_order():
     campaign, key = paper_campaign(), "random_calibrations"
     record = planned(campaign.scenario)[key][1]
-    assert (record.kind, record.pieces) == (RandomCalibrations, 2)
+    assert (record.kind, record.cut.count) == (RandomCalibrations, 2)
     needed = Records({name: campaign.records.values[name] for name in record.needs}, {})
     setting = campaign.setting
     again = play.random_calibrations(campaign.scenario, setting, needed, 1)

@@ -1,0 +1,1 @@
+"""Who plays the pieces of a study: this process, others of this machine, a cluster."""
