@@ -130,8 +130,7 @@ def _nothing(fit: Identification, nonlinear: list[str], conformal: Conformal | N
     elif fit.mode == "paper":
         why = "an unweighted fit claims a covariance that its estimate does not have"
     elif nonlinear:
-        why = "linear propagation does not hold, and virtual calibrations did not settle: "
-        why += "; ".join(nonlinear)
+        why = "linear propagation does not hold: " + "; ".join(nonlinear)
     else:
         why = "there are too few measurements to bound what the model may miss"
     words = [f"No statement about the tool point is believed: {why}"]

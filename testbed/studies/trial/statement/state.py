@@ -84,7 +84,7 @@ def state(
     )
     whole = replace(result, covariance=result.covariance + sources.systematic)
     linear, worst = linear_check(
-        whole, setting.test_q, setting.target, stream(seed, "statement", "linear", name)
+        whole, first, setting.test_q, setting.target, stream(seed, "statement", "linear", name)
     )
     lack = None
     if not robust and len(visits) > 1:

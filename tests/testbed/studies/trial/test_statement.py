@@ -25,7 +25,7 @@ from testbed.studies.trial.play import validation_visit
 from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.report_secret import secret_section
 from testbed.studies.trial.results import statement_headline, truth_headline
-from testbed.studies.trial.statement.linear_check import moved_targets, moving_axes
+from testbed.studies.trial.statement.linear_check import linear_check, moved_targets, moving_axes
 from testbed.studies.trial.statement.regions import honest_share
 from testbed.studies.trial.statement.report import reasons, statement_section
 from testbed.studies.trial.statement.sources import drift_left
@@ -39,6 +39,7 @@ from testbed.studies.trial.verdict import (
     trial_verdict,
 )
 from tests import campaign
+from tests.calib.uncertainty.test_sprung import calibrated
 from tests.campaign import record_hash
 from tests.testbed.run.test_campaign import same
 
@@ -457,6 +458,13 @@ def test_a_point_that_scatters_in_a_plane_only_is_judged_in_that_plane():
     assert axes.shape == (3, 2)
     assert not axes[2].any()
     assert np.array_equal(moving_axes(np.eye(3)), np.eye(3))
+
+
+def test_springs_are_checked_by_virtual_calibrations_which_say_that_linear_is_enough():
+    fit, table = calibrated()
+    check, _ = linear_check(fit, table, table.q[:5], np.zeros(3), np.random.default_rng(1))
+    assert check.validated
+    assert "virtual calibrations at the held-out pose" in check.sentence
 
 
 def test_a_statement_survives_the_disk_and_its_keys_have_units():
