@@ -29,7 +29,7 @@ def prior_ranks(replications: int, poses: int, seed: int, *shrunk: float) -> lis
     nominal = tx60()
     wide = extended_model(nominal)
     table = extended_parameters(nominal, wide, parameters_of(nominal))
-    prior, pool = weak_prior(table), pool_r()
+    prior, pool = weak_prior(table, wide), pool_r()
     factors = (1.0, *shrunk)
     ranks = [np.zeros((replications, table.n_free), dtype=int) for _ in factors]
     for k in range(replications):

@@ -44,10 +44,18 @@ class JointTerm:
     reference: Annotated[float, LATER] = 0.0
     """Torque or temperature at which the term is zero: their mean where it was identified [N m,
     degC]."""
+    share: Annotated[float, LATER] = 1.0
+    """How large its coefficient is believed to be, in units of what is usual of its kind; of a
+    torque for each N m [1/(N m)]."""
 
     def __post_init__(self) -> None:
         whole = (int(w) if float(w).is_integer() else float(w) for w in self.weights)
         object.__setattr__(self, "weights", tuple(whole))
+
+    @property
+    def order(self) -> float:
+        """Waves a turn of a term of one joint."""
+        return max(abs(weight) for weight in self.weights)
 
     @property
     def is_wave(self) -> bool:

@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from calib.arrays import Array, Bool, Index, check, frozen, wrong_shape
+from calib.arrays import LATER, Array, Bool, Index, check, frozen, wrong_shape
 from calib.errors import refuse
 from calib.geometry.frames import exp_so3
 from calib.geometry.gravity import (
@@ -16,6 +16,9 @@ from calib.geometry.gravity import (
     torque_slopes,
 )
 from calib.geometry.jacobian import BATCH
+
+UNSAID = 2.0
+"""Payload that may hang on the flange though nobody says so [kg]."""
 
 
 class _Loaded(NamedTuple):
@@ -66,6 +69,11 @@ class SprungJoints:
     """1: loads of the stiff arm; each further pass weighs the arm as the last one has bent it."""
     tilts: bool = False
     """Whether two turns of gravity are numbers too, from the direction that `weight` states."""
+    bearings: Annotated[float, LATER] = 1.0
+    """How large bends about x and y are believed to be, in units of what is usual."""
+    unsaid: Annotated[float, LATER] = UNSAID
+    """Payload that may hang on the flange though nobody says so; free moments make up for it [kg].
+    """
 
     def __post_init__(self) -> None:
         n = self.weight.chain.n_joints

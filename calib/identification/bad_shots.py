@@ -92,7 +92,7 @@ def bad_shots(
     most : float
         Part of the poses from which on those missed are too many to be gross errors.
     """
-    prior = weak_prior(parameters) if prior is None else prior
+    prior = weak_prior(parameters, nominal) if prior is None else prior
     ladders = ladders_of(nominal) if ladders is None else ladders
     rng = np.random.default_rng(0) if rng is None else rng
     asked = some_poses(measurements, rng)

@@ -5,6 +5,7 @@ ladder replace each other, those of several ladders add up; the first level of e
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,16 +16,14 @@ from calib.geometry.joint_errors import JointErrors, JointTerm, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.identification.gravity_ladder import gravity_ladder
 from calib.identification.levels import NOTHING, Ladder, Level
-from calib.information.rank import FIRST, SAG, SECOND
+from calib.information.sizes import FIRST, SAG, SECOND, usual_sizes
 
-MDEG = np.radians(1e-3)
 SMALL = 0.25
 """Part of the usual sizes of one and two waves a turn at a level of small waves."""
-HIGHER = 6 * MDEG
-"""Of three and four waves a turn [rad]."""
-MAP, MAP_ORDERS = 3 * MDEG, 32
-"""Of each wave of a joint map from the third on, and how many waves a turn it knows [rad]: together
-they are a stationary Gaussian process on the circle."""
+FEW = 2.0
+"""How many times larger three and four waves a turn are believed to be where no more are there."""
+MAP_ORDERS = 32
+"""How many waves a turn a joint map knows."""
 
 
 def ladders_of(
@@ -70,25 +69,26 @@ def _waves(nominal: RobotModel, sizes: tuple[float, float]) -> Ladder:
         return Ladder("waves", (NOTHING,), ("waves: no joint of this robot turns",))
 
     def level(
-        name: str,
-        share: float,
-        orders: Iterable[int] = (),
-        size: float = 0.0,
-        usual: bool = False,
+        name: str, share: float, orders: Iterable[int] = (), few: float = 1.0, usual: bool = False
     ) -> Level:
-        known = {1: share * sizes[0], 2: share * sizes[1]} | dict.fromkeys(orders, size)
-        terms = _new(nominal, harmonic_terms(chain.n_joints, tuple(known)))
-        terms = tuple(term for term in terms if chain.kinds[term.joint] == "revolute")
-        sd = np.array([known[int(order_of(term))] for term in terms])
-        return Level(name, JointErrors(terms), sd, usual)
+        parts = {1: share, 2: share} | dict.fromkeys(orders, few)
+        terms = _new(nominal, harmonic_terms(chain.n_joints, tuple(parts)))
+        errors = JointErrors(
+            tuple(
+                replace(term, share=parts[int(term.order)])
+                for term in terms
+                if chain.kinds[term.joint] == "revolute"
+            )
+        )
+        return Level(name, errors, usual_sizes(errors, chain.kinds, waves=sizes), usual)
 
     beyond = range(3, MAP_ORDERS + 1)
     wider = (
         level("small waves", SMALL),
         level("waves", 1.0, usual=True),
-        level("waves 1 to 4", 1.0, (3, 4), HIGHER),
-        level("joint map with small waves", SMALL, beyond, MAP),
-        level("joint map", 1.0, beyond, MAP),
+        level("waves 1 to 4", 1.0, (3, 4), FEW),
+        level("joint map with small waves", SMALL, beyond),
+        level("joint map", 1.0, beyond),
     )
     known: list[Level] = []
     for each in wider:
@@ -96,11 +96,6 @@ def _waves(nominal: RobotModel, sizes: tuple[float, float]) -> Ladder:
         if each.names and not alike:
             known.append(each)
     return Ladder("waves", (NOTHING, *known))
-
-
-def order_of(term: JointTerm) -> float:
-    """Waves a turn of a term of one joint."""
-    return max(abs(weight) for weight in term.weights)
 
 
 def _new(nominal: RobotModel, terms: tuple[JointTerm, ...]) -> tuple[JointTerm, ...]:

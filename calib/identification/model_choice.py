@@ -111,7 +111,7 @@ def choose(
         If a free number has no prior.
     """
     parameters = parameters_of(nominal) if parameters is None else parameters
-    prior = weak_prior(parameters) if prior is None else prior
+    prior = weak_prior(parameters, nominal) if prior is None else prior
     if ladders is None:
         payload = measurements.conditions.usual_payload
         own = ladders_of(nominal, mounted, payload=payload)
@@ -292,7 +292,8 @@ def identify_extended(
     that they have: else it would be overruled by what is no information.
     """
     wide, table, added = with_joint_terms(nominal, parameters, mounted)
-    terms = weak_prior(added) if links is None else links.joined(weak_prior(added))
+    believed = weak_prior(added, wide)
+    terms = believed if links is None else links.joined(believed)
     result = identify(wide, measurements, table, prior=terms, loss=loss)
     factor = noise_factor(result.model, measurements)
     if factor <= HONEST:

@@ -12,7 +12,7 @@ from calib.errors import refuse
 from calib.geometry.frames import exp_so3, right_jacobian_inverse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.information.rank import weak_prior_sd
+from calib.information.sizes import weak_prior_sd
 
 AGREE = 1e-6
 """Part by which `sd` may differ from that of `precision`, where both are given."""
@@ -110,14 +110,25 @@ class PriorRows:
         return self.root @ (self.mean - step[self.index]), rows
 
 
-def weak_prior(parameters: Parameters) -> Prior:
+def weak_prior(parameters: Parameters, model: RobotModel | None = None) -> Prior:
     """What is believed of the free numbers of any carefully built arm: they are near nominal.
 
-    Angles 0.1 deg, lengths 0.6 mm, frames 1 mm and 0.1 deg, gravity terms 50 mdeg, first harmonics
-    20 mdeg, higher ones 12 mdeg. Some five times the usual: measurements overrule it.
+    Angles 0.1 deg, lengths 0.6 mm, frames 1 mm and 0.1 deg, some five times the usual: measurements
+    overrule it. Joint errors, which `model` has, by kind: sag 50 mdeg, one wave a turn 20, two 12,
+    more 3; see `sizes.usual_sizes`.
     """
-    sd = weak_prior_sd(parameters)
+    sd = weak_prior_sd(parameters, model)
     return Prior(np.zeros(len(sd)), sd, parameters.free_names)
+
+
+def own_prior(parameters: Parameters, model: RobotModel) -> Prior | None:
+    """The weak prior of the joint errors that a model has; None where none of them is free.
+
+    Many of them are never told by measurements: no fit frees them without it.
+    """
+    own = set(model.names[model.chain.n_numbers : model.first_fixture])
+    free = [name for name in parameters.free_names if name in own]
+    return weak_prior(parameters.freeing(free), model) if free else None
 
 
 def prior_rows(prior: Prior, nominal: RobotModel, parameters: Parameters) -> PriorRows:

@@ -4,7 +4,7 @@ Each is offered only where rows say what it needs, and says in words why where i
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,17 +13,12 @@ from calib.geometry.bodies import Z
 from calib.geometry.gravity import Weight, weight_of
 from calib.geometry.joint_errors import NO_JOINT, JointErrors, JointTerm, Wave
 from calib.geometry.model import RobotModel
-from calib.identification.ladders import HIGHER, MDEG
 from calib.identification.levels import Ladder, Level
-from calib.information.rank import SAG
+from calib.information.sizes import GROWTH, usual_sizes
 from calib.measurement.observations import Measurements
 
-PLAY = 10 * MDEG
-"""Prior sd of half the play of a joint [rad]."""
 EXPANSION = {"steel": 12e-6, "aluminium": 23e-6}
 """Expansion of what links are made of [1/K]."""
-EXPANSION_SD = 15e-6
-"""How far that of an arm may be from it [1/K]."""
 STEADY = 1e-3
 """A temperature or torque that moves by no more does not change [K, N m]."""
 ALIKE = 1e-3
@@ -84,17 +79,17 @@ def _ladder(
     name: str,
     nominal: RobotModel,
     terms: list[JointTerm],
-    sd: list[float],
     why: list[str],
     mean: float = 0.0,
 ) -> Ladder:
     """A ladder of one level, with the terms that the model does not have yet."""
     has = set(nominal.joint_errors.names)
-    new = [k for k, term in enumerate(terms) if term.name not in has]
+    new = tuple(term for term in terms if term.name not in has)
     if terms and not new:
         why = [*why, "the model has it already"]
-    errors = JointErrors(tuple(terms[k] for k in new))
-    level = Level(name, errors, np.array([sd[k] for k in new]), mean=np.full(len(new), mean))
+    errors = JointErrors(new)
+    sd = usual_sizes(errors, nominal.chain.kinds)
+    level = Level(name, errors, sd, mean=np.full(len(new), mean))
     said = tuple(f"{name}: {each}" for each in why)
     return Ladder(name, (UNUSUAL, level) if new else (UNUSUAL,), said)
 
@@ -104,11 +99,11 @@ def _approach(nominal: RobotModel, measurements: Measurements, known: RowTerms) 
     side = measurements.conditions.approach
     if side is None or not side.any():
         unsaid = known.unsaid.get("approach", "the order of the poses is not known")
-        return _ladder("approach", nominal, [], [], [unsaid])
+        return _ladder("approach", nominal, [], [unsaid])
     both = (side > 0).any(axis=0) & (side < 0).any(axis=0)
     why = [f"joint {i + 1} always comes from one side" for i in np.flatnonzero(~both)]
     terms = [_on_joint(nominal, f"approach{i + 1}", i, "approach") for i in np.flatnonzero(both)]
-    return _ladder("approach", nominal, terms, [PLAY] * len(terms), why)
+    return _ladder("approach", nominal, terms, why)
 
 
 def _torque(nominal: RobotModel, measurements: Measurements, known: RowTerms) -> Ladder:
@@ -116,17 +111,18 @@ def _torque(nominal: RobotModel, measurements: Measurements, known: RowTerms) ->
     load = measurements.conditions.torque
     if load is None:
         why = known.unsaid.get("torque", "the file has no such columns")
-        return _ladder("torque", nominal, [], [], [why])
+        return _ladder("torque", nominal, [], [why])
     odd = "" if known.current else _in_other_unit(nominal, measurements, known.weight)
     if odd:
-        return _ladder("torque", nominal, [], [], [odd])
+        return _ladder("torque", nominal, [], [odd])
     moves = np.ptp(load, axis=0) > STEADY
     what = "current" if known.current else "torque"
     still = [f"joint {i + 1}: the {what} never changes" for i in np.flatnonzero(~moves)]
     usual, largest = load.mean(axis=0), np.abs(load).max(axis=0)
     some = np.flatnonzero(moves)
     terms = [_on_joint(nominal, f"torque{i + 1}", i, "torque", float(usual[i])) for i in some]
-    return _ladder("torque", nominal, terms, [SAG / float(largest[i]) for i in some], still)
+    sized = [replace(t, share=1 / float(largest[t.joint])) for t in terms]
+    return _ladder("torque", nominal, sized, still)
 
 
 def _in_other_unit(nominal: RobotModel, measurements: Measurements, weight: Weight | None) -> str:
@@ -156,7 +152,7 @@ def _in_other_unit(nominal: RobotModel, measurements: Measurements, weight: Weig
 def _gear(nominal: RobotModel, measurements: Measurements, known: RowTerms) -> Ladder:
     """A pair of waves at every stated order."""
     if not any(known.gear):
-        return _ladder("gear", nominal, [], [], ["no ratio or order is stated"])
+        return _ladder("gear", nominal, [], ["no ratio or order is stated"])
     terms: list[JointTerm] = []
     why = []
     for i, orders in enumerate(known.gear):
@@ -171,7 +167,7 @@ def _gear(nominal: RobotModel, measurements: Measurements, known: RowTerms) -> L
                 )
                 continue
             terms += gear_terms(nominal.chain.n_joints, i, order)
-    return _ladder("gear", nominal, terms, [HIGHER] * len(terms), why)
+    return _ladder("gear", nominal, terms, why)
 
 
 def gear_terms(n_joints: int, joint: int, order: float) -> tuple[JointTerm, JointTerm]:
@@ -193,23 +189,23 @@ def _lengths(nominal: RobotModel, measurements: Measurements, known: RowTerms) -
     """All lengths of a warm arm."""
     warmth = measurements.conditions.temperature
     if warmth is None:
-        return _ladder("lengths", nominal, [], [], ["the file gives no temperature"])
+        return _ladder("lengths", nominal, [], ["the file gives no temperature"])
     span = float(np.ptp(warmth))
     if span <= STEADY:
         why = f"the temperature never changes ({warmth[0]:.4g} degC)"
-        return _ladder("lengths", nominal, [], [], [why])
+        return _ladder("lengths", nominal, [], [why])
     reach = float(np.abs(nominal.chain.links[:, 1:3]).sum())
-    effect = (known.expansion + EXPANSION_SD) * span * reach
+    effect = (known.expansion + GROWTH) * span * reach
     position = np.diagonal(measurements.covariance[:, :3, :3], axis1=1, axis2=2)
     noise = float(np.sqrt(np.median(position[:, 0])))
     if effect < noise:
         why = (
             f"temperature moves by {span:.2g} K, {1e6 * effect:.2g} um at the tip, below the noise"
         )
-        return _ladder("lengths", nominal, [], [], [why])
+        return _ladder("lengths", nominal, [], [why])
     n = nominal.chain.n_joints
     term = JointTerm("lengths", NO_JOINT, "lengths", (0,) * n, float(warmth.mean()))
-    return _ladder("lengths", nominal, [term], [EXPANSION_SD], [], known.expansion)
+    return _ladder("lengths", nominal, [term], [], known.expansion)
 
 
 def _on_joint(

@@ -4,20 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check
-from calib.geometry.parameters import CHARACTERISTIC_LENGTH, Parameters
 
 RANK_TOLERANCE = 1e-9
 """A singular value counts above this part of the largest (TX60: the gap is 0.19 to 1e-15)."""
-SAG = np.deg2rad(0.050)
-"""Prior sd of what gravity turns a joint by at its largest torque [rad]."""
-BEARING = SAG / 2
-"""The same of what it bends a joint by across its axis [rad]."""
-MOMENT = (1.0, 0.1)
-"""Prior sd of the mass of a link, and of a first moment [kg, kg m]."""
-FIRST, SECOND = np.deg2rad(0.020), np.deg2rad(0.012)
-"""The same of one wave a turn, and of two, as eccentric gears and encoders leave them [rad]."""
-FRAMES = ("base.", "tool", "reflector", "anchor", "station")
-"""How the names of numbers begin that belong to base, tool or fixtures."""
 PRACTICAL_RATIO = 0.5
 """A direction is learned when measuring brings its sd below this part of its prior sd."""
 
@@ -60,29 +49,6 @@ def practical_rank(A: ArrayLike, prior_sd: ArrayLike, *, ratio: float = PRACTICA
     """
     A, prior_sd = check("N f, f", A=A, prior_sd=prior_sd)
     return int((singular_values(A * prior_sd) > np.sqrt(ratio**-2 - 1)).sum())
-
-
-def weak_prior_sd(parameters: Parameters) -> Array:
-    """Prior sd (f,) of the free numbers when nothing is known: 0.6 mm, 0.1 deg; 1 mm for frames.
-
-    Reflectors, anchors and stations count as frames do. Joint errors by name: gravity 50 mdeg, as
-    springs at their largest load, half of that across a joint's axis; first harmonics 20, higher
-    ones 12; moments of links 1 kg and 0.1 kg m.
-    """
-    frame = np.array([name.startswith(FRAMES) for name in parameters.names])
-    length = np.where(frame, 1e-3, 0.6e-3)
-    sd = np.where(parameters.is_length, length, np.deg2rad(0.1))
-    for k, name in enumerate(parameters.names):
-        if name.startswith("moment"):
-            sd[k] = MOMENT[not name.endswith(".m")]
-        elif name.startswith("spring"):
-            size = SAG if name.endswith(".z") else BEARING
-            sd[k] = size * (CHARACTERISTIC_LENGTH if parameters.is_length[k] else 1.0)
-        elif name.startswith("gravity") and not parameters.is_length[k]:
-            sd[k] = SAG
-        elif name.startswith("harmonic") and not parameters.is_length[k]:
-            sd[k] = FIRST if name.endswith(("sin1", "cos1")) else SECOND
-    return np.asarray(sd[parameters.free])
 
 
 def count(singular: Array, tolerance: float) -> int:

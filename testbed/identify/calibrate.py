@@ -6,7 +6,6 @@ import numpy as np
 
 from calib.arrays import frozen
 from calib.errors import InputError, refuse
-from calib.identification.identify import identify
 from calib.identification.outlier_search import noise_factor
 from calib.identification.robust import LOSSES, Loss
 from testbed.files.probe import Probe
@@ -21,6 +20,7 @@ from testbed.identify.fit import (
     fit,
     fitted_model,
     frames_model,
+    plain_fit,
     row_errors,
     scatter_covariance,
 )
@@ -147,7 +147,7 @@ def _calibrated(
     looking = Looking(
         frames, measurements.rows(places), robot, row_terms(session, robot), options.seed
     )
-    plain = identify(frames.start, looking.train, frames.parameters)
+    plain = plain_fit(frames.start, looking.train, frames.parameters)
     if session.visit is not None:
         require_shared(session, robot.model, looking.train, session.visit[places], plain)
     shots = first_look(looking, plain)
@@ -158,7 +158,7 @@ def _calibrated(
         used = split.is_train & ~left_out
         train = measurements.rows(used)
         if left_out.any() or loss != "squared":
-            plain = identify(frames.start, train, frames.parameters, loss=loss)
+            plain = plain_fit(frames.start, train, frames.parameters, loss)
         factor = noise_factor(plain.model, train)
         scatter = scatter_covariance(frames.start, plain, train, factor)
         links = link_belief(

@@ -19,7 +19,7 @@ from calib.identification.model_choice import (
     under_noise,
 )
 from calib.identification.outlier_search import HONEST, noise_factor
-from calib.identification.prior import Prior, prior_rows, weak_prior
+from calib.identification.prior import Prior, own_prior, prior_rows, weak_prior
 from calib.identification.robust import Loss
 from calib.identification.row_ladders import NOTHING_KNOWN, RowTerms, row_ladders
 from calib.identification.tangent import covariance_factor
@@ -55,17 +55,21 @@ def fit(
 ) -> tuple[tuple[Fitted, ...], Choice]:
     """Identify as asked; with "choose" two models, and one of them chosen within the training.
 
-    The geometric fit knows no prior: what the data cannot tell apart is left nominal; unless the
-    links must be `held`. A model with joint errors has the weak prior on its terms; a chosen one on
-    its links, too: `links`, or the usual one. `plain` is the geometric one, if it is there already;
-    `mounted` the arm as it stands, see `extended_model`; `known` what the session says of its rows,
-    `ladders` what else "choose" offers.
+    The geometric fit knows no prior of links: what the data cannot tell apart is left nominal;
+    unless the links must be `held`. Joint errors have the weak prior wherever they are: those that
+    the robot has already, and those of a model that is extended; a chosen one has it on its links,
+    too: `links`, or the usual one. `plain` is the geometric one, if it is there already; `mounted`
+    the arm as it stands, see `extended_model`; `known` what the session says of its rows, `ladders`
+    what else "choose" offers.
     """
-    if links is None and (names := _links(parameters)):
-        links = weak_prior(parameters.freeing(names))
+    own = own_prior(parameters, start)
+    if links is not None:
+        links = links if own is None else links.joined(own)
+    elif names := _links(parameters):
+        links = weak_prior(parameters.freeing(names), start)
     if model == "extended":  # refuses a robot without a term to add
         extended_parameters(start, extended_model(start, mounted), parameters)
-    geometric = plain or identify(start, train, parameters, loss=loss)
+    geometric = plain or plain_fit(start, train, parameters, loss)
     if held and links is not None:
         factor = noise_factor(geometric.model, train)
         factor = factor if factor > HONEST else 1.0
@@ -81,7 +85,7 @@ def fit(
         return (first,), _unasked("geometric", model, sentence)
     if model == "extended":
         extended = identify_extended(
-            start, train, parameters, loss=loss, mounted=mounted, links=links if held else None
+            start, train, parameters, loss=loss, mounted=mounted, links=links if held else own
         )
         choice = _unasked("extended", model, "extended, as asked for")
         return (first, ("extended", extended_model(start, mounted), extended)), choice
@@ -89,7 +93,7 @@ def fit(
         start,
         train,
         parameters,
-        prior=wide_prior(parameters, links),
+        prior=wide_prior(parameters, start, links),
         own_prior=links,
         loss=loss,
         mounted=mounted,
@@ -145,9 +149,23 @@ def _links(parameters: Parameters) -> list[str]:
     return [name for name in parameters.free_names if not is_frame(name)]
 
 
-def wide_prior(parameters: Parameters, links: Prior | None = None) -> Prior:
+def plain_fit(
+    start: RobotModel, train: Measurements, parameters: Parameters, loss: Loss = "squared"
+) -> Identification:
+    """The fit of geometry; joint errors that the robot has already stay near what they were.
+
+    As in `identify_extended` their prior is weighed against the noise that the residuals have.
+    """
+    own = own_prior(parameters, start)
+    found = identify(start, train, parameters, prior=own, loss=loss)
+    if own is None or (factor := noise_factor(found.model, train)) <= HONEST:
+        return found
+    return under_noise(start, train, parameters, own, factor, loss=loss)
+
+
+def wide_prior(parameters: Parameters, start: RobotModel, links: Prior | None = None) -> Prior:
     """The weak prior, wide for frames: their start knows nothing of the links' true lengths."""
-    prior = weak_prior(parameters)
+    prior = weak_prior(parameters, start)
     own = {} if links is None else dict(zip(links.names, links.sd.tolist(), strict=True))
     sd = [
         own.get(name, WIDE * usual if is_frame(name) else usual)

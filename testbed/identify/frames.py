@@ -12,7 +12,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.identify import identify
 from calib.identification.start.start import start_frames
-from calib.information.rank import FRAMES
+from calib.information.sizes import FRAMES
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from testbed.files.session import Session

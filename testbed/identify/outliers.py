@@ -8,7 +8,7 @@ from calib.arrays import Array, Bool, Index, frozen
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from calib.identification.bad_shots import CHANCE, BadShots, bad_shots, excess_of
-from calib.identification.identify import Identification, identify
+from calib.identification.identify import Identification
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import Ladder
 from calib.identification.outlier_search import search_outliers
@@ -16,7 +16,7 @@ from calib.identification.row_ladders import RowTerms, row_ladders
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.uncertainty.statement.belief import Belief
-from testbed.identify.fit import Fitted, wide_prior
+from testbed.identify.fit import Fitted, plain_fit, wide_prior
 from testbed.identify.frames import StartFrames
 from testbed.identify.records import FittedModel, RowErrors
 from testbed.robots.robot import Robot
@@ -95,8 +95,8 @@ class Looking:
         start, parameters = self.frames.start, self.frames.parameters
         ladders = (*self.bends, *row_ladders(start, self.train, self.known))
         return bad_shots(
-            start, near, self.train, parameters, prior=wide_prior(parameters), ladders=ladders,
-            rng=stream(self.seed, "confirm"),
+            start, near, self.train, parameters, prior=wide_prior(parameters, start),
+            ladders=ladders, rng=stream(self.seed, "confirm"),
         )  # fmt: skip
 
 
@@ -132,7 +132,7 @@ def second_look(looking: Looking, chosen: Fitted, before: LookedAt) -> LookedAt:
     if not len(suspects):
         return before
     frames = looking.frames
-    near = identify(frames.start, looking.train, frames.parameters, loss="cauchy").model
+    near = plain_fit(frames.start, looking.train, frames.parameters, "cauchy").model
     return replace(before, asked=looking.asked(near), suspects=suspects)
 
 

@@ -6,7 +6,6 @@ import numpy as np
 
 from calib.geometry.fixtures import POINT_AXES
 from calib.geometry.frames import log_so3
-from calib.identification.ladders import order_of
 from testbed.identify.applies.region import reach_section
 from testbed.identify.conditions import conditions_words
 from testbed.identify.decisions import decided_at, decision_section, decision_words
@@ -178,7 +177,7 @@ def parameter_section(calibration: Calibration) -> Section:
     waves = {
         t.name
         for t in result.model.joint_errors.terms
-        if t.name.startswith("harmonic") and order_of(t) > HIGHEST_LISTED
+        if t.name.startswith("harmonic") and t.order > HIGHEST_LISTED
     }
     blocks: list[Block] = [
         Text(

@@ -146,7 +146,9 @@ def joint_errors(path: Path, data: RobotFile) -> JointErrors:
     terms, coefficients = [], []
     for entry in data.joint_terms:
         terms.append(
-            JointTerm(entry.name, entry.joint - 1, entry.wave, entry.weights, entry.reference)
+            JointTerm(
+                entry.name, entry.joint - 1, entry.wave, entry.weights, entry.reference, entry.share
+            )
         )
         if entry.coefficient_per_k is not None:
             coefficients.append(entry.coefficient_per_k)

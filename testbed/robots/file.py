@@ -161,7 +161,7 @@ class JointTermEntry(Strict):
     """[[joint_terms]]: a wave of a joint's error, wave(weights . q) times its coefficient.
 
     Or what follows a row: "approach" its directions, "torque" its reported torques beyond the
-    reference, "lengths" (joint 0) its temperature beyond the reference.
+    reference, "lengths" (joint 0) its temperature. `share`: how large for its kind it may be.
     """
 
     name: Annotated[str, Field(pattern=r"^[a-z][A-Za-z0-9_.]*$", max_length=64)]
@@ -169,7 +169,8 @@ class JointTermEntry(Strict):
     wave: Wave
     weights: tuple[Annotated[float, Field(ge=-1e6, le=1e6)], ...]
     reference: Annotated[float, Field(ge=-1e6, le=1e6)] = 0.0
-    """Torque [N m, N, A] or temperature [degC] at which the term is zero."""
+    """Torque [N m, N, A] or temperature [degC] where it is zero."""
+    share: Annotated[float, Field(gt=0, le=1e6)] = 1.0
     coefficient_deg: Angle | None = None
     """Of a turning joint; of a torque per N m."""
     coefficient_mm: Length | None = None

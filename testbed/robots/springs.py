@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from calib.geometry.chain import Chain, JointKind
 from calib.geometry.gravity import AXES, MOMENTS, Weight
 from calib.geometry.joint_errors import JointErrors
-from calib.geometry.springs import SprungJoints
+from calib.geometry.springs import UNSAID, SprungJoints
 from testbed.bounds import ANGLE, GRAVITY, LINK, LOAD, MASS, MOMENT
 from testbed.robots.units import degrees, millimeters
 from testbed.strict import Strict
@@ -91,6 +91,10 @@ class SpringsTable(Strict):
     tilt_deg: Annotated[tuple[Angle, ...], Field(min_length=2, max_length=2)] | None = None
     """Two turns of it that were found."""
     passes: Annotated[int, Field(ge=1, le=20)] = 1
+    bearings: Annotated[float, Field(gt=0, le=1e6)] = 1.0
+    """How large bends about x and y are believed to be, in units of what is usual."""
+    unsaid_kg: Annotated[float, MASS.or_zero("kg")] = UNSAID
+    """Payload that may hang on the flange though nobody says so."""
     payload_kg: Annotated[float, MASS.or_zero("kg")] = 0.0
     payload_moment_kg_m: FirstMoments = (0.0, 0.0, 0.0)
     bends: Annotated[tuple[SpringEntry, ...], Field(min_length=1)]
@@ -137,6 +141,8 @@ class SpringsTable(Strict):
             free,
             self.passes,
             self.tilt_deg is not None,
+            self.bearings,
+            self.unsaid_kg,
         )
         numbers = [
             *(spring.bend for spring in self.bends),
@@ -184,6 +190,8 @@ def springs_table(errors: JointErrors) -> dict[str, Any] | None:
         "gravity_m_s2": weight.gravity.tolist(),
         **({"tilt_deg": [degrees(x) for x in numbers[p + f :]]} if springs.tilts else {}),
         "passes": springs.passes,
+        **({} if springs.bearings == 1.0 else {"bearings": float(springs.bearings)}),
+        **({} if springs.unsaid == UNSAID else {"unsaid_kg": float(springs.unsaid)}),
         **_weighed("payload_kg", "payload_moment_kg_m", weight.payload),
         "bends": bends,
         "bodies": bodies,

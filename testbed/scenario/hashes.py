@@ -155,7 +155,14 @@ def robot_hash(robot: "Robot") -> str:
         document["tolerances"] = robot.tolerances.tolist()
     if errors.terms:
         terms = [
-            (t.name, t.joint, t.wave, t.weights, *([t.reference] if t.reference else []))
+            (
+                t.name,
+                t.joint,
+                t.wave,
+                t.weights,
+                *([t.reference] if t.reference else []),
+                *([f"share {t.share!r}"] if t.share != 1.0 else []),
+            )
             for t in errors.terms
         ]
         document["joint_terms"] = [terms, errors.coefficients.tolist()]

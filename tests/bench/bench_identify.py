@@ -30,7 +30,7 @@ def test_one_extended_fit_of_29_poses(benchmark):
     """69 numbers under a prior: more columns, the same steps."""
     wide = extended_model(tx60())
     parameters = parameters_of(wide)
-    result = benchmark(identify, wide, TABLE, parameters, prior=weak_prior(parameters))
+    result = benchmark(identify, wide, TABLE, parameters, prior=weak_prior(parameters, wide))
     assert result.status.name == "CONVERGED"
 
 

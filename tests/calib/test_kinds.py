@@ -16,8 +16,8 @@ from calib.identification.identify import Identification, Status, identify
 from calib.identification.lack_of_fit import lack_of_fit
 from calib.identification.outliers import inspect
 from calib.identification.prior import Prior
-from calib.information.rank import weak_prior_sd
 from calib.information.reduction import Reduction, reduce
+from calib.information.sizes import weak_prior_sd
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
 from calib.measurement.residual import linearize, table_whiteners

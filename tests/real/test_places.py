@@ -73,8 +73,8 @@ def fitted(train, seed):
     parameters = parameters_of(start)
     links = [name for name in parameters.free_names if not is_frame(name)]
     return choose(
-        start, train, parameters, prior=wide_prior(parameters),
-        own_prior=weak_prior(parameters.freeing(links)), mounted=arm().chain,
+        start, train, parameters, prior=wide_prior(parameters, start),
+        own_prior=weak_prior(parameters.freeing(links), start), mounted=arm().chain,
         rng=stream(seed, "confirm"),
     ).identification  # fmt: skip
 

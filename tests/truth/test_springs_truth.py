@@ -17,7 +17,7 @@ from calib.identification.identify import Status, identify
 from calib.identification.ladders import ladders_of
 from calib.identification.model_choice import ModelChoice, choose
 from calib.identification.prior import Prior
-from calib.information.rank import weak_prior_sd
+from calib.information.sizes import weak_prior_sd
 from calib.measurement.tables import poses as poses_of
 from testbed.laboratory.truth.robot import TrueRobot, draw_truth
 from testbed.laboratory.truth.springs import ElasticArm
@@ -113,7 +113,7 @@ def arm(axes: str, masses: str, tilt: float = 0.0) -> tuple[RobotModel, Prior]:
         weight = Weight(tx60().chain, guessed_moments(tx60().chain))
     springs, _ = felt_springs(weight, EVERYWHERE, axes=tuple(axes), free_moments=guessed, tilt=tilt)
     model = RobotModel(tx60().chain, JointErrors(harmonic_terms(6), springs=springs))
-    sd = weak_prior_sd(parameters_of(model))
+    sd = weak_prior_sd(parameters_of(model), model)
     of_springs = sd[-len(springs.names) :]
     of_springs[: len(springs.load)] = np.where(springs.axis == 2, SAG, BEND)
     # half of each mass, at half the length of its link; on the last one also 2 kg of payload

@@ -122,6 +122,7 @@ def _term(term: JointTerm, value: float, kind: str) -> dict[str, Any]:
         "wave": term.wave,
         "weights": list(term.weights),
         **({} if term.is_wave or not term.reference else {"reference": float(term.reference)}),
+        **({} if term.share == 1.0 else {"share": float(term.share)}),
         f"coefficient_{unit}": own(value),
     }
 

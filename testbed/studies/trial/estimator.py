@@ -1,12 +1,13 @@
 """What an estimator of a scenario fits: model, free numbers, prior and loss; and which model."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.model import RobotModel
-from calib.geometry.parameters import CHARACTERISTIC_LENGTH, Parameters
+from calib.geometry.parameters import Parameters
 from calib.identification.climb import Climb, ClimbStep, Offer
 from calib.identification.identify import Identification, Mode, identify
 from calib.identification.joint_models import with_joint_terms
@@ -15,7 +16,7 @@ from calib.identification.levels import Ladder, Level
 from calib.identification.model_choice import choose
 from calib.identification.prior import Prior
 from calib.identification.robust import Loss
-from calib.information.rank import BEARING, MOMENT, SAG
+from calib.information.sizes import usual_sizes
 from calib.measurement.observations import Measurements
 from testbed.laboratory.truth.laboratory import Laboratory
 from testbed.robots.robot import Robot
@@ -72,7 +73,7 @@ def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Esti
     if mode == "paper":
         return Estimator(mode, nominal, free)
     settings = bench.scenario.identification
-    given = None if settings.prior is None else scenario_prior(settings.prior, free)
+    given = None if settings.prior is None else scenario_prior(settings.prior, free, nominal)
     why, evidence = "geometric: as the scenario says", float("nan")
     climbed: Climb | None = None
     extended = settings.model == "extended"
@@ -84,7 +85,7 @@ def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Esti
             nominal,
             measured,
             free,
-            prior=scenario_prior(own, free),
+            prior=scenario_prior(own, free, nominal),
             ladders=scenario_ladders(own, nominal, bench.robot, measured.conditions.usual_payload),
             loss=settings.loss,
         )
@@ -94,29 +95,36 @@ def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Esti
             nominal, free, given = choice.starts[1], found.parameters, found.prior
     if extended:
         nominal, free, _ = with_joint_terms(nominal, free)
-        given = scenario_prior(settings.prior or WEAK, free)
+        given = scenario_prior(settings.prior or WEAK, free, nominal)
     asked = ((), ()) if climbed is None else (climbed.offered, climbed.steps)
     return Estimator(mode, nominal, free, given, settings.loss, why, evidence, *asked)
 
 
-def scenario_prior(settings: PriorSettings, parameters: Parameters) -> Prior:
-    """The prior of a scenario for all free numbers, centered on nominal."""
-    names = parameters.free_names
-    is_length = parameters.is_length[parameters.free_index]
-    sd = np.array(
-        [_spread(settings, name, bool(kind)) for name, kind in zip(names, is_length, strict=True)]
-    )
-    return Prior(np.zeros(len(names)), sd, names)
+def scenario_prior(settings: PriorSettings, parameters: Parameters, model: RobotModel) -> Prior:
+    """The prior of a scenario for all free numbers of a model, centered on it."""
+    errors, names = model.joint_errors, parameters.free_names
+    waves, sag = _sizes(settings)
+    usual = usual_sizes(errors, model.chain.kinds, waves=waves, sag=sag)
+    bends = dict(zip(errors.names, usual.tolist(), strict=True))
+    lengths = parameters.is_length[parameters.free_index].tolist()
+    sd = [_spread(settings, *both, bends) for both in zip(names, lengths, strict=True)]
+    return Prior(np.zeros(len(names)), np.array(sd), names)
+
+
+def _sizes(settings: PriorSettings) -> tuple[tuple[float, float], float]:
+    """Of one and two waves a turn, and of sag [rad]."""
+    first, second = (float(MDEG * size) for size in settings.harmonics_mdeg)
+    return (first, second), float(MDEG * settings.gravity_mdeg)
 
 
 def scenario_ladders(
     settings: PriorSettings, nominal: RobotModel, robot: Robot, payload: Array | None = None
 ) -> tuple[Ladder, ...]:
     """The ladders of an arm with the sizes that a scenario believes in; `payload` as there."""
-    first, second = (MDEG * size for size in settings.harmonics_mdeg)
+    waves, sag = _sizes(settings)
     ladders = ladders_of(
         nominal, moments=robot.moments, limits=robot.limits, payload=payload,
-        waves=(first, second), sag=MDEG * settings.gravity_mdeg,
+        waves=waves, sag=sag,
     )  # fmt: skip
     return tuple(
         replace(ladder, levels=tuple(_with_own_sizes(level, settings) for level in ladder.levels))
@@ -131,30 +139,16 @@ def _with_own_sizes(level: Level, settings: PriorSettings) -> Level:
     return replace(level, sd=np.array([named.get(name, sd) for name, sd in both]))
 
 
-def _spread(settings: PriorSettings, name: str, is_length: bool) -> float:
-    """Prior standard deviation of one number [m or rad]."""
+def _spread(
+    settings: PriorSettings, name: str, is_length: bool, bends: Mapping[str, float]
+) -> float:
+    """Prior standard deviation of one number [m or rad]; joint errors have their usual `bends`."""
     own = settings.sd_mm.get(name) if is_length else settings.sd_deg.get(name)
     if own is not None:
         return own * MM if is_length else float(np.radians(own))
+    if name in bends:
+        return bends[name]
     frame = name.startswith(("base.", "tool."))
-    if name.startswith(("spring", "moment")):
-        return _of_springs(settings, name, is_length)
     if is_length:
         return (settings.frame_lengths_mm if frame else settings.lengths_mm) * MM
-    if frame:
-        return float(np.radians(settings.frame_angles_deg))
-    if name.startswith("gravity"):
-        return float(settings.gravity_mdeg * MDEG)
-    if name.startswith("harmonic"):
-        first, higher = settings.harmonics_mdeg
-        return float((first if name.endswith(("sin1", "cos1")) else higher) * MDEG)
-    return float(np.radians(settings.angles_deg))
-
-
-def _of_springs(settings: PriorSettings, name: str, is_length: bool) -> float:
-    """The same of springs and of the moments that load them [rad, m; kg, kg m]."""
-    if name.startswith("moment"):
-        return MOMENT[not name.endswith(".m")]
-    across = 1.0 if name.endswith(".z") else BEARING / SAG
-    length = CHARACTERISTIC_LENGTH if is_length else 1.0
-    return float(settings.gravity_mdeg * MDEG * across * length)
+    return float(np.radians(settings.frame_angles_deg if frame else settings.angles_deg))

@@ -16,7 +16,7 @@ from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model, extended_parameters
 from calib.identification.prior import step_derivative
 from calib.information.propagation import tool_covariance
-from calib.information.rank import weak_prior_sd
+from calib.information.sizes import weak_prior_sd
 from calib.measurement.observations import DISTANCE, POINT, joined
 from calib.measurement.prediction import perfect, predict, predicted_positions
 from calib.measurement.residual import linearize, padded_covariance, paper_stack

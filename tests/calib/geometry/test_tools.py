@@ -137,7 +137,7 @@ def test_a_climb_sees_the_rows_of_every_tool():
     free = [n for n in model.names if not n.startswith(("reflector", "anchor", "gravity"))]
     parameters = parameters_of(model, free)
     wide = JointErrors(harmonic_terms(6)[:4])
-    found = normal_equations(model, model, table, parameters, [wide], weak_prior(parameters))
+    found = normal_equations(model, model, table, parameters, [wide], weak_prior(parameters, model))
     both = model.joint_errors.joined(wide)
     seen = linearize(replace(model, joint_errors=both), table)
     names = list(replace(model, joint_errors=both).names)

@@ -14,7 +14,6 @@ from calib.identification.identify import Status, identify
 from calib.identification.ladders import (
     MAP_ORDERS,
     ladders_of,
-    order_of,
 )
 from calib.identification.levels import prior_of, with_errors
 from calib.identification.model_choice import choose, extended_by
@@ -140,7 +139,7 @@ def test_a_joint_map_is_found_where_there_is_one_and_its_band_holds_it():
         choice = choose(tx60(), seen(truth, 200, seed))
         assert choice.climb.taken[-1].name.startswith("joint map")
         found = choice.identification
-        terms = [t for t in found.model.joint_errors.terms if order_of(t) >= 10]
+        terms = [t for t in found.model.joint_errors.terms if t.order >= 10]
         at = [found.names.index(term.name) for term in terms]
         true = dict(zip(truth.joint_errors.names, truth.joint_errors.coefficients, strict=True))
         off = found.step[at] - [true.get(term.name, 0.0) for term in terms]
@@ -176,7 +175,7 @@ def test_the_prior_of_a_map_is_a_stationary_process_on_the_circle():
     own = [
         (t, s)
         for t, s in zip(level.errors.terms, level.sd, strict=True)
-        if t.joint == 0 and order_of(t) > 2
+        if t.joint == 0 and t.order > 2
     ]
     q = np.zeros((50, 6))
     q[:, 0] = np.linspace(-np.pi, np.pi, 50)

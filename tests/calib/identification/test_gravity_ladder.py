@@ -20,7 +20,7 @@ from calib.identification.model_choice import choose, extended_by
 from calib.identification.normal_equations import normal_equations
 from calib.identification.prior import weak_prior
 from calib.identification.spring_products import ModelSprings, settled
-from calib.information.rank import SAG
+from calib.information.sizes import SAG
 from calib.measurement.tables import poses
 from tests.calib import kinds
 from tests.reference import DEG, SIGMA_POSITION, SIGMA_ROTATION, TX60_LIMITS, pool_r, tx60

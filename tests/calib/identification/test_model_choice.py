@@ -205,7 +205,7 @@ def test_an_extended_fit_of_few_poses_is_held_by_its_prior():
     """Five poses give 30 equations for 69 numbers."""
     wide = extended_model(tx60())
     parameters = parameters_of(wide)
-    found = identify(wide, seen(bent(9), 5, 14), parameters, prior=weak_prior(parameters))
+    found = identify(wide, seen(bent(9), 5, 14), parameters, prior=weak_prior(parameters, wide))
     assert found.status is Status.CONVERGED
     assert found.rank == 69
-    assert (found.standard_uncertainty <= weak_prior(parameters).sd * (1 + 1e-9)).all()
+    assert (found.standard_uncertainty <= weak_prior(parameters, wide).sd * (1 + 1e-9)).all()

@@ -53,7 +53,8 @@ def test_a_correlated_prior_knows_the_sd_of_each_number():
 def test_the_weak_prior_has_the_specified_units():
     """Angles .1 deg, lengths .6 mm, frames 1 mm and .1 deg, gravity 50 mdeg, harmonics 20, 12."""
     terms = JointErrors((*gravity_terms(6), *harmonic_terms(6)), np.zeros(27))
-    prior = weak_prior(parameters_of(RobotModel(tx60().chain, terms)))
+    model = RobotModel(tx60().chain, terms)
+    prior = weak_prior(parameters_of(model), model)
     sd = dict(zip(prior.names, prior.sd, strict=True))
     expected = {
         "base.x": 1e-3, "tool.rz": 0.1 * DEG, "theta3": 0.1 * DEG, "a2": 0.6e-3, "d4": 0.6e-3,

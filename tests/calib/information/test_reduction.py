@@ -11,8 +11,9 @@ from calib.geometry.jacobian import reflector_rows
 from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH, parameters_of
-from calib.information.rank import practical_rank, rank, singular_values, weak_prior_sd
+from calib.information.rank import practical_rank, rank, singular_values
 from calib.information.reduction import Reduction, reduce
+from calib.information.sizes import weak_prior_sd
 from tests.reference import BASE6, DEG, READABLE30, SIGMA_POSITION, TOOL6, WEN24, pool_r, tx60
 
 LINKS = tuple(name for name in tx60().names if "." not in name)

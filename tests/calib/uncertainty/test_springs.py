@@ -50,7 +50,7 @@ def test_virtual_calibrations_say_that_they_know_no_springs():
     q = pool_r(40)
     table = poses(q, model.poses(q), sd=(SIGMA_POSITION, SIGMA_ROTATION))
     free = parameters_of(model)
-    found = identify(model, table, free, prior=weak_prior(free))
+    found = identify(model, table, free, prior=weak_prior(free, model))
     with pytest.raises(InputError, match="know no arm that gives way under its weight"):
         bootstrap(found.model, table, found.parameters, np.random.default_rng(0),
                   prior_precision=found.prior.precision)  # fmt: skip

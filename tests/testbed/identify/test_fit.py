@@ -93,7 +93,7 @@ def test_a_prior_is_weighed_against_the_noise_that_the_residuals_have():
     # the same: honest covariances and the weak prior as it is
     wide = extended_model(start)
     table = extended_parameters(start, wide, parameters_of(start))
-    terms = weak_prior(table.freeing(set(wide.names) - set(start.names)))
+    terms = weak_prior(table.freeing(set(wide.names) - set(start.names)), wide)
     first = identify(wide, train, table, prior=terms)
     factor = noise_factor(first.model, train)
     assert factor == pytest.approx(4.0, rel=0.1)
@@ -111,7 +111,7 @@ def test_with_honest_noise_the_weak_prior_stays_as_it_is():
     found = identify_extended(start, train, parameters_of(start))
     wide = extended_model(start)
     table = extended_parameters(start, wide, parameters_of(start))
-    terms = weak_prior(table.freeing(set(wide.names) - set(start.names)))
+    terms = weak_prior(table.freeing(set(wide.names) - set(start.names)), wide)
     assert np.array_equal(found.prior.sd, terms.sd)
 
 

@@ -62,8 +62,9 @@ def test_the_prior_of_an_empty_table_is_the_weak_one():
     of = bench("rigid")
     free = of.free("whitened")
     wide = extended_model(of.setting.nominal)
-    for table in (free, extended_parameters(of.setting.nominal, wide, free)):
-        made, weak = scenario_prior(WEAK, table), weak_prior(table)
+    nominal = of.setting.nominal
+    for model, table in ((nominal, free), (wide, extended_parameters(nominal, wide, free))):
+        made, weak = scenario_prior(WEAK, table, model), weak_prior(table, model)
         assert made.names == weak.names
         # the same standard deviations, up to the rounding of their units
         np.testing.assert_allclose(made.sd, weak.sd, rtol=1e-14)
@@ -86,6 +87,7 @@ def test_each_key_of_the_prior_reaches_its_numbers_in_its_unit():
             sd_mm={"base.x": 7.0, "d3": 0.05},
         ),
         table,
+        wide,
     )
     sd = dict(zip(prior.names, prior.sd, strict=True))
     expected = {
