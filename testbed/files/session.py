@@ -167,6 +167,12 @@ class Session:
         """File of the first row, for messages."""
         return self.place[0].rpartition(":")[0]
 
+    @property
+    def stated_in(self) -> str:
+        """The session.toml that says what is wanted, for messages; its name where there is none."""
+        tomls = (file.path for file in self.files[:1] if file.path.suffix.lower() == ".toml")
+        return next(map(str, tomls), self.name)
+
     def rows(self, which: Bool) -> "Session":
         """The session restricted to some rows (m,); what was left out stays named."""
         index = np.flatnonzero(which)

@@ -89,7 +89,7 @@ def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameter
         if free not in WORDS and free not in robot.free_sets:
             close = get_close_matches(free, [*WORDS, *robot.free_sets], 1)
             raise refuse(
-                "identification.free", free, code="S37", where=session.name,
+                "identification.free", free, code="S37", where=session.stated_in,
                 message=f'[identification] free is "{free}"',
                 allowed=", ".join([*WORDS, *robot.free_sets, "or names of numbers"]),
                 fix=f'did you mean "{close[0]}"?' if close else "",
@@ -101,7 +101,7 @@ def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameter
     try:
         table.freeing(names)  # a name that is not there is refused with its likeliest meaning
     except InputError as error:  # which stands in the session, not in its data
-        raise error.located(session.name) from error
+        raise error.located(session.stated_in) from error
     for frame, how in (("base.", session.wanted.base), ("tool.", session.wanted.tool)):
         own = tuple(name for name in table.names if name.startswith(frame))
         rest = tuple(name for name in names if name not in own)

@@ -76,7 +76,7 @@ def require_shared(
         one, other = session.visits[k].name, session.visits[first].name
         said = f'session "{one}" does not share the {" and the ".join(off)} of "{other}"'
         raise refusal(
-            session.name, f"session.{off[0]}", f"{said} ({far})" if far else said, code="M35",
+            session.stated_in, f"session.{off[0]}", f"{said} ({far})" if far else said, code="M35",
             fix="write " + " and ".join(f'{part} = "free"' for part in off) + f' in "{one}"',
         )  # fmt: skip
 

@@ -16,9 +16,12 @@ from calib.identification.sufficiency import require_equations
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
 from calib.uncertainty.statement.gain import least_squares_gain
+from testbed.files.refusal import refusal
 from testbed.files.session import Session
+from testbed.files.visits.tables import FEWEST
 from testbed.identify.records import FittedModel, HeldOutSplit
 from testbed.identify.visits.split import frame_rows
+from testbed.units import counted
 
 HARDLY = 1e-6
 """Weight of a pose that fits frames, beside one that identifies: it tells nothing of the links."""
@@ -182,10 +185,20 @@ def require_determined(
             own = [int(name[len(kind) :]) for name in frames if name[len(kind) :].isdigit()
                    and name.startswith(kind)]  # fmt: skip
             shown |= np.isin(getattr(table, kind) + 1, own)
+        rows = table.rows(shown)
+        every = session.measurements.rows(np.flatnonzero(session.visit == k))
+        where = f'{session.stated_in}: frames of session "{visit.name}"'
+        if rows.n_poses < every.n_poses:
+            where += f" ({rows.n_poses} of its {counted(every.n_poses, 'pose')}, the rest held out)"
+        if not len(rows):
+            raise refusal(
+                where, "session", "no pose determines them", code="M27",
+                fix=f"measure {FEWEST} poses or more there",
+            )  # fmt: skip
         try:
-            require_equations(model, table.rows(shown), parameters_of(model, numbers))
+            require_equations(model, rows, parameters_of(model, numbers))
         except InputError as error:
-            raise error.located(f'{session.name}: frames of session "{visit.name}"') from error
+            raise error.located(where) from error
 
 
 def _filled(together: Parameters, *parts: tuple[Identification, Array]) -> Array:

@@ -88,7 +88,7 @@ def _frame_rows(session: Session, seed: int) -> Bool:
         several = np.unique(pose[own])
         if len(several) <= visit.frame_poses:
             raise refusal(
-                session.name, "session.frame_poses",
+                session.stated_in, "session.frame_poses",
                 f'session "{visit.name}" has {counted(len(several), "pose")}, and its frames take '
                 f"{visit.frame_poses} of them", code="M27", value=visit.frame_poses,
                 allowed=f"{len(several) - 1} at most, so that one is left to judge",

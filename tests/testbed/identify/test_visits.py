@@ -215,6 +215,25 @@ def test_frames_that_nothing_determines_are_refused_by_name(tmp_path, counts, li
         calibrate(ROBOT, read, replace(GEOMETRIC, held_out=None if lines else 0))
 
 
+@pytest.mark.parametrize(
+    ("count", "said"),
+    [
+        (4, r'"b" \(2 of its 4 poses, the rest held out\): 2 different poses give 12 equations'),
+        (1, r'"b" \(0 of its 1 pose, the rest held out\): no pose determines them; measure 6'),
+    ],
+)
+def test_frames_whose_poses_are_held_out_say_so(tmp_path, count, said):
+    """Ten rows at one joint vector are one pose."""
+    few = visit(1, count)
+    some = np.arange(max(count, 10)) % count
+    few = replace(few, q=few.q[some], T=few.T[some])
+    folder = written(tmp_path, {"a": visit(0, 40), "b": few}, session("a"), session("b"))
+    read = read_session(folder, ROBOT)
+    with pytest.raises(InputError, match=said) as error:
+        calibrate(ROBOT, read, GEOMETRIC)
+    assert error.value.where.startswith(str(folder / "session.toml"))
+
+
 def test_a_session_that_does_not_stand_where_it_is_said_to_is_called_by_its_name(tmp_path):
     """Its tool was remounted and its station moved; the file says both are those of others."""
     read = read_session(
