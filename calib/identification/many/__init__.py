@@ -1,0 +1,1 @@
+"""Fits of many robots at once, robots on the first axis of every array."""

@@ -1,0 +1,263 @@
+"""Least squares of one set of numbers for many tables at once: what `identify` finds of each.
+
+Estimates, covariances and tests of R robots in a few passes over arrays. All share model, free
+numbers and prior; where they share the poses as well, the curvature where they start is made once.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtrc
+
+from calib.arrays import Array, Bool, Index
+from calib.errors import refuse
+from calib.geometry.many import ManyModels
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
+from calib.identification.identify import require_match
+from calib.identification.many.tables import ManyRows, ManyTables, known_to_many, twelve_rows
+from calib.identification.many.tangents import ManyBeliefs, ManyInverses, ManyTangents
+from calib.identification.prior import Prior
+from calib.identification.result import Mode
+from calib.identification.tangent import RELATIVE_OFFSET
+
+BLOCK = 32
+"""Robots in one pass, whose columns stay in the second-level cache; part of what fixes the bits of
+a result."""
+NEAR, NEARER = 1e-7, 1e-9
+"""Relative offset from which one more step ends a fit. The step leaves the square of that; the
+smaller one where it leaves a hundredth, in paper mode, and where a prior holds what the rows hardly
+tell, whose columns turn with the step."""
+CHORDS = 2
+"""Steps by the columns at the start, before any robot's own are made."""
+MOST_STEPS = 12
+"""Steps after which a fit is left to `identify`; two or three are usual."""
+SLOW = 0.1
+"""Part of the way that a step by shared curvature may leave before robots take their own."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ManyFits:
+    """R fits of the same f numbers; one that is not `converged` is no estimate."""
+
+    parameters: Parameters
+    """Which numbers are free."""
+    models: ManyModels
+    """Where each ended."""
+    steps: Array
+    """(R, f) estimates minus nominal [m, rad]."""
+    covariance: Array
+    """(R, f, f) as in `Identification` [m^2, m rad, rad^2]."""
+    normal: Array
+    """(R, f, f) A'A + Lambda0 there; in paper mode H'H of the twelve rows."""
+    variance: Array
+    """(R,) factor of the covariance: 1, or s^2 in paper mode."""
+    chi_square: Array
+    """(R,) whitened sums of squares of the rows; nan in paper mode."""
+    dof: Array
+    """(R,) rows minus numbers learned from them; see `Identification.dof_effective`."""
+    p_value: Array
+    """(R,) chances of a larger chi-square; nan in paper mode."""
+    log_evidence: Array
+    """(R,) as in `Identification`; nan without a prior."""
+    certificate: Array
+    """(R,) relative offset before the last step, see `tangent.Tangent.certificate`."""
+    converged: Bool
+    """(R,) whether each ended with its certificate; of the others ask `identify`."""
+
+    def __len__(self) -> int:
+        return len(self.models)
+
+    def __repr__(self) -> str:
+        return f"ManyFits({len(self)} fits, {int(self.converged.sum())} converged)"
+
+    @property
+    def standard_uncertainty(self) -> Array:
+        """(R, f) square roots of the diagonals of the covariances [m, rad]."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+
+
+def fit_many(
+    nominal: RobotModel,
+    tables: ManyTables,
+    parameters: Parameters,
+    *,
+    mode: Mode = "whitened",
+    prior: Prior | None = None,
+    start: RobotModel | None = None,
+) -> ManyFits:
+    """Fit the free numbers to each of many tables.
+
+    Newton steps along the exact gradient: by the curvature at the start, where all tables share
+    their poses, else and where that is slow by each robot's own; until a step leaves nothing.
+
+    Parameters
+    ----------
+    nominal : RobotModel
+        What the estimates are counted from, and the value of every number that is not free: chain
+        and joint terms alone, see `known_to_many`.
+    tables : ManyTables
+        What was measured.
+    parameters : Parameters
+        Free numbers, all of them estimated: none is left out that a table cannot tell.
+    mode : {"whitened", "paper"}
+        Estimator, as in `identify`.
+    prior : Prior, optional
+        Of all free numbers.
+    start : RobotModel, optional
+        Where the search begins, as in `identify`.
+
+    Raises
+    ------
+    InputError
+        Springs or fixtures in the model, nothing free, no more rows than numbers without a prior.
+
+    References
+    ----------
+    As `identify`. Normal equations square the condition: what they lose is bounded by the pivots of
+    their Cholesky factor, and the gradient that has to vanish is exact.
+    """
+    require_match(nominal, parameters)
+    if not known_to_many(nominal):
+        raise refuse(
+            "nominal", code="A3", message="fits of many robots know chains and joint terms alone",
+            allowed="a model without springs, fixtures and lengths that follow the temperature",
+            fix="identify the robots one by one",
+        )  # fmt: skip
+    n, f = 6 * tables.seen.shape[2], parameters.n_free
+    if n <= f and prior is None:
+        message = f"{n} rows for {f} unknowns"
+        raise refuse("tables", n, "more rows than unknowns", code="M27", message=message)
+    start = nominal if start is None else start
+    rows = ManyRows.of(nominal, tables, parameters.free_index, mode)
+    belief = None if prior is None else ManyBeliefs.of(prior, parameters)
+    shared = None if len(tables.q) > 1 else _shared(rows, start, belief)
+    parts = [
+        _fit_block(parameters, rows.some(slice(k, k + BLOCK)), start, belief, shared)
+        for k in range(0, len(tables), BLOCK)
+    ]
+    return joined_fits(parts)
+
+
+def joined_fits(parts: list[ManyFits]) -> ManyFits:
+    """The fits of all parts, in order."""
+    names = [name for name in ManyFits.__slots__ if name not in ("parameters", "models")]
+    return ManyFits(
+        parts[0].parameters,
+        ManyModels.joined([part.models for part in parts]),
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in names),
+    )
+
+
+class _Shared(NamedTuple):
+    """What all tables of one plan have in common where their fits start."""
+
+    A: Array
+    """(6 m, f) whitened columns."""
+    C: Array
+    """(f, f) inverse of the curvature."""
+
+
+def _shared(rows: ManyRows, start: RobotModel, belief: ManyBeliefs | None) -> _Shared | None:
+    """Columns and curvature at the start; None where they do not tell all numbers."""
+    at = ManyTangents.of(rows.some(slice(0, 1)), ManyModels.of(start, 1, rows.like), belief)
+    found = ManyInverses.of(at.normal(at.data))
+    return _Shared(at.A[0].T, found.C[0]) if found.sound[0] else None
+
+
+def _fit_block(
+    parameters: Parameters,
+    rows: ManyRows,
+    start: RobotModel,
+    belief: ManyBeliefs | None,
+    shared: _Shared | None,
+) -> ManyFits:
+    """Fit the tables of one block."""
+    models = ManyModels.of(start, len(rows.tables), rows.like)
+    if shared is not None:
+        models = _by_chords(rows, models, belief, shared)
+    before = np.full(len(models), np.inf)
+    near = NEAR if rows.mode == "whitened" and belief is None else NEARER
+    for _ in range(MOST_STEPS):
+        at = ManyTangents.of(rows, models, belief)
+        if shared is None:
+            C = ManyInverses.of(at.normal(at.data)).C
+            step = (C @ at.gradient[:, :, None])[:, :, 0]
+        else:
+            step = at.gradient @ shared.C
+        inside = (step * at.gradient).sum(axis=1)
+        left = ~(at.certificate(inside) <= near) & np.isfinite(inside)
+        if shared is not None and (inside > SLOW**2 * before)[left].any():
+            shared, before = None, np.full(len(models), np.inf)
+        else:
+            # at rounding no step leads further
+            left &= inside < 0.25 * before
+            before = inside
+        if not left.any():
+            break
+        models = moved_by(models, rows.free, np.nan_to_num(step))
+    return _ended(parameters, rows, models, at)
+
+
+def _by_chords(
+    rows: ManyRows, models: ManyModels, belief: ManyBeliefs | None, shared: _Shared
+) -> ManyModels:
+    """Models after some steps that need no columns but those at the start."""
+    for _ in range(CHORDS):
+        pull = rows.residual_at(models) @ shared.A
+        if belief is not None:
+            pull += (belief.mean - models.steps()[:, rows.free]) @ belief.precision
+        models = moved_by(models, rows.free, pull @ shared.C)
+    return models
+
+
+def _ended(
+    parameters: Parameters, rows: ManyRows, models: ManyModels, at: ManyTangents
+) -> ManyFits:
+    """The last step, by each robot's own curvature, and the statistics there."""
+    R, f, n = at.A.shape
+    data = at.data
+    normal = at.normal(data)
+    found = ManyInverses.of(normal)
+    step = (found.C @ at.gradient[:, :, None])[:, :, 0]
+    inside = (step * at.gradient).sum(axis=1)
+    certificate = at.certificate(inside)
+    models = moved_by(models, rows.free, np.nan_to_num(step))
+    dof, chi_square, evidence = np.full(R, float(n - f)), np.full(R, np.nan), np.full(R, np.nan)
+    variance, p_value = np.ones(R), np.full(R, np.nan)
+    if rows.mode == "paper":
+        dof = dof + n  # the twelve rows
+        variance = twelve_rows(models, rows.tables) / dof
+    else:
+        # to second order in the last step, which is exact for it is so short
+        pull = (at.A @ at.r[:, :, None])[:, :, 0]
+        chi_square = np.einsum("ri,ri->r", at.r, at.r)
+        chi_square += np.einsum("rf,rf->r", step, (data @ step[:, :, None])[:, :, 0] - 2 * pull)
+        if at.held is not None:
+            dof = n - np.einsum("rij,rij->r", data, found.C)
+            believed = np.linalg.slogdet(at.held.D)[1]
+            believed += np.linalg.slogdet(at.held.precision)[1] / 2
+            evidence = -(at.cost - inside) / 2 + believed - found.spread / 2
+        p_value = chdtrc(dof, chi_square)
+    return ManyFits(
+        parameters=parameters,
+        models=models,
+        steps=models.steps()[:, rows.free],
+        covariance=variance[:, None, None] * found.C,
+        normal=normal,
+        variance=variance,
+        chi_square=chi_square,
+        dof=dof,
+        p_value=p_value,
+        log_evidence=evidence,
+        certificate=certificate,
+        converged=found.sound & (certificate < RELATIVE_OFFSET),
+    )
+
+
+def moved_by(models: ManyModels, free: Index, step: Array) -> ManyModels:
+    """Models after steps (R, f) of the free numbers."""
+    full = np.zeros((len(models), models.like.n_numbers))
+    full[:, free] = step
+    return models.moved(full)

@@ -1,0 +1,195 @@
+"""Whitened residuals and columns of many robots, each with a geometry of its own, in numpy.
+
+Components first, then robots, poses last: every operation runs over all robots of a block and all
+their poses in one stretch of memory.
+"""
+
+import numpy as np
+
+from calib.arrays import Array, Bool, Index
+
+SMALL = 1e-4
+"""Sine of a turn below which two terms of the arc sine's series are exact."""
+
+ALL = np.ones((3, 3), dtype=bool)
+
+
+def system(
+    links: Array, base: Array, tool: Array, cosine: Array, sine: Array, slide: Array,
+    basis: Array, joint: Index, turns: Bool, place: Index, target: Array,
+    seen: Array, whitening: Array, used: Bool, logarithm: bool,
+    J: Array, r: Array, point: Array,
+) -> None:  # fmt: skip
+    """Fill columns, residuals and predicted points of R robots at m poses each.
+
+    Parameters
+    ----------
+    links : (R, n, 5) array
+        As in `Chain.links` [rad, m].
+    base, tool : (R, 3, 4) array
+        Rotation and origin of base in world and tool in flange [m].
+    cosine, sine, slide : (n, R, m) array
+        Of each joint where it is, its link's own theta and d included [m].
+    basis : (K, R or 1, m) array
+        Values of the joint terms.
+    joint : (K,) array of int
+        Joint of each term.
+    turns : (n,) array of bool
+        Whether each joint turns.
+    place : (12 + 5 n + K,) array of int
+        Row of J that each number of the model has, -1 for none.
+    target : (3,) array
+        The point that is predicted, in the tool frame; its origin where poses are seen [m].
+    seen : (12, R, m) array
+        Position measured [m], then the rotation row by row.
+    whitening : (6, 6, R or 1, m) array
+        Lower triangles N by which residual and columns are multiplied.
+    used : (6, 6) array of bool
+        Which entries of N are not zero everywhere.
+    logarithm : bool
+        Rotation residual Log(R_seen R'); else half the sum of axis x axis seen, whose derivative
+        is taken as the turn itself: what the paper's twelve rows come to.
+    J : (R, f, 6 or 3, m) array
+        Receives N times the derivative of the prediction; with 3, position rows alone, as they
+        are, and nothing is compared with what was seen.
+    r : (6, R, m) array
+        Receives N times measured minus predicted.
+    point : (3, R, m) array
+        Receives predicted points [m].
+
+    References
+    ----------
+    Sola, Deray, Atchuthan, arXiv 1812.01537, eq. (144).
+    """
+    n, whole = links.shape[1], J.shape[2] == 6
+    screws, (x, y, z, p) = _screws(links, base, cosine, sine, slide)
+    held = [
+        tool[:, 0, k, None] * x + tool[:, 1, k, None] * y + tool[:, 2, k, None] * z
+        for k in range(4)
+    ]
+    origin = p + held[3]
+    point[:] = origin + sum(target[k] * held[k] for k in range(3)) if target.any() else origin
+    # the tool slides along its own axes, and turns about its own origin
+    screws += [(axis, foot) for foot in (None, origin) for axis in held[:3]]
+    kept = [(to, *screw) for to, screw in zip(place, screws, strict=False) if to >= 0]
+    sliding = [(to, axis) for to, axis, foot in kept if foot is None]
+    turning = [(to, axis, foot) for to, axis, foot in kept if foot is not None]
+    slid, axes, arms = (np.empty((len(some), *point.shape)) for some in (sliding, turning, turning))
+    for k, (_, axis) in enumerate(sliding):
+        slid[k] = axis
+    for k, (_, axis, foot) in enumerate(turning):
+        axes[k] = axis
+        np.subtract(point, foot, out=arms[k])
+    swung = _cross(axes, arms)
+    if whole:
+        N, turned, r[:] = residual(np.stack(held[:3]), point, seen, whitening, used, logarithm)
+        axes, below = _times(turned, ALL, axes), None
+        if used[3:, :3].any():
+            below = _times(N[3:, :3], used[3:, :3], slid)
+            axes += _times(N[3:, :3], used[3:, :3], swung)
+        slid, swung = (_times(N[:3, :3], used[:3, :3], part) for part in (slid, swung))
+    for k, (to, _) in enumerate(sliding):
+        J[:, to, :3] = slid[k].swapaxes(0, 1)
+        if whole:
+            J[:, to, 3:] = 0.0 if below is None else below[k].swapaxes(0, 1)
+    for k, (to, _, _) in enumerate(turning):
+        J[:, to, :3] = swung[k].swapaxes(0, 1)
+        if whole:
+            J[:, to, 3:] = axes[k].swapaxes(0, 1)
+    for k, i in enumerate(joint):
+        if (to := place[12 + 5 * n + k]) >= 0:
+            own = place[6 + 5 * i + (0 if turns[i] else 1)]
+            np.multiply(J[:, own], basis[k, :, None], out=J[:, to])
+
+
+def residual(
+    axes: Array, origin: Array, seen: Array, whitening: Array, used: Bool, logarithm: bool
+) -> tuple[Array, Array, Array]:
+    """Whitened residual, and what whitens its columns.
+
+    Parameters
+    ----------
+    axes : (3, 3, R, m) array
+        Predicted x, y and z of the tool in turn.
+    origin : (3, R, m) array
+        Predicted tool origins [m].
+    seen, whitening, used, logarithm
+        As in `system`.
+
+    Returns
+    -------
+    N : (6, 6, R, m) array
+        The whitening of all robots.
+    turned : (3, 3, R, m) array
+        Its rotation block times the derivative of the rotation residual by a turn.
+    r : (6, R, m) array
+        N times measured minus predicted.
+    """
+    there = seen[3:].reshape(3, 3, *seen.shape[1:])  # row, column
+    e = np.asarray(0.5 * _cross(axes, there.swapaxes(0, 1)).sum(axis=0))
+    N = np.broadcast_to(whitening, (6, 6, *origin.shape[1:]))
+    turned = N[3:, 3:]
+    if logarithm:
+        square = (e * e).sum(axis=0)
+        sine = np.sqrt(square)
+        small = sine < SMALL
+        angle = np.arcsin(np.minimum(sine, 1.0))
+        e *= np.where(small, 1 + square / 6, angle / np.where(small, 1.0, sine))
+        turned = _times_jacobian(turned, e)
+    return N, turned, _times(N, used, np.concatenate([seen[:3] - origin, e])[None])[0]
+
+
+Screw = tuple[Array, Array | None]
+"""An axis (3, R, m or 1), and where it is turned about a point on it (3, R, m or 1)."""
+
+
+def _screws(
+    links: Array, base: Array, cosine: Array, sine: Array, slide: Array
+) -> tuple[list[Screw], tuple[Array, Array, Array, Array]]:
+    """Screws of base and links, and axes and origin (3, R, m) of the flange, all in the world."""
+    x, y, z, p = (base[:, :, k].T[:, :, None] for k in range(4))
+    screws: list[Screw] = [(axis, None) for axis in (x, y, z)] + [(axis, p) for axis in (x, y, z)]
+    for i, (c, s, d) in enumerate(zip(cosine, sine, slide, strict=True)):
+        a, alpha, beta = (links[:, i, k, None] for k in (2, 3, 4))
+        ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
+        screws += [(z, p), (z, None)]
+        x, y = c * x + s * y, c * y - s * x
+        p = p + d * z + a * x
+        y, z = ca * y + sa * z, ca * z - sa * y
+        screws += [(x, None), (x, p), (y, p)]
+        x, z = cb * x - sb * z, sb * x + cb * z
+    return screws, (x, y, z, p)
+
+
+def _times(M: Array, used: Bool, vectors: Array) -> Array:
+    """Matrices M (a, b, R, m) times vectors (k, b, R, m), where `used` (a, b) says not zero."""
+    out = np.empty((len(vectors), len(M), *vectors.shape[2:]))
+    spare = np.empty((len(vectors), *vectors.shape[2:]))
+    for a, row in enumerate(used):
+        if not row.any():
+            out[:, a] = 0.0
+        for k, b in enumerate(np.flatnonzero(row)):
+            to = out[:, a] if k == 0 else spare
+            np.multiply(vectors[:, b], M[a, b], out=to)
+            if k:
+                out[:, a] += spare
+    return out
+
+
+def _times_jacobian(N: Array, e: Array) -> Array:
+    """N (3, 3, R, m) times the inverse right Jacobian at rotation vectors e (3, R, m)."""
+    square = (e * e).sum(axis=0)
+    far = 1 / 12 + square * (1 / 720 + square / 30240)
+    # a row times I + [e]x / 2 + far [e]x [e]x
+    once = _cross(N, e[None])
+    return np.asarray(N + 0.5 * once + far * _cross(once, e[None]))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Products of vectors (k, 3, R, m)."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        np.multiply(a[:, i], b[:, j], out=out[:, k])
+        out[:, k] -= a[:, j] * b[:, i]
+    return out
