@@ -1,1 +1,1 @@
-"""Loops over many replicates, for a few in numpy, else compiled: the only room that knows numba."""
+"""Loops over many replicates, for a few in numpy, else compiled: compiled by numba if it is there."""

@@ -3,13 +3,17 @@
 The compiler keeps code beside the source, or else in the user's cache. Threads then find the loops
 ready. Fused and reordered arithmetic stays off: the same bits on every CPU and for any number of
 threads. The kept code of a loop watches its own file only, so that each file holds all the compiled
-code it calls.
+code it calls. Where numba is not installed, a loop is the Python function that it is written as:
+many replicates are then played by numpy (`calib.kernels.loops`), and one pose by the interpreter.
 """
 
 from collections.abc import Callable
 from typing import Any
 
-from numba import njit, types
+try:
+    from numba import njit, types
+except ImportError:
+    njit = types = None
 
 
 def compiled(*signature: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -17,6 +21,8 @@ def compiled(*signature: Any) -> Callable[[Callable[..., None]], Callable[..., N
     options = {"nogil": True, "error_model": "numpy", "fastmath": False}
 
     def compile_(function: Callable[..., None]) -> Callable[..., None]:
+        if njit is None:
+            return function
         try:
             return njit([types.void(*signature)], cache=True, **options)(function)  # type: ignore[no-any-return]  # numba is untyped
         except (RuntimeError, OSError):
@@ -26,16 +32,16 @@ def compiled(*signature: Any) -> Callable[[Callable[..., None]], Callable[..., N
     return compile_
 
 
-def array_in(dimensions: int, kind: Any = types.float64) -> Any:
+def array_in(dimensions: int, kind: str = "float64") -> Any:
     """An input array: contiguous; a read-only signature takes writeable arrays too."""
-    return types.Array(kind, dimensions, "C", readonly=True)
+    return types and types.Array(getattr(types, kind), dimensions, "C", readonly=True)
 
 
 def array_out(dimensions: int) -> Any:
     """An array that is written."""
-    return types.Array(types.float64, dimensions, "C")
+    return types and types.Array(types.float64, dimensions, "C")
 
 
 def part(function: Callable[..., Any]) -> Callable[..., Any]:
     """A piece of a loop, compiled into those that call it."""
-    return njit(error_model="numpy", fastmath=False)(function)  # type: ignore[no-any-return]  # numba is untyped
+    return njit(error_model="numpy", fastmath=False)(function) if njit else function

@@ -6,7 +6,6 @@ The width is written out: loops of constant length compile to vector instruction
 from typing import Any
 
 import numpy as np
-from numba import types
 
 from calib.kernels.compiled import array_in, array_out, compiled, part
 
@@ -214,7 +213,7 @@ def _to_base(S: Any, B: Any) -> None:
 @compiled(
     array_in(4), array_in(3), array_in(3), array_in(3), array_in(4), array_in(3), array_in(2),
     array_in(2), array_in(2), array_in(2), array_in(2),
-    array_in(1, types.int64), array_in(1, types.boolean),
+    array_in(1, "int64"), array_in(1, "boolean"),
     array_out(3), array_out(2),
 )  # fmt: skip
 def gradient(

@@ -24,7 +24,11 @@ from tests.calib.uncertainty.test_monte_carlo import MODELS
 from tests.reference import WEN24, pool_r, tx60
 
 CASES = pytest.mark.parametrize("name", MODELS)
-ROOMS = pytest.mark.parametrize("room", [replicates, plain], ids=["compiled", "plain"])
+NUMBA = pytest.mark.skipif(not loops.NUMBA, reason="numba is not installed: nothing is compiled")
+ROOMS = pytest.mark.parametrize(
+    "room",
+    [pytest.param(replicates, id="compiled", marks=NUMBA), pytest.param(plain, id="plain")],
+)
 
 
 def mixed_table(model, q, rng):
@@ -106,6 +110,7 @@ def test_noisy_tables_are_true_poses_turned_by_the_exponential(made):
     assert seen[:, :, :3] == pytest.approx(T[None, :, :3, 3, None] + noise[:, :, :3], abs=1e-15)
 
 
+@NUMBA
 def test_the_source_of_the_loops_runs_as_plain_python_with_the_same_bits():
     rng = np.random.default_rng(6)
     args = (
@@ -118,11 +123,13 @@ def test_the_source_of_the_loops_runs_as_plain_python_with_the_same_bits():
     assert np.array_equal(by_machine, by_python)
 
 
+@NUMBA
 def test_arrays_of_another_layout_or_type_are_refused_rather_than_compiled_for():
     with pytest.raises(TypeError, match="No matching definition"):
         noisy_poses(np.zeros((1, 1, 6, 32), dtype=np.float32), *(np.zeros((1, 3)),) * 4)
 
 
+@NUMBA
 @pytest.mark.slow
 @pytest.mark.parametrize("home_is_open", [True, False], ids=["home", "nowhere"])
 def test_without_its_own_folder_code_is_kept_in_the_user_cache_or_not_at_all(
@@ -147,6 +154,7 @@ def test_without_its_own_folder_code_is_kept_in_the_user_cache_or_not_at_all(
     assert where.startswith(str(home)) if home_is_open else where == "None"
 
 
+@NUMBA
 def test_few_replicates_load_no_compiler():
     code = (
         "import sys; from calib.kernels.loops import MANY, loops_for; loops_for(MANY - 1);"
@@ -159,6 +167,7 @@ def test_few_replicates_load_no_compiler():
     assert done.stdout.split() == ["False", "True"]
 
 
+@NUMBA
 def test_both_kinds_of_loops_find_the_same_replicates(monkeypatch):
     """The draws are the same, so are the answers, but for the order of sums."""
     model, q = tx60(), pool_r(20)
