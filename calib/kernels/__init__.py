@@ -1,1 +1,1 @@
-"""Loops over many replicates, for a few in numpy, else compiled: compiled by numba if it is there."""
+"""Loops over many replicates: numpy for a few, compiled by numba for many, where it is there."""
