@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from itertools import compress
 from typing import Annotated
 
 import numpy as np
@@ -43,7 +44,7 @@ class Parameters:
     @property
     def free_names(self) -> tuple[str, ...]:
         """(f,) names of the free numbers, in the order of the full vector."""
-        return tuple(name for name, free in zip(self.names, self.free, strict=True) if free)
+        return tuple(compress(self.names, self.free.tolist()))
 
     @property
     def n_free(self) -> int:
@@ -62,9 +63,9 @@ class Parameters:
 
     def freeing(self, names: Iterable[str]) -> "Parameters":
         """Same table with exactly `names` free."""
-        wanted = tuple(names)
+        wanted, known = dict.fromkeys(names), set(self.names)
         for name in wanted:
-            if name not in self.names:
+            if name not in known:
                 close = get_close_matches(name, self.names, 1)
                 raise refuse(
                     "free",

@@ -145,7 +145,8 @@ def climb(
     MacKay 1992: evidence by Laplace's method, at one noise scale for all models: scales of their
     own would hide small terms.
     """
-    bare = [name for name in parameters.free_names if name not in prior.names]
+    believed = set(prior.names)
+    bare = [name for name in parameters.free_names if name not in believed]
     if bare:
         raise refuse(
             "prior", tuple(bare), code="A3", message=f"{bare[0]} is free and has no prior",

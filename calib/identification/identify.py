@@ -16,6 +16,7 @@ from calib.identification.result import Identification as Identification
 from calib.identification.result import Mode as Mode
 from calib.identification.robust import LOSSES, Loss, flattened
 from calib.identification.sufficiency import require_equations
+from calib.identification.tangent import System
 from calib.information.reduction import Reduction, reduce
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import Stack, linearize, paper_stack, table_whiteners
@@ -120,7 +121,7 @@ def _estimable(
 ) -> Parameters:
     """The table with those numbers free that the data or the prior determine."""
     believed = () if prior is None else prior.names
-    bare = parameters.freeing(name for name in parameters.free_names if name not in believed)
+    bare = parameters.freeing(set(parameters.free_names).difference(believed))
     if not bare.n_free:
         return parameters
     require_equations(nominal, measurements, bare)
@@ -159,15 +160,13 @@ def _solve(
     report: Callable[[int, float], None] | None,
 ) -> Solution[RobotModel]:
     """Least squares over the kept numbers; the system at the nominal model is already at hand."""
-    columns = kept.free_index
+    columns, every = kept.free_index, kept.free.all()
 
-    def evaluate(model: RobotModel) -> tuple[Array, Array]:
+    def evaluate(model: RobotModel) -> System:
         stack = first if model is nominal else rows(model)
-        r, A = flattened(stack.r, stack.A[:, columns], stack.row_of, loss)
-        if belief is None:
-            return r, A
-        r_prior, A_prior = belief.at(model)
-        return np.concatenate([r, r_prior]), np.concatenate([A, A_prior[:, columns]])
+        own = stack.A if every else stack.A[:, columns]
+        r, A = flattened(stack.r, own, stack.row_of, loss)
+        return System(r, A, None if belief is None else belief.beside(model, columns))
 
     return solve(
         evaluate,

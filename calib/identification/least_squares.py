@@ -12,7 +12,7 @@ import numpy as np
 
 from calib.arrays import Array, frozen
 from calib.errors import refuse
-from calib.identification.tangent import Tangent, normal_plane
+from calib.identification.tangent import System, Tangent, normal_plane
 
 X = TypeVar("X")
 
@@ -79,7 +79,7 @@ class Solution(Generic[X]):
 
 
 def solve(
-    evaluate: Callable[[X], tuple[Array, Array]],
+    evaluate: Callable[[X], tuple[Array, Array] | System],
     start: X,
     *,
     move: Callable[[X, Array], X],
@@ -98,8 +98,8 @@ def solve(
     ----------
     evaluate : callable
         x -> residual r (n,), measured minus predicted, and A (n, p), exact derivative of the
-        prediction by a small step at x. May return values that are not finite: the step is then
-        refused.
+        prediction by a small step at x; or both with the rows of a prior, a `System`. May return
+        values that are not finite: the step is then refused.
     start : X
         First point, of any type.
     move : callable
@@ -138,10 +138,11 @@ def solve(
         message = "the residual or its derivative is not finite at the start"
         fix = "start where the model can be computed"
         raise refuse("start", code="A2", message=message, fix=fix)
-    if here.A.shape[1] > len(here.r):
-        message = f"{len(here.r)} rows for {here.A.shape[1]} unknowns"
+    n, p = here.shape
+    if p > n:
+        message = f"{n} rows for {p} unknowns"
         allowed = "at least as many rows as unknowns"
-        raise refuse("residual", len(here.r), allowed, code="M27", message=message)
+        raise refuse("residual", n, allowed, code="M27", message=message)
     radius = np.inf if reach is None else float(np.linalg.norm(here.scale * reach)) or np.inf
     trace, refused, memory, slow = [here.cost], 0, Memory(), False
     while len(trace) <= most and refused < MOST_REFUSALS:
@@ -180,8 +181,8 @@ def solve(
     here = here.on_rows()
     return Solution(
         x=x,
-        residual=frozen(here.r),
-        jacobian=frozen(here.A),
+        residual=frozen(here.system.r),
+        jacobian=frozen(here.system.A),
         end=here,
         certificate=here.certificate,
         status=_status(here, len(trace) > most, slow),
@@ -228,7 +229,7 @@ class Memory:
 
 
 def _system(
-    evaluate: Callable[[X], tuple[Array, Array]], x: X, least: Array | float = 0.0
+    evaluate: Callable[[X], tuple[Array, Array] | System], x: X, least: Array | float = 0.0
 ) -> Tangent | None:
     """Tangent plane at x; None where the model cannot be computed.
 
@@ -237,7 +238,7 @@ def _system(
     """
     # a trial step may be far too long: overflow there is an answer, not a mishap
     with np.errstate(all="ignore"):
-        return normal_plane(*evaluate(x), least)
+        return normal_plane(System(*evaluate(x)), least)
 
 
 def _nearer(here: Tangent, there: Tangent) -> bool:

@@ -12,6 +12,7 @@ from calib.errors import refuse
 from calib.geometry.frames import exp_so3, right_jacobian_inverse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from calib.identification.tangent import Believed
 from calib.information.sizes import weak_prior_sd
 
 AGREE = 1e-6
@@ -99,6 +100,16 @@ class PriorRows:
     root: Array
     """(k, k) upper triangle U with U'U the precision."""
 
+    @property
+    def sizes(self) -> Array:
+        """(k,) the diagonal of U: of independent numbers 1 / sd."""
+        return np.diagonal(self.root)
+
+    @property
+    def independent(self) -> bool:
+        """Whether each number is believed in by itself."""
+        return int(np.count_nonzero(self.root)) == len(self.root)
+
     def at(self, model: RobotModel) -> tuple[Array, Array]:
         """Residual U (mean - x) (k,) and derivative U dx (k, P) by a small step of every number.
 
@@ -106,8 +117,21 @@ class PriorRows:
         axes the frame has now, which the derivative takes into account.
         """
         step = self.nominal.step_to(model)
-        rows = self.root @ step_derivative(step, model)[self.index]
-        return self.root @ (self.mean - step[self.index]), rows
+        rows, off = step_derivative(step, model)[self.index], self.mean - step[self.index]
+        if self.independent:
+            return self.sizes * off, self.sizes[:, None] * rows
+        return self.root @ off, self.root @ rows
+
+    def beside(self, model: RobotModel, columns: Index) -> Believed:
+        """The same by some numbers (p,) of the model, all believed ones among them."""
+        r, A = self.at(model)
+        together = np.zeros(model.n_numbers, dtype=np.bool_)
+        for k in frame_places(model):
+            together[k : k + 6] = True
+        some = together[self.index] if self.independent else np.ones(len(r), dtype=np.bool_)
+        alone = np.zeros((2, model.n_numbers))
+        alone[:, self.index[~some]] = r[~some], self.sizes[~some]
+        return Believed(r[some], A[some][:, columns], *alone[:, columns])
 
 
 def weak_prior(parameters: Parameters, model: RobotModel | None = None) -> Prior:
@@ -139,8 +163,9 @@ def prior_rows(prior: Prior, nominal: RobotModel, parameters: Parameters) -> Pri
     InputError
         If the prior names a number that the model does not have, or that is not free.
     """
+    free = set(parameters.free_names)
     for name in prior.names:
-        if name in parameters.free_names:
+        if name in free:
             continue
         close = get_close_matches(name, parameters.names, 1)
         which = "which the model does not have"
@@ -149,7 +174,8 @@ def prior_rows(prior: Prior, nominal: RobotModel, parameters: Parameters) -> Pri
             which, fix = "which is not free", f'free it, or leave "{name}" out of the prior'
         message = f'the prior names "{name}", {which}'
         raise refuse("prior", name, "names of free numbers", code="A4", message=message, fix=fix)
-    index = np.array([parameters.names.index(name) for name in prior.names], dtype=np.int64)
+    place = {name: k for k, name in enumerate(parameters.names)}
+    index = np.array([place[name] for name in prior.names], dtype=np.int64)
     return PriorRows(nominal, prior.mean, index, _root(prior.precision))
 
 
@@ -164,12 +190,17 @@ def step_derivative(step: Array, model: RobotModel) -> Array:
     Sola, Deray, Atchuthan, arXiv 1812.01537, eqs. (144) and (176).
     """
     derivative = np.eye(len(step))
-    frames = range(model.first_fixture + model.fixtures.first_station, model.n_numbers, 6)
-    for k in (0, model.chain.n_numbers - 6, *frames):
+    for k in frame_places(model):
         turn = step[k + 3 : k + 6]
         derivative[k : k + 3, k : k + 3] = exp_so3(turn)
         derivative[k + 3 : k + 6, k + 3 : k + 6] = right_jacobian_inverse(turn)
     return derivative
+
+
+def frame_places(model: RobotModel) -> tuple[int, ...]:
+    """Where the six numbers of each frame begin: base, tool, stations, further tools."""
+    further = range(model.first_fixture + model.fixtures.first_station, model.n_numbers, 6)
+    return 0, model.chain.n_numbers - 6, *further
 
 
 def _root(precision: Array) -> Array:

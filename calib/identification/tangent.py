@@ -6,6 +6,7 @@ equations where these are well conditioned, else, and at the end of a fit, from 
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dgeqrf, dpotrf, dtrcon, dtrtri, dtrtrs
@@ -30,12 +31,61 @@ SOUND = 1e-9
 """The same from which on no direction is lost, whatever the number of rows."""
 
 
+class Believed(NamedTuple):
+    """Rows of a prior: some as they are, and one for each number that is believed in by itself."""
+
+    r: Array
+    """(t,) residual."""
+    A: Array
+    """(t, p) derivative."""
+    alone: Array
+    """(p,) residual of the row that holds one number alone."""
+    slope: Array
+    """(p,) its derivative by that number; zero where there is no such row."""
+
+
+class System(NamedTuple):
+    """A least-squares problem at one point: r is about A dx for a small step dx."""
+
+    r: Array
+    """(n,) residual."""
+    A: Array
+    """(n, p) derivative of the prediction."""
+    believed: Believed | None = None
+    """Further rows, of which most hold one number each."""
+
+    @property
+    def whole(self) -> tuple[Array, Array]:
+        """Residual and derivative of all rows."""
+        if self.believed is None:
+            return self.r, self.A
+        held = np.flatnonzero(self.believed.slope)
+        alone = np.zeros((len(held), self.A.shape[1]))
+        alone[range(len(held)), held] = self.believed.slope[held]
+        return (
+            np.concatenate([self.r, self.believed.r, self.believed.alone[held]]),
+            np.concatenate([self.A, self.believed.A, alone]),
+        )
+
+    @property
+    def normal(self) -> tuple[Array, Array, float]:
+        """A'A (p, p), A'r (p,) and r'r of all rows."""
+        normal, pull, square = self.A.T @ self.A, self.r @ self.A, float(self.r @ self.r)
+        if (own := self.believed) is not None:
+            normal += own.A.T @ own.A
+            normal[np.diag_indices_from(normal)] += own.slope**2
+            pull += own.r @ own.A + own.slope * own.alone
+            square += float(own.r @ own.r + own.alone @ own.alone)
+        return normal, pull, square
+
+
 @dataclass(frozen=True, eq=False)
 class Tangent:
     """A residual and the column-scaled Jacobian as a triangle, Q R = A / scale."""
 
-    r: Array
-    A: Array
+    system: System
+    shape: tuple[int, int]
+    """Rows n and numbers p."""
     cost: float
     scale: Array
     """(p,) by which the columns of A are divided: their norms, or larger ones met before."""
@@ -70,7 +120,7 @@ class Tangent:
     @property
     def exact(self) -> bool:
         """Whether nothing but rounding lies outside the tangent plane."""
-        n, p = self.A.shape
+        n, p = self.shape
         return n == p or self.cost < EXACT_FIT**2
 
     @property
@@ -87,7 +137,7 @@ class Tangent:
         """
         if self.exact:
             return self.offset
-        n, p = self.A.shape
+        n, p = self.shape
         # on the way to an exact fit nothing but rounding is left outside
         outside = max(self.cost - self.offset**2, np.finfo(np.float64).eps * self.cost)
         return float(np.sqrt((self.offset**2 / p) / (outside / (n - p))))
@@ -113,7 +163,7 @@ class Tangent:
         if self.sound:
             return False
         singular = self.spectrum[0]
-        return bool(singular[-1] <= len(self.r) * EPSILON * singular[0])
+        return bool(singular[-1] <= self.shape[0] * EPSILON * singular[0])
 
     @property
     def factor(self) -> Array:
@@ -159,10 +209,11 @@ class Tangent:
 
     def on_rows(self) -> "Tangent":
         """The same by orthogonal factors of A, its columns scaled by their own norms."""
-        own = column_norms(self.A)
+        r, A = self.system.whole
+        own = column_norms(A)
         if self.orthogonal and np.array_equal(own, self.scale):
             return self
-        return tangent_plane(self.r, self.A, own)
+        return tangent_plane(r, A, own)
 
 
 def covariance_factor(A: Array) -> Array:
@@ -184,10 +235,11 @@ def tangent_plane(r: Array, A: Array, scale: Array) -> Tangent:
     np.divide(A, scale, out=whole[:, :p])
     whole[:, p] = r
     R = dgeqrf(whole, lwork=BLOCK * (p + 1), overwrite_a=True)[0][:p]
-    return Tangent(r, A, float(r @ r), scale, np.triu(R[:, :p]), R[:, p].copy(), True)
+    triangle, inside = np.triu(R[:, :p]), R[:, p].copy()
+    return Tangent(System(r, A), A.shape, float(r @ r), scale, triangle, inside, True)
 
 
-def normal_plane(r: Array, A: Array, least: Array | float = 0.0) -> Tangent | None:
+def normal_plane(system: System, least: Array | float = 0.0) -> Tangent | None:
     """The same by normal equations, with scales no smaller than `least`; by A where these fail.
 
     None where something is not finite.
@@ -197,7 +249,7 @@ def normal_plane(r: Array, A: Array, least: Array | float = 0.0) -> Tangent | No
     Bjorck 1996, Numerical Methods for Least Squares Problems, 2.2: the error of a step grows with
     the square of the condition, that of the gradient does not.
     """
-    normal, cost = A.T @ A, float(r @ r)
+    normal, pull, cost = system.normal
     power = np.diagonal(normal)
     if not np.isfinite(cost + power.sum()):
         return None
@@ -205,9 +257,13 @@ def normal_plane(r: Array, A: Array, least: Array | float = 0.0) -> Tangent | No
     scale = np.maximum(np.where(norms > 0, norms, 1.0), least)
     R, failed = dpotrf((normal / scale / scale[:, None]).T, overwrite_a=True)
     if failed or not _inverse_condition(R) > SQUARED:
+        r, A = system.whole
         return tangent_plane(r, A, np.maximum(column_norms(A), least))
-    inside = dtrtrs(R, (r @ A) / scale, trans=1)[0]
-    return Tangent(r, A, cost, scale, R, inside, False)
+    inside = dtrtrs(R, pull / scale, trans=1)[0]
+    rows = len(system.r)
+    if (own := system.believed) is not None:
+        rows += len(own.r) + int(np.count_nonzero(own.slope))
+    return Tangent(system, (rows, len(pull)), cost, scale, R, inside, False)
 
 
 def _inverse_condition(R: Array) -> float:

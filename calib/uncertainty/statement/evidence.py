@@ -128,7 +128,8 @@ def believed_before(identification: Identification) -> PositionRows:
     expected = np.zeros(free.n_free)
     if identification.prior is None:
         return PositionRows(np.zeros((0, free.n_free)), np.zeros(0), np.zeros(0), 0.0)
-    at = [free.free_names.index(name) for name in identification.prior.names]
+    names = free.free_names
+    at = [names.index(name) for name in identification.prior.names]
     expected[at] = (identification.prior.mean - identification.step[at]) / free.free_scale[at]
     root = np.linalg.cholesky(precision[np.ix_(at, at)]).T
     A = np.zeros((len(at), free.n_free))

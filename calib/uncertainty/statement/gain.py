@@ -79,7 +79,8 @@ def prior_precision(identification: Identification) -> Array:
     parameters, prior = identification.parameters, identification.prior
     precision = np.zeros((parameters.n_free,) * 2)
     if prior is not None:
-        at = [parameters.free_names.index(name) for name in prior.names]
+        names = parameters.free_names
+        at = [names.index(name) for name in prior.names]
         scale = parameters.free_scale[at]
         precision[np.ix_(at, at)] = prior.precision * scale[:, None] * scale
     return precision

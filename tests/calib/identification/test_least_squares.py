@@ -13,6 +13,7 @@ from calib.errors import InputError
 from calib.geometry.frames import exp_so3
 from calib.identification.least_squares import Solution, Status, solve
 from calib.identification.tangent import (
+    System,
     column_norms,
     covariance_factor,
     normal_plane,
@@ -301,7 +302,7 @@ def correlated(condition):
 @pytest.mark.parametrize("radius", [np.inf, 0.3], ids=["plain", "damped"])
 def test_normal_equations_lead_where_the_rows_do(radius):
     r, A = correlated(1e3)
-    cheap, sure = normal_plane(r, A), tangent_plane(r, A, column_norms(A))
+    cheap, sure = normal_plane(System(r, A)), tangent_plane(r, A, column_norms(A))
     assert (cheap.orthogonal, sure.orthogonal) == (False, True)
     assert cheap.offset == pytest.approx(sure.offset, rel=1e-9)
     for here, there in zip(cheap.step(radius), sure.step(radius), strict=True):
@@ -311,9 +312,9 @@ def test_normal_equations_lead_where_the_rows_do(radius):
 def test_normal_equations_are_left_where_they_lose_digits_or_fail():
     for condition in (1e7, 1e12):
         r, A = correlated(condition)
-        assert normal_plane(r, A).orthogonal
-    assert normal_plane(r, A[:, [0, 0]]).deficient
-    assert normal_plane(np.full(30, np.inf), A) is None
+        assert normal_plane(System(r, A)).orthogonal
+    assert normal_plane(System(r, A[:, [0, 0]])).deficient
+    assert normal_plane(System(np.full(30, np.nan), A)) is None
 
 
 def test_a_fit_is_certified_and_its_covariance_taken_from_the_rows_themselves():

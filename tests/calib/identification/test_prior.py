@@ -17,6 +17,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.identify import Identification, Status, identify
 from calib.identification.prior import Prior, prior_rows, step_derivative, weak_prior
+from calib.identification.tangent import System
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import linearize
 from tests.reference import BASE6, DEG, READABLE30, TX60_LINKS, WEN24, pool_r, rigid_truth, tx60
@@ -258,6 +259,24 @@ def test_the_prior_rows_are_the_prior():
     r, A = rows.at(tx60())
     np.testing.assert_allclose(A.T @ A, prior.precision, rtol=1e-9, atol=1e-3)
     assert r @ r == pytest.approx(prior.mean @ prior.precision @ prior.mean, rel=1e-10)
+
+
+@pytest.mark.parametrize("alone", [True, False], ids=["independent", "correlated"])
+def test_rows_of_one_number_each_count_as_those_of_a_whole_matrix(alone):
+    """About a turned base, in whose frame a small step is not one of the believed numbers."""
+    parameters, weak = parameters_of(tx60()), weak_prior(parameters_of(tx60()))
+    precision = np.diag(weak.sd**-2.0) if alone else correlated(42, 18, weak.sd)
+    rows = prior_rows(Prior.of_precision(weak.sd, precision, weak.names), tx60(), parameters)
+    rng = np.random.default_rng(4)
+    model, columns = tx60().moved(0.1 * rng.normal(size=42)), np.arange(42)
+    r, A = rng.normal(size=50), rng.normal(size=(50, 42))
+    system = System(r, A, rows.beside(model, columns))
+    both = [np.concatenate(pair) for pair in zip((r, A), rows.at(model), strict=True)]
+    expected = both[1].T @ both[1], both[0] @ both[1], both[0] @ both[0]
+    for seen in (system.normal, (system.whole[1].T @ system.whole[1], *system.normal[1:])):
+        for one, other in zip(seen, expected, strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * np.abs(other).max())
+    assert np.count_nonzero(system.believed.slope) == (30 if alone else 0)  # but for two frames
 
 
 BAD = {
