@@ -16,12 +16,15 @@ from calib.identification.result import Identification as Identification
 from calib.identification.result import Mode as Mode
 from calib.identification.robust import LOSSES, Loss, flattened
 from calib.identification.sufficiency import require_equations
-from calib.identification.tangent import System
+from calib.identification.tangent import NEGLIGIBLE, System
 from calib.information.reduction import Reduction, reduce
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import Stack, linearize, paper_stack, table_whiteners
 
 MOST_STEPS = 100
+NEARBY = 1e-2
+"""Relative offset at which a fit ends that the next loss starts from: a hundredth of what noise
+moves each number by."""
 
 
 def identify(
@@ -62,8 +65,8 @@ def identify(
         What is known beforehand of some free numbers, or of all: these are all estimated, also
         where the table cannot tell them apart (maximum a posteriori). Only for *whitened*.
     loss : {"squared", "huber", "cauchy"}
-        How an observation counts that lies far off. Robust losses start from the least-squares
-        answer (Cauchy's, which has several minima, from Huber's). Only for *whitened*.
+        How an observation counts that lies far off. Robust losses start near the least-squares
+        answer (Cauchy's, which has several minima, near Huber's). Only for *whitened*.
     report : callable, optional
         Told the step count and the sum of squares after each step; a robust loss counts anew.
     start : RobotModel, optional
@@ -104,9 +107,11 @@ def identify(
         fix = f"hold {', '.join(reduction.dropped)} fixed"
         raise refuse("free", reduction.dropped, code="M30", message=message, fix=fix)
     kept = _estimable(nominal, measurements, parameters, prior, reduction, first)
-    solution = _solve(nominal, first, rows, kept, belief, "squared", start or nominal, report)
-    for step in LOSSES[1 : LOSSES.index(loss) + 1]:
-        solution = _solve(nominal, first, rows, kept, belief, step, solution.x, report)
+    near = nominal if start is None else start
+    for step in LOSSES[: LOSSES.index(loss) + 1]:
+        until = NEGLIGIBLE if step == loss else NEARBY
+        solution = _solve(nominal, first, rows, kept, belief, step, near, until, report)
+        near = solution.x
     fit = SolvedFit(nominal, kept, reduction, solution, mode, prior, belief, loss)
     return with_statistics(fit, measurements, whitening, rows)
 
@@ -157,6 +162,7 @@ def _solve(
     belief: PriorRows | None,
     loss: Loss,
     start: RobotModel,
+    until: float,
     report: Callable[[int, float], None] | None,
 ) -> Solution[RobotModel]:
     """Least squares over the kept numbers; the system at the nominal model is already at hand."""
@@ -173,6 +179,7 @@ def _solve(
         start,
         move=lambda model, step: model.moved(kept.expand(step)),
         most=MOST_STEPS,
+        until=until,
         report=report,
     )
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from calib.arrays import Array, frozen
 from calib.errors import refuse
-from calib.identification.tangent import System, Tangent, normal_plane
+from calib.identification.tangent import NEGLIGIBLE, System, Tangent, normal_plane
 
 X = TypeVar("X")
 
@@ -85,6 +85,7 @@ def solve(
     move: Callable[[X, Array], X],
     reach: Array | None = None,
     most: int = 500,
+    until: float = NEGLIGIBLE,
     report: Callable[[int, float], None] | None = None,
 ) -> Solution[X]:
     """Minimize the sum of squares |r(x)|^2 from `start`.
@@ -109,6 +110,8 @@ def solve(
         plain Gauss-Newton step, right where the start is good.
     most : int
         Largest number of steps.
+    until : float
+        Relative offset at which to stop; a larger one where another fit begins at the answer.
     report : callable, optional
         Told the step count and the sum of squares after each step.
 
@@ -146,9 +149,9 @@ def solve(
     radius = np.inf if reach is None else float(np.linalg.norm(here.scale * reach)) or np.inf
     trace, refused, memory, slow = [here.cost], 0, Memory(), False
     while len(trace) <= most and refused < MOST_REFUSALS:
-        if here.finished:
+        if here.within(until):
             here = here.on_rows()
-            if here.finished:
+            if here.within(until):
                 break
         step, length, predicted = here.step(radius)
         plain, free = step, here.damping(radius) == 0.0

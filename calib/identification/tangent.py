@@ -147,10 +147,9 @@ class Tangent:
         """Whether the certificate is good enough."""
         return self.certificate < (EXACT_OFFSET if self.exact else RELATIVE_OFFSET)
 
-    @property
-    def finished(self) -> bool:
-        """Whether the next step cannot matter."""
-        return not self.exact and self.certificate <= NEGLIGIBLE
+    def within(self, offset: float) -> bool:
+        """Whether no more is left than a relative offset: of 1e-10 the next step cannot matter."""
+        return not self.exact and self.certificate <= offset
 
     @property
     def at_rounding(self) -> bool:

@@ -121,7 +121,21 @@ def predicted_positions(model: RobotModel, measurements: Measurements) -> Array:
 
     Of a distance row the place of its reflector in the world.
     """
+    return _positions(tool_poses(model, measurements), model, measurements)
+
+
+def missed(model: RobotModel, measurements: Measurements) -> tuple[Array, Array]:
+    """`misses` and `turns` (m,) of `predict` for points and poses, without any derivative."""
     T = tool_poses(model, measurements)
+    S = model.fixtures.station_frames[measurements.station][:, :3, :3]
+    turned = measurements.rotation @ np.swapaxes(T[:, :3, :3], 1, 2) @ S
+    place = measurements.position - _positions(T, model, measurements)
+    turn = np.linalg.norm(log_so3(turned), axis=1)
+    return np.linalg.norm(place, axis=1), np.where(measurements.is_pose, turn, 0.0)
+
+
+def _positions(T: Array, model: RobotModel, measurements: Measurements) -> Array:
+    """Points (m, 3) that rows look at, in their station's frame, of tools at T (m, 4, 4) [m]."""
     p = T[:, :3, 3] + (T[:, :3, :3] @ targets(model.fixtures, measurements)[:, :, None])[:, :, 0]
     if not measurements.station.any():
         return p

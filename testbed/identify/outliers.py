@@ -14,7 +14,7 @@ from calib.identification.levels import Ladder
 from calib.identification.outlier_search import search_outliers
 from calib.identification.row_ladders import RowTerms, row_ladders
 from calib.measurement.observations import Measurements
-from calib.measurement.prediction import predict
+from calib.measurement.prediction import missed, predict
 from calib.uncertainty.statement.belief import Belief
 from testbed.identify.fit import Fitted, plain_fit, wide_prior
 from testbed.identify.frames import StartFrames
@@ -261,11 +261,11 @@ def _elsewhere(shots: BadShots, train: Measurements, row: int, name: list[str]) 
     if train.is_distance[row] or not len(others):
         return ""
     here = train.rows(np.full(len(others), row))
-    there = predict(shots.judge.model, replace(here, q=train.q[others]))
-    fits = there.misses < ELSEWHERE * _median(shots.misses, train, row)
+    misses, turns = missed(shots.judge.model, replace(here, q=train.q[others]))
+    fits = misses < ELSEWHERE * _median(shots.misses, train, row)
     if train.is_pose[row]:
-        fits &= there.turns < ELSEWHERE * _median(shots.turns, train, row)
+        fits &= turns < ELSEWHERE * _median(shots.turns, train, row)
     if not fits.any():
         return "; measure it again or leave it out"
-    best = int(others[np.argmin(np.where(fits, there.misses, np.inf))])
+    best = int(others[np.argmin(np.where(fits, misses, np.inf))])
     return f"; it fits the joints of {name[best]}: were they swapped?"

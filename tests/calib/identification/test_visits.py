@@ -14,9 +14,9 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, Status, identify
 from calib.identification.start.start import start_frames
 from calib.measurement.observations import Measurements, joined
-from calib.measurement.prediction import perfect, predict
+from calib.measurement.prediction import missed, perfect, predict
 from tests.calib.geometry.test_tools import seen_poses
-from tests.calib.kinds import ARMS, anywhere, joints, true_robot
+from tests.calib.kinds import ARMS, anywhere, joints, points, true_robot
 
 POSES, TARGETS = 60, 40
 
@@ -119,3 +119,18 @@ def test_the_base_of_the_second_visit_is_where_its_station_saw_it():
     there = inverse(true.fixtures.stations[0]) @ true.chain.T_world_base
     # d1 stays nominal and the base stands for it: a third of a millimeter, one in a thousand more
     assert np.linalg.norm(found[:3, 3] - there[:3, 3]) < 3.3 * 0.3e-3 * np.sqrt(3)
+
+
+def test_misses_without_derivatives_are_those_with_them():
+    """Poses and points, of two stations and tools."""
+    rng = np.random.default_rng(51)
+    true, q = true_visits(rng), joints("tx60", rng, 10)
+    tables = [seen_poses(true, q, rng, station=k, tool=k) for k in range(2)]
+    table = joined([*tables, points(true, q, rng, station=1)])
+    model = true.moved(1e-3 * rng.normal(size=true.n_numbers))
+    seen = predict(model, table)
+    place, turn = missed(model, table)
+    np.testing.assert_allclose(place, seen.misses, rtol=1e-11)
+    np.testing.assert_allclose(turn, seen.turns, atol=1e-12)
+    assert turn[:20].all()
+    assert not turn[20:].any()
