@@ -115,7 +115,9 @@ class RunFolder:
 
     def write_record(self, key: str, data: bytes) -> None:
         """Write the file of one record; whole or not at all."""
-        atomic_write(self._record_path(key), data)
+        path = self._record_path(key)
+        path.parent.mkdir(exist_ok=True)
+        atomic_write(path, data)
 
     def read_record(self, key: str, cls: type[T], spec: str) -> T | Failure | None:
         """A record; None if it is missing, damaged or belongs to another scenario."""
