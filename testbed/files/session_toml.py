@@ -72,7 +72,9 @@ class DriftTable(Strict):
     """[drift]: nests that stay on the floor."""
 
     nests: Annotated[tuple[Name, ...], Field(min_length=1)]
+    """Names of at least three targets that stay in nests on the floor."""
     limit_mm: Annotated[float, CELL.size("mm")] = 0.2
+    """A nest that seems to move by more was shot wrongly."""
     file: Name | None = None
     """Their shots; the file of the points if left out."""
 
@@ -81,14 +83,21 @@ class UncertaintyTable(Strict):
     """[uncertainty]: standard uncertainties (k = 1) of one reading, per axis."""
 
     position_um: LengthSd | None = None
+    """Of each coordinate of a position."""
     rotation_mdeg: AngleSd | None = None
+    """Of a rotation, about each axis."""
     distance_um: LengthSd | None = None
+    """Of a distance."""
     mpe_um: tuple[Floor, Floor] | None = None
     """Maximum permissible error across the beam: constant, and per meter of range."""
     mpe_rule: Literal["rectangular", "two_sigma", "typical"] = "typical"
+    """How the maximum permissible error is read: divided by √3, by 2 or by 4."""
     at_least_position_um: Floor = 0.0
+    """Stated uncertainties of positions that are smaller are raised to this."""
     at_least_rotation_mdeg: Annotated[float, ANGLE_SD.or_zero("mdeg")] = 0.0
+    """The same of rotations."""
     at_least_distance_um: Floor = 0.0
+    """The same of distances."""
     joint_repeatability: Literal["robot", "included"] = "robot"
     """Whether the scatter of the joints comes on top, or is in the stated numbers already."""
     systematic: SystematicTable | None = None
@@ -137,7 +146,10 @@ class IdentificationTable(Strict):
     """"identifiable", "frames" (base, tool and fixtures alone: a calibrated robot is placed anew),
     a free set of the robot, or names of numbers."""
     base: Literal["free", "fixed"] = "free"
+    """Whether the place of the robot before the tracker is identified or taken from the robot's
+    file."""
     tool: Literal["free", "fixed"] = "free"
+    """The same of the target on the flange."""
     visits: Literal["all", "first"] = "all"
     """Which visits of a pose are identified from: "first" leaves repeats to type A."""
     held_out: Literal["drawn", "designed"] = "drawn"
@@ -154,11 +166,17 @@ class SessionFile(Strict):
     """A session.toml."""
 
     format: Literal[1] = 1
+    """Version of the file format."""
     name: Annotated[str, Field(max_length=200)] = ""
+    """What the session is called in the report."""
     robot: str = ""
+    """Robot that was measured; a warning if the command names another one."""
     simulated: bool = False
+    """Whether a virtual tracker measured: the report then says so."""
     match: Literal["pose_id", "order"] = "pose_id"
+    """Joints and readings belong together by their pose_id, or row by row."""
     split: Literal["column", "ignore"] = "column"
+    """Whether a column `split` decides which rows are held out."""
     dialect: DialectTable = DialectTable()
     joints: JointsTable = JointsTable()
     frames: FramesTable | None = None

@@ -31,10 +31,15 @@ class InstrumentTable(Strict):
     """[job.instrument]: what measured, and the certificate that says how well."""
 
     name: Line = ""
+    """Maker and model."""
     serial_number: Line = ""
+    """Of the instrument."""
     certificate: Line = ""
+    """Number of its calibration certificate."""
     calibrated: Day = ""
+    """Day of that calibration."""
     valid_until: Day = ""
+    """Last day on which the certificate holds; a later `date` under [conditions] warns."""
 
     @model_validator(mode="after")
     def _ends_after_it_begins(self) -> "InstrumentTable":
@@ -58,7 +63,9 @@ class AmbientTable(Strict):
     temperature_degC: tuple[Temperature, Temperature] | None = None  # noqa: N815
     """Lowest and highest."""
     pressure_hpa: Annotated[float, PRESSURE.size("hPa")] | None = None
+    """Pressure of the air."""
     humidity_percent: Annotated[float, Field(ge=0.0, le=100.0)] | None = None
+    """Relative humidity."""
 
     @model_validator(mode="after")
     def _lowest_first(self) -> "AmbientTable":
@@ -80,10 +87,15 @@ class JobTable(Strict):
     """[job]: who measured what for whom."""
 
     number: Line = ""
+    """Of the job or the order."""
     serial_number: Line = ""
+    """Of the robot."""
     customer: Line = ""
+    """For whom."""
     operator: Line = ""
+    """Who measured."""
     data_rights: Line = ""
+    """Who may use the data, and for what."""
     instrument: InstrumentTable = InstrumentTable()
     ambient: AmbientTable = AmbientTable()
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.chain import Chain
-from testbed.robots.file import PrismaticLink, RevoluteLink
+from testbed.robots.links import PrismaticLink, RevoluteLink
 from testbed.robots.placements import link_poses, placements
 from testbed.robots.robot import NO_MASS
 

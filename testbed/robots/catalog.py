@@ -26,13 +26,12 @@ from testbed.robots.assumed import (
 from testbed.robots.file import (
     Drawn,
     Frame,
-    PrismaticLink,
     ReflectorEntry,
-    RevoluteLink,
     RobotFile,
     TrackerFile,
     WorkspaceBox,
 )
+from testbed.robots.links import PrismaticLink, RevoluteLink
 from testbed.robots.meshes.files import check_files
 from testbed.robots.robot import Reflector
 from testbed.robots.robot import Robot as Robot

@@ -2,35 +2,21 @@
 
 from typing import Annotated, Literal
 
-import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from calib.geometry.chain import chain_names
 from calib.geometry.joint_errors import Wave
-from testbed.bounds import (
-    ANGLE,
-    CELL,
-    COORDINATE,
-    INERTIA,
-    LINK,
-    MASS,
-    SCATTER,
-    SLIDE_SPEED,
-    TURN_SPEED,
-)
+from testbed.bounds import CELL, COORDINATE
+from testbed.robots.links import Angle, Length, PrismaticLink, RevoluteLink, Vector
 from testbed.robots.springs import SpringsTable
 from testbed.robots.tolerances import LinkTolerances
 from testbed.strict import PlainText, Strict, choice_of
 
-Length = Annotated[float, LINK.signed("mm")]
-Angle = Annotated[float, ANGLE.signed("deg")]
-Vector = Annotated[tuple[Length, ...], Field(min_length=3, max_length=3)]
 Angles = Annotated[tuple[Angle, ...], Field(min_length=3, max_length=3)]
 Place = Annotated[
     tuple[Annotated[float, COORDINATE.signed("mm")], ...], Field(min_length=3, max_length=3)
 ]
 """Of a frame: an identified robot stands in the frame that it was measured in."""
-Moment = Annotated[float, INERTIA.size("kg m2")]
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=64)]
 Color = Annotated[
     tuple[Annotated[float, Field(ge=0, le=1)], ...], Field(min_length=3, max_length=3)
@@ -47,114 +33,39 @@ def _inside(file: str) -> str:
 ModelFile = Annotated[PlainText, AfterValidator(_inside)]
 
 
-class Link(Strict):
-    """What revolute and prismatic joints share: the link product and the body they move."""
-
-    theta_deg: Angle
-    d_mm: Length
-    a_mm: Length
-    alpha_deg: Angle
-    beta_deg: Angle = 0.0
-    mass_kg: Annotated[float, MASS.size("kg")] | None = None
-    """With center and inertia, all of them or none: only what moves by itself asks for them."""
-    center_mm: Vector | None = None
-    inertia_kg_m2: Annotated[tuple[Moment, ...], Field(min_length=3, max_length=3)] | None = None
-
-    @model_validator(mode="after")
-    def _body_is_whole(self) -> "Link":
-        """Mass, center and inertia are all there, or none of them."""
-        body = {key: getattr(self, key) for key in ("mass_kg", "center_mm", "inertia_kg_m2")}
-        missing = [key for key, value in body.items() if value is None]
-        if 0 < len(missing) < 3:
-            there = next(key for key, value in body.items() if value is not None)
-            raise ValueError(f"{there} stands without {' and '.join(missing)}; give all or none")
-        return self
-
-    @model_validator(mode="after")
-    def _inertia_can_exist(self) -> "Link":
-        """The largest principal moment is at most the sum of the others."""
-        if self.inertia_kg_m2 is None:
-            return self
-        *small, large = sorted(self.inertia_kg_m2)
-        if large > sum(small) * (1 + 1e-12):
-            raise ValueError("inertia_kg_m2: the largest moment exceeds the sum of the others")
-        return self
-
-    @model_validator(mode="after")
-    def _range_is_not_empty(self) -> "Link":
-        """Lower limit below upper."""
-        for unit in ("deg", "mm"):
-            lower, upper = (getattr(self, f"{end}_{unit}", None) for end in ("lower", "upper"))
-            if lower is not None and lower >= upper:
-                raise ValueError(f"lower_{unit} {lower} is not below upper_{unit} {upper}")
-        return self
-
-
-class RevoluteLink(Link):
-    """A turning joint."""
-
-    kind: Literal["revolute"]
-    lower_deg: Angle
-    upper_deg: Angle
-    max_speed_deg_s: Annotated[float, TURN_SPEED.size("deg/s")] | None = None
-    repeatability_urad: Annotated[float, SCATTER.or_zero("urad")] | None = None
-
-    @property
-    def speed(self) -> float | None:
-        """Largest speed [rad/s]."""
-        return None if self.max_speed_deg_s is None else float(np.radians(self.max_speed_deg_s))
-
-    @property
-    def scatter(self) -> float | None:
-        """Standard deviation of its repeatability [rad]."""
-        return None if self.repeatability_urad is None else self.repeatability_urad * 1e-6
-
-
-class PrismaticLink(Link):
-    """A sliding joint."""
-
-    kind: Literal["prismatic"]
-    lower_mm: Length
-    upper_mm: Length
-    max_speed_mm_s: Annotated[float, SLIDE_SPEED.size("mm/s")] | None = None
-    repeatability_um: Annotated[float, SCATTER.or_zero("um")] | None = None
-
-    @property
-    def speed(self) -> float | None:
-        """Largest speed [m/s]."""
-        return None if self.max_speed_mm_s is None else self.max_speed_mm_s / 1e3
-
-    @property
-    def scatter(self) -> float | None:
-        """Standard deviation of its repeatability [m]."""
-        return None if self.repeatability_um is None else self.repeatability_um * 1e-6
-
-
 class Frame(Strict):
     """A fixed frame: place and rotation vector."""
 
     position_mm: Place = (0.0, 0.0, 0.0)
+    """Its origin."""
     rotation_vector_deg: Angles = (0.0, 0.0, 0.0)
+    """Axis times angle of its rotation."""
 
 
 class WorkspaceBox(Strict):
     """[workspace]: where the arm is at work and a tracker sees it, base frame."""
 
     box_center_mm: Vector
+    """Center of the box."""
     box_size_mm: Annotated[
         tuple[Annotated[float, CELL.size("mm")], ...], Field(min_length=3, max_length=3)
     ]
+    """Its edges."""
     station_mm: Place
+    """Where the beam of the tracker starts."""
     joint_ranges_deg: tuple[
         Annotated[tuple[Angle, ...], Field(min_length=2, max_length=2)], ...
     ] = ()
+    """Lowest and highest value of each joint there, narrower than its limits."""
 
 
 class ReflectorEntry(Strict):
     """[[reflectors]]: a target that is mounted on the tool, place in the tool frame."""
 
     name: Annotated[PlainText, Field(min_length=1, max_length=200)]
+    """What it is called in measurement files."""
     position_mm: Vector
+    """Its center."""
 
 
 class JointTermEntry(Strict):
@@ -165,12 +76,17 @@ class JointTermEntry(Strict):
     """
 
     name: Annotated[str, Field(pattern=r"^[a-z][A-Za-z0-9_.]*$", max_length=64)]
+    """What the coefficient is called."""
     joint: Annotated[int, Field(ge=0)]
+    """Number of the joint, counted from one at the base; 0: all lengths."""
     wave: Wave
+    """Function of the joints, or what of a row it follows."""
     weights: tuple[Annotated[float, Field(ge=-1e6, le=1e6)], ...]
+    """One per joint: the argument of the wave is their sum times the joints."""
     reference: Annotated[float, Field(ge=-1e6, le=1e6)] = 0.0
     """Torque [N m, N, A] or temperature [degC] where it is zero."""
     share: Annotated[float, Field(gt=0, le=1e6)] = 1.0
+    """How large it is believed to be, in units of what is usual for its kind."""
     coefficient_deg: Angle | None = None
     """Of a turning joint; of a torque per N m."""
     coefficient_mm: Length | None = None
@@ -195,22 +111,33 @@ class Part(Strict):
     """One mesh file: on which body it sits, its color, whether it can hit others."""
 
     name: Name
+    """What the part is called."""
     link: Annotated[int, Field(ge=0)]
+    """Body it moves with: 0 is the base."""
     file: ModelFile
+    """Mesh, relative to robot.toml."""
     color: PlainText
+    """One of the names under [colors]."""
     collides: bool = False
+    """Whether its convex hull takes part in tests of collision."""
 
 
 class Drawn(Strict):
     """What robots and instruments share: a name, a picture, where it all comes from."""
 
     format: Literal[1]
+    """Version of the file format."""
     name: Name
+    """What it is called in commands and files."""
     title: PlainText = ""
+    """One line about it."""
     drawing: PlainText = ""
+    """Drawing in truebed that its meshes are made from; none for meshes of other origin."""
     colors: dict[PlainText, Color] = Field(default_factory=dict)
+    """Red, green and blue of each color, by name."""
     parts: tuple[Part, ...] = ()
     sources: dict[PlainText, PlainText] = Field(default_factory=dict)
+    """Where the numbers come from, by subject."""
 
     @model_validator(mode="after")
     def _parts_are_sound(self) -> "Drawn":
@@ -232,6 +159,7 @@ class RobotFile(Drawn):
     """A robot model, ``robot.toml``."""
 
     floor_mm: Length = 0.0
+    """Height of the floor in the base frame."""
     base: Frame = Frame()
     tool: Frame = Frame()
     workspace: WorkspaceBox | None = None
@@ -240,12 +168,15 @@ class RobotFile(Drawn):
         Field(min_length=1),
     ]
     never_collide: tuple[Annotated[tuple[int, ...], Field(min_length=2, max_length=2)], ...] = ()
+    """Pairs of bodies that are never tested against each other; 0 is the base."""
     free_sets: dict[PlainText, tuple[str, ...]] = Field(default_factory=dict)
+    """Names of numbers that are identified together, by the name of the set."""
     joint_terms: tuple[JointTermEntry, ...] = ()
     springs: SpringsTable | None = None
     reflectors: tuple[ReflectorEntry, ...] = ()
     tolerances: LinkTolerances | None = None
     notes: tuple[PlainText, ...] = ()
+    """Remarks that the report prints."""
 
     @model_validator(mode="after")
     def _reflectors_differ(self) -> "RobotFile":
@@ -299,3 +230,4 @@ class TrackerFile(Drawn):
     """A drawn instrument, ``tracker.toml``: link 0 stands, 1 turns about z, 2 tilts about y."""
 
     beam_height_mm: Annotated[float, CELL.size("mm")]
+    """Height at which the beam starts above the floor."""

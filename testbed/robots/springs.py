@@ -26,13 +26,17 @@ class SpringEntry(Strict):
     """[[springs.bends]]: one axis of one joint, and its bend at a load."""
 
     joint: Annotated[int, Field(ge=1)]
+    """Number of the joint, counted from one at the base."""
     axis: Literal["x", "y", "z"]
+    """Axis of the body behind the joint; z is the axis of the joint itself."""
     load_nm: Annotated[float, LOAD.size("N m")] | None = None
     """Torque at which it bends by as much."""
     bend_deg: Angle | None = None
+    """Angle by which it turns at that torque."""
     load_n: Annotated[float, LOAD.size("N")] | None = None
     """The same of a force along a slide."""
     bend_mm: Length | None = None
+    """Way by which it slides at that force."""
 
     @model_validator(mode="after")
     def _has_one_bend(self) -> "SpringEntry":
@@ -60,11 +64,17 @@ class BodyEntry(Strict):
     """[[springs.bodies]]: a link of the arm that is weighed, and what it weighs."""
 
     theta_deg: Angle
+    """Angle theta of the link in the arm that is weighed."""
     d_mm: Length
+    """Its offset d."""
     a_mm: Length
+    """Its length a."""
     alpha_deg: Angle
+    """Its twist alpha."""
     beta_deg: Angle = 0.0
+    """Its second twist beta."""
     mass_kg: Annotated[float, MASS.or_zero("kg")]
+    """Mass of the link."""
     moment_kg_m: FirstMoments = (0.0, 0.0, 0.0)
     """Mass times center of mass, in the frame just after the joint."""
     free: tuple[Literal["m", "hx", "hy", "hz"], ...] = ()
@@ -72,6 +82,7 @@ class BodyEntry(Strict):
     added_kg: Annotated[float, MASS.signed("kg")] = 0.0
     """What was found beyond the mass."""
     added_kg_m: FirstMoments = (0.0, 0.0, 0.0)
+    """The same of the moments."""
 
     @model_validator(mode="after")
     def _added_is_free(self) -> "BodyEntry":
@@ -91,12 +102,15 @@ class SpringsTable(Strict):
     tilt_deg: Annotated[tuple[Angle, ...], Field(min_length=2, max_length=2)] | None = None
     """Two turns of it that were found."""
     passes: Annotated[int, Field(ge=1, le=20)] = 1
+    """How often loads are worked out again on the bent arm; 1: on the unbent one."""
     bearings: Annotated[float, Field(gt=0, le=1e6)] = 1.0
     """How large bends about x and y are believed to be, in units of what is usual."""
     unsaid_kg: Annotated[float, MASS.or_zero("kg")] = UNSAID
     """Payload that may hang on the flange though nobody says so."""
     payload_kg: Annotated[float, MASS.or_zero("kg")] = 0.0
+    """Payload that the torques count."""
     payload_moment_kg_m: FirstMoments = (0.0, 0.0, 0.0)
+    """Its mass times its center of mass in the flange frame."""
     bends: Annotated[tuple[SpringEntry, ...], Field(min_length=1)]
     bodies: tuple[BodyEntry, ...]
 

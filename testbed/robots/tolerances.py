@@ -18,8 +18,11 @@ class JointTolerance(Strict):
     """Widths of one joint's link, where they differ from the others'."""
 
     joint: Annotated[int, Field(ge=1)]
+    """Number of the joint, counted from one at the base."""
     length_mm: Annotated[float, LENGTH_SD.size("mm")] | None = None
+    """Standard deviation of its d and a."""
     angle_deg: Annotated[float, ANGLE_SD.size("deg")] | None = None
+    """Standard deviation of its theta, alpha and beta."""
 
 
 class LinkTolerances(Strict):
@@ -29,7 +32,9 @@ class LinkTolerances(Strict):
     """
 
     length_mm: Annotated[float, LENGTH_SD.size("mm")] | None = None
+    """Standard deviation of d and a; 0.6 mm where nothing is stated."""
     angle_deg: Annotated[float, ANGLE_SD.size("deg")] | None = None
+    """Standard deviation of theta, alpha and beta; 0.1 deg where nothing is stated."""
     joints: tuple[JointTolerance, ...] = ()
 
     @model_validator(mode="after")

@@ -38,10 +38,13 @@ class TruthSettings(Settings):
     """[truth]: how far the true robot lies from the nominal one; each term is switched alone."""
 
     preset: TruthPreset
+    """Fills in every key of this table that the file does not give."""
     perturb: str | tuple[str, ...]
     """Numbers that differ: a free set of the robot, "links" for all link numbers, or names."""
     angle_sd_deg: AngleSd
+    """Standard deviation of the true angles of the links about the nominal ones."""
     length_sd_mm: LengthSd
+    """The same of the lengths."""
     twist_share: Share = 1.0
     """alpha and beta of the links have this share of angle_sd_deg."""
     offset_share: Share = 1.0
@@ -55,6 +58,7 @@ class TruthSettings(Settings):
     frame_sd_mm: LengthSd
     """Base and tool frames, per axis."""
     frame_sd_deg: AngleSd
+    """The same of their rotation, per axis."""
     transmission_mdeg: PerJoint = 0.0
     """Standard deviation, around the turn, of gear errors at each number of waves in the range
     below; no model of an identification has them all."""
@@ -137,9 +141,11 @@ class PaperTracker(Settings):
     """[tracker] preset "paper": isotropic noise, the robot's repeatability included in it."""
 
     preset: Literal["paper"] = "paper"
+    """The tracker as Wen et al. 2022 assume it."""
     station_mm: Point = (2600.0, -2000.0, 300.0)
     """Beam origin in the base frame."""
     measures: Literal["pose", "point"] = "pose"
+    """Whole poses of a 6-D target, or positions of one reflector."""
     reflector_mm: Point = (0.0, 0.0, 0.0)
     """Reflector in the tool frame; only for measures = "point"."""
     position_um: Noise = 17.5
@@ -156,9 +162,11 @@ class At960Tracker(Settings):
     """[tracker] preset "at960": spherical noise, constant and per metre of range."""
 
     preset: Literal["at960"] = "at960"
+    """A tracker after the data sheet of a Leica AT960."""
     station_mm: Point = (2600.0, -2000.0, 300.0)
     """Beam origin in the base frame."""
     measures: Literal["pose", "point"] = "pose"
+    """Whole poses of a 6-D target, or positions of one reflector."""
     reflector_mm: Point = (0.0, 0.0, 0.0)
     """Reflector in the tool frame; only for measures = "point"."""
     range_um: tuple[Noise, Micrometres] = (2.0, 0.15)
@@ -166,6 +174,7 @@ class At960Tracker(Settings):
     transverse_um: tuple[Noise, Micrometres] = (3.0, 1.5)
     """Across the beam: constant, per metre."""
     centering_um: Micrometres = 2.5
+    """Standard deviation per axis of how the target sits in its holder, anew at each shot."""
     rotation_mdeg: tuple[Noise, Noise, Noise] = (2.0, 2.0, 3.5)
     """Pitch, yaw, roll of the target, about its own axes."""
     acceptance_deg: HalfAngle = 180.0
@@ -244,6 +253,7 @@ class BoxObstacle(Settings):
     """[[cell.obstacle]] kind "box"."""
 
     kind: Literal["box"] = "box"
+    """A box."""
     size_mm: tuple[Side, Side, Side]
     """Full lengths of its edges."""
     position_mm: Point
@@ -256,6 +266,7 @@ class MeshObstacle(Settings):
     """[[cell.obstacle]] kind "mesh": it collides as its convex hull and blocks beams as it is."""
 
     kind: Literal["mesh"] = "mesh"
+    """A mesh from a file."""
     file: Annotated[Text, Field(min_length=1)]
     """OBJ or STL, relative to the scenario file and below its folder."""
     unit: Literal["mm", "m"] = "mm"
@@ -273,3 +284,4 @@ class CellSettings(Settings):
     """[cell]: obstacles, besides the floor."""
 
     obstacle: Annotated[tuple[ObstacleSettings, ...], Field(max_length=MAX_OBSTACLES)] = ()
+    """What stands in the cell: the robot does not touch it, and it blocks the beam."""

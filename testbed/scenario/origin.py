@@ -40,6 +40,7 @@ class OriginTable(Settings):
     """[origin]: keys that were given, and what filled in the others when the file was written."""
 
     robot: Text = ""
+    """Robot that filled in what the file left open."""
     truth: TruthPreset | None = None
     """Preset, if one was given."""
     tracker: Literal["paper", "at960"] | None = None

@@ -31,6 +31,7 @@ class BoxGoal(Settings):
     """[plan.goal] kind "box": poses drawn as the pool is, in a box that may be another one."""
 
     kind: Literal["box"] = "box"
+    """Poses drawn in a box."""
     center_mm: Point | None = None
     """Of the nominal tool position, base frame; None: the center of the pool's box."""
     size_mm: tuple[Side, Side, Side] | None = None
@@ -43,6 +44,7 @@ class ListGoal(Settings):
     """[plan.goal] kind "list": the poses the robot will work at."""
 
     kind: Literal["list"] = "list"
+    """Poses one by one."""
     joints_deg: Annotated[tuple[JointTarget, ...], Entries] = ()
     """Poses as joint values; deg, mm where a joint slides. Give these or `tool_mm_deg`."""
     tool_mm_deg: Annotated[tuple[ToolPose, ...], Entries] = ()
@@ -55,6 +57,7 @@ class PathGoal(Settings):
     """[plan.goal] kind "path": straight lines between corners, each meter counts the same."""
 
     kind: Literal["path"] = "path"
+    """Lines between corners."""
     joints_deg: Annotated[tuple[JointTarget, ...], Entries] = ()
     """Corners as joint values, straight in joint space. Give these or `tool_mm_deg`."""
     tool_mm_deg: Annotated[tuple[ToolPose, ...], Entries] = ()
@@ -87,6 +90,7 @@ class StationSettings(Settings):
     list_mm: Annotated[tuple[Point, ...], Field(max_length=MAX_STATIONS)] = ()
     """Beam origins in the base frame. Give these or a grid."""
     grid: GridSettings | None = None
+    """Places on a regular grid instead of a list."""
 
     @property
     def given(self) -> bool:
@@ -110,7 +114,9 @@ class PlanSettings(Settings):
     coverage: Annotated[float, Field(ge=1.0, le=10.0)] = 2.0
     """k of the target and of the stated U."""
     criterion: PlanCriterion = "V"
+    """What the chosen set makes best: V is the mean uncertainty over the goal, G its worst."""
     method: PlanMethod = "exchange"
+    """How the set is searched for."""
     goal: GoalSettings = BoxGoal()
     point_mm: Point = (0.0, 0.0, 0.0)
     """Point in the tool frame whose uncertainty counts."""

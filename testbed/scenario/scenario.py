@@ -83,9 +83,13 @@ class Scenario(Settings):
     """A campaign, fully resolved: presets applied, every default written out."""
 
     format: Literal[1]
+    """Version of the file format."""
     name: Name
+    """What the campaign is called, also in the name of its folder."""
     title: Annotated[PlainText, Field(max_length=200)] = ""
+    """One line about it, shown in lists and at the head of the report."""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    """All random numbers follow from it: the same seed gives the same campaign."""
     robot: Annotated[Text, Field(min_length=1)]
     """Name of a shipped robot, or path of a robot.toml or its folder."""
     truth: TruthSettings

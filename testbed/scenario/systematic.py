@@ -20,7 +20,9 @@ class SystematicTable(Strict):
     """[uncertainty.systematic]: what the instrument gets wrong in all readings alike (k = 1)."""
 
     range_offset_um: Floor = 0.0
+    """Of all ranges alike."""
     scale_um_per_m: ScaleFloor = 0.0
+    """Of all ranges, per meter."""
     encoder_amplitude_um: tuple[Floor, ScaleFloor] = (0.0, 0.0)
     """Across the beam, of what goes with sin(azimuth) and sin(2 elevation) in any phase: constant,
     and per meter of range."""

@@ -29,11 +29,15 @@ class PoolSettings(Settings):
     """[pool]: the candidate poses."""
 
     size: Annotated[int, Field(ge=10, le=20_000)] = 1000
+    """Candidate poses that are drawn."""
     box_center_mm: Point = (250.0, 0.0, 200.0)
     """Of the nominal tool position, base frame."""
     box_size_mm: tuple[Side, Side, Side] = (900.0, 1200.0, 800.0)
+    """Edges of the box that the tool position is drawn from."""
     self_collision: bool = True
+    """Leave out postures in which the robot touches itself, the floor or an obstacle."""
     line_of_sight: bool = True
+    """Leave out postures in which the tracker cannot see the target."""
     joint_margin_deg: Annotated[float, Field(ge=0.0, le=90.0)] = 0.0
     """Kept from every joint limit; prismatic joints ignore it."""
     joint_ranges_deg: Annotated[tuple[JointRange, ...], Field(max_length=MAX_JOINTS)] = ()
@@ -46,6 +50,7 @@ class HeldOutSettings(Settings):
     """[test]: poses that judge and are never used for identification."""
 
     poses: Annotated[int, Field(ge=1, le=5000)] = 50
+    """How many."""
 
 
 class UncertaintySettings(Settings):
@@ -64,12 +69,16 @@ class StudySettings(Settings):
     """[studies]: which extra studies are played."""
 
     pose_count: bool = False
+    """Play the paper's rule for the number of poses: indices of random sets of growing size."""
     pose_count_max: Annotated[int, Field(ge=30, le=1000)] = 150
+    """Largest of these sets."""
     random_sets: Annotated[int, Field(ge=0, le=10_000)] = 100
     """Random sets each designed set is compared with; 0 skips the study. With paper_budget they are
     calibrated too, and at most 1000."""
     paper_budget: bool = False
+    """Work out the uncertainty budget of Wen et al. 2022."""
     tool_point: bool = False
+    """Draw the paper's Monte Carlo cloud of the tool point."""
     population: Annotated[int, Field(ge=0, le=10_000)] = 0
     """Further virtual robots on which every trial's set is played; 0 skips the study."""
 
@@ -113,8 +122,11 @@ class TrialSettings(Settings):
     """[[trial]]: one pose set."""
 
     name: Name
+    """What the trial is called in report, results and files."""
     poses: Annotated[int, Field(ge=1, le=5000)]
+    """Poses of the set."""
     method: PlanMethod
+    """How the set is chosen from the pool."""
     criterion: PlanCriterion = "O1"
     """What the method makes best; random is only judged by it. V and G take their poses from
     [plan.goal], as `truebed plan` does."""
@@ -168,11 +180,14 @@ class IdentificationSettings(Settings):
     free: str | tuple[str, ...] = "identifiable"
     """"identifiable", a free set of the robot, or parameter names."""
     base: Literal["free", "fixed"] = "free"
+    """Whether the base frame is identified or held at its nominal place."""
     tool: Literal["free", "fixed"] = "free"
+    """The same of the tool frame."""
     estimators: Annotated[tuple[Literal["whitened", "paper"], ...], Field(min_length=1)] = (
         "whitened",
         "paper",
     )
+    """The weighted fit of all identifiable numbers, and the paper's unweighted one."""
     model: Literal["geometric", "extended", "choose"] = "geometric"
     """Of the default estimator: geometry alone, with sag and two waves a turn, or what the readings
     choose, up to a map of every joint."""

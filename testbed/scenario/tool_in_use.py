@@ -41,6 +41,7 @@ class ToolInUseTable(Strict):
     """[tool_in_use]: for which tool the calibration is to hold, beside the targets measured."""
 
     name: Annotated[PlainText, Field(min_length=1, max_length=100)] = "tool in use"
+    """What the tool is called in the report."""
     point_mm: tuple[Offset, Offset, Offset]
     """In the frame of the flange, as the robot's file has it."""
     box_mm: tuple[Edge, Edge, Edge] = (0.0, 0.0, 0.0)

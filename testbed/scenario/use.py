@@ -21,6 +21,7 @@ class UseSettings(Strict):
     tool: Annotated[PlainText, Field(min_length=1, max_length=200)] | None = None
     """Name of what is mounted there."""
     temperature_degC: Annotated[float, TEMPERATURE.signed("degC")] | None = None  # noqa: N815
+    """Temperature of the robot's links."""
 
     def rows(self, m: int) -> "Conditions":
         """The stated conditions of m rows."""

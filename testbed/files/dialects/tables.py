@@ -21,7 +21,9 @@ class DialectTable(Strict):
     """Whether the first line names the columns; false: they are called "1", "2" ... and named by
     the tables `columns`. Left out: it does, and is refused where it holds numbers."""
     separator: Literal["comma", "semicolon", "tab", "space"] | None = None
+    """What stands between cells; found from the file if left out."""
     decimal: Literal[".", ","] | None = None
+    """What numbers have before their decimals; found from the file if left out."""
 
 
 class FileTable(Strict):
@@ -57,13 +59,16 @@ class JointsTable(FileTable):
     """[joints]: where the robot was commanded to be, or read back that it was."""
 
     format: Literal["csv", "rapid"] = "csv"
+    """A table of joint values, or a RAPID module with joint targets."""
     source: Literal["commanded", "read-back"] | None = None
+    """Which joints the columns hold, where their names do not tell."""
 
 
 class OpticalTable(ObservedTable):
     """What [frames] and [points] share."""
 
     format: Literal["csv", "sa"] = "csv"
+    """A table with named columns, or an export of Spatial Analyzer."""
     length: Literal["mm", "m", "in"] | None = None
     """For format = "sa", where the file does not state it."""
     angle: Literal["deg", "rad"] | None = None
@@ -78,6 +83,7 @@ class FramesTable(OpticalTable):
     euler: Euler | None = None
     """Capitals: about axes that turn along; small letters: about fixed axes."""
     gives: Literal["T_tracker_tool", "T_tool_tracker"] = "T_tracker_tool"
+    """Whether a row is the tool in the tracker's frame, or the inverse."""
     rotation: (
         Literal["euler", "matrix", "quaternion_scalar_first", "quaternion_scalar_last"] | None
     ) = None
@@ -109,6 +115,7 @@ class RangesTable(ObservedTable):
     anchors_mm: dict[Name, Place] = Field(default_factory=dict)
     """Place of each anchor in the world, or "free" where it is to be identified."""
     reflectors_mm: dict[Name, Place] = Field(default_factory=dict)
+    """Place of each target in the tool frame, or "free" where it is to be identified."""
 
 
 class CyclesTable(FileTable):

@@ -25,6 +25,7 @@ class VisitTable(Strict):
     """[[session]]: files of its own, frames of its own or those of another session."""
 
     name: Name
+    """What the visit is called, also in the tables of other visits."""
     file: Name | None = None
     """A CSV with joints and readings; else its own tables name the files."""
     base: Name = FREE
@@ -39,7 +40,9 @@ class VisitTable(Strict):
     """Of a held-out session: to how many poses, drawn at random, its own frames are fitted; the
     others judge."""
     match: Literal["pose_id", "order"] | None = None
+    """As above all sessions."""
     split: Literal["column", "ignore"] | None = None
+    """As above all sessions."""
     dialect: DialectTable | None = None
     joints: JointsTable | None = None
     frames: FramesTable | None = None

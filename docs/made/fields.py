@@ -1,0 +1,181 @@
+"""The keys of a file as its schema declares them: unit, what is allowed, default, what it means."""
+
+import ast
+import inspect
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from pydantic.fields import FieldInfo
+
+from testbed.gates.mistakes import UNITS
+from testbed.strict import Strict, models_in, toml_value
+
+FURTHER_UNITS = {
+    "um_per_sqrt_h": "um/√h", "um_per_m_k": "um/(m K)", "um_per_m": "um/m", "per_k": "1/K",
+    "nm_per_mrad": "N m/mrad", "kg_m2": "kg m²", "kg_m": "kg m", "m_s2": "m/s²",
+    "deg_s": "deg/s", "mm_s": "mm/s", "mm_deg": "mm, deg", "nm": "N m", "n": "N", "degC": "°C",
+    "mdeg_k": "mdeg",
+}  # fmt: skip
+"""Ends of keys and their units where a page writes them otherwise than a message, or alone."""
+BARE = ("s", "h", "k", "n")
+"""Ends that are units only after an underscore."""
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """One key of a table."""
+
+    name: str
+    unit: str
+    allowed: str
+    default: str
+    meaning: str
+    tables: tuple[type[Strict], ...]
+    """Schemas of what stands below it; none for a plain value."""
+
+
+@cache
+def _module(name: str) -> ast.Module:
+    """A module as it is written."""
+    return ast.parse(inspect.getsource(sys.modules[name]))
+
+
+def meaning(model: type[Strict], name: str) -> str:
+    """The sentence below a field: of the class that declares it, or the nearest one above."""
+    for kind in model.__mro__:
+        if name not in inspect.get_annotations(kind):
+            continue
+        for node in ast.walk(_module(kind.__module__)):
+            if isinstance(node, ast.ClassDef) and node.name == kind.__name__:
+                return _below(node, name)
+    return ""
+
+
+def _below(node: ast.ClassDef, name: str) -> str:
+    """The text below one field of a class; empty where there is none."""
+    after = [*node.body[1:], ast.Pass()]
+    for line, below in zip(node.body, after, strict=True):
+        is_field = isinstance(line, ast.AnnAssign) and ast.unparse(line.target) == name
+        if is_field and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
+            return " ".join(str(below.value.value).split())
+    return ""
+
+
+def unit(name: str) -> str:
+    """The unit that the end of a key states."""
+    for end, written in sorted((UNITS | FURTHER_UNITS).items(), key=lambda pair: -len(pair[0])):
+        if name.endswith(f"_{end}") or (name == end and end not in BARE):
+            return written.replace("um", "µm")
+    return ""
+
+
+@cache
+def keys(model: type[Strict]) -> tuple[Key, ...]:
+    """The keys of a table in the order of the file."""
+    found, schema = [], _schema(model)
+    for name, field in model.model_fields.items():
+        tables = tuple(dict.fromkeys(models_in(field.rebuild_annotation())))
+        allowed = "" if tables else allowed_of(schema[name])
+        default = "" if tables else _default(field)
+        found.append(Key(name, unit(name), allowed, default, meaning(model, name), tables))
+    return tuple(found)
+
+
+@cache
+def _schema(model: type[Strict]) -> Mapping[str, Any]:
+    """The properties of a table's JSON schema."""
+    properties: Mapping[str, Any] = model.model_json_schema()["properties"]
+    return properties
+
+
+def _default(field: FieldInfo) -> str:
+    """A default as a file writes it."""
+    if field.is_required():
+        return "needed"
+    value = field.get_default(call_default_factory=True)
+    if value in (None, {}, "", ()):
+        return "none"
+    return f"`{toml_value(value)}`"
+
+
+def allowed_of(schema: Mapping[str, Any]) -> str:
+    """What a value may be, in words."""
+    if "anyOf" in schema:
+        kinds = [allowed_of(kind) for kind in schema["anyOf"] if kind.get("type") != "null"]
+        return " or ".join(dict.fromkeys(kinds))
+    if "const" in schema:
+        return f"`{toml_value(schema['const'])}`"
+    if "enum" in schema:
+        return ", ".join(f"`{toml_value(value)}`" for value in schema["enum"])
+    match schema.get("type"):
+        case "boolean":
+            return "`true`, `false`"
+        case "string":
+            return "text" + _at_most(schema, "maxLength", "characters")
+        case "integer" | "number":
+            return ("whole number" if schema["type"] == "integer" else "number") + _range(schema)
+        case "array":
+            return _list(schema)
+        case "object":
+            value = schema.get("additionalProperties") or {}
+            (each,) = schema.get("patternProperties", {"": value}).values()
+            return f"names, each with {allowed_of(each)}"
+    raise TypeError(f"no words for {schema}")
+
+
+def _list(schema: Mapping[str, Any]) -> str:
+    """A list, of fixed length or not."""
+    entries = schema.get("prefixItems")
+    if entries is None:
+        least, most = schema.get("minItems", 0), schema.get("maxItems")
+        if least == most:
+            return f"{least} entries: {allowed_of(schema['items'])}"
+        span = f"{least} to {most}" if most is not None else f"{least} or more" if least else ""
+        return f"list{f' of {span} entries' if span else ''}: {allowed_of(schema['items'])}"
+    each = [allowed_of(entry) for entry in entries]
+    if len(set(each)) == 1:
+        return f"{len(each)} entries: {each[0]}"
+    return "; ".join(f"entry {k}: {words}" for k, words in enumerate(each, 1))
+
+
+def _range(schema: Mapping[str, Any]) -> str:
+    """The range of a number."""
+    low, high = schema.get("minimum"), schema.get("maximum")
+    above, below = schema.get("exclusiveMinimum"), schema.get("exclusiveMaximum")
+    if low is not None and high is not None:
+        return f", {_short(low)} to {_short(high)}"
+    parts = []
+    if low is not None:
+        parts.append(f"{_short(low)} or more")
+    if above is not None:
+        parts.append(f"above {_short(above)}")
+    if high is not None:
+        parts.append(f"at most {_short(high)}")
+    if below is not None:
+        parts.append(f"below {_short(below)}")
+    return f", {' and '.join(parts)}" if parts else ""
+
+
+def _short(number: float) -> str:
+    """A limit as people write it."""
+    return f"{number:.6g}"
+
+
+def _at_most(schema: Mapping[str, Any], key: str, what: str) -> str:
+    """The length of a text."""
+    return f", at most {schema[key]} {what}" if key in schema else ""
+
+
+def tables(model: type[Strict], name: str = "") -> Iterator[tuple[str, type[Strict]]]:
+    """Every table below a schema with its name in the file, each schema once for a place."""
+    yield name, model
+    schema = _schema(model)
+    for key in keys(model):
+        kind = schema[key.name]
+        several = any(one.get("type") == "array" for one in (kind, *kind.get("anyOf", ())))
+        below = f"{name}.{key.name}" if name else key.name
+        for inner in key.tables:
+            yield from tables(inner, f"{below}[]" if several else below)

@@ -1,0 +1,114 @@
+"""The links of an arm in robot.toml: the numbers of each joint, and the body that it moves."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from testbed.bounds import ANGLE, INERTIA, LINK, MASS, SCATTER, SLIDE_SPEED, TURN_SPEED
+from testbed.strict import Strict
+
+Length = Annotated[float, LINK.signed("mm")]
+Angle = Annotated[float, ANGLE.signed("deg")]
+Vector = Annotated[tuple[Length, ...], Field(min_length=3, max_length=3)]
+Moment = Annotated[float, INERTIA.size("kg m2")]
+
+
+class Link(Strict):
+    """What revolute and prismatic joints share: the link product and the body they move."""
+
+    theta_deg: Angle
+    """Angle about the old z axis at joint zero (Denavit-Hartenberg, modified by Hayati's beta)."""
+    d_mm: Length
+    """Offset along the old z axis at joint zero."""
+    a_mm: Length
+    """Length along the new x axis."""
+    alpha_deg: Angle
+    """Twist about the new x axis."""
+    beta_deg: Angle = 0.0
+    """Twist about the new y axis, for parallel axes."""
+    mass_kg: Annotated[float, MASS.size("kg")] | None = None
+    """With center and inertia, all of them or none: only what moves by itself asks for them."""
+    center_mm: Vector | None = None
+    """Center of mass in the frame of the body."""
+    inertia_kg_m2: Annotated[tuple[Moment, ...], Field(min_length=3, max_length=3)] | None = None
+    """Principal moments about the center of mass, along the axes of the body."""
+
+    @model_validator(mode="after")
+    def _body_is_whole(self) -> "Link":
+        """Mass, center and inertia are all there, or none of them."""
+        body = {key: getattr(self, key) for key in ("mass_kg", "center_mm", "inertia_kg_m2")}
+        missing = [key for key, value in body.items() if value is None]
+        if 0 < len(missing) < 3:
+            there = next(key for key, value in body.items() if value is not None)
+            raise ValueError(f"{there} stands without {' and '.join(missing)}; give all or none")
+        return self
+
+    @model_validator(mode="after")
+    def _inertia_can_exist(self) -> "Link":
+        """The largest principal moment is at most the sum of the others."""
+        if self.inertia_kg_m2 is None:
+            return self
+        *small, large = sorted(self.inertia_kg_m2)
+        if large > sum(small) * (1 + 1e-12):
+            raise ValueError("inertia_kg_m2: the largest moment exceeds the sum of the others")
+        return self
+
+    @model_validator(mode="after")
+    def _range_is_not_empty(self) -> "Link":
+        """Lower limit below upper."""
+        for unit in ("deg", "mm"):
+            lower, upper = (getattr(self, f"{end}_{unit}", None) for end in ("lower", "upper"))
+            if lower is not None and lower >= upper:
+                raise ValueError(f"lower_{unit} {lower} is not below upper_{unit} {upper}")
+        return self
+
+
+class RevoluteLink(Link):
+    """A turning joint."""
+
+    kind: Literal["revolute"]
+    """A turning joint."""
+    lower_deg: Angle
+    """Lower limit."""
+    upper_deg: Angle
+    """Upper limit."""
+    max_speed_deg_s: Annotated[float, TURN_SPEED.size("deg/s")] | None = None
+    """Largest speed."""
+    repeatability_urad: Annotated[float, SCATTER.or_zero("urad")] | None = None
+    """Standard deviation with which it comes back."""
+
+    @property
+    def speed(self) -> float | None:
+        """Largest speed [rad/s]."""
+        return None if self.max_speed_deg_s is None else float(np.radians(self.max_speed_deg_s))
+
+    @property
+    def scatter(self) -> float | None:
+        """Standard deviation of its repeatability [rad]."""
+        return None if self.repeatability_urad is None else self.repeatability_urad * 1e-6
+
+
+class PrismaticLink(Link):
+    """A sliding joint."""
+
+    kind: Literal["prismatic"]
+    """A sliding joint."""
+    lower_mm: Length
+    """Lower limit."""
+    upper_mm: Length
+    """Upper limit."""
+    max_speed_mm_s: Annotated[float, SLIDE_SPEED.size("mm/s")] | None = None
+    """Largest speed."""
+    repeatability_um: Annotated[float, SCATTER.or_zero("um")] | None = None
+    """Standard deviation with which it comes back."""
+
+    @property
+    def speed(self) -> float | None:
+        """Largest speed [m/s]."""
+        return None if self.max_speed_mm_s is None else self.max_speed_mm_s / 1e3
+
+    @property
+    def scatter(self) -> float | None:
+        """Standard deviation of its repeatability [m]."""
+        return None if self.repeatability_um is None else self.repeatability_um * 1e-6
