@@ -1,7 +1,7 @@
 """The errors this project raises: what is wrong, where, what was allowed and the likely fix."""
 
 import re
-from typing import Self
+from typing import Any, Self
 
 STEERING = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """What steers a terminal, ends a line or turns the direction of writing, and stray surrogates."""
@@ -97,6 +97,19 @@ class CalibError(Exception):
         stop = "" if body.endswith(("?", ".", "!")) else "."
         return one_line(f"{place}{body}{stop} [{self.code}]")
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """From one process to another: the message alone would not make it again."""
+        parts = (
+            self.message,
+            self.code,
+            self.where,
+            self.field,
+            self.value,
+            self.allowed,
+            self.fix,
+        )
+        return _again, (type(self), *parts)
+
     def located(self, where: str) -> Self:
         """The same error with its place in front; itself if it has one."""
         if self.where:
@@ -105,6 +118,14 @@ class CalibError(Exception):
             self.message, code=self.code, where=where, field=self.field, value=self.value,
             allowed=self.allowed, fix=self.fix,
         )  # fmt: skip
+
+
+def _again(
+    cls: type[CalibError], message: str, code: str, where: str, field: str, value: object,
+    allowed: str, fix: str,
+) -> CalibError:  # fmt: skip
+    """The same error in another process."""
+    return cls(message, code=code, where=where, field=field, value=value, allowed=allowed, fix=fix)
 
 
 class InputError(CalibError):

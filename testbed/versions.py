@@ -4,6 +4,7 @@ import platform
 import tomllib
 from contextlib import suppress
 from functools import cache
+from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -30,6 +31,18 @@ def _version(package: str) -> str:
 def number_versions() -> dict[str, str]:
     """What must not change when a run goes on."""
     return {"truebed": own_version(), **{name: _version(name) for name in NUMBERS}}
+
+
+@cache
+def sources_hash() -> str:
+    """Hex sha256 of the code of both packages: what computes, whatever its version says."""
+    here, total = Path(__file__).resolve().parent, sha256()
+    for root in (here.parent / "calib", here):
+        for path in sorted(root.rglob("*.py")):
+            if root / "front" not in path.parents:  # lies elsewhere once it is installed
+                total.update(path.relative_to(root).as_posix().encode() + b"\0")
+                total.update(path.read_bytes() + b"\0")
+    return total.hexdigest()
 
 
 @cache

@@ -1,5 +1,6 @@
 """Verbs that compute: run and plan play a scenario, identify calibrates from measurements."""
 
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -7,7 +8,7 @@ import typer
 
 from testbed.cli.app import Debug, Json, Quiet, app
 from testbed.cli.exit_codes import SOME_FAILED, exit_codes
-from testbed.cli.output import say, say_json
+from testbed.cli.output import say, say_json, warn
 from testbed.machine import COMPUTING
 
 if TYPE_CHECKING:
@@ -19,6 +20,9 @@ Data = Annotated[
     Path, typer.Argument(metavar="DATA", help="A session.toml, or a table: CSV, xlsx.")
 ]
 MaxMb = Annotated[float, typer.Option("--max-mb", help="Largest file read [MB].")]
+Workers = Annotated[
+    str, typer.Option(metavar="N", help="Processes that play robots; auto: one a core.")
+]
 Overwrite = Annotated[
     bool, typer.Option("--overwrite", help="Rename an old run of that name first.")
 ]
@@ -35,6 +39,7 @@ def run(
         Path | None,
         typer.Option(metavar="DIR", help="Write the measurements as files for identify, too."),
     ] = None,
+    workers: Workers = "1",
     quiet: Quiet = False,
     as_json: Json = False,
     debug: Debug = False,
@@ -52,14 +57,24 @@ def run(
 
             check_free(export, SESSION_FILE, overwrite=overwrite)
             words += ["--export", str(export)]
+        processes = workers_asked(workers, quiet=quiet or as_json)
+        words += [] if processes == 1 else ["--workers", workers]
         end.resume = [*words, "--resume"]
         from testbed.cli.terminal import headline, progress
+        from testbed.engines.choice import engine_of
         from testbed.run.play import play_run, robot_of
         from testbed.run.result import read_result
 
-        with progress(quiet=quiet or as_json) as report:
+        engine = engine_of(processes)
+        with progress(quiet=quiet or as_json) as report, closing(engine):
             outcome = play_run(
-                scenario, folder, resume=resume, overwrite=overwrite, progress=report, where=where
+                scenario,
+                folder,
+                resume=resume,
+                overwrite=overwrite,
+                progress=report,
+                where=where,
+                engine=engine,
             )
         end.code = SOME_FAILED if outcome.failed else end.code
         if export is not None:
@@ -273,6 +288,16 @@ def scenario_of(scene: str, seed: int | None) -> "tuple[Scenario, str]":
     if seed is not None:
         scenario = changed(scenario, {"seed": seed}, where="--seed")
     return scenario, where
+
+
+def workers_asked(text: str, *, quiet: bool) -> int:
+    """The processes that --workers asks for; said, if they are more than cores."""
+    from testbed.engines.choice import crowded, workers_of
+
+    workers = workers_of(text)
+    if not quiet and (told := crowded(workers)):
+        warn(told)
+    return workers
 
 
 def default_folder(scenario: "Scenario") -> Path:

@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from testbed.engines.engine import Engine, Kit
-from testbed.engines.piece import Piece
+from testbed.engines.engine import Engine
+from testbed.engines.kit import Kit
+from testbed.engines.piece import Piece, failed
 from testbed.store.npz import Failure
 from testbed.store.pieces import StoredPiece, piece_from
 from testbed.store.run_folder import RunFolder
@@ -36,7 +37,8 @@ class Pieces:
         missing = [piece for piece in pieces if self._stored(folder, piece) is None]
         done = len(pieces) - len(missing)
         yield done
-        for piece, data in self._engine.play(kit, missing):
+        for piece, found in self._engine.play(kit, missing):
+            data = failed(piece, found) if isinstance(found, str) else found
             if folder:
                 folder.write_piece(piece.name, data)
             else:

@@ -6,7 +6,8 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from calib.errors import CalibError, MachineError, refuse
-from testbed.engines.engine import Alone, Engine, Kit
+from testbed.engines.engine import Alone, Engine
+from testbed.engines.kit import Kit
 from testbed.engines.piece import pieces_of
 from testbed.progress import Clock, Progress
 from testbed.run.cut import Pieces, cut_together, step_of
@@ -149,7 +150,7 @@ class Work:
         )
         if record.cut is None:
             return study.play(self.scenario, Task(study.name, (record.key,)), needed)
-        cut, kit = record.cut.name, Kit(self.scenario, study, needed)
+        cut, kit = record.cut.name, Kit(self.scenario, self.robot, study, needed)
         pieces = pieces_of(study, cut_together(self.planned, cut), self.robot)
         if self._played.get(cut) != len(pieces):  # no other record of the cut was made before
             with self._clock.step(cut):

@@ -1,0 +1,52 @@
+"""Which engine the command line asks for."""
+
+import os
+
+from calib.errors import refuse
+from testbed.engines.engine import Alone, Engine
+
+MOST = 61 if os.name == "nt" else 1000
+"""Processes: Windows waits for no more at once."""
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def workers_of(text: str) -> int:
+    """The number of processes that ``--workers`` asks for.
+
+    Raises
+    ------
+    InputError
+        C41: it is no such number.
+    """
+    if text == "auto":
+        return min(cores(), MOST)
+    if not (text.isascii() and text.isdigit() and len(text) < 5 and 1 <= int(text) <= MOST):
+        allowed = f'a whole number, 1 to {MOST}, or "auto"'
+        raise refuse("--workers", text, allowed, code="C41")
+    return int(text)
+
+
+def crowded(workers: int) -> str:
+    """What to say of more processes than cores; nothing where there are enough."""
+    if workers <= cores():
+        return ""
+    return (
+        f"--workers is {workers}, and this process may use {cores()} of the machine's cores: more "
+        "take memory and are no quicker"
+    )
+
+
+def engine_of(workers: int) -> Engine:
+    """One process is this one; others are begun when the first piece is there."""
+    if workers == 1:
+        return Alone()
+    from testbed.engines.kit import play_piece
+    from testbed.engines.processes import Processes
+
+    return Processes(workers, play_piece)

@@ -1,0 +1,62 @@
+"""Every message about engines, word for word: one snapshot, so that a change is seen.
+
+Rewrite it with ``TRUEBED_UPDATE=1 pytest tests/testbed/engines/test_messages.py``.
+"""
+
+import os
+import pickle
+from pathlib import Path
+
+import pytest
+
+from calib.errors import CalibError, MachineError
+from testbed.engines import choice, kit
+from testbed.engines.choice import crowded, workers_of
+from testbed.engines.kit import require_alike
+
+GOLDEN = Path(__file__).parents[2] / "golden" / "engine_messages.txt"
+OURS = {"truebed": "0.1.0", "numpy": "2.4.0", "source code": "0123456789ab"}
+CASES = {
+    "no workers": lambda _: workers_of("0"),
+    "fewer than none": lambda _: workers_of("-2"),
+    "a word": lambda _: workers_of("all"),
+    "too many workers": lambda _: workers_of("100000"),
+    "more workers than cores": lambda _: crowded(64),
+    "another version": lambda _: require_alike(OURS | {"truebed": "0.0.9"}),
+    "other sources and packages": lambda _: require_alike(
+        OURS | {"numpy": "2.5.1", "source code": "ffffffffffff"}
+    ),
+}
+
+
+@pytest.fixture(autouse=True)
+def _here(monkeypatch):
+    monkeypatch.setattr(choice, "cores", lambda: 2)
+    monkeypatch.setattr(kit, "alike", lambda: OURS)
+
+
+def told(case, path):
+    """What is raised, or said."""
+    try:
+        return f"said\n{case(path)}"
+    except CalibError as error:
+        return f"{type(error).__name__}\n{str(error).replace(str(path), 'HERE')}"
+
+
+def test_messages_are_word_for_word_as_written_down(tmp_path):
+    text = "\n".join(
+        f"{name}: {told(case, tmp_path / str(k))}\n" for k, (name, case) in enumerate(CASES.items())
+    )
+    if os.environ.get("TRUEBED_UPDATE"):
+        GOLDEN.write_text(text, encoding="utf-8")
+    assert text == GOLDEN.read_text(encoding="utf-8")
+
+
+def test_enough_cores_need_no_word_and_auto_takes_them_all():
+    assert [crowded(1), crowded(2), workers_of("auto"), workers_of("12")] == ["", "", 2, 12]
+
+
+def test_an_error_of_ours_goes_from_process_to_process_whole():
+    error = MachineError("x is 1", code="F3", where="here", field="x", value=1, fix="mend it")
+    other = pickle.loads(pickle.dumps(error))
+    assert (type(other), vars(other)) == (MachineError, vars(error))
