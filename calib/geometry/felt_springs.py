@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, check
 from calib.errors import refuse
 from calib.geometry.chain import Chain, joint_vectors
-from calib.geometry.frames import exp_so3
 from calib.geometry.gravity import (
     AXES,
     Axis,
@@ -67,9 +66,12 @@ def felt_springs(
     """
     if not tilt >= 0:
         raise refuse("tilt", tilt, "0 rad or more", code="A3", message=f"tilt is {tilt:g}")
-    sides = [side * tilt * axis for axis in across(weight.gravity) for side in (1, -1)]
-    leaning = [replace(weight, gravity=exp_so3(side) @ weight.gravity) for side in sides]
-    loads = np.array([one.torques(q) for one in (weight, *(leaning if tilt else ()))])
+    loads = weight.torques(q)[None]
+    if tilt:  # torques are linear in gravity, and the axes lie across it
+        turned = [np.cross(axis, weight.gravity) for axis in across(weight.gravity)]
+        more = np.array([replace(weight, gravity=each).torques(q) for each in turned])
+        sides = (np.cos(tilt) * loads + side * np.sin(tilt) * more for side in (1, -1))
+        loads = np.concatenate([loads, *sides])
     largest = np.abs(loads).max(axis=(0, 1), initial=0.0)
     changes = np.ptp(loads, axis=(0, 1)) > FELT * largest.max()
     felt, wanted = largest > FELT * largest.max(), np.isin(range(3), axis_places(axes))

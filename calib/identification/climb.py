@@ -111,9 +111,9 @@ def climb(
 ) -> Climb:
     """Climb by evidence, confirmed on poses left out of the training in turn.
 
-    Each round tries every other level of every ladder and takes the one with the most evidence,
-    until none gains odds of 20 to 1. A level at which the poses left out are missed by more is
-    not taken.
+    Each round tries every other level of every ladder that can be reached and takes the one with
+    the most evidence, until none gains odds of 20 to 1. A level at which the poses left out are
+    missed by more is not taken.
 
     Parameters
     ----------
@@ -235,7 +235,8 @@ def _climbed(
         for k, ladder in enumerate(ladders):
             for level in ladder.levels:
                 levels = (*here[:k], level, *here[k + 1 :])
-                if level is not here[k] and _names(levels) not in barred:
+                reachable = level is not here[k] and level.after in ("", here[k].name)
+                if reachable and _names(levels) not in barred:
                     tried[k, level.name] = levels, evidence_of(levels)
         best = max(tried, key=lambda key: tried[key][1], default=None)
         if best is None or tried[best][1] - evidence <= ASKED:

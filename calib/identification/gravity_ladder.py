@@ -1,11 +1,13 @@
 """The ladder of gravity: from sag in closed form to springs at every axis of every joint."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array
+from calib.geometry.bodies import X, Y, Z
 from calib.geometry.chain import Chain
 from calib.geometry.felt_springs import felt_springs, postures
 from calib.geometry.gravity import weight_of
@@ -18,6 +20,9 @@ from calib.information.sizes import usual_sizes
 
 SMALL_BEARING = 0.25
 """Part of the usual bends across a joint's axis at a level of small bearings."""
+LYING = np.pi / 2
+"""Tilt at which springs are looked for that only a tilted arm loads, and how large their loads get:
+a compliance is no larger because a small tilt hardly loads it [rad]."""
 
 
 def gravity_ladder(
@@ -33,7 +38,8 @@ def gravity_ladder(
 
     Sag in closed form where that holds, compliances of the joints times torques, the same with
     bearings, and springs: compliances with moments of the links that are free as well, all together
-    about one arm. Parameters as in `ladders.ladders_of`.
+    about one arm. Then all of these again, small bearings apart, for an arm that may be mounted a
+    little off what is stated. Parameters as in `ladders.ladders_of`.
     """
     chain, known = nominal.chain, nominal.joint_errors
     if known.springs is not None or any(name.startswith("gravity") for name in known.names):
@@ -62,14 +68,36 @@ def gravity_ladder(
         errors = JointErrors(springs=own)
         return Level(name, errors, usual_sizes(errors, chain.kinds, sag=sag), usual)
 
-    if len(along.load):
-        levels.append(level("sag by torques", along, usual=quarters is None))
-    if len(along.load) < len(across.load):
-        beside = "sag and " * bool(len(along.load))
-        levels.append(level(f"{beside}small bearings", across, SMALL_BEARING))
-        levels.append(level(f"{beside}bearings", across))
-    if along.free.any():
-        levels.append(level("springs", along, moments=True))
-    if len(along.load) < len(across.load) and across.free.any():
-        levels.append(level("springs and bearings", across, moments=True))
+    more = len(along.load) < len(across.load)
+    bearings = f"{'sag and ' * bool(len(along.load))}bearings"
+    offered = [
+        (name, springs, free)
+        for name, springs, free in (
+            ("sag by torques", along, False),
+            (bearings, across, False),
+            ("springs", along, True),
+            ("springs and bearings", across, True),
+        )
+        if len(springs.load) and (springs is along or more) and (springs.free.any() or not free)
+    ]
+    for name, springs, free in offered:
+        if name == bearings:
+            small = name.replace("bearings", "small bearings")
+            levels.append(level(small, springs, SMALL_BEARING))
+        alone = name == "sag by torques" and quarters is None
+        levels.append(level(name, springs, moments=free, usual=alone))
+    wide, _ = felt_springs(weight, q, tilt=LYING)
+    for name, springs, free in offered:
+        lying = _leaning(springs, wide, [Z] if springs is along else [X, Y, Z])
+        tilted = level(f"{name} on a tilted base", lying, moments=free)
+        levels.append(replace(tilted, after=name))
     return Ladder("gravity", tuple(levels), silent)
+
+
+def _leaning(upright: SprungJoints, wide: SprungJoints, axes: Sequence[int]) -> SprungJoints:
+    """The upright arm's springs about some axes with those of `wide`, which only a tilt loads."""
+    kept = np.isin(wide.axis, axes)
+    known = dict(zip(upright.places.tolist(), upright.load.tolist(), strict=True))
+    places = zip(wide.places[kept].tolist(), wide.load[kept].tolist(), strict=True)
+    load = np.array([known.get(place, lying) for place, lying in places])
+    return replace(wide, joint=wide.joint[kept], axis=wide.axis[kept], load=load, free=upright.free)

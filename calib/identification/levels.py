@@ -25,6 +25,9 @@ class Level:
     """Whether this is the level at which a model is shown that nobody asked for."""
     mean: Array = ()  # type: ignore[assignment]  # likewise
     """(k,) what its numbers are believed to be; zero if left out."""
+    after: str = ""
+    """Level from which alone a climb comes here: this one refines it, and must be asked for beside
+    it."""
 
     def __post_init__(self) -> None:
         k = len(self.errors.names)

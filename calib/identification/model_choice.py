@@ -286,14 +286,13 @@ def identify_extended(
 ) -> Identification:
     """Identify geometry as the data show it, and usual joint terms under the weak prior.
 
-    Where the data show too little of it, the geometry has a prior of its own, `links`.
-
-    Where the residuals stay larger than the stated noise, the prior is weighed against the noise
-    that they have: else it would be overruled by what is no information.
+    Where the data show too little of it, the geometry has a prior of its own, `links`. Where the
+    residuals stay larger than the stated noise, the prior is weighed against the noise that they
+    have: else it would be overruled by what is no information.
     """
     wide, table, added = with_joint_terms(nominal, parameters, mounted)
-    believed = weak_prior(added, wide)
-    terms = believed if links is None else links.joined(believed)
+    terms = weak_prior(added, wide)
+    terms = terms if links is None else links.joined(terms)
     result = identify(wide, measurements, table, prior=terms, loss=loss)
     factor = noise_factor(result.model, measurements)
     if factor <= HONEST:

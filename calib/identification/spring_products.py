@@ -1,12 +1,13 @@
 """Springs within normal equations: columns of products of compliances and moments, and their fit.
 
 The bend of a spring is its compliance times its torque, and the torque is that of the stated
-moments plus what each free moment adds. So bends are linear in one product for each spring, and one
-for each spring and free moment; models of few or many springs share these columns.
+moments plus what each free moment adds, and each tilt of the mounting. So bends are linear in one
+product for each spring, and one for each spring and free moment or tilt; models of few or many
+springs share these columns. What a tilt makes of a moment that is added is left to the fit itself.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from calib.arrays import Array, Index, frozen
 from calib.geometry.joint_errors import JointErrors
-from calib.geometry.springs import SprungJoints
+from calib.geometry.springs import SprungJoints, across
 
 STEPS = 60
 """Most steps of a fit, halved ones counted."""
@@ -24,7 +25,7 @@ GAIN = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Products:
-    """Where the columns of the products stand: for each spring its torque, then its moments."""
+    """Where the columns of the products stand: for each spring its torque, moments and tilts."""
 
     first: int
     """Column of the first one."""
@@ -32,15 +33,18 @@ class Products:
     """(p,) place of each spring among the 3 n bends."""
     moments: tuple[int, ...] = ()
     """(f,) place of each moment among the 4 n of the links."""
+    tilts: int = 0
+    """Two, or none."""
 
     def of(self, errors: JointErrors, sd: Array) -> "ModelSprings":
         """Those of one model whose springs' numbers have some prior sd (s,)."""
         springs = errors.springs
         if springs is None:
             return ModelSprings(np.zeros(0, dtype=np.int64), np.zeros(0), 0, np.zeros(0))
-        wide = 1 + len(self.moments)
+        wide = 1 + len(self.moments) + self.tilts
         at = np.array([self.places.index(place) for place in springs.places])
         own = [1 + self.moments.index(k) for k in np.flatnonzero(springs.free)]
+        own += range(wide - self.tilts, wide) if springs.tilts else ()
         columns = self.first + wide * at[:, None] + np.array([0, *own])
         return ModelSprings(columns.ravel(), springs.load, len(own), sd)
 
@@ -49,13 +53,13 @@ class ModelSprings(NamedTuple):
     """The springs of one model among the columns."""
 
     columns: Index
-    """(p (1 + f),) spring by spring: its torque, then its moments."""
+    """(p (1 + f),) spring by spring: its torque, then its moments and tilts."""
     load: Array
     """(p,) at which the bend of a spring is its number [N m, N]."""
     moments: int
-    """Free moments f."""
+    """Free moments and tilts f."""
     sd: Array
-    """(p + f,) prior sd of the numbers: bends at these loads, then moments."""
+    """(p + f,) prior sd of the numbers: bends at these loads, then moments, then tilts."""
 
     def at(self, x: Array) -> tuple[Array, Array]:
         """Products (p (1 + f),) and their slopes (p (1 + f), p + f) at numbers in units of sd."""
@@ -135,6 +139,13 @@ def products_of(
     free = np.any([one.free for one in springs], axis=0)
     joint, axis = np.divmod(np.array(places), 3)
     wide = SprungJoints(springs[0].weight, joint, axis, np.ones(len(places)), free)
-    stated, per_moment = wide.torques(frozen(q).reshape(-1, n), payload)
+    q = frozen(q).reshape(-1, n)
+    stated, per_moment = wide.torques(q, payload)
+    parts = [stated[:, :, None], per_moment]
+    if tilts := 2 * any(one.tilts for one in springs):
+        weight = wide.weight
+        for axis_of in across(weight.gravity):  # torques are linear in gravity
+            turned = replace(weight, gravity=np.cross(axis_of, weight.gravity))
+            parts.append(replace(wide, weight=turned).torques(q, payload)[0][:, :, None])
     moments = tuple(np.flatnonzero(free).tolist())
-    return Products(first, places, moments), np.concatenate([stated[:, :, None], per_moment], 2)
+    return Products(first, places, moments, tilts), np.concatenate(parts, axis=2)

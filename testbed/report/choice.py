@@ -11,7 +11,8 @@ from testbed.units import MM, fixed
 SAG = (
     " sag: waves where gravity has that form; by torques: each joint gives way in proportion to "
     "what the stated or guessed masses of the links pull; bearings: across its axis, too; springs: "
-    "the moments of the links are looked for as well."
+    "the moments of the links are looked for as well; on a tilted base: gravity may point a degree "
+    "or two off what is stated, asked for beside the same level upright."
 )
 PLACES = 4
 """Of a mean miss in millimeters."""

@@ -71,8 +71,8 @@ class ReflectorEntry(Strict):
 class JointTermEntry(Strict):
     """[[joint_terms]]: a wave of a joint's error, wave(weights . q) times its coefficient.
 
-    Or what follows a row: "approach" its directions, "torque" its reported torques beyond the
-    reference, "lengths" (joint 0) its temperature. `share`: how large for its kind it may be.
+    Or what follows a row: "approach" its directions, "torque" its torques beyond the reference,
+    "lengths" (joint 0) its temperature. `share`: how large it may be for its kind.
     """
 
     name: Annotated[str, Field(pattern=r"^[a-z][A-Za-z0-9_.]*$", max_length=64)]
@@ -91,8 +91,7 @@ class JointTermEntry(Strict):
     """Of a turning joint; of a torque per N m."""
     coefficient_mm: Length | None = None
     """Of a sliding joint; of a force per N."""
-    coefficient_per_k: Annotated[float, Field(ge=-1.0, le=1.0)] | None = None
-    """Of lengths."""
+    coefficient_per_k: Annotated[float, Field(ge=-1.0, le=1.0)] | None = None  # of lengths
 
     @model_validator(mode="after")
     def _has_one_coefficient(self) -> "JointTermEntry":

@@ -15,6 +15,7 @@ from calib.geometry.parameters import parameters_of
 from calib.geometry.springs import SprungJoints
 from calib.identification.identify import Status, identify
 from calib.identification.ladders import ladders_of
+from calib.identification.levels import Ladder
 from calib.identification.model_choice import ModelChoice, choose
 from calib.identification.prior import Prior
 from calib.information.sizes import weak_prior_sd
@@ -173,6 +174,46 @@ def test_how_an_arm_stands_is_found_from_how_it_sags():
     assert np.abs(away).max() < 3.3  # the larger of two normal numbers, once in a thousand
 
 
+def leaning(seed: int, lean: float) -> TrueRobot:
+    """A robot of the preset `elastic` on a base that leans in a direction of its own [rad]."""
+    turn = np.random.default_rng([9, seed]).uniform(0, 2 * np.pi)
+    gravity = exp_so3(lean * np.array([np.cos(turn), np.sin(turn), 0.0])) @ DOWN
+    true = draw_truth(ROBOT, settings("elastic"), seed)
+    sprung = replace(true.unmodelled.springs, gravity=gravity)
+    return replace(true, unmodelled=replace(true.unmodelled, springs=sprung))
+
+
+@pytest.mark.parametrize(
+    ("lean", "seeds"), [(2.0, [0]), pytest.param(2.0, range(8), marks=pytest.mark.study)]
+)
+def test_a_base_that_leans_is_told_where_it_matters(lean, seeds):
+    """Two degrees that nobody told of, no mass known, 150 poses: MuJoCo's arm, mean error [um].
+
+    Measured on eight robots: 13.4 held upright, 12.1 with the tilts that are offered.
+    """
+    errors, taken = [], []
+    for seed in seeds:
+        true, both = leaning(seed, lean * DEG), ladders_of(tx60(), limits=ROBOT.limits)
+        upright = tuple(level for level in both[0].levels if "tilted" not in level.name)
+        for ladders in ((replace(both[0], levels=upright), both[1]), both):
+            found = chosen(true, 150, seed, ladders)
+            off = (
+                found.identification.model.poses(TARGETS)[:, :3, 3] - true.poses(TARGETS)[:, :3, 3]
+            )
+            errors.append(1e6 * np.linalg.norm(off, axis=1).mean())
+        taken.append("tilted" in found.climb.taken[0].name)
+    held, told = np.reshape(errors, (-1, 2)).mean(axis=0)
+    assert sum(taken) > 0.7 * len(seeds)
+    assert told < 0.95 * held
+
+
+@pytest.mark.study
+def test_an_upright_arm_is_given_no_tilt():
+    """Measured on none of twelve; a level that only refines one must be asked for beside it."""
+    taken = [chosen(true, 61, seed).climb.taken[0].name for seed, true in robots("elastic", 12)]
+    assert sum("tilted" in name for name in taken) <= 1
+
+
 @pytest.mark.parametrize(
     ("preset", "poses", "count", "most"),
     [
@@ -206,8 +247,10 @@ def test_a_rigid_robot_is_given_no_springs(poses, count):
     assert asked.count("extended") < 0.1 * count or not asked.count("extended")
 
 
-def chosen(true: TrueRobot, poses: int, seed: int) -> ModelChoice:
+def chosen(
+    true: TrueRobot, poses: int, seed: int, ladders: tuple[Ladder, ...] | None = None
+) -> ModelChoice:
     """The choice from so many poses of a robot, without a word of its masses."""
     q = POOL[np.random.default_rng([seed, poses]).choice(len(POOL), poses, replace=False)]
-    ladders = ladders_of(tx60(), limits=ROBOT.limits)
+    ladders = ladders_of(tx60(), limits=ROBOT.limits) if ladders is None else ladders
     return choose(tx60(), seen_of(true, q, seed), parameters_of(tx60()), ladders=ladders)

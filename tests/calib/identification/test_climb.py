@@ -85,6 +85,22 @@ def test_poses_left_out_are_missed_by_what_a_fit_without_them_misses():
     assert found.before > 1.5 * found.after
 
 
+@pytest.mark.parametrize(
+    ("after", "steps"),
+    [("", ["small waves"]), ("waves", ["waves", "small waves"]), ("not there", [])],
+)
+def test_a_level_that_refines_another_is_reached_from_there_alone(after, steps):
+    """However much more evidence it has: it must be asked for beside the level that it refines."""
+    table, waves = seen(bent(3), 40, 4), ladders_of(tx60())[1]
+    named = {level.name: level for level in waves.levels}
+    best = replace(named["small waves"], after=after)
+    kept = [named["none"], best, *(level for level in waves.levels if level.name == after)]
+    near = identify(tx60(), table, PARAMETERS, prior=PRIOR).model
+    ladder = replace(waves, levels=tuple(kept))
+    found = climb(tx60(), near, table, PARAMETERS, [ladder], np.arange(40) % 4, prior=PRIOR)
+    assert [step.level for step in found.steps] == steps
+
+
 def test_a_level_that_poses_left_out_do_not_confirm_is_not_taken(monkeypatch):
     table = seen(bent(4), 40, 5)
     true = NormalEquations.misses

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares, minimize
 
 from calib.geometry.chain import Chain
-from calib.geometry.gravity import guessed_moments, moments_of
+from calib.geometry.gravity import Weight, guessed_moments, moments_of
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
@@ -63,9 +63,13 @@ def names(chain: Chain, **more: object) -> tuple[str, ...]:
     return tuple(level.name for level in ladders_of(RobotModel(chain), **more)[0].levels)
 
 
+TILTED = tuple(
+    f"{name} on a tilted base"
+    for name in ("sag by torques", "sag and bearings", "springs", "springs and bearings")
+)
 ALL = (
     "sag by torques", "sag and small bearings", "sag and bearings", "springs",
-    "springs and bearings",
+    "springs and bearings", *TILTED,
 )  # fmt: skip
 
 
@@ -91,6 +95,7 @@ def test_an_arm_whose_joints_stand_upright_has_bearings_alone():
     ladder, _ = ladders_of(RobotModel(SCARA))
     assert tuple(level.name for level in ladder.levels) == (
         "none", "small bearings", "bearings", "springs and bearings",
+        "bearings on a tilted base", "springs and bearings on a tilted base",
     )  # fmt: skip
     assert ladder.why_not[0] == "joint 1 z: gravity never turns it"
     assert "joint 3 z: gravity always pulls along it alike, as an offset would" in ladder.why_not
@@ -116,7 +121,7 @@ def test_a_model_that_knows_gravity_is_offered_no_more_of_it():
 def test_a_number_is_the_bend_at_the_largest_torque_within_the_limits():
     """By torques of a pool of its own; priors by the formulas written out."""
     ladder, _ = ladders_of(NOMINAL, limits=TX60_LIMITS)
-    level = ladder.levels[-1]
+    level = next(level for level in ladder.levels if level.name == "springs and bearings")
     springs = level.errors.springs
     q = np.random.default_rng(9).uniform(*TX60_LIMITS.T, (4000, 6))
     largest = np.abs(springs.weight.torques(q)).max(axis=0)[springs.joint, springs.axis]
@@ -137,6 +142,31 @@ def test_a_number_is_the_bend_at_the_largest_torque_within_the_limits():
     with_slide, _ = ladders_of(RobotModel(POLAR))
     size = dict(zip(with_slide.levels[1].names, with_slide.levels[1].sd, strict=True))
     assert size["spring3.z"] == pytest.approx(SAG * 0.3)
+
+
+def test_a_tilted_base_is_two_numbers_and_the_springs_that_it_loads():
+    """The compliances that it shares with the upright arm are believed as there."""
+    levels = {level.name: level for level in ladders_of(NOMINAL, limits=TX60_LIMITS)[0].levels}
+    for name in ("sag by torques", "springs and bearings"):
+        upright, tilted = levels[name], levels[f"{name} on a tilted base"]
+        assert tilted.names[-2:] == ("tilt1", "tilt2")
+        assert tilted.sd[-2:] == pytest.approx(1.0 * DEG)
+        # joint 1 stands upright: nothing but a tilt loads it, joint 6 hardly reaches anywhere
+        assert set(tilted.names) - set(upright.names) == {"spring1.z", "tilt1", "tilt2"}
+        own, lying = (
+            dict(zip(level.names, level.errors.springs.load, strict=False))
+            for level in (upright, tilted)
+        )
+        assert {each: lying[each] for each in own} == own
+        sd = dict(zip(tilted.names, tilted.sd, strict=True))
+        assert {each: sd[each] for each in upright.names} == dict(
+            zip(upright.names, upright.sd, strict=True)
+        )
+    # on its side joint 1 carries the whole arm, as joint 2 does where it stands
+    turn = Weight(NOMINAL.chain, guessed_moments(NOMINAL.chain), gravity=(9.81, 0.0, 0.0))
+    q = np.random.default_rng(9).uniform(*TX60_LIMITS.T, (4000, 6))
+    largest = np.abs(turn.torques(q)[:, 0, 2]).max()
+    assert lying["spring1.z"] == pytest.approx(largest, rel=0.08)
 
 
 def test_springs_settle_where_no_other_numbers_are_better():
@@ -182,7 +212,7 @@ def seen(true: RobotModel, m: int, seed: int):
     return poses(q, T, sd=(SIGMA_POSITION, SIGMA_ROTATION))
 
 
-@pytest.mark.parametrize("which", [2, 4, 5, 6])
+@pytest.mark.parametrize("which", [2, 4, 5, 6, 8, 9])
 def test_the_climb_has_the_numbers_and_the_evidence_of_whole_fits(which):
     """Products are exact in it; what is not linear are frames and links, by micrometers."""
     ladder, waves = ladders_of(NOMINAL)

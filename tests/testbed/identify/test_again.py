@@ -44,7 +44,7 @@ def test_a_file_says_how_large_each_number_is_believed_to_be(tmp_path):
     beside = [ladder.levels[-1] for ladder in row_ladders(BARE.model, table, known)]
     for bent, wavy, payload in (
         ("sag and small bearings", "joint map with small waves", None),
-        ("springs and bearings", "waves 1 to 4", np.zeros(4)),
+        ("springs and bearings on a tilted base", "waves 1 to 4", np.zeros(4)),
     ):
         both = ladders_of(BARE.model, limits=BARE.limits, payload=payload)
         named = {level.name: level for ladder in both for level in ladder.levels}
