@@ -174,10 +174,14 @@ class JointErrors:
 
     def of_terms(self, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
         """What the terms displace of each joint (m, n) [rad or m]."""
-        dq = np.zeros_like(q)
-        own = self.coefficients[: len(self.terms)].copy()
-        own[self.of_lengths] = 0.0
-        np.add.at(dq.T, self.joints, (self.basis(q, at) * own).T)
+        return self.moved_by(self.basis(q, at), q.shape[1])
+
+    def moved_by(self, basis: Array, n_joints: int) -> Array:
+        """The same by the values (m, k) of the terms."""
+        each = (basis * self.coefficients[: len(self.terms)]).T
+        dq, joints = np.zeros((len(basis), n_joints)), np.array(self.joints, dtype=np.int64)
+        for joint in np.unique(joints[joints != NO_JOINT]):
+            dq[:, joint] = each[joints == joint].sum(axis=0)
         return dq
 
 

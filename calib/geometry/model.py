@@ -1,6 +1,7 @@
 """The robot model: a chain, its joint errors, and the fixtures it is measured with."""
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,9 +13,23 @@ from calib.geometry.fixtures import Fixtures
 from calib.geometry.jacobian import bent_pose_and_jacobian, joint_columns, pose_and_jacobian
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.operating import AS_USUAL, OperatingConditions
-from calib.geometry.springs import SprungJoints
 
 NO_ERRORS, NO_FIXTURES = JointErrors(), Fixtures()
+
+
+class ColumnsApart(NamedTuple):
+    """Poses of a model and its columns before terms are multiplied out."""
+
+    T: Array
+    """(m, 4, 4)"""
+    chain: Array
+    """(m, 6, 12 + 5 n) of the chain."""
+    springs: Array
+    """(m, 6, s) of the springs' numbers."""
+    turns: Array
+    """(m, 6, n) of each joint's own move: times its value, that of a term."""
+    along: Array
+    """(m, 6) of lengths that grow; zero where no term is of lengths."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,19 +119,36 @@ class RobotModel:
         """
         q, errors = joint_vectors(self.chain, q), self.joint_errors
         at.require_rows(len(q))
-        growth = errors.growth(at)
-        if errors.springs:
-            return self._sprung_poses_and_jacobian(q, errors.springs, at)
-        T, J = pose_and_jacobian(self.chain, q + errors.offsets(q, at), growth)
+        basis = errors.basis(q, at)
+        apart = self.columns_apart(q, at, basis)
         if self.n_numbers == self.chain.n_numbers:
-            return T, J
-        parts = [J]
-        if errors.terms:
-            turns = J[:, :, joint_columns(self.chain)]
-            parts.append(self.term_columns(errors, J, turns, q, at))
+            return apart.T, apart.chain
+        J = np.zeros((len(q), 6, self.n_numbers))
+        first, k = self.chain.n_numbers, len(errors.terms)
+        J[:, :, :first] = apart.chain
+        terms = J[:, :, first : first + k]
+        np.multiply(apart.turns[:, :, errors.joints], basis[:, None, :], out=terms)
+        for place in errors.of_lengths:
+            terms[:, :, place] = apart.along * basis[:, place, None]
+        J[:, :, first + k : self.first_fixture] = apart.springs
+        return apart.T, J
+
+    def columns_apart(self, q: Array, at: OperatingConditions, basis: Array) -> "ColumnsApart":
+        """Poses and columns of which those of terms are made, with their values `basis` (m, k)."""
+        errors, growth = self.joint_errors, self.joint_errors.growth(at)
+        moved = errors.moved_by(basis, self.chain.n_joints)
+        if errors.springs:
+            bends, slopes = errors.springs.bends_and_slopes(q, errors.of_springs, at.moments)
+            bends[:, :, Z] += moved
+            T, J = bent_pose_and_jacobian(self.chain, q, bends, growth)
+            J, bent = np.split(J, [self.chain.n_numbers], axis=2)
+            turns, springs = bent[:, :, Z::3], bent[:, :, errors.springs.places] @ slopes
+        else:
+            T, J = pose_and_jacobian(self.chain, q + moved, growth)
+            turns, springs = J[:, :, joint_columns(self.chain)], np.zeros((len(q), 6, 0))
+        along = self._along(J) if errors.of_lengths else np.zeros((len(q), 6))
         grow_columns(J, growth)
-        parts.append(np.zeros((len(q), 6, self.fixtures.n_numbers)))
-        return T, np.concatenate(parts, axis=-1)
+        return ColumnsApart(T, J, springs, turns, along)
 
     def poses_and_bends(
         self, q: ArrayLike, at: OperatingConditions = AS_USUAL
@@ -130,21 +162,6 @@ class RobotModel:
         bends, growth = errors.bends(q, at), errors.growth(at)
         bent = bent_pose_and_jacobian(self.chain, q, bends, growth)[1]
         return T, J, bent[:, :, self.chain.n_numbers :]
-
-    def _sprung_poses_and_jacobian(
-        self, q: Array, springs: SprungJoints, at: OperatingConditions
-    ) -> tuple[Array, Array]:
-        """The same where the joints give way: terms are bends about z, springs about any axis."""
-        errors = self.joint_errors
-        bends, slopes = springs.bends_and_slopes(q, errors.of_springs, at.moments)
-        bends[:, :, Z] += errors.of_terms(q, at)
-        growth = errors.growth(at)
-        T, J = bent_pose_and_jacobian(self.chain, q, bends, growth)
-        J, bent = np.split(J, [self.chain.n_numbers], axis=2)
-        terms = self.term_columns(errors, J, bent[:, :, Z::3], q, at)
-        grow_columns(J, growth)
-        nothing = np.zeros((len(q), 6, self.fixtures.n_numbers))
-        return T, np.concatenate([J, terms, bent[:, :, springs.places] @ slopes, nothing], axis=-1)
 
     def term_columns(
         self, errors: JointErrors, J: Array, turns: Array, q: Array, at: OperatingConditions
@@ -167,10 +184,15 @@ class RobotModel:
         basis = errors.basis(q, at)
         columns = turns[:, :, errors.joints] * basis[:, None, :]
         for k in errors.of_lengths:
-            d = 7 + 5 * np.arange(self.chain.n_joints)
-            along = J[:, :, d] @ self.chain.links[:, 1] + J[:, :, d + 1] @ self.chain.links[:, 2]
-            columns[:, :, k] = along * basis[:, k, None]
+            columns[:, :, k] = self._along(J) * basis[:, k, None]
         return columns
+
+    def _along(self, J: Array) -> Array:
+        """What growing lengths move (m, 6), by the columns (m, 6, P) of an arm as it was made."""
+        d = 7 + 5 * np.arange(self.chain.n_joints)
+        return np.asarray(
+            J[:, :, d] @ self.chain.links[:, 1] + J[:, :, d + 1] @ self.chain.links[:, 2]
+        )
 
 
 def grow_columns(J: Array, growth: Array | None) -> None:

@@ -20,6 +20,7 @@ from calib.identification.tangent import NEGLIGIBLE, System
 from calib.information.reduction import Reduction, reduce
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import Stack, linearize, paper_stack, table_whiteners
+from calib.measurement.term_rows import TermRows
 
 MOST_STEPS = 100
 NEARBY = 1e-2
@@ -108,9 +109,10 @@ def identify(
         raise refuse("free", reduction.dropped, code="M30", message=message, fix=fix)
     kept = _estimable(nominal, measurements, parameters, prior, reduction, first)
     near = nominal if start is None else start
+    many = None if whitening is None else TermRows.of(nominal, measurements, whitening, kept)
     for step in LOSSES[: LOSSES.index(loss) + 1]:
         until = NEGLIGIBLE if step == loss else NEARBY
-        solution = _solve(nominal, first, rows, kept, belief, step, near, until, report)
+        solution = _solve(nominal, first, rows, kept, belief, step, near, until, report, many)
         near = solution.x
     fit = SolvedFit(nominal, kept, reduction, solution, mode, prior, belief, loss)
     return with_statistics(fit, measurements, whitening, rows)
@@ -164,15 +166,19 @@ def _solve(
     start: RobotModel,
     until: float,
     report: Callable[[int, float], None] | None,
+    many: TermRows | None,
 ) -> Solution[RobotModel]:
     """Least squares over the kept numbers; the system at the nominal model is already at hand."""
     columns, every = kept.free_index, kept.free.all()
 
     def evaluate(model: RobotModel) -> System:
+        believed = None if belief is None else belief.beside(model, columns)
+        if many is not None:
+            r, A = flattened(*many.at(model), loss)
+            return System(r, many.by_joint(A), believed)
         stack = first if model is nominal else rows(model)
         own = stack.A if every else stack.A[:, columns]
-        r, A = flattened(stack.r, own, stack.row_of, loss)
-        return System(r, A, None if belief is None else belief.beside(model, columns))
+        return System(*flattened(stack.r, own, stack.row_of, loss), believed)
 
     return solve(
         evaluate,

@@ -182,10 +182,11 @@ def solve(
         else:
             refused += 1
     here = here.on_rows()
+    r, A = here.system.whole
     return Solution(
         x=x,
-        residual=frozen(here.system.r),
-        jacobian=frozen(here.system.A),
+        residual=frozen(r),
+        jacobian=frozen(A),
         end=here,
         certificate=here.certificate,
         status=_status(here, len(trace) > most, slow),

@@ -6,7 +6,7 @@ equations where these are well conditioned, else, and at the end of a fit, from 
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.linalg.lapack import dgeqrf, dpotrf, dtrcon, dtrtri, dtrtrs
@@ -44,12 +44,23 @@ class Believed(NamedTuple):
     """(p,) its derivative by that number; zero where there is no such row."""
 
 
+class Structured(Protocol):
+    """A derivative (n, p) that knows its products without its columns."""
+
+    @property
+    def dense(self) -> Array:
+        """All columns."""
+
+    def products(self, r: Array) -> tuple[Array, Array]:
+        """A'A (p, p) and A'r (p,)."""
+
+
 class System(NamedTuple):
     """A least-squares problem at one point: r is about A dx for a small step dx."""
 
     r: Array
     """(n,) residual."""
-    A: Array
+    A: Array | Structured
     """(n, p) derivative of the prediction."""
     believed: Believed | None = None
     """Further rows, of which most hold one number each."""
@@ -57,20 +68,25 @@ class System(NamedTuple):
     @property
     def whole(self) -> tuple[Array, Array]:
         """Residual and derivative of all rows."""
+        A = self.A if isinstance(self.A, np.ndarray) else self.A.dense
         if self.believed is None:
-            return self.r, self.A
+            return self.r, A
         held = np.flatnonzero(self.believed.slope)
-        alone = np.zeros((len(held), self.A.shape[1]))
+        alone = np.zeros((len(held), A.shape[1]))
         alone[range(len(held)), held] = self.believed.slope[held]
         return (
             np.concatenate([self.r, self.believed.r, self.believed.alone[held]]),
-            np.concatenate([self.A, self.believed.A, alone]),
+            np.concatenate([A, self.believed.A, alone]),
         )
 
     @property
     def normal(self) -> tuple[Array, Array, float]:
         """A'A (p, p), A'r (p,) and r'r of all rows."""
-        normal, pull, square = self.A.T @ self.A, self.r @ self.A, float(self.r @ self.r)
+        square = float(self.r @ self.r)
+        if isinstance(self.A, np.ndarray):
+            normal, pull = self.A.T @ self.A, self.r @ self.A
+        else:
+            normal, pull = self.A.products(self.r)
         if (own := self.believed) is not None:
             normal += own.A.T @ own.A
             normal[np.diag_indices_from(normal)] += own.slope**2
