@@ -57,14 +57,21 @@ def times(folder):
 @needs_fork
 def test_f1_a_run_killed_at_any_instant_goes_on_to_the_same_bytes(tmp_path):
     expected = uninterrupted(tmp_path)
+    records = len(times(tmp_path / "whole"))
     rng = np.random.default_rng(1)
     reached = set()
     for k in range(20):
         out = tmp_path / f"{k}"
         pid = forked(lambda out=out: play(out, pause=0.012))
-        time.sleep(rng.uniform(0, 0.22))  # ten steps of 12 ms, the recording twice
-        os.kill(pid, signal.SIGKILL)
-        os.waitpid(pid, 0)
+        # by what is finished, as a busy machine takes any time to it; then anywhere in a step
+        ended = 0
+        while len(times(out)) < k % (records + 1) and not ended:
+            ended, _ = os.waitpid(pid, os.WNOHANG)
+            time.sleep(0.001)
+        time.sleep(rng.uniform(0, 0.03))  # steps take 12 ms, the recording twice that
+        if not ended:
+            os.kill(pid, signal.SIGKILL)
+            os.waitpid(pid, 0)
         finished = times(out)
         reached.add(len(finished))
         play(out, resume=True)
