@@ -189,7 +189,8 @@ def _lengths(nominal: RobotModel, measurements: Measurements, known: RowTerms) -
     """All lengths of a warm arm."""
     warmth = measurements.conditions.temperature
     if warmth is None:
-        return _ladder("lengths", nominal, [], ["the file gives no temperature"])
+        unsaid = known.unsaid.get("lengths", "the file gives no temperature")
+        return _ladder("lengths", nominal, [], [unsaid])
     span = float(np.ptp(warmth))
     if span <= STEADY:
         why = f"the temperature never changes ({warmth[0]:.4g} degC)"

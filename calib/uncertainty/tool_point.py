@@ -80,6 +80,7 @@ def tool_statement(
     discrepancy: Discrepancy | None = None,
     probability: float = 0.95,
     target: ArrayLike | None = None,
+    at: OperatingConditions = AS_USUAL,
 ) -> ToolStatement:
     """State the tool point at joints q (N, n) [rad, m].
 
@@ -97,16 +98,19 @@ def tool_statement(
         Content of each region.
     target : (3,) array_like, optional
         Point in the tool frame that is stated; its origin by default [m].
+    at : OperatingConditions, optional
+        Under which the robot goes there.
 
     References
     ----------
     Sigma_t = J C J'; JCGM 102:2011, 6.5 (ellipsoidal region).
     """
-    if target is None:
+    if target is None and not at.stated:
         position = model.poses(q)[:, :3, 3]
         sigma = tool_covariance(model, q, covariance)[:, :3, :3]
     else:
-        position, sigma = _of_target(model, q, covariance, target)
+        point = np.zeros(3) if target is None else target
+        position, sigma = _of_target(model, q, covariance, point, at)
     factor = coverage_factor(3, probability)
     if discrepancy is not None and discrepancy.covariance.any():
         sigma = sigma + discrepancy.covariance
@@ -115,13 +119,17 @@ def tool_statement(
 
 
 def _of_target(
-    model: RobotModel, q: ArrayLike, covariance: ArrayLike, target: ArrayLike
+    model: RobotModel,
+    q: ArrayLike,
+    covariance: ArrayLike,
+    target: ArrayLike,
+    at: OperatingConditions,
 ) -> tuple[Array, Array]:
     """Positions (N, 3) and covariances (N, 3, 3) of a point fixed in the tool frame."""
     covariance, target = check(
         f"{model.n_numbers} {model.n_numbers}, 3", covariance=covariance, target=target
     )
-    T, J = model.poses_and_jacobian(q)
+    T, J = model.poses_and_jacobian(q, at)
     position, rows = reflector_rows(T, J, np.broadcast_to(target, (len(T), 3)))
     return position, propagated(rows, covariance)
 

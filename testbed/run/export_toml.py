@@ -12,6 +12,7 @@ from testbed.laboratory.tracker.tracker import bias_size
 from testbed.laboratory.truth.laboratory import Laboratory
 from testbed.scenario.fixtures import RANGES, targets_mm
 from testbed.scenario.laboratory import At960Tracker
+from testbed.studies.trial.estimator import gear_orders
 from testbed.studies.trial.records import Trial
 from testbed.units import MDEG, MM, UM
 
@@ -45,6 +46,7 @@ def session_toml(bench: Laboratory, trial: Trial, table: Measurements) -> str:
             "# the 21 columns cov_... hold what the joints scatter, too",
             'joint_repeatability = "included"',
             *_systematic_lines(bench, kind),
+            *gear_lines(bench),
             "",
             "[identification]",
             'model = "geometric"',
@@ -55,6 +57,15 @@ def session_toml(bench: Laboratory, trial: Trial, table: Measurements) -> str:
             "",
         ]
     )
+
+
+def gear_lines(bench: Laboratory) -> list[str]:
+    """Turns of the motors for one of the joints, where the scene states them."""
+    turning = bench.robot.model.chain.prismatic == 0
+    ratios = {
+        f"joint{i + 1}": orders[0] for i, orders in enumerate(gear_orders(bench)) if turning[i]
+    }
+    return ["", "[gear]", f"ratio = {_inline(ratios)}"] if ratios else []
 
 
 def _systematic_lines(bench: Laboratory, kind: str) -> list[str]:

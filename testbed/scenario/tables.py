@@ -190,7 +190,7 @@ class IdentificationSettings(Settings):
     """The weighted fit of all identifiable numbers, and the paper's unweighted one."""
     model: Literal["geometric", "extended", "choose"] = "geometric"
     """Of the default estimator: geometry alone, with sag and two waves a turn, or what the readings
-    choose, up to a map of every joint."""
+    choose, up to a map of every joint, its play, and the gears that the scene states."""
     loss: Literal["squared", "huber", "cauchy"] = "squared"
     """Of the default estimator: how much a shot counts that lies far off."""
     prior: PriorSettings | None = None

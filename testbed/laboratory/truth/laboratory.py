@@ -6,12 +6,11 @@ from typing import Self
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
-from calib.geometry.operating import OperatingConditions
 from calib.measurement.observations import DISTANCE, Measurements, joined
 from testbed.laboratory.bench import Bench, open_bench
 from testbed.laboratory.tracker.rounds import Round, first_tracker
 from testbed.laboratory.truth.robot import TrueRobot, draw_truth, unmodelled_terms
-from testbed.laboratory.truth.setting import Setting, held_out_poses, journey
+from testbed.laboratory.truth.setting import Setting, held_out_poses, in_turn, journey
 from testbed.laboratory.truth.springs import ElasticArm
 from testbed.robots.catalog import load_robot
 from testbed.scenario.laboratory import TruthSettings
@@ -39,19 +38,22 @@ class Laboratory(Bench):
         """Approach and measure poses q (m, n) once; random numbers from streams under `names`.
 
         The poses are visited in the order given, from joint zero on, the first one at `start`
-        after the campaign began [s]. Missed observations leave no row. Where there are rounds, the
-        poses are visited once in each, `distances` among them unless they are not wanted. Where
-        payloads change, `payload` (m,) hangs on the arm, else the usual one, and rows say so [kg].
+        after the campaign began [s]; rows say from which side joints came. Missed observations
+        leave no row. Where there are rounds, the poses are visited once in each, `distances` among
+        them unless they are not wanted. Where payloads change, `payload` (m,) hangs on the arm,
+        else the usual one, and rows say so [kg].
         """
-        loads = self.truth.unmodelled.springs
-        if loads is None or not len(loads.payloads):
-            return self._measured(q, pose_id, names, repeat, start, distances, None)
-        hung = np.full(len(q), loads.payload) if payload is None else payload
+        loads, hung = self.truth.unmodelled.springs, None
+        if loads is not None and len(loads.payloads):
+            hung = np.full(len(q), loads.payload) if payload is None else payload
         found = self._measured(q, pose_id, names, repeat, start, distances, hung)
         order = np.argsort(pose_id)
-        said = hung[order[np.searchsorted(pose_id, found.pose_id, sorter=order)]]
-        center = np.tile(loads.payload_center, (len(found), 1))
-        return replace(found, conditions=OperatingConditions(payload=said, center=center))
+        row = order[np.searchsorted(pose_id, found.pose_id, sorter=order)]
+        said = in_turn(q).rows(row)
+        if loads is not None and hung is not None:
+            center = np.tile(loads.payload_center, (len(found), 1))
+            said = replace(said, payload=hung[row], center=center)
+        return replace(found, conditions=said)
 
     def _measured(
         self,

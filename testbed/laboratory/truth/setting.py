@@ -8,6 +8,7 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
+from calib.geometry.operating import OperatingConditions, approaches
 from testbed.laboratory.bench import Bench, open_bench
 from testbed.laboratory.tracker.rounds import true_fixtures
 from testbed.laboratory.tracker.stations import require_ranges, require_stations
@@ -102,6 +103,12 @@ def journey(q: Array, start: float, pose_time: float) -> tuple[Array, Array]:
     """Times (m,) at which poses q (m, n) are visited in turn [s], and where each came from."""
     time: Array = start + pose_time * np.arange(len(q), dtype=np.float64)
     return time, np.vstack([np.zeros((1, q.shape[1])), q[:-1]])[: len(q)]
+
+
+def in_turn(q: Array) -> OperatingConditions:
+    """What is known of poses q (m, n) visited in turn: from which side each joint came."""
+    start = np.zeros((1, q.shape[1]))
+    return OperatingConditions(approach=approaches(np.vstack([start, q]))[1:])
 
 
 def require_poses(bench: Bench) -> None:

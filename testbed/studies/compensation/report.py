@@ -180,7 +180,9 @@ def procedure(study: CompensationStudy) -> str:
         f"{counted(study.cycles, 'cycle')} long, and every stop was read. The targets were "
         "replaced by those at which the identified robot has the commanded poses (numerical "
         "inverse kinematics inside the joint limits), and the program ran again. Neither the "
-        "correction nor the figures know more than the tracker saw. AP is the distance from the "
+        "correction nor the figures know more than the tracker saw. A target that is handed to "
+        "a controller carries no approach: what follows the last move of a joint is not offered to "
+        "the model that corrects it. AP is the distance from the "
         "command to the mean of the readings, RP their mean distance from it plus three standard "
         "deviations, AD the error of the mean distance between two poses."
     )

@@ -11,6 +11,7 @@ import numpy as np
 from calib.arrays import Array, Bool
 from calib.geometry.frames import transform
 from calib.geometry.jacobian import reflector_rows
+from calib.geometry.joint_errors import JointTerm
 from calib.geometry.model import RobotModel
 from calib.identification.identify import Identification, identify
 from calib.measurement import accuracy
@@ -19,7 +20,7 @@ from calib.measurement.observations import Measurements
 from calib.measurement.prediction import perfect, predict, predicted_positions
 from calib.uncertainty.regions import coverage_factor, inside, mahalanobis_squared
 from calib.uncertainty.tool_point import ToolStatement
-from testbed.laboratory.truth.setting import Setting
+from testbed.laboratory.truth.setting import Setting, in_turn
 from testbed.studies.trial.records import Comparison, Estimate
 from testbed.studies.trial.statement.records import Validation
 
@@ -34,9 +35,10 @@ def target_prediction(
 ) -> tuple[Array, Array, Array]:
     """Point (m, 3), rotation (m, 3, 3) and stated covariance (m, 6, 6) at joints q [m, rad].
 
-    `covariance` (P, P) is that of all numbers of the model, zero where they are not estimated.
+    `covariance` (P, P) is that of all numbers of the model, zero where they are not estimated. The
+    joints are visited in turn.
     """
-    T, J = model.poses_and_jacobian(q)
+    T, J = model.poses_and_jacobian(q, in_turn(q))
     point, rows = reflector_rows(T, J, np.broadcast_to(target, (len(q), 3)))
     J = np.concatenate([rows, J[:, 3:]], axis=1)
     return point, T[:, :3, :3], J @ covariance @ np.swapaxes(J, 1, 2)
@@ -97,7 +99,8 @@ def true_step(setting: Setting, identification: Identification, like: Measuremen
 def drawn_step(setting: Setting, identification: Identification) -> Array:
     """True minus nominal (f,) of the estimated numbers, term by term as they were drawn.
 
-    Joint terms of the true robot that the model does not have are left out.
+    Joint terms of the true robot that the model does not have are left out; the same wave of a
+    joint may have another name there.
     """
     nominal, true = setting.nominal, setting.true
     values = dict(zip(nominal.names, nominal.chain.step_to(true.chain), strict=False))
@@ -108,7 +111,15 @@ def drawn_step(setting: Setting, identification: Identification) -> Array:
             model.joint_errors.names, model.joint_errors.coefficients, strict=True
         ):
             values[name] = values.get(name, 0.0) + sign * value
+    waves = {_wave(term): term.name for term in true.joint_errors.terms}
+    for term in identification.model.joint_errors.terms:
+        values.setdefault(term.name, values.get(waves.get(_wave(term), ""), 0.0))
     return np.array([values.get(name, 0.0) for name in identification.names])
+
+
+def _wave(term: JointTerm) -> tuple[object, ...]:
+    """What tells a term from others, whatever its name."""
+    return term.joint, term.wave, term.weights
 
 
 def compare(

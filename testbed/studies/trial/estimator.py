@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calib.arrays import Array
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.climb import Climb, ClimbStep, Offer
@@ -16,6 +15,7 @@ from calib.identification.levels import Ladder, Level
 from calib.identification.model_choice import choose
 from calib.identification.prior import Prior
 from calib.identification.robust import Loss
+from calib.identification.row_ladders import RowTerms, row_ladders
 from calib.information.sizes import usual_sizes
 from calib.measurement.observations import Measurements
 from testbed.laboratory.truth.laboratory import Laboratory
@@ -24,6 +24,11 @@ from testbed.scenario.tables import PriorSettings
 
 WEAK = PriorSettings()
 MM, MDEG = 1e-3, np.radians(1e-3)
+UNSAID = {
+    "torque": "the rows of this laboratory say none",
+    "lengths": "the rows of this laboratory say no temperature",
+}
+"""Ladders that are never climbed here, and why."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +91,7 @@ def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Esti
             measured,
             free,
             prior=scenario_prior(own, free, nominal),
-            ladders=scenario_ladders(own, nominal, bench.robot, measured.conditions.usual_payload),
+            ladders=scenario_ladders(own, nominal, bench.robot, measured, gear_orders(bench)),
             loss=settings.loss,
         )
         why, evidence, climbed = choice.sentence, choice.log_evidence, choice.climb
@@ -118,18 +123,38 @@ def _sizes(settings: PriorSettings) -> tuple[tuple[float, float], float]:
 
 
 def scenario_ladders(
-    settings: PriorSettings, nominal: RobotModel, robot: Robot, payload: Array | None = None
+    settings: PriorSettings,
+    nominal: RobotModel,
+    robot: Robot,
+    measured: Measurements,
+    gear: tuple[tuple[float, ...], ...] = (),
 ) -> tuple[Ladder, ...]:
-    """The ladders of an arm with the sizes that a scenario believes in; `payload` as there."""
+    """The ladders of an arm and of what its rows say, with the sizes that a scenario believes in.
+
+    `gear` as in `RowTerms`.
+    """
     waves, sag = _sizes(settings)
     ladders = ladders_of(
-        nominal, moments=robot.moments, limits=robot.limits, payload=payload,
-        waves=waves, sag=sag,
+        nominal, moments=robot.moments, limits=robot.limits,
+        payload=measured.conditions.usual_payload, waves=waves, sag=sag,
     )  # fmt: skip
+    ladders += row_ladders(nominal, measured, RowTerms(gear, unsaid=UNSAID))
     return tuple(
         replace(ladder, levels=tuple(_with_own_sizes(level, settings) for level in ladder.levels))
         for ladder in ladders
     )
+
+
+def gear_orders(bench: Laboratory) -> tuple[tuple[float, ...], ...]:
+    """Waves a turn of each drive, one and two a turn of its motor, where the scenario has gears.
+
+    A ratio stands on the drive; what the gear does there is the secret.
+    """
+    truth, joints = bench.scenario.truth, bench.robot.model.chain.n_joints
+    if not np.any(truth.gear_mdeg):
+        return ()
+    ratios = np.broadcast_to(np.asarray(truth.gear_ratio, dtype=np.float64), (joints,))
+    return tuple((float(ratio), float(2 * ratio)) for ratio in ratios)
 
 
 def _with_own_sizes(level: Level, settings: PriorSettings) -> Level:

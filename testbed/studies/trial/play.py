@@ -31,7 +31,13 @@ from calib.uncertainty.type_a import type_a
 from testbed.laboratory.goal import goals_of, wants_goals
 from testbed.laboratory.truth.budget import truth_budget
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
-from testbed.laboratory.truth.setting import Setting, journey, make_setting, validation_start
+from testbed.laboratory.truth.setting import (
+    Setting,
+    in_turn,
+    journey,
+    make_setting,
+    validation_start,
+)
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import TrialSettings
 from testbed.streams import stream
@@ -171,7 +177,9 @@ def replicate(
     hung = visited.conditions.rows(once).payload
     believed = None
     if statement is not None and statement.belief is not None:
-        believed = statement.belief.regions(setting.test_q, target=setting.target)
+        believed = statement.belief.regions(
+            setting.test_q, target=setting.target, at=in_turn(setting.test_q)
+        )
     played = []
     for k in range(count):
         seen = bench.measure(q, pose_id, "replication", name, repeat=k, payload=hung)

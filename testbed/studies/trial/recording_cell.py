@@ -1,6 +1,7 @@
 """The cell of a trial in the recording: the pool, what was measured, errors as arrows, regions."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from calib.measurement.prediction import targets
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.tool_point import ToolStatement
 from testbed.laboratory.truth.laboratory import resting_arm
-from testbed.laboratory.truth.setting import Setting
+from testbed.laboratory.truth.setting import Setting, in_turn
 from testbed.laboratory.truth.springs import ElasticArm
 from testbed.recording import style
 from testbed.recording.cell import draw_beam, draw_station
@@ -93,8 +94,9 @@ def stated_regions(
         judged = estimate.comparison
         at = target_points(setting.test_true, target) - judged.error
         return ToolStatement(at, judged.covariance[:, :3, :3], coverage_factor(3), 0.95), None
-    mean, sd = belief.regions(q, target=target), setting.joint_repeatability
-    return mean, belief.regions(q, target=target, repeatability=sd) if sd.any() else None
+    regions = partial(belief.regions, q, target=target, at=in_turn(q))
+    sd = setting.joint_repeatability
+    return regions(), regions(repeatability=sd) if sd.any() else None
 
 
 def tracked(setting: Setting, q: Array) -> Array:

@@ -1,11 +1,13 @@
 """The statements that are made of one calibration's tool point, and how honest ones would fare."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.jacobian import reflector_rows
+from calib.geometry.operating import OperatingConditions
 from calib.identification.identify import Identification
 from calib.uncertainty.covariance import correlated_draws
 from calib.uncertainty.discrepancy import Discrepancy
@@ -25,6 +27,7 @@ def tool_regions(
     q: Array,
     target: Array,
     repeatability: Array,
+    at: OperatingConditions,
 ) -> dict[str, ToolStatement]:
     """Regions of the tool point at postures q (N, n): the believed one first, then the others.
 
@@ -42,12 +45,15 @@ def tool_regions(
         The point on the tool [m].
     repeatability : (n,) array
         Standard deviation with which each joint comes back [rad, m].
+    at : OperatingConditions
+        Under which the robot goes there.
     """
     found: dict[str, ToolStatement] = {}
     if judgement.belief is not None:
-        found["region"] = judgement.belief.regions(q, target=target)
+        regions = partial(judgement.belief.regions, q, target=target, at=at)
+        found["region"] = regions()
         if repeatability.any():
-            found["move"] = judgement.belief.regions(q, target=target, repeatability=repeatability)
+            found["move"] = regions(repeatability=repeatability)
     made: dict[str, tuple[Identification, Discrepancy | None]] = {"parameters": (whole, None)}
     if judgement.bootstrap is not None:
         played = judgement.bootstrap.empirical + systematic
@@ -56,7 +62,7 @@ def tool_regions(
         made["discrepancy"] = (whole, judgement.discrepancy)
     for name, (one, discrepancy) in made.items():
         found[name] = tool_statement(
-            one.model, q, one.full_covariance, target=target, discrepancy=discrepancy
+            one.model, q, one.full_covariance, target=target, discrepancy=discrepancy, at=at
         )
     return found
 
@@ -71,7 +77,9 @@ def radii(regions: dict[str, ToolStatement], judgement: Judgement) -> dict[str, 
     }
 
 
-def honest_share(belief: Belief, q: Array, target: Array, rng: np.random.Generator) -> float:
+def honest_share(
+    belief: Belief, q: Array, target: Array, at: OperatingConditions, rng: np.random.Generator
+) -> float:
     """Least share of postures q (N, n) that an honest region holds, for `HONEST` of all robots.
 
     Postures of one robot share its parameter error, so that one robot may stay far below 95 %.
@@ -81,9 +89,9 @@ def honest_share(belief: Belief, q: Array, target: Array, rng: np.random.Generat
     Monte Carlo: errors J dx + d, dx ~ N(0, C + sigma_U^2 F D F'), d ~ N(0, sigma_U^2 D) anew at
     each posture, in the region of the same covariance.
     """
-    T, J = belief.model.poses_and_jacobian(q)
+    T, J = belief.model.poses_and_jacobian(q, at)
     _, rows = reflector_rows(T, J, np.broadcast_to(target, (len(T), 3)))
-    size, region = belief.misfit.upper, belief.regions(q, target=target, growth=1.0)
+    size, region = belief.misfit.upper, belief.regions(q, target=target, growth=1.0, at=at)
     whole = belief.covariance + size**2 * belief.misfit_covariance
     step = correlated_draws(whole, HONEST_DRAWS, rng)
     own = size * belief.misfit.shape.rows(rows)

@@ -26,6 +26,7 @@ from calib.uncertainty.statement.drifting import Drifting
 from calib.uncertainty.statement.gain import of_all_numbers
 from calib.uncertainty.tool_point import tool_statement
 from testbed.laboratory.truth.laboratory import Laboratory
+from testbed.laboratory.truth.setting import in_turn
 from testbed.scenario.fixtures import rounds_per_visit
 from testbed.streams import stream
 from testbed.studies.trial.compare import attained, held_by
@@ -115,10 +116,14 @@ def state(
     held_out, discrepancy, played = judgement.held_out, judgement.discrepancy, judgement.bootstrap
     assert held_out is not None  # the tracker measures poses or points, never distances
     belief, judge_q, shared = judgement.belief, validation.judge_q, 0.0
-    measured_q = observations.q[np.unique(observations.pose_id, return_index=True)[1]]
+    once = np.unique(observations.pose_id, return_index=True)[1]
     at_judges, at_held_out, at_measured = (
-        tool_regions(whole, judgement, sources.systematic, q, target, repeatability)
-        for q in (judge_q, setting.test_q, measured_q)
+        tool_regions(whole, judgement, sources.systematic, q, target, repeatability, at)
+        for q, at in (
+            (judge_q, in_turn(judge_q)),
+            (setting.test_q, in_turn(setting.test_q)),
+            (observations.q[once], observations.conditions.rows(once)),
+        )
     )
     radius = radii(at_measured, judgement)
     if judgement.conformal is not None:
@@ -167,7 +172,13 @@ def state(
         honest=(
             float("nan")
             if belief is None
-            else honest_share(belief, judge_q, target, stream(seed, "statement", "honest", name))
+            else honest_share(
+                belief,
+                judge_q,
+                target,
+                in_turn(judge_q),
+                stream(seed, "statement", "honest", name),
+            )
         ),
         inside=held_by(at_held_out.get("region"), setting),
         warnings=warnings_of(
