@@ -53,7 +53,7 @@ def calibrated() -> tuple[Identification, Measurements]:
     table = poses(q, arm.poses(q), sd=(SIGMA_POSITION, SIGMA_ROTATION))
     # what holds links alone bends geometry as well, by some tenths of u
     free = parameters_of(arm, (*WEN24, *springs.names))
-    return identify(arm, table, free, prior=weak_prior(free)), table
+    return identify(arm, table, free, prior=weak_prior(free, arm)), table
 
 
 def test_a_virtual_calibration_is_the_fit_to_its_measurements():
