@@ -211,8 +211,13 @@ def proven_by(
 
 def unheld(wide: RobotModel, columns: Index, up: Array, q: Array, rows: Array) -> Array:
     """Columns (m, r, k + 1) of rows (m, r, P) for what no number holds: waves, then the foot."""
+    return unheld_columns(wide, columns, up, wide.poses(q)[:, :3, 3], rows)
+
+
+def unheld_columns(wide: RobotModel, columns: Index, up: Array, p: Array, rows: Array) -> Array:
+    """The same where the poses stand at points p (m, 3) of the world."""
     base = wide.chain.T_world_base
-    p = (wide.poses(q)[:, :3, 3] - base[:3, 3]) @ base[:3, :3]  # in the axes of the base
+    p = (p - base[:3, 3]) @ base[:3, :3]  # in the axes of the base
     foot = rows[:, :, 3:6] @ np.cross(p, up)[:, :, None]
     return np.concatenate([rows[:, :, columns], foot], axis=2)
 

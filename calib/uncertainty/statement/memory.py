@@ -5,7 +5,7 @@ The test needs poses in random order; on a tour the misfit of neighbors passes f
 the order is random the poses themselves tell: the same test is asked of their joints.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -81,15 +81,23 @@ def memory_p(
         residual[rows] -= residual[rows].mean(axis=(0, 1))
     in_time = np.argsort(order, kind="stable")
     seen = _likeness(residual[in_time][:, None])[0]
-    block, larger = max(1, BLOCK // max(m, 1)), 0
+    larger = sum(
+        int((_likeness(residual[which[:, in_time].T]) >= seen).sum())
+        for which in permuted(m, alike, rng)
+    )
+    return (1 + larger) / (1 + PERMUTATIONS)
+
+
+def permuted(m: int, alike: Sequence[Index], rng: np.random.Generator) -> Iterator[Index]:
+    """Orders (c, m) of m rows, `PERMUTATIONS` in all; rows `alike` (k, c) change places."""
+    block = max(1, BLOCK // max(m, 1))
     for k in range(0, PERMUTATIONS, block):
         count = min(block, PERMUTATIONS - k)
         which = np.tile(np.arange(m), (count, 1))
         for rows in alike:
             drawn = np.argsort(rng.random((count, len(rows))), axis=1)
             which[:, rows.ravel()] = rows[drawn].reshape(count, -1)
-        larger += int((_likeness(residual[which[:, in_time].T]) >= seen).sum())
-    return (1 + larger) / (1 + PERMUTATIONS)
+        yield which
 
 
 def interchangeable(order: Index, pose: Index, held_out: Bool) -> tuple[Index, ...]:

@@ -6,8 +6,8 @@ poses; all of it comes from streams of its own. Only the judge here sees the tru
 says comes from what the tracker saw.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,59 +15,28 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.identification.identify import Identification, identify
 from calib.identification.ladders import ladders_of
-from calib.identification.least_squares import Status
 from calib.identification.model_choice import choose
 from calib.measurement.accuracy import point_distances
-from calib.measurement.observations import Measurements
 from calib.uncertainty.covariance import standard_uncertainty
-from calib.uncertainty.judgement import Circumstances, judge
 from calib.uncertainty.regions import mahalanobis_squared
-from calib.uncertainty.statement.belief import Belief
-from calib.uncertainty.statement.conditions import Conditions, departure
-from calib.uncertainty.tool_point import tool_statement
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
 from testbed.laboratory.truth.setting import Setting, validation_start
 from testbed.laboratory.truth.terms import UnmodelledTerms
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
-from testbed.studies.coverage.kinds import Use, apart, drawn, in_random_order, remembering
+from testbed.studies.coverage.judge import OF_A_MODEL, MeasuredRobot, judge_model, judge_models
+from testbed.studies.coverage.kinds import apart, drawn, in_random_order, remembering
 from testbed.studies.coverage.settings import CoverageSettings
 from testbed.studies.coverage.study import CoverageStudy
 from testbed.studies.many_robots import alone, together
 from testbed.studies.trial.compare import true_step
 from testbed.studies.trial.records import Trial
-from testbed.studies.trial.statement.sources import (
-    systematic_covariance,
-    systematic_reach,
-    unmodelled_effects,
-)
+from testbed.studies.trial.statement.sources import systematic_covariance
 
 EXACT = 1e-9
 """A model that repeats the noise-free truth this well holds it [m]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MeasuredRobot:
-    """One robot in the laboratory: what the tracker saw, and the secret that judges."""
-
-    seen: Measurements
-    """Of the identification poses."""
-    validation: Measurements
-    """Of poses drawn as the pool is, its own and no other's."""
-    judge_q: Array
-    """(t, n) further such poses, never measured [rad, m]."""
-    true: Array
-    """(t, 3) the secret: noise-free tool points there [m]."""
-    laboratory: Laboratory
-    """With this robot."""
-    use: Use
-    """Where and how it is used."""
-
-
-OF_A_MODEL = (
-    *("inside", "radius", "p_value", "held_out_p", "flagged", "believed", "converged"),
-    *("mean_error", "growth", "p_drift"),
-)
 OF_A_ROBOT = ("extended", "log_evidence", "before", "normal_error", "nees")
 AXES = dict.fromkeys((*OF_A_MODEL, *OF_A_ROBOT), -1)
 
@@ -78,8 +47,22 @@ def play_robots(
     """Play a trial's pose set on some robots of each kind."""
     laboratory = open_laboratory(scenario, setting)
     chosen = trial.selection.indices
+    level = scenario.table(CoverageSettings).level
+    measured = [[measure_robot(laboratory, kind, chosen, k) for k in robots] for kind in kinds]
+    found = [[models(one) for one in of_kind] for of_kind in measured]
+    everyone = [one for of_kind in measured for one in of_kind]
+    judged = zip(
+        *(
+            judge_models([one[0][k] for of_kind in found for one in of_kind], everyone, level)
+            for k in range(2)
+        ),
+        strict=True,
+    )
     return {
-        kind: gather([play_robot(laboratory, kind, chosen, k) for k in robots]) for kind in kinds
+        kind: gather(
+            [_played(kind, *one, next(judged)) for one in zip(robots, models, strict=True)]
+        )
+        for kind, robots, models in zip(kinds, measured, found, strict=True)
     }
 
 
@@ -95,10 +78,21 @@ def gather(parts: Sequence[CoverageStudy]) -> CoverageStudy:
 
 def play_robot(laboratory: Laboratory, truth: str, chosen: Index, robot: int) -> CoverageStudy:
     """Calibrate, validate and judge one robot."""
-    scenario, nominal = laboratory.scenario, laboratory.setting.nominal
     measured = measure_robot(laboratory, truth, chosen, robot)
-    fits, evidence, extended = models(measured)
-    judged = [judge_model(fit, measured, scenario.table(CoverageSettings).level) for fit in fits]
+    found = models(measured)
+    level = laboratory.scenario.table(CoverageSettings).level
+    return _played(truth, measured, found, [judge_model(fit, measured, level) for fit in found[0]])
+
+
+def _played(
+    truth: str,
+    measured: MeasuredRobot,
+    found: tuple[tuple[Identification, ...], float, bool],
+    judged: Sequence[Mapping[str, Any]],
+) -> CoverageStudy:
+    """The record of one robot, its models found and judged."""
+    scenario, nominal = measured.laboratory.scenario, measured.laboratory.setting.nominal
+    fits, evidence, extended = found
     normal_error, nees = parameter_errors(fits[0], measured) or (np.zeros(0), np.nan)
     return CoverageStudy(
         truth=truth,
@@ -171,84 +165,6 @@ def models(measured: MeasuredRobot) -> tuple[tuple[Identification, ...], float, 
     choice = choose(nominal, measured.seen, free, ladders=ladders)
     fits = (identify(nominal, measured.seen, free), choice.identifications[1])
     return fits, choice.log_evidence, choice.chosen == "extended"
-
-
-def judge_model(found: Identification, measured: MeasuredRobot, level: float) -> dict[str, Any]:
-    """What one model states at the judging poses, four ways, and which points it holds.
-
-    Names as in `CoverageStudy`.
-    """
-    own, m = measured.laboratory, len(measured.seen)
-    shared = systematic_covariance(own, found, measured.seen)
-    covariance = replace(found, covariance=found.covariance + shared).full_covariance
-    sd = own.sigma_q if own.sigma_q.any() else None
-    bare = tool_statement(found.model, measured.judge_q, covariance, probability=level)
-    judgement = judge(
-        found,
-        measured.validation,
-        train=measured.seen,
-        probability=level,
-        circumstances=Circumstances(
-            order=(np.arange(m), m + np.arange(len(measured.validation))),
-            shared=replace(found, covariance=shared).full_covariance if shared.any() else None,
-            repeatability=sd,
-            unmodelled=unmodelled_effects(own, float(np.sqrt(np.mean(bare.point**2)))),
-        ),
-    )
-    seen, ball = judgement.held_out, judgement.conformal
-    assert seen is not None  # the scenario asks for enough poses, also for the radius
-    assert ball is not None
-    wide = tool_statement(
-        found.model,
-        measured.judge_q,
-        covariance,
-        discrepancy=judgement.discrepancy,
-        probability=level,
-    )
-    radius = ball.radius + systematic_reach(found, shared, measured.judge_q, level=level)
-    error = point_distances(measured.true, bare.position)
-    inside, size, believed, growth = judge_region(judgement.belief, measured, sd)
-    slow = judgement.drifting
-    return {
-        "inside": (
-            inside,
-            float(bare.holds(measured.true).mean()),
-            float(wide.holds(measured.true).mean()),
-            float((error <= radius).mean()),
-        ),
-        "radius": (size, bare.mean_radius, wide.mean_radius, radius),
-        "p_value": found.p_value,
-        "held_out_p": seen.p_value,
-        "flagged": judgement.trust.refuted,
-        "believed": believed,
-        "converged": found.status is Status.CONVERGED,
-        "mean_error": float(error.mean()),
-        "growth": growth,
-        "p_drift": 1.0 if slow is None or slow.void else slow.p_value,
-    }
-
-
-def judge_region(
-    belief: Belief | None, measured: MeasuredRobot, sd: Array | None
-) -> tuple[float, float, float, float]:
-    """Share of points in the believed region, its radius [m], where it is believed, its growth.
-
-    The region is of the mean of many moves, or where single moves are judged, of one: joints come
-    back with standard deviations `sd` (n,).
-    """
-    if belief is None:
-        return 0.0, 0.0, 0.0, 1.0
-    applies, use, count = belief.proven.applies(measured.judge_q), measured.use, len(measured.true)
-    data, there = (Conditions(payload=np.full(count, load)) for load in use.payload)
-    other = departure(data, there, count).outside
-    has = (applies.place != "outside") & applies.reaches & ~other
-    at = has if has.any() else ~has
-    growth = applies.growth[at]
-    stated = belief.regions(
-        measured.judge_q[at], growth=growth, repeatability=sd if use.one_move else None
-    )
-    inside = stated.holds(measured.true[at]).mean()
-    return float(inside), stated.mean_radius, float(has.mean()), float(growth.mean())
 
 
 def parameter_errors(found: Identification, measured: MeasuredRobot) -> tuple[Array, float] | None:

@@ -18,7 +18,8 @@ from testbed.scenario.checks import check_robot
 from testbed.scenario.read import changed
 from testbed.store.codec import pack, unpack
 from testbed.studies import load_scenario
-from testbed.studies.coverage.play import gather, judge_model, measure_robot, models, play_robots
+from testbed.studies.coverage.judge import judge_model
+from testbed.studies.coverage.play import gather, measure_robot, models, play_robots
 from testbed.studies.coverage.report import believable_sentence, section, unnoticed
 from testbed.studies.coverage.study import STUDY, CoverageStudy
 from testbed.studies.coverage.summary import cells, followed, numbers_check, uniform_p

@@ -1,0 +1,1 @@
+"""The believed statement of many robots at once, robots on the first axis of every array."""

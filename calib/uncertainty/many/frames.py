@@ -1,0 +1,98 @@
+"""Whether many sets of held-out rows stand in another frame: chances of a motion as large."""
+
+import numpy as np
+from scipy.special import chdtrc
+
+from calib.arrays import Array
+from calib.uncertainty.many.gains import ManyGains
+from calib.uncertainty.many.sights import ManySights, ManyTables
+from calib.uncertainty.statement.motion_fit import FOLLOWED
+
+
+def motion_chances(seen: ManySights, gains: ManyGains, covariance: Array, upper: Array) -> Array:
+    """The smaller chance (R,) of as large a motion of base or target if there is none.
+
+    Parameters
+    ----------
+    seen, gains
+        Of R robots.
+    covariance : (R, f, f) array
+        Believed of the numbers [m, rad].
+    upper : (R,) array
+        Largest misfit that may hide [m].
+
+    References
+    ----------
+    As `other_frame`, with what the errors share in their covariance.
+    """
+    e = seen.test.residual[:, :, :3]
+    size = np.minimum(upper, np.sqrt((e**2).mean(axis=(1, 2))))
+    about = seen.test.p.mean(axis=1, keepdims=True)
+    motion = _motions(seen.test, about)[:, :, :3]
+    common, usual = _standing(seen, gains, size, about, motion)
+    rows = seen.test.rows[:, :, :3, seen.free]
+    R, n = rows.shape[:2]
+    root = _roots(gains, seen.test, size)
+    whole = np.concatenate([rows, common, (e - usual)[..., None], motion], axis=3)
+    white = np.linalg.solve(root, whole).reshape(R, 3 * n, -1)
+    f, c = rows.shape[3], common.shape[3]
+    J, shared, error, motion = np.split(white, [f, f + c, f + c + 1], axis=2)
+    C = covariance + size[:, None, None] ** 2 * gains.misfit
+    V = np.eye(3 * n) + J @ C @ np.swapaxes(J, 1, 2) + shared @ np.swapaxes(shared, 1, 2)
+    both = np.concatenate([error, motion], axis=2)
+    root = np.linalg.cholesky((V + np.swapaxes(V, 1, 2)) / 2)
+    both = np.linalg.solve(root, both)
+    error, base, tool = both[..., :1], both[..., 1:7], both[..., 7:]
+    chances = chdtrc(6, _fall(error, base)), chdtrc(3, _fall(error, tool))
+    return np.asarray(np.minimum(*chances))
+
+
+def _fall(e: Array, motion: Array) -> Array:
+    """Fall (R,) of the square of whitened errors (R, n, 1) by their best motion (R, n, k)."""
+    U, s, _ = np.linalg.svd(motion, full_matrices=False)
+    shown = s > np.finfo(np.float64).eps * motion.shape[1] * s[:, :1]
+    return np.asarray((((np.swapaxes(U, 1, 2) @ e)[..., 0] ** 2) * shown).sum(axis=1))
+
+
+def _motions(table: ManyTables, about: Array) -> Array:
+    """Rows (R, m, 6, 9) of a station that shifts, or turns about (R, 1, 3), and of a target."""
+    arm = table.p - about
+    motions = np.zeros((*arm.shape[:2], 6, 9))
+    motions[:, :, :3, :3] = np.eye(3)
+    motions[:, :, :3, 3:6] = -np.cross(arm[..., None], np.eye(3)[None, None], axis=2)
+    motions[:, :, 3:, 3:6] = np.eye(3)
+    motions[:, :, :3, 6:] = table.tool
+    return motions
+
+
+def _roots(gains: ManyGains, table: ManyTables, size: Array) -> Array:
+    """Cholesky factors (R, m, 3, 3) of noise and a misfit of some size (R,)."""
+    own = size[:, None, None, None] * gains.shapes(table.rows[:, :, :3])
+    V = own @ np.swapaxes(own, 2, 3) + table.covariance[:, :, :3, :3]
+    return np.asarray(np.linalg.cholesky(V))
+
+
+def _standing(
+    seen: ManySights, gains: ManyGains, size: Array, about: Array, there: Array
+) -> tuple[Array, Array]:
+    """What a motion of all readings leaves at held-out rows, as columns (R, n, 3, 9) and an error.
+
+    `there` (R, n, 3, 9) are the motions at these rows. See `motion_fit`.
+    """
+    motions = _motions(seen.train, about)
+    R, m = motions.shape[:2]
+    followed = gains.F @ motions.reshape(R, 6 * m, 9)
+    own = seen.train.rows[..., seen.free].reshape(R, 6 * m, -1)
+    rest = (motions.reshape(R, 6 * m, 9) - own @ followed).reshape(motions.shape)
+    columns = [rest[:, :, :3], seen.train.residual[:, :, :3, None], motions[:, :, :3]]
+    white = np.linalg.solve(_roots(gains, seen.train, size), np.concatenate(columns, axis=3))
+    B, e, whole = np.split(white.reshape(R, 3 * m, -1), [9, 10], axis=2)
+    U, s, V = np.linalg.svd(B, full_matrices=False)
+    largest = np.linalg.svd(whole, compute_uv=False)[:, :1]
+    back = np.where(s > FOLLOWED * largest, 1 / np.where(s > 0, s, 1.0), 0.0)
+    n = there.shape[1]
+    rows = seen.test.rows[:, :, :3, seen.free].reshape(R, 3 * n, -1)
+    reach = there.reshape(R, 3 * n, 9) - rows @ followed
+    common = reach @ (np.swapaxes(V, 1, 2) * back[:, None])
+    kept = (back > 0)[:, :, None] * (np.swapaxes(U, 1, 2) @ e)
+    return common.reshape(R, n, 3, 9), (common @ kept).reshape(R, n, 3)

@@ -1,0 +1,201 @@
+"""Judgements of many robots at once: of each what `judgement.judge` finds of it.
+
+Robots alike in structure go together; one that is otherwise, whose fit did not converge or whose
+held-out rows seem to stand in another frame goes through `judge` by itself.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtrc, chdtri
+
+from calib.arrays import Array, Bool, frozen
+from calib.identification.fit_statistics import RED
+from calib.identification.identify import Identification
+from calib.measurement.observations import Measurements
+from calib.uncertainty.conformal import conformal
+from calib.uncertainty.many.frames import motion_chances
+from calib.uncertainty.many.gains import ManyGains, gains_of, left, propagated
+from calib.uncertainty.many.memories import memory_chances
+from calib.uncertainty.many.misfits import ManyMisfits, misfits
+from calib.uncertainty.many.sights import ManySights, ManyTables, sights
+from calib.uncertainty.regions import coverage_factor, mahalanobis_squared
+from calib.uncertainty.statement.applicability import BEYOND, BEYOND_SLIDE, Applicability
+from calib.uncertainty.statement.distance import SPARE, distance_radius
+from calib.uncertainty.statement.drifting import ORDERED, SEED
+from calib.uncertainty.statement.memory import REMEMBERS, drift, interchangeable
+from calib.uncertainty.statement.misfit import DROP
+from calib.uncertainty.statement.shape import MisfitShape
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ManyJudgements:
+    """What held-out poses show of R identifications, and what is believed at t targets of each."""
+
+    position: Array
+    """(R, t, 3) predicted tool points [m]."""
+    held_out_p: Array
+    """(R,) chance of as large errors at the held-out poses; see `HeldOut`."""
+    bare: Array
+    """(R, t, 3, 3) covariance from the numbers alone [m^2]."""
+    discrepancy: Array
+    """(R, 3, 3) Sigma_d [m^2]."""
+    conformal: Array
+    """(R,) radius without a model of the error [m]."""
+    believed: Array
+    """(R, t, 3, 3) covariance of the believed regions, of the mean of many moves [m^2]."""
+    factor: Array
+    """(R,) k of these."""
+    rows: Array
+    """(R, t, 3, P) derivative of the tool points."""
+    applies: tuple[Applicability, ...]
+    """Whether the statement of each robot reaches its targets."""
+    drift_p: Array
+    """(R,) chance of residuals that follow their neighbors so, if noise forgets; nan where the
+    order leaves nothing to ask."""
+    alone: Bool
+    """(R,) of which these say nothing: `judge` does."""
+
+
+def judge_many(
+    fits: Sequence[Identification],
+    trains: Sequence[Measurements],
+    tests: Sequence[Measurements],
+    targets: Sequence[Array],
+    *,
+    probability: float = 0.95,
+) -> ManyJudgements:
+    """Judge R identifications that are alike (`sights.alike`) by poses that they never used.
+
+    Parameters
+    ----------
+    fits, trains, tests
+        As `judge` takes them, one of each for a robot; rows were measured in their order, those
+        held out last.
+    targets : sequence of (t, n) arrays
+        Joints where it is asked what is believed [rad, m].
+    probability : float
+        Content of every statement.
+    """
+    seen = sights(fits, trains, tests, targets)
+    gains = gains_of(seen)
+    size = misfits(seen, gains, DROP)
+    alone = ~np.isfinite(size.upper)
+    upper = np.where(alone, 1.0, size.upper)
+    of_test, of_targets = (left(seen, gains, table) for table in (seen.test, seen.there))
+    alone |= motion_chances(seen, gains, seen.covariance, upper) < RED
+    drift_p, covariance = _with_drift(seen, trains, tests, gains, size)
+    growth = _over(of_test, gains)[0]
+    factor = _guarded(seen, gains, covariance, upper, growth, probability)
+    sizes = upper[:, None] ** 2 * _over(of_targets, gains)[0]
+    rows = seen.there.rows[:, :, :3]
+    held_out_p, discrepancy = _held_out(seen)
+    distance = np.linalg.norm(seen.test.residual[:, :, :3], axis=2)
+    return ManyJudgements(
+        seen.there.p, held_out_p, propagated(rows[..., seen.free], seen.covariance), discrepancy,
+        np.array([conformal(one, probability=probability).radius for one in distance]),
+        _region(seen, gains, covariance, seen.there, sizes), factor, rows,
+        tuple(_applicability(seen, gains, of_targets)), drift_p, alone,
+    )  # fmt: skip
+
+
+def _held_out(seen: ManySights) -> tuple[Array, Array]:
+    """Chance (R,) of errors as large as the held-out ones, and what is beyond noise (R, 3, 3)."""
+    e, N = seen.test.residual[:, :, :3], seen.test.covariance[:, :, :3, :3]
+    rows = seen.test.rows[:, :, :3, seen.free]
+    R, n = rows.shape[:2]
+    white = np.linalg.solve(np.linalg.cholesky(N), np.concatenate([rows, e[..., None]], axis=3))
+    white = white.reshape(R, 3 * n, -1)
+    J, w = white[..., :-1], white[..., -1:]
+    V = J @ seen.covariance @ np.swapaxes(J, 1, 2) + np.eye(3 * n)
+    root = np.linalg.cholesky((V + np.swapaxes(V, 1, 2)) / 2)
+    square = (np.linalg.solve(root, w) ** 2).sum(axis=(1, 2))
+    predicted = propagated(rows, seen.covariance).mean(axis=1)
+    raw = np.swapaxes(e, 1, 2) @ e / n - predicted - N.mean(axis=1)
+    values, axes = np.linalg.eigh((raw + np.swapaxes(raw, 1, 2)) / 2)
+    positive = (axes * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(axes, 1, 2)
+    return chdtrc(3 * n, square), (positive + np.swapaxes(positive, 1, 2)) / 2
+
+
+def _over(found: Array, gains: ManyGains) -> tuple[Array, Array, Array]:
+    """Growth, transfer and leverage (R, N) of what is left (R, 3, N); see `Applicability`."""
+    of_terms, of_foot, leverage = np.moveaxis(found / gains.usual[:, :, None], 1, 0)
+    transfer = np.maximum(of_terms, of_foot)
+    return np.maximum(1.0, transfer), transfer, leverage
+
+
+def _applicability(seen: ManySights, gains: ManyGains, found: Array) -> list[Applicability]:
+    """Whether the statement of each robot reaches its targets."""
+    _, transfer, leverage = _over(found, gains)
+    q, low, high = seen.there.q, seen.test.q.min(axis=1), seen.test.q.max(axis=1)
+    room = np.where(seen.fits[0].model.chain.prismatic > 0, BEYOND_SLIDE, BEYOND)
+    beyond = (q < (low - room)[:, None]) | (q > (high + room)[:, None])
+    return [
+        Applicability(frozen(g), frozen(h), frozen(far, np.bool_))
+        for g, h, far in zip(transfer, leverage, beyond, strict=True)
+    ]
+
+
+def _region(
+    seen: ManySights, gains: ManyGains, covariance: Array, table: ManyTables, sizes: Array
+) -> Array:
+    """Covariances (R, N, 3, 3) of points, `sizes` (R, N) the variance of the misfit [m^2]."""
+    rows = table.rows[:, :, :3]
+    own = gains.shapes(rows)
+    spread = propagated(rows[..., seen.free], gains.misfit) + own @ np.swapaxes(own, 2, 3)
+    plain = propagated(rows[..., seen.free], covariance)
+    return np.asarray(plain + sizes[:, :, None, None] * spread)
+
+
+def _guarded(
+    seen: ManySights, gains: ManyGains, covariance: Array, upper: Array, growth: Array,
+    probability: float,
+) -> Array:  # fmt: skip
+    """Factors (R,) that the held-out errors ask for; see `belief.adding`."""
+    n = seen.test.q.shape[1]
+    sigma = _region(seen, gains, covariance, seen.test, upper[:, None] ** 2 * growth)
+    sigma += seen.test.covariance[:, :, :3, :3]
+    e, plain = seen.test.residual[:, :, :3], coverage_factor(3, probability)
+    within = np.sqrt(mahalanobis_squared(e, sigma))
+    misses, ball = np.linalg.norm(e, axis=2), np.zeros(within.shape)
+    far = misses > plain * np.sqrt(np.trace(sigma, axis1=2, axis2=3) / 3) * (1 - SPARE)
+    if far.any():
+        ball[far] = plain * misses[far] / distance_radius(sigma[far], probability)
+    rank = int(np.ceil(probability * (n + 1) - 1e-9))
+    scores = np.sort(np.stack([within, ball]), axis=2)[:, :, rank - 1].max(axis=0)
+    return np.asarray(np.maximum(np.sqrt(chdtri(3, 1 - probability)), scores))
+
+
+def _with_drift(
+    seen: ManySights, trains: Sequence[Measurements], tests: Sequence[Measurements],
+    gains: ManyGains, size: ManyMisfits,
+) -> tuple[Array, Array]:  # fmt: skip
+    """Chance (R,) of such a memory of the noise, and covariances (R, f, f) with what it leaves."""
+    m, n = seen.train.q.shape[1], seen.test.q.shape[1]
+    order, is_test = np.arange(m + n), np.repeat([False, True], [m, n])
+    pose = np.concatenate([trains[0].pose_id, -1 - tests[0].pose_id])
+    alike = interchangeable(order, pose, is_test)
+    residual = np.concatenate([_whitened(table) for table in (seen.train, seen.test)], axis=1)
+    q = np.concatenate([seen.train.q, seen.test.q], axis=1)
+    spread = q.std(axis=1, keepdims=True)
+    joints = np.where(spread > 0, q / np.where(spread > 0, spread, 1.0), 0.0)
+    near, p = (memory_chances(rows, order, SEED, alike) for rows in (joints, residual))
+    p = np.where(near < ORDERED, np.nan, p)
+    whole = seen.covariance.copy()
+    for k in np.flatnonzero(p < REMEMBERS).tolist():
+        shape = MisfitShape(frozen(gains.columns, np.int64), frozen(gains.sd[k]))
+        slow = drift(
+            seen.fits[k], trains[k], order[:m], tests[k], order[m:],
+            shape=shape, misfit=float(size.best[k]),
+        )  # fmt: skip
+        if slow.sd > 0:
+            whole[k] += slow.covariance[np.ix_(seen.free, seen.free)]
+    return p, whole
+
+
+def _whitened(table: ManyTables) -> Array:
+    """Position residuals (R, m, 3) in units of their noise."""
+    values, axes = np.linalg.eigh(table.covariance[:, :, :3, :3])
+    root = (axes / np.sqrt(values)[:, :, None]) @ np.swapaxes(axes, 2, 3)
+    return np.asarray((root @ table.residual[:, :, :3, None])[..., 0])

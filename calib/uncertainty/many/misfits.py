@@ -1,0 +1,49 @@
+"""The evidence for a misfit of many robots: rows turned together, likelihoods one by one."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.uncertainty.many.gains import ManyGains
+from calib.uncertainty.many.sights import ManySights
+from calib.uncertainty.statement.evidence import PositionRows, believed_before
+from calib.uncertainty.statement.likelihood import likelihood
+
+
+class ManyMisfits(NamedTuple):
+    """Sizes per axis [m]; see `misfit.HiddenMisfit`."""
+
+    best: Array
+    """(R,) most likely; nan where the rows show nothing."""
+    upper: Array
+    """(R,) upper limit; infinite where the rows show nothing."""
+
+
+def misfits(seen: ManySights, gains: ManyGains, drop: float) -> ManyMisfits:
+    """What the position rows of each robot, identified from and held out, allow."""
+    parts = []
+    for table in (seen.train, seen.test):
+        N = table.covariance[:, :, :3, :3]
+        root = np.linalg.cholesky(N)
+        B = gains.shapes(table.rows[:, :, :3])
+        A = table.rows[:, :, :3, seen.free] * seen.scale
+        f = A.shape[3]
+        both = np.concatenate([A, table.residual[:, :, :3, None], B], axis=3)
+        white = np.linalg.solve(root, both)
+        lean = white[..., f + 1 :]
+        lam, U = np.linalg.eigh(lean @ np.swapaxes(lean, 2, 3))
+        turned = np.swapaxes(U, 2, 3) @ white[..., : f + 1]
+        noise = np.trace(N, axis1=2, axis2=3).sum(axis=1)
+        parts.append((turned.reshape(len(seen), -1, f + 1), lam.reshape(len(seen), -1), noise))
+    X, lam = (np.concatenate(both, axis=1) for both in zip(*(p[:2] for p in parts), strict=True))
+    noise, lam = parts[0][2] + parts[1][2], np.maximum(lam, 0.0)
+    found = np.full((2, len(seen)), [[np.nan], [np.inf]])
+    for k, fit in enumerate(seen.fits):
+        rows = PositionRows(X[k, :, :-1], X[k, :, -1], lam[k], float(noise[k]))
+        unit = rows.noise_sd
+        values = likelihood(rows, unit, None, believed_before(fit))
+        if values is not None:
+            best = values.size[np.argmax(values.value)]
+            found[:, k] = unit * best, unit * values.limit(drop)
+    return ManyMisfits(*found)

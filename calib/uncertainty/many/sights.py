@@ -1,0 +1,145 @@
+"""Many identified robots at their tables and targets: residuals and rows, as arrays over robots.
+
+All have the same numbers, free numbers and counts of poses; values, poses and priors are their own.
+What a prediction costs is paid once for the identified model and all it lacks.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, Bool, Index
+from calib.geometry.model import RobotModel
+from calib.held_out_counts import fewest_poses
+from calib.identification.identify import Identification, Status
+from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predict_at
+from calib.uncertainty.statement.applicability import lacking, unheld_columns
+from calib.uncertainty.statement.gain import prior_precision
+
+UP = np.array([0.0, 0.0, 1.0])
+"""Upwards in the axes of the base."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ManyTables:
+    """What R robots predict of m rows each of full poses."""
+
+    q: Array
+    """(R, m, n) joints [rad, m]."""
+    residual: Array
+    """(R, m, 6) seen minus predicted [m, rad]."""
+    rows: Array
+    """(R, m, 6, P) derivative by the numbers of the model."""
+    unheld: Array
+    """(R, m, 6, k + 1) by what it has no number for: joint errors, then a foot that yields."""
+    covariance: Array
+    """(R, m, 6, 6) of the noise [m, rad]."""
+    p: Array
+    """(R, m, 3) predicted positions [m]."""
+    tool: Array
+    """(R, m, 3, 3) axes of the tool there."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ManySights:
+    """R identifications of one structure, with what they see."""
+
+    fits: Sequence[Identification]
+    free: Index
+    """(f,) places of the free numbers."""
+    scale: Array
+    """(f,) their column scale [m or rad]."""
+    covariance: Array
+    """(R, f, f) of the estimates [m, rad]."""
+    precision: Array
+    """(R, f, f) Lambda0 in scaled columns; zero without a prior."""
+    train: ManyTables
+    """What was identified from."""
+    test: ManyTables
+    """What was held out."""
+    there: ManyTables
+    """Targets: residuals and noise are zero, and only position rows count."""
+
+    def __len__(self) -> int:
+        return len(self.fits)
+
+
+def sights(
+    fits: Sequence[Identification],
+    trains: Sequence[Measurements],
+    tests: Sequence[Measurements],
+    targets: Sequence[Array],
+) -> ManySights:
+    """What robots alike in structure predict of their tables and of targets (t, n) [rad, m]."""
+    first = fits[0]
+    each = [
+        _of_one(fit.model, train, test, q)
+        for fit, train, test, q in zip(fits, trains, tests, targets, strict=True)
+    ]
+    train, test, there = (
+        ManyTables(*(np.stack(part) for part in zip(*tables, strict=True)))
+        for tables in zip(*each, strict=True)
+    )
+    return ManySights(
+        fits, first.parameters.free_index, first.parameters.free_scale,
+        np.stack([fit.covariance for fit in fits]),
+        np.stack([prior_precision(fit) for fit in fits]),
+        train, test, there,
+    )  # fmt: skip
+
+
+def _of_one(
+    model: RobotModel, train: Measurements, test: Measurements, targets: Array
+) -> list[tuple[Array, ...]]:
+    """Fields of the three tables of one robot: all its joints in one pass."""
+    wide = lacking(model)
+    held = np.isin(wide.names, model.names)
+    own, more = np.flatnonzero(held), np.flatnonzero(~held)
+    joints = np.concatenate([train.q, test.q, targets])
+    poses, rows = wide.poses_and_jacobian(joints)
+    edges = np.cumsum([len(train), len(test)])
+    parts = zip(*(np.split(each, edges) for each in (joints, poses, rows)), strict=True)
+    found: list[tuple[Array, ...]] = []
+    for table, (q, T, J) in zip((train, test, None), parts, strict=True):
+        residual, covariance = np.zeros((len(q), 6)), np.zeros((len(q), 6, 6))
+        if table is not None:
+            seen = predict_at(T, J, wide.fixtures, wide.first_fixture, table)
+            residual, J, covariance = seen.residual, seen.rows, table.covariance
+        p, R = T[:, :3, 3], T[:, :3, :3]
+        beyond = unheld_columns(wide, more, UP, p, J)
+        found.append((q, residual, J[:, :, own], beyond, covariance, p, R))
+    return found
+
+
+def alike(
+    fit: Identification, train: Measurements, test: Measurements, probability: float
+) -> tuple[object, ...] | None:
+    """What robots must have in common to go together; None for one that goes alone."""
+    tables = (train, test)
+    plain = (
+        fit.status is Status.CONVERGED
+        and fit.mode == "whitened"
+        and fit.loss == "squared"
+        and not fit.model.fixtures.n_numbers
+        and len(test) >= fewest_poses(probability)
+        and all(map(_plain, tables))
+    )
+    if not plain:
+        return None
+    free: Bool = fit.parameters.free
+    believed = None if fit.prior is None else fit.prior.names
+    poses = train.pose_id.tobytes(), test.pose_id.tobytes()
+    return fit.model.names, free.tobytes(), believed, poses
+
+
+def _plain(table: Measurements) -> bool:
+    """Whether a table holds poses of the chain's tool alone, each once, that state nothing more."""
+    return bool(
+        table.is_pose.all()
+        and not table.station.any()
+        and not table.tool.any()
+        and not table.conditions.stated
+        and table.n_poses == len(table) > 0
+    )

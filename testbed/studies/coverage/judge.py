@@ -1,0 +1,245 @@
+"""What is stated of many robots at their judging poses, four ways, and which points it holds.
+
+Robots whose models are alike are judged over the robot axis, the others one by one: that is also
+the oracle of the arrays.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from calib.arrays import Array, Bool
+from calib.geometry.jacobian import joint_columns
+from calib.identification.fit_statistics import RED
+from calib.identification.identify import Identification
+from calib.identification.least_squares import Status
+from calib.measurement.accuracy import point_distances
+from calib.measurement.observations import Measurements
+from calib.uncertainty.discrepancy import Discrepancy
+from calib.uncertainty.judgement import Circumstances, judge
+from calib.uncertainty.many.judgements import ManyJudgements, judge_many
+from calib.uncertainty.many.sights import alike
+from calib.uncertainty.regions import coverage_factor, inside
+from calib.uncertainty.statement.applicability import Applicability
+from calib.uncertainty.statement.belief import Belief
+from calib.uncertainty.statement.conditions import Conditions, departure
+from calib.uncertainty.tool_point import tool_statement
+from testbed.laboratory.truth.laboratory import Laboratory
+from testbed.studies.coverage.kinds import Use
+from testbed.studies.trial.statement.sources import (
+    drift_left,
+    systematic_covariance,
+    systematic_inputs,
+    systematic_reach,
+    unmodelled_effects,
+)
+
+TOGETHER = 25
+"""Robots in one pass: their rows take some MB each."""
+OF_A_MODEL = (
+    *("inside", "radius", "p_value", "held_out_p", "flagged", "believed", "converged"),
+    *("mean_error", "growth", "p_drift"),
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredRobot:
+    """One robot in the laboratory: what the tracker saw, and the secret that judges."""
+
+    seen: Measurements
+    """Of the identification poses."""
+    validation: Measurements
+    """Of poses drawn as the pool is, its own and no other's."""
+    judge_q: Array
+    """(t, n) further such poses, never measured [rad, m]."""
+    true: Array
+    """(t, 3) the secret: noise-free tool points there [m]."""
+    laboratory: Laboratory
+    """With this robot."""
+    use: Use
+    """Where and how it is used."""
+
+
+def judge_models(
+    fits: Sequence[Identification], measured: Sequence[MeasuredRobot], level: float
+) -> list[dict[str, Any]]:
+    """What `judge_model` finds of one model of each robot, of those alike all at once."""
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for k, (fit, one) in enumerate(zip(fits, measured, strict=True)):
+        if not (systematic_inputs(one.laboratory, one.seen) or drift_left(one.laboratory)):
+            key = alike(fit, one.seen, one.validation, level)
+            if key is not None:
+                groups.setdefault((*key, one.use.one_move), []).append(k)
+    found: list[dict[str, Any] | None] = [None] * len(fits)
+    for group in groups.values():
+        for start in range(0, len(group), TOGETHER):
+            places = group[start : start + TOGETHER]
+            own, some = [fits[k] for k in places], [measured[k] for k in places]
+            judged = judge_many(
+                own,
+                [one.seen for one in some],
+                [one.validation for one in some],
+                [one.judge_q for one in some],
+                probability=level,
+            )
+            for k, figures in zip(places, _figures(judged, own, some, level), strict=True):
+                found[k] = figures
+    return [
+        judge_model(fit, one, level) if figures is None else figures
+        for fit, one, figures in zip(fits, measured, found, strict=True)
+    ]
+
+
+def _figures(
+    judged: ManyJudgements,
+    fits: Sequence[Identification],
+    measured: Sequence[MeasuredRobot],
+    level: float,
+) -> list[dict[str, Any] | None]:
+    """What `judge_model` finds of each, from arrays; None of which they say nothing."""
+    true, n = np.stack([one.true for one in measured]), measured[0].validation.n_poses
+    error = true - judged.position
+    sigma = judged.believed
+    if measured[0].use.one_move:
+        sd = np.stack([one.laboratory.sigma_q for one in measured])
+        moved = judged.rows[..., list(joint_columns(fits[0].model.chain))] * sd[:, None, None]
+        sigma = sigma + moved @ np.swapaxes(moved, 2, 3)
+    normal = coverage_factor(3, level)
+    beyond = np.array([Discrepancy(raw, raw, n).factor(level) for raw in judged.discrepancy])
+    beyond = np.where(judged.discrepancy.any(axis=(1, 2)), beyond, normal)
+    held, size = np.stack(
+        [
+            _held(error, covariance, factor, level)
+            for covariance, factor in (
+                (sigma, judged.factor),
+                (judged.bare, np.full(len(fits), normal)),
+                (judged.bare + judged.discrepancy[:, None], beyond),
+            )
+        ],
+        axis=1,
+    )
+    distance, found = np.linalg.norm(error, axis=2), list[dict[str, Any] | None]()
+    for k, (fit, one) in enumerate(zip(fits, measured, strict=True)):
+        if judged.alone[k]:
+            found.append(None)
+            continue
+        has = believed_where(judged.applies[k], one)
+        at, p = has if has.any() else ~has, judged.held_out_p[k]
+        radius = judged.conformal[k]
+        found.append(
+            {
+                "inside": (
+                    float(held[0, k, at].mean()),
+                    *(float(each[k].mean()) for each in held[1:]),
+                    float((distance[k] <= radius).mean()),
+                ),
+                "radius": (
+                    float(size[0, k, at].mean()),
+                    *(float(each[k].mean()) for each in size[1:]),
+                    float(radius),
+                ),
+                "p_value": fit.p_value,
+                "held_out_p": float(p),
+                "flagged": bool(fit.p_value < RED or p < RED),
+                "believed": float(has.mean()),
+                "converged": True,
+                "mean_error": float(distance[k].mean()),
+                "growth": float(judged.applies[k].growth[at].mean()),
+                "p_drift": 1.0 if np.isnan(judged.drift_p[k]) else float(judged.drift_p[k]),
+            }
+        )
+    return found
+
+
+def _held(error: Array, covariance: Array, factor: Array, level: float) -> tuple[Array, Array]:
+    """Whether regions (R, t) hold the errors (R, t, 3), and radii of balls as large [m]."""
+    stretch = (factor / coverage_factor(3, level)) ** 2
+    holds = inside(error, stretch[:, None, None, None] * covariance, probability=level)
+    variance = np.maximum(np.linalg.det(covariance), 0.0)
+    return holds.astype(np.float64), factor[:, None] * variance ** (1 / 6)
+
+
+def believed_where(applies: Applicability, measured: MeasuredRobot) -> Bool:
+    """At which judging poses (t,) a region is believed: near the proof, and loaded alike."""
+    count = len(measured.true)
+    data, there = (Conditions(payload=np.full(count, load)) for load in measured.use.payload)
+    other = departure(data, there, count).outside
+    return np.asarray((applies.place != "outside") & applies.reaches & ~other)
+
+
+def judge_model(found: Identification, measured: MeasuredRobot, level: float) -> dict[str, Any]:
+    """What one model states at the judging poses, four ways, and which points it holds.
+
+    Names as in `CoverageStudy`.
+    """
+    own, m = measured.laboratory, len(measured.seen)
+    shared = systematic_covariance(own, found, measured.seen)
+    covariance = replace(found, covariance=found.covariance + shared).full_covariance
+    sd = own.sigma_q if own.sigma_q.any() else None
+    bare = tool_statement(found.model, measured.judge_q, covariance, probability=level)
+    judgement = judge(
+        found,
+        measured.validation,
+        train=measured.seen,
+        probability=level,
+        circumstances=Circumstances(
+            order=(np.arange(m), m + np.arange(len(measured.validation))),
+            shared=replace(found, covariance=shared).full_covariance if shared.any() else None,
+            repeatability=sd,
+            unmodelled=unmodelled_effects(own, float(np.sqrt(np.mean(bare.point**2)))),
+        ),
+    )
+    seen, ball = judgement.held_out, judgement.conformal
+    assert seen is not None  # the scenario asks for enough poses, also for the radius
+    assert ball is not None
+    wide = tool_statement(
+        found.model,
+        measured.judge_q,
+        covariance,
+        discrepancy=judgement.discrepancy,
+        probability=level,
+    )
+    radius = ball.radius + systematic_reach(found, shared, measured.judge_q, level=level)
+    error = point_distances(measured.true, bare.position)
+    inside, size, believed, growth = judge_region(judgement.belief, measured, sd)
+    slow = judgement.drifting
+    return {
+        "inside": (
+            inside,
+            float(bare.holds(measured.true).mean()),
+            float(wide.holds(measured.true).mean()),
+            float((error <= radius).mean()),
+        ),
+        "radius": (size, bare.mean_radius, wide.mean_radius, radius),
+        "p_value": found.p_value,
+        "held_out_p": seen.p_value,
+        "flagged": judgement.trust.refuted,
+        "believed": believed,
+        "converged": found.status is Status.CONVERGED,
+        "mean_error": float(error.mean()),
+        "growth": growth,
+        "p_drift": 1.0 if slow is None or slow.void else slow.p_value,
+    }
+
+
+def judge_region(
+    belief: Belief | None, measured: MeasuredRobot, sd: Array | None
+) -> tuple[float, float, float, float]:
+    """Share of points in the believed region, its radius [m], where it is believed, its growth.
+
+    The region is of the mean of many moves, or where single moves are judged, of one: joints come
+    back with standard deviations `sd` (n,).
+    """
+    if belief is None:
+        return 0.0, 0.0, 0.0, 1.0
+    applies = belief.proven.applies(measured.judge_q)
+    has = believed_where(applies, measured)
+    at = has if has.any() else ~has
+    growth = applies.growth[at]
+    stated = belief.regions(
+        measured.judge_q[at], growth=growth, repeatability=sd if measured.use.one_move else None
+    )
+    inside = stated.holds(measured.true[at]).mean()
+    return float(inside), stated.mean_radius, float(has.mean()), float(growth.mean())

@@ -1,0 +1,108 @@
+"""Judgements of many robots at once: each is the judgement of that robot alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import parameters_of
+from calib.identification.identify import identify
+from calib.identification.model_choice import identify_extended
+from calib.uncertainty.judgement import Circumstances, judge
+from calib.uncertainty.many.judgements import judge_many
+from calib.uncertainty.many.sights import alike
+from calib.uncertainty.tool_point import tool_statement
+from tests.calib import kinds
+
+TX60 = RobotModel(kinds.ARMS["tx60"])
+M, N, T = 29, 24, 6
+ORDER = np.arange(M), M + np.arange(N)
+REMEMBERS, STANDS_ELSEWHERE, COUNT = 1, 3, 5
+"""Robots with noise that remembers, and with held-out rows in another frame."""
+
+
+def robot(k):
+    """Robot k, wrong in its geometry and by waves of half the noise: tables, and targets."""
+    rng = np.random.default_rng(50 + k)
+    true = TX60.moved(3e-4 * np.random.default_rng(k).normal(size=TX60.n_numbers))
+    q = kinds.joints("tx60", rng, M + N)
+    table = kinds.poses(true, q, rng)
+    wave = kinds.NOISE * k / 2 * np.cos(3 * q[:, :3] + k)
+    slow = rng.normal(size=(M + N, 3))
+    for row in range(1, M + N):
+        slow[row] = 0.8 * slow[row - 1] + 0.6 * slow[row]
+    slow *= 1.5 * kinds.NOISE * (k == REMEMBERS)
+    # noise of no round shape, another one in each row
+    root = np.eye(3) + 0.5 * rng.normal(size=(M + N, 3, 3)) / np.sqrt(3)
+    covariance = table.covariance.copy()
+    covariance[:, :3, :3] = root @ covariance[:, :3, :3] @ np.swapaxes(root, 1, 2)
+    moved = table.position + wave + slow
+    table = replace(table, position=moved, covariance=covariance)
+    train, test = table.rows(ORDER[0]), table.rows(ORDER[1])
+    if k == STANDS_ELSEWHERE:
+        test = replace(test, position=test.position + 40 * kinds.NOISE)
+    return train, test, kinds.joints("tx60", rng, T)
+
+
+def fitted(train, extended):
+    """Geometry alone, or with joint terms under their prior."""
+    parameters = parameters_of(TX60)
+    if extended:
+        return identify_extended(TX60, train, parameters)
+    return identify(TX60, train, parameters)
+
+
+@pytest.mark.parametrize("extended", [False, True])
+def test_of_many_each_is_judged_as_alone(extended):
+    """To 1e-9: the same sums in another order, of covariances of condition 1e6."""
+    trains, tests, targets = zip(*map(robot, range(COUNT)), strict=True)
+    fits = [fitted(train, extended) for train in trains]
+    keys = {alike(*one, 0.95) for one in zip(fits, trains, tests, strict=True)}
+    assert len(keys) == 1
+    assert None not in keys
+    found = judge_many(fits, trains, tests, targets)
+    assert np.flatnonzero(found.alone).tolist() == [STANDS_ELSEWHERE]
+    drifted = []
+    for k, (fit, train, test, q) in enumerate(zip(fits, trains, tests, targets, strict=True)):
+        one = judge(fit, test, train=train, circumstances=Circumstances(order=ORDER))
+        drifted.append(one.drifting.drift is not None)
+        near = {"rtol": 1e-9, "atol": 0.0}
+        np.testing.assert_allclose(found.held_out_p[k], one.held_out.p_value, **near)
+        np.testing.assert_allclose(found.conformal[k], one.conformal.radius, **near)
+        size = np.abs(one.discrepancy.covariance).max() + 1e-12
+        np.testing.assert_allclose(
+            found.discrepancy[k] / size, one.discrepancy.covariance / size, atol=1e-9
+        )
+        bare = tool_statement(fit.model, q, fit.full_covariance)
+        np.testing.assert_allclose(found.position[k], bare.position, rtol=0, atol=1e-14)
+        of_axes = found.bare[k] / np.linalg.norm(bare.covariance, axis=(1, 2))[:, None, None]
+        plain = bare.covariance / np.linalg.norm(bare.covariance, axis=(1, 2))[:, None, None]
+        np.testing.assert_allclose(of_axes, plain, rtol=0, atol=1e-9)
+        if k == STANDS_ELSEWHERE:
+            assert one.frame.found
+            continue
+        assert not one.frame.found
+        assert found.drift_p[k] == pytest.approx(one.drifting.p_value, nan_ok=True)
+        applies, stated = one.belief.proven.applies(q), one.belief.regions(q)
+        np.testing.assert_allclose(found.applies[k].transfer, applies.transfer, **near)
+        np.testing.assert_allclose(found.applies[k].leverage, applies.leverage, **near)
+        np.testing.assert_array_equal(found.applies[k].beyond, applies.beyond)
+        np.testing.assert_allclose(found.factor[k], stated.factor, **near)
+        size = np.linalg.norm(stated.covariance, axis=(1, 2))[:, None, None]
+        np.testing.assert_allclose(
+            found.believed[k] / size, stated.covariance / size, rtol=0, atol=1e-9
+        )
+    assert drifted[REMEMBERS]
+    assert not all(drifted)
+
+
+def test_what_is_no_plain_table_goes_alone():
+    train, test, _ = robot(0)
+    fit = fitted(train, False)
+    assert alike(fit, train, test, 0.95) is not None
+    assert alike(fit, train, test, 0.99) is None  # too few held-out poses for that radius
+    again = replace(test, pose_id=np.repeat(np.arange(N // 2), 2))
+    assert alike(fit, train, again, 0.95) is None
+    robust = identify(TX60, train, parameters_of(TX60), loss="huber")
+    assert alike(robust, train, test, 0.95) is None
