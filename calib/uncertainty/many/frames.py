@@ -5,7 +5,7 @@ from scipy.special import chdtrc
 
 from calib.arrays import Array
 from calib.uncertainty.many.gains import ManyGains
-from calib.uncertainty.many.sights import ManySights, ManyTables
+from calib.uncertainty.many.sights import ManySights, ManyRowsSeen
 from calib.uncertainty.statement.motion_fit import FOLLOWED
 
 
@@ -54,7 +54,7 @@ def _fall(e: Array, motion: Array) -> Array:
     return np.asarray((((np.swapaxes(U, 1, 2) @ e)[..., 0] ** 2) * shown).sum(axis=1))
 
 
-def _motions(table: ManyTables, about: Array) -> Array:
+def _motions(table: ManyRowsSeen, about: Array) -> Array:
     """Rows (R, m, 6, 9) of a station that shifts, or turns about (R, 1, 3), and of a target."""
     arm = table.p - about
     motions = np.zeros((*arm.shape[:2], 6, 9))
@@ -65,7 +65,7 @@ def _motions(table: ManyTables, about: Array) -> Array:
     return motions
 
 
-def _roots(gains: ManyGains, table: ManyTables, size: Array) -> Array:
+def _roots(gains: ManyGains, table: ManyRowsSeen, size: Array) -> Array:
     """Cholesky factors (R, m, 3, 3) of noise and a misfit of some size (R,)."""
     own = size[:, None, None, None] * gains.shapes(table.rows[:, :, :3])
     V = own @ np.swapaxes(own, 2, 3) + table.covariance[:, :, :3, :3]

@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.geometry.jacobian import joint_columns
-from calib.uncertainty.many.sights import ManySights, ManyTables
+from calib.uncertainty.many.sights import ManySights, ManyRowsSeen
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +48,7 @@ def gains_of(seen: ManySights) -> ManyGains:
     return ManyGains(F, columns, sd, found.misfit, absorbed, usual)
 
 
-def left(seen: ManySights, gains: ManyGains, table: ManyTables) -> Array:
+def left(seen: ManySights, gains: ManyGains, table: ManyRowsSeen) -> Array:
     """(R, 3, N) variance of the target left by a unit of every term, by the foot, by the noise."""
     own = table.rows[:, :, :3, seen.free]
     R, N = own.shape[:2]

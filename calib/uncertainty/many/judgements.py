@@ -19,7 +19,7 @@ from calib.uncertainty.many.frames import motion_chances
 from calib.uncertainty.many.gains import ManyGains, gains_of, left, propagated
 from calib.uncertainty.many.memories import memory_chances
 from calib.uncertainty.many.misfits import ManyMisfits, misfits
-from calib.uncertainty.many.sights import ManySights, ManyTables, sights
+from calib.uncertainty.many.sights import ManySights, ManyRowsSeen, sights
 from calib.uncertainty.regions import coverage_factor, mahalanobis_squared
 from calib.uncertainty.statement.applicability import BEYOND, BEYOND_SLIDE, Applicability
 from calib.uncertainty.statement.distance import SPARE, distance_radius
@@ -138,7 +138,7 @@ def _applicability(seen: ManySights, gains: ManyGains, found: Array) -> list[App
 
 
 def _region(
-    seen: ManySights, gains: ManyGains, covariance: Array, table: ManyTables, sizes: Array
+    seen: ManySights, gains: ManyGains, covariance: Array, table: ManyRowsSeen, sizes: Array
 ) -> Array:
     """Covariances (R, N, 3, 3) of points, `sizes` (R, N) the variance of the misfit [m^2]."""
     rows = table.rows[:, :, :3]
@@ -194,7 +194,7 @@ def _with_drift(
     return p, whole
 
 
-def _whitened(table: ManyTables) -> Array:
+def _whitened(table: ManyRowsSeen) -> Array:
     """Position residuals (R, m, 3) in units of their noise."""
     values, axes = np.linalg.eigh(table.covariance[:, :, :3, :3])
     root = (axes / np.sqrt(values)[:, :, None]) @ np.swapaxes(axes, 2, 3)

@@ -23,7 +23,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ManyTables:
+class ManyRowsSeen:
     """What R robots predict of m rows each of full poses."""
 
     q: Array
@@ -55,11 +55,11 @@ class ManySights:
     """(R, f, f) of the estimates [m, rad]."""
     precision: Array
     """(R, f, f) Lambda0 in scaled columns; zero without a prior."""
-    train: ManyTables
+    train: ManyRowsSeen
     """What was identified from."""
-    test: ManyTables
+    test: ManyRowsSeen
     """What was held out."""
-    there: ManyTables
+    there: ManyRowsSeen
     """Targets: residuals and noise are zero, and only position rows count."""
 
     def __len__(self) -> int:
@@ -79,7 +79,7 @@ def sights(
         for fit, train, test, q in zip(fits, trains, tests, targets, strict=True)
     ]
     train, test, there = (
-        ManyTables(*(np.stack(part) for part in zip(*tables, strict=True)))
+        ManyRowsSeen(*(np.stack(part) for part in zip(*tables, strict=True)))
         for tables in zip(*each, strict=True)
     )
     return ManySights(
