@@ -5,7 +5,7 @@ from scipy.special import chdtrc
 
 from calib.arrays import Array
 from calib.uncertainty.many.gains import ManyGains
-from calib.uncertainty.many.sights import ManySights, ManyRowsSeen
+from calib.uncertainty.many.sights import ManyRowsSeen, ManySights
 from calib.uncertainty.statement.motion_fit import FOLLOWED
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.geometry.jacobian import joint_columns
-from calib.uncertainty.many.sights import ManySights, ManyRowsSeen
+from calib.uncertainty.many.sights import ManyRowsSeen, ManySights
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,7 +19,7 @@ from calib.uncertainty.many.frames import motion_chances
 from calib.uncertainty.many.gains import ManyGains, gains_of, left, propagated
 from calib.uncertainty.many.memories import memory_chances
 from calib.uncertainty.many.misfits import ManyMisfits, misfits
-from calib.uncertainty.many.sights import ManySights, ManyRowsSeen, sights
+from calib.uncertainty.many.sights import ManyRowsSeen, ManySights, sights
 from calib.uncertainty.regions import coverage_factor, mahalanobis_squared
 from calib.uncertainty.statement.applicability import BEYOND, BEYOND_SLIDE, Applicability
 from calib.uncertainty.statement.distance import SPARE, distance_radius
