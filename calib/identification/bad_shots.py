@@ -29,6 +29,8 @@ from calib.measurement.residual import linearize, table_whiteners
 
 CHANCE = 0.01
 """Chance that a table of sound observations, whose noise is as stated, has any suspect."""
+SOONER = 10.0
+"""Times that chance at which the richest model is asked about an observation."""
 LONGER_TAILS = (1.2, 1.5)
 """Variance, in units of the stated one, from which on tails are longer than those of noise, and at
 which limits are `FAR` times as far."""
@@ -103,20 +105,33 @@ def bad_shots(
     wide, judge = extended_by(
         nominal, table, parameters, found.taken, prior=prior, loss="cauchy", start=found.near
     )
-    excess, scatter = excess_of(wide, judge, table, found.noise_factor, chance=chance)
-    suspects, used = np.flatnonzero(excess > 1), np.ones(len(table), dtype=np.bool_)
-    poses = measurements.together
-    too_many = len(np.unique(poses[suspects])) > most * len(np.unique(poses))
+    richest = tuple(ladder.levels[-1] for ladder in ladders)
+    seen = inspect(wide, judge, table, chance=chance)
+    usual, scatter = scatter_of(seen.score, table, found.noise_factor)
+    far, used = seen.score > scatter * seen.limit, np.ones(len(table), dtype=np.bool_)
+    if scatter > usual and found.taken != richest:
+        # tails of a poorer model hide what the richest one sees
+        wide, judge = extended_by(
+            nominal, table, parameters, richest, prior=prior, loss="cauchy", start=found.richest
+        )
+        seen = inspect(wide, judge, table, chance=chance)
+        usual, scatter = scatter_of(seen.score, table, found.noise_factor)
+        far |= seen.score > scatter * seen.limit
+    suspects, poses = np.flatnonzero(far), measurements.together
+    count = int(most * len(np.unique(poses)))
+    too_many = len(np.unique(poses[suspects])) > count
+    sooner = chdtri(table.equations, SOONER * chance / len(table))
+    asked_of = _worst(seen.score / (usual * sooner), poses, count)
     bad = suspects[:0]
-    if len(suspects) and not too_many:
-        used[suspects] = False
-        richest = tuple(ladder.levels[-1] for ladder in ladders)
+    if len(asked_of) and not too_many:
+        used[asked_of] = False
         wide, judge = extended_by(
             nominal, table.rows(used), parameters, richest, prior=prior, start=found.richest
         )
-        limit = chdtri(table.equations[suspects], chance / len(suspects))
-        bad = suspects[foretold(judge, table.rows(~used)) > scatter * limit]
-        bad = bad[np.argsort(-excess[bad], kind="stable")]
+        limit = chdtri(table.equations[asked_of], chance / len(table))
+        square = foretold(judge, table.rows(~used))
+        bad = asked_of[square > scatter * limit]
+        bad = bad[np.argsort(-seen.score[bad], kind="stable")]
     misses, turns = left_out_misses(wide, judge, table, used)
     return BadShots(
         frozen(bad, np.int64), frozen(np.setdiff1d(suspects, bad), np.int64), too_many, judge,
@@ -144,9 +159,21 @@ def excess_of(
         Chance that any of sound observations is beyond its limit.
     """
     seen = inspect(nominal, result, measurements, chance=chance)
-    usual = max(1.0, float(np.median(seen.score / chdtri(measurements.equations, 0.5))))
-    scatter = usual * mildness(max(1.0, factor) ** 2 * usual)
+    _, scatter = scatter_of(seen.score, measurements, factor)
     return np.asarray(seen.score / (scatter * seen.limit)), scatter
+
+
+def scatter_of(score: Array, measurements: Measurements, factor: float) -> tuple[float, float]:
+    """How many times the usual variance scores (m,) have, and the same with their longer tails."""
+    usual = max(1.0, float(np.median(score / chdtri(measurements.equations, 0.5))))
+    return usual, usual * mildness(max(1.0, factor) ** 2 * usual)
+
+
+def _worst(excess: Array, poses: Index, count: int) -> Index:
+    """Rows (m,) beyond a limit, of so many poses at most: the worst ones."""
+    rows = np.flatnonzero(excess > 1)
+    rows = rows[np.argsort(-excess[rows], kind="stable")]
+    return np.sort(rows[np.isin(poses[rows], list(dict.fromkeys(poses[rows].tolist()))[:count])])
 
 
 def mildness(variance: float) -> float:
