@@ -1,10 +1,10 @@
 """The same fit to many tables, each of poses of its own: what `identify` finds, many times faster.
 
-Only the estimates: no reduction, covariance or tests. Where all tables share one plan,
-`uncertainty.refit` is faster still.
+Only the estimates: no reduction, covariance or tests. Tables of full poses go through `many`; a fit
+that gets no certificate there, and all others, go one by one.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,8 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import MOST_STEPS, require_match, row_source
 from calib.identification.least_squares import Status, solve
+from calib.identification.many.fit import fit_many
+from calib.identification.many.tables import ManyTables, known_to_many
 from calib.identification.result import Mode
 from calib.identification.tangent import NEGLIGIBLE, column_norms, tangent_plane
 from calib.information.reduction import KEEP_TOLERANCE
@@ -25,6 +27,8 @@ FEW_STEPS = 12
 """Gauss-Newton steps that a fit from the nominal robot may take: five or six are usual."""
 System = tuple[Array, Array]
 """Residual (n,) and derivative (n, f) of one table at one model."""
+End = tuple[RobotModel, float, Status]
+"""Where a fit ended, its certificate, and how."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +40,8 @@ class Fits:
     steps: Array
     """(K, f) the same as a step from the nominal robot [m, rad]."""
     certificate: Array
-    """(K,) relative offset there, see `tangent.Tangent.certificate`; 1 where nothing was fitted."""
+    """(K,) relative offset there, or before the last step, see `tangent.Tangent.certificate`; 1
+    where nothing was fitted."""
     status: tuple[Status, ...]
     """(K,) how each ended: only those that converged are estimates."""
 
@@ -51,7 +56,7 @@ class Fits:
 
 def fit_each(
     nominal: RobotModel,
-    tables: Sequence[Measurements],
+    tables: Sequence[Measurements] | ManyTables,
     parameters: Parameters,
     *,
     mode: Mode = "whitened",
@@ -59,14 +64,14 @@ def fit_each(
     """Fit the free numbers to each table, starting from the nominal robot.
 
     Gauss-Newton steps by normal equations with unit columns, until 1e-10 standard deviations are
-    left; an orthogonal factorization certifies the end. A fit that does not get there so goes the
-    way of `identify`.
+    left; alone, an orthogonal factorization certifies the end. A fit that does not get there so
+    goes the way of `identify`.
 
     Parameters
     ----------
     nominal : RobotModel
         Start of every fit.
-    tables : sequence of Measurements
+    tables : sequence of Measurements, or ManyTables
         What was measured, each with its own poses.
     parameters : Parameters
         Free numbers: none is left out where a table cannot tell them apart; that fit is DEFICIENT.
@@ -81,18 +86,41 @@ def fit_each(
     require_match(nominal, parameters)
     if mode not in ("whitened", "paper"):
         raise refuse("mode", mode, "whitened or paper", code="A3", message=f'mode is "{mode}"')
-    if not tables:
+    if not len(tables):
         raise refuse("tables", 0, "at least one", code="A3", message="there is no table to fit")
-    ends = [_fit(nominal, table, parameters, mode) for table in tables]
-    models, certificates, status = zip(*ends, strict=True)
+    ends: list[End | None] = [None] * len(tables)
+    for places, many in _groups(tables):
+        if known_to_many(nominal) and 6 * many.seen.shape[2] > parameters.n_free:
+            together = fit_many(nominal, many, parameters, mode=mode)
+            for k, place in enumerate(places):
+                if together.converged[k]:
+                    certificate = float(together.certificate[k])
+                    ends[place] = together.models.one(k), certificate, Status.CONVERGED
+    found = []
+    for k, end in enumerate(ends):
+        table = tables.one(k) if isinstance(tables, ManyTables) else tables[k]
+        found.append(_fit(nominal, table, parameters, mode) if end is None else end)
+    models, certificates, status = zip(*found, strict=True)
     steps = np.array([nominal.step_to(model)[parameters.free_index] for model in models])
     return Fits(models, frozen(steps), frozen(certificates), status)
 
 
-def _fit(
-    nominal: RobotModel, table: Measurements, parameters: Parameters, mode: Mode
-) -> tuple[RobotModel, float, Status]:
-    """One fit: where it ended, its certificate, and how."""
+def _groups(
+    tables: Sequence[Measurements] | ManyTables,
+) -> Iterator[tuple[Sequence[int], ManyTables]]:
+    """Tables of one length together, with their places; those of other rows are left out."""
+    if isinstance(tables, ManyTables):
+        yield range(len(tables)), tables
+        return
+    for size in dict.fromkeys(len(table) for table in tables):
+        places = [k for k, table in enumerate(tables) if len(table) == size]
+        many = ManyTables.alike([tables[k] for k in places])
+        if many is not None:
+            yield places, many
+
+
+def _fit(nominal: RobotModel, table: Measurements, parameters: Parameters, mode: Mode) -> End:
+    """One fit by itself."""
     columns = parameters.free_index
     rows = row_source(table, mode, None if mode == "paper" else table_whiteners(table))
 
@@ -127,7 +155,7 @@ def _gauss_newton(
     move: Callable[[RobotModel, Array], RobotModel],
     x: RobotModel,
     system: System,
-) -> tuple[RobotModel, float, Status] | None:
+) -> End | None:
     """The answer with its certificate; None where plain steps do not lead to one.
 
     Normal equations square the condition, which slows the last steps and bends no answer: the

@@ -66,10 +66,12 @@ class ToolStatement:
     def holds(self, position: ArrayLike) -> Bool:
         """(N,) whether each region holds the position (N, 3) [m]."""
         (position,) = check(f"{len(self.position)} 3", position=position)
+        return self.covers(position - self.position)
+
+    def covers(self, error: Array) -> Bool:
+        """(..., N) whether regions of these sizes hold what is off by errors (..., N, 3) [m]."""
         stretch = (self.factor / coverage_factor(3, self.probability)) ** 2
-        return inside(
-            position - self.position, stretch * self.covariance, probability=self.probability
-        )
+        return inside(error, stretch * self.covariance, probability=self.probability)
 
 
 def tool_statement(

@@ -132,7 +132,7 @@ def fit_many(
     start = nominal if start is None else start
     rows = ManyRows.of(nominal, tables, parameters.free_index, mode)
     belief = None if prior is None else ManyBeliefs.of(prior, parameters)
-    shared = None if len(tables.q) > 1 else _shared(rows, start, belief)
+    shared = _shared(rows, start, belief) if len(tables.q) == 1 < len(tables) else None
     parts = [
         _fit_block(parameters, rows.some(slice(k, k + BLOCK)), start, belief, shared)
         for k in range(0, len(tables), BLOCK)
@@ -177,26 +177,23 @@ def _fit_block(
     models = ManyModels.of(start, len(rows.tables), rows.like)
     if shared is not None:
         models = _by_chords(rows, models, belief, shared)
+    slow = np.full(len(models), shared is None)
     before = np.full(len(models), np.inf)
     near = NEAR if rows.mode == "whitened" and belief is None else NEARER
     for _ in range(MOST_STEPS):
         at = ManyTangents.of(rows, models, belief)
-        if shared is None:
-            C = ManyInverses.of(at.normal(at.data)).C
-            step = (C @ at.gradient[:, :, None])[:, :, 0]
-        else:
-            step = at.gradient @ shared.C
+        step = at.gradient if shared is None else times(at.gradient, shared.C)
+        if slow.any():
+            own = ManyInverses.of(at.normal(at.data)).C
+            step = np.where(slow[:, None], times(at.gradient, own), step)
         inside = (step * at.gradient).sum(axis=1)
-        left = ~(at.certificate(inside) <= near) & np.isfinite(inside)
-        if shared is not None and (inside > SLOW**2 * before)[left].any():
-            shared, before = None, np.full(len(models), np.inf)
-        else:
-            # at rounding no step leads further
-            left &= inside < 0.25 * before
-            before = inside
+        # those that are there stay, whatever the others do: at rounding no step leads further
+        left = ~(at.certificate(inside) <= near) & (inside < 0.25 * before)
         if not left.any():
             break
-        models = moved_by(models, rows.free, np.nan_to_num(step))
+        slow |= left & (inside > SLOW**2 * before)
+        before = np.where(left, inside, 0.0)
+        models = moved_by(models, rows.free, np.where(left[:, None], step, 0.0))
     return _ended(parameters, rows, models, at)
 
 
@@ -205,11 +202,19 @@ def _by_chords(
 ) -> ManyModels:
     """Models after some steps that need no columns but those at the start."""
     for _ in range(CHORDS):
-        pull = rows.residual_at(models) @ shared.A
+        pull = times(rows.residual_at(models), shared.A)
         if belief is not None:
-            pull += (belief.mean - models.steps()[:, rows.free]) @ belief.precision
-        models = moved_by(models, rows.free, pull @ shared.C)
+            pull += times(belief.mean - models.steps()[:, rows.free], belief.precision)
+        models = moved_by(models, rows.free, times(pull, shared.C))
     return models
+
+
+def times(vectors: Array, matrices: Array) -> Array:
+    """Vectors (R, n) times matrices (n, f), shared or (R, n, f): (R, f).
+
+    Each by itself: a product of matrices would let the bits of a row depend on how many there are.
+    """
+    return np.asarray((vectors[:, None] @ matrices)[:, 0])
 
 
 def _ended(
@@ -220,7 +225,7 @@ def _ended(
     data = at.data
     normal = at.normal(data)
     found = ManyInverses.of(normal)
-    step = (found.C @ at.gradient[:, :, None])[:, :, 0]
+    step = times(at.gradient, found.C)
     inside = (step * at.gradient).sum(axis=1)
     certificate = at.certificate(inside)
     models = moved_by(models, rows.free, np.nan_to_num(step))

@@ -11,7 +11,7 @@ from calib.geometry.model import RobotModel
 from calib.identification.result import Mode
 from calib.kernels.robots_plain import residual, system
 from calib.measurement.noise import whiteners
-from calib.measurement.observations import Measurements
+from calib.measurement.observations import POSE, Measurements
 
 PAPER = np.sqrt([1e6, 1e6, 1e6, 2.0, 2.0, 2.0])
 """Root weights of position [1/m] and of half the sum of axis x axis seen [1], by which six rows
@@ -43,12 +43,12 @@ class ManyTables:
 
     @classmethod
     def of(cls, tables: Sequence[Measurements]) -> "ManyTables":
-        """Of tables of full poses, all of the same length; see `known_to_many`."""
-        shared = all(table.q is tables[0].q for table in tables)
+        """Of tables of full poses from one station, all of the same length; see `alike`."""
         q, covariance = (
-            np.array([getattr(table, name) for table in (tables[:1] if shared else tables)])
-            for name in ("q", "covariance")
+            np.array([getattr(table, name) for table in tables]) for name in ("q", "covariance")
         )
+        if (q == q[0]).all() and (covariance == covariance[0]).all():
+            q, covariance = q[:1], covariance[:1]
         return cls.read(
             q,
             np.array([table.position for table in tables]),
@@ -56,10 +56,31 @@ class ManyTables:
             covariance,
         )
 
+    @classmethod
+    def alike(cls, tables: Sequence[Measurements]) -> "ManyTables | None":
+        """The same; None where there are none, or of other rows or lengths."""
+        if len({len(table) for table in tables}) != 1:
+            return None
+        plain = all(
+            table.is_pose.all() and not (table.station.any() or table.tool.any())
+            for table in tables
+        )
+        return cls.of(tables) if plain else None
+
     @property
     def position(self) -> Array:
         """(R, m, 3) positions measured [m]."""
         return np.moveaxis(self.seen[:3], 0, 2)
+
+    def one(self, k: int) -> Measurements:
+        """The table of robot k; its poses are numbered in order."""
+        m = self.seen.shape[2]
+        q, covariance = (part[0 if len(part) == 1 else k] for part in (self.q, self.covariance))
+        rotation = self.seen[3:, k].T.reshape(m, 3, 3)
+        return Measurements(
+            q, self.seen[:3, k].T, rotation, covariance, np.full(m, POSE), np.zeros((m, 3)),
+            np.arange(m), np.zeros(m, dtype=np.int64),
+        )  # fmt: skip
 
     def some(self, which: slice | Index) -> "ManyTables":
         """The tables of some robots."""

@@ -126,6 +126,37 @@ class Tracker:
             R_world_target=R,
         )
 
+    @property
+    def steady(self) -> bool:
+        """Whether it reads full poses, every one of them, with noise alone."""
+        gross = self.gross_errors.outliers or self.gross_errors.missed
+        return self.measures == POSE and self.bias is None and self.drift is None and not gross
+
+    def readings(
+        self, T_true: Array, normal: Array, fixed: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Positions (..., m, 3) [m] and rotations (..., m, 3, 3) read of true poses (..., m, 4, 4).
+
+        Without drift and gross errors; leading axes are visits or robots. `normal` (..., m, 3, 3)
+        are standard normal numbers, `fixed` (..., m, 6) systematic errors [m, rad].
+        """
+        beam_noise, center_noise, turn_noise = np.moveaxis(normal, -2, 0)
+        R = T_true[..., :3, :3]
+        true = T_true[..., :3, 3] + R @ self.reflector
+        beam = true - self.station
+        distance = np.linalg.norm(beam, axis=-1, keepdims=True)
+        u = beam / distance
+        along = self.range_sd[0] + self.range_sd[1] * distance
+        across = self.transverse_sd[0] + self.transverse_sd[1] * distance
+        # along u u' + across (I - u u') is the symmetric root of the beam's covariance
+        share = (u * beam_noise).sum(axis=-1, keepdims=True)
+        position = true + across * beam_noise + (along - across) * share * u
+        position = position + self.centering_sd * center_noise
+        turn = (R @ (turn_noise * self.rotation_sd)[..., None])[..., 0]
+        if fixed is not None:
+            position, turn = position + fixed[..., :3], turn + fixed[..., 3:]
+        return np.asarray(position), exp_so3(turn) @ R
+
     def measure(
         self,
         T_true: Array,
@@ -161,22 +192,11 @@ class Tracker:
             Of each observation; one every `pose_time` by default. The first begins the visit [s].
         """
         m = len(T_true)
-        beam_noise, center_noise, turn_noise = rng.standard_normal((m, 3, 3)).swapaxes(0, 1)
-        true, R = self.targets(T_true), T_true[:, :3, :3]
-        beam = true - self.station
-        distance = np.linalg.norm(beam, axis=1, keepdims=True)
-        u = beam / distance
-        along = self.range_sd[0] + self.range_sd[1] * distance
-        across = self.transverse_sd[0] + self.transverse_sd[1] * distance
-        # along u u' + across (I - u u') is the symmetric root of the beam's covariance
-        share = (u * beam_noise).sum(axis=1, keepdims=True)
-        position = true + across * beam_noise + (along - across) * share * u
-        position += self.centering_sd * center_noise
-        turn = (R @ (turn_noise * self.rotation_sd)[..., None])[..., 0]
+        normal, fixed = rng.standard_normal((m, 3, 3)), None
         if self.bias is not None:
-            fixed = self.bias.errors(true, R, self.T_world_tracker)
-            position, turn = position + fixed[:, :3], turn + fixed[:, 3:]
-        rotation = exp_so3(turn) @ R
+            R = T_true[:, :3, :3]
+            fixed = self.bias.errors(self.targets(T_true), R, self.T_world_tracker)
+        position, rotation = self.readings(T_true, normal, fixed)
         axes = self.T_world_tracker[:3, :3]
         walk_rng, nest_rng, wrong_rng, lost_rng = streams_below(rng)
         if self.drift is not None:

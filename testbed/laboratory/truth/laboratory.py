@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
+from calib.identification.many.tables import ManyTables, known_to_many
 from calib.measurement.observations import DISTANCE, Measurements, joined
 from testbed.laboratory.bench import Bench, open_bench
 from testbed.laboratory.tracker.rounds import Round, first_tracker
@@ -129,6 +130,38 @@ class Laboratory(Bench):
             stream(seed, "tracker", *names, repeat, one.name),
             time[seen],
         )
+
+    def visits(
+        self, q: Array, *names: str | int, count: int, payload: Array | None = None
+    ) -> ManyTables | None:
+        """What visits of poses q (count or 1, m, n) read, as `measure` makes them one by one.
+
+        Visit k is the one with ``repeat=k``. None where arrays do not know it: several rounds, a
+        tracker that is not `steady`, a nominal robot that needs what rows say beside their joints.
+        """
+        if self.rounds or not self.tracker.steady or not known_to_many(self.robot.model):
+            return None
+        seed, (_, m, n), loads = self.scenario.seed, q.shape, self.truth.unmodelled.springs
+        if payload is None and loads is not None and len(loads.payloads):
+            payload = np.full(m, loads.payload)
+
+        def normal(name: str, *shape: int) -> Array:
+            rngs = (stream(seed, name, *names, k) for k in range(count))
+            return np.array([rng.standard_normal((m, *shape)) for rng in rngs])
+
+        scatter, approached = None, q
+        if self.truth.joint_repeatability.any():
+            scatter = normal("approach", n).reshape(-1, n)
+            approached = np.broadcast_to(q, (count, m, n))
+        ways = [journey(one, 0.0, self.tracker.pose_time) for one in approached]
+        time, previous = (np.concatenate(each) for each in zip(*ways, strict=True))
+        T = self.truth.poses(
+            approached.reshape(-1, n), normal=scatter, time=time, previous=previous,
+            payload=None if payload is None else np.tile(payload, len(approached)),
+        )  # fmt: skip
+        read = self.tracker.readings(T.reshape(-1, m, 4, 4), normal("tracker", 3, 3))
+        covariance = self.covariance(q.reshape(-1, n)).reshape(-1, m, 6, 6)
+        return ManyTables.read(q, *read, covariance)
 
     def measure_pool(
         self, indices: Index, *names: str | int, repeat: int = 0, start: float = 0.0

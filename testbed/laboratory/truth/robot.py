@@ -62,14 +62,15 @@ class TrueRobot:
         q: ArrayLike,
         *,
         rng: np.random.Generator | None = None,
+        normal: Array | None = None,
         time: Array | None = None,
         previous: Array | None = None,
         payload: Array | None = None,
     ) -> Array:
         """True tool poses T_world_tool (m, 4, 4) at commanded joints q (m, n) [rad, m].
 
-        Each row is one approach. Without `rng` the joints stop where their errors put them; with it
-        every approach also has its own joint repeatability.
+        Each row is one approach. Without `rng` or `normal` the joints stop where their errors put
+        them; with it every approach also has its own joint repeatability.
 
         Parameters
         ----------
@@ -77,6 +78,8 @@ class TrueRobot:
             Commanded joints [rad, m].
         rng : Generator, optional
             Joint repeatability of each approach.
+        normal : (m, n) array, optional
+            Its standard normal numbers, where they are drawn already.
         time : (m,) array, optional
             Since the start of the campaign; a cold robot by default [s].
         previous : (m, n) array, optional
@@ -90,7 +93,9 @@ class TrueRobot:
         if self.unmodelled.backlash is not None:
             reached = reached + self.unmodelled.backlash.offsets(q, before)
         if rng is not None:
-            scatter = rng.standard_normal(q.shape) * self.joint_repeatability
+            normal = rng.standard_normal(q.shape)
+        if normal is not None:
+            scatter = normal * self.joint_repeatability
         growth = None
         if self.unmodelled.thermal is not None:
             growth = self.unmodelled.thermal.growth(np.zeros(len(q)) if time is None else time)

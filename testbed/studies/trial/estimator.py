@@ -12,6 +12,8 @@ from calib.identification.identify import Identification, Mode, identify
 from calib.identification.joint_models import with_joint_terms
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import Ladder, Level
+from calib.identification.many.fit import ManyFits, fit_many
+from calib.identification.many.tables import ManyTables, known_to_many
 from calib.identification.model_choice import choose
 from calib.identification.prior import Prior
 from calib.identification.robust import Loss
@@ -66,6 +68,22 @@ class Estimator:
             prior=self.prior,
             loss=self.loss,
         )
+
+    def fit_many(self, tables: ManyTables, first: Identification) -> ManyFits | None:
+        """Identify from tables like that of a first identification, and of the same numbers.
+
+        None where arrays do not know the estimator, or one of the fits is no estimate.
+        """
+        told = first.prior is not None and set(first.prior.names) == set(first.names)
+        enough = 6 * tables.seen.shape[2] > first.rank
+        known = known_to_many(self.nominal) and self.loss == "squared"
+        if not known or not (told if first.prior is not None else enough):
+            return None
+        fits = fit_many(
+            self.nominal, tables, first.parameters,
+            mode=self.mode, prior=first.prior, start=first.model,
+        )  # fmt: skip
+        return fits if fits.converged.all() else None
 
 
 def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Estimator:

@@ -1,14 +1,11 @@
-"""A trial played: selected, measured, identified, compared; and the whole again and again.
+"""A trial played: selected, measured, identified, compared; beside the trials the validation visit.
 
-Only a laboratory that knows the truth can ask whether intervals hold it. The same robot visits the
-same poses K times with fresh noise; every replication states its intervals and regions anew. Beside
-the trials stands the validation visit, with the judging poses.
+With the judging poses.
 """
 
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import bdtr, chdtri
 
 from calib.arrays import Array, Index
 from calib.design import (
@@ -19,21 +16,20 @@ from calib.design import (
     detmax,
 )
 from calib.identification.identify import Identification, Mode
+from calib.identification.many.tables import ManyTables
 from calib.information.criteria import NEEDS_GOALS
 from calib.information.criteria.base import Criterion
 from calib.information.criteria.named import criterion_named
 from calib.information.observability import Observability, indices
 from calib.information.rank import singular_values
-from calib.measurement.accuracy import point_distances, target_points
+from calib.measurement.accuracy import target_points
 from calib.measurement.observations import Measurements
-from calib.uncertainty.regions import inside, mahalanobis_squared
 from calib.uncertainty.type_a import type_a
 from testbed.laboratory.goal import goals_of, wants_goals
 from testbed.laboratory.truth.budget import truth_budget
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
 from testbed.laboratory.truth.setting import (
     Setting,
-    in_turn,
     journey,
     make_setting,
     validation_start,
@@ -41,10 +37,11 @@ from testbed.laboratory.truth.setting import (
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import TrialSettings
 from testbed.streams import stream
-from testbed.studies.trial.compare import INTERVAL, compare, target_prediction, true_step
+from testbed.studies.trial.compare import compare, true_step
 from testbed.studies.trial.estimator import Estimator, estimator_for
-from testbed.studies.trial.records import Estimate, Replications, Trial
-from testbed.studies.trial.statement.records import Statement, Validation
+from testbed.studies.trial.records import Estimate, Trial
+from testbed.studies.trial.replications import replicate
+from testbed.studies.trial.statement.records import Validation
 from testbed.studies.trial.statement.state import state
 
 
@@ -127,7 +124,7 @@ def estimate(
         state(bench, estimator, first, visits, validation, name) if mode == "whitened" else None
     )
     truth = true_step(bench.setting, first, visits[0])
-    repeated = np.array([first.step, *(estimator.fit(visit).step for visit in visits[1:])])
+    repeated = np.array([first.step, *repeats(estimator, first, visits[1:])])
     systematic = None if statement is None else statement.systematic
     # repeats of one campaign share what its station gets wrong: they cannot test that part
     shared = systematic is not None and systematic.any()
@@ -146,79 +143,13 @@ def estimate(
     )
 
 
-BAND = 0.999
-"""Probability of the bands in which an honest statement stays."""
-COVERAGE = 0.95
-
-
-def replicate(
-    bench: Laboratory,
-    estimator: Estimator,
-    first: Identification,
-    visited: Measurements,
-    truth: Array,
-    name: str,
-    statement: Statement | None = None,
-) -> Replications | None:
-    """Replicate the calibration of one trial; None if the scenario asks for none.
-
-    What is believed of the first visit is judged as a region of that size about each replicated
-    point: the proof behind it is not repeated.
-
-    Nor are fits with a prior replicated: one robot's repeats cannot show what a prior is worth.
-    """
-    count, setting = bench.scenario.uncertainty.replications, bench.setting
-    if not count or first.prior is not None:
-        return None
-    p_true = target_points(setting.test_true, setting.target)
-    # each pose once, in the order in which it was visited first
-    once = np.sort(np.unique(visited.pose_id, return_index=True)[1])
-    q, pose_id = visited.q[once], visited.pose_id[once]
-    hung = visited.conditions.rows(once).payload
-    believed = None
-    if statement is not None and statement.belief is not None:
-        believed = statement.belief.regions(
-            setting.test_q, target=setting.target, at=in_turn(setting.test_q)
-        )
-    played = []
-    for k in range(count):
-        seen = bench.measure(q, pose_id, "replication", name, repeat=k, payload=hung)
-        found = estimator.fit(seen, first.parameters)
-        point, _, covariance = target_prediction(
-            found.model, setting.test_q, setting.target, found.full_covariance
-        )
-        nees = float(mahalanobis_squared(found.step - truth, found.covariance))
-        held = inside(p_true - point, covariance[:, :3, :3])
-        error = point_distances(p_true, point)
-        again = held if believed is None else replace(believed, position=point).holds(p_true)
-        played.append((found.step, found.standard_uncertainty, nees, error, held, again))
-    f = len(truth)
-    steps, stated, all_nees, errors, hits, again = map(np.array, zip(*played, strict=True))
-    return Replications(
-        count=count,
-        nees=all_nees,
-        parameter_coverage=(np.abs(steps - truth) <= INTERVAL * stated).mean(axis=0),
-        tool_coverage=hits.mean(axis=0),
-        region_coverage=None if believed is None else again.mean(axis=0),
-        sd_ratio=stated.mean(axis=0) / steps.std(axis=0, ddof=1),
-        mean_error=errors.mean(axis=1),
-        nees_band=chi_square_mean_band(f, count),
-        # one alarm in a thousand campaigns for all parameters together, not for each
-        coverage_band=binomial_band(count, probability=1 - (1 - BAND) / f),
-    )
-
-
-def chi_square_mean_band(freedom: int, count: int, probability: float = BAND) -> Array:
-    """Band (2,) of the mean of `count` chi-square values with `freedom` degrees of freedom."""
-    tail = (1 - probability) / 2
-    return np.array([chdtri(freedom * count, p) / count for p in (1 - tail, tail)])
-
-
-def binomial_band(count: int, expected: float = COVERAGE, probability: float = BAND) -> Array:
-    """Band (2,) of the share of `count` independent intervals that hold what they should."""
-    below = bdtr(np.arange(count + 1.0), count, expected)
-    tail = (1 - probability) / 2
-    return np.array([np.searchsorted(below, tail), np.searchsorted(below, 1 - tail)]) / count
+def repeats(estimator: Estimator, first: Identification, visits: Sequence[Measurements]) -> Array:
+    """Steps (v, f) identified from further visits of the poses of a first one [m, rad]."""
+    tables = ManyTables.alike(visits)
+    fits = None if tables is None else estimator.fit_many(tables, first)
+    if fits is None:
+        return np.array([estimator.fit(visit).step for visit in visits])
+    return fits.steps
 
 
 JUDGES = 200

@@ -35,20 +35,23 @@ def test_each_fit_is_the_one_that_identify_finds(mode):
     seen = tables()
     found = fit_each(tx60(), seen, WEN, mode=mode)
     assert found.status == (Status.CONVERGED,) * len(seen)
-    # both stop when 1e-10 standard deviations are left, which are some 1e-15 m
+    # both stop when 1e-10 standard deviations are left, some 1e-13 m
     alone = [identify(tx60(), table, WEN, mode=mode) for table in seen]
     for k, one in enumerate(alone):
-        assert found.steps[k] == pytest.approx(one.step, rel=1e-9, abs=1e-14)
         assert (found.steps[k] - one.step) / one.standard_uncertainty == pytest.approx(0, abs=1e-9)
         assert found.models[k].poses(POOL[:5]) == pytest.approx(
-            one.model.poses(POOL[:5]), abs=1e-14
+            one.model.poses(POOL[:5]), abs=1e-12
         )
-    assert (found.certificate < 1e-10).all()
+    # before the last step, which leaves a hundredth of that or its square
+    assert (found.certificate < 1e-7).all()
 
 
 @pytest.mark.parametrize("mode", MODES)
 def test_plain_steps_are_enough_for_sets_of_the_paper_s_sizes(mode, monkeypatch):
     """The way of `identify` is closed: every fit must settle without it, and within few steps."""
+    monkeypatch.setattr(module, "solve", None)
+    assert fit_each(tx60(), tables(12), WEN, mode=mode).converged.all()
+    monkeypatch.setattr(module, "known_to_many", lambda _: False)
     monkeypatch.setattr(module, "solve", None)
     monkeypatch.setattr(module, "FEW_STEPS", 8)
     assert fit_each(tx60(), tables(12), WEN, mode=mode).converged.all()
@@ -116,6 +119,9 @@ def test_perfect_measurements_give_the_robot_back(mode):
 def test_where_plain_steps_do_not_settle_the_fit_goes_the_way_of_identify(monkeypatch):
     seen = tables(2)
     quick = fit_each(tx60(), seen, WEN)
+    monkeypatch.setattr(module, "known_to_many", lambda _: False)
+    alone = fit_each(tx60(), seen, WEN)
+    assert alone.steps == pytest.approx(quick.steps, rel=1e-8, abs=1e-13)
     monkeypatch.setattr(module, "FEW_STEPS", 1)
     slow = fit_each(tx60(), seen, WEN)
     assert slow.converged.all()

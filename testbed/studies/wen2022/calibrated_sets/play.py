@@ -12,6 +12,7 @@ from calib.arrays import Array, Index
 from calib.design import random_selection
 from calib.errors import CalibError
 from calib.identification.fit_each import Fits, fit_each
+from calib.identification.many.tables import ManyTables
 from calib.information.observability import index_of_singular
 from calib.information.rank import singular_values
 from calib.measurement.accuracy import point_distances, target_points
@@ -40,9 +41,9 @@ def random_calibrations(
     bench, settings = open_laboratory(scenario, setting), scenario.designed[piece]
     name, trial = settings.name, needed.get(settings.name, Trial)
     sets = drawn_sets(scenario, settings, len(setting.pool_q))
-    visits = [
-        bench.measure_pool(chosen, "random_calibrations", name, repeat=k)
-        for k, chosen in enumerate(sets)
+    names = ("random_calibrations", name)
+    visits = bench.visits(setting.pool_q[sets], *names, count=len(sets)) or [
+        bench.measure_pool(chosen, *names, repeat=k) for k, chosen in enumerate(sets)
     ]
     designed, nothing = calibrated(bench, trial.selection.indices[None], [trial.measurements])
     random, failed = calibrated(bench, sets, visits)
@@ -71,13 +72,14 @@ def drawn_sets(scenario: Scenario, settings: TrialSettings, pool: int) -> Index:
 
 
 def calibrated(
-    bench: Laboratory, sets: Index, visits: Sequence[Measurements]
+    bench: Laboratory, sets: Index, visits: Sequence[Measurements] | ManyTables
 ) -> tuple[CalibratedSets, tuple[str, ...]]:
     """Sets (K, m) calibrated from one visit each, and those that gave no estimate, in words."""
     setting, free = bench.setting, bench.free("paper")
     fits = [fit_each(setting.nominal, visits, free, mode=mode) for mode in ESTIMATORS]
     good = np.logical_and.reduce([found.converged for found in fits])
     kept = [k for k, fine in enumerate(good) if fine]
+    seen = [visits.one(k) if isinstance(visits, ManyTables) else visits[k] for k in kept]
     blocks = bench.design_blocks("paper")
     singular = np.array(
         [singular_values(blocks[chosen].reshape(-1, blocks.shape[-1])) for chosen in sets[good]]
@@ -85,9 +87,15 @@ def calibrated(
     found = CalibratedSets(
         indices=sets[good],
         index=np.array([index_of_singular(singular, sets.shape[1], name) for name in INDICES]),
-        own_before=np.array([measured_distance(visits[k], setting.nominal).mean() for k in kept]),
+        own_before=np.array([measured_distance(table, setting.nominal).mean() for table in seen]),
         own_after=np.array(
-            [[measured_distance(visits[k], one.models[k]).mean() for k in kept] for one in fits]
+            [
+                [
+                    measured_distance(table, one.models[k]).mean()
+                    for k, table in zip(kept, seen, strict=True)
+                ]
+                for one in fits
+            ]
         ),
         error=np.array(
             [

@@ -10,7 +10,7 @@ from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from testbed.studies.trial.compare import compare, noise_free, target_prediction, true_step
-from testbed.studies.trial.play import binomial_band, chi_square_mean_band
+from testbed.studies.trial.replications import binomial_band, chi_square_mean_band
 from tests import campaign
 
 
