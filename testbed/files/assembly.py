@@ -11,7 +11,12 @@ from testbed.files.conditions import SetUp, first_stated, of_session
 from testbed.files.matching import pose_numbers, poses_of_joints, visits_of
 from testbed.files.refusal import refusal
 from testbed.files.rows.beside import BesideJoints
-from testbed.files.rows.operating import SAME_JOINTS, RowsOfFile, operating_conditions
+from testbed.files.rows.operating import (
+    SAME_JOINTS,
+    RowsOfFile,
+    operating_conditions,
+    stated_order,
+)
 from testbed.files.rows.stops import one_stop
 from testbed.files.session import Session, Stated
 from testbed.files.session_toml import SessionFile
@@ -77,9 +82,11 @@ def assemble(
         len(q),
     )
     table, names, odd = one_stop(table, conditions, names)
+    files = [_rows(part) for part in parts]
     operating, said, notes = operating_conditions(
-        [_rows(part) for part in parts], conditions, robot, settings.identification.order
+        files, conditions, robot, settings.identification.order
     )
+    order = stated_order(files)
     included = settings.uncertainty.joint_repeatability == "included"
     return Session(
         name=settings.name,
@@ -90,6 +97,8 @@ def assemble(
         read_back=_stacked([part.joints.read_back for part in parts]),
         # several files begin their clocks at different times
         time=_stacked([_extra(part, "time") for part in parts]) if len(parts) == 1 else None,
+        order=order,
+        numbered=order is not None,
         conditions=conditions,
         set_up=SetUp(
             use=settings.use.rows(1),

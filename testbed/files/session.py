@@ -152,7 +152,10 @@ class Session:
     in_use: ToolInUse | None = None
     """The tool that will be used, where it is not the one that was measured."""
     order: Index | None = None
-    """(m,) place of each row in time, where rows of several files have their own times."""
+    """(m,) place of each row in time, where a column states it, or rows of several files have their
+    own times."""
+    numbered: bool = False
+    """Whether it is what a column states."""
     place: tuple[str, ...]
     """(m,) file and line of each row, for messages."""
     visits: tuple[RobotVisit, ...] = ()
@@ -172,6 +175,17 @@ class Session:
         """The session.toml that says what is wanted, for messages; its name where there is none."""
         tomls = (file.path for file in self.files[:1] if file.path.suffix.lower() == ".toml")
         return next(map(str, tomls), self.name)
+
+    @property
+    def in_time(self) -> Index:
+        """Place (m,) of each row in time: as stated, as the clock says, else as the rows stand."""
+        if self.order is not None:
+            return self.order
+        m = len(self.measurements)
+        order = np.arange(m)
+        if self.time is not None:
+            order[np.argsort(self.time, kind="stable")] = np.arange(m)
+        return order
 
     def rows(self, which: Bool) -> "Session":
         """The session restricted to some rows (m,); what was left out stays named."""

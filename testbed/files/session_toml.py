@@ -155,7 +155,7 @@ class IdentificationTable(Strict):
     held_out: Literal["drawn", "designed"] = "drawn"
     """How the held-out poses were chosen: designed ones guard no statement."""
     order: Literal["rows", "as measured", "time", "unknown"] = "rows"
-    """What tells which row came first, for the test of drift: times where there are some, else the
+    """What tells which row came first, for the test of drift: a column order, else times, else the
     order of the rows; times, which must be there; nothing. Times, a column order and "as measured"
     state it, so that what depends on the side that a joint came from can be told as well."""
     material: Literal["steel", "aluminium"] = "steel"

@@ -1,21 +1,7 @@
 """Which row of a session was measured first: a drift is asked for in that order."""
 
-import numpy as np
-
-from calib.arrays import Index
 from calib.errors import refuse
 from testbed.files.session import Session
-
-
-def order_of(session: Session) -> Index:
-    """Place (m,) of each row in time: as the clock says, else as the rows stand in the files."""
-    if session.order is not None:
-        return session.order
-    m = len(session.measurements)
-    order = np.arange(m)
-    if session.time is not None:
-        order[np.argsort(session.time, kind="stable")] = np.arange(m)
-    return order
 
 
 def require_order(session: Session) -> None:
@@ -39,6 +25,8 @@ def order_words(session: Session) -> str:
     """What tells the order of the rows in time."""
     if session.wanted.order == "unknown":
         return ""
+    if session.numbered:
+        return "their column order"
     if session.time is not None:
         return "their times"
     return "the files" if session.order is None else "the files, held-out ones last"

@@ -10,7 +10,6 @@ from calib.measurement.observations import GIVEN, Measurements
 from calib.uncertainty.judgement import Circumstances, Judgement, judge
 from calib.uncertainty.statement.repeats import FEWEST_FREEDOM, joint_scatter, repeated
 from testbed.files.session import Session
-from testbed.identify.order import order_of
 from testbed.robots.robot import Robot
 from testbed.streams import stream
 from testbed.units import counted
@@ -53,7 +52,7 @@ def proof_of(
         Covariance of all numbers from what all readings of the instrument share [m, rad].
     """
     train, test = measurements.rows(used), measurements.rows(is_test)
-    order = order_of(session)
+    order = session.in_time
     scatter = measurements.covariance - session.measurements.covariance
     known = Circumstances(
         visits=measurements.rows(visits) if session.wanted.visits == "first" else None,

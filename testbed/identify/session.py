@@ -17,7 +17,6 @@ from testbed.files.probe import Probe
 from testbed.files.rows.say import taken_as_usual
 from testbed.files.session import Session, Stated
 from testbed.files.visits.probing import tried_words
-from testbed.identify.order import order_of
 from testbed.identify.records import Origin
 from testbed.robots.catalog import Robot
 from testbed.scenario.hashes import robot_hash
@@ -79,7 +78,8 @@ def with_test(session: Session, other: Session) -> Session:
         place=(*session.place, *other.place),
         read_back=_both(session.read_back, other.read_back),
         time=None,  # two files begin their clocks at different times
-        order=np.concatenate([order_of(session), len(mine) + order_of(other)]),
+        order=np.concatenate([session.in_time, len(mine) + other.in_time]),
+        numbered=False,
         conditions=joined_conditions([(one.where, one.conditions) for one in (session, other)]),
         set_up=replace(session.set_up, date=" and ".join(dict.fromkeys(filter(None, dates)))),
     )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array, Index
+from calib.arrays import Array, Index, frozen
 from calib.geometry.operating import AS_USUAL, OperatingConditions, approaches
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.refusal import refusal
@@ -89,6 +89,18 @@ def operating_conditions(
         conditions.temperature,
     )
     return found if found.stated else AS_USUAL, RowsSay(drive, tuple(unsaid)), tuple(notes)
+
+
+def stated_order(files: Sequence[RowsOfFile]) -> Index | None:
+    """Place (m,) in time of the rows of one file by its column order; None without one that sorts.
+
+    Several files may count anew in each of them.
+    """
+    if len(files) != 1 or files[0].beside.order is None or _no_order(files[0]):
+        return None
+    order = np.empty(len(files[0].q), dtype=np.int64)
+    order[np.argsort(files[0].beside.order, kind="stable")] = np.arange(len(order))
+    return frozen(order, np.int64)
 
 
 def _require_light(conditions: Conditions, place: Sequence[str], robot: Robot) -> None:

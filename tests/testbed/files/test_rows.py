@@ -62,8 +62,20 @@ def test_times_and_a_column_state_the_order_and_a_lost_row_breaks_it(tmp_path):
     assert silent.measurements.conditions.approach is None
 
 
+def test_a_column_states_the_order_of_shuffled_rows_whatever_their_times_say(tmp_path):
+    place = np.random.default_rng(4).permutation(M)
+    session = read(tmp_path, rows(order=10 * place + 3, time_s=np.arange(M)))
+    assert session.in_time.tolist() == place.tolist()
+    assert session.numbered
+    assert session.rows(place < 9).in_time.tolist() == place[place < 9].tolist()
+    timed = read(tmp_path, rows(time_s=10.0 * place), name="timed")
+    assert timed.in_time.tolist() == place.tolist()
+    assert not timed.numbered
+
+
 def test_an_order_that_is_none_is_said_and_not_used(tmp_path):
     session = read(tmp_path, rows(order=[*range(20), *range(9)]))
+    assert session.in_time.tolist() == list(range(M))
     assert session.measurements.conditions.approach is None
     why = dict(session.rows_say.unsaid)["approach"]
     assert why.startswith("the column order of ")

@@ -11,7 +11,7 @@ from calib.geometry.jacobian import joint_columns
 from calib.measurement import tables
 from calib.measurement.observations import joined
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.order import order_of, order_words, require_order
+from testbed.identify.order import order_words, require_order
 from testbed.identify.proof import repeatability, stated_target, target_warnings
 from testbed.identify.report_belief import questions_table
 from testbed.identify.session import with_test
@@ -66,10 +66,12 @@ def test_without_enough_repeats_or_apart_from_the_instrument_the_description_tel
 
 def test_rows_stand_in_the_order_of_their_times_or_of_the_file():
     session = sound_session()
-    assert order_of(session).tolist() == list(range(80))
+    assert session.in_time.tolist() == list(range(80))
     time = np.random.default_rng(3).permutation(80) * 12.5
-    order = order_of(replace(session, time=time))
+    order = replace(session, time=time).in_time
     assert np.array_equal(np.argsort(order), np.argsort(time))
+    assert order_words(replace(session, time=time)) == "their times"
+    assert order_words(replace(session, order=order, numbered=True)) == "their column order"
 
 
 def test_a_drift_is_found_in_the_order_of_times_whatever_the_order_of_rows():
@@ -84,11 +86,14 @@ def test_a_drift_is_found_in_the_order_of_times_whatever_the_order_of_rows():
         name: calibrate(robot(), one, Options(seed=1)).proof.drifting
         for name, one in (
             ("timed", replace(session, time=10.0 * order)),
+            ("numbered", replace(session, order=order, numbered=True)),
             ("rows", session),
         )
     }
     assert asked["timed"].p_value < 0.01
     assert asked["timed"].drift is not None
+    assert asked["numbered"].p_value == asked["timed"].p_value
+    assert asked["numbered"].drift.sd == asked["timed"].drift.sd
     assert asked["rows"].p_value > asked["timed"].p_value
 
 
@@ -176,11 +181,11 @@ def test_rows_of_two_files_keep_the_order_of_their_own_times():
     one = replace(sound_session(), time=np.random.default_rng(1).permutation(80) * 1.0)
     apart = session_of(table_of(true_model(), pool_r(30, seed=99), seed=9))
     both = with_test(one, replace(apart, time=np.arange(30.0)[::-1]))
-    assert np.array_equal(order_of(both)[:80], one.time)
-    assert order_of(both)[80:].tolist() == list(range(109, 79, -1))
+    assert np.array_equal(both.in_time[:80], one.time)
+    assert both.in_time[80:].tolist() == list(range(109, 79, -1))
     assert order_words(both) == "the files, held-out ones last"
     kept = both.rows(np.arange(110) % 2 == 0)
-    assert np.array_equal(order_of(kept), order_of(both)[::2])
+    assert np.array_equal(kept.in_time, both.in_time[::2])
 
 
 def test_designed_or_few_held_out_poses_guard_nothing_and_that_is_said():
