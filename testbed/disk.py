@@ -199,8 +199,10 @@ def write_error(path: Path, error: OSError) -> MachineError:
     )
 
 
-def acquire(folder: Path) -> IO[str]:
+def acquire(folder: Path, *, shared: bool = False) -> IO[str]:
     """Open, locked ``run.lock`` of a folder; closing it frees the lock.
+
+    A shared lock keeps out who wants the folder alone, and lets in who would share it, too.
 
     Raises
     ------
@@ -209,7 +211,7 @@ def acquire(folder: Path) -> IO[str]:
     """
     file = open(folder / LOCK, "a+", encoding="utf-8", opener=unfollowed)  # noqa: SIM115  # open as long as it locks
     try:
-        _lock(file)
+        _lock(file, shared=shared)
     except OSError as error:
         file.seek(0)
         owner = file.read().strip() or "another process"
@@ -225,8 +227,11 @@ def acquire(folder: Path) -> IO[str]:
     return file
 
 
-def _lock(file: IO[str]) -> None:
-    """Take the lock without waiting; OSError if another process has it."""
+def _lock(file: IO[str], *, shared: bool) -> None:
+    """Take the lock without waiting; OSError if another process has it.
+
+    Windows shares none: there every slice needs a folder of its own.
+    """
     if sys.platform == "win32":
         import msvcrt
 
@@ -235,4 +240,4 @@ def _lock(file: IO[str]) -> None:
     else:
         import fcntl
 
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)

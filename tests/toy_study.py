@@ -30,6 +30,7 @@ class ToySettings(StudyTable):
 
     table: ClassVar[str] = "toy"
     keys: ClassVar[tuple[str, ...]] = (KEY,)
+    totals: ClassVar[tuple[str, ...]] = ("robots",)
     robots: Annotated[int, Field(ge=0, le=100)] = 0
     shots: Annotated[int, Field(ge=2, le=100)] = 5
 

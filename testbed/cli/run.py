@@ -1,96 +1,20 @@
-"""Verbs that compute: run and plan play a scenario, identify calibrates from measurements."""
+"""Verbs that compute beside `run`: plan chooses poses, identify and iso9283 take measurements."""
 
-from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from testbed.cli.app import Debug, Json, Quiet, app
+from testbed.cli.campaign import Overwrite, Scene, Seed, default_folder, scenario_of
 from testbed.cli.exit_codes import SOME_FAILED, exit_codes
-from testbed.cli.output import say, say_json, warn
+from testbed.cli.output import say, say_json
 from testbed.machine import COMPUTING
 
-if TYPE_CHECKING:
-    from testbed.scenario.scenario import Scenario
-
-Scene = Annotated[str, typer.Argument(metavar="SCENE", help="A scene's name or a .toml file.")]
-Seed = Annotated[int | None, typer.Option(help="Another seed.")]
 Data = Annotated[
     Path, typer.Argument(metavar="DATA", help="A session.toml, or a table: CSV, xlsx.")
 ]
 MaxMb = Annotated[float, typer.Option("--max-mb", help="Largest file read [MB].")]
-Workers = Annotated[
-    str, typer.Option(metavar="N", help="Processes that play robots; auto: one a core.")
-]
-Overwrite = Annotated[
-    bool, typer.Option("--overwrite", help="Rename an old run of that name first.")
-]
-
-
-@app.command()
-def run(
-    scene: Scene,
-    out: Annotated[Path | None, typer.Option(help="Folder [runs/SCENE-seedN].")] = None,
-    seed: Seed = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with a stopped run.")] = False,
-    overwrite: Overwrite = False,
-    export: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Write the measurements as files for identify, too."),
-    ] = None,
-    workers: Workers = "1",
-    quiet: Quiet = False,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> None:
-    """Play a whole virtual campaign and write its run folder."""
-    with exit_codes(debug=debug, as_json=as_json, room=COMPUTING) as end:
-        scenario, where = scenario_of(scene, seed)
-        folder = out or default_folder(scenario)
-        end.folder = folder
-        words = ["truebed", "run", scene, "--out", str(folder)]
-        words += [] if seed is None else ["--seed", str(seed)]
-        if export is not None:
-            from testbed.files.session_toml import SESSION_FILE
-            from testbed.store.whole_folder import check_free
-
-            check_free(export, SESSION_FILE, overwrite=overwrite)
-            words += ["--export", str(export)]
-        processes = workers_asked(workers, quiet=quiet or as_json)
-        words += [] if processes == 1 else ["--workers", workers]
-        end.resume = [*words, "--resume"]
-        from testbed.cli.terminal import headline, progress
-        from testbed.engines.choice import engine_of
-        from testbed.run.play import play_run, robot_of
-        from testbed.run.result import read_result
-
-        engine = engine_of(processes)
-        with progress(quiet=quiet or as_json) as report, closing(engine):
-            outcome = play_run(
-                scenario,
-                folder,
-                resume=resume,
-                overwrite=overwrite,
-                progress=report,
-                where=where,
-                engine=engine,
-            )
-        end.code = SOME_FAILED if outcome.failed else end.code
-        if export is not None:
-            from testbed.run.export import export_campaign
-
-            arm = robot_of(scenario, where)
-            export_campaign(outcome.campaign, arm, export, overwrite=overwrite)
-        if as_json:
-            say_json((folder / "result.json").read_text(encoding="utf-8").rstrip())
-        elif not quiet:
-            say(headline(read_result(folder)))
-            say()
-            say(f"Report     {folder / 'report.html'}")
-            if export is not None:
-                say(f"Exported   {export / SESSION_FILE}")
-            say(f"Next       truebed view {folder}")
 
 
 @app.command()
@@ -276,33 +200,6 @@ def iso9283(
             say()
             say(f"Figures    {folder / ISO9283}")
             say(f"Report     {folder / REPORT}")
-
-
-def scenario_of(scene: str, seed: int | None) -> "tuple[Scenario, str]":
-    """A scene with another seed, if there is one, and what to call it in messages."""
-    from testbed.scenario.read import changed, scenario_path
-    from testbed.studies import load_scenario
-
-    where = scenario_path(scene)[1]
-    scenario = load_scenario(scene)
-    if seed is not None:
-        scenario = changed(scenario, {"seed": seed}, where="--seed")
-    return scenario, where
-
-
-def workers_asked(text: str, *, quiet: bool) -> int:
-    """The processes that --workers asks for; said, if they are more than cores."""
-    from testbed.engines.choice import crowded, workers_of
-
-    workers = workers_of(text)
-    if not quiet and (told := crowded(workers)):
-        warn(told)
-    return workers
-
-
-def default_folder(scenario: "Scenario") -> Path:
-    """Where a run goes unless --out says otherwise."""
-    return Path("runs") / f"{scenario.name}-seed{scenario.seed}"
 
 
 def folder_of(data: Path, ending: str) -> Path:

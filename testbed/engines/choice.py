@@ -32,6 +32,22 @@ def workers_of(text: str) -> int:
     return int(text)
 
 
+def slice_of(text: str) -> tuple[int, int]:
+    """Number and count that ``--slice i/n`` asks for.
+
+    Raises
+    ------
+    InputError
+        C41: it is no slice.
+    """
+    number, _, count = text.partition("/")
+    numbers = all(word.isascii() and word.isdigit() and len(word) < 7 for word in (number, count))
+    if numbers and 1 <= int(number) <= int(count):
+        return int(number), int(count)
+    allowed = "i/n, the i-th of n slices, i from 1 to n"
+    raise refuse("--slice", text, allowed, code="C41", fix="write 1/4 ... 4/4 for four slices")
+
+
 def crowded(workers: int) -> str:
     """What to say of more processes than cores; nothing where there are enough."""
     if workers <= cores():

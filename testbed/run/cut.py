@@ -1,14 +1,19 @@
 """Records that are played in pieces: each piece once, kept as it comes, and joined in order."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from testbed.engines.engine import Engine
 from testbed.engines.kit import Kit
-from testbed.engines.piece import Piece, failed
+from testbed.engines.piece import Piece, failed, pieces_of
 from testbed.store.npz import Failure
 from testbed.store.pieces import StoredPiece, piece_from
 from testbed.store.run_folder import RunFolder
 from testbed.studies.protocol import Record, Study
+
+if TYPE_CHECKING:
+    from testbed.robots.robot import Robot
 
 
 def cut_together(planned: Mapping[str, tuple[Study, Record]], name: str) -> dict[str, Record]:
@@ -18,6 +23,25 @@ def cut_together(planned: Mapping[str, tuple[Study, Record]], name: str) -> dict
         for key, (_, record) in planned.items()
         if record.cut is not None and record.cut.name == name
     }
+
+
+def cut_names(planned: Mapping[str, tuple[Study, Record]]) -> list[str]:
+    """All cuts, in the order of their records."""
+    return list(dict.fromkeys(one.cut.name for _, one in planned.values() if one.cut))
+
+
+def sliced_cuts(planned: Mapping[str, tuple[Study, Record]]) -> list[str]:
+    """Those whose pieces go to slices: no other piece needs their records."""
+    needed = {key for _, one in planned.values() if one.cut for key in one.needs}
+    return [name for name in cut_names(planned) if not needed & {*cut_together(planned, name)}]
+
+
+def all_pieces(
+    planned: Mapping[str, tuple[Study, Record]], name: str, robot: "Robot"
+) -> tuple[Piece, ...]:
+    """The pieces of one cut, in their order."""
+    records = cut_together(planned, name)
+    return pieces_of(planned[next(iter(records))][0], records, robot)
 
 
 def step_of(record: Record) -> str:
@@ -62,6 +86,20 @@ class Pieces:
         if len(parts) == 1:
             return parts[0]
         return kit.study.gather(kit.scenario, record.key, parts)
+
+    def failures(self, folder: RunFolder | None, pieces: Sequence[Piece]) -> dict[str, str]:
+        """Why parts of pieces failed, by the names of both."""
+        return {
+            f"{piece.name} {key}": reason
+            for piece in pieces
+            if (stored := self._stored(folder, piece)) is not None
+            for key, reason in stored.failures.items()
+        }
+
+    def processors(self, folder: RunFolder, pieces: Iterable[Piece]) -> dict[str, int]:
+        """How many pieces each kind of processor has played."""
+        stored = (self._stored(folder, piece) for piece in pieces)
+        return dict(sorted(Counter(one.processor for one in stored if one is not None).items()))
 
     def _stored(self, folder: RunFolder | None, piece: Piece) -> StoredPiece | None:
         """A piece that was kept; None if there is none that can be used."""

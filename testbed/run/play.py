@@ -17,11 +17,17 @@ from testbed.run.derive import Derive, derived_file, led_by, require_trial
 from testbed.run.result import read_result
 from testbed.run.work import Work
 from testbed.scenario.checks import check_robot
-from testbed.scenario.hashes import scenario_hash
+from testbed.scenario.hashes import growing_hash, scenario_hash
 from testbed.scenario.read import dump_scenario
 from testbed.scenario.scenario import Scenario
 from testbed.store import layout
-from testbed.store.manifest import read_manifest, require_campaign
+from testbed.store.manifest import (
+    GROWING,
+    PROCESSORS,
+    manifest_bytes,
+    read_manifest,
+    require_campaign,
+)
 from testbed.store.run_folder import RunFolder
 from testbed.studies import all_studies, load_scenario
 from testbed.studies.protocol import Records, Study
@@ -110,7 +116,7 @@ def play_run(
         return RunOutcome(scenario, records, None, ())
     path = Path(out)
     opened = (
-        RunFolder.resume(path, scenario_hash(scenario, robot))
+        RunFolder.resume(path, scenario_hash(scenario, robot), growing_hash(scenario, robot))
         if resume
         else RunFolder.create(path, overwrite=overwrite)
     )
@@ -123,6 +129,9 @@ def play_run(
             opened.discard()
             raise error.located(where) from error
         records = work.derive(layout.DERIVED)
+        if found := work.processors(opened):
+            said = about(scenario, robot) | {PROCESSORS: found}
+            opened.write(layout.MANIFEST, manifest_bytes(said))
         opened.end()
         work.event("end", failed=sorted(work.failed))
     return RunOutcome(scenario, records, path, tuple(work.kept))
@@ -135,6 +144,7 @@ def about(scenario: Scenario, robot: "Robot") -> dict[str, Any]:
         "seed": scenario.seed,
         "robot": robot.name,
         "scenario_sha256": scenario_hash(scenario, robot),
+        GROWING: growing_hash(scenario, robot),
     }
 
 
@@ -235,6 +245,14 @@ def recording_name(trial: str | None) -> str:
 
 def _open(path: Path, studies: Sequence[Study] | None, derive: Derive | None = None) -> Work:
     """The records of a run folder, none of which will be computed."""
+    scenario, robot = scenario_in(path)
+    played = all_studies(scenario) if studies is None else studies
+    folder = RunFolder(path)
+    return Work(scenario, robot, played, derive or derived_file, folder=folder, only_stored=True)
+
+
+def scenario_in(path: Path) -> "tuple[Scenario, Robot]":
+    """The scenario and robot of a run folder, which are those that it was begun with."""
     manifest = read_manifest(path)
     require_campaign(path, manifest)
     file = path / layout.SCENARIO
@@ -249,6 +267,4 @@ def _open(path: Path, studies: Sequence[Study] | None, derive: Derive | None = N
             where=where,
             fix="undo the change, or run it again with another --out",
         )
-    played = all_studies(scenario) if studies is None else studies
-    folder = RunFolder(path)
-    return Work(scenario, robot, played, derive or derived_file, folder=folder, only_stored=True)
+    return scenario, robot

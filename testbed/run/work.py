@@ -1,16 +1,16 @@
 """A scenario's records, each made once and kept as soon as it is whole; then derived files."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from calib.errors import CalibError, MachineError, refuse
 from testbed.engines.engine import Alone, Engine
 from testbed.engines.kit import Kit
-from testbed.engines.piece import pieces_of
+from testbed.engines.piece import Piece
 from testbed.progress import Clock, Progress
-from testbed.run.cut import Pieces, cut_together, step_of
+from testbed.run.cut import Pieces, all_pieces, cut_names, cut_together, sliced_cuts, step_of
 from testbed.run.derive import Derive, Played
 from testbed.scenario.hashes import record_hash
 from testbed.scenario.scenario import Scenario
@@ -65,7 +65,7 @@ class Work:
         self._played: dict[str, int] = {}
         """How many pieces of each cut there are."""
         self._clock = Clock()
-        self._derived = 0
+        self._derived, self._files = 0, len(layout.DERIVED)
 
     def make(self, order: Iterable[str] | None = None) -> Records:
         """Make every record, in any order; one that fails is counted with its reason."""
@@ -144,21 +144,62 @@ class Work:
 
     def _whole(self, study: Study, record: Record) -> object:
         """One record, played now or joined from its pieces."""
+        kit = self._kit(study, record)
+        if record.cut is None:
+            return study.play(self.scenario, Task(study.name, (record.key,)), kit.needed)
+        cut = record.cut.name
+        pieces = all_pieces(self.planned, cut, self.robot)
+        if self._played.get(cut) != len(pieces):  # no other record of the cut was made before
+            self._play(cut, kit, pieces)
+        return self._pieces.joined(self.folder, kit, record, pieces)
+
+    def _kit(self, study: Study, record: Record) -> Kit:
+        """What a record is made from, once that is there."""
         needed = Records(
             {key: self._values[key] for key in record.needs if key in self._values},
             {key: self.failed[key] for key in record.needs if key in self.failed},
         )
-        if record.cut is None:
-            return study.play(self.scenario, Task(study.name, (record.key,)), needed)
-        cut, kit = record.cut.name, Kit(self.scenario, self.robot, study, needed)
-        pieces = pieces_of(study, cut_together(self.planned, cut), self.robot)
-        if self._played.get(cut) != len(pieces):  # no other record of the cut was made before
-            with self._clock.step(cut):
-                for done in self._pieces.have(self.folder, kit, pieces):
-                    self._played[cut] = done
-                    if done < len(pieces):
-                        self._report(cut)
-        return self._pieces.joined(self.folder, kit, record, pieces)
+        return Kit(self.scenario, self.robot, study, needed)
+
+    def _play(self, cut: str, kit: Kit, pieces: Sequence[Piece]) -> None:
+        """Have some pieces of a cut, and say how far that is."""
+        with self._clock.step(cut):
+            for done in self._pieces.have(self.folder, kit, pieces):
+                self._played[cut] = done
+                if done < len(pieces):
+                    self._report(cut)
+
+    def play_slice(self, number: int, count: int) -> tuple[int, dict[str, str]]:
+        """Play every `count`-th piece, from `number`: how many those are, and why parts failed.
+
+        Records that the pieces need are made, no others.
+        """
+        mine: dict[str, tuple[Piece, ...]] = {}
+        before = 0
+        for cut in sliced_cuts(self.planned):
+            pieces = all_pieces(self.planned, cut, self.robot)
+            mine[cut] = pieces[(number - 1 - before) % count :: count]
+            before += len(pieces)
+        firsts = {cut: next(iter(cut_together(self.planned, cut))) for cut in mine}
+        needed = {key: self.planned[key][1] for key in self._below(firsts.values())}
+        self._steps = {step: self._steps[step] for step in map(step_of, needed.values())}
+        self._steps |= {cut: len(pieces) for cut, pieces in mine.items()}
+        self._files = 0
+        failures: dict[str, str] = {}
+        for cut, pieces in mine.items():
+            study, record = self.planned[firsts[cut]]
+            for key in record.needs:
+                self._ensure(key)
+            self._play(cut, self._kit(study, record), pieces)
+            failures |= self._pieces.failures(self.folder, pieces)
+        self._progress("", self.steps, self.steps)
+        self.event("slice", number=number, count=count, failed=sorted(failures))
+        return sum(map(len, mine.values())), failures
+
+    def _below(self, keys: Iterable[str]) -> set[str]:
+        """All records that some need, and what those need."""
+        needs = {other for key in keys for other in self.planned[key][1].needs}
+        return needs | self._below(needs) if needs else needs
 
     def derive(self, names: Iterable[str]) -> Records:
         """Write derived files from the records, each whole or not at all."""
@@ -189,7 +230,7 @@ class Work:
     @property
     def steps(self) -> int:
         """Records, pieces of those that are cut, and derived files in all."""
-        return sum(self._steps.values()) + (len(layout.DERIVED) if self.folder else 0)
+        return sum(self._steps.values()) + (self._files if self.folder else 0)
 
     def _report(self, name: str) -> None:
         """Report what begins now."""
@@ -199,6 +240,12 @@ class Work:
             for step, count in self._steps.items()
         )
         self._progress(name, done + self._derived, self.steps)
+
+    def processors(self, folder: RunFolder) -> dict[str, int]:
+        """How many of all pieces each kind of processor has played."""
+        cuts = cut_names(self.planned)
+        pieces = (one for cut in cuts for one in all_pieces(self.planned, cut, self.robot))
+        return self._pieces.processors(folder, pieces)
 
     def _write_timing(self, folder: RunFolder) -> None:
         """How long each step took; no number of the result depends on it."""

@@ -37,6 +37,16 @@ def scenario_hash(scenario: Scenario, robot: "Robot") -> str:
     return sha256(canonical(document)).hexdigest()
 
 
+def growing_hash(scenario: Scenario, robot: "Robot") -> str:
+    """The same without numbers of robots: what was played of some is kept when there are more."""
+    document = hashed_document(scenario) | {"robot": robot_hash(robot)}
+    for name, table in scenario.tables.items():
+        for key in table.totals:
+            del document[name][key]
+    del document["studies"]["population"]
+    return sha256(canonical(document)).hexdigest()
+
+
 def record_hash(reads: Mapping[str, Any], robot: "Robot", key: str) -> str:
     """Hex sha256 of what one record depends on: what it reads of the scenario, robot and key."""
     return sha256(canonical({**reads, "robot": robot_hash(robot), "key": key})).hexdigest()

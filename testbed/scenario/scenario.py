@@ -66,6 +66,8 @@ class StudyTable(Settings):
     """Its name in the file."""
     keys: ClassVar[tuple[str, ...]]
     """Record keys that go with it; no trial may be called so."""
+    totals: ClassVar[tuple[str, ...]] = ()
+    """Its keys that only say how many there are of what is played in pieces."""
 
     @abstractmethod
     def contradictions(self, scenario: "Scenario") -> list[str]:

@@ -9,9 +9,12 @@ from testbed.store.layout import FORMAT, MANIFEST, SCENARIO
 from testbed.store.npz import check_format, damaged, pretty_json, read_json
 from testbed.versions import number_versions
 
+PROCESSORS = "processors"
+"""How many pieces each kind of processor has played: bits are promised for one kind only."""
 CAMPAIGN, CALIBRATION = "campaign", "calibration"
 """Kinds of run folders: a scenario played, or measurements identified from."""
-
+GROWING = "growing_sha256"
+"""Hash of a scenario without its numbers of robots: with more of them what was played is kept."""
 
 HASHES = {CAMPAIGN: "scenario_sha256", CALIBRATION: "input_sha256"}
 """What each kind's manifest names its input by."""
@@ -57,24 +60,48 @@ def read_manifest(path: Path) -> dict[str, Any]:
     return document
 
 
-def check_same_run(path: Path, scenario_hash: str) -> None:
-    """Refuse to go on with a run of another scenario or begun with other versions."""
+def check_same_run(path: Path, scenario_hash: str, growing_hash: str = "") -> bool:
+    """Whether a run is of just this scenario, or of one with more or fewer robots.
+
+    Raises
+    ------
+    InputError
+        It is of another scenario, or was begun with other versions.
+    """
     document = read_manifest(path)
     require_campaign(path, document)
-    if document["scenario_sha256"] != scenario_hash:
+    same = bool(document["scenario_sha256"] == scenario_hash)
+    if not same and (not growing_hash or document.get(GROWING) != growing_hash):
         fix = f"run {path / SCENARIO} to go on with that one, or choose another --out"
         told = "holds a run of another scenario, seed or robot"
         raise _unusable(path, told, field="--resume", fix=fix)
-    ours, theirs = number_versions(), document["versions"]
-    changes = [
-        f"{name} {theirs.get(name, 'unknown')} there, {ours[name]} here"
-        for name in ours
-        if theirs.get(name) != ours[name]
-    ]
+    changes = _changes(document["versions"], number_versions(), "here")
     if changes:
-        told = f"was begun with other versions: {'; '.join(changes)}"
+        told = f"was begun with other versions: {changes}"
         fix = "install those, or start again in another --out"
         raise _unusable(path, told, field="--resume", fix=fix)
+    return same
+
+
+def check_same_runs(path: Path, other: Path) -> None:
+    """Refuse two folders that were not begun with one scenario and the same versions."""
+    one, second = read_manifest(path), read_manifest(other)
+    require_campaign(other, second)
+    fix = "merge folders of one run only"
+    if one["scenario_sha256"] != second["scenario_sha256"]:
+        told = f"holds a run of another scenario, seed or robot than {path}"
+        raise _unusable(other, told, field="merge", fix=fix)
+    if changes := _changes(second["versions"], one["versions"], f"in {path}"):
+        raise _unusable(other, f"was begun with other versions: {changes}", field="merge", fix=fix)
+
+
+def _changes(theirs: Mapping[str, str], ours: Mapping[str, str], here: str) -> str:
+    """Versions that differ, in words."""
+    return "; ".join(
+        f"{name} {theirs.get(name, 'unknown')} there, {ours[name]} {here}"
+        for name in ours
+        if theirs.get(name) != ours[name]
+    )
 
 
 def _unusable(

@@ -64,13 +64,30 @@ class RunFolder:
         return cls._locked(real, fresh=True)
 
     @classmethod
-    def resume(cls, path: Path, scenario_hash: str) -> "RunFolder":
-        """The folder of a run of the same scenario and versions; a new one if none began."""
+    def resume(cls, path: Path, scenario_hash: str, growing_hash: str = "") -> "RunFolder":
+        """The folder of a run of the same scenario and versions; a new one if none began.
+
+        It may be one with more or fewer robots, told by `growing_hash`: what was derived from those
+        is removed.
+        """
         with writing(path):
             if not path.exists() or is_unused(path):
                 return cls.create(path)
-        check_same_run(path, scenario_hash)
-        return cls._locked(path)
+        same = check_same_run(path, scenario_hash, growing_hash)
+        folder = cls._locked(path)
+        if not same:
+            for name in layout.DERIVED:
+                (path / name).unlink(missing_ok=True)
+        return folder
+
+    @classmethod
+    def share(cls, path: Path, scenario_hash: str) -> "RunFolder":
+        """The folder of a run that several processes fill at once; a new one if none began."""
+        with writing(path):
+            begun = path.exists() and not is_unused(path)
+        if begun:
+            check_same_run(path, scenario_hash)
+        return cls._locked(path, fresh=not begun, shared=True)
 
     @classmethod
     def reopen(cls, path: Path) -> "RunFolder":
@@ -79,14 +96,14 @@ class RunFolder:
         return cls._locked(path)
 
     @classmethod
-    def _locked(cls, path: Path, *, fresh: bool = False) -> "RunFolder":
+    def _locked(cls, path: Path, *, fresh: bool = False, shared: bool = False) -> "RunFolder":
         """The folder, made if need be, under its lock and without what a killed process left."""
         with writing(path):
             (path / layout.TRIALS).mkdir(parents=True, exist_ok=True)
-            lock = acquire(path)
-        remove_leftovers(path)
-        remove_leftovers(path / layout.TRIALS)
-        remove_leftovers(path / layout.PARTS)
+            lock = acquire(path, shared=shared)
+        # those of a folder that is shared may be of others that are alive
+        for folder in () if shared else (path, path / layout.TRIALS, path / layout.PARTS):
+            remove_leftovers(folder)
         return cls(path, lock, fresh=fresh)
 
     def begin(self, scenario: str, about: Mapping[str, Any]) -> None:
@@ -137,6 +154,12 @@ class RunFolder:
         with suppress(OSError, DamagedError), _opened(path) as file:
             return piece_from(file, name, spec)
         return None
+
+    def add(self, name: str, data: bytes) -> None:
+        """Take over a record or piece, ``trials/setting.npz``, from another folder."""
+        path = self.path / name
+        path.parent.mkdir(exist_ok=True)
+        atomic_write(path, data)
 
     def require_record(self, key: str, cls: type[T], spec: str, *, fix: str) -> T | Failure:
         """A record that must be there; `fix` says how one is had that is lost.

@@ -41,6 +41,7 @@ where there are so many robots in all that what the pieces share would cost too 
 class ManyRobots(StudyTable):
     """The table of a study of many robots of several kinds."""
 
+    totals: ClassVar[tuple[str, ...]] = ("robots",)
     needs_paper_set: ClassVar[bool] = False
     """Whether every robot needs the free set of the paper."""
 

@@ -152,7 +152,8 @@ def test_a_defect_of_ours_keeps_its_traceback_in_the_run_folder(truebed, scene):
 
 
 WRONG = [
-    "--see 3", "run", "run quick --seed 1.5", "run quick --workers 2", "run a b",
+    "--see 3", "run", "run quick --seed 1.5", "run quick --workers 0", "run a b",
+    "run quick --slice 0/4", "run quick --slice 1/2", "merge one", "merge one --out two",
     "plan", "plan quick --seed 1.5", "plan quick --poses 3", "identify staubli_tx60",
     "identify staubli_tx60 points.csv", "identify staubli_tx60 points.csv --train x",
 ]  # fmt: skip

@@ -11,7 +11,7 @@ import pytest
 
 from calib.errors import CalibError, MachineError
 from testbed.engines import choice, kit
-from testbed.engines.choice import crowded, workers_of
+from testbed.engines.choice import crowded, slice_of, workers_of
 from testbed.engines.kit import require_alike
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "engine_messages.txt"
@@ -21,6 +21,10 @@ CASES = {
     "fewer than none": lambda _: workers_of("-2"),
     "a word": lambda _: workers_of("all"),
     "too many workers": lambda _: workers_of("100000"),
+    "slice 0": lambda _: slice_of("0/4"),
+    "slice 5 of 4": lambda _: slice_of("5/4"),
+    "half a slice": lambda _: slice_of("1.5/4"),
+    "no slice": lambda _: slice_of("2"),
     "more workers than cores": lambda _: crowded(64),
     "another version": lambda _: require_alike(OURS | {"truebed": "0.0.9"}),
     "other sources and packages": lambda _: require_alike(

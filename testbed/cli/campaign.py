@@ -1,0 +1,184 @@
+"""Verbs that play a campaign: run, whole or a slice of it, and merge, which joins slices."""
+
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from testbed.cli.app import Debug, Json, Quiet, app
+from testbed.cli.exit_codes import SOME_FAILED, exit_codes
+from testbed.cli.output import say, say_json, warn
+from testbed.machine import COMPUTING
+
+if TYPE_CHECKING:
+    from testbed.engines.engine import Engine
+    from testbed.scenario.scenario import Scenario
+
+Scene = Annotated[str, typer.Argument(metavar="SCENE", help="A scene's name or a .toml file.")]
+Seed = Annotated[int | None, typer.Option(help="Another seed.")]
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="Rename an old run of that name first.")
+]
+Workers = Annotated[
+    str, typer.Option(metavar="N", help="Processes that play robots; auto: one a core.")
+]
+
+
+@app.command()
+def run(
+    scene: Scene,
+    out: Annotated[Path | None, typer.Option(help="Folder [runs/SCENE-seedN].")] = None,
+    seed: Seed = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a stopped run.")] = False,
+    overwrite: Overwrite = False,
+    export: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Write the measurements as files for identify, too."),
+    ] = None,
+    workers: Workers = "1",
+    part: Annotated[
+        str | None,
+        typer.Option("--slice", metavar="I/N", help="Play the I-th of N slices of robots only."),
+    ] = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Play a whole virtual campaign and write its run folder."""
+    with exit_codes(debug=debug, as_json=as_json, room=COMPUTING) as end:
+        scenario, where = scenario_of(scene, seed)
+        folder = out or default_folder(scenario)
+        end.folder = folder
+        words = ["truebed", "run", scene, "--out", str(folder)]
+        words += [] if seed is None else ["--seed", str(seed)]
+        if export is not None:
+            from testbed.files.session_toml import SESSION_FILE
+            from testbed.store.whole_folder import check_free
+
+            check_free(export, SESSION_FILE, overwrite=overwrite)
+            words += ["--export", str(export)]
+        engine, more = engine_asked(workers, quiet=quiet or as_json)
+        words += more
+        from testbed.cli.terminal import progress
+
+        if part is not None:
+            from testbed.engines.choice import slice_of
+            from testbed.run.slices import play_slice
+
+            number, count = slice_of(part)
+            alone(overwrite=overwrite, export=export)
+            end.resume = [*words, "--slice", part]
+            with progress(quiet=quiet or as_json) as report, closing(engine):
+                played = play_slice(
+                    scenario, folder, number, count, progress=report, where=where, engine=engine
+                )
+            end.code = SOME_FAILED if played.failed else end.code
+            if not (quiet or as_json):
+                for name, reason in played.failed.items():
+                    say(f"FAILED {name}: {reason}")
+                say(f"Slice {part}   {played.pieces} pieces in {folder / 'parts'}")
+                say(f"Next       when all slices have ended: {' '.join(words)} --resume")
+            return
+        end.resume = [*words, "--resume"]
+        from testbed.run.play import play_run, robot_of
+
+        with progress(quiet=quiet or as_json) as report, closing(engine):
+            outcome = play_run(
+                scenario,
+                folder,
+                resume=resume,
+                overwrite=overwrite,
+                progress=report,
+                where=where,
+                engine=engine,
+            )
+        end.code = SOME_FAILED if outcome.failed else end.code
+        if export is not None:
+            from testbed.run.export import export_campaign
+
+            arm = robot_of(scenario, where)
+            export_campaign(outcome.campaign, arm, export, overwrite=overwrite)
+        tell(folder, quiet=quiet, as_json=as_json, exported=export and export / SESSION_FILE)
+
+
+@app.command()
+def merge(
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="RUN RUN...", help="Folders of slices of one run.")
+    ],
+    out: Annotated[Path, typer.Option(help="Folder of the whole run.")],
+    overwrite: Overwrite = False,
+    workers: Workers = "1",
+    quiet: Quiet = False,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Join the slices of a run that were played into several folders; play what is missing."""
+    with exit_codes(debug=debug, as_json=as_json, room=COMPUTING) as end:
+        end.folder = out
+        engine, more = engine_asked(workers, quiet=quiet or as_json)
+        end.resume = ["truebed", "run", str(out), "--out", str(out), *more, "--resume"]
+        from testbed.cli.terminal import progress
+        from testbed.run.slices import merge_runs
+
+        with progress(quiet=quiet or as_json) as report, closing(engine):
+            outcome = merge_runs(runs, out, overwrite=overwrite, progress=report, engine=engine)
+        end.code = SOME_FAILED if outcome.failed else end.code
+        tell(out, quiet=quiet, as_json=as_json)
+
+
+def tell(folder: Path, *, quiet: bool, as_json: bool, exported: Path | None = None) -> None:
+    """Print what a run gave."""
+    from testbed.cli.terminal import headline
+    from testbed.run.result import read_result
+
+    if as_json:
+        say_json((folder / "result.json").read_text(encoding="utf-8").rstrip())
+    elif not quiet:
+        say(headline(read_result(folder)))
+        say()
+        say(f"Report     {folder / 'report.html'}")
+        if exported is not None:
+            say(f"Exported   {exported}")
+        say(f"Next       truebed view {folder}")
+
+
+def scenario_of(scene: str, seed: int | None) -> "tuple[Scenario, str]":
+    """A scene with another seed, if there is one, and what to call it in messages."""
+    from testbed.scenario.read import changed, scenario_path
+    from testbed.studies import load_scenario
+
+    where = scenario_path(scene)[1]
+    scenario = load_scenario(scene)
+    if seed is not None:
+        scenario = changed(scenario, {"seed": seed}, where="--seed")
+    return scenario, where
+
+
+def default_folder(scenario: "Scenario") -> Path:
+    """Where a run goes unless --out says otherwise."""
+    return Path("runs") / f"{scenario.name}-seed{scenario.seed}"
+
+
+def engine_asked(workers: str, *, quiet: bool) -> "tuple[Engine, list[str]]":
+    """Who plays pieces, and the words that ask for it; more processes than cores are said."""
+    from testbed.engines.choice import crowded, engine_of, workers_of
+
+    number = workers_of(workers)
+    if not quiet and (told := crowded(number)):
+        warn(told)
+    return engine_of(number), [] if number == 1 else ["--workers", workers]
+
+
+def alone(*, overwrite: bool, export: Path | None) -> None:
+    """Refuse what a slice cannot do: it is one of several, and no whole run."""
+    from calib.errors import refuse
+
+    given = "--overwrite" if overwrite else "--export" if export is not None else ""
+    if given:
+        raise refuse(
+            given, None, code="C41", message=f"{given} is given with --slice",
+            allowed="a slice is one of several that may share a folder",
+            fix=f"give {given} with the run that joins them, or leave it out",
+        )  # fmt: skip

@@ -1,0 +1,260 @@
+"""Slices and merged folders: the bytes of a run that one process played, whoever played what."""
+
+import json
+import re
+import shutil
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from calib.arrays import Array
+from calib.errors import CalibError, InputError, MachineError
+from testbed.run.play import play_run
+from testbed.run.slices import merge_runs, play_slice
+from testbed.scenario.hashes import shared_part
+from testbed.store import layout, npz
+from testbed.store.pieces import piece_from
+from testbed.streams import stream
+from testbed.studies.protocol import Cut, Record
+from tests.testbed.studies.trial.fake_campaign import Fake, FakeSetting
+from tests.testbed.studies.trial.fake_campaign import content as all_content
+from tests.testbed.studies.trial.fake_campaign import scenario as fake_scenario
+
+KINDS = ("many.a", "many.b")
+REFUSED = """\
+HERE/wrong: its parts/many.000000.npz is another one than that of HERE/a; play all slices on one \
+kind of processor, or remove the folder that is wrong. [D42]
+HERE/seed: holds a run of another scenario, seed or robot than HERE/a; merge folders of one run \
+only. [D42]
+HERE/versions: was begun with other versions: NUMPY; merge folders of one run only. [D42]
+HERE/foreign: its 5 pieces under parts/ are of another scenario; leave it out, or play its slice \
+again. [D42]
+merge is given one folder; two folders or more; to go on with one: truebed run FOLDER --out FOLDER \
+--resume. [C41]"""
+NO_SLICES = (
+    "x.toml: --slice is given, and no study of many robots is on; studies of many robots are "
+    "played in slices; leave --slice out. [C41]"
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """One number a robot."""
+
+    value: Array
+
+
+class Many(Fake):
+    """Robots of two kinds, three a piece, as many as the scenario has random sets."""
+
+    name = "many"
+    stopped_at: int | None = None
+    wrong: float = 0.0
+
+    def records(self, scenario):
+        shared, robots = shared_part(scenario), scenario.studies.population
+        cut = Cut("many", robots, 3, shared)
+        reads = shared | {"robots": robots}
+        cuts = [Record(key, Found, reads, ("pools",), cut) for key in KINDS]
+        pools = Record("pools", Found, shared, ("setting",), Cut("pools", 2, 1, shared))
+        return (*super().records(scenario)[:2], pools, *cuts)
+
+    def play(self, scenario, task, needed):
+        if not task.block:
+            return super().play(scenario, task, needed)
+        self.computed.append(f"{task.keys[0]} {task.piece}")
+        if task.keys[0] == "pools":
+            return {"pools": Found(needed.get("setting", FakeSetting).pool[: len(task.block), 0])}
+        if task.piece == self.stopped_at:
+            raise KeyboardInterrupt
+        more = needed.get("pools", Found).value.sum()
+        if task.piece in self.failing and "many.b" in task.keys:
+            raise CalibError(f"piece {task.piece} did not work", code="T0")
+        return {
+            key: Found(
+                np.array([stream(5, key, k).normal() + more + self.wrong for k in task.block])
+            )
+            for key in task.keys
+        }
+
+    def gather(self, scenario, key, parts):
+        return Found(np.concatenate([part.value for part in parts]))
+
+    def derive(self, name, played):
+        values = [played.records.find(key, Found) for key in KINDS]
+        return npz.pretty_json({"many": [None if v is None else v.value.tolist() for v in values]})
+
+
+def scenario(robots=14, **changes):
+    studies = {"population": robots, "random_sets": 0, "pose_count": False}
+    return fake_scenario(studies=studies, **changes)
+
+
+def run(out, many=None, *, what=None, **options):
+    many = many or Many()
+    return play_run(what or scenario(), out, studies=(many,), derive=many.derive, **options)
+
+
+def part(out, number, count, many=None):
+    return play_slice(scenario(), out, number, count, studies=(many or Many(),))
+
+
+def merge(folders, out, many=None):
+    many = many or Many()
+    return merge_runs(folders, out, studies=(many,), derive=many.derive)
+
+
+def content(folder):
+    return all_content(folder) | {
+        path.name: path.read_bytes() for path in (folder / layout.PARTS).iterdir()
+    }
+
+
+@pytest.fixture
+def whole(tmp_path):
+    run(tmp_path / "whole")
+    return content(tmp_path / "whole")
+
+
+def test_pieces_are_played_once_and_reported_one_by_one(tmp_path):
+    many, told = Many(), []
+    run(tmp_path / "a", many, progress=lambda *now: told.append(now))
+    assert many.computed == [
+        "setting", "trial-a", "pools 0", "pools 1", *(f"many.a {k}" for k in range(5))
+    ]  # fmt: skip
+    assert [done for _, done, _ in told] == list(range(14))
+    assert {steps for *_, steps in told} == {13}
+    assert [name for name, *_ in told] == [
+        "setting", "trial-a", "pools", "pools", *["many"] * 5, *layout.DERIVED, ""
+    ]  # fmt: skip
+    in_memory = run(None).records
+    for key in KINDS:
+        kept = npz.record_from((tmp_path / f"a/trials/{key}.npz").read_bytes(), key, Found, spec(
+            tmp_path / f"a/trials/{key}.npz"))  # fmt: skip
+        assert in_memory.get(key, Found).value.tobytes() == kept.value.tobytes()
+
+
+def spec(path):
+    return npz.from_bytes(path.read_bytes())[0]["spec_sha256"]
+
+
+@pytest.mark.parametrize("count", [1, 3, 7])
+def test_slices_in_any_order_and_a_run_that_goes_on_give_the_bytes_of_one_run(
+    tmp_path, whole, count
+):
+    out = tmp_path / "shared"
+    order = np.random.default_rng(count).permutation(count) + 1
+    played = [part(out, int(number), count).pieces for number in order]
+    assert sorted(played) == sorted(len(range(k, 5, count)) for k in range(count))
+    assert not (out / "trials" / "trial-a.npz").exists()  # no piece needs it
+    assert not (out / layout.RESULT).exists()
+    many = Many()
+    run(out, many, resume=True)
+    assert many.computed == ["trial-a"]
+    assert content(out) == whole
+
+
+def test_folders_that_share_no_disk_are_merged_and_what_is_missing_is_played(tmp_path, whole):
+    """One of three slices was killed after its first piece, and one piece was damaged."""
+    folders = [tmp_path / name for name in "abc"]
+    part(folders[0], 1, 3)
+    part(folders[2], 3, 3)
+    killed = Many()
+    killed.stopped_at = 4
+    with pytest.raises(KeyboardInterrupt):
+        part(folders[1], 2, 3, killed)
+    (folders[2] / layout.PARTS / "many.000002.npz").write_bytes(b"PK")
+    for k, order in enumerate([folders, folders[::-1]]):
+        many = Many()
+        merge(order, tmp_path / f"{k}", many)
+        assert many.computed == ["trial-a", "many.a 2", "many.a 4"]
+        assert content(tmp_path / f"{k}") == whole
+
+
+def test_slices_share_a_folder_and_keep_a_whole_run_out(tmp_path, monkeypatch):
+    class Meanwhile(Many):
+        def play(self, scenario, task, needed):
+            if task.keys[0] == "many.a" and task.piece == 0:
+                part(tmp_path / "a", 2, 2)
+                with pytest.raises(MachineError, match="in use by process"):
+                    run(tmp_path / "a", resume=True)
+            return super().play(scenario, task, needed)
+
+    part(tmp_path / "a", 1, 2, Meanwhile())
+    assert len(list((tmp_path / "a" / layout.PARTS).glob("many.*"))) == 5
+
+
+def test_more_robots_keep_the_full_pieces_and_fewer_keep_them_too(tmp_path):
+    out = tmp_path / "grown"
+    run(out)
+    for robots, fresh in ((20, [4, 5, 6]), (14, [4]), (20, [4])):
+        many = Many()
+        assert (out / layout.RESULT).exists()
+        run(out, many, what=scenario(robots), resume=True)
+        assert many.computed == [f"many.a {k}" for k in fresh]
+    run(tmp_path / "whole", what=scenario(20))
+    assert content(out) == content(tmp_path / "whole")
+    with pytest.raises(InputError, match="another scenario, seed or robot"):
+        run(out, what=scenario(20, seed=6), resume=True)
+
+
+def test_a_stop_after_more_robots_were_asked_for_leaves_no_old_result(tmp_path):
+    run(tmp_path)
+    many = Many()
+    many.stopped_at = 5
+    with pytest.raises(KeyboardInterrupt):
+        run(tmp_path, many, what=scenario(20), resume=True)
+    assert not (tmp_path / layout.RESULT).exists()
+    assert (tmp_path / layout.UNFINISHED).exists()
+
+
+def test_a_piece_that_fails_is_a_result_of_its_kind_alone(tmp_path):
+    outcome = run(tmp_path / "whole", Many(failing=(3, 1)))
+    assert outcome.failed == {"many.b": "piece 1 did not work. [T0]"}
+    assert len(outcome.records.get("many.a", Found).value) == 14
+    out = tmp_path / "slices"
+    failed = [part(out, k, 2, Many(failing=(3, 1))).failed for k in (1, 2)]
+    assert failed == [
+        {},
+        {f"many.00000{k} many.b": f"piece {k} did not work. [T0]" for k in (1, 3)},
+    ]
+    run(out, resume=True)
+    assert content(out) == content(tmp_path / "whole")
+
+
+def test_each_piece_says_which_processor_played_it(tmp_path):
+    from testbed.versions import processor
+
+    run(tmp_path)
+    path = tmp_path / layout.PARTS / "many.000000.npz"
+    assert piece_from(path.read_bytes(), path.stem, spec(path)).processor == processor()
+    manifest = json.loads((tmp_path / layout.MANIFEST).read_bytes())
+    assert manifest["processors"] == {processor(): 7}
+
+
+def test_folders_that_disagree_are_refused_and_nothing_is_written(tmp_path):
+    part(tmp_path / "a", 1, 2)
+    part(tmp_path / "b", 2, 2)
+    other = Many()
+    other.wrong = 1e-15
+    part(tmp_path / "wrong", 1, 2, other)
+    many = Many()
+    play_slice(scenario(seed=6), tmp_path / "seed", 1, 2, studies=(many,))
+    shutil.copytree(tmp_path / "b", tmp_path / "versions")
+    manifest = tmp_path / "versions" / layout.MANIFEST
+    manifest.write_bytes(manifest.read_bytes().replace(b'"numpy": "', b'"numpy": "9'))
+    shutil.copytree(tmp_path / "b", tmp_path / "foreign")
+    shutil.rmtree(tmp_path / "foreign" / layout.PARTS)
+    shutil.copytree(tmp_path / "seed" / layout.PARTS, tmp_path / "foreign" / layout.PARTS)
+    cases = [[tmp_path / "a", tmp_path / name] for name in ("wrong", "seed", "versions", "foreign")]
+    shown = []
+    for folders in (*cases, [tmp_path / "a"]):
+        with pytest.raises(InputError) as caught:
+            merge(folders, tmp_path / "out")
+        shown.append(str(caught.value).replace(str(tmp_path), "HERE"))
+    with pytest.raises(InputError) as caught:
+        play_slice(scenario(), tmp_path / "out", 1, 2, studies=(Fake(),), where="x.toml")
+    assert "\n".join([re.sub("numpy 9[^,]*, [^;]*;", "NUMPY;", one) for one in shown]) == REFUSED
+    assert str(caught.value) == NO_SLICES
+    assert not (tmp_path / "out").exists()
