@@ -1,6 +1,6 @@
 """The serial chain: all its geometric numbers in one frozen value, and its forward kinematics."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -155,6 +155,25 @@ def joint_vectors(chain: Chain, q: ArrayLike) -> Array:
     return frozen(q)
 
 
+def after_links(
+    chain: Chain, q: Array, growth: Array | None = None
+) -> Iterator[tuple[Array, Array, Array, Array]]:
+    """Axes x, y, z and origins (m, 3) in the world before the first link and after each one.
+
+    At checked joints q (m, n); see `forward`.
+    """
+    R = np.broadcast_to(chain.T_world_base[:3, :3], (len(q), 3, 3))
+    p = np.broadcast_to(chain.T_world_base[:3, 3], (len(q), 3))
+    x, y, z = R[..., 0], R[..., 1], R[..., 2]
+    yield x, y, z, p
+    for c, s, d, a, ca, sa, cb, sb in link_rotation_parts(chain, q, growth):
+        x, y = c * x + s * y, c * y - s * x
+        p = p + d * z + a * x
+        y, z = ca * y + sa * z, ca * z - sa * y
+        x, z = cb * x - sb * z, sb * x + cb * z
+        yield x, y, z, p
+
+
 def forward(chain: Chain, q: ArrayLike, growth: Array | None = None) -> Array:
     """Tool poses T_world_tool (m, 4, 4) at joint vectors q (m, n) [rad, m].
 
@@ -170,13 +189,5 @@ def forward(chain: Chain, q: ArrayLike, growth: Array | None = None) -> Array:
     >>> forward(chain, [[0.0]])[0, :3, 3]
     array([0.1, 0. , 0.3])
     """
-    q = joint_vectors(chain, q)
-    R = np.broadcast_to(chain.T_world_base[:3, :3], (len(q), 3, 3))
-    p = np.broadcast_to(chain.T_world_base[:3, 3], (len(q), 3))
-    x, y, z = R[..., 0], R[..., 1], R[..., 2]
-    for c, s, d, a, ca, sa, cb, sb in link_rotation_parts(chain, q, growth):
-        x, y = c * x + s * y, c * y - s * x
-        p = p + d * z + a * x
-        y, z = ca * y + sa * z, ca * z - sa * y
-        x, z = cb * x - sb * z, sb * x + cb * z
+    *_, (x, y, z, p) = after_links(chain, joint_vectors(chain, q), growth)
     return transform(np.stack([x, y, z], -1), p) @ chain.T_flange_tool

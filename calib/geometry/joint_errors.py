@@ -7,6 +7,7 @@ term moves no joint: the lengths of a warm arm.
 """
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Literal
 
 import numpy as np
@@ -185,6 +186,7 @@ class JointErrors:
         return dq
 
 
+@cache
 def gravity_terms(n_joints: int, quarters: tuple[int, int] = (0, 0)) -> tuple[JointTerm, ...]:
     """Sag of a vertical-plane arm: dq2 = g1 sin q2 + g2 sin(q2+q3), dq3 = g3 sin(q2+q3).
 
@@ -206,6 +208,7 @@ def gravity_terms(n_joints: int, quarters: tuple[int, int] = (0, 0)) -> tuple[Jo
     )
 
 
+@cache
 def harmonic_terms(n_joints: int, orders: tuple[int, ...] = (1, 2)) -> tuple[JointTerm, ...]:
     """Sine and cosine of each order per joint: what an eccentric gear or encoder leaves."""
     return tuple(

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.errors import refuse
-from calib.geometry.chain import Chain, forward
+from calib.geometry.chain import Chain, after_links, forward
 from calib.geometry.felt_springs import felt_springs, postures
 from calib.geometry.gravity import weight_of
 from calib.geometry.joint_errors import JointErrors, JointTerm, gravity_terms, harmonic_terms
@@ -120,21 +120,19 @@ def gravity_quarters(chain: Chain) -> tuple[int, int] | None:
     if chain.n_joints < 3 or "prismatic" in chain.kinds[1:3]:
         return None
     near = np.cos(UPRIGHT)
-    second, third, fourth, tip = (
-        forward(Chain(chain.links[:k], chain.kinds[:k], chain.T_world_base), np.zeros((1, k)))[0]
-        for k in (1, 2, 3, chain.n_joints)
-    )
-    tip = tip @ chain.T_flange_tool
-    axis = second[:3, 2]
+    still = np.zeros((1, chain.n_joints))
+    ends = [(z[0], p[0]) for *_, z, p in after_links(chain, still)]
+    (axis, second), (of_third, third), (of_fourth, fourth) = ends[1:4]
+    tip = forward(chain, still)[0, :3, 3]
     if chain.kinds[0] == "revolute" and abs(chain.T_world_base[2, 2]) < near:
         return None
     # opposite axes are out as well: the forearm would lean by q2 - q3
-    if abs(axis[2]) > np.sin(UPRIGHT) or axis @ third[:3, 2] < near:
+    if abs(axis[2]) > np.sin(UPRIGHT) or axis @ of_third < near:
         return None
-    parallel = chain.n_joints > 3 and abs(axis @ fourth[:3, 2]) >= near
+    parallel = chain.n_joints > 3 and abs(axis @ of_fourth) >= near
     end = fourth if parallel else tip
     of_parts = []
-    for arm in (third[:3, 3] - second[:3, 3], end[:3, 3] - third[:3, 3]):
+    for arm in (third - second, end - third):
         up, ahead = arm[2], np.cross(axis, [0.0, 0.0, 1.0]) @ arm  # the part that gravity turns
         quarters = round(np.arctan2(ahead, up) / (np.pi / 2))
         along = up * np.cos(quarters * np.pi / 2) + ahead * np.sin(quarters * np.pi / 2)

@@ -11,6 +11,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool, Index
 from calib.geometry.model import RobotModel
+from calib.geometry.operating import AS_USUAL
 from calib.held_out_counts import fewest_poses
 from calib.identification.identify import Identification, Status
 from calib.measurement.observations import Measurements
@@ -97,12 +98,17 @@ def _of_one(
     wide = lacking(model)
     held = np.isin(wide.names, model.names)
     own, more = np.flatnonzero(held), np.flatnonzero(~held)
-    joints = np.concatenate([train.q, test.q, targets])
-    poses, rows = wide.poses_and_jacobian(joints)
-    edges = np.cumsum([len(train), len(test)])
-    parts = zip(*(np.split(each, edges) for each in (joints, poses, rows)), strict=True)
+    rows = ((train.q, train.conditions), (test.q, test.conditions), (targets, AS_USUAL))
+    if wide.joint_errors.springs is None and all(t.is_wave for t in wide.joint_errors.terms):
+        # whatever rows say: all of them in one pass
+        poses = wide.poses_and_jacobian(np.concatenate([q for q, _ in rows]))
+        edges = np.cumsum([len(train), len(test)])
+        parts = list(zip(*(np.split(each, edges) for each in poses), strict=True))
+    else:
+        parts = [wide.poses_and_jacobian(q, at) for q, at in rows]
     found: list[tuple[Array, ...]] = []
-    for table, (q, T, J) in zip((train, test, None), parts, strict=True):
+    tables = (train, test, None)
+    for table, (q, _), (T, J) in zip(tables, rows, parts, strict=True):
         residual, covariance = np.zeros((len(q), 6)), np.zeros((len(q), 6, 6))
         if table is not None:
             seen = predict_at(T, J, wide.fixtures, wide.first_fixture, table)
@@ -135,11 +141,10 @@ def alike(
 
 
 def _plain(table: Measurements) -> bool:
-    """Whether a table holds poses of the chain's tool alone, each once, that state nothing more."""
+    """Whether a table holds poses of the chain's tool alone, each once, from the one station."""
     return bool(
         table.is_pose.all()
         and not table.station.any()
         and not table.tool.any()
-        and not table.conditions.stated
         and table.n_poses == len(table) > 0
     )
