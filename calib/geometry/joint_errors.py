@@ -86,11 +86,12 @@ class JointErrors:
 
     def __post_init__(self) -> None:
         (coefficients,) = check("k", coefficients=self.coefficients)
+        count = len(self.terms) + (0 if self.springs is None else len(self.springs.names))
         if not len(coefficients):
-            coefficients = frozen(np.zeros(len(self.names)))
-        if len(coefficients) != len(self.names):
+            coefficients = frozen(np.zeros(count))
+        if len(coefficients) != count:
             message = f"coefficients has {len(coefficients)} entries"
-            wanted = f"one per term, {len(self.names)}"
+            wanted = f"one per term, {count}"
             raise refuse("coefficients", allowed=wanted, code="A1", message=message)
         object.__setattr__(self, "coefficients", coefficients)
 

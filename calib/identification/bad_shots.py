@@ -231,11 +231,14 @@ def left_out_misses(
     root = np.sqrt(weight)[stack.row_of, None] * A
     B = root @ covariance_factor(np.concatenate([root, prior]))
     residual, W = predict(fit.model, table).residual.copy(), table_whiteners(own)
-    ends = np.flatnonzero(np.diff(stack.row_of, prepend=-1, append=len(own)))
-    for row, place in enumerate(np.flatnonzero(used)):
-        mine = slice(ends[row], ends[row + 1])
-        r = np.linalg.solve(np.eye(mine.stop - mine.start) - B[mine] @ B[mine].T, stack.r[mine])
-        size = len(r)
-        residual[place, :size] = np.linalg.solve(W[row, :size, :size], r)
+    rows = np.bincount(stack.row_of)
+    for size in np.unique(rows):
+        which = np.flatnonzero(rows == size)
+        mine = np.isin(stack.row_of, which)
+        near = B[mine].reshape(len(which), size, -1)
+        without = np.eye(size) - near @ np.swapaxes(near, 1, 2)
+        r = np.linalg.solve(without, stack.r[mine].reshape(len(which), size, 1))
+        miss = np.linalg.solve(W[which, :size, :size], r)[:, :, 0]
+        residual[np.flatnonzero(used)[which], :size] = miss
     place, turn = (np.linalg.norm(part, axis=1) for part in np.split(residual, 2, axis=1))
     return frozen(place), frozen(turn)

@@ -174,8 +174,8 @@ def _moved(
     errors, sd, mean = _asked(levels)
     wide = with_errors(near, errors)
     step = np.zeros(wide.n_numbers)
-    places = [wide.names.index(name) for name in (*free, *errors.names)]
-    step[places] = system.solved(errors, sd, mean).step
+    place = {name: k for k, name in enumerate(wide.names)}
+    step[[place[name] for name in (*free, *errors.names)]] = system.solved(errors, sd, mean).step
     return wide.moved(step)
 
 

@@ -143,7 +143,7 @@ def reduce(
         mixing=frozen(mixing),
         sentences=tuple(sentences),
         unobservable=tuple(names[k] for k in sorted(found.silent)),
-        practical_rank=None if prior_sd is None else practical_rank(A / scale, prior_sd),
+        practical_rank=None if prior_sd is None else practical_rank(small / scale, prior_sd),
     )
 
 

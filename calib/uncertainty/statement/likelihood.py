@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from calib.arrays import Array, frozen
+from calib.arrays import Array, Index, frozen
 from calib.uncertainty.statement.evidence import NoiseRepeats, PositionRows, reduced
 
 STEP = float(np.log(1.15)) / 2
@@ -30,6 +30,8 @@ NODES = np.array([-3.0, 0.0, 3.0])
 """Scales of the noise at which the system of numbers is solved, in their standard deviations."""
 HOPELESS = 30.0
 """Fall of the log-likelihood beyond which no larger size is looked at."""
+WIDE, STRIDE = 200, 8
+"""Numbers from which on every eighth size is tried first, then all about the best of these."""
 DOUBT = 0.1
 """Standard deviation of the logarithm of the noise scale, where no repeats tell it."""
 
@@ -94,16 +96,28 @@ def likelihood(
     lam = unit**2 * rows.lam
     nodes = center + NODES * sd if n < len(A) else np.zeros(1)
     systems = _systems(np.column_stack([A, both.y]), lam, nodes)
-    of_both, highest = np.full((len(t), len(log_g)), -np.inf), -np.inf
-    for start in range(0, len(t), AT_ONCE):
-        part = slice(start, start + AT_ONCE)
-        logarithms = np.log1p(t[part, None] ** 2 * lam).sum(axis=1)
-        values = _values(systems.eliminated(t[part]), nodes, log_g, n, A.shape[1])
-        of_both[part] = values - logarithms[:, None] / 2 - known
-        highest = max(highest, float(of_both[part].max()))
-        if of_both[part].max(axis=1)[-1] < highest - HOPELESS:
-            break  # larger ones are less likely still
-    of_both[np.isneginf(of_both)] = highest - 2 * HOPELESS  # no more is known of these
+    of_both = np.full((len(t), len(log_g)), -np.inf)
+
+    def look(at: Index, many: int) -> None:
+        """Fill in the rows of some sizes, ever larger ones, as long as these are not hopeless."""
+        for start in range(0, len(at), many):
+            part = at[start : start + many]
+            logarithms = np.log1p(t[part, None] ** 2 * lam).sum(axis=1)
+            values = _values(systems.eliminated(t[part]), nodes, log_g, n, A.shape[1])
+            of_both[part] = values - logarithms[:, None] / 2 - known
+            value = of_both.max(axis=1)
+            if value[part[-1]] < value[: part[-1]].max(initial=-np.inf) - HOPELESS:
+                break  # larger ones are less likely still
+
+    every = np.arange(len(t))
+    if A.shape[1] > WIDE:
+        look(every[::STRIDE], STRIDE // 2)
+        peak = int(of_both.max(axis=1).argmax())
+        near = every[max(0, peak - STRIDE - 2 * reach) :]
+        look(near[np.isneginf(of_both[near, 0])], STRIDE)
+    else:
+        look(every, AT_ONCE)
+    of_both[np.isneginf(of_both)] = of_both.max() - 2 * HOPELESS  # no more is known of these
     # size = t g: equal steps in both logarithms, so that every size meets every scale on the grid
     place = np.arange(count)[:, None] + 1 + 2 * reach - np.arange(len(log_g))
     of_size = np.concatenate([of_both[:1], of_both[place, np.arange(len(log_g))]])
@@ -252,9 +266,13 @@ class _Pools:
         place = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, len(nodes) - 2)
         beyond = (x - nodes[place]) / np.diff(nodes)[place]
         products = np.zeros((len(nodes) + 1, X.shape[1], X.shape[1]))
-        for k in range(len(nodes) - 1):
-            rows = shares & (place == k)
-            whole, part = X[rows].T @ X[rows], (X[rows].T * beyond[rows]) @ X[rows]
+        sharing = np.flatnonzero(shares)
+        in_order = sharing[np.argsort(place[sharing], kind="stable")]
+        ends = np.searchsorted(place[in_order], np.arange(len(nodes)))
+        for k in np.flatnonzero(np.diff(ends)):
+            rows = in_order[ends[k] : ends[k + 1]]
+            some = X[rows]
+            whole, part = some.T @ some, (some.T * beyond[rows]) @ some
             products[k] += whole - part
             products[k + 1] += part
         products[-1] = X[~shares].T @ X[~shares]  # where no misfit shows

@@ -190,6 +190,19 @@ def test_rows_fewer_than_numbers_say_what_the_numbers_say(monkeypatch, p):
     assert ours.limit(DROP) == pytest.approx(theirs.limit(DROP), rel=1e-10)
 
 
+@pytest.mark.parametrize("size", [0.0, 0.5, 40.0])
+def test_every_eighth_size_first_finds_what_all_sizes_find(size, monkeypatch):
+    """Narrow and wide peaks, one at the end of the grid; nothing that is read moves a bit."""
+    rows = white(np.random.default_rng(22), 400, 8, size)
+    every = likelihood(rows, 1.0, NoiseRepeats(30.0, 33.0))
+    monkeypatch.setattr("calib.uncertainty.statement.likelihood.WIDE", 0)
+    some = likelihood(rows, 1.0, NoiseRepeats(30.0, 33.0))
+    best = int(np.argmax(every.value))
+    assert (int(np.argmax(some.value)), some.limit(DROP)) == (best, every.limit(DROP))
+    assert some.value[[0, best]].tolist() == every.value[[0, best]].tolist()
+    assert some.noise_scale[best] == every.noise_scale[best]
+
+
 def test_shape_is_one_metre_per_axis_half_in_the_joints():
     rng = np.random.default_rng(4)
     for arm in ("tx60", "scara", "iiwa"):
