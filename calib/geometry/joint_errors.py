@@ -182,7 +182,7 @@ class JointErrors:
         """The same by the values (m, k) of the terms."""
         each = (basis * self.coefficients[: len(self.terms)]).T
         dq, joints = np.zeros((len(basis), n_joints)), np.array(self.joints, dtype=np.int64)
-        for joint in np.unique(joints[joints != NO_JOINT]):
+        for joint in sorted({*self.joints} - {NO_JOINT}):
             dq[:, joint] = each[joints == joint].sum(axis=0)
         return dq
 

@@ -78,6 +78,12 @@ class OperatingConditions:
             return self
         return OperatingConditions(**{name: getattr(self, name)[which] for name in self.stated})
 
+    def alike(self, other: "OperatingConditions") -> bool:
+        """Whether both say the same of the same poses."""
+        return self.stated == other.stated and all(
+            np.array_equal(getattr(self, name), getattr(other, name)) for name in self.stated
+        )
+
     def require_rows(self, m: int) -> None:
         """Refuse conditions of other than m poses."""
         for name in self.stated:

@@ -83,7 +83,7 @@ def held_out(
     prediction = predict(model, validation)
     rows, error = prediction.rows[:, :3], prediction.residual[:, :3]
     sigma = validation.covariance[:, :3, :3]
-    G = rows @ covariance_factor(covariance)  # (n, 3, P)
+    G = np.tensordot(rows, covariance_factor(covariance), 1)  # (n, 3, P)
     try:
         root = np.linalg.cholesky(sigma)
     except np.linalg.LinAlgError:

@@ -83,16 +83,32 @@ class Belief:
         at : OperatingConditions, optional
             Under which the robot goes there.
         """
+        mean, move = self.mean_and_move(
+            q, target=target, growth=growth, repeatability=repeatability, at=at
+        )
+        return mean if move is None else move
+
+    def mean_and_move(
+        self,
+        q: ArrayLike,
+        *,
+        target: ArrayLike = (0.0, 0.0, 0.0),
+        growth: ArrayLike | None = None,
+        repeatability: ArrayLike | None = None,
+        at: OperatingConditions = AS_USUAL,
+    ) -> tuple[ToolStatement, ToolStatement | None]:
+        """`regions` of the mean of many moves, and of one move where a repeatability is given."""
         (target,) = check("3", target=target)
         grown = self.proven.applies(q, at).growth if growth is None else np.asarray(growth, float)
         T, J = self.model.poses_and_jacobian(q, at)
         position, rows = reflector_rows(T, J, np.broadcast_to(target, (len(T), 3)))
         sigma = _region(self, rows, np.broadcast_to(grown, (len(T),)))
-        if repeatability is not None:
-            (sd,) = check(f"{self.model.chain.n_joints}", repeatability=repeatability)
-            moved = rows[:, :, joint_columns(self.model.chain)] * sd
-            sigma = sigma + moved @ np.swapaxes(moved, 1, 2)
-        return ToolStatement(frozen(position), frozen(sigma), self.factor, self.probability)
+        mean = ToolStatement(frozen(position), frozen(sigma), self.factor, self.probability)
+        if repeatability is None:
+            return mean, None
+        (sd,) = check(f"{self.model.chain.n_joints}", repeatability=repeatability)
+        moved = rows[:, :, joint_columns(self.model.chain)] * sd
+        return mean, replace(mean, covariance=frozen(sigma + moved @ np.swapaxes(moved, 1, 2)))
 
     def seen_regions(self, table: Measurements) -> ToolStatement:
         """Regions of the points that rows of a table look at, with their own stations and tools.

@@ -265,16 +265,16 @@ class _Pools:
         nodes = nodes if len(nodes) > 1 else np.append(nodes, nodes + 1.0)
         place = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, len(nodes) - 2)
         beyond = (x - nodes[place]) / np.diff(nodes)[place]
-        products = np.zeros((len(nodes) + 1, X.shape[1], X.shape[1]))
+        products = np.empty((len(nodes) + 1, X.shape[1], X.shape[1]))
         sharing = np.flatnonzero(shares)
         in_order = sharing[np.argsort(place[sharing], kind="stable")]
         ends = np.searchsorted(place[in_order], np.arange(len(nodes)))
-        for k in np.flatnonzero(np.diff(ends)):
-            rows = in_order[ends[k] : ends[k + 1]]
+        for k in range(len(nodes)):
+            # rows before a node belong to it by how far they are, those behind by what is left
+            rows = in_order[ends[max(k - 1, 0)] : ends[min(k + 1, len(ends) - 1)]]
+            share = np.where(place[rows] < k, beyond[rows], 1 - beyond[rows])
             some = X[rows]
-            whole, part = some.T @ some, (some.T * beyond[rows]) @ some
-            products[k] += whole - part
-            products[k + 1] += part
+            np.matmul(some.T * share, some, out=products[k])
         products[-1] = X[~shares].T @ X[~shares]  # where no misfit shows
         return cls(np.append(np.exp(nodes), 0.0), products)
 

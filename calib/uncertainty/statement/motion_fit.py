@@ -32,7 +32,7 @@ def asked(
     rows = predict(belief.model, points).rows[:, :3]
     values, axes = np.linalg.eigh(belief.covariance + size**2 * belief.misfit_covariance)
     common, usual = _standing(belief, points, size, about, identification, train)
-    parameters = rows @ (axes * np.sqrt(np.maximum(values, 0.0)))
+    parameters = np.tensordot(rows, axes * np.sqrt(np.maximum(values, 0.0)), 1)
     shares = np.concatenate([parameters, common], axis=2)
     return _whitened(belief, points, size, rows, (shares, (e - usual)[:, :, None], base, tool))
 

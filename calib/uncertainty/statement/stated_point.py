@@ -101,16 +101,20 @@ def stated_point(
         Under which the robot stands there.
     """
     growth = belief.proven.applies(q, at).growth
-    mean = belief.regions(q, target=target, growth=growth, at=at)
+    known = repeatability is not None and repeatability.any()
+    mean, move = belief.mean_and_move(
+        q, target=target, growth=growth, repeatability=repeatability if known else None, at=at
+    )
     u_move = radius_move = float("nan")
-    if repeatability is not None and repeatability.any():
-        move = belief.regions(q, target=target, growth=growth, repeatability=repeatability, at=at)
+    if move is not None:
         u_move, radius_move = _usual(move), common_radius(move)
     radius, grown = common_radius(mean), 1.0
     if measured is not None:
         there = belief.seen_regions(measured) if visits else None
         usual = radius if there is None else common_radius(there)
-        if there is None:
+        if there is None and np.array_equal(measured.q, q) and measured.conditions.alike(at):
+            there = mean
+        elif there is None:
             there = belief.regions(measured.q, target=target, at=measured.conditions)
         grown = _guarded(usual, belief, measured, there) / usual
     return StatedPoint(
