@@ -275,6 +275,54 @@ def test_stopping_early_says_so():
     assert (solution.status, solution.iterations) == (Status.LIMIT, 2)
 
 
+def level_valley(rows):
+    """(1 - xy)^2 + x^2 + y^2, which rises as the fourth power along x = y, in single precision.
+
+    Each undamped step leaves most of the way, and from x = 0.01 on the sum is level to rounding.
+    Rows of zeros make the same place weigh more: the certificate is |Q1'r| / sqrt(p / (n - p)).
+    """
+
+    def evaluate(x):
+        r, A = np.zeros(rows), np.zeros((rows, 2))
+        r[:3], A[:3] = [1.0 - x[0] * x[1], -x[0], -x[1]], [[x[1], x[0]], [1.0, 0.0], [0.0, 1.0]]
+        return r.astype(np.float32).astype(np.float64), A
+
+    return evaluate
+
+
+def test_a_slow_approach_that_ends_level_to_rounding_has_converged_by_its_wider_certificate():
+    """Between 1e-6, which any other fit must meet, and 1e-5."""
+    found = solve(level_valley(8), np.array([0.5, 0.4]), move=np.add)
+    assert 1e-6 < found.certificate < 1e-5
+    assert found.status is Status.CONVERGED
+    # a longer search finds no lower sum in any direction: scipy's, from there
+    other = least_squares(lambda x: level_valley(8)(x)[0], found.x, xtol=1e-15, diff_step=1e-3)
+    assert found.trace[-1] <= 2 * other.cost * (1 + 1e-7)
+
+
+@pytest.mark.parametrize(
+    ("rows", "start", "most", "status"),
+    [
+        (403, [0.5, 0.4], 500, Status.STALLED),  # the same end, seven times less certain
+        (8, [0.5, 0.5], 500, Status.STALLED),  # rounding stops it on the way, at 2e-4
+        (8, [0.5, 0.4], 28, Status.LIMIT),  # one step before the end: nobody knows that it is one
+    ],
+)
+def test_a_slow_approach_that_ends_elsewhere_has_not_converged(rows, start, most, status):
+    found = solve(level_valley(rows), np.array(start), move=np.add, most=most)
+    assert found.status is status
+    assert (found.certificate > 1e-5) == (status is Status.STALLED)
+
+
+def test_a_fit_that_comes_at_once_is_not_called_converged_by_the_certificate_of_a_slow_one():
+    """A line whose residual is rounded to 1e-5: there after one step, at 4.5e-6."""
+    rng = np.random.default_rng(0)
+    A, y = rng.normal(size=(40, 3)), rng.normal(size=40)
+    found = solve(lambda x: (np.round(y - A @ x, 5), A), np.ones(3), move=np.add)
+    assert (found.status, found.iterations) == (Status.STALLED, 1)
+    assert 1e-6 < found.certificate < 1e-5
+
+
 def test_certificate_is_the_angle_between_residual_and_tangent_plane():
     """By projection with numpy's own least squares instead of an orthonormal basis."""
     rng = np.random.default_rng(1)
