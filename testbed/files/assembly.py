@@ -84,8 +84,9 @@ def assemble(
     table, names, odd = one_stop(table, conditions, names)
     files = [_rows(part) for part in parts]
     operating, said, notes = operating_conditions(
-        files, conditions, robot, settings.identification.order
-    )
+        files, conditions, robot, settings.identification.order,
+        where if settings.conditions.payload_kg is not None else "",
+    )  # fmt: skip
     order = stated_order(files)
     included = settings.uncertainty.joint_repeatability == "included"
     return Session(

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -34,7 +35,7 @@ class RowsOfFile:
 
 
 def operating_conditions(
-    files: Sequence[RowsOfFile], conditions: Conditions, robot: Robot, order: str
+    files: Sequence[RowsOfFile], conditions: Conditions, robot: Robot, order: str, said: str = ""
 ) -> tuple[OperatingConditions, RowsSay, tuple[str, ...]]:
     """Conditions of all rows, what they say for a model, and notes for the report.
 
@@ -48,6 +49,8 @@ def operating_conditions(
         Which was measured.
     order : str
         [identification] order.
+    said : str
+        The session.toml, where its [conditions] state the payload.
 
     Raises
     ------
@@ -55,7 +58,7 @@ def operating_conditions(
         M25: a payload heavier than the arm. M35: torques of another number of joints.
     """
     notes, unsaid = [], []
-    _require_light(conditions, [place for one in files for place in one.place], robot)
+    _require_light(conditions, [said] if said else [p for one in files for p in one.place], robot)
     if conditions.payload is not None and conditions.payload.any() and conditions.center is None:
         notes.append(
             "payload_kg has no payload_x_mm, payload_y_mm, payload_z_mm beside it: the center of "
@@ -109,9 +112,10 @@ def _require_light(conditions: Conditions, place: Sequence[str], robot: Robot) -
         return
     most, own = float(conditions.payload.max(initial=0.0)), float(robot.masses.sum())
     if most > own > 0:
+        table = "[conditions] " * (len(place) < len(conditions.payload))
         raise refusal(
-            place[int(conditions.payload.argmax())], "payload_kg",
-            f"payload_kg is {most:g}, and the moving parts of {robot.name} weigh "
+            place[0] if table else place[int(conditions.payload.argmax())], "payload_kg",
+            f"{table}payload_kg is {most:g}, and the moving parts of {robot.name} weigh "
             f"{own:.3g} kg", code="M25", value=most, allowed="an arm carries less than it weighs",
             fix="give the payload in kg",
         )  # fmt: skip
@@ -168,7 +172,7 @@ def _no_order(rows: RowsOfFile) -> str:
     if not off.any():
         return ""
     row = int(np.argmax(off))
-    where, _, line = rows.place[at[row]].rpartition(":")
+    where, _, line = Path(rows.place[at[row]]).name.rpartition(":")
     again = rows.place[row].rpartition(":")[2]
     return (
         f"the column order of {where} is no order: lines {line} and {again} both have "

@@ -16,13 +16,16 @@ import numpy as np
 import pytest
 
 from calib.errors import CalibError
+from calib.geometry.gravity import weight_of
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
+from calib.identification.row_ladders import row_ladders
 from calib.identification.start.start import start_frames
 from testbed.files.columns import covariance_names
 from testbed.files.probe import probe
 from testbed.files.program import read_program
 from testbed.files.read import ReadOptions, read_held_out, read_session
+from testbed.files.rows.terms import row_terms
 from tests.testbed.files.made import ROBOT, Made, N, columns, csv, made, with_spread
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "file_messages.txt"
@@ -472,6 +475,9 @@ CASES = {
     ),
     "M35 a tool in one of two files": stations(SEEN | {"tool": ["probe"] * 29}, SEEN),
     "M25 a payload heavier than the arm": read(table(payload_kg=[80.0] * 29)),
+    "session: a payload heavier than the arm": read(
+        table(), "[frames]\n[conditions]\npayload_kg = 80.0\n"
+    ),
     "M35 a center without a payload": read(table(**{f"payload_{a}_mm": [0.0] * 29 for a in "xyz"})),
     "V9 temperatures in kelvin": read(table(temperature_degC=[293.15] * 29)),
     "M35 half a center": read(table(payload_kg=[1.0] * 29, payload_z_mm=[0.0] * 29)),
@@ -586,6 +592,21 @@ def told(session):
     return [*session.masked, *session.warnings]
 
 
+def silent(ladder, config=None, torque=None, **changes):
+    """Why a ladder offers nothing of rows that say something: no reason ends a calibration."""
+
+    def sentences(folder):
+        tau = weight_of(ROBOT.model.chain, moments=ROBOT.moments).torques(made().q)[:, :, 2]
+        load = {} if torque is None else {
+            f"torque{k + 1}_Nm": column for k, column in enumerate(torque(tau).T)
+        }  # fmt: skip
+        session = read(table(**changes, **load), config)(folder)
+        found = row_ladders(ROBOT.model, session.measurements, row_terms(session, ROBOT))
+        return [why for one in found if one.name == ladder for why in one.why_not]
+
+    return sentences
+
+
 def reduced(case):
     """What an identification cannot tell, in words."""
 
@@ -634,6 +655,16 @@ SAID = {
     "an order that is none": lambda f: [
         one for one in read(table(order=[*range(20), *range(9)]))(f).notes if "order" in one
     ],
+    "torques in another unit": silent("torque", torque=lambda tau: 1e3 * tau),
+    "torques that never change": silent("torque", torque=lambda tau: 0 * tau + 3.0),
+    "a temperature that never changes": silent("lengths", temperature_degC=[20.0] * 29),
+    "a temperature that hardly changes": silent(
+        "lengths", temperature_degC=20 + 0.01 * np.arange(29)
+    ),
+    "a gear whose wave is on a grid": silent(
+        "gear", "[frames]\n[gear]\nratio = { joint1 = 72 }\n",
+        q1_deg=5.0 * np.round(table()["q1_deg"] / 5),
+    ),
     "another robot's name": lambda f: told(read(table(), 'robot = "kuka"\n[frames]\n')(f)),
     "a rounded clock": lambda f: told(read(table(time=["2.02011E+13"] * 29))(f)),
     "joints without readings": lambda f: told(

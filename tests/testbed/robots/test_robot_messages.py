@@ -308,6 +308,7 @@ CASES = {
     "term with two coefficients": lambda folder: toml(
         folder, "_deg = 0.01", "_deg = 0.01\ncoefficient_mm = 1"
     ),
+    "mass without a center": lambda folder: toml(folder, TERM, drop="center_mm"),
     "reflector that is there twice": lambda folder: toml(folder, TERM, REFLECTORS),
     "term with the name of another number": lambda folder: toml(folder, '"g"', '"d2"'),
     **{
@@ -346,10 +347,12 @@ def sprung(old, new):
     return text.replace(old, new, 1)
 
 
-def toml(folder, old="", new=""):
-    """Read the shipped robot with a joint term that has something changed."""
+def toml(folder, old="", new="", drop=""):
+    """Read the shipped robot with a joint term changed, or the first line of a key left out."""
     text = (TX60.folder / "robot.toml").read_text()
     text = re.sub(r"\[\[parts\]\].*", "", text, flags=re.DOTALL)
+    if drop:
+        text = re.sub(rf"^{drop} = .*\n", "", text, count=1, flags=re.MULTILINE)
     return read(folder, "robot.toml", text + TERM.replace(old, new, 1), None, {})
 
 
