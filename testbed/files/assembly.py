@@ -104,7 +104,7 @@ def assemble(
         set_up=SetUp(
             use=settings.use.rows(1),
             tolerance=settings.conditions.tolerance,
-            date=settings.conditions.date,
+            date=settings.conditions.date or _span(parts),
             stations=tuple(filter(None, target.station_names)),
             job=settings.job.sheet,
         ),
@@ -132,6 +132,15 @@ def assemble(
         decision=settings.tolerance.decision if settings.tolerance else None,
         place=place,
     )
+
+
+def _span(parts: Sequence[TargetPart]) -> str:
+    """The day, or the first and the last one, where the times of all files say it."""
+    days = [part.readings.extras.days or part.joints.extras.days for part in parts]
+    if not all(days):
+        return ""
+    first, last = min(one[0] for one in days), max(one[1] for one in days)
+    return first if first == last else f"{first} to {last}"
 
 
 def _rows(part: TargetPart) -> RowsOfFile:

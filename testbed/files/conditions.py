@@ -52,7 +52,7 @@ class ConditionsTable(SessionUse):
     """[conditions]: under which conditions all rows were measured, where no column says it."""
 
     date: Day = ""
-    """Printed beside the result."""
+    """Printed beside the result; where it is not stated, times that are dates say it."""
     payload_tolerance_kg: Annotated[float, PAYLOAD.or_zero("kg")] = 0.5
     """Payloads that lie no further outside the measured ones are the same."""
     temperature_tolerance_k: Annotated[float, TEMPERATURE.or_zero("degC")] = 2.0
@@ -73,7 +73,7 @@ class SetUp:
     tolerance: Tolerance = field(default_factory=Tolerance)
     """How far targets may lie outside the conditions of the rows."""
     date: str = ""
-    """ISO day."""
+    """ISO day, or ``FIRST to LAST``: as stated, else of the rows."""
     stations: tuple[str, ...] = ()
     """Names of the stations that were used."""
     job: JobSheet = field(default_factory=JobSheet)

@@ -36,6 +36,8 @@ class Extras:
     approach: tuple[str, ...] | None = None
     conditions: Conditions = field(default_factory=Conditions)
     time: Array | None = None
+    days: tuple[str, ...] = ()
+    """First and last ISO day of the rows, where their times are dates."""
     beside: BesideJoints = field(default_factory=BesideJoints)
     warnings: tuple[str, ...] = ()
 
@@ -76,6 +78,7 @@ def extras_of(table: DataTable, good: Bool) -> Extras:
         approach=table.texts_of("approach"),
         conditions=conditions_of(table, good),
         time=time,
+        days=_days(table, good),
         beside=beside_of(table, good),
         warnings=warnings,
     )
@@ -123,6 +126,17 @@ def _clock(table: DataTable) -> Array:
     except ValueError:
         return np.full(len(table), np.nan)
     return np.array([86400.0 * moment.toordinal() + _seconds(moment) for moment in moments])
+
+
+def _days(table: DataTable, good: Bool) -> tuple[str, ...]:
+    """First and last ISO day of good rows (m,); none where times are no dates."""
+    times = table.texts_of("time") or ()
+    texts = [times[row] for row in np.flatnonzero(good)] if times else []
+    try:
+        days = [datetime.fromisoformat(text).date().isoformat() for text in texts if "-" in text]
+    except ValueError:
+        return ()
+    return (min(days), max(days)) if days and len(days) == len(texts) else ()
 
 
 def _seconds(moment: datetime) -> float:

@@ -131,7 +131,7 @@ def session_of(
     require_shown(settings.uncertainty, session.measurements, where)
     warnings = [f"{where}: {text}" for text in settings.uncertainty.odd]
     sheet = settings.job.sheet
-    warnings += [f"{where}: {text}" for text in sheet.instrument.warnings(settings.conditions.date)]
+    warnings += [f"{where}: {text}" for text in sheet.instrument.warnings(session.set_up.date)]
     warnings += [text for one in cleaned for text in one.warnings]
     warnings += [text for _, match in joined for text in match.warnings]
     if settings.robot and settings.robot != robot.name:

@@ -23,7 +23,7 @@ def conditions_words(calibration: Calibration) -> str:
     if set_up.stations:
         parts.append(f"from station{'s' * (len(set_up.stations) > 1)} {listed(set_up.stations)}")
     if set_up.date:
-        parts.append(f"on {set_up.date}")
+        parts.append(f"{'from' if ' to ' in set_up.date else 'on'} {set_up.date}")
     said = [f"Measured {' '.join(parts)}."] if parts else []
     if missing := [f"the {kind}" for kind in UNITS if kind not in rows.stated]:
         are = "are" if len(missing) > 1 else "is"

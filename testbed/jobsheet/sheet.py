@@ -23,7 +23,10 @@ class Instrument:
         return f"the certificate{number} of {self.name or 'the instrument'}"
 
     def warnings(self, day: str) -> tuple[str, ...]:
-        """What a certificate is not good for on the ISO day of measuring; empty: nobody said."""
+        """What a certificate is not good for on the ISO day of measuring, or from a day to another.
+
+        An empty one: nobody said.
+        """
         limits = (self.calibrated, self.valid_until)
         if not any(limits):
             return ()
@@ -33,15 +36,17 @@ class Instrument:
                 "under [conditions]",
             )
         # ISO days compare as texts
-        if self.valid_until and day > self.valid_until:
+        first, _, last = day.partition(" to ")
+        last = last or first
+        if self.valid_until and last > self.valid_until:
             return (
                 f"{self.called} was valid until {self.valid_until}, and the robot was measured on "
-                f"{day}: the uncertainty of the readings rests on an instrument out of date",
+                f"{last}: the uncertainty of the readings rests on an instrument out of date",
             )
-        if self.calibrated and day < self.calibrated:
+        if self.calibrated and first < self.calibrated:
             return (
                 f"{self.called} is of {self.calibrated}, and the robot was measured before, on "
-                f"{day}: that day needs the certificate before it",
+                f"{first}: that day needs the certificate before it",
             )
         return ()
 

