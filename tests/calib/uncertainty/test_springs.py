@@ -3,18 +3,9 @@
 import numpy as np
 import pytest
 
-from calib.errors import InputError
-from calib.geometry.joint_errors import JointErrors
-from calib.geometry.model import RobotModel
-from calib.geometry.parameters import parameters_of
-from calib.identification.identify import identify
-from calib.identification.prior import weak_prior
 from calib.measurement.noise import with_joint_noise
-from calib.measurement.tables import poses
-from calib.uncertainty.bootstrap import bootstrap
 from calib.uncertainty.monte_carlo import propagate
-from tests.calib.geometry.test_springs import sprung, tx60_springs
-from tests.reference import SIGMA_POSITION, SIGMA_ROTATION, pool_r, tx60
+from tests.calib.geometry.test_springs import sprung
 
 
 @pytest.mark.parametrize("passes", [1, 2])
@@ -43,14 +34,3 @@ def test_noise_of_the_joints_moves_a_sprung_arm_as_its_joints_do():
     expected = 1e-10 * J @ np.swapaxes(J, 1, 2)
     # differences: 1e-9 of a meter
     np.testing.assert_allclose(sigma, expected, rtol=0, atol=1e-8 * expected.max())
-
-
-def test_virtual_calibrations_say_that_they_know_no_springs():
-    model = RobotModel(tx60().chain, JointErrors(springs=tx60_springs()))
-    q = pool_r(40)
-    table = poses(q, model.poses(q), sd=(SIGMA_POSITION, SIGMA_ROTATION))
-    free = parameters_of(model)
-    found = identify(model, table, free, prior=weak_prior(free, model))
-    with pytest.raises(InputError, match="know no arm that gives way under its weight"):
-        bootstrap(found.model, table, found.parameters, np.random.default_rng(0),
-                  prior_precision=found.prior.precision)  # fmt: skip
