@@ -91,6 +91,10 @@ def gravity_ladder(
         lying = _leaning(springs, wide, [Z] if springs is along else [X, Y, Z])
         tilted = level(f"{name} on a tilted base", lying, moments=free)
         levels.append(replace(tilted, after=name))
+    if quarters is None:
+        silent += ("sag: waves of joints 2 and 3 are not what gravity does to this arm",)
+    if not offered:
+        silent += ("tilted base: nothing gives way that could tell of it",)
     return Ladder("gravity", tuple(levels), silent)
 
 

@@ -95,7 +95,8 @@ def _waves(nominal: RobotModel, sizes: tuple[float, float]) -> Ladder:
         alike = any(each.names == one.names and np.array_equal(each.sd, one.sd) for one in known)
         if each.names and not alike:
             known.append(each)
-    return Ladder("waves", (NOTHING, *known))
+    slides = [i + 1 for i, kind in enumerate(chain.kinds) if kind == "prismatic"]
+    return Ladder("waves", (NOTHING, *known), tuple(f"joint {i}: it does not turn" for i in slides))
 
 
 def _new(nominal: RobotModel, terms: tuple[JointTerm, ...]) -> tuple[JointTerm, ...]:
