@@ -127,6 +127,12 @@ class JointErrors:
                 basis[:, k] = term.of_rows(at, len(q))
         return basis
 
+    def follow(self, at: OperatingConditions) -> bool:
+        """Whether anything but the joints moves them under some conditions."""
+        of_rows = {"lengths": "temperature"}
+        asked = {of_rows.get(term.wave, term.wave) for term in self.terms if not term.is_wave}
+        return bool({*asked, *(("payload",) if self.springs else ())} & {*at.stated})
+
     def growth(self, at: OperatingConditions) -> Array | None:
         """Part (m,) by which lengths have grown; None where none do, or nothing says how warm."""
         if at.temperature is None or not self.of_lengths:

@@ -86,21 +86,23 @@ def outliers(
     K = covariance_factor(np.concatenate([np.sqrt(w)[row_of, None] * A, rows]))
     B = A @ K
     if weights is None:
-        D, pull = B, 1.0 + 0 * w
+        D, pull = B, np.ones(len(w))
     else:
-        moved = np.concatenate([w[row_of, None] * A, rows]) @ K
-        D, pull = B @ np.asarray(np.linalg.qr(moved, mode="r")).T, w
+        # what moves the estimate, as covariance: of its numbers, then seen from each row
+        moved, believed = w[row_of, None] * B, rows @ K
+        D, pull = B @ (moved.T @ moved + believed.T @ believed), w
     score, checked = np.zeros(len(counts)), np.zeros(len(counts))
     for size in np.unique(counts[counts > 0]):
         which = np.flatnonzero(counts == size)
         of_size = np.isin(row_of, which)
-        near, far = (X[of_size].reshape(len(which), size, -1) for X in (B, D))
+        every = slice(None) if of_size.all() else of_size
+        near, far = (X[every].reshape(len(which), size, -1) for X in (B, D))
         spread = (
             np.eye(size)
             - 2 * pull[which, None, None] * (near @ np.swapaxes(near, -1, -2))
-            + far @ np.swapaxes(far, -1, -2)
+            + far @ np.swapaxes(near, -1, -2)
         )
-        freedom, axes = np.linalg.eigh(spread)
+        freedom, axes = np.linalg.eigh((spread + np.swapaxes(spread, -1, -2)) / 2)
         along = (r[of_size].reshape(len(which), 1, size) @ axes)[:, 0]
         known = freedom > UNCHECKED
         score[which] = np.sum(np.where(known, along**2, 0) / np.where(known, freedom, 1), axis=1)

@@ -124,9 +124,14 @@ def predicted_positions(model: RobotModel, measurements: Measurements) -> Array:
     return _positions(tool_poses(model, measurements), model, measurements)
 
 
-def missed(model: RobotModel, measurements: Measurements) -> tuple[Array, Array]:
-    """`misses` and `turns` (m,) of `predict` for points and poses, without any derivative."""
-    T = tool_poses(model, measurements)
+def missed(
+    model: RobotModel, measurements: Measurements, T: Array | None = None
+) -> tuple[Array, Array]:
+    """`misses` and `turns` (m,) of `predict` for points and poses, without any derivative.
+
+    `T` are their `tool_poses` (m, 4, 4), if at hand.
+    """
+    T = tool_poses(model, measurements) if T is None else T
     S = model.fixtures.station_frames[measurements.station][:, :3, :3]
     turned = measurements.rotation @ np.swapaxes(T[:, :3, :3], 1, 2) @ S
     place = measurements.position - _positions(T, model, measurements)

@@ -14,7 +14,7 @@ from calib.identification.levels import Ladder
 from calib.identification.outlier_search import search_outliers
 from calib.identification.row_ladders import RowTerms, row_ladders
 from calib.measurement.observations import Measurements
-from calib.measurement.prediction import missed, predict
+from calib.measurement.prediction import missed, predict, tool_poses
 from calib.uncertainty.statement.belief import Belief
 from testbed.identify.fit import Fitted, plain_fit, wide_prior
 from testbed.identify.frames import StartFrames
@@ -141,10 +141,13 @@ def bad_words(found: LookedAt, train: Measurements, name: list[str]) -> tuple[st
     shots = found.asked
     if shots is None:
         return ()
+    there = None
+    if not train.tool.any() and not shots.judge.model.joint_errors.follow(train.conditions):
+        there = tool_poses(shots.judge.model, train)  # whichever row stands at these joints
     return tuple(
         f"{name[row]} does not fit the others: the richest model offered, fitted without it, "
         f"misses it by {_error(shots, train, row)}, where {_typical(shots, train, row)} is typical "
-        f"of others left out{_elsewhere(shots, train, row, name)}"
+        f"of others left out{_elsewhere(shots, train, row, name, there)}"
         for row in map(int, shots.bad)
     )
 
@@ -255,13 +258,19 @@ def _typical(shots: BadShots, train: Measurements, row: int) -> str:
     return f"{text} and {significant(_median(shots.turns, train, row) * DEG, 2)} deg"
 
 
-def _elsewhere(shots: BadShots, train: Measurements, row: int, name: list[str]) -> str:
-    """Whose joints the reading of a row fits, if it does: then rows were swapped."""
+def _elsewhere(
+    shots: BadShots, train: Measurements, row: int, name: list[str], there: Array | None
+) -> str:
+    """Whose joints the reading of a row fits, if it does: then rows were swapped.
+
+    `there` are the poses (m, 4, 4) at the joints of all rows, where these tell them.
+    """
     others = np.flatnonzero((train.q != train.q[row]).any(axis=1))
     if train.is_distance[row] or not len(others):
         return ""
     here = train.rows(np.full(len(others), row))
-    misses, turns = missed(shots.judge.model, replace(here, q=train.q[others]))
+    here, T = replace(here, q=train.q[others]), None if there is None else there[others]
+    misses, turns = missed(shots.judge.model, here, T)
     fits = misses < ELSEWHERE * _median(shots.misses, train, row)
     if train.is_pose[row]:
         fits &= turns < ELSEWHERE * _median(shots.turns, train, row)

@@ -14,7 +14,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, Status, identify
 from calib.identification.start.start import start_frames
 from calib.measurement.observations import Measurements, joined
-from calib.measurement.prediction import missed, perfect, predict
+from calib.measurement.prediction import missed, perfect, predict, tool_poses
 from tests.calib.geometry.test_tools import seen_poses
 from tests.calib.kinds import ARMS, anywhere, joints, points, true_robot
 
@@ -137,3 +137,5 @@ def test_misses_without_derivatives_are_those_with_them():
     np.testing.assert_allclose(turn, seen.turns, atol=1e-12)
     assert turn[:20].all()
     assert not turn[20:].any()
+    again = missed(model, table, tool_poses(model, table))
+    np.testing.assert_array_equal(again, (place, turn))

@@ -83,3 +83,17 @@ def test_few_terms_are_left_as_columns():
     model, table = case(False)
     few = replace(model, joint_errors=JointErrors(harmonic_terms(6)))
     assert TermRows.of(few, table, table_whiteners(table), parameters_of(few)) is None
+
+
+def test_joint_errors_follow_what_moves_them():
+    """Poses change with a condition if, and only if, it is followed."""
+    rng = np.random.default_rng(63)
+    q, errors = joints("tx60", rng, 5), [case(springs)[0].joint_errors for springs in (False, True)]
+    stated = [OperatingConditions(**{name: rng.random(5)}) for name in ("temperature", "payload")]
+    true = true_robot("tx60", rng)
+    waves = JointErrors(MIXED[1:], rng.normal(size=len(MIXED) - 1))
+    for each in (waves, *errors):
+        model = replace(true, joint_errors=each)
+        for at in stated:
+            changed = bool((model.poses(q, at) != model.poses(q)).any())
+            assert each.follow(at) == changed
