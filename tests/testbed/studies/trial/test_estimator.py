@@ -25,7 +25,7 @@ from testbed.scenario.checks import default_parameters
 from testbed.scenario.read import changed
 from testbed.scenario.tables import PriorSettings
 from testbed.studies import load_scenario
-from testbed.studies.trial.compare import drawn_step
+from testbed.studies.trial.compare import compare, drawn_step
 from testbed.studies.trial.estimator import (
     WEAK,
     estimator_for,
@@ -169,6 +169,8 @@ def test_play_is_found_by_the_side_from_which_joints_come():
         for at in (AS_USUAL, in_turn(q))
     )
     assert told < 20e-6 < 60e-6 < away
+    judged = compare(of.setting, found, table, np.zeros(found.rank))
+    assert judged.after.mean() == pytest.approx(told)
 
 
 def test_gears_are_offered_where_the_scene_has_them_and_judged_by_what_was_drawn():
