@@ -46,7 +46,6 @@ STYLE: Any = {
     "legend.handlelength": 1.6,
     "lines.linewidth": 1.3,
     "lines.markersize": 4.0,
-    "figure.constrained_layout.use": True,
     "axes.unicode_minus": True,
 }
 WIDTH = 7.1
@@ -61,8 +60,10 @@ def drawing(
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
+    from testbed.report.margins import Margins
+
     with rc_context(STYLE):
-        figure = Figure(figsize=(width, height))
+        figure = Figure(figsize=(width, height), layout=Margins())
         axes = figure.subplots(rows, columns, squeeze=False, **share)
         yield figure, [ax for row in axes for ax in row]
 
@@ -76,7 +77,7 @@ def svg_of(figure: "Figure") -> str:
     from matplotlib import rc_context
 
     buffer = io.StringIO()
-    with rc_context(STYLE | {"figure.constrained_layout.use": False}):
+    with rc_context(STYLE):
         engine = figure.get_layout_engine()
         if engine is not None:
             # savefig would draw everything once more just to lay it out, for any engine but None

@@ -130,7 +130,11 @@ def search_convergence(trials: Sequence[Trial]) -> str:
             ax.step(x, trace, where="post", color=DARK)
             best = int(np.argmax(trace == trace[-1]))
             ax.plot(x[best], trace[best], "o", color=MIDDLE)
-            label(ax, f"best: search {x[best]}", (x[best], trace[best]), (5, -11), size=7)
+            late = best > 0.6 * len(x)
+            label(
+                ax, f"best: search {x[best]}", (x[best], trace[best]), (-5 if late else 5, -11),
+                size=7, ha="right" if late else "left",
+            )  # fmt: skip
             ylabel = f"best {name}, {trial.rows} rows"
             ax.set(title=trial.name, xlabel="local search", ylabel=ylabel)
             short_ticks(ax)
