@@ -112,7 +112,7 @@ def bad_shots(
     if scatter > usual and found.taken != richest:
         # tails of a poorer model hide what the richest one sees
         wide, judge = extended_by(
-            nominal, table, parameters, richest, prior=prior, loss="cauchy", start=found.richest
+            nominal, table, parameters, richest, prior=prior, loss="cauchy", start=found.richest()
         )
         seen = inspect(wide, judge, table, chance=chance)
         usual, scatter = scatter_of(seen.score, table, found.noise_factor)
@@ -126,7 +126,7 @@ def bad_shots(
     if len(asked_of) and not too_many:
         used[asked_of] = False
         wide, judge = extended_by(
-            nominal, table.rows(used), parameters, richest, prior=prior, start=found.richest
+            nominal, table.rows(used), parameters, richest, prior=prior, start=found.richest()
         )
         limit = chdtri(table.equations[asked_of], chance / len(table))
         square = foretold(judge, table.rows(~used))

@@ -7,6 +7,7 @@ less than one fit of the model that it finds.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.special import chdtri
@@ -21,6 +22,7 @@ from calib.identification.normal_equations import (
     MOST_TURNS,
     SETTLED,
     NormalEquations,
+    Solved,
     normal_equations,
 )
 from calib.identification.prior import Prior
@@ -81,8 +83,8 @@ class Climb:
     """The same by the model reached [m]."""
     near: RobotModel
     """The model reached as the linear system has it: close to its fit."""
-    richest: RobotModel
-    """The same of the last level of every ladder."""
+    richest: Callable[[], RobotModel]
+    """The same of the last level of every ladder, worked out when it is asked for."""
 
     def __repr__(self) -> str:
         return f"Climb({', '.join(level.name for level in self.taken) or 'geometry alone'})"
@@ -160,23 +162,25 @@ def climb(
     if loss != "squared":
         system = _calmed(system, richest, loss)
     pose = np.unique(measurements.together, return_inverse=True)[1].ravel()
-    found = _climbed(system, ladders, part, pose, near)
-    reached, most = (
-        _moved(near, parameters.free_names, system, levels) for levels in (found.levels, richest)
-    )
-    return replace(found, near=reached, richest=most)
+    memory: dict[tuple[Level, ...], Solved] = {}
 
+    def solved(levels: Sequence[Level]) -> Solved:
+        key = tuple(level for level in levels if level.names)
+        if key not in memory:
+            memory[key] = system.solved(*_asked(levels))
+        return memory[key]
 
-def _moved(
-    near: RobotModel, free: Sequence[str], system: NormalEquations, levels: Sequence[Level]
-) -> RobotModel:
-    """The model with some levels where the system has it, about a fit of its free geometry."""
-    errors, sd, mean = _asked(levels)
-    wide = with_errors(near, errors)
-    step = np.zeros(wide.n_numbers)
-    place = {name: k for k, name in enumerate(wide.names)}
-    step[[place[name] for name in (*free, *errors.names)]] = system.solved(errors, sd, mean).step
-    return wide.moved(step)
+    def moved(levels: Sequence[Level]) -> RobotModel:
+        errors = joined(levels)
+        wide = with_errors(near, errors)
+        step = np.zeros(wide.n_numbers)
+        place = {name: k for k, name in enumerate(wide.names)}
+        free = (*parameters.free_names, *errors.names)
+        step[[place[name] for name in free]] = solved(levels).step
+        return wide.moved(step)
+
+    found = _climbed(system, solved, ladders, part, pose, near)
+    return replace(found, near=moved(found.levels), richest=partial(moved, richest))
 
 
 def _calmed(plain: NormalEquations, levels: Sequence[Level], loss: Loss) -> NormalEquations:
@@ -205,19 +209,13 @@ def _asked(levels: Sequence[Level]) -> tuple[JointErrors, Array, Array]:
 
 
 def _climbed(
-    system: NormalEquations,
-    ladders: Sequence[Ladder],
-    part: Index | None,
-    pose: Index,
-    near: RobotModel,
-) -> Climb:
+    system: NormalEquations, solved: Callable[[Sequence[Level]], Solved],
+    ladders: Sequence[Ladder], part: Index | None, pose: Index, near: RobotModel,
+) -> Climb:  # fmt: skip
     """The climb over levels of a linear system; misses are means of poses (m,) of rows."""
     count = np.bincount(pose)
     held_out = [] if part is None else [part == k for k in np.unique(part)]
     rests = [system.without(rows) for rows in held_out]
-
-    def evidence_of(levels: Sequence[Level]) -> float:
-        return system.solved(*_asked(levels)).evidence
 
     def left_out(levels: Sequence[Level]) -> Array:
         missed = np.full(len(system.r), np.nan)
@@ -226,7 +224,7 @@ def _climbed(
         return np.asarray(np.bincount(pose, missed) / count)
 
     here = tuple(ladder.levels[0] for ladder in ladders)
-    bottom = evidence = evidence_of(here)
+    bottom = evidence = solved(here).evidence
     lowest = before = left_out(here)
     steps: list[ClimbStep] = []
     barred: set[tuple[str, ...]] = set()
@@ -237,7 +235,7 @@ def _climbed(
                 levels = (*here[:k], level, *here[k + 1 :])
                 reachable = level is not here[k] and level.after in ("", here[k].name)
                 if reachable and _names(levels) not in barred:
-                    tried[k, level.name] = levels, evidence_of(levels)
+                    tried[k, level.name] = levels, solved(levels).evidence
         best = max(tried, key=lambda key: tried[key][1], default=None)
         if best is None or tried[best][1] - evidence <= ASKED:
             break
@@ -260,22 +258,23 @@ def _climbed(
         offer
         for k, ladder in enumerate(ladders)
         for offer in _offers(
-            ladder, here[k], steps, lambda level: evidence_of([level]) - bottom, part is not None
+            ladder,
+            here[k],
+            steps,
+            lambda level: solved([level]).evidence - bottom,
+            part is not None,
         )
     )
     return Climb(
         here, tuple(steps), offered, evidence - bottom, system.scale, len(count),
-        float(lowest.mean()), float(before.mean()), near, near,
+        float(lowest.mean()), float(before.mean()), near, lambda: near,
     )  # fmt: skip
 
 
 def _offers(
-    ladder: Ladder,
-    reached: Level,
-    steps: Sequence[ClimbStep],
-    gain: Callable[[Level], float],
+    ladder: Ladder, reached: Level, steps: Sequence[ClimbStep], gain: Callable[[Level], float],
     confirmed: bool,
-) -> Iterator[Offer]:
+) -> Iterator[Offer]:  # fmt: skip
     """What became of each level of a ladder."""
     tried = {step.level: step.taken for step in steps if step.ladder == ladder.name}
     for level in ladder.levels[1:]:

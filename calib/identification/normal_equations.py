@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dtrtri
 
-from calib.arrays import Array, Bool
+from calib.arrays import Array, Bool, Index
 from calib.geometry.bodies import Z
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
@@ -41,10 +42,21 @@ class Solved(NamedTuple):
     """What the step makes of each column of the equations."""
     evidence: float
     """Log evidence by Laplace's method, up to a constant that all models share."""
-    learned: float
-    """Numbers learned from the measurements: k less the part that the prior holds."""
     left: float
     """Whitened sum of squares of the measurements after the step."""
+
+
+class _Inside(NamedTuple):
+    """By what a model's part of the normal equations was solved."""
+
+    factor: Array
+    """(k, k) lower, of the matrix of the linear numbers with unit diagonal."""
+    root: Array
+    """(k,) square roots of its diagonal."""
+    moved: Array
+    """(k, p) how the linear numbers follow those of the springs, with the sign turned."""
+    inverse: Array
+    """(p, p) of the second derivative of half the loss by the springs' numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,11 +74,11 @@ class NormalEquations:
     equations: Array
     """(m,) rows that each observation has, times its weight."""
     normal: Array
-    """(c, c) A'A."""
+    """(c, c) A'A of all rows."""
     pull: Array
-    """(c,) A'r."""
+    """(c,) A'r of those that are not left out."""
     square: float
-    """r'r."""
+    """r'r of the same."""
     names: tuple[str, ...]
     """(f + k,) of the columns of geometry and terms."""
     products: Products
@@ -75,6 +87,8 @@ class NormalEquations:
     """(f, f) prior of the geometry."""
     offset: Array
     """(f,) step to the fit from what is believed [m, rad]."""
+    less: Array
+    """(n, c) whitened rows that are left out."""
     scale: float = 1.0
     """Noise in units of the stated one."""
 
@@ -102,46 +116,67 @@ class NormalEquations:
         numbers are counted in units of their prior, where |Lambda0| of the joint errors is one.
         Eliminating the linear numbers: Golub & Pereyra 1973 (variable projection).
         """
-        k, f, s = len(errors.terms), len(self.offset), scale or self.scale
+        return self._solved(errors, sd, mean, scale or self.scale)[0]
+
+    def _solved(
+        self, errors: JointErrors, sd: Array, mean: Array | None, s: float
+    ) -> tuple[Solved, "_Inside"]:
+        """The same at a scale s of the noise, and what it was solved by."""
+        k, f = len(errors.terms), len(self.offset)
         at = np.array(self.columns(term.name for term in errors.terms))
         size = np.concatenate([np.ones(f), sd[:k]])
-        prior = np.eye(len(at))
-        prior[:f, :f] = self.precision
-        seen = size[:, None] * self.normal[np.ix_(at, at)] * size / s**2 + prior
+        seen = self._products(at, at) * (size[:, None] * size / s**2)
+        seen[:f, :f] += self.precision
+        seen[range(f, f + k), range(f, f + k)] += 1.0
         force = size * self.pull[at] / s**2
         force[:f] -= self.precision @ self.offset
         away = np.zeros(k) if mean is None else -mean[:k] / sd[:k]
         force[f:] -= away
         root = np.sqrt(np.diag(seen))
-        factor = cho_factor(seen / root[:, None] / root)
+        factor = cho_factor(seen / root[:, None] / root, lower=True, overwrite_a=True)
         springs = self.products.of(errors, sd[k:])
-        cross = size[:, None] * self.normal[np.ix_(at, springs.columns)] / s**2
-        back = cho_solve(factor, np.column_stack([force, cross, prior]) / root[:, None])
+        cross = size[:, None] * self._products(at, springs.columns) / s**2
+        back = cho_solve(factor, np.column_stack([force, cross]) / root[:, None])
         back /= root[:, None]
-        free, gives, held = np.split(back, [1, 1 + cross.shape[1]], axis=1)
-        own = self.normal[np.ix_(springs.columns, springs.columns)] / s**2
+        free, gives = np.split(back, [1], axis=1)
+        own = self._products(springs.columns, springs.columns) / s**2
         pull = self.pull[springs.columns] / s**2 - cross.T @ free[:, 0]
         bent = settled(springs, own - cross.T @ gives, pull)
         step = free[:, 0] - gives @ bent.products
         loss = self.square / s**2 + self.offset @ self.precision @ self.offset - force @ free[:, 0]
         loss += bent.loss + away @ away
         spread = 2 * float(np.log(np.diag(factor[0])).sum() + np.log(root).sum()) + bent.spread
-        moved = gives @ bent.slopes
-        learned = len(at) - np.trace(held) + len(bent.numbers) - np.trace(bent.inverse)
-        learned -= np.einsum("ij,ik,kl,lj->", moved, prior, moved, bent.inverse, optimize=True)
         beside = step.copy()
         beside[:f] += self.offset
         beside[f:] += away
-        believed = beside @ prior @ beside + bent.numbers @ bent.numbers
+        believed = beside[:f] @ self.precision @ beside[:f] + beside[f:] @ beside[f:]
+        believed += bent.numbers @ bent.numbers
         applied = np.zeros(len(self.pull))
         applied[at], applied[springs.columns] = size * step, bent.products
-        return Solved(
+        found = Solved(
             np.concatenate([size * step, springs.sd * bent.numbers]),
             applied,
             float(np.linalg.slogdet(self.precision)[1] - loss - spread) / 2,
-            float(learned),
             float(loss - believed) * s**2,
         )
+        return found, _Inside(np.tril(factor[0]), root, gives @ bent.slopes, bent.inverse)
+
+    def learned(
+        self, errors: JointErrors, sd: Array, mean: Array | None = None, scale: float | None = None
+    ) -> float:
+        """Numbers that a model as in `solved` learns from the measurements."""
+        return self._learned(self._solved(errors, sd, mean, scale or self.scale)[1])
+
+    def _learned(self, inside: "_Inside") -> float:
+        """The same: all numbers less the part that the prior holds."""
+        f = len(self.offset)
+        # inv(A'A/s^2 + Lambda0) = X'X, with what the springs move of the linear numbers beside it
+        X = dtrtri(inside.factor, lower=1)[0] / inside.root
+        moved = inside.moved.copy()
+        moved[:f] = self.precision @ moved[:f]
+        held = ((X[:, :f] @ self.precision) * X[:, :f]).sum() + (X[:, f:] ** 2).sum()
+        held += np.trace(inside.inverse) + ((moved @ inside.inverse) * inside.moved).sum()
+        return float(len(X) + len(inside.inverse) - held)
 
     def at_noise_of(
         self, errors: JointErrors, sd: Array, mean: Array | None = None
@@ -149,8 +184,8 @@ class NormalEquations:
         """The same with the noise scale, one or more, that a model leaves."""
         rows, scale = float(self.equations.sum()), 1.0
         for _ in range(MOST_TURNS):
-            found = self.solved(errors, sd, mean, scale)
-            free = max(rows - found.learned, LEAST_FREE * rows)
+            found, inside = self._solved(errors, sd, mean, scale)
+            free = max(rows - self._learned(inside), LEAST_FREE * rows)
             last, scale = scale, max(1.0, float(np.sqrt(found.left / free)))
             if abs(scale / last - 1) < SETTLED:
                 break
@@ -174,17 +209,19 @@ class NormalEquations:
     def without(self, rows: Bool) -> "NormalEquations":
         """The normal equations without some rows (m,)."""
         A, r = _flat(self.A[rows]), self.r[rows].ravel()
-        return replace(
-            self,
-            normal=self.normal - A.T @ A,
-            pull=self.pull - A.T @ r,
-            square=self.square - float(r @ r),
-        )
+        return replace(self, less=A, pull=self.pull - A.T @ r, square=self.square - float(r @ r))
+
+    def _products(self, one: Index, other: Index) -> Array:
+        """A'A (k, l) of some columns."""
+        found: Array = self.normal[np.ix_(one, other)]
+        if len(self.less):
+            found -= self.less[:, one].T @ self.less[:, other]
+        return found
 
     def _of(self, A: Array, r: Array, equations: Array) -> "NormalEquations":
         flat, all_r = _flat(A), r.ravel()
         return replace(
-            self, A=A, r=r, equations=equations,
+            self, A=A, r=r, equations=equations, less=flat[:0],
             normal=flat.T @ flat, pull=flat.T @ all_r, square=float(all_r @ all_r),
         )  # fmt: skip
 
@@ -237,7 +274,7 @@ def normal_equations(
         equations=measurements.equations.astype(np.float64), normal=rows[0], pull=rows[0, 0],
         square=0.0, names=(*parameters.free_names, *(term.name for term in terms)),
         products=products, precision=prior.precision[np.ix_(order, order)],
-        offset=step - prior.mean[order],
+        offset=step - prior.mean[order], less=rows[0],
     )  # fmt: skip
     filled = seen.filled
     return empty._of(

@@ -64,11 +64,34 @@ class ModelSprings(NamedTuple):
     def at(self, x: Array) -> tuple[Array, Array]:
         """Products (p (1 + f),) and their slopes (p (1 + f), p + f) at numbers in units of sd."""
         p, f = len(self.load), self.moments
-        give, more = self.sd[:p] * x[:p] / self.load, np.append(1.0, self.sd[p:] * x[p:])
+        give, more = self._factors(x)
         slopes = np.zeros((p, 1 + f, p + f))
         slopes[range(p), :, range(p)] = (self.sd[:p] / self.load)[:, None] * more
         slopes[:, range(1, 1 + f), range(p, p + f)] = give[:, None] * self.sd[p:]
         return np.outer(give, more).ravel(), slopes.reshape(p * (1 + f), p + f)
+
+    def bowl(self, x: Array, normal: Array, pull: Array) -> tuple[Array, Array]:
+        """D'N D + 1 (p + f, p + f) and D'(pull - N y) (p + f,) at x, D the slopes there.
+
+        A product is what gives times what weighs, so N is contracted with one of them at a time.
+        """
+        p, wide = len(self.load), 1 + self.moments
+        give, more = self._factors(x)
+        by_more = (normal.reshape(-1, wide) @ more).reshape(p, wide, p)
+        by_give = (give @ normal.reshape(p, -1)).reshape(wide, p, wide)
+        left = pull.reshape(p, wide) - by_more @ give
+        gives, weighs = self.sd[:p] / self.load, self.sd[p:]
+        H = np.eye(p + self.moments)
+        H[:p, :p] += gives[:, None] * (more @ by_more) * gives
+        H[p:, p:] += weighs[:, None] * (give @ by_give)[1:, 1:] * weighs
+        H[p:, :p] = weighs[:, None] * (by_give @ more)[1:] * gives
+        H[:p, p:] = H[p:, :p].T
+        return H, np.concatenate([gives * (left @ more), weighs * (give @ left)[1:]])
+
+    def _factors(self, x: Array) -> tuple[Array, Array]:
+        """What each spring gives (p,), and what weighs on all (1 + f,)."""
+        p = len(self.load)
+        return self.sd[:p] * x[:p] / self.load, np.append(1.0, self.sd[p:] * x[p:])
 
 
 class Bent(NamedTuple):
@@ -101,27 +124,28 @@ def settled(springs: ModelSprings, normal: Array, pull: Array) -> Bent:
         Likewise.
     """
     x, share = np.zeros(len(springs.sd)), 1.0
-    y, D = springs.at(x)
-    loss = 0.0
+    (y, D), loss = springs.at(x), 0.0
+    if not len(x):
+        return Bent(x, y, D, np.eye(0), loss, 0.0)
+    H, force = springs.bowl(x, normal, pull)
     for _ in range(STEPS):
-        H = D.T @ normal @ D + np.eye(len(x))
-        step = np.linalg.solve(H, D.T @ (pull - normal @ y) - x)
+        step = np.linalg.solve(H, force - x)
         promised = float(step @ H @ step)
         if promised < GAIN:
             break
         while share > GAIN:
             tried = x + share * step
             y_new, D_new = springs.at(tried)
-            new = float(y_new @ normal @ y_new - 2 * pull @ y_new + tried @ tried)
+            new = float(y_new @ (normal @ y_new) - 2 * pull @ y_new + tried @ tried)
             if new < loss:
                 break
             share /= 2
         else:
             break
         x, y, D, loss, share = tried, y_new, D_new, new, min(1.0, 2 * share)
-    H = D.T @ normal @ D + np.eye(len(x))
-    inverse = cho_solve(cho_factor(H), np.eye(len(x))) if len(x) else H
-    return Bent(x, y, D, inverse, loss, float(np.linalg.slogdet(H)[1]) if len(x) else 0.0)
+        H, force = springs.bowl(x, normal, pull)
+    inverse = cho_solve(cho_factor(H), np.eye(len(x)))
+    return Bent(x, y, D, inverse, loss, float(np.linalg.slogdet(H)[1]))
 
 
 def products_of(

@@ -15,6 +15,7 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.identification.identify import Identification, identify
 from calib.identification.ladders import ladders_of
+from calib.identification.levels import Ladder
 from calib.identification.model_choice import choose
 from calib.measurement.accuracy import point_distances
 from calib.uncertainty.covariance import standard_uncertainty
@@ -49,7 +50,8 @@ def play_robots(
     chosen = trial.selection.indices
     level = scenario.table(CoverageSettings).level
     measured = [[measure_robot(laboratory, kind, chosen, k) for k in robots] for kind in kinds]
-    found = [[models(one) for one in of_kind] for of_kind in measured]
+    ladders = offered(laboratory)
+    found = [[models(one, ladders) for one in of_kind] for of_kind in measured]
     everyone = [one for of_kind in measured for one in of_kind]
     judged = zip(
         *(
@@ -79,7 +81,7 @@ def gather(parts: Sequence[CoverageStudy]) -> CoverageStudy:
 def play_robot(laboratory: Laboratory, truth: str, chosen: Index, robot: int) -> CoverageStudy:
     """Calibrate, validate and judge one robot."""
     measured = measure_robot(laboratory, truth, chosen, robot)
-    found = models(measured)
+    found = models(measured, offered(laboratory))
     level = laboratory.scenario.table(CoverageSettings).level
     return _played(truth, measured, found, [judge_model(fit, measured, level) for fit in found[0]])
 
@@ -153,15 +155,21 @@ def measure_robot(laboratory: Laboratory, truth: str, chosen: Index, robot: int)
     return MeasuredRobot(seen, validation, judge_q, true[:, :3, 3], own, use)
 
 
-def models(measured: MeasuredRobot) -> tuple[tuple[Identification, ...], float, bool]:
+def offered(laboratory: Laboratory) -> tuple[Ladder, ...]:
+    """What every robot is offered beside its geometry: the robot file says it, no reading does."""
+    robot = laboratory.robot
+    return ladders_of(laboratory.setting.nominal, moments=robot.moments, limits=robot.limits)
+
+
+def models(
+    measured: MeasuredRobot, ladders: Sequence[Ladder]
+) -> tuple[tuple[Identification, ...], float, bool]:
     """Geometric and extended model of a robot, the log evidence, and whether it climbs.
 
     The geometric one is what is identifiable, without a prior; the extended one is under the weak
     prior. Validation poses have no say in the choice: they would no longer be a test.
     """
     nominal, free = measured.laboratory.setting.nominal, measured.laboratory.free("whitened")
-    robot = measured.laboratory.robot
-    ladders = ladders_of(nominal, moments=robot.moments, limits=robot.limits)
     choice = choose(nominal, measured.seen, free, ladders=ladders)
     fits = (identify(nominal, measured.seen, free), choice.identifications[1])
     return fits, choice.log_evidence, choice.chosen == "extended"

@@ -229,7 +229,8 @@ def test_the_climb_has_the_numbers_and_the_evidence_of_whole_fits(which):
     )  # fmt: skip
     errors = joined(levels)
     sd = {name: sd for one in levels for name, sd in zip(one.names, one.sd, strict=True)}
-    solved = system.solved(errors, np.array([sd[name] for name in errors.names]))
+    sizes = np.array([sd[name] for name in errors.names])
+    solved, learned = system.solved(errors, sizes), system.learned(errors, sizes)
     wide, whole = extended_by(NOMINAL, table, PARAMETERS, levels, prior=PRIOR)
     assert whole.status is Status.CONVERGED
     reached = with_errors(near.model, errors).moved(solved.step)
@@ -238,7 +239,7 @@ def test_the_climb_has_the_numbers_and_the_evidence_of_whole_fits(which):
     assert np.linalg.norm(gap, axis=1).mean() < 2e-6
     gain = solved.evidence - system.solved(JointErrors(), np.zeros(0)).evidence
     assert gain == pytest.approx(whole.log_evidence - near.log_evidence, abs=0.5)
-    assert solved.learned == pytest.approx(len(whole.residual) - whole.dof_effective, abs=0.5)
+    assert learned == pytest.approx(len(whole.residual) - whole.dof_effective, abs=0.5)
     assert wide.n_numbers == len(solved.step)
 
 

@@ -233,6 +233,7 @@ def test_a_belief_about_another_value_than_zero_is_zero_of_what_is_left():
     # sums of some 1e5, to rounding
     assert about.evidence == pytest.approx(zero.evidence, rel=1e-11)
     assert about.left == pytest.approx(zero.left, rel=1e-8)
-    assert about.learned == pytest.approx(zero.learned, rel=1e-12)
+    learned = system.learned(level.errors, level.sd, level.mean, 1.5)
+    assert learned == pytest.approx(less.learned(level.errors, level.sd, None, 1.5), rel=1e-12)
     np.testing.assert_allclose(about.step[:-1], zero.step[:-1], rtol=1e-6, atol=1e-12)
     assert about.step[-1] == pytest.approx(zero.step[-1] + level.mean[0], rel=1e-9)
