@@ -18,7 +18,7 @@ ALLOWED = {
     "testbed": {
         "numpy", "scipy", "calib", "testbed", "mujoco", "yourdfpy", "trimesh", "manifold3d",
         "lxml", "rerun", "rerun_cli", "pyarrow", "pydantic", "typer", "rich", "matplotlib",
-        "jinja2", "openpyxl",
+        "jinja2", "openpyxl", "distributed",
     },
 }  # fmt: skip
 HOMES = {
@@ -33,6 +33,7 @@ HOMES = {
     "trimesh": ("testbed/robots/meshes/",),
     "lxml": ("testbed/robots/",),
     "openpyxl": ("testbed/gates/workbook.py",),
+    "distributed": ("testbed/engines/cluster.py",),
     "matplotlib": ("testbed/report/", "plots"),
     "jinja2": ("testbed/report/page.py",),
     "rich": ("testbed/cli/terminal.py", "testbed/report/text.py"),

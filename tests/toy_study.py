@@ -1,5 +1,7 @@
 """A study of another distribution: how far repeated shots of one pose lie apart, on toy robots."""
 
+import os
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
@@ -77,6 +79,7 @@ class ToyStudy:
         """Two robots."""
         if task.piece == self.interrupted_at:
             raise KeyboardInterrupt
+        time.sleep(float(os.environ.get("TOY_PAUSE", "0")))
         self.played.append(task.piece)
         table = scenario.table(ToySettings)
         size = needed.get("setting", Setting).pool_q.mean()

@@ -23,6 +23,10 @@ Overwrite = Annotated[
 Workers = Annotated[
     str, typer.Option(metavar="N", help="Processes that play robots; auto: one a core.")
 ]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(metavar="ADDRESS", help="Of dask: tcp://HOST:PORT or file:scheduler.json."),
+]
 
 
 @app.command()
@@ -37,6 +41,7 @@ def run(
         typer.Option(metavar="DIR", help="Write the measurements as files for identify, too."),
     ] = None,
     workers: Workers = "1",
+    scheduler: Scheduler = None,
     part: Annotated[
         str | None,
         typer.Option("--slice", metavar="I/N", help="Play the I-th of N slices of robots only."),
@@ -58,7 +63,7 @@ def run(
 
             check_free(export, SESSION_FILE, overwrite=overwrite)
             words += ["--export", str(export)]
-        engine, more = engine_asked(workers, quiet=quiet or as_json)
+        engine, more = engine_asked(workers, scheduler, quiet=quiet or as_json)
         words += more
         from testbed.cli.terminal import progress
 
@@ -110,6 +115,7 @@ def merge(
     out: Annotated[Path, typer.Option(help="Folder of the whole run.")],
     overwrite: Overwrite = False,
     workers: Workers = "1",
+    scheduler: Scheduler = None,
     quiet: Quiet = False,
     as_json: Json = False,
     debug: Debug = False,
@@ -117,7 +123,7 @@ def merge(
     """Join the slices of a run that were played into several folders; play what is missing."""
     with exit_codes(debug=debug, as_json=as_json, room=COMPUTING) as end:
         end.folder = out
-        engine, more = engine_asked(workers, quiet=quiet or as_json)
+        engine, more = engine_asked(workers, scheduler, quiet=quiet or as_json)
         end.resume = ["truebed", "run", str(out), "--out", str(out), *more, "--resume"]
         from testbed.cli.terminal import progress
         from testbed.run.slices import merge_runs
@@ -161,14 +167,16 @@ def default_folder(scenario: "Scenario") -> Path:
     return Path("runs") / f"{scenario.name}-seed{scenario.seed}"
 
 
-def engine_asked(workers: str, *, quiet: bool) -> "tuple[Engine, list[str]]":
+def engine_asked(workers: str, scheduler: str | None, *, quiet: bool) -> "tuple[Engine, list[str]]":
     """Who plays pieces, and the words that ask for it; more processes than cores are said."""
     from testbed.engines.choice import crowded, engine_of, workers_of
 
     number = workers_of(workers)
     if not quiet and (told := crowded(number)):
         warn(told)
-    return engine_of(number), [] if number == 1 else ["--workers", workers]
+    words = [] if number == 1 else ["--workers", workers]
+    words += [] if scheduler is None else ["--scheduler", scheduler]
+    return engine_of(number, scheduler), words
 
 
 def alone(*, overwrite: bool, export: Path | None) -> None:

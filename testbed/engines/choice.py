@@ -8,6 +8,8 @@ from testbed.engines.engine import Alone, Engine
 MOST = 61 if os.name == "nt" else 1000
 """Processes: Windows waits for no more at once."""
 
+SCHEMES = ("tcp://", "tls://", "file:")
+
 
 def cores() -> int:
     """Cores that this process may use."""
@@ -58,8 +60,27 @@ def crowded(workers: int) -> str:
     )
 
 
-def engine_of(workers: int) -> Engine:
-    """One process is this one; others are begun when the first piece is there."""
+def engine_of(workers: int, scheduler: str | None = None) -> Engine:
+    """A cluster, if there is one; else one process is this one, and others are begun in time.
+
+    Raises
+    ------
+    InputError
+        C41, C42: both are asked for, or the scheduler cannot be used.
+    """
+    if scheduler is not None:
+        from testbed.engines.cluster import Cluster
+        from testbed.engines.kit import play_piece
+
+        if workers != 1:
+            raise refuse(
+                "--workers", workers, "the scheduler has workers of its own", code="C41",
+                message=f"--workers is {workers}, and --scheduler is given", fix="leave one out",
+            )  # fmt: skip
+        if not scheduler.startswith(SCHEMES):
+            allowed = "tcp://HOST:PORT, or file:PATH of the file that a scheduler writes"
+            raise refuse("--scheduler", scheduler, allowed, code="C41")
+        return Cluster(scheduler, play_piece)
     if workers == 1:
         return Alone()
     from testbed.engines.kit import play_piece

@@ -5,13 +5,14 @@ Rewrite it with ``TRUEBED_UPDATE=1 pytest tests/testbed/engines/test_messages.py
 
 import os
 import pickle
+import sys
 from pathlib import Path
 
 import pytest
 
 from calib.errors import CalibError, MachineError
 from testbed.engines import choice, kit
-from testbed.engines.choice import crowded, slice_of, workers_of
+from testbed.engines.choice import crowded, engine_of, slice_of, workers_of
 from testbed.engines.kit import require_alike
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "engine_messages.txt"
@@ -25,6 +26,9 @@ CASES = {
     "slice 5 of 4": lambda _: slice_of("5/4"),
     "half a slice": lambda _: slice_of("1.5/4"),
     "no slice": lambda _: slice_of("2"),
+    "no address": lambda _: engine_of(1, "127.0.0.1:8786"),
+    "workers and scheduler": lambda _: engine_of(4, "tcp://127.0.0.1:8786"),
+    "no package": lambda _: engine_of(1, "tcp://127.0.0.1:8786"),
     "more workers than cores": lambda _: crowded(64),
     "another version": lambda _: require_alike(OURS | {"truebed": "0.0.9"}),
     "other sources and packages": lambda _: require_alike(
@@ -35,6 +39,7 @@ CASES = {
 
 @pytest.fixture(autouse=True)
 def _here(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)  # as if it were not installed
     monkeypatch.setattr(choice, "cores", lambda: 2)
     monkeypatch.setattr(kit, "alike", lambda: OURS)
 

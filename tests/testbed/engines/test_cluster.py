@@ -1,0 +1,170 @@
+"""A cluster of dask under faults: the same bytes, nothing lost, nothing hung."""
+
+import os
+import subprocess
+import sys
+import time
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from calib.errors import InputError, MachineError
+from testbed.engines import cluster
+from testbed.engines.choice import engine_of
+from testbed.engines.cluster import Cluster
+from tests.testbed.engines.toy import ToyKit, expected, gone, play, toys
+
+pytest.importorskip("distributed", reason="a cluster needs pip install 'truebed[cluster]'")
+ROOT = Path(__file__).parents[3]
+HERE = ("--host", "127.0.0.1", "--no-dashboard")
+
+CLIENT = """
+import sys
+from pathlib import Path
+from testbed.engines.cluster import Cluster
+from tests.testbed.engines.toy import ToyKit, play, toys
+engine = Cluster("file:" + sys.argv[1], play)
+for piece, data in engine.play(ToyKit(Path(sys.argv[2])), toys(6)):
+    print(piece.name, flush=True)
+"""
+
+
+class Dask:
+    """A scheduler of this machine and its workers, each a process."""
+
+    def __init__(self, folder, path=ROOT):
+        self.folder, self.file = folder, folder / "scheduler.json"
+        self.path, self.workers = path, []
+        self.scheduler = self.start("scheduler", "--port", "0", "--scheduler-file", self.file)
+
+    def start(self, what, *words):
+        return subprocess.Popen(
+            [sys.executable, "-m", f"distributed.cli.dask_{what}", *HERE, *map(str, words)],
+            env={**os.environ, "PYTHONPATH": str(self.path)}, cwd=self.folder,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+
+    def worker(self, *words):
+        more = ("--scheduler-file", self.file, "--nthreads", 1, "--death-timeout", 60)
+        self.workers.append(self.start("worker", *more, *(words or ("--no-nanny",))))
+
+    def stop(self):
+        ones = (self.scheduler, *self.workers)
+        for one in ones:
+            one.terminate()
+        for one in ones:
+            one.wait(20)
+        assert gone([one.pid for one in ones])
+
+
+@pytest.fixture(scope="module")
+def dask(tmp_path_factory):
+    found = Dask(tmp_path_factory.mktemp("dask"))
+    found.worker()
+    found.worker()
+    while not found.file.exists():
+        assert found.scheduler.poll() is None
+        time.sleep(0.02)
+    yield found
+    found.stop()
+
+
+def of(dask, call=play):
+    return closing(Cluster(f"file:{dask.file}", call))
+
+
+def play_all(engine, kit, count):
+    return {piece.name: data for piece, data in engine.play(kit, toys(count))}
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_faults_of_a_cluster_change_no_byte_and_a_lost_scheduler_is_said(
+    dask, tmp_path, monkeypatch
+):
+    """In turn: errors, a client that goes, a worker that dies, at last the scheduler."""
+    kit, more = ToyKit(tmp_path / "a"), ToyKit(tmp_path / "b")
+    for one in (kit, more):
+        one.folder.mkdir()
+    (kit.folder / "1.raise once").touch()
+    (kit.folder / "5.die once").touch()
+    (more.folder / "0.raise always").touch()
+    with of(dask) as engine:
+        next(engine.play(kit, toys(3)))  # nobody waits for the other two
+    with of(dask) as engine:
+        assert play_all(engine, kit, 8) == expected(kit, toys(8))
+        with pytest.raises(
+            InputError, match="cannot load truebed, or has a worker that cannot: a library"
+        ):
+            play_all(engine, more, 1)
+        (kit.folder / "3.wait always").touch()
+        found = engine.play(kit, toys(4))
+        assert {next(found)[0].name for _ in range(3)} == {"0", "1", "2"}
+        monkeypatch.setattr(engine._client, "_timeout", 2.0)  # ANSWER elsewhere
+        dask.scheduler.kill()
+        (kit.folder / "3.wait always").unlink()
+        start = time.monotonic()
+        with pytest.raises(MachineError, match="is gone; start it again, then go on with --resume"):
+            next(found)
+        assert time.monotonic() - start < cluster.ANSWER + 5
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_scheduler_that_does_not_answer_or_has_no_workers_is_told_in_a_sentence(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(cluster, "ANSWER", 0.3)
+    with pytest.raises(InputError) as caught:
+        engine_of(1, "tcp://127.0.0.1:1")
+    assert str(caught.value) == (
+        "--scheduler is tcp://127.0.0.1:1, which does not answer; start one by `dask scheduler`, "
+        "and give the address that it prints. [C42]"
+    )
+    with pytest.raises(InputError, match=r"none\.json, which is not there; start one by"):
+        engine_of(1, f"file:{tmp_path}/none.json")
+
+
+@pytest.mark.study
+@pytest.mark.filterwarnings("ignore")
+def test_what_only_a_whole_cluster_can_suffer(tmp_path, monkeypatch):
+    """A piece that kills every worker, no worker at all, a client killed, and no program there."""
+    monkeypatch.setattr(cluster, "ANSWER", 5.0)
+    kit = ToyKit(tmp_path / "kit")
+    kit.folder.mkdir()
+    (kit.folder / "2.die always").touch()
+    found = Dask(tmp_path)
+    try:
+        with pytest.raises(InputError, match="which has no workers; start some by `dask worker"):
+            Cluster(f"file:{found.file}", play)
+        for _ in range(2):
+            found.worker("--nanny")
+        with of(found) as engine:
+            played = play_all(engine, kit, 8)
+        assert played.pop("2") == "several workers died while they played 2"
+        assert played == {k: v for k, v in expected(kit, toys(8)).items() if k != "2"}
+        script = tmp_path / "client.py"
+        script.write_text(CLIENT)
+        (kit.folder / "2.die always").unlink()
+        (kit.folder / "3.wait always").touch()
+        client = subprocess.Popen(
+            [sys.executable, str(script), str(found.file), str(kit.folder)],
+            env={**os.environ, "PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE,
+        )  # fmt: skip
+        assert client.stdout is not None
+        assert len(client.stdout.readline()) > 0
+        client.kill()
+        client.wait(20)
+        client.stdout.close()
+        (kit.folder / "3.wait always").unlink()
+        with of(found) as engine:
+            assert play_all(engine, kit, 8) == expected(kit, toys(8))
+    finally:
+        found.stop()
+    (tmp_path / "bare").mkdir()
+    bare = Dask(tmp_path / "bare", path="/nonexistent")
+    try:
+        bare.worker()
+        with of(bare) as engine, pytest.raises(InputError, match="cannot load truebed"):
+            play_all(engine, kit, 2)
+    finally:
+        bare.stop()
