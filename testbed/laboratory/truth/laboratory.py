@@ -132,12 +132,18 @@ class Laboratory(Bench):
         )
 
     def visits(
-        self, q: Array, *names: str | int, count: int, payload: Array | None = None
+        self,
+        q: Array,
+        *names: str | int,
+        count: int,
+        span: float = 0.0,
+        payload: Array | None = None,
     ) -> ManyTables | None:
         """What visits of poses q (count or 1, m, n) read, as `measure` makes them one by one.
 
-        Visit k is the one with ``repeat=k``. None where arrays do not know it: several rounds, a
-        tracker that is not `steady`, a nominal robot that needs what rows say beside their joints.
+        Visit k is the one with ``repeat=k`` that starts k times `span` after the campaign began
+        [s]. None where arrays do not know it: several rounds, a tracker that is not `steady`, a
+        nominal robot that needs what rows say beside their joints.
         """
         if self.rounds or not self.tracker.steady or not known_to_many(self.robot.model):
             return None
@@ -152,8 +158,9 @@ class Laboratory(Bench):
         scatter, approached = None, q
         if self.truth.joint_repeatability.any():
             scatter = normal("approach", n).reshape(-1, n)
+        if scatter is not None or (span and self.truth.unmodelled.thermal is not None):
             approached = np.broadcast_to(q, (count, m, n))
-        ways = [journey(one, 0.0, self.tracker.pose_time) for one in approached]
+        ways = [journey(one, k * span, self.tracker.pose_time) for k, one in enumerate(approached)]
         time, previous = (np.concatenate(each) for each in zip(*ways, strict=True))
         T = self.truth.poses(
             approached.reshape(-1, n), normal=scatter, time=time, previous=previous,
@@ -162,6 +169,14 @@ class Laboratory(Bench):
         read = self.tracker.readings(T.reshape(-1, m, 4, 4), normal("tracker", 3, 3))
         covariance = self.covariance(q.reshape(-1, n)).reshape(-1, m, 6, 6)
         return ManyTables.read(q, *read, covariance)
+
+    def pool_visits(
+        self, sets: Index, *names: str | int, count: int, span: float = 0.0
+    ) -> ManyTables | None:
+        """The same of sets (count or 1, m) of pool poses, as `measure_pool` makes them."""
+        springs, m = self.truth.unmodelled.springs, sets.shape[1]
+        hung = None if springs is None else springs.in_turn(m)
+        return self.visits(self.pool_q[sets], *names, count=count, span=span, payload=hung)
 
     def measure_pool(
         self, indices: Index, *names: str | int, repeat: int = 0, start: float = 0.0

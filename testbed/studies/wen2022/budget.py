@@ -1,10 +1,13 @@
 """The budget of Wen et al. 2022 on the one robot of the campaign, by the paper's estimator."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from calib.arrays import Array, Index
 from calib.errors import refuse
 from calib.identification.identify import Identification, Mode, identify
+from calib.identification.many.fit import fit_many
 from calib.measurement.observations import Measurements
 from calib.uncertainty.type_a import best_budget, location_regions, random_budget
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
@@ -25,6 +28,30 @@ FEWEST_LOCAL = 10
 def fitted(laboratory: Laboratory, seen: Measurements, mode: Mode = "paper") -> Identification:
     """The paper's numbers from one table."""
     return identify(laboratory.setting.nominal, seen, laboratory.free("paper"), mode=mode)
+
+
+def steps_of(
+    laboratory: Laboratory, sets: Sequence[Index], *names: str | int, pose_time: float = 0.0
+) -> Array:
+    """Estimates (k, f) of the paper's estimator from one visit of each set [m or rad].
+
+    Visits follow each other in time, `pose_time` a pose [s]. Sets of one size are visited and
+    fitted all at once, where arrays know how; others one by one.
+    """
+    free, size = laboratory.free("paper"), len(sets[0])
+    if all(len(chosen) == size for chosen in sets) and 6 * size > free.n_free:
+        same = all(np.array_equal(chosen, sets[0]) for chosen in sets)
+        own = np.array(sets[:1] if same else sets)
+        tables = laboratory.pool_visits(own, *names, count=len(sets), span=size * pose_time)
+        if tables is not None:
+            fits = fit_many(laboratory.setting.nominal, tables, free, mode="paper")
+            if fits.converged.all():
+                return fits.steps
+    visits = (
+        laboratory.measure_pool(chosen, *names, repeat=k, start=k * len(chosen) * pose_time)
+        for k, chosen in enumerate(sets)
+    )
+    return np.array([fitted(laboratory, seen).step for seen in visits])
 
 
 def regions_of(setting: Setting, budget: BudgetSettings) -> list[Index]:
@@ -97,16 +124,11 @@ def paper_budget_study(scenario: Scenario, setting: Setting, needed: Records) ->
     local = location_sets(setting, constants, rng)
     sized = [rng.choice(n, min(size, n), replace=False) for size in constants.pose_numbers]
 
-    def estimates(sets: list[Index], name: str) -> Array:
-        """Steps (k, f) of the paper's estimator, one visit of each set."""
-        visits = (bench.measure_pool(p, "paper_budget", name, repeat=k) for k, p in enumerate(sets))
-        return np.array([fitted(bench, seen).step for seen in visits])
-
     best = [best_budget(repeats_of(needed.get(name, Trial)), u_c) for name in trials]
     random = random_budget(
-        estimates([one] * scenario.uncertainty.repeats, "repeats"),
-        estimates(sized, "pose_number"),
-        estimates(local, "location"),
+        steps_of(bench, [one] * scenario.uncertainty.repeats, "paper_budget", "repeats"),
+        steps_of(bench, sized, "paper_budget", "pose_number"),
+        steps_of(bench, local, "paper_budget", "location"),
         u_c,
     )
     return PaperBudget(

@@ -23,7 +23,7 @@ from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.many_robots import alone, together, truth_of_kind
 from testbed.studies.trial.compare import INTERVAL, true_step
-from testbed.studies.wen2022.budget import fitted, location_sets
+from testbed.studies.wen2022.budget import fitted, location_sets, steps_of
 from testbed.studies.wen2022.records import (
     ESTIMATORS,
     PoolSets,
@@ -52,8 +52,8 @@ class Visit:
 
     def steps(self, sets: list[Index], name: str) -> Array:
         """Estimates (k, f) of the paper's estimator from one visit of each set [m, rad]."""
-        seen = (self.measure(chosen, name, repeat=k) for k, chosen in enumerate(sets))
-        return np.array([fitted(self.laboratory, table).step for table in seen])
+        names, own = ("reexamined", name, self.robot), self.laboratory
+        return steps_of(own, sets, *names, pose_time=own.tracker.pose_time)
 
     def random(self, size: int, name: str) -> Index:
         """A random set (m,) of this robot's own."""
@@ -150,9 +150,7 @@ def play(visit: Visit, trial: TrialSets, pool: int) -> dict[str, Any]:
     if not trial.by_paper:
         return figures
     repeats = visit.laboratory.scenario.uncertainty.repeats
-    others = [visit.measure(chosen, trial.trial, repeat=k) for k in range(1, repeats)]
-    steps = np.array([fits[0].step, *(fitted(visit.laboratory, table).step for table in others)])
-    u = type_a(steps).standard
+    u = type_a(visit.steps([chosen] * repeats, trial.trial)).standard
     off = np.abs(fits[0].step - true_step(visit.laboratory.setting, fits[1], seen))
     combined = root_sum_square(u, environment(visit.laboratory.scenario.budget, fits[0].names))
     figures |= {"u_best": u, "numbers_inside": float((off <= INTERVAL * combined).mean())}

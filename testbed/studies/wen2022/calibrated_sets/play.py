@@ -42,7 +42,7 @@ def random_calibrations(
     name, trial = settings.name, needed.get(settings.name, Trial)
     sets = drawn_sets(scenario, settings, len(setting.pool_q))
     names = ("random_calibrations", name)
-    visits = bench.visits(setting.pool_q[sets], *names, count=len(sets)) or [
+    visits = bench.pool_visits(sets, *names, count=len(sets)) or [
         bench.measure_pool(chosen, *names, repeat=k) for k, chosen in enumerate(sets)
     ]
     designed, nothing = calibrated(bench, trial.selection.indices[None], [trial.measurements])
