@@ -160,7 +160,11 @@ class ManyModels:
 
     def poses(self, q: Array) -> Array:
         """Tool poses T_world_tool (R, m, 4, 4) at commanded joints q (R or 1, m, n) [m]."""
-        return poses_of(*self.frames(self.reached(q)))
+        return self.poses_at(self.reached(q))
+
+    def poses_at(self, joints: Array) -> Array:
+        """The same at joints reached (n, R or 1, m), from `reached` [rad, m]."""
+        return poses_of(*self.frames(joints))
 
 
 def poses_of(axes: Array, origin: Array) -> Array:

@@ -37,6 +37,8 @@ REMEDIES = (
 )
 SAMPLE = 100
 """Rejected candidates kept for each reason, so that rare reasons can be looked at too."""
+PARTS = 10
+"""In which a block of candidates is tested."""
 PATIENCE = ((200_000, 1e-4), (4_000, 1e-2))
 """After so many candidates (drawn; in the box), give up below this feasible share."""
 
@@ -125,9 +127,13 @@ class Candidates:
         while drawn - rejected.sum() < wanted:
             block = rng.uniform(lower, upper, (4 * wanted, len(lower)))
             block = block[is_new(block, taken)]
-            blocks.append(block)
-            faults.append(self.first_fault(block))
-            rejected, drawn = rejected + counts(faults[-1]), drawn + len(block)
+            # in order: nothing is tested behind the last one wanted but the rest of its part
+            for part in np.array_split(block, PARTS):
+                blocks.append(part)
+                faults.append(self.first_fault(part))
+                rejected, drawn = rejected + counts(faults[-1]), drawn + len(part)
+                if drawn - rejected.sum() >= wanted:
+                    break
             _check_patience(rejected, drawn, wanted)
         q, reason = np.concatenate(blocks), np.concatenate(faults)
         end = np.flatnonzero(reason < 0)[wanted - 1] + 1

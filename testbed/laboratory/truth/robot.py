@@ -51,11 +51,20 @@ class TrueRobot:
     """(n,) standard deviation of each joint at each approach [rad or m]."""
     unmodelled: UnmodelledTerms = field(default_factory=UnmodelledTerms)
     """Backlash, thermal growth, springs and motion, which `model` cannot hold."""
-    simulator: "Simulator | ElasticArm | MovingArm" = field(init=False, repr=False)
-    """The same geometry as a MuJoCo body tree, sprung where the arm gives way."""
+    _simulator: "Simulator | ElasticArm | MovingArm | None" = field(
+        init=False, repr=False, default=None
+    )
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "simulator", _arm(self.model.chain, self.unmodelled))
+    @property
+    def simulator(self) -> "Simulator | ElasticArm | MovingArm":
+        """The same geometry as a MuJoCo body tree, sprung where the arm gives way.
+
+        It is built where it is asked for first.
+        """
+        if self._simulator is None:
+            object.__setattr__(self, "_simulator", _arm(self.model.chain, self.unmodelled))
+        assert self._simulator is not None
+        return self._simulator
 
     def poses(
         self,

@@ -21,14 +21,13 @@ from calib.measurement.accuracy import point_distances
 from calib.uncertainty.covariance import standard_uncertainty
 from calib.uncertainty.regions import mahalanobis_squared
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
-from testbed.laboratory.truth.setting import Setting, validation_start
+from testbed.laboratory.truth.setting import Setting
 from testbed.laboratory.truth.terms import UnmodelledTerms
 from testbed.scenario.scenario import Scenario
-from testbed.streams import stream
 from testbed.studies.coverage.judge import OF_A_MODEL, MeasuredRobot, judge_model, judge_models
-from testbed.studies.coverage.kinds import apart, drawn, in_random_order, remembering
 from testbed.studies.coverage.settings import CoverageSettings
 from testbed.studies.coverage.study import CoverageStudy
+from testbed.studies.coverage.visits import measure_robot, measure_robots, poses_of
 from testbed.studies.many_robots import alone, together
 from testbed.studies.trial.compare import true_step
 from testbed.studies.trial.records import Trial
@@ -49,7 +48,8 @@ def play_robots(
     laboratory = open_laboratory(scenario, setting)
     chosen = trial.selection.indices
     level = scenario.table(CoverageSettings).level
-    measured = [[measure_robot(laboratory, kind, chosen, k) for k in robots] for kind in kinds]
+    poses = [poses_of(laboratory, k) for k in robots]  # robot k of every kind meets the same
+    measured = [measure_robots(laboratory, kind, chosen, robots, poses) for kind in kinds]
     ladders = offered(laboratory)
     found = [[models(one, ladders) for one in of_kind] for of_kind in measured]
     everyone = [one for of_kind in measured for one in of_kind]
@@ -111,48 +111,6 @@ def _played(
             **{name: [one[name] for one in judged] for name in OF_A_MODEL},
         ),
     )
-
-
-def measure_robot(laboratory: Laboratory, truth: str, chosen: Index, robot: int) -> MeasuredRobot:
-    """Draw robot number `robot` of one kind and measure it; every stream has its number.
-
-    Parameters
-    ----------
-    laboratory : Laboratory
-        Of the campaign; its robot is replaced.
-    truth : str
-        Kind of robot.
-    chosen : (m,) array
-        Places in the pool of the identification poses.
-    robot : int
-        From 0.
-    """
-    use = drawn(laboratory, truth, robot)
-    own, scenario = use.laboratory, use.laboratory.scenario
-    count, judged = scenario.table(CoverageSettings).validation_poses, scenario.test.poses
-    if truth == "shift":
-        train_q, validation_q, judge_q = apart(own, robot, (len(chosen), count, judged))
-        own = own.with_poses(train_q, judge_q)
-        chosen = np.arange(len(train_q))
-    else:
-        pool = own.candidates().draw(
-            stream(scenario.seed, "coverage", "poses", robot),
-            size=count + judged,
-            exclude=own.pool_q,
-        )
-        validation_q, judge_q = np.split(pool.q, [count])
-    if truth == "drifting":
-        chosen = in_random_order(own, chosen, robot)
-    seen = own.measure_pool(chosen, "coverage", "identification", robot)
-    start, names = validation_start(scenario), ("coverage", "validation", robot)
-    validation = own.measure(validation_q, np.arange(count), *names, start=start)
-    if truth == "drifting":
-        seen, validation = remembering(own, (seen, validation))
-    true = use.used.held_out(judge_q)
-    if use.one_move:
-        rng = stream(scenario.seed, "coverage", "moves", robot)
-        true = use.used.truth.poses(judge_q, rng=rng)
-    return MeasuredRobot(seen, validation, judge_q, true[:, :3, 3], own, use)
 
 
 def offered(laboratory: Laboratory) -> tuple[Ladder, ...]:
