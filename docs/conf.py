@@ -3,6 +3,10 @@
 import sys
 import tomllib
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
@@ -20,6 +24,8 @@ extensions = [
     "sphinx.ext.napoleon",
     "made.formats",
     "made.formulas",
+    "made.gallery",
+    "made.offline",
     "made.played",
 ]
 exclude_patterns = ["_build"]
@@ -42,3 +48,26 @@ html_show_sphinx = False
 html_copy_source = False
 pygments_style = "friendly"
 pygments_dark_style = "github-dark"
+
+
+_AS_WRITTEN: dict[str, list[str]] = {}
+
+
+def _kept(_app: Any, what: str, name: str, _thing: Any, _how: Any, lines: list[str]) -> None:
+    """Remember the docstring of an attribute."""
+    if what in ("attribute", "property"):
+        _AS_WRITTEN[name] = list(lines)
+
+
+def _restored(
+    _app: Any, _what: str, name: str, _thing: Any, _options: Any, lines: list[str]
+) -> None:
+    """Take it back: napoleon takes words before a colon for the type of the attribute."""
+    if name in _AS_WRITTEN:
+        lines[:] = _AS_WRITTEN.pop(name)
+
+
+def setup(app: "Sphinx") -> None:
+    """Look at docstrings before napoleon and after it, which has priority 500."""
+    app.connect("autodoc-process-docstring", _kept, priority=100)
+    app.connect("autodoc-process-docstring", _restored, priority=900)

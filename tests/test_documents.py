@@ -1,16 +1,32 @@
 """The documents: every key of every file is described, and pages only name what is there."""
 
 import re
+import shlex
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+import typer
 
 from made.fields import allowed_of, keys
 from made.formats import FILES, described, page, places
+from made.gallery import OF_ONE_CAMPAIGN, PICTURES, QUESTIONS, SPREAD, at_five_seeds
+from made.gallery import page as scene_page
+from testbed.assets import scene_names
+from testbed.cli import app
 from testbed.robots.links import Link
 from testbed.scenario.laboratory import PaperTracker
 
 ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = {
+    str(path.relative_to(DOCS)): path.read_text(encoding="utf-8")
+    for path in [*DOCS.glob("*.md"), *DOCS.glob("[a-z]*/*.md")]
+    if path.parent.name != "scenes" or path.name == "index.md"
+}
+"""Every page that is written by hand."""
+INSTALLED = ("python3 -m venv", "pip install numpy", "pip install --no-deps")
+"""Beginnings of commands that change the environment, which no test does."""
 
 
 @pytest.mark.parametrize("file", FILES)
@@ -65,3 +81,78 @@ def test_every_link_on_a_format_page_has_its_end():
         anchors = set(re.findall(r"^\((.*)\)=$", text, flags=re.MULTILINE))
         assert len(anchors) == len(places(file))
         assert set(re.findall(r"\]\(#(.*?)\)", text)) <= anchors
+
+
+def fences(text):
+    """Language and text of every block of a page; ``{play} sh`` for what the build runs."""
+    return re.findall(r"^```(\{?\w+\}?(?: \w+)?)\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+
+
+def commands(text):
+    """Command lines of the blocks that are only shown."""
+    for language, block in fences(text):
+        if language == "sh":
+            yield from block.replace("\\\n", " ").strip().splitlines()
+
+
+def parsed(words):
+    """The verb of a `truebed` command line, whose arguments and options are refused if unknown."""
+    command = typer.main.get_command(app)
+    while hasattr(command, "commands"):
+        name, *words = words
+        command = command.commands[name]
+    command.make_context(command.name, list(words))
+    return command.name
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_python_script_on_a_page_is_one_that_the_build_runs(name):
+    assert not [block for language, block in fences(PAGES[name]) if language == "python"]
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_command_that_is_only_shown_exists_with_its_options(name):
+    for line in commands(PAGES[name]):
+        if line.startswith(INSTALLED):
+            continue
+        first, *words = shlex.split(line)
+        if first == "truebed":
+            assert parsed(words)
+        else:
+            assert (first, words[0]) == ("python", "-m")
+            assert find_spec(words[1])
+            assert all((ROOT / word).exists() for word in words if word.startswith("tests/"))
+
+
+def test_a_wrong_command_would_be_seen():
+    with pytest.raises(KeyError):
+        parsed(["rum", "quick"])
+    with pytest.raises(Exception, match="--sead"):
+        parsed(["run", "quick", "--sead", "3"])
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_verbs_and_scenes_in_the_text_of_a_page_exist(name):
+    verbs = typer.main.get_command(app).commands
+    for verb, word in re.findall(r"`truebed ([a-z0-9]+)(?: ([a-z0-9_]+))?", PAGES[name]):
+        assert verb in verbs
+        assert verb != "run" or not word or word in scene_names()
+
+
+def test_every_scene_has_its_page_with_its_question_and_its_figures():
+    assert set(QUESTIONS) == set(scene_names())
+    for name in scene_names():
+        text = scene_page(name)
+        assert QUESTIONS[name] in text
+        (line,) = commands(text)
+        assert parsed(shlex.split(line)[1:]) in ("run", "plan")
+        assert (name in SPREAD) == bool(at_five_seeds(name))
+        if name in SPREAD:
+            pattern = PICTURES.get(name, OF_ONE_CAMPAIGN)[0]
+            assert any(re.search(pattern, row.partition(": five")[0]) for row in SPREAD[name])
+
+
+def test_the_citation_names_this_version():
+    version = re.search(r'^version = "(.*)"', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
+    assert f"version: {version[1]}\n" in (ROOT / "CITATION.cff").read_text()
+    assert f"version = {{{version[1]}}}" in PAGES["cite.md"]

@@ -117,10 +117,10 @@ def distance_spread(
     draws: int = DRAWS,
     probability: float = 0.95,
 ) -> DistanceSpread:
-    """Scatter of the distance |P| at joints q (N, n) for independent parameters: the paper's form.
+    """Scatter of the distance of the tool point for independent parameters: the paper's form.
 
-    Two things make it differ from what the tool point really does: |P| shows the radial direction
-    only (too small), and the correlations of the parameters are dropped (too large).
+    Two things make it differ from what the tool point really does: the distance shows the radial
+    direction only (too small), and the correlations of the parameters are dropped (too large).
 
     Parameters
     ----------

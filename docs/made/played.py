@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import textwrap
 import time
 from contextlib import chdir, redirect_stdout
 from dataclasses import dataclass, field
@@ -25,6 +26,8 @@ from sphinx.util.docutils import SphinxDirective
 LOG = logging.getLogger(__name__)
 LONGEST_S = 120
 """A block that takes longer has no place on a page."""
+WIDTH = 84
+"""Characters of a line that a page shows whole."""
 PICTURES = "_pictures"
 """Where figures wait until Sphinx has copied them, below the pages."""
 
@@ -62,6 +65,15 @@ def shell(text: str, folder: Path) -> str:
     return ran.stdout
 
 
+def folded(line: str) -> list[str]:
+    """A sentence on lines of a page's width; a row of a table, with gaps in it, as it is."""
+    text = line.strip()
+    if len(line) <= WIDTH or "  " in text:
+        return [line]
+    indent = line[: len(line) - len(line.lstrip())]
+    return textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=f"{indent}  ")
+
+
 def python(text: str, page: Page) -> str:
     """What a Python script prints in the folder of its page, after the scripts before it."""
     printed = StringIO()
@@ -96,7 +108,7 @@ class Play(SphinxDirective):
         found: list[nodes.Node] = []
         if "hidden" not in self.options:
             found.append(nodes.literal_block(text, text, language=language))
-        lines = printed.strip("\n").splitlines()
+        lines = [part for line in printed.strip("\n").splitlines() for part in folded(line)]
         if lines and "silent" not in self.options:
             shown = "\n".join(lines[-self.options.get("last", len(lines)) :])
             found.append(
