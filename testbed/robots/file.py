@@ -91,7 +91,8 @@ class JointTermEntry(Strict):
     """Of a turning joint; of a torque per N m."""
     coefficient_mm: Length | None = None
     """Of a sliding joint; of a force per N."""
-    coefficient_per_k: Annotated[float, Field(ge=-1.0, le=1.0)] | None = None  # of lengths
+    coefficient_per_k: Annotated[float, Field(ge=-1.0, le=1.0)] | None = None
+    """Of lengths."""
 
     @model_validator(mode="after")
     def _has_one_coefficient(self) -> "JointTermEntry":
