@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, check
 from calib.errors import refuse
 from calib.geometry.bodies import X, Y, Z, bodies
-from calib.geometry.chain import Chain, joint_vectors
-from calib.geometry.jacobian import BATCH
+from calib.geometry.chain import BATCH, Chain, joint_vectors
 
 Axis = Literal["x", "y", "z"]
 AXES: tuple[Axis, ...] = ("x", "y", "z")

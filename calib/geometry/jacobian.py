@@ -8,11 +8,8 @@ import numpy as np
 
 from calib.arrays import Array, Bool
 from calib.geometry.bodies import X, Y, Z, bodies
-from calib.geometry.chain import Chain, grown_lengths, link_rotation_parts
+from calib.geometry.chain import BATCH, Chain, grown_lengths, link_rotation_parts
 from calib.geometry.frames import transform
-
-BATCH = 1000
-"""Poses per pass: a larger batch leaves the cache and is 2.5 times slower."""
 
 
 def pose_and_jacobian(chain: Chain, q: Array, growth: Array | None = None) -> tuple[Array, Array]:

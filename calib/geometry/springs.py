@@ -7,6 +7,7 @@ import numpy as np
 
 from calib.arrays import LATER, Array, Bool, Index, check, frozen, wrong_shape
 from calib.errors import refuse
+from calib.geometry.chain import BATCH
 from calib.geometry.frames import exp_so3
 from calib.geometry.gravity import (
     AXES,
@@ -15,7 +16,6 @@ from calib.geometry.gravity import (
     gravity_regressor,
     torque_slopes,
 )
-from calib.geometry.jacobian import BATCH
 
 UNSAID = 2.0
 """Payload that may hang on the flange though nobody says so [kg]."""

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from calib.arrays import Array
-from calib.geometry.chain import Chain, forward
+from calib.geometry.chain import BATCH, Chain, forward
 from calib.geometry.frames import log_so3
-from calib.geometry.jacobian import BATCH, bent_pose_and_jacobian, joint_columns, pose_and_jacobian
+from calib.geometry.jacobian import bent_pose_and_jacobian, joint_columns, pose_and_jacobian
 from tests.calib.geometry.bent import composed_bodies, random_arm
 
 

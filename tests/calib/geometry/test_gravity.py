@@ -8,10 +8,9 @@ import pytest
 from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.bodies import bodies
-from calib.geometry.chain import Chain, forward
+from calib.geometry.chain import BATCH, Chain, forward
 from calib.geometry.felt_moments import felt_moments
 from calib.geometry.gravity import Weight, gravity_regressor, guessed_moments, moments_of
-from calib.geometry.jacobian import BATCH
 from tests.calib.geometry.bent import composed_bodies, random_arm
 from tests.calib.kinds import ARMS
 from tests.reference import TX60_LIMITS, TX60_LINKS, tx60
