@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dposv
 
 from calib.arrays import Array, Index, frozen
 from calib.geometry.joint_errors import JointErrors
@@ -61,6 +62,10 @@ class ModelSprings(NamedTuple):
     sd: Array
     """(p + f,) prior sd of the numbers: bends at these loads, then moments, then tilts."""
 
+    def products(self, x: Array) -> Array:
+        """(p (1 + f),) at numbers in units of sd."""
+        return np.outer(*self._factors(x)).ravel()
+
     def at(self, x: Array) -> tuple[Array, Array]:
         """Products (p (1 + f),) and their slopes (p (1 + f), p + f) at numbers in units of sd."""
         p, f = len(self.load), self.moments
@@ -68,12 +73,13 @@ class ModelSprings(NamedTuple):
         slopes = np.zeros((p, 1 + f, p + f))
         slopes[range(p), :, range(p)] = (self.sd[:p] / self.load)[:, None] * more
         slopes[:, range(1, 1 + f), range(p, p + f)] = give[:, None] * self.sd[p:]
-        return np.outer(give, more).ravel(), slopes.reshape(p * (1 + f), p + f)
+        return self.products(x), slopes.reshape(p * (1 + f), p + f)
 
-    def bowl(self, x: Array, normal: Array, pull: Array) -> tuple[Array, Array]:
-        """D'N D + 1 (p + f, p + f) and D'(pull - N y) (p + f,) at x, D the slopes there.
+    def bowl(self, x: Array, normal: Array, pull: Array) -> tuple[Array, Array, Array]:
+        """D'N D + 1 (p + f, p + f) at x, what products of two numbers add to it, and the force.
 
-        A product is what gives times what weighs, so N is contracted with one of them at a time.
+        D are the slopes there, the force D'(pull - N y) - x (p + f,). A product is what gives times
+        what weighs, so N is contracted with one of them at a time.
         """
         p, wide = len(self.load), 1 + self.moments
         give, more = self._factors(x)
@@ -86,7 +92,10 @@ class ModelSprings(NamedTuple):
         H[p:, p:] += weighs[:, None] * (give @ by_give)[1:, 1:] * weighs
         H[p:, :p] = weighs[:, None] * (by_give @ more)[1:] * gives
         H[:p, p:] = H[p:, :p].T
-        return H, np.concatenate([gives * (left @ more), weighs * (give @ left)[1:]])
+        bend = np.zeros_like(H)
+        bend[p:, :p] = -weighs[:, None] * left[:, 1:].T * gives
+        bend[:p, p:] = bend[p:, :p].T
+        return H, bend, np.concatenate([gives * (left @ more), weighs * (give @ left)[1:]]) - x
 
     def _factors(self, x: Array) -> tuple[Array, Array]:
         """What each spring gives (p,), and what weighs on all (1 + f,)."""
@@ -112,7 +121,11 @@ class Bent(NamedTuple):
 
 
 def settled(springs: ModelSprings, normal: Array, pull: Array) -> Bent:
-    """Numbers x that minimize y'N y - 2 pull'y + x'x, y their products: Gauss-Newton, halved.
+    """Numbers x that minimize y'N y - 2 pull'y + x'x, y their products.
+
+    What gives and what weighs can stand for each other: along that valley the second derivative of
+    their products counts, far from its floor it misleads. Of the steps with and without it the one
+    is taken that leads lower, halved until it does.
 
     Parameters
     ----------
@@ -123,29 +136,37 @@ def settled(springs: ModelSprings, normal: Array, pull: Array) -> Bent:
     pull : (p (1 + f),) array
         Likewise.
     """
-    x, share = np.zeros(len(springs.sd)), 1.0
-    (y, D), loss = springs.at(x), 0.0
+    x, share, loss = np.zeros(len(springs.sd)), 1.0, 0.0
     if not len(x):
-        return Bent(x, y, D, np.eye(0), loss, 0.0)
-    H, force = springs.bowl(x, normal, pull)
+        return Bent(x, *springs.at(x), np.eye(0), loss, 0.0)
+
+    def loss_at(x: Array) -> float:
+        y = springs.products(x)
+        return float(y @ (normal @ y) - 2 * pull @ y + x @ x)
+
+    H, bend, force = springs.bowl(x, normal, pull)
     for _ in range(STEPS):
-        step = np.linalg.solve(H, force - x)
-        promised = float(step @ H @ step)
-        if promised < GAIN:
+        steps = _steps(H, bend, force)
+        if float(steps[0] @ force) < GAIN:
             break
         while share > GAIN:
-            tried = x + share * step
-            y_new, D_new = springs.at(tried)
-            new = float(y_new @ (normal @ y_new) - 2 * pull @ y_new + tried @ tried)
+            new, k = min((loss_at(x + share * step), k) for k, step in enumerate(steps))
             if new < loss:
                 break
             share /= 2
         else:
             break
-        x, y, D, loss, share = tried, y_new, D_new, new, min(1.0, 2 * share)
-        H, force = springs.bowl(x, normal, pull)
+        x, loss, share = x + share * steps[k], new, min(1.0, 2 * share)
+        H, bend, force = springs.bowl(x, normal, pull)
     inverse = cho_solve(cho_factor(H), np.eye(len(x)))
-    return Bent(x, y, D, inverse, loss, float(np.linalg.slogdet(H)[1]))
+    return Bent(x, *springs.at(x), inverse, loss, float(np.linalg.slogdet(H)[1]))
+
+
+def _steps(H: Array, bend: Array, force: Array) -> list[Array]:
+    """Newton's step (k,) where that has a minimum, and the one without the bend of the products."""
+    plain = np.asarray(dposv(H, force)[1])
+    _, step, flaw = dposv(H + bend, force)
+    return [plain] if flaw else [np.asarray(step), plain]
 
 
 def products_of(

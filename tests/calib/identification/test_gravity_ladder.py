@@ -198,6 +198,31 @@ def test_springs_settle_where_no_other_numbers_are_better():
         np.testing.assert_allclose(found.slopes, np.transpose(slopes), atol=1e-8)
 
 
+def test_springs_settle_in_few_steps_where_compliance_and_weight_stand_for_each_other(monkeypatch):
+    """Twice the one, half the other: along that valley steps by slopes alone take 46."""
+    monkeypatch.setattr("calib.identification.spring_products.STEPS", 12)
+    rng = np.random.default_rng(1)
+    springs = ModelSprings(np.arange(12), np.ones(4), 2, np.ones(6))
+    A = rng.normal(size=(30, 12)) * np.tile([0.05, 1.0, 1.0], 4)
+    true, _ = springs.at(rng.normal(size=6) / 2 + 0.3)
+    pull = A.T @ (A @ true + rng.normal(size=30))
+    x, h = settled(springs, A.T @ A, pull).numbers, 1e-4
+
+    def loss(x):
+        y, _ = springs.at(x)
+        return y @ A.T @ A @ y - 2 * pull @ y + x @ x
+
+    def force_at(x):
+        return np.array([(loss(x - e) - loss(x + e)) / (4 * h) for e in h * np.eye(6)])
+
+    bowl, bend, force = springs.bowl(x, A.T @ A, pull)
+    np.testing.assert_allclose(force, force_at(x), atol=1e-7)
+    curved = [(force_at(x - e) - force_at(x + e)) / (2 * h) for e in h * np.eye(6)]
+    # differences of differences of a loss of some 10
+    np.testing.assert_allclose(bowl + bend, curved, atol=1e-5)
+    assert force @ np.linalg.solve(bowl + bend, force) < 1e-6
+
+
 def sagging(seed: int, level: Level) -> RobotModel:
     """A robot near the nominal one that bends by springs of a level, moments off as believed."""
     rng = np.random.default_rng(seed)
