@@ -160,8 +160,12 @@ class _Shared(NamedTuple):
 
 
 def _shared(rows: ManyRows, start: RobotModel, belief: ManyBeliefs | None) -> _Shared | None:
-    """Columns and curvature at the start; None where they do not tell all numbers."""
-    at = ManyTangents.of(rows.some(slice(0, 1)), ManyModels.of(start, 1, rows.like), belief)
+    """Columns and curvature at the start; None where they do not tell all numbers.
+
+    Of a table that sees what is predicted there: they hang on no robot.
+    """
+    models = ManyModels.of(start, 1, rows.like)
+    at = ManyTangents.of(rows.some(slice(0, 1)).seeing(models), models, belief)
     found = ManyInverses.of(at.normal(at.data))
     return _Shared(at.A[0].T, found.C[0]) if found.sound[0] else None
 

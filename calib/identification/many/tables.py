@@ -140,6 +140,13 @@ class ManyRows:
             whitening=_some(self.whitening, which),
         )
 
+    def seeing(self, models: ManyModels) -> "ManyRows":
+        """The rows of tables that see what models predict."""
+        axes, origin = models.frames(models.reached(self.tables.q, self.basis))
+        rotation = axes.swapaxes(0, 1).reshape(9, *origin.shape[1:])
+        seen = np.ascontiguousarray(np.concatenate([origin, rotation]))
+        return replace(self, tables=replace(self.tables, seen=seen))
+
     def at(self, models: ManyModels) -> tuple[Array, Array]:
         """Residual (R, 6 m) and derivative (R, f, 6 m) at the models, whitened; rows by pose last.
 

@@ -25,6 +25,7 @@ from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.many_robots import alone, together
 from testbed.studies.pose_sets.compare import PopulationStudy
+from testbed.studies.pose_sets.together import judged, numbers_of, true_points, true_robots
 from testbed.studies.trial.compare import target_prediction
 from testbed.studies.trial.estimator import estimator_for
 from testbed.studies.trial.records import Trial
@@ -39,6 +40,9 @@ def play_robots(
     """Play every trial's pose set on some robots."""
     laboratory = open_laboratory(scenario, setting)
     blocks, goal = laboratory.design_blocks("whitened"), v_of(goals_of(laboratory))
+    found = play_together(laboratory, trials, blocks, goal, robots)
+    if found is not None:
+        return found
     return gather([play_robot(laboratory, trials, blocks, goal, k) for k in robots])
 
 
@@ -89,6 +93,51 @@ def play_robot(
             goal_u=[goal.figure(information(blocks[chosen]), len(chosen)) for chosen in sets],
         ),
     )
+
+
+def play_together(
+    laboratory: Laboratory,
+    trials: Sequence[Trial],
+    blocks: Array,
+    goal: Criterion,
+    robots: Sequence[int],
+) -> PopulationStudy | None:
+    """The same on some robots at once; None where they go one by one."""
+    truth = laboratory.scenario.truth
+    owns = [laboratory.with_robot(truth, "population", "robot", robot) for robot in robots]
+    arms = true_robots(owns)
+    if arms is None:
+        return None
+    setting, free = owns[0].setting, numbers_of(owns[0])
+    true = true_points(arms, setting.test_q, setting.target)
+    figures, promised = [], []
+    for trial in trials:
+        sets = [set_for(own, trial, robot) for own, robot in zip(owns, robots, strict=True)]
+        found = judged(owns, arms, trial.name, sets, robots, true, free)
+        if found is None:
+            return None
+        figures.append(found)
+        promised.append(_promises(blocks, goal, sets))
+    mean, rms, stated, held = np.moveaxis(np.array(figures), 1, 0)
+    nominal = target_points(setting.nominal.poses(setting.test_q), setting.target)
+    return PopulationStudy(
+        trials=tuple(trial.name for trial in trials),
+        mean_error=mean,
+        rms_error=rms,
+        stated_u=stated,
+        inside=held,
+        before=np.linalg.norm(true - nominal, axis=2).mean(axis=1),
+        goal_u=np.array(promised),
+    )
+
+
+def _promises(blocks: Array, goal: Criterion, sets: Sequence[Index]) -> Array:
+    """What each set promises at the goal (R,) [m]."""
+    found: dict[bytes, float] = {}
+    for chosen in sets:
+        if chosen.tobytes() not in found:
+            found[chosen.tobytes()] = goal.figure(information(blocks[chosen]), len(chosen))
+    return np.array([found[chosen.tobytes()] for chosen in sets])
 
 
 def set_for(laboratory: Laboratory, trial: Trial, robot: int) -> Index:

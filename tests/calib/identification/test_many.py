@@ -178,6 +178,16 @@ def test_a_start_and_joint_scatter_change_no_answer():
     held_to_identify(tx60(), tables, parameters, start=start)
 
 
+@pytest.mark.parametrize("own", [False, True])
+def test_no_bit_of_a_fit_hangs_on_the_others(own):
+    tables, parameters = visits(5, own=own), parameters_of(tx60(), READABLE30)
+    together = fit_many(tx60(), ManyTables.of(tables), parameters)
+    parts = [fit_many(tx60(), ManyTables.of(some), parameters) for some in (tables[:2], tables[2:])]
+    for name in ("steps", "covariance", "chi_square", "certificate"):
+        both = np.concatenate([getattr(part, name) for part in parts])
+        np.testing.assert_array_equal(getattr(together, name), both)
+
+
 def test_geometry_and_joint_terms_under_a_prior_are_those_of_identify():
     free = parameters_of(tx60())
     held_to_identify(tx60(), visits(2), free, prior=weak_prior(free))

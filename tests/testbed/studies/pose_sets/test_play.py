@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from calib.information.criteria.linear import v_of
+from testbed.laboratory.goal import goals_of
+from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.run.derive import headline
+from testbed.scenario.read import changed
 from testbed.studies.many_robots import log_ratio_over_robots, mean_over_robots
 from testbed.studies.pose_sets.compare import contest_of, population_of
-from testbed.studies.pose_sets.play import gather, play_robots
+from testbed.studies.pose_sets.play import gather, play_robot, play_robots, play_together
 from testbed.studies.pose_sets.report_population import population_section, sentences
 from tests.reported import SMALL, assert_same, played
 
@@ -90,3 +94,23 @@ def test_robots_played_in_pieces_are_those_played_at_once(crowd):
     given = crowd.scenario, crowd.setting, crowd.trials
     parts = [play_robots(*given, range(3)), play_robots(*given, range(3, ROBOTS))]
     assert_same(gather(parts), population_of(crowd))
+
+
+def test_robots_played_together_are_those_played_alone(crowd):
+    """Fits end within 1e-10 standard deviations, and points of a few meters are rounded."""
+    laboratory = open_laboratory(crowd.scenario, crowd.setting)
+    given = crowd.trials, laboratory.design_blocks("whitened"), v_of(goals_of(laboratory))
+    assert crowd.scenario.identification.estimators == ("whitened", "paper")
+    many = play_together(laboratory, *given, range(3))
+    alone = gather([play_robot(laboratory, *given, k) for k in range(3)])
+    for name in ("mean_error", "rms_error", "stated_u", "before", "goal_u"):
+        assert getattr(many, name) == pytest.approx(getattr(alone, name), rel=1e-8), name
+    assert np.array_equal(many.inside, alone.inside)
+
+
+def test_what_arrays_do_not_know_is_played_one_by_one(crowd):
+    for keys in ({"truth": {"preset": "elastic"}}, {"identification.model": "choose"}):
+        scenario = changed(crowd.scenario, keys)
+        laboratory = open_laboratory(scenario, crowd.setting)
+        given = crowd.trials, laboratory.design_blocks("whitened"), v_of(goals_of(laboratory))
+        assert play_together(laboratory, *given, range(2)) is None

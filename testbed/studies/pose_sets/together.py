@@ -1,0 +1,119 @@
+"""Every pose set on a block of robots at once: visits, fits and judgements over the robot axis.
+
+For geometric models by least squares, robots that arrays know, and a tracker whose readings differ
+by noise alone; one robot after the other otherwise, which costs ten times as much.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.geometry.parameters import Parameters
+from calib.identification.many.fit import fit_many
+from calib.identification.many.points import stated_points
+from calib.identification.many.tables import ManyTables, known_to_many
+from calib.identification.result import Mode
+from calib.information.propagation import point_uncertainty
+from calib.uncertainty.regions import inside
+from testbed.laboratory.truth.laboratory import Laboratory
+from testbed.laboratory.truth.many import ManyTrueRobots
+from testbed.streams import stream
+
+
+def true_robots(owns: Sequence[Laboratory]) -> ManyTrueRobots | None:
+    """The robots of some laboratories as arrays; None where they go one by one."""
+    first, settings = owns[0], owns[0].scenario.identification
+    free = first.free("whitened")
+    plain = settings.model == "geometric" and settings.prior is None and settings.loss == "squared"
+    if not plain or first.rounds or not first.tracker.steady:
+        return None
+    if not known_to_many(first.robot.model) or not free.n_free:
+        return None
+    arms = ManyTrueRobots.of([own.truth for own in owns])
+    if arms is not None:
+        arms.require_same(first.truth, first.setting.test_q)
+    return arms
+
+
+def numbers_of(own: Laboratory) -> dict[Mode, Parameters]:
+    """What each estimator of the scenario finds; whitened, all that the pool tells apart."""
+    modes = own.scenario.identification.estimators
+    return {mode: own.free(mode) if mode == "paper" else own.kept() for mode in modes}
+
+
+def true_points(arms: ManyTrueRobots, q: Array, target: Array) -> Array:
+    """True points (R, t, 3) at q (t, n), visited in turn, without scatter [m]."""
+    T = arms.poses(q[None])
+    return np.asarray(T[..., :3, 3] + T[..., :3, :3] @ target)
+
+
+def judged(
+    owns: Sequence[Laboratory],
+    arms: ManyTrueRobots,
+    name: str,
+    sets: Sequence[Index],
+    robots: Sequence[int],
+    true: Array,
+    free: Mapping[Mode, Parameters],
+) -> Array | None:
+    """Mean and rms error, stated u and share inside (4, e, R) of one trial, per estimator.
+
+    Parameters
+    ----------
+    owns : sequence of Laboratory
+        One with each robot.
+    arms : ManyTrueRobots
+        From `true_robots`.
+    name : str
+        Of the trial.
+    sets : sequence of (m,) array
+        Places in the pool that each robot visits.
+    robots : sequence of int
+        Their numbers, for the streams.
+    true : (R, t, 3) array
+        From `true_points` [m].
+    free : mapping
+        What each estimator finds, from `numbers_of`.
+
+    Returns
+    -------
+    None where a fit gets no certificate.
+    """
+    own, out = owns[0], []
+    tables = _visited(owns, arms, name, sets, robots)
+    for mode, parameters in free.items():
+        if 6 * tables.seen.shape[2] <= parameters.n_free:
+            return None
+        fits = fit_many(own.setting.nominal, tables, parameters, mode=mode)
+        if not fits.converged.all():
+            return None
+        point, sigma = stated_points(fits, own.setting.test_q[None], own.setting.target)
+        error = np.linalg.norm(true - point, axis=2)
+        held = inside(true - point, sigma)
+        u = np.sqrt(np.mean(point_uncertainty(sigma) ** 2, axis=1))
+        rms = np.sqrt(np.mean(error**2, axis=1))
+        out.append((error.mean(axis=1), rms, u, held.mean(axis=1)))
+    return np.moveaxis(np.array(out), 0, 1)
+
+
+def _visited(
+    owns: Sequence[Laboratory],
+    arms: ManyTrueRobots,
+    name: str,
+    sets: Sequence[Index],
+    robots: Sequence[int],
+) -> ManyTables:
+    """What the tracker reads of one visit of each robot, as `Laboratory.measure_pool` makes it."""
+    own, m, seed = owns[0], len(sets[0]), owns[0].scenario.seed
+    same = all(np.array_equal(chosen, sets[0]) for chosen in sets)
+    q = own.pool_q[np.array(sets[:1] if same else sets)]
+
+    def normal(what: str, *shape: int) -> Array:
+        rngs = (stream(seed, what, "population", name, robot) for robot in robots)
+        return np.array([rng.standard_normal((m, *shape)) for rng in rngs])
+
+    scatter = normal("approach", q.shape[2]) if arms.joint_repeatability.any() else None
+    T = arms.poses(q, normal=scatter)
+    covariance = own.covariance(q.reshape(-1, q.shape[2])).reshape(-1, m, 6, 6)
+    return ManyTables.read(q, *own.tracker.readings(T, normal("tracker", 3, 3)), covariance)
