@@ -16,8 +16,6 @@ STEP = float(np.log(1.15)) / 2
 """Logarithmic step of the sizes that are tried: 7 %."""
 SMALLEST, LARGEST = 0.03, 1e4
 """Sizes tried, in standard deviations of the noise per axis; zero as well."""
-MOST_NUMBERS = 4_000_000
-"""In one array on the way: 32 MB."""
 AT_ONCE = 24
 """Sizes looked at together: most rows deny all but the first fifty."""
 COSTLY, POOLS = 5e7, 120
@@ -227,19 +225,9 @@ class _OfRows:
 
 
 def _normal(X: Array, lam: Array, t: Array) -> Array:
-    """X'inv(V)X (k, p, p) of rows X (n, p) for sizes t (k,), V = 1 + t^2 lam.
-
-    For all at once: the weights of all, times products of two columns.
-    """
-    i, j = np.tril_indices(X.shape[1])
-    products = np.zeros((len(t), len(i)))
-    block = max(1, MOST_NUMBERS // len(i))
-    for k in range(0, len(X), block):
-        some = slice(k, k + block)
-        products += (1 / (1 + t[:, None] ** 2 * lam[some])) @ (X[some, i] * X[some, j])
-    H = np.empty((len(t), X.shape[1], X.shape[1]))
-    H[:, i, j] = H[:, j, i] = products
-    return H
+    """X'inv(V)X (k, p, p) of rows X (n, p) for sizes t (k,), V = 1 + t^2 lam."""
+    weights = 1 / (1 + t[:, None] ** 2 * lam)
+    return np.stack([(X.T * weight) @ X for weight in weights])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
