@@ -26,6 +26,7 @@ extensions = [
     "made.formulas",
     "made.gallery",
     "made.offline",
+    "made.outputs",
     "made.played",
 ]
 exclude_patterns = ["_build"]

@@ -1,5 +1,6 @@
 """The documents: every key of every file is described, and pages only name what is there."""
 
+import json
 import re
 import shlex
 from importlib.util import find_spec
@@ -12,6 +13,7 @@ from made.fields import allowed_of, keys
 from made.formats import FILES, described, page, places
 from made.gallery import OF_ONE_CAMPAIGN, PICTURES, QUESTIONS, SPREAD, at_five_seeds
 from made.gallery import page as scene_page
+from made.outputs import WORDS, compiled, meanings, paths
 from testbed.assets import scene_names
 from testbed.cli import app
 from testbed.robots.links import Link
@@ -156,3 +158,20 @@ def test_the_citation_names_this_version():
     version = re.search(r'^version = "(.*)"', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
     assert f"version: {version[1]}\n" in (ROOT / "CITATION.cff").read_text()
     assert f"version = {{{version[1]}}}" in PAGES["cite.md"]
+
+
+def test_every_figure_of_every_scene_is_described_and_nothing_else():
+    golden = (ROOT / "tests" / "golden").glob("*.json")
+    files = [file for file in golden if file.stem not in ("spread", "plan_tx60")]
+    names = {path for file in files for path in paths(json.loads(file.read_text(encoding="utf-8")))}
+    found = {path: meanings("run", path) for path in names}
+    assert not [path for path, patterns in found.items() if not patterns]
+    used = {patterns[0] for patterns in found.values()}
+    assert not set(WORDS["run"]) - used
+
+
+def test_a_pattern_stands_for_one_name_and_not_for_a_path():
+    assert compiled("trials/*/poses").fullmatch("trials/random-29/poses")
+    assert not compiled("trials/*/poses").fullmatch("trials/a/b/poses")
+    assert compiled("q*_deg|q*_mm").fullmatch("q3_mm")
+    assert not compiled("a.b").fullmatch("acb")
