@@ -218,9 +218,9 @@ def _climbed(
     rests = [system.without(rows) for rows in held_out]
 
     def left_out(levels: Sequence[Level]) -> Array:
-        missed = np.full(len(system.r), np.nan)
+        asked, missed = _asked(levels), np.full(len(system.r), np.nan)
         for rest, rows in zip(rests, held_out, strict=True):
-            missed[rows] = system.misses(rest.solved(*_asked(levels)), rows)
+            missed[rows] = system.misses(rest.solved(*asked), rows)
         return np.asarray(np.bincount(pose, missed) / count)
 
     here = tuple(ladder.levels[0] for ladder in ladders)

@@ -8,6 +8,7 @@ A'A and A'r, of whatever number of rows.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -50,7 +51,7 @@ class _Inside(NamedTuple):
     """By what a model's part of the normal equations was solved."""
 
     factor: Array
-    """(k, k) lower, of the matrix of the linear numbers with unit diagonal."""
+    """(k, k) in its lower half, of the matrix of the linear numbers with unit diagonal."""
     root: Array
     """(k,) square roots of its diagonal."""
     moved: Array
@@ -97,7 +98,7 @@ class NormalEquations:
 
     def columns(self, terms: Iterable[str]) -> list[int]:
         """Columns of the geometry and of some terms."""
-        place = {name: k for k, name in enumerate(self.names)}
+        place = _places(self.names)
         return [*range(len(self.offset)), *(place[name] for name in terms)]
 
     def solved(
@@ -159,7 +160,7 @@ class NormalEquations:
             float(np.linalg.slogdet(self.precision)[1] - loss - spread) / 2,
             float(loss - believed) * s**2,
         )
-        return found, _Inside(np.tril(factor[0]), root, gives @ bent.slopes, bent.inverse)
+        return found, _Inside(factor[0], root, gives @ bent.slopes, bent.inverse)
 
     def learned(
         self, errors: JointErrors, sd: Array, mean: Array | None = None, scale: float | None = None
@@ -171,7 +172,7 @@ class NormalEquations:
         """The same: all numbers less the part that the prior holds."""
         f = len(self.offset)
         # inv(A'A/s^2 + Lambda0) = X'X, with what the springs move of the linear numbers beside it
-        X = dtrtri(inside.factor, lower=1)[0] / inside.root
+        X = dtrtri(np.tril(inside.factor), lower=1)[0] / inside.root
         moved = inside.moved.copy()
         moved[:f] = self.precision @ moved[:f]
         held = ((X[:, :f] @ self.precision) * X[:, :f]).sum() + (X[:, f:] ** 2).sum()
@@ -282,6 +283,11 @@ def normal_equations(
         np.where(filled, (W @ seen.residual[:, :, None])[:, :, 0], 0.0),
         empty.equations,
     )
+
+
+@lru_cache(maxsize=4)
+def _places(names: tuple[str, ...]) -> dict[str, int]:
+    return {name: k for k, name in enumerate(names)}
 
 
 def _flat(A: Array) -> Array:

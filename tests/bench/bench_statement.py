@@ -14,6 +14,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.measurement.observations import joined
 from calib.uncertainty.judgement import Circumstances, judge
+from calib.uncertainty.many.judgements import judge_many
 from calib.uncertainty.statement.evidence import position_rows
 from calib.uncertainty.statement.likelihood import likelihood
 from calib.uncertainty.statement.memory import memory_p
@@ -88,3 +89,35 @@ def test_permutations_by_matrices(benchmark):
         return [float((kernel * (residual[k] @ residual[k].T)).sum()) for k in orders]
 
     benchmark(plain)
+
+
+@pytest.fixture(scope="module")
+def robots():
+    """Twenty-five robots alike, each with its tables and 100 targets."""
+    found = []
+    for k in range(25):
+        rng = np.random.default_rng(100 + k)
+        table = kinds.poses(TX60, kinds.joints("tx60", rng, M + N), rng)
+        train, held_out = table.rows(np.arange(M)), table.rows(np.arange(M, M + N))
+        fit = identify(TX60, train, parameters_of(TX60))
+        found.append((fit, train, held_out, kinds.joints("tx60", rng, 100)))
+    return found
+
+
+@pytest.mark.benchmark(group="judgements of 25 robots, 40 and 20 poses")
+def test_judgements_over_the_robot_axis(benchmark, robots):
+    fits, trains, tests, targets = zip(*robots, strict=True)
+    benchmark(judge_many, fits, trains, tests, targets)
+
+
+@pytest.mark.benchmark(group="judgements of 25 robots, 40 and 20 poses")
+def test_judgements_one_by_one(benchmark, robots):
+    """Aim: five times the arrays' time."""
+    known = Circumstances(order=(np.arange(M), M + np.arange(N)))
+
+    def each():
+        for fit, train, held_out, q in robots:
+            belief = judge(fit, held_out, train=train, circumstances=known).belief
+            belief.regions(q)
+
+    benchmark(each)
