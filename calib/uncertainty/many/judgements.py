@@ -180,7 +180,7 @@ def _with_drift(
     q = np.concatenate([seen.train.q, seen.test.q], axis=1)
     spread = q.std(axis=1, keepdims=True)
     joints = np.where(spread > 0, q / np.where(spread > 0, spread, 1.0), 0.0)
-    near, p = (memory_chances(rows, order, SEED, alike) for rows in (joints, residual))
+    near, p = memory_chances((joints, residual), order, SEED, alike)
     p = np.where(near < ORDERED, np.nan, p)
     whole = seen.covariance.copy()
     for k in np.flatnonzero(p < REMEMBERS).tolist():

@@ -1,4 +1,4 @@
-"""Whether the noise of many robots remembers: permutations that all share, kernels as products."""
+"""Whether the noise of many robots remembers: permutations that all share, likeness as products."""
 
 from collections.abc import Sequence
 
@@ -7,37 +7,49 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.uncertainty.statement.memory import KERNEL_ROWS, PERMUTATIONS, permuted
 
+AT_ONCE = 2_000_000
+"""Numbers of permuted kernels formed at a time: 16 MB."""
 
-def memory_chances(rows: Array, order: Index, seed: int, alike: Sequence[Index]) -> Array:
-    """Chance (R,) of rows that follow their neighbors in time as these do, if noise forgets.
+
+def memory_chances(rows: Sequence[Array], order: Index, seed: int, alike: Sequence[Index]) -> Array:
+    """Chances (k, R) of rows that follow their neighbors in time as these do, if noise forgets.
 
     Parameters
     ----------
-    rows : (R, m, d) array
+    rows : sequence of k (R, m, d) arrays
         Whitened position residuals of R robots, or whatever else is asked.
     order : (m,) array
         Place of each row in time.
     seed : int
-        Of the permutations, which all robots share.
+        Of the permutations, which all share.
     alike : sequence of (k, c) arrays of int
         Rows that may change places, as `memory.interchangeable` finds them.
 
     References
     ----------
-    As `memory.memory_p`; of each order the rows' products with all before them, by one kernel.
+    As `memory.memory_p`: T = sum of K_jk r_j'r_k over rows in time; rows that change places change
+    the kernel K as well, so that all robots meet one matrix of kernels by their products r_j'r_k.
     """
-    m, rows = rows.shape[1], rows.copy()
-    for some in alike:
-        rows[:, some] -= rows[:, some].mean(axis=(1, 2), keepdims=True)
-    in_time = np.argsort(order, kind="stable")
-    rng = np.random.default_rng(seed)
-    orders = [in_time[None], *(which[:, in_time] for which in permuted(m, alike, rng))]
-    which = np.concatenate(orders)
+    m = rows[0].shape[1]
+    likeness = []
+    for each in rows:
+        about = each.copy()
+        for some in alike:
+            about[:, some] -= about[:, some].mean(axis=(1, 2), keepdims=True)
+        likeness.append((about @ np.swapaxes(about, 1, 2)).reshape(len(about), m * m))
+    products = np.concatenate(likeness)
     later = np.subtract.outer(np.arange(m), np.arange(m))
     kernel = np.where(later > 0, np.exp(-np.maximum(later, 0) / KERNEL_ROWS), 0.0)
-    found = np.empty(len(rows))
-    for k, one in enumerate(rows):
-        moved = one[which].swapaxes(0, 1).reshape(m, -1)  # (m, orders x d)
-        each = (moved * (kernel @ moved)).sum(axis=0).reshape(len(which), -1).sum(axis=1)
-        found[k] = (1 + (each[1:] >= each[0]).sum()) / (1 + PERMUTATIONS)
-    return found
+    in_time, rng = np.argsort(order, kind="stable"), np.random.default_rng(seed)
+
+    def of(which: Index) -> Array:
+        """T (k R, c) of orders (c, m)."""
+        place = np.argsort(which, axis=1)
+        return products @ kernel[place[:, :, None], place[:, None, :]].reshape(-1, m * m).T
+
+    seen, larger, block = of(in_time[None]), np.zeros(len(products)), max(1, AT_ONCE // m**2)
+    for which in permuted(m, alike, rng):
+        moved = which[:, in_time]
+        for k in range(0, len(moved), block):
+            larger += (of(moved[k : k + block]) >= seen).sum(axis=1)
+    return np.asarray((1 + larger) / (1 + PERMUTATIONS)).reshape(len(rows), -1)
