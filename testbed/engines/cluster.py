@@ -57,7 +57,8 @@ class Cluster:
             self._client.wait_for_workers(1, timeout=ANSWER)
         except TimeoutError as error:
             self.close()
-            fix = f"start some by `dask worker {address} --nthreads 1`"
+            at = address if name == address else f"--scheduler-file {name}"
+            fix = f"start some by `dask worker {at} --nthreads 1`"
             raise self._unusable("has no workers", fix) from error
 
     def play(self, kit: "Kit", pieces: "Sequence[Piece]") -> "Iterator[tuple[Piece, bytes | str]]":

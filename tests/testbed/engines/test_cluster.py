@@ -1,10 +1,12 @@
 """A cluster of dask under faults: the same bytes, nothing lost, nothing hung."""
 
+import importlib
 import os
+import signal
 import subprocess
 import sys
 import time
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
@@ -13,7 +15,7 @@ from calib.errors import InputError, MachineError
 from testbed.engines import cluster
 from testbed.engines.choice import engine_of
 from testbed.engines.cluster import Cluster
-from tests.testbed.engines.toy import ToyKit, expected, gone, play, toys
+from tests.testbed.engines.toy import ToyKit, expected, family, gone, play, toys
 
 pytest.importorskip("distributed", reason="a cluster needs pip install 'truebed[cluster]'")
 ROOT = Path(__file__).parents[3]
@@ -49,13 +51,21 @@ class Dask:
         more = ("--scheduler-file", self.file, "--nthreads", 1, "--death-timeout", 60)
         self.workers.append(self.start("worker", *more, *(words or ("--no-nanny",))))
 
+    def ready(self):
+        while not self.file.exists():
+            assert self.scheduler.poll() is None
+            time.sleep(0.02)
+        return self
+
     def stop(self):
-        ones = (self.scheduler, *self.workers)
-        for one in ones:
-            one.terminate()
+        ones = (*self.workers, self.scheduler)
+        processes = [pid for one in ones for pid in family(one.pid)]
+        for pid in processes:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
         for one in ones:
             one.wait(20)
-        assert gone([one.pid for one in ones])
+        assert gone(processes)
 
 
 @pytest.fixture(scope="module")
@@ -63,10 +73,7 @@ def dask(tmp_path_factory):
     found = Dask(tmp_path_factory.mktemp("dask"))
     found.worker()
     found.worker()
-    while not found.file.exists():
-        assert found.scheduler.poll() is None
-        time.sleep(0.02)
-    yield found
+    yield found.ready()
     found.stop()
 
 
@@ -82,7 +89,7 @@ def play_all(engine, kit, count):
 def test_faults_of_a_cluster_change_no_byte_and_a_lost_scheduler_is_said(
     dask, tmp_path, monkeypatch
 ):
-    """In turn: errors, a client that goes, a worker that dies, at last the scheduler."""
+    """No program there, errors, a client that goes, a worker that dies, at last the scheduler."""
     kit, more = ToyKit(tmp_path / "a"), ToyKit(tmp_path / "b")
     for one in (kit, more):
         one.folder.mkdir()
@@ -91,6 +98,11 @@ def test_faults_of_a_cluster_change_no_byte_and_a_lost_scheduler_is_said(
     (more.folder / "0.raise always").touch()
     with of(dask) as engine:
         next(engine.play(kit, toys(3)))  # nobody waits for the other two
+    (tmp_path / "only_here.py").write_text("def play(kit, piece):\n    return b'x'\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    call = importlib.import_module("only_here").play
+    with of(dask, call) as engine, pytest.raises(InputError, match="cannot load truebed, or has"):
+        play_all(engine, kit, 2)
     with of(dask) as engine:
         assert play_all(engine, kit, 8) == expected(kit, toys(8))
         with pytest.raises(
@@ -128,14 +140,16 @@ def test_a_scheduler_that_does_not_answer_or_has_no_workers_is_told_in_a_sentenc
 @pytest.mark.filterwarnings("ignore")
 def test_what_only_a_whole_cluster_can_suffer(tmp_path, monkeypatch):
     """A piece that kills every worker, no worker at all, a client killed, and no program there."""
-    monkeypatch.setattr(cluster, "ANSWER", 5.0)
     kit = ToyKit(tmp_path / "kit")
     kit.folder.mkdir()
     (kit.folder / "2.die always").touch()
     found = Dask(tmp_path)
     try:
-        with pytest.raises(InputError, match="which has no workers; start some by `dask worker"):
-            Cluster(f"file:{found.file}", play)
+        none = "which has no workers; start some by `dask worker --scheduler-file "
+        monkeypatch.setattr(cluster, "ANSWER", 2.0)
+        with pytest.raises(InputError, match=none):
+            Cluster(f"file:{found.ready().file}", play)
+        monkeypatch.setattr(cluster, "ANSWER", 60.0)  # a busy machine starts them slowly
         for _ in range(2):
             found.worker("--nanny")
         with of(found) as engine:
@@ -160,11 +174,3 @@ def test_what_only_a_whole_cluster_can_suffer(tmp_path, monkeypatch):
             assert play_all(engine, kit, 8) == expected(kit, toys(8))
     finally:
         found.stop()
-    (tmp_path / "bare").mkdir()
-    bare = Dask(tmp_path / "bare", path="/nonexistent")
-    try:
-        bare.worker()
-        with of(bare) as engine, pytest.raises(InputError, match="cannot load truebed"):
-            play_all(engine, kit, 2)
-    finally:
-        bare.stop()

@@ -20,7 +20,7 @@ from testbed.strict import toml_lines
 from testbed.studies import all_studies, load_scenario
 from tests.golden.write import FEWER
 from tests.testbed.engines.test_cluster import Dask
-from tests.testbed.engines.toy import gone
+from tests.testbed.engines.toy import family, gone
 from tests.testbed.studies.test_register import SMALL
 
 pytestmark = [
@@ -89,20 +89,8 @@ def dask(place):
     found = Dask(place, path=environment(place)["PYTHONPATH"])
     for _ in range(2):
         found.worker("--nanny")
-    yield found
+    yield found.ready()
     found.stop()
-
-
-def family(pid):
-    """A process and all below it."""
-    found = [pid]
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            if int(path.read_text().rsplit(")", 1)[1].split()[1]) == pid:
-                found += family(int(path.parent.name))
-        except (OSError, ValueError):
-            continue
-    return found
 
 
 def until(folder, pieces, process):
@@ -196,7 +184,7 @@ def test_a_cluster_gives_the_same_bytes_also_where_the_client_or_a_worker_is_kil
 
 def test_a_cluster_whose_scheduler_dies_ends_the_run_with_3_and_another_one_goes_on(place, whole):
     first = Dask(place / "packages", path=environment(place)["PYTHONPATH"])
-    first.worker()
+    first.ready().worker()
     out = place / "lost"
     process = start(place, "toys.toml", "--out", out, "--scheduler", f"file:{first.file}")
     until(out, 1, process)

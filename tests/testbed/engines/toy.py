@@ -73,3 +73,15 @@ def gone(pids: Sequence[int], seconds: float = 20.0) -> bool:
     while any(map(alive, pids)) and time.monotonic() < end:
         time.sleep(0.02)
     return not any(map(alive, pids))
+
+
+def family(pid):
+    """A process and all below it."""
+    found = [pid]
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            if int(path.read_text().rsplit(")", 1)[1].split()[1]) == pid:
+                found += family(int(path.parent.name))
+        except (OSError, ValueError):
+            continue
+    return found
