@@ -25,6 +25,8 @@ class Piece:
     """Of its file."""
     spec: str
     """Hash of what it depends on."""
+    single: bool = False
+    """Whether figures of each robot are kept in float32."""
 
 
 def pieces_of(study: Study, records: Mapping[str, Record], robot: "Robot") -> tuple[Piece, ...]:
@@ -36,7 +38,8 @@ def pieces_of(study: Study, records: Mapping[str, Record], robot: "Robot") -> tu
     for k in range(cut.count):
         task = Task(study.name, keys, k, cut.block(k))
         reads = {**cut.reads, "piece": [k, len(task.block)]}
-        found.append(Piece(task, piece_name(cut.name, k), record_hash(reads, robot, cut.name)))
+        spec = record_hash(reads, robot, cut.name)
+        found.append(Piece(task, piece_name(cut.name, k), spec, cut.single))
     return tuple(found)
 
 
@@ -46,7 +49,7 @@ def played(study: Study, scenario: Scenario, piece: Piece, needed: Records) -> b
     A part that fails is a result; what the machine lacks is raised.
     """
     parts = _parts(study, scenario, piece.task, needed)
-    return piece_bytes(piece.name, parts, piece.spec, processor())
+    return piece_bytes(piece.name, parts, piece.spec, processor(), single=piece.single)
 
 
 def failed(piece: Piece, reason: str) -> bytes:

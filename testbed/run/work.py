@@ -127,7 +127,8 @@ class Work:
         try:
             whole = self._whole(study, record)
             status = FAILED if isinstance(whole, Failure) else DONE
-            return record_bytes(key, whole, spec), status
+            single = record.cut is not None and record.cut.single
+            return record_bytes(key, whole, spec, single=single), status
         except MachineError:
             raise
         except MemoryError as error:

@@ -79,7 +79,7 @@ class StudySettings(Settings):
     """Work out the uncertainty budget of Wen et al. 2022."""
     tool_point: bool = False
     """Draw the paper's Monte Carlo cloud of the tool point."""
-    population: Annotated[int, Field(ge=0, le=10_000)] = 0
+    population: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     """Further virtual robots on which every trial's set is played; 0 skips the study."""
 
 

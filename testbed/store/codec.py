@@ -7,7 +7,7 @@ import typing
 from collections.abc import Iterator, Mapping
 from enum import Enum
 from functools import cache
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from calib.errors import CalibError
 T = TypeVar("T")
 Packed = dict[str, Any]
 """Dotted path of a field -> array, or a JSON value (text, number, true/false, null, list)."""
+ROBOTS = "R"
+"""Letter of the axis that counts robots, of which there may be a million."""
 LENGTH = "#"
 """``path.#`` holds the length of a tuple whose entries have their own paths."""
 SCALARS = (str, bool, int, float)
@@ -31,8 +33,10 @@ class Header(NamedTuple):
     dtype: np.dtype[Any]
 
 
-def pack(record: object) -> Packed:
+def pack(record: object, *, single: bool = False) -> Packed:
     """Flat content of a frozen dataclass; nested fields get dotted names.
+
+    With `single`, figures of each robot (arrays with an axis `ROBOTS`) are rounded to float32.
 
     Raises
     ------
@@ -40,7 +44,10 @@ def pack(record: object) -> Packed:
         A number is not finite: no invented numbers reach the disk. A nan of a field that says so,
         `calib.arrays.FloatOrNan`, is kept as null.
     """
-    return dict(_pairs(record, "", None))
+    packed, kind = dict(_pairs(record, "", None)), cast(Any, type(record))
+    for path in _of_robots(kind) if single else ():
+        packed[path] = _narrow(packed[path])
+    return packed
 
 
 def unpack(cls: type[T], packed: Mapping[str, Any]) -> T:
@@ -53,7 +60,7 @@ def unpack(cls: type[T], packed: Mapping[str, Any]) -> T:
         each other or what their fields say (``Annotated[Array, "t", 3]``: a letter is one size in
         all fields of a class).
     """
-    return typing.cast(T, _whole(cls, packed, make=True))
+    return cast(T, _whole(cls, packed, make=True))
 
 
 def require_fit(cls: type, packed: Mapping[str, Any]) -> None:
@@ -106,6 +113,25 @@ def _pairs(value: object, path: str, hint: Any) -> Iterator[tuple[str, Any]]:
         yield path, None if nan else value  # JSON has no nan
 
 
+@cache
+def _of_robots(cls: Any) -> tuple[str, ...]:
+    """Fields of a record that hold float64 figures of each robot."""
+    floats = (np.dtype[np.float64], np.dtype[np.floating])
+    return tuple(
+        name
+        for name, hint in _hints(cls).items()
+        if ROBOTS in getattr(hint, "__metadata__", ())
+        and any(one in typing.get_args(hint.__origin__) for one in floats)
+    )
+
+
+def _narrow(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Rounded to float32; what is beyond its largest number becomes that one."""
+    most = np.finfo(np.float32).max
+    narrow: np.ndarray[Any, Any] = np.clip(array, -most, most).astype(np.float32)
+    return narrow
+
+
 def _check_finite(array: np.ndarray[Any, Any], path: str) -> None:
     """Refuse an array that holds a nan or an infinite number."""
     if array.dtype.kind == "f" and not np.isfinite(array).all():
@@ -141,7 +167,7 @@ def _build(hint: Any, path: str, left: dict[str, Any], *, make: bool) -> Any:
 
     Unless it is to be made, a dataclass is None and an array what is known of it.
     """
-    may_be_nan = _may_be_nan(hint)
+    may_be_nan, notes = _may_be_nan(hint), getattr(hint, "__metadata__", ())
     if typing.get_origin(hint) is typing.Annotated:
         hint = hint.__origin__
     origin, choices = typing.get_origin(hint), typing.get_args(hint)
@@ -177,8 +203,11 @@ def _build(hint: Any, path: str, left: dict[str, Any], *, make: bool) -> Any:
             raise ValueError(f"{path} is not an array")
         wanted, found = np.dtype(typing.get_args(choices[1])[0]), value.dtype
         sizes = (wanted.itemsize, found.itemsize) if wanted.kind != "U" else (0, 0)
-        if found.kind != wanted.kind or sizes[0] != sizes[1] or not found.isnative:
+        rounded = ROBOTS in notes and found.kind == "f" and sizes == (8, 4)
+        if found.kind != wanted.kind or not (sizes[0] == sizes[1] or rounded) or not found.isnative:
             raise ValueError(f"{path} holds {found}, not {wanted}")
+        if isinstance(value, np.ndarray) and rounded:
+            value = value.astype(wanted)
         if isinstance(value, np.ndarray):
             _check_finite(value, path)
             value.setflags(write=False)

@@ -138,12 +138,15 @@ class Failure:
     reason: str
 
 
-def record_bytes(key: str, record: object, spec: str) -> bytes:
-    """The file of one record: its content, its key and the hash of what it depends on."""
+def record_bytes(key: str, record: object, spec: str, *, single: bool = False) -> bytes:
+    """The file of one record: its content, its key and the hash of what it depends on.
+
+    With `single`, figures of each robot are rounded to float32.
+    """
     head = {"format": FORMAT, "key": key, "spec_sha256": spec}
     if isinstance(record, Failure):
         return to_bytes({**head, "status": FAILED, "reason": record.reason, "values": {}}, {})
-    packed = pack(record)
+    packed = pack(record, single=single)
     arrays = {name: value for name, value in packed.items() if isinstance(value, np.ndarray)}
     values = {name: value for name, value in packed.items() if name not in arrays}
     return to_bytes({**head, "status": DONE, "reason": "", "values": values}, arrays)

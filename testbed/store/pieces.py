@@ -30,15 +30,20 @@ def piece_name(cut: str, piece: int) -> str:
     return f"{cut}.{piece:06d}"
 
 
-def piece_bytes(name: str, parts: Mapping[str, object], spec: str, processor: str) -> bytes:
-    """The file of one piece: the part of each record or its `Failure`, and who computed it."""
+def piece_bytes(
+    name: str, parts: Mapping[str, object], spec: str, processor: str, *, single: bool = False
+) -> bytes:
+    """The file of one piece: the part of each record or its `Failure`, and who computed it.
+
+    With `single`, figures of each robot are rounded to float32.
+    """
     arrays: dict[str, np.ndarray[Any, Any]] = {}
     told: dict[str, Any] = {}
     for key, part in parts.items():
         if isinstance(part, Failure):
             told[key] = {"status": FAILED, "reason": part.reason, "values": {}}
             continue
-        packed = pack(part)
+        packed = pack(part, single=single)
         found = {path: value for path, value in packed.items() if isinstance(value, np.ndarray)}
         arrays |= {f"{key}{OF_PART}{path}": value for path, value in found.items()}
         values = {path: value for path, value in packed.items() if path not in found}

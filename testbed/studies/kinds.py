@@ -24,6 +24,9 @@ from testbed.studies.trial.study import SETTING
 if TYPE_CHECKING:
     from testbed.recording.story import Chapter
 
+MOST_PUBLISHED = 10_000
+"""Robots of a kind whose figures arrays.npz repeats."""
+
 
 class OfOneKind(Protocol):
     """The record of robots of one kind."""
@@ -113,8 +116,10 @@ class KindsStudy(Generic[R]):
         return below(self.name, self._part("summary").published(studies)) if studies else ()
 
     def arrays(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
-        """What each robot gave."""
+        """What each robot gave, where those are not so many that their records must do."""
         found: list[Quantity] = []
+        if scenario.table(self.settings).robots > MOST_PUBLISHED:
+            return found
         for study in self.of(campaign_of(scenario, records)):
             arrays = self._part("summary").published_arrays(study)
             found += below(f"{self.name}/{study.truth}", arrays)

@@ -45,7 +45,7 @@ class ManyRobots(StudyTable):
     needs_paper_set: ClassVar[bool] = False
     """Whether every robot needs the free set of the paper."""
 
-    robots: Annotated[int, Field(ge=0, le=10_000)] = 0
+    robots: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     """Virtual robots of each kind; 0 skips the study."""
     if TYPE_CHECKING:  # each study declares them, with its own defaults
         truths: tuple[Any, ...]
@@ -135,7 +135,8 @@ def keys_of(table: str, kinds: Sequence[str] = TRUTHS) -> tuple[str, ...]:
 
 def cut_of(name: str, robots: int, reads: Mapping[str, Any]) -> Cut:
     """The pieces of work in which so many robots are played."""
-    return Cut(name, robots, LARGE_BLOCK if robots >= MANY else BLOCK, reads)
+    many = robots >= MANY
+    return Cut(name, robots, LARGE_BLOCK if many else BLOCK, reads, single=many)
 
 
 def kind_of(key: str) -> str:

@@ -36,6 +36,9 @@ class Cut:
     """What decides a piece beside its number and size: without the total, so that all full pieces
     are kept where more is asked for."""
 
+    single: bool = False
+    """Whether figures of each robot are kept in float32, decided as `size` is."""
+
     @property
     def count(self) -> int:
         """Number of pieces."""

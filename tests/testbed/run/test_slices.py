@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pytest
@@ -42,7 +43,7 @@ NO_SLICES = (
 class Found:
     """One number a robot."""
 
-    value: Array
+    value: Annotated[Array, "R"]
 
 
 class Many(Fake):
@@ -51,10 +52,11 @@ class Many(Fake):
     name = "many"
     stopped_at: int | None = None
     wrong: float = 0.0
+    single: bool = False
 
     def records(self, scenario):
         shared, robots = shared_part(scenario), scenario.studies.population
-        cut = Cut("many", robots, 3, shared)
+        cut = Cut("many", robots, 3, shared, self.single)
         reads = shared | {"robots": robots}
         cuts = [Record(key, Found, reads, ("pools",), cut) for key in KINDS]
         pools = Record("pools", Found, shared, ("setting",), Cut("pools", 2, 1, shared))
@@ -221,6 +223,26 @@ def test_a_piece_that_fails_is_a_result_of_its_kind_alone(tmp_path):
     ]
     run(out, resume=True)
     assert content(out) == content(tmp_path / "whole")
+
+
+def test_figures_of_very_many_robots_are_kept_in_half_the_bytes(tmp_path):
+    """Rounded once, to float32, whoever plays; the largest numbers stay finite."""
+    many = Many()
+    many.single, many.wrong = True, 1e300
+    in_memory = run(None, many).records
+    run(tmp_path / "a", many)
+    for k in (2, 1):
+        part(tmp_path / "b", k, 2, many)
+    run(tmp_path / "b", many, resume=True)
+    assert content(tmp_path / "a") == content(tmp_path / "b")
+    path = tmp_path / "a" / layout.TRIALS / "many.a.npz"
+    assert npz.from_bytes(path.read_bytes())[1]["value"].dtype == np.float32
+    most = float(np.finfo(np.float32).max)
+    assert in_memory.get("many.a", Found).value.tolist() == [most] * 14
+    many.wrong = 0.0
+    exact = run(None).records.get("many.a", Found).value
+    rounded = run(None, many).records.get("many.a", Found).value
+    assert rounded.tolist() == exact.astype(np.float32).astype(np.float64).tolist()
 
 
 def test_each_piece_says_which_processor_played_it(tmp_path):
