@@ -27,7 +27,14 @@ from testbed.laboratory.truth.terms import Springs
 from testbed.robots.catalog import load_robot
 from testbed.store.codec import pack, unpack
 from tests.reference import DEG, SIGMA_POSITION, SIGMA_ROTATION, tx60
-from tests.testbed.laboratory.outcomes import HELD_OUT, POOL, robots, seen_of, settings
+from tests.testbed.laboratory.outcomes import (
+    HELD_OUT,
+    POOL,
+    best_set,
+    robots,
+    seen_of,
+    settings,
+)
 
 pytestmark = pytest.mark.truth
 DRIVE = np.array([9e4, 9e4, 4e4, 1.2e4, 1e4, 6e3])
@@ -266,18 +273,46 @@ def test_the_model_that_is_chosen_bends_as_the_robot_does(preset, poses, count, 
 
 
 @pytest.mark.parametrize(
-    ("poses", "count"), [(61, 2), pytest.param(61, 24, marks=pytest.mark.study)]
+    ("poses", "count"),
+    [
+        (61, 2),
+        pytest.param(29, 24, marks=pytest.mark.study),
+        pytest.param(61, 24, marks=pytest.mark.study),
+    ],
 )
 def test_a_rigid_robot_is_given_no_springs(poses, count):
-    """On less than a tenth of the robots anything beyond geometry; measured on none of 24."""
-    asked = [chosen(true, poses, seed).chosen for seed, true in robots("rigid", count)]
-    assert asked.count("extended") < 0.1 * count or not asked.count("extended")
+    """On less than a tenth of the robots anything beyond geometry, and nothing is lost by it [um].
+
+    Measured: on none of 24, poses drawn at random or designed: 15.6 and 14.3 at 29, 10.2 and 9.0
+    at 61.
+    """
+    for designed in (False, True)[: 1 + (count > 2)]:
+        taken, errors = [], []
+        for seed, true in robots("rigid", count):
+            choice = chosen(true, poses, seed, designed=designed)
+            taken.append(choice.chosen == "extended")
+            there = true.poses(TARGETS)[:, :3, 3]
+            errors.append(
+                [
+                    1e6 * np.linalg.norm(one.model.poses(TARGETS)[:, :3, 3] - there, axis=1).mean()
+                    for one in (choice.identifications[0], choice.identification)
+                ]
+            )
+        geometric, reached = np.mean(errors, axis=0)
+        assert sum(taken) < 0.1 * count
+        assert reached == pytest.approx(geometric, abs=1.0)
 
 
 def chosen(
-    true: TrueRobot, poses: int, seed: int, ladders: tuple[Ladder, ...] | None = None
+    true: TrueRobot,
+    poses: int,
+    seed: int,
+    ladders: tuple[Ladder, ...] | None = None,
+    *,
+    designed: bool = False,
 ) -> ModelChoice:
     """The choice from so many poses of a robot, without a word of its masses."""
-    q = POOL[np.random.default_rng([seed, poses]).choice(len(POOL), poses, replace=False)]
+    rows = np.random.default_rng([seed, poses]).choice(len(POOL), poses, replace=False)
+    q = POOL[best_set(poses) if designed else rows]
     ladders = ladders_of(tx60(), limits=ROBOT.limits) if ladders is None else ladders
     return choose(tx60(), seen_of(true, q, seed), parameters_of(tx60()), ladders=ladders)
