@@ -8,7 +8,7 @@ import numpy as np
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
-from calib.identification.prior import Prior
+from calib.identification.prior import Prior, own_prior, own_words
 from calib.identification.result import Identification
 from calib.identification.robust import Loss
 from calib.identification.start.start import Start, start_frames
@@ -38,7 +38,9 @@ class CalibratedRobot:
         """Frames, numbers with their U, tests of the fit, what cannot be told apart, as text."""
         misfit = f"nominal links miss by {1e3 * self.start.position_rms:.3f} mm rms"
         frames = [note for note in self.start.notes if note not in self.identification.notes]
-        return "\n".join([*frames, misfit, self.identification.summary()])
+        own = own_words(self.start.model, self.identification.parameters)
+        lines = [*frames, misfit, own, self.identification.summary()]
+        return "\n".join(line for line in lines if line)
 
     def judge(
         self,
@@ -77,7 +79,8 @@ def calibrate(
     """Calibrate a robot from measurements; nothing but its links need be known.
 
     Base, tool and fixtures are found first, then all free numbers together; of those that the
-    measurements cannot tell apart some stay nominal, and the summary lists which.
+    measurements cannot tell apart some stay nominal, and the summary lists which. Joint errors that
+    the robot has already have the weak prior unless another is given: see `own_prior`.
 
     Parameters
     ----------
@@ -121,6 +124,10 @@ def calibrate(
             held.add("tool")
         free = [name for name in model.names if name.split(".")[0] not in held]
     parameters = parameters_of(start.model, free)
+    believed = () if prior is None else prior.names
+    rest = parameters.freeing(name for name in parameters.free_names if name not in believed)
+    if (own := own_prior(rest, start.model)) is not None:
+        prior = own if prior is None else prior.joined(own)
     identification = identify(
         start.model, measured, parameters, prior=prior, loss=loss, report=report
     )

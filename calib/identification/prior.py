@@ -155,6 +155,15 @@ def own_prior(parameters: Parameters, model: RobotModel) -> Prior | None:
     return weak_prior(parameters.freeing(free), model) if free else None
 
 
+def own_words(model: RobotModel, parameters: Parameters) -> str:
+    """What becomes of the joint errors that a model has before its fit; empty where it has none."""
+    own = model.joint_errors.names
+    free = len(set(own) & set(parameters.free_names))
+    both = ((free, "free under a prior"), (len(own) - free, "held as they are"))
+    told = " and ".join(f"{count} {how}" for count, how in both if count)
+    return told and f"of the joint errors that the robot has already {told}"
+
+
 def prior_rows(prior: Prior, nominal: RobotModel, parameters: Parameters) -> PriorRows:
     """The rows that a prior adds to a fit that starts at `nominal`.
 

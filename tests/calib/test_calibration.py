@@ -5,6 +5,10 @@ import pytest
 
 import calib
 from calib.geometry.frames import exp_so3
+from calib.geometry.joint_errors import JointErrors, harmonic_terms
+from calib.geometry.parameters import parameters_of
+from calib.identification.identify import identify
+from calib.identification.prior import Prior, own_prior
 from calib.identification.result import values_and_uncertainties
 from tests.calib.kinds import ARMS, KINDS, joints, measured, true_robot
 
@@ -62,6 +66,37 @@ def test_what_is_asked_to_stay_stays():
     assert not [name for name in held.names if name.startswith("tool.")]
     few = calib.calibrate(nominal, table, free=["base.x", "theta2"]).identification
     assert few.names == ("base.x", "theta2")
+
+
+def test_joint_errors_that_a_robot_has_already_are_held_near_their_values_by_a_prior():
+    """Waves 1 to 4 of each joint, twenty poses: without it most of them would run away."""
+    rng = np.random.default_rng(8)
+    plain = calib.RobotModel(ARMS["tx60"])
+    known = calib.RobotModel(
+        plain.chain, JointErrors(harmonic_terms(6, (1, 2, 3, 4)), rng.normal(size=48) * 1e-5)
+    )
+    table = poses_of(known, joints("tx60", rng, 20), rng)
+    result = calib.calibrate(known, table)
+    found, own = result.identification, known.joint_errors.names
+    assert found.prior.names == own
+    moved = dict(zip(found.names, found.step, strict=True))
+    assert all(abs(moved[name]) < 3 * sd for name, sd in zip(own, found.prior.sd, strict=True))
+    assert "of the joint errors that the robot has already 48 free under a prior" in (
+        result.summary()
+    )
+    # what is given stays; the rest has the usual one beside it, and what is held none
+    given = Prior(np.zeros(1), np.array([1e-7]), own[:1])
+    again = calib.calibrate(known, table, prior=given).identification.prior
+    assert again.names == own
+    assert again.sd[0] == 1e-7
+    np.testing.assert_array_equal(again.sd[1:], found.prior.sd[1:])
+    held = calib.calibrate(known, table, free=plain.names)
+    assert held.identification.prior is None
+    assert "already 48 held as they are" in held.summary()
+    # the same fit by a prior that is written out
+    start, all_free = result.start.model, parameters_of(known)
+    by_hand = identify(start, table, all_free, prior=own_prior(all_free, start))
+    np.testing.assert_array_equal(by_hand.step, found.step)
 
 
 def test_the_summary_lists_values_with_their_uncertainty_and_what_cannot_be_told_apart():

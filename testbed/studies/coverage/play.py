@@ -17,6 +17,7 @@ from calib.identification.identify import Identification, identify
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import Ladder
 from calib.identification.model_choice import choose
+from calib.identification.prior import own_prior
 from calib.measurement.accuracy import point_distances
 from calib.uncertainty.covariance import standard_uncertainty
 from calib.uncertainty.regions import mahalanobis_squared
@@ -129,7 +130,10 @@ def models(
     """
     nominal, free = measured.laboratory.setting.nominal, measured.laboratory.free("whitened")
     choice = choose(nominal, measured.seen, free, ladders=ladders)
-    fits = (identify(nominal, measured.seen, free), choice.identifications[1])
+    fits = (
+        identify(nominal, measured.seen, free, prior=own_prior(free, nominal)),
+        choice.identifications[1],
+    )
     return fits, choice.log_evidence, choice.chosen == "extended"
 
 

@@ -79,18 +79,20 @@ def noise_free(model: RobotModel, like: Measurements, q: Array) -> Measurements:
 def true_step(setting: Setting, identification: Identification, like: Measurements) -> Array:
     """True values minus nominal (f,) of the estimated parameters, in the gauge they were kept in.
 
-    With a prior all free numbers are estimated, and none stands for another: the step as drawn.
+    With a prior on all free numbers these are estimated, and none stands for another: the step as
+    drawn.
 
     The kept set is refitted to noise-free poses of the true geometry (without joint errors), so
     redundant truth lands where the estimate can hold it, exactly and not only to first order. Where
     the estimated set cannot represent the truth this is its best fit over poses of the pool.
     """
-    if identification.prior is not None:
+    prior = identification.prior
+    if prior is not None and set(prior.names) == set(identification.names):
         return drawn_step(setting, identification)
     # what the nominal model knows of joint errors belongs to the comparison
     geometry = replace(setting.true, joint_errors=setting.nominal.joint_errors)
     table = noise_free(geometry, like, setting.pool_q[:REFIT_POSES])
-    exact = identify(setting.nominal, table, identification.parameters)
+    exact = identify(setting.nominal, table, identification.parameters, prior=prior)
     if exact.parameters.free_names != identification.parameters.free_names:
         return np.asarray(setting.nominal.step_to(geometry)[identification.parameters.free])
     return exact.step

@@ -15,7 +15,7 @@ from calib.identification.levels import Ladder, Level
 from calib.identification.many.fit import ManyFits, fit_many
 from calib.identification.many.tables import ManyTables, known_to_many
 from calib.identification.model_choice import choose
-from calib.identification.prior import Prior
+from calib.identification.prior import Prior, own_prior, own_words
 from calib.identification.robust import Loss
 from calib.identification.row_ladders import RowTerms, row_ladders
 from calib.information.sizes import usual_sizes
@@ -90,26 +90,30 @@ def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Esti
     """The estimator `mode` of a scenario; where the evidence decides, it looks at `measured` only.
 
     Chosen geometry is fitted without a prior unless the scenario gives one: everything that the
-    measurements can tell apart, as if the question had not been asked.
+    measurements can tell apart, as if the question had not been asked. Joint errors that the robot
+    has already have the weak prior in any case: many of them no measurement tells.
     """
     nominal, free = bench.setting.nominal, bench.free(mode)
     if mode == "paper":
         return Estimator(mode, nominal, free)
+    own = own_words(nominal, free)
     settings = bench.scenario.identification
-    given = None if settings.prior is None else scenario_prior(settings.prior, free, nominal)
+    given = own_prior(free, nominal)
+    if settings.prior is not None:
+        given = scenario_prior(settings.prior, free, nominal)
     why, evidence = "geometric: as the scenario says", float("nan")
     climbed: Climb | None = None
     extended = settings.model == "extended"
     if extended:
         why = "extended: as the scenario says"
     elif settings.model == "choose":
-        own = settings.prior or WEAK
+        weak = settings.prior or WEAK
         choice = choose(
             nominal,
             measured,
             free,
-            prior=scenario_prior(own, free, nominal),
-            ladders=scenario_ladders(own, nominal, bench.robot, measured, gear_orders(bench)),
+            prior=scenario_prior(weak, free, nominal),
+            ladders=scenario_ladders(weak, nominal, bench.robot, measured, gear_orders(bench)),
             loss=settings.loss,
         )
         why, evidence, climbed = choice.sentence, choice.log_evidence, choice.climb
@@ -119,6 +123,7 @@ def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Esti
     if extended:
         nominal, free, _ = with_joint_terms(nominal, free)
         given = scenario_prior(settings.prior or WEAK, free, nominal)
+    why += f"; {own}" * bool(own)
     asked = ((), ()) if climbed is None else (climbed.offered, climbed.steps)
     return Estimator(mode, nominal, free, given, settings.loss, why, evidence, *asked)
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model
+from calib.identification.prior import own_prior
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.robots.write.folder import write_robot_folder
@@ -13,6 +13,7 @@ from testbed.robots.write.identified import identified_robot
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from testbed.studies.trial.compare import true_step
+from testbed.studies.trial.estimator import estimator_for
 from tests import campaign
 from tests.testbed.laboratory.outcomes import settings
 from tests.testbed.robots.robot_cases import TX60, joint_vectors
@@ -43,7 +44,7 @@ def test_what_the_scenario_adds_comes_on_top():
 
 
 def test_a_campaign_on_its_folder_identifies_what_is_left(tmp_path):
-    """Terms are free beside the links; the true step predicts the true robot to rounding."""
+    """Terms are free beside the links under their prior; the true step predicts the true robot."""
     write_robot_folder(KNOWN, tmp_path / "mine")
     scenario = changed(
         load_scenario("quick"),
@@ -53,7 +54,14 @@ def test_a_campaign_on_its_folder_identifies_what_is_left(tmp_path):
     table = bench.free("whitened")
     assert set(KNOWN.model.joint_errors.names) <= set(table.free_names)
     seen = bench.measure_pool(np.arange(40), "test")
-    found = identify(bench.setting.nominal, seen, table)
+    estimator = estimator_for(bench, "whitened", seen)
+    assert estimator.why.endswith(
+        "; of the joint errors that the robot has already 27 free under a prior"
+    )
+    found = estimator.fit(seen)
+    known = own_prior(table, bench.setting.nominal)
+    assert found.prior.names == known.names == KNOWN.model.joint_errors.names
+    np.testing.assert_array_equal(found.prior.sd, known.sd)
     step = true_step(bench.setting, found, seen)
     model = bench.setting.nominal.moved(found.parameters.expand(step))
     q = bench.setting.test_q
