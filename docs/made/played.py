@@ -24,10 +24,12 @@ from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 
 LOG = logging.getLogger(__name__)
-LONGEST_S = 120
+LONGEST_S = 300
 """A block that takes longer has no place on a page."""
 WIDTH = 84
 """Characters of a line that a page shows whole."""
+LONGEST_WORD = 12
+"""Characters a word, on average, beyond which a line is no sentence."""
 PICTURES = "_pictures"
 """Where figures wait until Sphinx has copied them, below the pages."""
 
@@ -66,12 +68,15 @@ def shell(text: str, folder: Path) -> str:
 
 
 def folded(line: str) -> list[str]:
-    """A sentence on lines of a page's width; a row of a table, with gaps in it, as it is."""
+    """A sentence on lines of a page's width; rows of tables and of files as they are."""
     text = line.strip()
-    if len(line) <= WIDTH or "  " in text:
+    is_prose = "  " not in text and text.count(" ") * LONGEST_WORD > len(text)
+    if len(line) <= WIDTH or not is_prose:
         return [line]
     indent = line[: len(line) - len(line.lstrip())]
-    return textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=f"{indent}  ")
+    return textwrap.wrap(
+        text, WIDTH, initial_indent=indent, subsequent_indent=f"{indent}  ", break_long_words=False
+    )
 
 
 def python(text: str, page: Page) -> str:
