@@ -89,8 +89,8 @@ class Measurements:
         for name in ("pose_id", "repeat"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.int64))
         for name in ("reflector", "station", "anchor", "tool"):
-            (checked,) = check(f"{m}", **{name: getattr(self, name)})
-            object.__setattr__(self, name, frozen(checked, np.int64))
+            check(f"{m}", **{name: getattr(self, name)})
+            object.__setattr__(self, name, frozen(getattr(self, name), np.int64))
         self.conditions.require_rows(m)
         self._require_sense()
 
@@ -163,8 +163,11 @@ class Measurements:
         )
 
     def rows(self, which: Sequence[int] | Bool | Index) -> "Measurements":
-        """The table restricted to some rows (a mask or indices)."""
+        """The table restricted to some rows (a mask or indices); of all in order, itself."""
         index = np.asarray(which) if len(which) else np.zeros(0, dtype=np.int64)
+        every = np.ones(len(self), bool) if index.dtype == np.bool_ else np.arange(len(self))
+        if np.array_equal(index, every):
+            return self
         some = {name: getattr(self, name)[index] for name in COLUMNS}
         return replace(self, **some, conditions=self.conditions.rows(index))
 

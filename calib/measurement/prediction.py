@@ -10,6 +10,7 @@ from calib.geometry.fixtures import Fixtures
 from calib.geometry.frames import inverse, log_so3, right_jacobian_inverse, skew
 from calib.geometry.model import RobotModel
 from calib.measurement.observations import GIVEN, Measurements
+from calib.measurement.remembered import remembered
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,11 +35,15 @@ class Prediction:
         return np.asarray(np.linalg.norm(self.residual[:, 3:], axis=1))
 
 
+@remembered
 def predict(model: RobotModel, measurements: Measurements) -> Prediction:
     """Residual and derivative of every row of a table."""
     T, J = model.poses_and_jacobian(measurements.q, measurements.conditions)
     mount(T, J, model, measurements)
-    return predict_at(T, J, model.fixtures, model.first_fixture, measurements)
+    found = predict_at(T, J, model.fixtures, model.first_fixture, measurements)
+    for shared in (found.residual, found.rows, found.filled):
+        shared.setflags(write=False)
+    return found
 
 
 def predict_at(
@@ -105,15 +110,16 @@ def targets(fixtures: Fixtures, measurements: Measurements) -> Array:
     return np.where(named[:, None], places, measurements.offset)
 
 
+@remembered
 def tool_poses(model: RobotModel, measurements: Measurements) -> Array:
     """Poses T_world_tool (m, 4, 4) of the tool that was mounted when each row was measured [m]."""
     require_fixtures(model.fixtures, measurements)
     T = model.poses(measurements.q, measurements.conditions)
-    if not measurements.tool.any():
-        return T
-    back = inverse(model.chain.T_flange_tool)
-    tools = np.concatenate([np.eye(4)[None], back @ model.fixtures.tools])
-    return np.asarray(T @ tools[measurements.tool])
+    if measurements.tool.any():
+        back = inverse(model.chain.T_flange_tool)
+        T = T @ np.concatenate([np.eye(4)[None], back @ model.fixtures.tools])[measurements.tool]
+    T.setflags(write=False)
+    return T
 
 
 def predicted_positions(model: RobotModel, measurements: Measurements) -> Array:

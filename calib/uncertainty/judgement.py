@@ -13,6 +13,7 @@ from calib.held_out_counts import FEWEST, fewest_poses
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
 from calib.measurement.observations import Measurements
+from calib.measurement.remembered import remembering
 from calib.uncertainty.bootstrap import REPLICATES, Bootstrap, bootstrap
 from calib.uncertainty.circumstances import Circumstances as Circumstances
 from calib.uncertainty.circumstances import MeasuredNoise, measured_noise
@@ -82,6 +83,7 @@ class Judgement:
         return "\n".join([*lines, f"believe: {self.trust.believe}", self.trust.sentence])
 
 
+@remembering()
 def judge(
     identification: Identification,
     test: Measurements,

@@ -1,0 +1,58 @@
+"""Predictions that many statements need, computed once as long as these are made."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import wraps
+from typing import TypeVar
+
+from calib.geometry.model import RobotModel
+from calib.measurement.observations import COLUMNS, Measurements
+
+X = TypeVar("X")
+Known = dict[tuple[object, ...], tuple[RobotModel, Measurements, object]]
+
+MOST = 6
+"""Results that are kept: the latest. Rows of many poses and many numbers take much memory."""
+SEEN = tuple(name for name in COLUMNS if name != "covariance")
+"""What a prediction depends on: not on the noise."""
+
+_known: ContextVar[Known | None] = ContextVar("known", default=None)
+
+
+@contextmanager
+def remembering() -> Iterator[None]:
+    """As long as this lasts, what a model predicts of a table is computed once.
+
+    Tables are the same where their columns are the same arrays, whatever their noise is.
+    """
+    token = _known.set({})
+    try:
+        yield
+    finally:
+        _known.reset(token)
+
+
+def remembered(
+    compute: Callable[[RobotModel, Measurements], X],
+) -> Callable[[RobotModel, Measurements], X]:
+    """The function (model, table) -> result, which while `remembering` computes nothing twice.
+
+    Its result must be read-only: several callers have it.
+    """
+
+    @wraps(compute)
+    def once(model: RobotModel, measurements: Measurements) -> X:
+        known = _known.get()
+        if known is None:
+            return compute(model, measurements)
+        columns = (id(getattr(measurements, name)) for name in SEEN)
+        key = (compute.__name__, id(model), *columns, id(measurements.conditions))
+        # model and table are held, so that no other object has their place in memory
+        found = known.pop(key, None) or (model, measurements, compute(model, measurements))
+        known[key] = found
+        if len(known) > MOST:
+            del known[next(iter(known))]
+        return found[2]  # type: ignore[return-value]  # of this function, by its name
+
+    return once
