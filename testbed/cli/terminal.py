@@ -28,21 +28,32 @@ def progress(*, quiet: bool) -> Iterator[Progress]:
         yield _Lines().report
 
 
+EVERY = 60.0
+"""Between two lines about one step [s]."""
+
+
 class _Lines:
-    """One line per finished step."""
+    """One line per finished step; of one in many pieces, now and then one with the time left."""
 
     def __init__(self) -> None:
-        self._start = self._since = time.perf_counter()
-        self._doing = ""
+        self._start = self._since = self._said = time.perf_counter()
+        self._name, self._place, self._first = "", "", 0
 
     def report(self, name: str, done: int, steps: int) -> None:
         """Say what has ended and how long it took."""
         now = time.perf_counter()
-        if self._doing:
-            warn(f"{self._doing}: {now - self._since:.1f} s")
-        if name:
-            self._doing, self._since = f"[{done + 1}/{steps}] {name}", now
-        else:
+        if name and name == self._name:
+            if now >= self._said + EVERY:
+                left = (now - self._since) / max(done - self._first, 1) * (steps - done)
+                told = f"{left / 60:.0f} min" if left > 90 else f"{left:.0f} s"
+                warn(f"[{done}/{steps}] {name}: about {told} left")
+                self._said = now
+            return
+        if self._name:
+            warn(f"{self._place} {self._name}: {now - self._since:.1f} s")
+        self._name, self._place, self._first = name, f"[{done + 1}/{steps}]", done
+        self._since = self._said = now
+        if not name:
             warn(f"done in {now - self._start:.1f} s")
 
 
