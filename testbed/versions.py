@@ -21,6 +21,7 @@ def own_version() -> str:
     return _version("truebed")
 
 
+@cache
 def _version(package: str) -> str:
     try:
         return version(package)

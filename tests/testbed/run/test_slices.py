@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 from calib.arrays import Array
 from calib.errors import CalibError, InputError, MachineError
+from testbed.robots import catalog
 from testbed.run.play import play_run
 from testbed.run.slices import merge_runs, play_slice
 from testbed.scenario.hashes import shared_part
@@ -105,6 +107,13 @@ def part(out, number, count, many=None):
 def merge(folders, out, many=None):
     many = many or Many()
     return merge_runs(folders, out, studies=(many,), derive=many.derive)
+
+
+@pytest.fixture(autouse=True)
+def _one_robot(monkeypatch):
+    """The same robot is read and hashed once for all runs."""
+    loaded = cache(catalog.load_robot)
+    monkeypatch.setattr(catalog, "load_robot", loaded)
 
 
 def content(folder):
