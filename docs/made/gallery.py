@@ -132,6 +132,7 @@ def _finish(axes: "Axes", names: list[str], label: str, line: float | None) -> N
     axes.set_axisbelow(True)
     if line is None:
         axes.set_xscale("log")
+        axes.xaxis.set_major_formatter("{x:g}")
     else:
         axes.axvline(line, color="#444444", linewidth=1)
 

@@ -56,8 +56,12 @@ def section(file: str) -> str:
     lines = []
     for pattern, sentence in WORDS[file].items():
         *above, last = pattern.split("/")
-        tail = f"`{'/'.join(above)}/`" if above else ""
-        names = ", ".join(f"`{name}`{_unit(name)}" for name in last.split("|"))
+        path = f"{'/'.join(above)}/" if above else ""
+        several = "|" in last
+        names = ", ".join(
+            f"`{'' if several else path}{name}`{_unit(name)}" for name in last.split("|")
+        )
+        tail = f"`{path}`" if several and path else ""
         lines += [f"{tail} {names}".strip(), f": {sentence}", ""]
     return "\n".join(lines)
 
