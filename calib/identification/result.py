@@ -140,11 +140,14 @@ def _table(result: Identification) -> list[str]:
     values, u = values_and_uncertainties(result)
     width = max(map(len, result.names), default=0)
     lines = [f"{'':{width}}  {'value':>14}  {'U (k = 2)':>12}  unit"]
+    springs = result.model.joint_errors.springs
+    together = () if springs is None else springs.names
     for name, place in zip(result.names, result.parameters.free_index, strict=True):
         unit, scale = shown_in(name, bool(result.parameters.is_length[place]))
         value, U = scale * values[place], 2 * scale * u[place]
         places = max(0, 1 - int(np.floor(np.log10(U)))) if U > 0 else 6
-        lines.append(f"{name:{width}}  {value:z14.{places}f}  {U:12.{places}f}  {unit}")
+        stated = "with others" if name in together else f"{U:.{places}f}"
+        lines.append(f"{name:{width}}  {value:z14.{places}f}  {stated:>12}  {unit}")
     return lines
 
 

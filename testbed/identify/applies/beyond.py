@@ -2,7 +2,10 @@
 
 import numpy as np
 
+from calib.arrays import Array
+from calib.geometry.model import RobotModel
 from calib.identification.climb import ASKED
+from calib.uncertainty.statement.conditions import named
 from testbed.identify.records import Calibration
 from testbed.units import DEG, MM, fixed, significant
 
@@ -51,6 +54,33 @@ def gravity_words(calibration: Calibration) -> tuple[str, ...]:
         "Gravity is taken along -z of the base, and what it bends does not explain the readings: "
         "if the arm hangs on a wall or ceiling, say so in robot.toml ([base] rotation_vector_deg)",
     )
+
+
+def map_words(model: RobotModel, measured: Array, q: Array) -> tuple[str, ...]:
+    """Targets q (m, n) that turn a joint beyond its waves' measurements by half a wave [rad].
+
+    Waves that come again each turn are known a turn further on as well. `measured` (k, n) are the
+    joints that the model was identified from [rad].
+    """
+    said = []
+    for i in range(q.shape[1]):
+        orders = [t.order for t in model.joint_errors.terms if t.is_wave and t.joint == i]
+        if not orders or model.chain.kinds[i] == "prismatic":
+            continue
+        half, (low, high) = np.pi / max(orders), (measured[:, i].min(), measured[:, i].max())
+        again = all(float(order).is_integer() for order in orders)
+        turns = 2 * np.pi * np.arange(-2, 3) if again else np.zeros(1)
+        there = q[:, i, None] + turns
+        away = np.maximum(low - there, there - high).min(axis=1)
+        if len(far := np.flatnonzero(away > half)):
+            ends = " to ".join(fixed(end * DEG, 0) for end in (low, high))
+            said.append(
+                f"{named('target', far)} {'turns' if len(far) == 1 else 'turn'} joint {i + 1} up "
+                f"to {fixed(float(away.max()) * DEG, 0)} deg beyond what was measured ({ends} "
+                f"deg), more than half a wave of its joint errors ({fixed(half * DEG, 1)} deg): "
+                "what they are there no pose has told; identify from poses there as well"
+            )
+    return tuple(said)
 
 
 def _ahead(calibration: Calibration) -> str:

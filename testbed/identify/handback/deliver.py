@@ -8,6 +8,7 @@ from types import MappingProxyType
 from calib.geometry.model import RobotModel
 from testbed.files.program import correct_program
 from testbed.gates.paths import short_stem
+from testbed.identify.applies.beyond import map_words
 from testbed.identify.applies.targets import statement_at, statement_csv, target_words
 from testbed.identify.conditions import measured
 from testbed.identify.handback.delivered import Delivered
@@ -68,6 +69,7 @@ def deliver(
     )
     failed = int((~result.corrected).sum())
     targets, told = statement_at(calibration, result), result.sentences
+    told += map_words(model, calibration.measurements.q[calibration.is_used], result.q)
     if targets is not None:
         told += target_words(targets)
         (folder / statement_name(program)).write_bytes(statement_csv(targets).encode())

@@ -7,6 +7,11 @@ from testbed.identify.records import Calibration
 from testbed.report.page import Block, Points, Section, Table, Text
 from testbed.units import UM, sentences, significant
 
+SPRUNG = (
+    "A compliance, a moment or a tilt has no U of its own: measurements tell what springs bend "
+    "together, and one number of them stands for what the model lacks as well."
+)
+
 
 def hand_back_section(calibration: Calibration) -> Section:
     """Which of all equivalent robots leaves, what holds its numbers, and the tool in use."""
@@ -16,6 +21,8 @@ def hand_back_section(calibration: Calibration) -> Section:
             "held by: measurements, where U is within the tolerance and comes from the readings; "
             "prior, where more of it comes from nominal values and their tolerances; nominal, "
             "where a number cannot be told from others and stays."
+            + f" {SPRUNG}"
+            * (calibration.fit.identification.model.joint_errors.springs is not None)
         ),
     ]
     found = calibration.handback.in_use

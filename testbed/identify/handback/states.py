@@ -1,6 +1,6 @@
 """Each number of the robot that is handed out: how far it moved, and what holds it there."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from testbed.robots.write.dh_table import DhRow, dh_rows
 from testbed.units import DEG, MM, UM, counted, listed, sentences, significant
 
 NOMINAL, MEASURED, PRIOR = "nominal", "measurements", "prior"
+TOGETHER = "measurements, with all that springs do"
+"""Of a compliance, a moment or a tilt: it stands for what the model lacks as well, and alone it has
+no U that holds; the region of the tool point counts what all of them leave there."""
 BEYOND, LOOSE = "measurements, beyond its tolerance", "nothing: U exceeds its tolerance"
 HALF = 0.5
 """Share of the variance of a number from which on a prior holds it, its own or that of others."""
@@ -53,8 +56,12 @@ def handed_numbers(calibration: Calibration) -> tuple[HandedNumber, ...]:
         zip(names, calibration.handback.tolerance.ravel() * scale, strict=True)
     )  # in the units of the rows
     shares = dict(zip((row.name for row in rows), calibration.handback.by_prior, strict=False))
+    springs = handed.model.joint_errors.springs
+    together = set(() if springs is None else springs.names)
     return tuple(
-        _held(row, sizes.get(row.name), row.name in believed, shares.get(row.name, 0.0))
+        HandedNumber(replace(row, expanded=None), None, TOGETHER)
+        if row.name in together and row.expanded is not None
+        else _held(row, sizes.get(row.name), row.name in believed, shares.get(row.name, 0.0))
         for row in rows
     )
 

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from calib.geometry.chain import Chain
+from calib.geometry.joint_errors import JointErrors, harmonic_terms
+from calib.geometry.model import RobotModel
 from calib.identification.climb import Offer
-from testbed.identify.applies.beyond import beyond_words, gravity_words
+from testbed.identify.applies.beyond import beyond_words, gravity_words, map_words
 
 ARM = Chain(np.zeros((3, 5)), ("revolute", "prismatic", "revolute"))
 Q = np.zeros((30, 3))
@@ -83,3 +85,27 @@ def test_gravity_is_asked_about_where_it_explains_nothing_and_no_mounting_is_sta
         hanging(),
     ):
         assert gravity_words(other) == ()
+
+
+def test_targets_half_a_wave_beyond_the_measurements_of_a_map_are_told():
+    """Against the nearest of many points round the circle, and where the last half wave ends."""
+    chain = Chain(np.zeros((3, 5)), ("revolute", "revolute", "prismatic"))
+    terms = [t for t in harmonic_terms(3, (1, 8)) if t.joint != 1 or t.order == 1]
+    model = RobotModel(chain, JointErrors(tuple(terms), np.zeros(len(terms))))
+    measured = np.radians([[-100.0, -60.0, 0.0], [20.0, 70.0, 0.0], [150.0, 0.0, 0.0]])
+    q = np.zeros((73, 3))
+    q[:, 0] = np.radians(np.linspace(-360.0, 360.0, 73))
+    q[5, 2] = 50.0  # a slide has no waves
+    circle = np.exp(1j * np.radians(np.linspace(-100.0, 150.0, 25001)))
+    away = np.abs(np.angle(np.exp(1j * q[:, :1]) / circle)).min(axis=1)
+    far = np.flatnonzero(away > np.pi / 8)
+    (text,) = map_words(model, measured, q)
+    assert text.startswith(f"targets {', '.join(str(k + 1) for k in far[:10])} and ")
+    assert f"joint 1 up to {np.degrees(away.max()):.0f} deg beyond" in text
+    assert "(−100 to 150 deg), more than half a wave of its joint errors (22.5 deg)" in text
+    edge = np.zeros((2, 3))
+    edge[:, 0] = np.radians([172.4, 172.6])
+    (text,) = map_words(model, measured, edge)
+    assert text.startswith("target 2 turns joint 1 ")
+    assert map_words(model, measured, edge[:1]) == ()
+    assert map_words(RobotModel(chain), measured, q) == ()

@@ -9,6 +9,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+import testbed.identify.handback.deliver as deliver_module
+from calib.geometry.joint_errors import JointErrors, harmonic_terms
+from calib.identification.levels import with_errors
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.conditions import SetUp
 from testbed.identify.applies.region import reach_section
@@ -264,3 +267,17 @@ def test_deviation_and_region_are_in_the_same_axes_where_the_base_was_found(tmp_
     # 400,000 draws leave 0.0005 in a share of a tenth
     assert made.targets.before.risk[0] == pytest.approx(risk, abs=0.002)
     assert 0.01 < risk < 0.4
+
+
+def test_a_program_beyond_a_joint_map_is_told_so(tmp_path, monkeypatch):
+    """The words reach whoever reads the program's outcome; `test_beyond` proves them."""
+    plain = deliver_module.in_own_frames
+    waves = JointErrors(harmonic_terms(6, (8,)))
+    monkeypatch.setattr(deliver_module, "in_own_frames", lambda c: with_errors(plain(c), waves))
+    q = narrow().measurements.q[narrow().is_used]
+    joints = q[:2].copy()
+    joints[1, 0] = q[:, 0].max() + np.pi / 8 + 0.02
+    made, _ = delivered(narrow(), joints, tmp_path)
+    told = " ".join(made.program)
+    assert "target 2 turns joint 1 up to 24 deg beyond what was measured" in told
+    assert told.count("half a wave") == 1

@@ -8,6 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from calib.identification.ladders import ladders_of
+from calib.identification.levels import with_errors
 from calib.measurement.prediction import predict
 from testbed.files.program import correct_program
 from testbed.identify.applies.targets import statement_at
@@ -17,13 +19,14 @@ from testbed.identify.handback.deliver import delivered_robot, in_own_frames
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.handed import hand_back
 from testbed.identify.handback.links import LinkBelief
-from testbed.identify.handback.report import hand_back_section
+from testbed.identify.handback.report import SPRUNG, hand_back_section
 from testbed.identify.handback.results import dh_csv, tool_csv
 from testbed.identify.handback.states import (
     LOOSE,
     MEASURED,
     NOMINAL,
     PRIOR,
+    TOGETHER,
     hand_back_warnings,
     hand_back_words,
     handed_numbers,
@@ -32,7 +35,7 @@ from testbed.identify.handback.states import (
 )
 from testbed.identify.records import Calibration
 from testbed.identify.results import headline
-from testbed.report.page import Table
+from testbed.report.page import Table, Text
 from testbed.robots.catalog import load_robot
 from testbed.robots.tolerances import usual_tolerances
 from testbed.robots.write.folder import write_robot_folder
@@ -43,6 +46,7 @@ from tests.reference import pool_r
 from tests.testbed.files.made import ROBOT
 from tests.testbed.identify.test_visits import campaign
 
+LEANING = "springs on a tilted base"
 GRIPPER = ToolInUse("gripper", (0.0, 0.0, 0.15), (0.0, 0.0, 0.0), 1e-4)
 
 
@@ -89,6 +93,29 @@ def test_targets_of_a_program_are_those_of_the_tool_in_use(tmp_path):
     assert tip > 0.9 * found.handback.in_use.at_poses.min()
     plain = replace(found, handback=replace(found.handback, in_use=None))
     assert statement_at(plain, result).radius_mean < tip / 10
+
+
+def test_numbers_of_springs_have_no_uncertainty_of_their_own():
+    """Each stands for what the model lacks as well; `test_springs_truth` shows how far off."""
+    gravity, _ = ladders_of(robot().model, limits=robot().limits)
+    springs = next(level.errors for level in gravity.levels if level.name == LEANING)
+    arm = replace(robot(), model=with_errors(robot().model, springs))
+    session = session_of(table_of(true_model(), pool_r(60)), model="geometric")
+    found = calibrate(arm, session, Options(seed=1))
+    numbers = {one.row.name: one for one in handed_numbers(found)}
+    assert {"tilt1", "tilt2", "spring2.z", "moment3.m"} < set(springs.names)
+    told = {row["number"]: (row["U_k2"], row["held_by"]) for row in rows_of(dh_csv(found))}
+    for name in springs.names:
+        assert numbers[name].row.new != 0.0  # found, all the same
+        assert numbers[name].row.expanded is None
+        assert told[name] == ("", TOGETHER)
+    assert float(told["a2"][0]) > 0
+    text = [block.text for block in hand_back_section(found).blocks if isinstance(block, Text)]
+    assert SPRUNG in " ".join(text)
+    summary = found.fit.identification.summary()
+    lines = {line.split()[0]: line for line in summary.splitlines() if line}
+    assert "with others" in lines["tilt1"]
+    assert "with others" not in lines["a2"]
 
 
 def test_every_number_says_what_holds_it():
