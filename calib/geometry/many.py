@@ -174,19 +174,21 @@ def poses_of(axes: Array, origin: Array) -> Array:
 
 def _stepped(frame: Array, step: Array) -> Array:
     """Frames (R, 3, 4) multiplied on the right by steps (R, 6)."""
-    if not step.any():
+    moves = np.asarray(step.any(axis=1))
+    if not moves.any():
         return frame
     R = frame[:, :, :3]
     turned = R @ exp_so3(step[:, 3:])
     # one Newton step to the nearest rotation: rounding never accumulates
     turned = 1.5 * turned - 0.5 * turned @ (np.swapaxes(turned, 1, 2) @ turned)
-    return np.concatenate([turned, frame[:, :, 3:] + R @ step[:, :3, None]], axis=2)
+    there = np.concatenate([turned, frame[:, :, 3:] + R @ step[:, :3, None]], axis=2)
+    return np.where(moves[:, None, None], there, frame)
 
 
 def _step_to(T: Array, frame: Array) -> Array:
     """Steps (R, 6) from a frame T (4, 4) to frames (R, 3, 4)."""
     back = T[:3, :3].T
-    shift = (frame[:, :, 3] - T[:3, 3]) @ T[:3, :3]
+    shift = ((frame[:, None, :, 3] - T[:3, 3]) @ T[:3, :3])[:, 0]
     return np.concatenate([shift, log_so3(back @ frame[:, :, :3])], axis=1)
 
 

@@ -145,10 +145,17 @@ def _squared_statistics(
         dof_effective=dof,
         p_value=p_value,
         residual=r,
-        notes=(*_chi_square_notes(total, dof, p_value), *_repeat_notes(misfit, p_value)),
+        notes=squared_notes(total, dof, p_value, misfit),
         log_evidence=_log_evidence(fit, factor, n),
         lack_of_fit=misfit,
     )
+
+
+def squared_notes(
+    total: float, dof: float, p_value: float, misfit: LackOfFit | None
+) -> tuple[str, ...]:
+    """What the tests of a least-squares fit of known noise have to say."""
+    return (*_chi_square_notes(total, dof, p_value), *_repeat_notes(misfit, p_value))
 
 
 def _robust_statistics(fit: SolvedFit, measurements: Measurements, stack: Stack) -> _Statistics:

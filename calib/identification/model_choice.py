@@ -72,6 +72,7 @@ def choose(
     mounted: Chain | None = None,
     known: RowTerms = NOTHING_KNOWN,
     rng: np.random.Generator | None = None,
+    geometric: Identification | None = None,
 ) -> ModelChoice:
     """Choose a model by evidence, and identify it from all measurements beside the geometry.
 
@@ -104,6 +105,8 @@ def choose(
         What is known of the rows for terms that follow them.
     rng : Generator, optional
         Draws the poses left out together, and which of very many are asked; seed 0 by default.
+    geometric : Identification, optional
+        The fit of the geometry under `prior`, if already at hand.
 
     Raises
     ------
@@ -118,7 +121,10 @@ def choose(
         ladders = (*own, *row_ladders(nominal, measurements, known))
     rng = np.random.default_rng(0) if rng is None else rng
     asked = some_poses(measurements, rng)
-    geometric = identify(nominal, measurements, parameters, prior=prior, loss=loss, report=report)
+    if geometric is None:
+        geometric = identify(
+            nominal, measurements, parameters, prior=prior, loss=loss, report=report
+        )
     found = climb(
         nominal, geometric.model, asked, parameters, ladders,
         parts_of(asked, rng), prior=prior, loss=loss,

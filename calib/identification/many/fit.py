@@ -17,7 +17,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import require_match
 from calib.identification.many.tables import ManyRows, ManyTables, known_to_many, twelve_rows
-from calib.identification.many.tangents import ManyBeliefs, ManyInverses, ManyTangents
+from calib.identification.many.tangents import ManyBeliefs, ManyInverses, ManyTangents, times
 from calib.identification.prior import Prior
 from calib.identification.result import Mode
 from calib.identification.tangent import RELATIVE_OFFSET
@@ -86,6 +86,7 @@ def fit_many(
     mode: Mode = "whitened",
     prior: Prior | None = None,
     start: RobotModel | None = None,
+    shared: bool | None = None,
 ) -> ManyFits:
     """Fit the free numbers to each of many tables.
 
@@ -107,6 +108,9 @@ def fit_many(
         Of all free numbers.
     start : RobotModel, optional
         Where the search begins, as in `identify`.
+    shared : bool, optional
+        Whether fits share the curvature there, which tables of one plan may; so do several by
+        default. No bit of a fit hangs on how many there are beside it, but on this.
 
     Raises
     ------
@@ -132,9 +136,10 @@ def fit_many(
     start = nominal if start is None else start
     rows = ManyRows.of(nominal, tables, parameters.free_index, mode)
     belief = None if prior is None else ManyBeliefs.of(prior, parameters)
-    shared = _shared(rows, start, belief) if len(tables.q) == 1 < len(tables) else None
+    shared = len(tables.q) == 1 < len(tables) if shared is None else shared
+    common = _shared(rows, start, belief) if shared else None
     parts = [
-        _fit_block(parameters, rows.some(slice(k, k + BLOCK)), start, belief, shared)
+        _fit_block(parameters, rows.some(slice(k, k + BLOCK)), start, belief, common)
         for k in range(0, len(tables), BLOCK)
     ]
     return joined_fits(parts)
@@ -208,17 +213,9 @@ def _by_chords(
     for _ in range(CHORDS):
         pull = times(rows.residual_at(models), shared.A)
         if belief is not None:
-            pull += times(belief.mean - models.steps()[:, rows.free], belief.precision)
+            pull += times(belief.at(models)[0], belief.precision)
         models = moved_by(models, rows.free, times(pull, shared.C))
     return models
-
-
-def times(vectors: Array, matrices: Array) -> Array:
-    """Vectors (R, n) times matrices (n, f), shared or (R, n, f): (R, f).
-
-    Each by itself: a product of matrices would let the bits of a row depend on how many there are.
-    """
-    return np.asarray((vectors[:, None] @ matrices)[:, 0])
 
 
 def _ended(

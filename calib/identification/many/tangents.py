@@ -19,6 +19,14 @@ SMALLEST_PIVOT = KEEP_TOLERANCE**2
 factors rows instead of normal equations."""
 
 
+def times(vectors: Array, matrices: Array) -> Array:
+    """Vectors (R, n) times matrices (n, f), shared or (R, n, f): (R, f).
+
+    Each by itself: a product of matrices would let the bits of a row depend on how many there are.
+    """
+    return np.asarray((vectors[:, None] @ matrices)[:, 0])
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ManyBeliefs:
     """What is believed beforehand of all free numbers, the same for all robots."""
@@ -49,7 +57,9 @@ class ManyBeliefs:
         for first in (0, k):
             t, r = slice(first, first + 3), slice(first + 3, first + 6)
             D[:, t, t], D[:, r, r] = exp_so3(step[:, r]), right_jacobian_inverse(step[:, r])
-        return self.mean - step[:, self.free], D[:, self.free[:, None], self.free]
+        # in one order of memory, so that sums do not hang on how many robots there are
+        left = np.ascontiguousarray(self.mean - step[:, self.free])
+        return left, np.ascontiguousarray(D[:, self.free[:, None], self.free])
 
 
 class PriorCurvature(NamedTuple):
@@ -84,7 +94,7 @@ class ManyTangents:
         if belief is None:
             return cls(r, A, gradient, cost, None)
         left, D = belief.at(models)
-        weighed = left @ belief.precision
+        weighed = times(left, belief.precision)
         gradient = gradient + (weighed[:, None] @ D)[:, 0]
         cost = cost + (weighed * left).sum(axis=1)
         return cls(r, A, gradient, cost, PriorCurvature(D, belief.precision))

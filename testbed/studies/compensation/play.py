@@ -15,7 +15,11 @@ from calib.arrays import Array, frozen
 from calib.compensation import compensate
 from calib.geometry.model import RobotModel
 from calib.identification.ladders import ladders_of
+from calib.identification.levels import Ladder
+from calib.identification.many.single import identify_many
 from calib.identification.model_choice import choose
+from calib.identification.prior import weak_prior
+from calib.identification.result import Identification
 from calib.measurement.accuracy import error_statistics, position_errors
 from calib.measurement.iso9283 import (
     IsoFigure,
@@ -25,6 +29,7 @@ from calib.measurement.iso9283 import (
     repeatability,
     rotation_accuracy,
 )
+from calib.measurement.observations import Measurements
 from calib.uncertainty.statement.applicability import proven_at
 from testbed.laboratory.tracker.tracker import bias_size
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
@@ -70,11 +75,33 @@ def play_robots(
     """Play some robots of each kind; the readings are those of the first of them."""
     laboratory = open_laboratory(scenario, setting)
     T = cube_poses(scenario.table(CompensationSettings), laboratory.robot.model.chain.T_world_base)
-    q = cube_joints(laboratory.robot, laboratory.simulator, T)
-    return {
-        kind: gather([play_robot(laboratory, kind, trial, T, q, k) for k in robots])
-        for kind in kinds
-    }
+    q, ladders = cube_joints(laboratory.robot, laboratory.simulator, T), offered(laboratory)
+    found = {}
+    for kind in kinds:
+        measured = [measure_robot(laboratory, kind, trial, k) for k in robots]
+        nominal, free = laboratory.setting.nominal, laboratory.free("whitened")
+        seen, prior = [table for _, table in measured], weak_prior(free, nominal)
+        geometric = identify_many(nominal, seen, free, prior=prior)
+        each = zip(measured, geometric, robots, strict=True)
+        found[kind] = gather(
+            [play_robot(*one, fit, ladders, kind, trial, T, q, k) for one, fit, k in each]
+        )
+    return found
+
+
+def offered(laboratory: Laboratory) -> tuple[Ladder, ...]:
+    """What every robot is offered beside its geometry: the robot file says it, no reading does."""
+    robot = laboratory.robot
+    return ladders_of(laboratory.setting.nominal, moments=robot.moments, limits=robot.limits)
+
+
+def measure_robot(
+    laboratory: Laboratory, truth: str, trial: Trial, robot: int
+) -> tuple[Laboratory, Measurements]:
+    """The laboratory with robot number `robot` of one kind, and what it is calibrated from."""
+    own = robot_of(laboratory, truth, robot)
+    names = ("compensation", "identification", robot)
+    return own, own.measure_pool(trial.selection.indices, *names)
 
 
 def gather(parts: Sequence[CompensationStudy]) -> CompensationStudy:
@@ -83,14 +110,26 @@ def gather(parts: Sequence[CompensationStudy]) -> CompensationStudy:
 
 
 def play_robot(
-    laboratory: Laboratory, truth: str, trial: Trial, T: Array, q: Array, robot: int
+    own: Laboratory,
+    seen: Measurements,
+    geometric: Identification,
+    ladders: Sequence[Ladder],
+    truth: str,
+    trial: Trial,
+    T: Array,
+    q: Array,
+    robot: int,
 ) -> CompensationStudy:
     """Calibrate one robot, and execute its program as it was and corrected.
 
     Parameters
     ----------
-    laboratory : Laboratory
-        Of the campaign; its robot is replaced.
+    own, seen
+        From `measure_robot`.
+    geometric : Identification
+        Its geometry under the weak prior.
+    ladders : sequence of Ladder
+        From `offered`.
     truth : str
         Kind of robot.
     trial : Trial
@@ -102,11 +141,8 @@ def play_robot(
     robot : int
         Its number, for the streams.
     """
-    own = robot_of(laboratory, truth, robot)
-    nominal = own.setting.nominal
-    seen = own.measure_pool(trial.selection.indices, "compensation", "identification", robot)
-    ladders = ladders_of(nominal, moments=own.robot.moments, limits=own.robot.limits)
-    choice = choose(nominal, seen, own.free("whitened"), ladders=ladders)
+    nominal, free = own.setting.nominal, own.free("whitened")
+    choice = choose(nominal, seen, free, ladders=ladders, geometric=geometric)
     models = [found.model for found in choice.identifications]
     extended = choice.chosen == "extended"
     runs = [execute(own, T, q, "before", robot)]

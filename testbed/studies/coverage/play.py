@@ -16,8 +16,9 @@ from calib.arrays import Array, Index
 from calib.identification.identify import Identification, identify
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import Ladder
+from calib.identification.many.single import identify_many
 from calib.identification.model_choice import choose
-from calib.identification.prior import own_prior
+from calib.identification.prior import own_prior, weak_prior
 from calib.measurement.accuracy import point_distances
 from calib.uncertainty.covariance import standard_uncertainty
 from calib.uncertainty.regions import mahalanobis_squared
@@ -52,7 +53,10 @@ def play_robots(
     poses = [poses_of(laboratory, k) for k in robots]  # robot k of every kind meets the same
     measured = [measure_robots(laboratory, kind, chosen, robots, poses) for kind in kinds]
     ladders = offered(laboratory)
-    found = [[models(one, ladders) for one in of_kind] for of_kind in measured]
+    found = [
+        [models(one, ladders, fits) for one, fits in zip(of_kind, geometries(of_kind), strict=True)]
+        for of_kind in measured
+    ]
     everyone = [one for of_kind in measured for one in of_kind]
     judged = zip(
         *(
@@ -120,21 +124,36 @@ def offered(laboratory: Laboratory) -> tuple[Ladder, ...]:
     return ladders_of(laboratory.setting.nominal, moments=robot.moments, limits=robot.limits)
 
 
+def geometries(
+    measured: Sequence[MeasuredRobot],
+) -> list[tuple[Identification, Identification]]:
+    """The geometry of each robot, as its readings alone tell it, and under the weak prior."""
+    own, seen = measured[0].laboratory, [one.seen for one in measured]
+    nominal, free = own.setting.nominal, own.free("whitened")
+    bare = identify_many(nominal, seen, free, prior=own_prior(free, nominal))
+    believed = identify_many(nominal, seen, free, prior=weak_prior(free, nominal))
+    return list(zip(bare, believed, strict=True))
+
+
 def models(
-    measured: MeasuredRobot, ladders: Sequence[Ladder]
+    measured: MeasuredRobot,
+    ladders: Sequence[Ladder],
+    fits: tuple[Identification, Identification] | None = None,
 ) -> tuple[tuple[Identification, ...], float, bool]:
     """Geometric and extended model of a robot, the log evidence, and whether it climbs.
 
     The geometric one is what is identifiable, without a prior; the extended one is under the weak
-    prior. Validation poses have no say in the choice: they would no longer be a test.
+    prior. Validation poses have no say in the choice: they would no longer be a test. `fits` are
+    those of `geometries`, if already at hand.
     """
     nominal, free = measured.laboratory.setting.nominal, measured.laboratory.free("whitened")
-    choice = choose(nominal, measured.seen, free, ladders=ladders)
-    fits = (
-        identify(nominal, measured.seen, free, prior=own_prior(free, nominal)),
-        choice.identifications[1],
-    )
-    return fits, choice.log_evidence, choice.chosen == "extended"
+    geometric = None if fits is None else fits[1]
+    choice = choose(nominal, measured.seen, free, ladders=ladders, geometric=geometric)
+    if fits is None:
+        bare = identify(nominal, measured.seen, free, prior=own_prior(free, nominal))
+    else:
+        bare = fits[0]
+    return (bare, choice.identifications[1]), choice.log_evidence, choice.chosen == "extended"
 
 
 def parameter_errors(found: Identification, measured: MeasuredRobot) -> tuple[Array, float] | None:

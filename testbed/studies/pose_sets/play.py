@@ -113,7 +113,7 @@ def play_together(
     figures, promised = [], []
     for trial in trials:
         sets = [set_for(own, trial, robot) for own, robot in zip(owns, robots, strict=True)]
-        found = judged(owns, arms, trial.name, sets, robots, true, free)
+        found = judged(owns, arms, trial.name, sets, robots, true, free, trial.method != "random")
         if found is None:
             return None
         figures.append(found)

@@ -56,6 +56,7 @@ def judged(
     robots: Sequence[int],
     true: Array,
     free: Mapping[Mode, Parameters],
+    same: bool,
 ) -> Array | None:
     """Mean and rms error, stated u and share inside (4, e, R) of one trial, per estimator.
 
@@ -75,17 +76,19 @@ def judged(
         From `true_points` [m].
     free : mapping
         What each estimator finds, from `numbers_of`.
+    same : bool
+        Whether all robots visit the same set.
 
     Returns
     -------
     None where a fit gets no certificate.
     """
     own, out = owns[0], []
-    tables = _visited(owns, arms, name, sets, robots)
+    tables = _visited(owns, arms, name, sets[:1] if same else sets, robots)
     for mode, parameters in free.items():
         if 6 * tables.seen.shape[2] <= parameters.n_free:
             return None
-        fits = fit_many(own.setting.nominal, tables, parameters, mode=mode)
+        fits = fit_many(own.setting.nominal, tables, parameters, mode=mode, shared=same)
         if not fits.converged.all():
             return None
         point, sigma = stated_points(fits, own.setting.test_q[None], own.setting.target)
@@ -106,8 +109,7 @@ def _visited(
 ) -> ManyTables:
     """What the tracker reads of one visit of each robot, as `Laboratory.measure_pool` makes it."""
     own, m, seed = owns[0], len(sets[0]), owns[0].scenario.seed
-    same = all(np.array_equal(chosen, sets[0]) for chosen in sets)
-    q = own.pool_q[np.array(sets[:1] if same else sets)]
+    q = own.pool_q[np.array(sets)]
 
     def normal(what: str, *shape: int) -> Array:
         rngs = (stream(seed, what, "population", name, robot) for robot in robots)

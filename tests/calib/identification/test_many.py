@@ -1,5 +1,7 @@
 """Fits of many robots at once, held to `identify`, one after the other, and to the rows of each."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_parameters, with_joint_terms
 from calib.identification.many.fit import fit_many
+from calib.identification.many.single import identify_many
 from calib.identification.many.tables import (
     ManyRows,
     ManyTables,
@@ -178,11 +181,15 @@ def test_a_start_and_joint_scatter_change_no_answer():
     held_to_identify(tx60(), tables, parameters, start=start)
 
 
+@pytest.mark.parametrize("believed", [False, True])
 @pytest.mark.parametrize("own", [False, True])
-def test_no_bit_of_a_fit_hangs_on_the_others(own):
+def test_no_bit_of_a_fit_hangs_on_the_others(own, believed):
     tables, parameters = visits(5, own=own), parameters_of(tx60(), READABLE30)
-    together = fit_many(tx60(), ManyTables.of(tables), parameters)
-    parts = [fit_many(tx60(), ManyTables.of(some), parameters) for some in (tables[:2], tables[2:])]
+    prior = weak_prior(parameters) if believed else None
+    together, *parts = (
+        fit_many(tx60(), ManyTables.of(some), parameters, prior=prior, shared=not own)
+        for some in (tables, tables[:1], tables[1:])
+    )
     for name in ("steps", "covariance", "chi_square", "certificate"):
         both = np.concatenate([getattr(part, name) for part in parts])
         np.testing.assert_array_equal(getattr(together, name), both)
@@ -234,3 +241,30 @@ def test_what_many_fits_do_not_know_is_refused_in_a_sentence():
     few = ManyTables.of(visits(2, poses=4))
     with pytest.raises(InputError, match="24 rows for 24 unknowns"):
         fit_many(tx60(), few, parameters_of(tx60(), WEN24))
+
+
+@pytest.mark.parametrize("believed", [False, True])
+def test_identifications_made_together_say_what_each_says_alone(believed):
+    """Also of a table that no model explains, whose chi-square is told in the notes."""
+    free, tables = parameters_of(tx60()), visits(3)
+    tables[2] = replace(
+        tables[2], position=tables[2].position + np.eye(3)[POOL[:14, 0].argsort() % 3] * 1e-4
+    )
+    prior = weak_prior(free) if believed else None
+    found = identify_many(tx60(), tables, free, prior=prior)
+    assert any("chi-square is" in note for note in found[2].notes)
+    for one, table in zip(found, tables, strict=True):
+        alone = identify(tx60(), table, free, prior=prior)
+        assert one.names == alone.names
+        assert one.notes == alone.notes
+        assert (one.dof, one.rank, one.status) == (alone.dof, alone.rank, alone.status)
+        assert one.residual == pytest.approx(alone.residual, abs=1e-8)
+        assert one.trace[-1] == pytest.approx(alone.trace[-1], rel=1e-11)
+        assert one.trace[0] == pytest.approx(alone.trace[0], rel=1e-9)
+        assert one.log_evidence == pytest.approx(alone.log_evidence, abs=1e-8, nan_ok=True)
+        assert one.reduction.kept == alone.reduction.kept
+        assert one.lack_of_fit is None
+        assert (one.step - alone.step) / alone.standard_uncertainty == pytest.approx(0, abs=1e-9)
+    own = identify_many(tx60(), visits(2, own=True), free, prior=prior)
+    for one, table in zip(own, visits(2, own=True), strict=True):
+        assert np.array_equal(one.step, identify(tx60(), table, free, prior=prior).step)
