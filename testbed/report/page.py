@@ -1,7 +1,7 @@
 """A report as one HTML page: headline, then sections of paragraphs, lists, tables and figures."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal, get_args
 
@@ -109,6 +109,24 @@ class Page:
     headline: Table
     next_step: str
     sections: tuple[Section, ...]
+    picture: Figure | None = None
+    """Beside the verdict on the first screen; without one the first figure of the sections."""
+
+    def opened(self) -> "Page":
+        """The page with a picture on its first screen, taken from the sections if need be."""
+        if self.picture is not None:
+            return self
+        for k, section in enumerate(self.sections):
+            found = next((block for block in section.blocks if isinstance(block, Figure)), None)
+            if found is not None:
+                rest = tuple(block for block in section.blocks if block is not found)
+                sections = (
+                    *self.sections[:k],
+                    replace(section, blocks=rest),
+                    *self.sections[k + 1 :],
+                )
+                return replace(self, picture=found, sections=sections)
+        return self
 
 
 def render(page: Page) -> str:
@@ -122,7 +140,7 @@ def render(page: Page) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return visible(environment.get_template("report.html.j2").render(page=page))
+    return visible(environment.get_template("report.html.j2").render(page=page.opened()))
 
 
 def record_section(text: str, versions: Mapping[str, str], scenario: str = "") -> Section:

@@ -172,6 +172,7 @@ def page_of(
         next_step=answer.next_step,
         # sections of one part keep the order of their studies
         sections=(*sorted(sections, key=lambda section: PARTS.index(section.part)), record),
+        picture=answer.picture,
     )
 
 

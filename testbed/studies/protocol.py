@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
 from calib.errors import CalibError
-from testbed.report.page import Section, Table, Verdict
+from testbed.report.page import Figure, Section, Table, Verdict
 from testbed.scenario.scenario import Scenario, StudyTable
 from testbed.store.quantities import Quantity
 
@@ -116,6 +116,9 @@ class Answer:
     """Its figures."""
     next_step: str
     """What a person should do after reading it."""
+    picture: Figure | None = None
+    """What shows it at a glance; without one the first figure of the study's own section stands
+    there."""
 
 
 @runtime_checkable

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from math import ceil
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,15 +13,17 @@ from testbed.report.plots import (
     dots,
     label,
     legend_above,
+    log_ticks,
     marked_line,
-    plain_log,
     short_ticks,
     toward,
 )
 from testbed.report.svg import DARK, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
-from testbed.studies.trial.compare import measured_distance
 from testbed.studies.trial.records import Campaign, PoseCountStudy, RandomSets, Trial
 from testbed.units import MM, UM
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MOST_PANELS = 6
 """Trials shown in one figure; the tables hold all."""
@@ -46,47 +49,52 @@ def shown(campaign: Campaign) -> tuple[Trial, ...]:
     return campaign.trials[:MOST_PANELS]
 
 
-def held_out_errors(campaign: Campaign) -> str:
-    """Tool position error at every held-out pose, before and after, one panel per trial."""
-    panels = []
-    for trial in shown(campaign):
-        compared = [estimate.comparison for estimate in trial.estimates]
-        panels.append((trial, compared[0].before, [one.after for one in compared]))
-    return _error_panels(panels, "held-out pose")
+def error_distributions(trials: Sequence[Trial]) -> str:
+    """Tool position errors at the held-out poses before and after, as shares below each size.
 
-
-def calibration_errors(campaign: Campaign) -> str:
-    """Distance between measured and predicted tool point at the calibration poses."""
-    panels = []
-    for trial in shown(campaign):
-        seen = trial.measurements
-        after = [measured_distance(seen, e.identification.model) for e in trial.estimates]
-        panels.append((trial, measured_distance(seen, campaign.setting.nominal), after))
-    return _error_panels(panels, "calibration pose")
-
-
-def _error_panels(panels: Sequence[tuple[Trial, Array, list[Array]]], pose: str) -> str:
-    """Errors of each pose on a common logarithmic scale, one panel per trial."""
-    columns = min(2, len(panels))
-    rows = ceil(len(panels) / columns)
-    with drawing(rows, columns, height=0.55 + 1.75 * rows, sharey=True) as (figure, axes):
-        for k, (ax, (trial, before, after)) in enumerate(zip(axes, panels, strict=False)):
-            x = np.arange(1, len(before) + 1)
-            ax.plot(x, before * MM, "o", color=SOFT, markerfacecolor="none", label="nominal")
-            for estimate, error in zip(trial.estimates, after, strict=True):
-                name, look = NAMES[estimate.mode], LOOKS[estimate.mode]
-                ax.plot(x, error * MM, linestyle="none", label=name, **look)
-            ax.set_yscale("log")
-            ax.set_title(trial.name)
+    Upright lines stand where the believed region of the default estimator ends (R95).
+    """
+    columns = min(2, len(trials))
+    rows = ceil(len(trials) / columns)
+    with drawing(rows, columns, height=0.6 + 1.6 * rows, sharex=True, sharey=True) as (
+        figure,
+        axes,
+    ):
+        for k, (ax, trial) in enumerate(zip(axes, trials, strict=False)):
+            before = trial.estimates[0].comparison.before
+            look: Look = {"color": SOFT, "linestyle": (0, (4, 2)), "label": "nominal model"}
+            _shares_below(ax, before, look)
+            for estimate in trial.estimates:
+                look = {"color": LOOKS[estimate.mode]["color"], "label": NAMES[estimate.mode]}
+                _shares_below(ax, estimate.comparison.after, look)
+                if estimate.statement is not None and estimate.statement.point is not None:
+                    radius = estimate.statement.point.radius_mean
+                    marked_line(
+                        ax, radius * MM, f"R95 {radius * UM:.3g} µm", -4, height=0.08,
+                        color=INK, linewidth=0.9, linestyle=(0, (1, 1)),
+                    )  # fmt: skip
+            ax.set_xscale("log")
+            if len(trials) > 1:
+                ax.set_title(trial.name)
             if k % columns == 0:
-                ax.set_ylabel("position error [mm]")
-            if k >= len(panels) - columns:
-                ax.set_xlabel(pose)
-        plain_log(axes[0])
-        for ax in axes[len(panels) :]:
+                ax.set_ylabel("poses [%]")
+            if k >= len(trials) - columns:
+                ax.set_xlabel("error of the tool point at most [mm]")
+        low, high = axes[0].get_xlim()
+        log_ticks(axes[0].xaxis, low, high)
+        axes[0].set(ylim=(0, 102), yticks=[0, 25, 50, 75, 100])
+        for ax in axes[len(trials) :]:
             ax.set_visible(False)
         legend_above(figure, axes[0])
         return svg_of(figure)
+
+
+def _shares_below(ax: "Axes", error: Array, look: Look) -> None:
+    """Which share [%] of errors (m,) [m] is at most so large, as a line of steps [mm]."""
+    x = np.sort(error) * MM
+    ax.step(
+        np.r_[x[0], x], np.r_[0.0, 100 * np.arange(1, len(x) + 1) / len(x)], where="post", **look
+    )
 
 
 def pose_space(campaign: Campaign) -> str:

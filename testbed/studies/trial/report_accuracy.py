@@ -126,18 +126,21 @@ def accuracy_section(campaign: Campaign, every_trial: Table | None = None) -> Se
         "Before and after",
         (
             *((every_trial,) if every_trial else ()),
-            Figure(
-                "Position error at the held-out poses, against noise-free truth; "
-                f"these poses were never used for identification{plots.only(campaign.trials)}.",
-                plots.held_out_errors(campaign),
-            ),
+            *((distributions(campaign),) if len(campaign.trials) > 1 else ()),
             table,
-            Figure(
-                "Position error at the calibration poses, against the measured tool points"
-                f"{plots.only(campaign.trials)}.",
-                plots.calibration_errors(campaign),
-            ),
         ),
+    )
+
+
+def distributions(campaign: Campaign, *, first: bool = False) -> Figure:
+    """Held-out errors before and after, of the first trial or of all that figures show."""
+    trials = campaign.trials[:1] if first else plots.shown(campaign)
+    who = campaign.trials[0].name if first else "Every trial"
+    return Figure(
+        f"{who}: share of the held-out poses whose tool point errs by no more than so much, "
+        "against noise-free truth, before and after"
+        f"{'' if first else plots.only(campaign.trials)}.",
+        plots.error_distributions(trials),
     )
 
 

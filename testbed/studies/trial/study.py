@@ -78,12 +78,13 @@ class TrialStudy:
     def answer(self, scenario: Scenario, records: Records) -> Answer | None:
         """The verdict on the first trial: the answer where no other study asks."""
         from testbed.studies.trial.decisions import decided_in_words
-        from testbed.studies.trial.report_accuracy import headline_table
+        from testbed.studies.trial.report_accuracy import distributions, headline_table
         from testbed.studies.trial.verdict import next_step, trial_verdict
 
         campaign = campaign_of(scenario, records)
         step = next_step(campaign) + decided_in_words(campaign)
-        return Answer(trial_verdict(campaign), headline_table(campaign), step)
+        picture = distributions(campaign, first=True)
+        return Answer(trial_verdict(campaign), headline_table(campaign), step, picture)
 
     def results(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
         """Pool, truth, and the headline of every trial."""

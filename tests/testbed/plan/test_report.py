@@ -45,7 +45,7 @@ def test_the_page_is_well_formed_and_needs_nothing_from_outside(make):
 
 def test_the_first_screen_has_promise_proof_time_and_next_step(text):
     made = small_plan()
-    first = text[: text.index("In this report:")]
+    first = text[: text.index(re.search("<h2>(.*?)</h2>", html(small_plan)).group(1))]
     assert first.startswith(SIMULATED)
     for wanted in (
         f"to within {1e6 * made.foresight.R95_over:.1f} µm with 95 % probability",

@@ -9,6 +9,7 @@ import pytest
 from scipy import stats
 
 from calib.errors import InputError
+from calib.geometry.operating import AS_USUAL
 from calib.uncertainty.discrepancy import Discrepancy
 from calib.uncertainty.tool_point import tool_statement
 from testbed.laboratory.tracker.tracker import bias_size
@@ -393,7 +394,7 @@ def test_an_honest_region_holds_as_much_as_robots_drawn_from_it_say():
         at = belief.model.moved(step).poses(q)[:, :3, 3]
         at += (own @ rng.standard_normal((len(q), 3, 1)))[:, :, 0]
         shares.append(region.holds(at).mean())
-    least = honest_share(belief, q, np.zeros(3), np.random.default_rng(6))
+    least = honest_share(belief, q, np.zeros(3), AS_USUAL, np.random.default_rng(6))
     # the least of 150 robots lies above what 999 of 1000 reach, but for one time in seven
     assert least <= min(shares) + 0.03
     assert least > 0.3
