@@ -17,7 +17,7 @@ from calib.errors import refuse
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.identification.levels import Ladder, Level, joined, with_errors
+from calib.identification.levels import Ladder, Level, foreseen, joined, with_errors
 from calib.identification.normal_equations import (
     MOST_TURNS,
     SETTLED,
@@ -114,8 +114,8 @@ def climb(
     """Climb by evidence, confirmed on poses left out of the training in turn.
 
     Each round tries every other level of every ladder that can be reached and takes the one with
-    the most evidence, until none gains odds of 20 to 1. A level at which the poses left out are
-    missed by more is not taken.
+    the most evidence, until none gains odds of 20 to 1; within such odds one without reported
+    torques. A level at which the poses left out are missed by more is not taken.
 
     Parameters
     ----------
@@ -236,9 +236,11 @@ def _climbed(
                 reachable = level is not here[k] and level.after in ("", here[k].name)
                 if reachable and _names(levels) not in barred:
                     tried[k, level.name] = levels, solved(levels).evidence
-        best = max(tried, key=lambda key: tried[key][1], default=None)
-        if best is None or tried[best][1] - evidence <= ASKED:
+        top = max((each for _, each in tried.values()), default=evidence)
+        near = [key for key in tried if tried[key][1] > max(top - ASKED, evidence + ASKED)]
+        if not near:
             break
+        best = max(near, key=lambda key: (foreseen(tried[key][0]), tried[key][1]))
         levels, found = tried[best]
         after = left_out(levels)
         worse = after - before

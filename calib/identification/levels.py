@@ -67,6 +67,11 @@ def joined(levels: Iterable[Level]) -> JointErrors:
     return reduce(JointErrors.joined, (level.errors for level in levels), NO_ERRORS)
 
 
+def foreseen(levels: Iterable[Level]) -> bool:
+    """Whether levels need no reported torques: nobody knows these of a pose not yet reached."""
+    return all(term.wave != "torque" for term in joined(levels).terms)
+
+
 def with_errors(nominal: RobotModel, added: JointErrors) -> RobotModel:
     """The model with joint errors added that are zero: same poses as before."""
     return replace(nominal, joint_errors=nominal.joint_errors.joined(added))

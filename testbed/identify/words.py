@@ -5,6 +5,7 @@ import numpy as np
 from calib.held_out_counts import fewest_poses
 from calib.uncertainty.statement.stated_point import StatedPoint
 from testbed.identify.applies.beyond import beyond_words, gravity_words
+from testbed.identify.applies.unsaid import unsaid_words
 from testbed.identify.conditions import conditions_words
 from testbed.identify.decisions import decision_words
 from testbed.identify.frames import FRAMES_ALONE
@@ -109,7 +110,7 @@ def kind(calibration: Calibration) -> str:
 
 def reasons(calibration: Calibration) -> tuple[str, ...]:
     """Why the verdict is what it is: what is believed and what is in it comes first."""
-    texts = [*calibration.proof.trust.sentences]
+    texts = [*calibration.proof.trust.sentences, *unsaid_words(calibration)]
     factor = calibration.fit.noise_factor
     if calibration.refuted and factor > LARGER:
         texts.append(

@@ -27,12 +27,14 @@ def of_targets(
     if "approach" in terms:
         said.append(
             "the model knows the play of the joints: each target is taken as approached from the "
-            "one before it, the first one from a side that nobody knows, in the middle of the play"
+            "one before it, the first one from a side that nobody knows, in the middle of the "
+            "play; both sides are in its region"
         )
     if "torque" in terms:
         said.append(
-            "the model follows what the drives report: the targets are taken at what they reported "
-            "on average in the measurements"
+            "the model follows what the drives report, which nobody knows at the targets: they are "
+            "taken at what was reported on average in the measurements, and how far that varied is "
+            "in their regions"
         )
     springs = identified.joint_errors.springs
     if springs is not None:

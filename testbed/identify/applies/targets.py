@@ -11,6 +11,7 @@ from calib.uncertainty.statement.places import MEASURE, place_words, reasons
 from calib.uncertainty.statement.stated_point import widened
 from calib.uncertainty.tool_point import ToolStatement
 from testbed.files.program import ProgramResult
+from testbed.identify.applies.unsaid import seen_by, unsaid_spread, widened_by
 from testbed.identify.decisions import UNDECIDED, outcomes
 from testbed.identify.handback.delivered import NOT_CORRECTED, TargetStatement
 from testbed.identify.handback.in_use import carried
@@ -44,14 +45,16 @@ def statement_at(calibration: Calibration, program: ProgramResult) -> TargetStat
     decidable = (reach.place != "outside") & ~departed & reach.reaches
     stated = decidable & program.corrected
     place = np.where(program.corrected, np.where(departed, "outside", reach.place), NOT_CORRECTED)
-    mean = belief.regions(program.q, target=point, at=program.at)
+    unsaid = unsaid_spread(belief.model, program.q, program.at, seen_by(calibration), point)
+    mean = widened_by(belief.regions(program.q, target=point, at=program.at), unsaid)
     radius_move = frozen(())
     if calibration.repeatability.any():
         move = belief.regions(
             program.q, target=point, repeatability=calibration.repeatability, at=program.at
         )
-        radius_move = _radii(move, stated)
+        radius_move = _radii(widened_by(move, unsaid), stated)
     before = belief.regions(program.q_before, target=point, at=program.at)
+    before = widened_by(before, unsaid)
     return TargetStatement(
         radius_mean=_radii(mean, stated),
         radius_move=radius_move,

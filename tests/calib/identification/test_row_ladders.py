@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from calib.geometry.chain import forward
+from calib.geometry.gravity import weight_of
 from calib.geometry.operating import OperatingConditions, approaches
 from calib.geometry.parameters import parameters_of
 from calib.identification.model_choice import choose, extended_by
@@ -140,6 +141,16 @@ def test_play_gears_and_torques_are_found_and_measured(current):
     middle = forward(truth.chain, q + 0.1 * MDEG * load.mean(axis=0) + wave)[:, :3, 3]
     off = fit.model.poses(q)[:, :3, 3] - middle
     assert np.linalg.norm(off, axis=1).mean() < 20e-6
+
+
+def test_torques_that_only_repeat_gravity_leave_it_to_gravity():
+    """Both explain the rows alike; only those of gravity are known where the robot will go."""
+    truth, q, rng = drawn(7, 60)  # by a hair more by reports
+    load = weight_of(truth.chain).torques(q)[:, :, 2]
+    give = 40 * MDEG / np.abs(load).max(axis=0).clip(min=1.0)
+    found = table(forward(truth.chain, q + give * load), q, rng, torque=load)
+    choice = choose(tx60(), found)
+    assert {step.ladder for step in choice.climb.steps if step.taken} == {"gravity"}
 
 
 def said(**columns):

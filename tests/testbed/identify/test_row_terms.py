@@ -11,8 +11,10 @@ from calib.geometry.operating import OperatingConditions, approaches
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.program import correct_program
 from testbed.identify.applies.targets import statement_at
+from testbed.identify.applies.unsaid import unsaid_words
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.handback.deliver import in_own_frames
+from testbed.identify.words import reasons
 from tests.calibrated import robot, session_of, table_of, true_model
 from tests.reference import DEG, pool_r
 from tests.testbed.files.made import csv
@@ -81,7 +83,8 @@ def test_targets_far_from_the_mean_warmth_are_less_certain(tmp_path):
     q = found().stated_q[:6]
     joints = {f"q{j + 1}_deg": np.degrees(q[:, j]) for j in range(6)}
     radii, sentences = {}, {}
-    for name, warm in (("mean", None), ("hot", 27.9)):
+    used = WARMTH[found().is_used].mean()
+    for name, warm in (("unsaid", None), ("mean", used), ("hot", 27.9)):
         more = {} if warm is None else {"temperature_degC": np.full(6, warm)}
         (tmp_path / f"{name}.csv").write_text(csv(joints | more))
         done = correct_program(
@@ -91,10 +94,22 @@ def test_targets_far_from_the_mean_warmth_are_less_certain(tmp_path):
         radii[name] = statement_at(found(), done).radius_mean
         sentences[name] = " ".join(done.sentences)
     assert (radii["hot"] > radii["mean"]).all()
-    used = WARMTH[found().is_used].mean()
-    assert f"those at {used:.4g} degC, the mean of the measurements" in sentences["mean"]
+    # two or three kelvins of 17 um/m about the mean, at half a meter: as much as the region itself;
+    # at the first target from either side, too
+    assert (radii["unsaid"][1:] > 1.3 * radii["mean"][1:]).all()
+    assert (radii["mean"][0] > 1.3 * radii["mean"][1:]).all()
+    assert f"those at {used:.4g} degC, the mean of the measurements" in sentences["unsaid"]
     assert "those at 27.9 degC" in sentences["hot"]
     assert "each target is taken as approached from the one before it" in sentences["hot"]
+
+
+def test_the_verdict_says_what_its_radius_takes_as_known():
+    (text,) = unsaid_words(found())
+    assert "knows from which side each joint comes and how warm the arm is; where nobody" in text
+    radius = float(text.split()[-2])
+    # the play of six joints at a meter: some 100 um, three times the region where it is known
+    assert radius > 2e6 * found().proof.point.radius_mean
+    assert f"{text}." in reasons(found())
 
 
 def test_regions_follow_the_conditions_of_their_poses():

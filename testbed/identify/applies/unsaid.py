@@ -1,0 +1,117 @@
+"""What a model follows and nobody says of a pose: how far that may take the tool from where it is.
+
+A model that knows play, torques, payloads or the warmth of the arm speaks of poses that state them.
+Of others it takes the mean of the measurements: what is not known of them is in their region.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from calib.arrays import Array, frozen
+from calib.geometry.model import RobotModel
+from calib.geometry.operating import AS_USUAL, OperatingConditions
+from calib.uncertainty.statement.stated_point import common_radius
+from calib.uncertainty.tool_point import ToolStatement
+from testbed.identify.proof import stated_target
+from testbed.identify.records import Calibration
+from testbed.units import UM, listed, significant
+
+MOST_ROWS = 64
+"""Rows of the measurements whose conditions a pose is tried under: spread evenly over all."""
+WORDS = {
+    "approach": "from which side each joint comes",
+    "torque": "what the drives report",
+    "payload": "the payload",
+    "temperature": "how warm the arm is",
+}
+
+
+def followed(model: RobotModel) -> tuple[str, ...]:
+    """What a model follows of what rows say beside their joints."""
+    waves = {term.wave for term in model.joint_errors.terms}
+    there = {
+        "approach": "approach" in waves,
+        "torque": "torque" in waves,
+        "payload": model.joint_errors.springs is not None,
+        "temperature": "lengths" in waves,
+    }
+    return tuple(name for name, follows in there.items() if follows)
+
+
+def seen_by(calibration: Calibration) -> OperatingConditions:
+    """What the rows say that a statement rests on: identified from, and held out."""
+    rows = calibration.is_used | calibration.split.is_test
+    return calibration.measurements.conditions.rows(rows)
+
+
+def unsaid_spread(
+    model: RobotModel, q: Array, at: OperatingConditions, seen: OperatingConditions, point: Array
+) -> Array:
+    """Covariance (m, 3, 3) of the tool point from what nobody says of poses at joints q [m^2].
+
+    Mean square over conditions of the rows, and over both sides of each joint whose side is not
+    known.
+
+    Parameters
+    ----------
+    model : RobotModel
+        What was identified.
+    q : (m, n) array
+        Joints of the poses [rad, m].
+    at : OperatingConditions
+        What is said of them.
+    seen : OperatingConditions
+        What the rows say.
+    point : (3,) array
+        In the tool frame [m].
+    """
+
+    def reached(there: OperatingConditions) -> Array:
+        T = model.poses(q, there)
+        return np.asarray(T[:, :3, :3] @ point + T[:, :3, 3])
+
+    asked, own = followed(model), reached(at)
+    silent = [name for name in asked if name in seen.stated and name not in at.stated]
+    spread, rows = np.zeros((len(q), 3, 3)), {}
+    for name in silent:
+        rows |= {name: getattr(seen, name)} if name != "approach" else {}
+        if name == "payload" and seen.center is not None:
+            rows["center"] = seen.center
+    if rows:
+        m = len(next(iter(rows.values())))
+        some = np.unique(np.linspace(0, m - 1, min(m, MOST_ROWS)).round().astype(int))
+        for k in some:
+            like = {name: np.repeat(values[k : k + 1], len(q), 0) for name, values in rows.items()}
+            away = reached(replace(at, **like)) - own
+            spread += away[:, :, None] * away[:, None] / len(some)
+    if "approach" in asked:
+        side = np.zeros(q.shape) if at.approach is None else at.approach
+        for joint in np.flatnonzero((side == 0).any(axis=0)):
+            other = side.copy()
+            other[side[:, joint] == 0, joint] = 1.0
+            away = reached(replace(at, approach=other)) - own
+            spread += away[:, :, None] * away[:, None]
+    return frozen(spread)
+
+
+def widened_by(region: ToolStatement, spread: Array) -> ToolStatement:
+    """A region with what nobody says of its poses in it."""
+    return replace(region, covariance=frozen(region.covariance + spread))
+
+
+def unsaid_words(calibration: Calibration) -> tuple[str, ...]:
+    """What R95 takes as known of a pose, and how large it is where nobody knows it."""
+    belief, point = calibration.proof.belief, calibration.proof.point
+    model, seen = calibration.fit.identification.model, seen_by(calibration)
+    names = [name for name in followed(model) if name in seen.stated]
+    names = [name for name in names if np.ptp(getattr(seen, name), axis=0).any()]
+    if belief is None or point is None or not names:
+        return ()
+    q, place = calibration.stated_q, np.array(stated_target(calibration.measurements))
+    spread = unsaid_spread(model, q, AS_USUAL, seen, place)
+    radius = common_radius(widened_by(belief.regions(q, target=place), spread))
+    return (
+        f"R95 is of poses of which one knows {listed([WORDS[name] for name in names])}; where "
+        f"nobody does, as on average in the measurements, it is {significant(radius * UM)} um",
+    )
