@@ -236,11 +236,11 @@ def _climbed(
                 reachable = level is not here[k] and level.after in ("", here[k].name)
                 if reachable and _names(levels) not in barred:
                     tried[k, level.name] = levels, solved(levels).evidence
-        top = max((each for _, each in tried.values()), default=evidence)
-        near = [key for key in tried if tried[key][1] > max(top - ASKED, evidence + ASKED)]
-        if not near:
+        top = max([evidence, *(each for _, each in tried.values())])
+        alike = [key for key in tried if tried[key][1] > max(top - ASKED, evidence + ASKED)]
+        if not alike:
             break
-        best = max(near, key=lambda key: (foreseen(tried[key][0]), tried[key][1]))
+        best = max(alike, key=lambda key: (foreseen(tried[key][0]), tried[key][1]))
         levels, found = tried[best]
         after = left_out(levels)
         worse = after - before

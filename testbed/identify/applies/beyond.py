@@ -32,12 +32,15 @@ def beyond_words(calibration: Calibration) -> tuple[str, ...]:
     text = (
         f"Held-out poses are missed {significant(test.position.mean / left_out, 2)} times as far "
         f"as training poses left out in turn ({fixed(test.position.mean * MM, 3)} against "
-        f"{fixed(left_out * MM, 3)} mm): they lie where the training says little"
+        f"{fixed(left_out * MM, 3)} mm): "
     )
-    joints = _ahead(calibration)
-    if joints:
-        text += f" ({joints} beyond its poses)"
-    return (f"{text}; identify from poses there as well, and the radius shrinks",)
+    there, mend = "they lie where the training says little", "identify from poses there as well"
+    if joints := _ahead(calibration):
+        return (f"{text}{there} ({joints} beyond its poses); {mend}, and the radius shrinks",)
+    return (
+        f"{text}no joint goes beyond its training poses; either {there}, and {mend}; or the robot "
+        "was another one then: bumped, otherwise loaded, or not this one",
+    )
 
 
 def gravity_words(calibration: Calibration) -> tuple[str, ...]:

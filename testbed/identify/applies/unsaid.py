@@ -73,7 +73,8 @@ def unsaid_spread(
 
     asked, own = followed(model), reached(at)
     silent = [name for name in asked if name in seen.stated and name not in at.stated]
-    spread, rows = np.zeros((len(q), 3, 3)), {}
+    spread = np.zeros((len(q), 3, 3))
+    rows: dict[str, Array] = {}
     for name in silent:
         rows |= {name: getattr(seen, name)} if name != "approach" else {}
         if name == "payload" and seen.center is not None:

@@ -45,6 +45,14 @@ def test_poses_missed_far_more_than_training_poses_left_out_are_told_with_their_
     assert f"(joint 1 goes {ahead:.0f} deg, joint 2 goes 100 mm beyond its poses)" in text
 
 
+def test_poses_in_the_same_place_are_not_said_to_lie_elsewhere():
+    """Rows of another robot are missed as far, at joints like those of the training."""
+    same = SimpleNamespace(q=np.zeros((30, 3)))
+    (text,) = beyond_words(calibration(7e-4, measurements=same))
+    assert "no joint goes beyond its training poses; either they lie where" in text
+    assert text.endswith("bumped, otherwise loaded, or not this one")
+
+
 @pytest.mark.parametrize(
     "other",
     [
