@@ -160,8 +160,8 @@ def correct_program(
     count, changed = len(result.status), int(result.corrected.sum())
     kept = f"; the other {count - changed} stay as they were" if changed < count else ""
     done = (
-        f"{changed} of {count} targets corrected{kept}: by the identified model they miss "
-        f"{1e3 * result.before.mean():.3f} mm before and "
+        f"{changed} of {count} targets corrected{kept}: by the identified model all "
+        f"{count} miss {1e3 * result.before.mean():.3f} mm before and "
         f"{significant(1e3 * result.left.mean())} mm after on average"
     )
     sentences = (done, *status_sentences(result.status, "target", WORDS), *away.sentences)

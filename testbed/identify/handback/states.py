@@ -33,6 +33,11 @@ class HandedNumber:
     held_by: str
     """What keeps it where it is."""
 
+    @property
+    def is_far(self) -> bool:
+        """Whether it moved further than its tolerance."""
+        return self.tolerance is not None and abs(self.row.delta) > self.tolerance
+
 
 def handed_robot(calibration: Calibration, fit: FittedModel | None = None) -> LeastMoved:
     """The robot of a fit, by default the chosen one, in the numbers that are handed out."""
@@ -72,11 +77,12 @@ def _held(row: DhRow, tolerance: float | None, believed: bool, share: float) -> 
         return HandedNumber(row, tolerance, NOMINAL)
     if tolerance is None:
         return HandedNumber(row, None, PRIOR if believed or share > HALF else MEASURED)
-    if believed and (share > HALF or row.expanded > tolerance):
+    beyond = abs(row.delta) > tolerance  # no prior about nominal takes a number there
+    if believed and (row.expanded > tolerance or (share > HALF and not beyond)):
         return HandedNumber(row, tolerance, PRIOR)
     if row.expanded > tolerance:
         return HandedNumber(row, tolerance, LOOSE)
-    return HandedNumber(row, tolerance, BEYOND if abs(row.delta) > tolerance else MEASURED)
+    return HandedNumber(row, tolerance, BEYOND if beyond else MEASURED)
 
 
 def hand_back_words(calibration: Calibration) -> tuple[str, ...]:
@@ -112,15 +118,18 @@ def _why_and_beyond(calibration: Calibration) -> list[str]:
         said.append(
             f"the links have a prior of {_widths(given.tolerance)} ({given.stated_by}): {given.why}"
         )
-    if beyond := [one for one in handed_numbers(calibration) if one.held_by == BEYOND]:
+    far = [one for one in handed_numbers(calibration) if one.is_far]
+    for alone, why in ((True, "say so"), (False, "tell them only together with others")):
+        some = [one for one in far if (one.held_by == BEYOND) == alone]
         told = [
             f"{one.row.name} by {significant(abs(one.row.delta), 2)} {one.row.unit}"
-            for one in beyond[:MOST_NAMED]
+            for one in some[:MOST_NAMED]
         ]
-        said.append(
-            f"{counted(len(beyond), 'number')} moved further than the tolerance, and the "
-            f"measurements say so: {_some(told, len(beyond))}"
-        )
+        if told:
+            said.append(
+                f"{counted(len(some), 'number')} moved further than the tolerance, and the "
+                f"measurements {why}: {_some(told, len(some))}"
+            )
     return said
 
 

@@ -22,11 +22,13 @@ from testbed.identify.handback.links import LinkBelief
 from testbed.identify.handback.report import SPRUNG, hand_back_section
 from testbed.identify.handback.results import dh_csv, tool_csv
 from testbed.identify.handback.states import (
+    BEYOND,
     LOOSE,
     MEASURED,
     NOMINAL,
     PRIOR,
     TOGETHER,
+    _held,
     hand_back_warnings,
     hand_back_words,
     handed_numbers,
@@ -38,6 +40,7 @@ from testbed.identify.results import headline
 from testbed.report.page import Table, Text
 from testbed.robots.catalog import load_robot
 from testbed.robots.tolerances import usual_tolerances
+from testbed.robots.write.dh_table import DhRow
 from testbed.robots.write.folder import write_robot_folder
 from testbed.scenario.tool_in_use import ToolInUse
 from testbed.store.codec import pack, unpack
@@ -167,6 +170,15 @@ def test_a_number_beyond_its_tolerance_is_told():
     assert moved
     (sentence,) = (text for text in told if "moved further than the tolerance" in text)
     assert all(f"{name} by " in sentence for name in list(moved)[:6])
+
+
+def test_no_number_beyond_its_tolerance_passes_as_held_by_a_prior():
+    """Priors of waves, which share their mean with the zero of a joint, are none about nominal."""
+    row = DhRow("theta2", "deg", 0.0, -0.186, -0.186, 0.006)
+    assert _held(row, 0.1, True, 0.9).held_by == BEYOND
+    assert _held(replace(row, delta=-0.05), 0.1, True, 0.9).held_by == PRIOR
+    loose = _held(replace(row, expanded=0.14), 0.1, True, 0.9)
+    assert (loose.held_by, loose.is_far) == (PRIOR, True)
 
 
 def test_a_number_that_nothing_holds_is_told():
