@@ -10,6 +10,7 @@ from calib.errors import one_line, refuse
 from calib.geometry.chain import forward
 from calib.geometry.frames import slide
 from calib.geometry.inverse import spread
+from calib.geometry.operating import AS_USUAL, OperatingConditions, approaches
 from testbed.disk import flush_file, flush_folder, passing_folder, write_error
 from testbed.gates.paths import real
 from testbed.robots.catalog import ROBOT_FILE, load_robot
@@ -160,12 +161,16 @@ def _geometric_words(robot: Robot) -> str:
     if not parts:
         return "Geometry only; this is the whole model."
     q = spread(robot.limits, SAMPLES)[1:]
-    full, part = robot.model.poses(q), forward(robot.model.chain, q)
+    waves = {term.wave for term in errors.terms}
+    at = OperatingConditions(approach=approaches(q)) if "approach" in waves else AS_USUAL
+    full, part = robot.model.poses(q, at), forward(robot.model.chain, q)
+    mean = waves & {"torque", "lengths"}
+    usual = ", drives and warmth as on average in the measurements" if mean else ""
     away = np.linalg.norm(full[:, :3, 3] - part[:, :3, 3], axis=1)
     return (
         f"Geometry only: the {' and '.join(parts)} of robot.toml cannot be said in URDF or MJCF. "
         f"Without them the tool is up to {away.max() * MM:.3f} mm away from the full model, rms "
-        f"{np.sqrt(np.mean(away**2)) * MM:.3f} mm over poses spread over the joint limits."
+        f"{np.sqrt(np.mean(away**2)) * MM:.3f} mm over poses spread over the joint limits{usual}."
     )
 
 
