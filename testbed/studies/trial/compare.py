@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib.arrays import Array, Bool
+from calib.geometry.bodies import Z
 from calib.geometry.frames import transform
 from calib.geometry.jacobian import reflector_rows
 from calib.geometry.joint_errors import JointTerm
@@ -21,7 +22,8 @@ from calib.measurement.prediction import perfect, predict, predicted_positions
 from calib.uncertainty.regions import coverage_factor, inside, mahalanobis_squared
 from calib.uncertainty.tool_point import ToolStatement
 from testbed.laboratory.truth.setting import Setting, in_turn
-from testbed.studies.trial.records import Comparison, Estimate
+from testbed.laboratory.truth.terms import UnmodelledTerms
+from testbed.studies.trial.records import Comparison, Estimate, judged_numbers
 from testbed.studies.trial.statement.records import Validation
 
 INTERVAL = coverage_factor(1)
@@ -76,7 +78,12 @@ def noise_free(model: RobotModel, like: Measurements, q: Array) -> Measurements:
     )
 
 
-def true_step(setting: Setting, identification: Identification, like: Measurements) -> Array:
+def true_step(
+    setting: Setting,
+    identification: Identification,
+    like: Measurements,
+    unmodelled: UnmodelledTerms | None = None,
+) -> Array:
     """True values minus nominal (f,) of the estimated parameters, in the gauge they were kept in.
 
     With a prior on all free numbers these are estimated, and none stands for another: the step as
@@ -88,7 +95,7 @@ def true_step(setting: Setting, identification: Identification, like: Measuremen
     """
     prior = identification.prior
     if prior is not None and set(prior.names) == set(identification.names):
-        return drawn_step(setting, identification)
+        return drawn_step(setting, identification, unmodelled)
     # what the nominal model knows of joint errors belongs to the comparison
     geometry = replace(setting.true, joint_errors=setting.nominal.joint_errors)
     table = noise_free(geometry, like, setting.pool_q[:REFIT_POSES])
@@ -98,11 +105,13 @@ def true_step(setting: Setting, identification: Identification, like: Measuremen
     return exact.step
 
 
-def drawn_step(setting: Setting, identification: Identification) -> Array:
+def drawn_step(
+    setting: Setting, identification: Identification, unmodelled: UnmodelledTerms | None = None
+) -> Array:
     """True minus nominal (f,) of the estimated numbers, term by term as they were drawn.
 
     Joint terms of the true robot that the model does not have are left out; the same wave of a
-    joint may have another name there.
+    joint may have another name there. What nothing in the true robot defines is nan.
     """
     nominal, true = setting.nominal, setting.true
     values = dict(zip(nominal.names, nominal.chain.step_to(true.chain), strict=False))
@@ -116,7 +125,39 @@ def drawn_step(setting: Setting, identification: Identification) -> Array:
     waves = {_wave(term): term.name for term in true.joint_errors.terms}
     for term in identification.model.joint_errors.terms:
         values.setdefault(term.name, values.get(waves.get(_wave(term), ""), 0.0))
+    values |= _drawn_beyond(setting, identification.model, unmodelled or UnmodelledTerms())
     return np.array([values.get(name, 0.0) for name in identification.names])
+
+
+def _drawn_beyond(
+    setting: Setting, model: RobotModel, unmodelled: UnmodelledTerms
+) -> dict[str, float]:
+    """True springs and play, in the numbers of a model that found them; nan where none is defined.
+
+    A bend at its load is that load over the stiffness. Moments stand for others that act alike, and
+    a tilt for them. Play is a number of its approach alone if that decides on its side.
+    """
+    known, errors, play = setting.nominal.joint_errors, model.joint_errors, unmodelled.backlash
+    values = dict[str, float]()
+    if (springs := errors.springs) is not None and known.springs is None:
+        values = dict.fromkeys(springs.names, np.nan)
+        closed = any(term.name.startswith("gravity") for term in setting.true.joint_errors.terms)
+        if (of := unmodelled.springs) is not None:
+            bearing = of.bearing if len(of.bearing) else np.full(len(of.drive), np.inf)
+            stiff = np.where(springs.axis == Z, of.drive[springs.joint], bearing[springs.joint])
+            values |= dict(zip(springs.names, (springs.load / stiff).tolist(), strict=False))
+        elif not closed:
+            values |= dict.fromkeys(springs.names[: len(springs.load)], 0.0)
+    for term in errors.terms:
+        if term.is_wave or term.name in known.names:
+            continue
+        values[term.name] = np.nan
+        if term.wave == "approach" and unmodelled.motion is None:
+            if play is None:
+                values[term.name] = 0.0
+            elif play.side == "approach":
+                values[term.name] = float(play.half_width[term.joint])
+    return values
 
 
 def _wave(term: JointTerm) -> tuple[object, ...]:
@@ -158,7 +199,8 @@ def compare(
     before = point_distances(p_true, target_points(T0, target))
     error = p_true - point
     after = point_distances(p_true, point)
-    wrong = identification.step - truth
+    wrong, judged = identification.step - truth, judged_numbers(identification, truth)
+    alone = stated.covariance[np.ix_(judged, judged)]
     at_measured = [
         accuracy.error_statistics(measured_distance(measurements, model))
         for model in (setting.nominal, identification.model)
@@ -176,8 +218,8 @@ def compare(
         accuracy_before=accuracy.error_statistics(before),
         accuracy_after=accuracy.error_statistics(after),
         true_step=truth,
-        parameter_inside=np.abs(wrong) <= INTERVAL * stated.standard_uncertainty,
-        nees=float(mahalanobis_squared(wrong, stated.covariance)),
+        parameter_inside=judged & (np.abs(wrong) <= INTERVAL * stated.standard_uncertainty),
+        nees=float(mahalanobis_squared(wrong[judged], alone)),
     )
 
 

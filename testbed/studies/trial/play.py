@@ -123,7 +123,7 @@ def estimate(
     statement = (
         state(bench, estimator, first, visits, validation, name) if mode == "whitened" else None
     )
-    truth = true_step(bench.setting, first, visits[0])
+    truth = true_step(bench.setting, first, visits[0], bench.truth.unmodelled)
     repeated = np.array([first.step, *repeats(estimator, first, visits[1:])])
     systematic = None if statement is None else statement.systematic
     # repeats of one campaign share what its station gets wrong: they cannot test that part

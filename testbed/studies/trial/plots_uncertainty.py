@@ -32,6 +32,7 @@ def parameter_errors(trial: Trial) -> str:
             found = estimate.identification
             x = [names.index(name) for name in found.names]
             error = (estimate.comparison.true_step - found.step) / found.standard_uncertainty
+            error[~estimate.judged] = np.nan
             name = NAMES[estimate.mode]
             ax.plot(x, error, linestyle="none", label=name, **LOOKS[estimate.mode])
         ax.set_yscale("symlog", linthresh=4.0)

@@ -1,6 +1,7 @@
 """A trial in the recording: four chapters from its pool to its held-out poses, and the summary."""
 
 from collections.abc import Sequence
+from itertools import compress
 
 import numpy as np
 
@@ -144,7 +145,9 @@ def _identify(shown: ShownTrial) -> Chapter:
         error = judged.true_step - known(pen.timeline)[steps, None] * found.step
         covered = np.abs(error) <= curves.BAND * u
         covered[-1] = judged.parameter_inside
-        curves.draw_parameters(pen, found.parameters.free_names, error / u, covered, steps)
+        alone = shown.estimate.judged
+        names = tuple(compress(found.parameters.free_names, alone.tolist()))
+        curves.draw_parameters(pen, names, (error / u)[:, alone], covered[:, alone], steps)
 
     return Chapter(
         name="identify",

@@ -53,11 +53,12 @@ class Comparison:
     accuracy_after: Accuracy
     """Of `after` [m]."""
     true_step: Annotated[Array, "f"]
-    """(f,) true values minus nominal of the estimated parameters, in their gauge [m, rad]."""
+    """(f,) true values minus nominal of the estimated parameters, in their gauge; nan of what
+    nothing in the true robot defines [m, rad]."""
     parameter_inside: Annotated[Bool, "f"]
-    """(f,) true value inside the stated 95 % interval."""
+    """(f,) true value inside the stated 95 % interval; none of what is not `judged`."""
     nees: float
-    """Normalized estimation error squared e' C^-1 e; expected f."""
+    """Normalized estimation error squared e' C^-1 e of the judged numbers; expected their count."""
 
     @property
     def stated_u(self) -> float:
@@ -90,6 +91,13 @@ class Replications:
     """(2,) band that holds the coverage of all f parameters in 99.9 % of honest campaigns."""
 
 
+def judged_numbers(identification: Identification, true_step: Array) -> Bool:
+    """Which numbers (f,) are held against the truth: those of springs are known together only."""
+    springs = identification.model.joint_errors.springs
+    together = np.isin(identification.names, () if springs is None else springs.names)
+    return np.asarray(np.isfinite(true_step) & ~together)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
     """One estimator applied to one trial."""
@@ -107,6 +115,11 @@ class Estimate:
     stated: a prior, or what the tracker gets wrong all campaign long."""
     statement: Statement | None = None
     """What to believe and why; only for the default estimator."""
+
+    @property
+    def judged(self) -> Bool:
+        """(f,) numbers with a U of their own and a true value."""
+        return judged_numbers(self.identification, self.comparison.true_step)
 
     @property
     def belief(self) -> Belief | None:

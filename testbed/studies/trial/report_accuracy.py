@@ -188,8 +188,9 @@ def belief_section(campaign: Campaign) -> Section:
 def _belief_row(campaign: Campaign, trial: Trial, estimate: Estimate) -> tuple[str, ...]:
     """One row of the table of intervals."""
     seen, played = estimate.comparison, estimate.replications
-    repeats = held_by_repeats(campaign.setting, estimate)
-    f, inside = len(seen.parameter_inside), (*repeats, seen.parameter_inside, seen.inside)
+    (numbers, points), judged = held_by_repeats(campaign.setting, estimate), estimate.judged
+    f = len(judged)
+    inside = (numbers[judged], points, seen.parameter_inside[judged], seen.inside)
     held = (f"{int(hits.sum())} of {len(hits)}" for hits in inside)
     here = (trial.name, SHORT[estimate.mode], *held)
     if played is None:

@@ -15,6 +15,13 @@ from testbed.units import (
     with_uncertainty,
 )
 
+NONE = "–"
+SPRUNG = (
+    " Compliances, moments and tilts have no U of their own: what springs bend together is "
+    "measured, and one number of them stands for what the model lacks as well. A true bend is the "
+    "load over the stiffness; – where nothing in the true robot defines a number."
+)
+
 
 def parameter_section(campaign: Campaign) -> Section:
     """Every parameter: nominal, identified, true, error, uncertainty."""
@@ -34,6 +41,11 @@ def parameter_section(campaign: Campaign) -> Section:
             "from the nominal frame, along and about its own axes. The true column is the truth "
             "seen through the parameters that were estimated: what redundant parameters really "
             "did is carried by the ones that stand for them."
+            + SPRUNG
+            * any(
+                estimate.identification.model.joint_errors.springs is not None
+                for _, estimate in campaign.estimates
+            )
             + fixture_names(campaign.scenario)
             + elsewhere * (left > 0)
         )
@@ -71,7 +83,11 @@ def parameter_table(nominal: RobotModel, trial: Trial, estimate: Estimate) -> Ta
     start_values = np.concatenate([np.zeros(6), links, np.zeros(6), errors, *points, stations])
     known = dict(zip(nominal.names, start_values, strict=True))
     at = np.array([known.get(name, 0.0) for name in found.names])
-    values = (at, found.step, seen.true_step, found.standard_uncertainty, estimate.type_a)
+    defined, judged = np.isfinite(seen.true_step), estimate.judged
+    springs = found.model.joint_errors.springs
+    together = () if springs is None else springs.names
+    step_there = np.where(defined, seen.true_step, found.step)
+    values = (at, found.step, step_there, found.standard_uncertainty, estimate.type_a)
     units = [shown_in(*one) for one in zip(found.names, is_length.tolist(), strict=True)]
     start, step, true, u, type_a = np.array(values) * [scale for _, scale in units]
     held = np.abs(found.step - seen.true_step) <= INTERVAL * estimate.type_a
@@ -85,12 +101,16 @@ def parameter_table(nominal: RobotModel, trial: Trial, estimate: Estimate) -> Ta
         inside = "yes" if seen.parameter_inside[k] else "NO"
         at_start = f"{start[k]:g}".replace("-", "−")
         by_repeats = "yes" if held[k] else "NO"
+        if not defined[k]:
+            truth = error = NONE
+        if not judged[k]:
+            expanded, inside, by_repeats = NONE if name in together else expanded, NONE, NONE
         cells = (identified, truth, error, expanded, repeated, inside, by_repeats)
         rows.append((name, units[k][0], at_start, *cells))
     return Table(
         caption=f"{trial.name}, {plots.NAMES[estimate.mode]}: "
-        f"{int(seen.parameter_inside.sum())} of {len(rows)} inside by the fit's covariance, "
-        f"{int(held.sum())} by the scatter of repeats (type A)",
+        f"{int(seen.parameter_inside.sum())} of {int(judged.sum())} inside by the fit's "
+        f"covariance, {int(held[judged].sum())} by the scatter of repeats (type A)",
         head=heads(
             "parameter, unit, nominal, identified, true, error, U of fit (1-D: 95.4 %), "
             f"s of {counted(len(estimate.repeated), 'repeat')}, inside fit, inside type A"

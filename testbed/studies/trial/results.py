@@ -139,7 +139,7 @@ def _estimate(trial: Trial, estimate: Estimate) -> list[Quantity]:
         Quantity("held_out_inside_95", estimate.inside.mean()),
         Quantity("parameters_alone_u_3d_rms_mm", seen.stated_u, METRE),
         Quantity("held_out_inside_parameters_alone", seen.inside.mean()),
-        Quantity("parameters_inside_95", seen.parameter_inside.mean()),
+        Quantity("parameters_inside_95", seen.parameter_inside[estimate.judged].mean()),
         Quantity("nees", seen.nees),
     ]
     if estimate.statement is not None:

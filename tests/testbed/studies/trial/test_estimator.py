@@ -3,29 +3,33 @@
 import tomllib
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from calib.geometry.joint_errors import JointErrors
+from calib.geometry.gravity import moments_of
+from calib.geometry.joint_errors import JointErrors, JointTerm
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model, extended_parameters
+from calib.identification.ladders import ladders_of
 from calib.identification.levels import with_errors
 from calib.identification.prior import weak_prior
 from calib.identification.row_ladders import gear_terms
 from calib.measurement.observations import Measurements
 from testbed.files.rows.gear import GearTable
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
+from testbed.laboratory.truth.robot import unmodelled_terms
 from testbed.laboratory.truth.setting import in_turn, make_setting
 from testbed.run.export_toml import gear_lines
 from testbed.scenario.checks import default_parameters
 from testbed.scenario.read import changed
 from testbed.scenario.tables import PriorSettings
 from testbed.studies import load_scenario
-from testbed.studies.trial.compare import compare, drawn_step
+from testbed.studies.trial.compare import compare, drawn_step, true_step
 from testbed.studies.trial.estimator import (
     WEAK,
     estimator_for,
@@ -33,6 +37,8 @@ from testbed.studies.trial.estimator import (
     scenario_ladders,
     scenario_prior,
 )
+from testbed.studies.trial.records import Estimate, judged_numbers
+from testbed.studies.trial.report_parameters import parameter_table
 
 SMALL = {"pool.size": 40, "test.poses": 20, "uncertainty.replications": 0}
 MDEG = np.pi / 180e3
@@ -259,3 +265,90 @@ def test_all_numbers_that_it_may_ever_free_can_have_a_prior_of_their_own():
     assert set(wide.free_names) - set(geometric.free_names) == set(
         extended_model(RobotModel(of.setting.nominal.chain)).joint_errors.names
     )
+
+
+def test_true_springs_bend_the_model_as_the_robot_and_moments_have_no_true_value():
+    """A bend is the load over the stiffness: by the first order within 2 % of MuJoCo's rest."""
+    of = laboratory("elastic")
+    load = moments_of([of.scenario.truth.payload_kg], [[0.0, 0.0, 0.05]])[0]
+    gravity, _ = ladders_of(
+        of.setting.nominal, moments=of.robot.moments, limits=of.robot.limits, payload=load
+    )
+    levels = {level.name: level.errors for level in gravity.levels}
+    q, true = of.setting.pool_q[:20], of.truth
+    rest = true.simulator.bends(q)
+    for name, known in (("sag and bearings", True), ("springs on a tilted base", False)):
+        model = with_errors(of.setting.nominal, levels[name])
+        found = SimpleNamespace(model=model, names=model.names)
+        step = drawn_step(of.setting, found, true.unmodelled)
+        own = dict(zip(model.names, step, strict=True))
+        of_springs = np.array([own[name] for name in model.joint_errors.springs.names])
+        count = len(model.joint_errors.springs.load)
+        assert np.isfinite(of_springs[:count]).all()
+        assert np.isnan(of_springs[count:]).all()
+        assert judged_numbers(found, step).sum() == of.setting.nominal.n_numbers
+        if known:
+            bends = model.joint_errors.springs.bends(q, of_springs)
+            assert np.abs(bends - rest).max() < 0.02 * np.abs(rest).max()
+    stiff = drawn_step(laboratory("rigid").setting, found)
+    named = dict(zip(model.names, stiff, strict=True))
+    assert named["spring2.z"] == 0.0  # nothing gives way
+    assert np.isnan(named["tilt1"])
+
+
+@pytest.mark.parametrize("side", ["approach", "load"])
+def test_true_play_is_a_number_where_the_approach_decides(side):
+    truth = changed(
+        load_scenario("quick"),
+        {"truth": {"preset": "rigid", "backlash_mdeg": 6.0, "backlash_side": side}},
+    ).truth
+    terms = tuple(
+        JointTerm(f"approach{i + 1}", i, "approach", tuple(float(k == i) for k in range(6)))
+        for i in range(6)
+    )
+    of = laboratory("rigid")
+    model = RobotModel(of.setting.nominal.chain, JointErrors(terms, np.zeros(6)))
+    found = SimpleNamespace(model=model, names=tuple(term.name for term in terms))
+    play = unmodelled_terms(of.robot, truth)
+    step = drawn_step(of.setting, found, play)
+    if side == "load":
+        assert np.isnan(step).all()
+        return
+    q = np.random.default_rng(0).uniform(-1, 1, (8, 6))
+    before = np.zeros_like(q)
+    reached = replace(model.joint_errors, coefficients=step).of_terms(
+        q, OperatingConditions(approach=np.sign(q - before))
+    )
+    np.testing.assert_allclose(reached, play.backlash.offsets(q, before), rtol=1e-14)
+    assert not drawn_step(of.setting, found).any()  # a robot without play
+
+
+def test_the_table_shows_true_springs_without_a_u_and_counts_only_what_has_one():
+    of = laboratory("elastic")
+    gravity, _ = ladders_of(of.setting.nominal, limits=of.robot.limits)
+    springs = next(level for level in gravity.levels if level.name == "springs")
+    model, table = with_errors(of.setting.nominal, springs.errors), seen(of)
+    free = parameters_of(model)
+    first = identify(model, table, free, prior=weak_prior(free, model))
+    truth = true_step(of.setting, first, table, of.truth.unmodelled)
+    f = len(first.names)
+    of_table = Estimate(
+        mode="whitened", identification=first, repeated=first.step[None], type_a=np.ones(f),
+        comparison=compare(of.setting, first, table, truth), replications=None,
+    )  # fmt: skip
+    shown = parameter_table(of.setting.nominal, SimpleNamespace(name="any"), of_table)
+    rows = {row[0]: row[3:] for row in shown.rows}
+    assert f"of {of.setting.nominal.n_numbers} inside by the fit" in shown.caption
+    _, true, error, expanded, _, *inside = rows["spring2.z"]
+    stiff = of.truth.unmodelled.springs.drive[1]
+    place = springs.errors.springs.names.index("spring2.z")
+    expected = np.degrees(springs.errors.springs.load[place] / stiff)
+    assert float(true) == pytest.approx(expected, abs=1e-3)
+    assert error != "–"
+    assert (expanded, *inside) == ("–", "–", "–")
+    assert rows["moment4.m"][1:4] == ("–", "–", "–")
+    assert "–" not in rows["a2"]
+    # the count of numbers, and what is expected of their errors, are those of the chain alone
+    wrong = (first.step - truth)[: of.setting.nominal.n_numbers]
+    C = first.covariance[: len(wrong), : len(wrong)]
+    assert of_table.comparison.nees == pytest.approx(wrong @ np.linalg.solve(C, wrong), rel=1e-6)
