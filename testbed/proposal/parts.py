@@ -19,6 +19,7 @@ FEW = 300
 """Rows whose numbers are looked at."""
 TARGET = ("command_x", "command_y", "command_z")
 DIFFERENCE = ("difference_x", "difference_y", "difference_z")
+VECTOR = ("rvx", "rvy", "rvz")
 TURN = 6.4
 """Joints never turn so far where they are in radians [rad]."""
 REACH = 20.0
@@ -90,7 +91,7 @@ def seen_parts(look: Found, n: int) -> Iterator[Part]:
             turns = next(
                 (
                     tuple(stems[s].theirs for s in form)
-                    for form in (("qw", "qx", "qy", "qz"), ("rx", "ry", "rz"))
+                    for form in (("qw", "qx", "qy", "qz"), ("rx", "ry", "rz"), VECTOR)
                     if look.has(*form)
                 ),
                 (),
@@ -210,6 +211,10 @@ def _turnings(
         names = [f"r{i}{j}" for i in "123" for j in "123"]
         for gives in directions:
             yield dict(zip(names, turns, strict=True)), gives, (_direction(gives),)
+        return
+    if turns == tuple(look.stems[stem].theirs for stem in VECTOR if look.has(stem)):
+        for gives in directions:
+            yield {}, gives, (_direction(gives),)
         return
     if "euler" in look.head:
         for gives in directions:

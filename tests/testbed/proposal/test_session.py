@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from calib.geometry.frames import log_so3
 from testbed.cli import app
 from testbed.files.probe import probe
 from testbed.files.read import read_session
@@ -50,6 +51,15 @@ def write(folder, **files):
 
 def own_csv(folder):
     return write(folder, a__csv=poses_csv(data()))
+
+
+def rotation_vectors(folder):
+    own = columns(data())
+    turn = np.degrees(log_so3(data().T[:, :3, :3]))
+    table = {name: own[name] for name in (*JOINTS, "x_mm", "y_mm", "z_mm")}
+    return write(
+        folder, a__csv=csv(table | {f"rv{a}_deg": turn[:, k] for k, a in enumerate("xyz")})
+    )
 
 
 def sa_points(folder):
@@ -131,6 +141,7 @@ def tracker(folder):
 
 KINDS = (
     own_csv,
+    rotation_vectors,
     sa_points,
     sa_frames,
     leica,
