@@ -71,7 +71,7 @@ def headline_table(campaign: Campaign) -> Table:
         "and p: residuals against the stated noise (p < 0.001 is an alarm). cond.: of the scaled "
         "Jacobian of the kept parameters, each estimator in its own rows. rank: parameters "
         "estimated. NEES: squared parameter error in units of the stated covariance; expected "
-        "value = rank. default: whitened "
+        "value = rank, less the numbers that have no true value of their own. default: whitened "
         "rows, all free parameters that can be told apart. paper: 24 parameters with base and "
         "tool taken as known, twelve unweighted rows.",
     )
