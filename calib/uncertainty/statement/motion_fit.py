@@ -93,24 +93,26 @@ def explained(shared: Array, e: Array, motion: Array, plain: Array) -> tuple[Arr
     plain : (m, 3, k) array
         The motion itself.
     """
-    P = shared.shape[1]
-    A, b = _augmented(shared, e, motion)
-    without, found = (np.linalg.lstsq(M, b, rcond=None)[0] for M in (A[:, :P], A))
-    gain = float(((b - A[:, :P] @ without) ** 2).sum() - ((b - A @ found) ** 2).sum())
-    numbers = np.asarray(found[P:], np.float64)
-    return numbers, max(gain, 0.0), rms_length(plain @ numbers)
+    left, rest = _beside(shared, e, motion)
+    numbers = np.linalg.lstsq(left, rest, rcond=None)[0]
+    gain = float(rest @ rest - ((rest - left @ numbers) ** 2).sum())
+    return np.asarray(numbers), max(gain, 0.0), rms_length(plain @ numbers)
 
 
 def chi_square(shared: Array, e: Array, motion: Array) -> tuple[float, int]:
     """What the best motion leaves of whitened errors, and how many of its numbers they tell."""
-    A, b = _augmented(shared, e, motion)
-    numbers = np.linalg.lstsq(A, b, rcond=None)[0]
-    return float(((b - A @ numbers) ** 2).sum()), int(np.linalg.matrix_rank(motion))
+    left, rest = _beside(shared, e, motion)
+    numbers = np.linalg.lstsq(left, rest, rcond=None)[0]
+    return float(((rest - left @ numbers) ** 2).sum()), int(np.linalg.matrix_rank(motion))
 
 
-def _augmented(shared: Array, e: Array, motion: Array) -> tuple[Array, Array]:
-    """Columns (3 m + P, P + k) and errors (3 m + P,), the shared numbers as readings of zero."""
+def _beside(shared: Array, e: Array, motion: Array) -> tuple[Array, Array]:
+    """Motion (k + 1, k) and errors (k + 1,) beside what is shared, turned: lengths are kept.
+
+    The shared numbers are readings of zero; one triangle serves as all that least squares asks.
+    """
     P = shared.shape[1]
-    prior = np.eye(P, P + motion.shape[1])
-    A = np.concatenate([np.concatenate([shared, motion], axis=1), prior])
-    return A, np.concatenate([e[:, 0], np.zeros(P)])
+    rows = np.concatenate([shared, motion, e], axis=1)
+    prior = np.eye(P, rows.shape[1])
+    left = np.asarray(np.linalg.qr(np.concatenate([rows, prior]), mode="r"))[P:, P:]
+    return left[:, :-1], left[:, -1]
