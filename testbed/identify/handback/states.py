@@ -77,12 +77,11 @@ def _held(row: DhRow, tolerance: float | None, believed: bool, share: float) -> 
         return HandedNumber(row, tolerance, NOMINAL)
     if tolerance is None:
         return HandedNumber(row, None, PRIOR if believed or share > HALF else MEASURED)
-    beyond = abs(row.delta) > tolerance  # no prior about nominal takes a number there
-    if believed and (row.expanded > tolerance or (share > HALF and not beyond)):
+    if believed and (share > HALF or row.expanded > tolerance):
         return HandedNumber(row, tolerance, PRIOR)
     if row.expanded > tolerance:
         return HandedNumber(row, tolerance, LOOSE)
-    return HandedNumber(row, tolerance, BEYOND if beyond else MEASURED)
+    return HandedNumber(row, tolerance, BEYOND if abs(row.delta) > tolerance else MEASURED)
 
 
 def hand_back_words(calibration: Calibration) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ import pytest
 
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import with_errors
+from calib.identification.prior import Prior
 from calib.measurement.prediction import predict
 from testbed.files.program import correct_program
 from testbed.identify.applies.targets import statement_at
@@ -22,13 +23,11 @@ from testbed.identify.handback.links import LinkBelief
 from testbed.identify.handback.report import SPRUNG, hand_back_section
 from testbed.identify.handback.results import dh_csv, tool_csv
 from testbed.identify.handback.states import (
-    BEYOND,
     LOOSE,
     MEASURED,
     NOMINAL,
     PRIOR,
     TOGETHER,
-    _held,
     hand_back_warnings,
     hand_back_words,
     handed_numbers,
@@ -40,7 +39,6 @@ from testbed.identify.results import headline
 from testbed.report.page import Table, Text
 from testbed.robots.catalog import load_robot
 from testbed.robots.tolerances import usual_tolerances
-from testbed.robots.write.dh_table import DhRow
 from testbed.robots.write.folder import write_robot_folder
 from testbed.scenario.tool_in_use import ToolInUse
 from testbed.store.codec import pack, unpack
@@ -172,13 +170,18 @@ def test_a_number_beyond_its_tolerance_is_told():
     assert all(f"{name} by " in sentence for name in list(moved)[:6])
 
 
-def test_no_number_beyond_its_tolerance_passes_as_held_by_a_prior():
-    """Priors of waves, which share their mean with the zero of a joint, are none about nominal."""
-    row = DhRow("theta2", "deg", 0.0, -0.186, -0.186, 0.006)
-    assert _held(row, 0.1, True, 0.9).held_by == BEYOND
-    assert _held(replace(row, delta=-0.05), 0.1, True, 0.9).held_by == PRIOR
-    loose = _held(replace(row, expanded=0.14), 0.1, True, 0.9)
-    assert (loose.held_by, loose.is_far) == (PRIOR, True)
+def test_a_number_beyond_its_tolerance_is_told_though_priors_hold_others():
+    """Waves have priors of their own, and share their mean with the zero of their joint."""
+    found = sound()
+    given = replace(found.handback, tolerance=usual_tolerances(6) / 4)
+    believed = found.fit.identification
+    prior = Prior(np.zeros(len(believed.names)), np.ones(len(believed.names)), believed.names)
+    fit = replace(found.fit, identification=replace(believed, prior=prior))
+    other = replace(found, fits=(fit,), handback=replace(given, by_prior=np.ones(42)))
+    far = [one for one in handed_numbers(other) if one.is_far]
+    assert PRIOR in {one.held_by for one in far}
+    (sentence,) = (text for text in hand_back_warnings(other) if "moved further" in text)
+    assert "tell them only together with others" in sentence
 
 
 def test_a_number_that_nothing_holds_is_told():
