@@ -220,6 +220,7 @@ def under_noise(
 
 def sentence_of(found: Climb, nominal: RobotModel) -> str:
     """What was chosen and why; `nominal` may have joint errors of its own."""
+    known = bool(nominal.joint_errors.terms) or nominal.joint_errors.springs is not None
     if found.taken:
         names = " and ".join(level.name for level in found.taken)
         text = f"extended by {names}: the measurements ask for it (log evidence {found.gain:+.1f})"
@@ -239,9 +240,9 @@ def sentence_of(found: Climb, nominal: RobotModel) -> str:
         )
     best = best_offer(found)
     if best is None:
-        return "geometric: no joint of this robot has terms to add"
-    own = nominal.joint_errors
-    more = " beyond the robot's own" if own.terms or own.springs is not None else ""
+        held = "others than those that the robot has already" if known else "terms to add"
+        return f"geometric: no joint of this robot has {held}"
+    more = " beyond the robot's own" if known else ""
     return (
         f"geometric: the measurements do not ask for joint errors{more} (log evidence "
         f"{best.gain:+.1f} at best, for {best.level})"

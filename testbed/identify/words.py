@@ -179,7 +179,7 @@ def next_step(calibration: Calibration) -> str:
     if calibration.refuted:
         learnt = fit.test.position.mean <= LEARNT * fit.train.position.mean
         text += (
-            " More poses will not make that smaller: it is what the model leaves out."
+            " More poses will not make that smaller: it is not noise."
             if learnt
             else " Errors are larger than at the poses identified from: more of these may help."
         )

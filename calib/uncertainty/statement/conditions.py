@@ -26,9 +26,9 @@ VERBS = {
 }
 """What one target does, what several do, and what the data did."""
 UNTIL = {
-    "payload": "rows that vary the payload identified a term for it",
+    "payload": "rows that vary the payload as far have identified a term for it",
     "tool": "rows are measured with that tool",
-    "temperature": "rows that vary the temperature identified a term for it",
+    "temperature": "rows that vary the temperature as far have identified a term for it",
 }
 """What must be done before a statement reaches such targets."""
 MOST_NAMED = 10

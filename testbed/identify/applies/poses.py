@@ -45,9 +45,14 @@ def _still(fit: FittedModel, train: Measurements) -> tuple[str, ...]:
 
 
 def _condition(fit: FittedModel) -> tuple[str, ...]:
-    """Whether the poses are too much alike, and which number suffers most."""
+    """Whether the poses are too much alike, and which number suffers most.
+
+    Of a fit with terms of joints, which a prior holds beside the readings, no condition tells that.
+    """
     result = fit.identification
-    if result.reduction.condition <= ILL_CONDITIONED:
+    own = result.model.joint_errors
+    held = result.prior is not None and bool(own.terms or own.springs is not None)
+    if result.reduction.condition <= ILL_CONDITIONED or held:
         return ()
     alike = f"the poses are much alike: condition {significant(result.reduction.condition, 2)}; "
     more = "; vary the wrist and the tool's orientation more"

@@ -19,6 +19,8 @@ from testbed.units import UM, listed, significant
 
 MOST_ROWS = 64
 """Rows of the measurements whose conditions a pose is tried under: spread evenly over all."""
+LASTING = ("payload", "temperature")
+"""What stays for a whole program, so that its part is no matter of chance from pose to pose."""
 WORDS = {
     "approach": "from which side each joint comes",
     "torque": "what the drives report",
@@ -50,8 +52,10 @@ def unsaid_spread(
 ) -> Array:
     """Covariance (m, 3, 3) of the tool point from what nobody says of poses at joints q [m^2].
 
-    Mean square over conditions of the rows, and over both sides of each joint whose side is not
-    known.
+    Torques differ from pose to pose: their part is the mean square over the rows. A payload and the
+    warmth of the arm stay for a whole program: theirs is that, or where it is more, a third of the
+    largest square, as if anything up to the furthest row were as likely (JCGM 100:2008, 4.3.7).
+    Of joints whose side is not known, both sides.
 
     Parameters
     ----------
@@ -74,18 +78,24 @@ def unsaid_spread(
     asked, own = followed(model), reached(at)
     silent = [name for name in asked if name in seen.stated and name not in at.stated]
     spread = np.zeros((len(q), 3, 3))
-    rows: dict[str, Array] = {}
-    for name in silent:
-        rows |= {name: getattr(seen, name)} if name != "approach" else {}
-        if name == "payload" and seen.center is not None:
+    for lasting in (False, True):
+        names = [name for name in silent if name in (LASTING if lasting else ("torque",))]
+        rows: dict[str, Array] = {name: getattr(seen, name) for name in names}
+        if "payload" in rows and seen.center is not None:
             rows["center"] = seen.center
-    if rows:
+        if not rows:
+            continue
         m = len(next(iter(rows.values())))
         some = np.unique(np.linspace(0, m - 1, min(m, MOST_ROWS)).round().astype(int))
-        for k in some:
+        squares = np.empty((len(some), len(q), 3, 3))
+        for square, k in zip(squares, some, strict=True):
             like = {name: np.repeat(values[k : k + 1], len(q), 0) for name, values in rows.items()}
             away = reached(replace(at, **like)) - own
-            spread += away[:, :, None] * away[:, None] / len(some)
+            square[:] = away[:, :, None] * away[:, None]
+        part, size = squares.mean(axis=0), np.einsum("kmii->km", squares)
+        worst = squares[size.argmax(axis=0), np.arange(len(q))] / 3
+        more = lasting & (size.max(axis=0) / 3 > np.einsum("mii->m", part))
+        spread += np.where(more[:, None, None], worst, part)
     if "approach" in asked:
         side = np.zeros(q.shape) if at.approach is None else at.approach
         for joint in np.flatnonzero((side == 0).any(axis=0)):
@@ -114,5 +124,6 @@ def unsaid_words(calibration: Calibration) -> tuple[str, ...]:
     radius = common_radius(widened_by(belief.regions(q, target=place), spread))
     return (
         f"R95 is of poses of which one knows {listed([WORDS[name] for name in names])}; where "
-        f"nobody does, as on average in the measurements, it is {significant(radius * UM)} um",
+        "nobody does, anywhere among those of the measurements, it is "
+        f"{significant(radius * UM)} um",
     )

@@ -103,11 +103,11 @@ def test_every_sentence():
     one = Conditions(np.array([0, 5.0]), ("probe", "gripper"), np.array([20.0, 31.0]))
     assert departure(data, one, 2).sentences == (
         "target 2 carries 5 kg; the measurements carried 0 kg: no statement reaches there until "
-        "rows that vary the payload identified a term for it",
+        "rows that vary the payload as far have identified a term for it",
         "target 2 has the tool gripper; the measurements had probe: no statement reaches there "
         "until rows are measured with that tool",
         "target 2 is at 31 degC; the measurements were at 20.1 to 21.34 degC: no statement reaches "
-        "there until rows that vary the temperature identified a term for it",
+        "there until rows that vary the temperature as far have identified a term for it",
     )
     many = Conditions(
         np.linspace(0, 30, 31), ("gripper",) * 30 + ("probe",), np.array([40.0, 10.0] + [21.0] * 29)
@@ -116,7 +116,7 @@ def test_every_sentence():
     assert said == (
         "targets 4, 5, 6, 7, 8, 9, 10, 11, 12, 13 and 18 more carry 3 to 30 kg; the measurements "
         "carried 0 to 2 kg: no statement reaches there until rows that vary the payload "
-        "identified a term for it",
+        "as far have identified a term for it",
     )
     assert int(departure(PAYLOAD, many, 31).outside.sum()) == MOST_NAMED + 18
     payload, tool, warm = (

@@ -45,6 +45,25 @@ def test_torques_that_nobody_knows_vary_as_those_of_the_rows():
     assert not unsaid_spread(model, q, at, seen, POINT).any()
 
 
+def test_a_warmth_that_nobody_knows_is_as_likely_up_to_that_of_the_furthest_row():
+    """Cold starts: most rows are of the warm arm, a program may run in the first minutes."""
+    lengths = JointErrors((JointTerm("growth", 0, "lengths", (0.0,) * 6, 27.0),), np.array([2e-5]))
+    model, q = replace(robot().model, joint_errors=lengths), pool_r(6)
+    degrees = np.r_[22.0, 26.0, np.full(30, 28.0)]
+    found = unsaid_spread(model, q, AS_USUAL, OperatingConditions(temperature=degrees), POINT)
+    T = model.poses(q)
+    cold = model.poses(q, OperatingConditions(temperature=np.full(6, 22.0)))
+    away = (T[:, :3, :3] - cold[:, :3, :3]) @ POINT + T[:, :3, 3] - cold[:, :3, 3]
+    np.testing.assert_allclose(found, away[:, :, None] * away[:, None] / 3, rtol=1e-9)
+    # 1.96 standard deviations reach the furthest row
+    assert (1.96 * np.sqrt(np.einsum("mii->m", found)) > np.linalg.norm(away, axis=1)).all()
+    # most rows far away: their mean square is more
+    degrees = np.r_[np.full(30, 22.0), 27.0]
+    found = unsaid_spread(model, q, AS_USUAL, OperatingConditions(temperature=degrees), POINT)
+    mean = away[:, :, None] * away[:, None] * 30 / 31
+    np.testing.assert_allclose(found, mean, rtol=1e-9)
+
+
 def test_a_side_that_nobody_knows_is_either_side():
     model, q = following("approach"), pool_r(5)
     at = OperatingConditions(approach=approaches(q))
