@@ -110,7 +110,7 @@ def test_what_hangs_on_the_arm_changes_from_pose_to_pose_and_rows_say_so():
     plain = small({"preset": "elastic"}, {"preset": "paper"}, test={"poses": 4})
     other = open_laboratory(plain, make_setting(plain))
     seen = other.measure_pool(chosen, "a")
-    assert not seen.conditions.stated
+    assert seen.conditions.stated == ("approach",)
     assert (conditions_in(other, seen, time).payload == 2.0).all()
 
 

@@ -70,8 +70,8 @@ def test_a_folder_of_a_sprung_robot_has_all_of_it_and_says_what_urdf_lacks(tmp_p
     model, q = tx60_at_rest(), joint_vectors(60)
     mine = identified_robot(PLAIN, model, name="mine")
     told = write_robot_folder(mine, tmp_path / "out")
-    assert "15 springs of robot.toml cannot be said in URDF or MJCF" in told[-1]
-    assert "15 springs" in (tmp_path / "out" / "mine.urdf").read_text()
+    assert "16 springs of robot.toml cannot be said in URDF or MJCF" in told[-1]
+    assert "16 springs" in (tmp_path / "out" / "mine.urdf").read_text()
     back = load_robot(tmp_path / "out")
     np.testing.assert_allclose(back.model.poses(q), model.poses(q), rtol=0, atol=1e-14)
     assert back.sources["springs"].startswith("identified from measurements of")
