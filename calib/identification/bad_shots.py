@@ -15,9 +15,10 @@ from calib.arrays import Array, Bool, Index, frozen
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.climb import climb
+from calib.identification.folds import parts_of, some_poses
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import Ladder
-from calib.identification.model_choice import extended_by, parts_of, some_poses
+from calib.identification.model_choice import extended_by
 from calib.identification.outlier_search import FAR, with_noise
 from calib.identification.outliers import inspect
 from calib.identification.prior import Prior, prior_rows, weak_prior

@@ -10,11 +10,12 @@ from typing import Literal
 
 import numpy as np
 
-from calib.arrays import Index, frozen
+from calib.arrays import frozen
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.climb import Climb, Offer, climb
+from calib.identification.folds import FEWEST_TO_CONFIRM, FOLDS, parts_of, some_poses
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_parameters, with_joint_terms
 from calib.identification.ladders import ladders_of
@@ -25,13 +26,6 @@ from calib.identification.result import Identification
 from calib.identification.robust import Loss
 from calib.identification.row_ladders import NOTHING_KNOWN, RowTerms, row_ladders
 from calib.measurement.observations import Measurements
-
-FOLDS = 4
-"""Parts of the training poses that are left out in turn to confirm a level."""
-FEWEST_TO_CONFIRM = 5
-"""Poses in each part."""
-MANY = 400
-"""Of more poses this many are asked which model they want."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -260,26 +254,6 @@ def _misses(found: Climb, before: float, after: float) -> str:
         f"at {found.poses} training poses, left out in turn, the mean miss goes from "
         f"{1e3 * before:.4f} mm to {1e3 * after:.4f} mm"
     )
-
-
-def some_poses(
-    measurements: Measurements, rng: np.random.Generator, most: int = MANY
-) -> Measurements:
-    """The rows of at most so many poses, drawn at random."""
-    pose = measurements.together
-    poses = np.unique(pose)
-    if len(poses) <= most:
-        return measurements
-    return measurements.rows(np.isin(pose, rng.permutation(poses)[:most]))
-
-
-def parts_of(measurements: Measurements, rng: np.random.Generator) -> Index | None:
-    """Part (m,) in which each row is left out; None with too few poses to confirm anything."""
-    pose = np.unique(measurements.together, return_inverse=True)[1].ravel()
-    count = int(pose.max()) + 1
-    if count < FOLDS * FEWEST_TO_CONFIRM:
-        return None
-    return np.asarray(rng.permutation(count)[pose] % FOLDS)
 
 
 def identify_extended(

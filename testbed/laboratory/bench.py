@@ -18,6 +18,7 @@ from calib.measurement.residual import point_blocks, whitened_blocks
 from testbed.laboratory.cell import Obstacle, cell_from
 from testbed.laboratory.pool import Candidates
 from testbed.laboratory.simulator import Simulator
+from testbed.laboratory.tracker.of_scenario import tracker_from
 from testbed.laboratory.tracker.rounds import (
     Round,
     first_tracker,
@@ -26,7 +27,7 @@ from testbed.laboratory.tracker.rounds import (
     rounds_of,
     stacked_rows,
 )
-from testbed.laboratory.tracker.tracker import Tracker, tracker_from
+from testbed.laboratory.tracker.tracker import Tracker
 from testbed.robots.catalog import Robot, load_robot
 from testbed.scenario.checks import free_parameters
 from testbed.scenario.laboratory import TruthSettings

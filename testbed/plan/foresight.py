@@ -14,8 +14,8 @@ from calib.uncertainty.statement.misfit import detectable_size, evidence_rows
 from calib.uncertainty.statement.places import reasons
 from testbed.laboratory.bench import Bench
 from testbed.laboratory.goal import Goal
+from testbed.laboratory.tracker.of_scenario import bias_size
 from testbed.laboratory.tracker.predicted import goal_u
-from testbed.laboratory.tracker.tracker import bias_size
 from testbed.plan.records import Foresight
 from testbed.plan.task import DesignTask
 from testbed.scenario.laboratory import At960Tracker

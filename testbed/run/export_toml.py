@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.measurement.observations import DISTANCE, POSE, Measurements
+from testbed.laboratory.tracker.of_scenario import bias_size
 from testbed.laboratory.tracker.rounds import world_mm
-from testbed.laboratory.tracker.tracker import bias_size
 from testbed.laboratory.truth.laboratory import Laboratory
 from testbed.scenario.fixtures import RANGES, targets_mm
 from testbed.scenario.laboratory import At960Tracker

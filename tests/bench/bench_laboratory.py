@@ -9,7 +9,7 @@ import pytest
 
 from testbed.laboratory.pool import Candidates
 from testbed.laboratory.simulator import Simulator
-from testbed.laboratory.tracker.tracker import tracker_from
+from testbed.laboratory.tracker.of_scenario import tracker_from
 from testbed.robots.catalog import load_robot
 from testbed.scenario.laboratory import At960Tracker
 from testbed.scenario.tables import PoolSettings

@@ -8,7 +8,7 @@ from calib.arrays import Array
 from calib.design.blocks import has_full_rank, information
 from calib.measurement.noise import whiteners
 from testbed.laboratory.bench import Bench
-from testbed.laboratory.tracker.tracker import bias_size
+from testbed.laboratory.tracker.of_scenario import bias_size
 from testbed.scenario.laboratory import At960Tracker
 
 

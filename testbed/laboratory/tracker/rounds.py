@@ -19,7 +19,8 @@ from calib.measurement.observations import DISTANCE, GIVEN, POINT, Measurements
 from calib.measurement.prediction import perfect, predict
 from calib.measurement.residual import table_whiteners
 from testbed.laboratory.tracker.errors import GrossErrors
-from testbed.laboratory.tracker.tracker import Tracker, tracker_from
+from testbed.laboratory.tracker.of_scenario import tracker_from
+from testbed.laboratory.tracker.tracker import Tracker
 from testbed.scenario.fixtures import ranged_targets, targets_mm
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import Point

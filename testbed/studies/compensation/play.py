@@ -31,7 +31,7 @@ from calib.measurement.iso9283 import (
 )
 from calib.measurement.observations import Measurements
 from calib.uncertainty.statement.applicability import proven_at
-from testbed.laboratory.tracker.tracker import bias_size
+from testbed.laboratory.tracker.of_scenario import bias_size
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
 from testbed.laboratory.truth.setting import Setting, validation_start
 from testbed.scenario.scenario import Scenario

@@ -8,11 +8,12 @@ import pytest
 from calib.errors import InputError
 from calib.geometry.parameters import parameters_of
 from calib.identification.climb import ASKED
+from calib.identification.folds import parts_of, some_poses
 from calib.identification.identify import Status, identify
 from calib.identification.joint_models import extended_model, shared_waves
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import with_errors
-from calib.identification.model_choice import choose, extended_by, parts_of, sentence_of, some_poses
+from calib.identification.model_choice import choose, extended_by, sentence_of
 from calib.identification.prior import Prior, weak_prior
 from calib.measurement.observations import joined
 from calib.measurement.residual import linearize

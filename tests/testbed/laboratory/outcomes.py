@@ -14,7 +14,7 @@ from calib.geometry.parameters import parameters_of
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import linearize, paper_stack, whitened_blocks
 from calib.measurement.tables import covariances_of_sd
-from testbed.laboratory.tracker.tracker import tracker_from
+from testbed.laboratory.tracker.of_scenario import tracker_from
 from testbed.laboratory.truth.robot import TrueRobot, draw_truth
 from testbed.robots.catalog import load_robot
 from testbed.scenario.laboratory import PaperTracker, TruthSettings

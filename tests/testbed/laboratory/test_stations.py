@@ -12,6 +12,7 @@ from calib.geometry.parameters import parameters_of
 from calib.information.goals import Goals
 from calib.measurement.residual import whitened_blocks
 from testbed.laboratory.bench import Bench, open_bench
+from testbed.laboratory.tracker.of_scenario import tracker_from
 from testbed.laboratory.tracker.predicted import goal_uncertainty
 from testbed.laboratory.tracker.stations import (
     StationComparison,
@@ -19,7 +20,6 @@ from testbed.laboratory.tracker.stations import (
     station_grid,
     visible_from,
 )
-from testbed.laboratory.tracker.tracker import tracker_from
 from testbed.robots.catalog import load_robot
 from testbed.scenario.laboratory import At960Tracker, BoxObstacle, CellSettings, PaperTracker
 from testbed.scenario.planning import StationSettings

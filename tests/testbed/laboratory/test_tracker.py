@@ -10,7 +10,8 @@ from calib.arrays import Array
 from calib.geometry.frames import exp_so3, inverse, log_so3, rot_z, slide, transform
 from calib.geometry.jacobian import joint_columns, reflector_rows
 from calib.measurement.observations import Measurements
-from testbed.laboratory.tracker.tracker import Tracker, tracker_from
+from testbed.laboratory.tracker.of_scenario import tracker_from
+from testbed.laboratory.tracker.tracker import Tracker
 from testbed.laboratory.truth.robot import TrueRobot
 from testbed.scenario.laboratory import At960Tracker, PaperTracker
 from tests.reference import DEG, SIGMA_POSITION, SIGMA_ROTATION, UM, pool_r, tx60

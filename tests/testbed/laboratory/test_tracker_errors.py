@@ -11,7 +11,8 @@ from calib.geometry.frames import exp_so3, log_so3, rot_x, rot_z, slide, transfo
 from calib.measurement.observations import Measurements
 from calib.uncertainty.statement.instrument import TURN
 from testbed.laboratory.tracker.errors import NESTS, StationBias, StationDrift, draw
-from testbed.laboratory.tracker.tracker import Tracker, bias_size, streams_below, tracker_from
+from testbed.laboratory.tracker.of_scenario import bias_size, tracker_from
+from testbed.laboratory.tracker.tracker import Tracker, streams_below
 from testbed.scenario.laboratory import At960Tracker
 from tests.reference import DEG, UM, pool_r, tx60
 from tests.testbed.laboratory.test_tracker import NO_SCATTER, REFLECTOR, deviation

@@ -8,7 +8,7 @@ from testbed.laboratory.bench import open_bench
 from testbed.laboratory.cell import cell_from
 from testbed.laboratory.goal import goal_of
 from testbed.laboratory.simulator import Simulator
-from testbed.laboratory.tracker.tracker import tracker_from
+from testbed.laboratory.tracker.of_scenario import tracker_from
 from testbed.plan.plan import compared, plan
 from testbed.plan.results import plan_csv
 from testbed.plan.words import measured_words

@@ -5,7 +5,7 @@ import pytest
 
 from calib.errors import MachineError
 from calib.geometry.chain import forward
-from testbed.laboratory.tracker.tracker import tracker_from
+from testbed.laboratory.tracker.of_scenario import tracker_from
 from testbed.plan.recording import plan_story, summary
 from testbed.recording.story import timeline_of
 from testbed.recording.timeline import evenly

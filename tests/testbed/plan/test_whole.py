@@ -10,7 +10,7 @@ import pytest
 from calib.identification.identify import identify
 from calib.uncertainty.statement import believe, distance_radius, proven_at
 from testbed.laboratory.bench import open_bench
-from testbed.laboratory.tracker.tracker import bias_size
+from testbed.laboratory.tracker.of_scenario import bias_size
 from testbed.plan.foresight import planned_rows
 from testbed.plan.plan import plan
 from testbed.plan.promises import factor_words, order_words, promise, reach_words

@@ -15,7 +15,7 @@ from testbed import assets
 from testbed.gates.toml import read_toml
 from testbed.laboratory.pool import Candidates, joint_ranges
 from testbed.laboratory.simulator import Simulator
-from testbed.laboratory.tracker.tracker import tracker_from
+from testbed.laboratory.tracker.of_scenario import tracker_from
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.laboratory.truth.terms import gravity_loads
 from testbed.report.page import render

@@ -15,7 +15,7 @@ from calib.uncertainty.refit import Frozen, freeze
 from calib.uncertainty.statement.instrument import SOURCES, shared_errors, shared_rows
 from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.type_b import CommonInput, common_inputs, type_b_covariance
-from testbed.laboratory.tracker.tracker import bias_size
+from testbed.laboratory.tracker.of_scenario import bias_size
 from testbed.laboratory.truth.laboratory import Laboratory
 from testbed.scenario.laboratory import At960Tracker
 from testbed.studies.trial.statement.records import LEVEL

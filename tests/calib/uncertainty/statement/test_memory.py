@@ -13,11 +13,11 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.measurement.prediction import predict
 from calib.uncertainty.statement.belief import believe
+from calib.uncertainty.statement.beside_drift import beside_drift
 from calib.uncertainty.statement.drifting import drifting
 from calib.uncertainty.statement.gain import estimator_gain
 from calib.uncertainty.statement.memory import (
     PERMUTATIONS,
-    beside_drift,
     drift,
     interchangeable,
     memory_p,

@@ -12,7 +12,7 @@ from calib.errors import InputError
 from calib.geometry.operating import AS_USUAL
 from calib.uncertainty.discrepancy import Discrepancy
 from calib.uncertainty.tool_point import tool_statement
-from testbed.laboratory.tracker.tracker import bias_size
+from testbed.laboratory.tracker.of_scenario import bias_size
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.laboratory.truth.setting import make_setting
 from testbed.robots.catalog import load_robot
