@@ -5,19 +5,20 @@ the richest model holds those of all others. Waves act on a joint each, so the w
 less than one fit of the model that it finds.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache, partial
 
 import numpy as np
 from scipy.special import chdtri
 
-from calib.arrays import Array, FloatOrNan, Index
+from calib.arrays import Array, Index
 from calib.errors import refuse
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.identification.levels import Ladder, Level, foreseen, joined, with_errors
+from calib.identification.climbing import Climb, Question, climb_of, climbing, run
+from calib.identification.levels import Ladder, Level, joined, with_errors
 from calib.identification.normal_equations import (
     MOST_TURNS,
     SETTLED,
@@ -28,76 +29,6 @@ from calib.identification.normal_equations import (
 from calib.identification.prior import Prior
 from calib.identification.robust import Loss, loss_weights
 from calib.measurement.observations import Measurements
-
-ASKED = float(np.log(20))
-"""Log evidence from which the data ask for another level: odds of 20 to 1."""
-
-
-@dataclass(frozen=True, slots=True)
-class ClimbStep:
-    """One level that the evidence asked for, and whether it was taken."""
-
-    ladder: str
-    level: str
-    gain: float
-    """Log evidence against the model before it."""
-    before: FloatOrNan
-    """Mean miss at training poses left out in turn, by the model before it; nan where poses are too
-    few to leave any out [m]."""
-    after: FloatOrNan
-    """The same with the level [m]."""
-    taken: bool
-    """Whether the poses left out confirm it: not worse by more than one standard error."""
-
-
-@dataclass(frozen=True, slots=True)
-class Offer:
-    """A level of a ladder, or why a ladder has none, and what became of it."""
-
-    ladder: str
-    level: str
-    gain: FloatOrNan
-    """Log evidence against geometry alone, without any other level; nan where it is not offered."""
-    outcome: str
-    """taken, replaced, refused, asked for, not needed, not asked for, or not offered and why."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Climb:
-    """Where a climb ended, and how it went."""
-
-    levels: tuple[Level, ...]
-    """Those reached, one of each ladder."""
-    steps: tuple[ClimbStep, ...]
-    offered: tuple[Offer, ...]
-    """One for each level of each ladder, or for a ladder that has none."""
-    gain: float
-    """Log evidence of the levels reached against geometry alone."""
-    noise_factor: float
-    """Noise that the richest model leaves, in units of the stated one, one or more."""
-    poses: int
-    """So many were asked."""
-    before: float
-    """Mean miss at these poses, left out in turn, by geometry alone [m]."""
-    after: float
-    """The same by the model reached [m]."""
-    near: RobotModel
-    """The model reached as the linear system has it: close to its fit."""
-    richest: Callable[[], RobotModel]
-    """The same of the last level of every ladder, worked out when it is asked for."""
-
-    def __repr__(self) -> str:
-        return f"Climb({', '.join(level.name for level in self.taken) or 'geometry alone'})"
-
-    @property
-    def confirmed(self) -> bool:
-        """Whether poses were left out to confirm anything."""
-        return not np.isnan(self.before)
-
-    @property
-    def taken(self) -> tuple[Level, ...]:
-        """Levels reached that are not empty."""
-        return tuple(level for level in self.levels if level.names)
 
 
 def climb(
@@ -162,12 +93,14 @@ def climb(
     if loss != "squared":
         system = _calmed(system, richest, loss)
     pose = np.unique(measurements.together, return_inverse=True)[1].ravel()
+    held_out = [] if part is None else [part == k for k in np.unique(part)]
+    rests = [system.without(rows) for rows in held_out]
     memory: dict[tuple[Level, ...], Solved] = {}
 
     def solved(levels: Sequence[Level]) -> Solved:
         key = tuple(level for level in levels if level.names)
         if key not in memory:
-            memory[key] = system.solved(*_asked(levels))
+            memory[key] = system.solved(*_asked(key))
         return memory[key]
 
     def moved(levels: Sequence[Level]) -> RobotModel:
@@ -179,11 +112,26 @@ def climb(
         step[[place[name] for name in free]] = solved(levels).step
         return wide.moved(step)
 
-    found = _climbed(system, solved, ladders, part, pose, near)
-    return replace(found, near=moved(found.levels), richest=partial(moved, richest))
+    def left_out(levels: tuple[Level, ...]) -> Array:
+        asked, missed = _asked(levels), np.full(len(pose), np.nan)
+        for rest, rows in zip(rests, held_out, strict=True):
+            missed[rows] = system.misses(rest.solved(*asked), rows)
+        return np.asarray(np.bincount(pose, missed) / np.bincount(pose))
+
+    def answer(question: Question) -> list[float] | Array:
+        if question.left_out:
+            return left_out(question.models[0])
+        return [solved(levels).evidence for levels in question.models]
+
+    def gain(level: Level) -> float:
+        return solved([level]).evidence - solved([]).evidence
+
+    course = run(climbing(ladders), answer)
+    reached = moved(course.levels)
+    return climb_of(course, ladders, gain, system.scale, reached, partial(moved, richest))
 
 
-def _calmed(plain: NormalEquations, levels: Sequence[Level], loss: Loss) -> NormalEquations:
+def _calmed(plain: NormalEquations, levels: tuple[Level, ...], loss: Loss) -> NormalEquations:
     """The rows weighed by how the richest model fits them, at the noise of the typical one."""
     typical = np.sqrt(chdtri(plain.equations, 0.5) / plain.equations)
     system, scale = replace(plain, scale=1.0), np.inf
@@ -196,7 +144,8 @@ def _calmed(plain: NormalEquations, levels: Sequence[Level], loss: Loss) -> Norm
     return system
 
 
-def _asked(levels: Sequence[Level]) -> tuple[JointErrors, Array, Array]:
+@lru_cache(maxsize=128)
+def _asked(levels: tuple[Level, ...]) -> tuple[JointErrors, Array, Array]:
     """The joint errors of some levels, their prior sd and what they are believed to be."""
     errors = joined(levels)
     believed = {
@@ -206,94 +155,3 @@ def _asked(levels: Sequence[Level]) -> tuple[JointErrors, Array, Array]:
     }
     sd, mean = np.array([believed[name] for name in errors.names]).reshape(-1, 2).T
     return errors, sd, mean
-
-
-def _climbed(
-    system: NormalEquations, solved: Callable[[Sequence[Level]], Solved],
-    ladders: Sequence[Ladder], part: Index | None, pose: Index, near: RobotModel,
-) -> Climb:  # fmt: skip
-    """The climb over levels of a linear system; misses are means of poses (m,) of rows."""
-    count = np.bincount(pose)
-    held_out = [] if part is None else [part == k for k in np.unique(part)]
-    rests = [system.without(rows) for rows in held_out]
-
-    def left_out(levels: Sequence[Level]) -> Array:
-        asked, missed = _asked(levels), np.full(len(system.r), np.nan)
-        for rest, rows in zip(rests, held_out, strict=True):
-            missed[rows] = system.misses(rest.solved(*asked), rows)
-        return np.asarray(np.bincount(pose, missed) / count)
-
-    here = tuple(ladder.levels[0] for ladder in ladders)
-    bottom = evidence = solved(here).evidence
-    lowest = before = left_out(here)
-    steps: list[ClimbStep] = []
-    barred: set[tuple[str, ...]] = set()
-    while True:
-        tried = {}
-        for k, ladder in enumerate(ladders):
-            for level in ladder.levels:
-                levels = (*here[:k], level, *here[k + 1 :])
-                reachable = level is not here[k] and level.after in ("", here[k].name)
-                if reachable and _names(levels) not in barred:
-                    tried[k, level.name] = levels, solved(levels).evidence
-        top = max([evidence, *(each for _, each in tried.values())])
-        alike = [key for key in tried if tried[key][1] > max(top - ASKED, evidence + ASKED)]
-        if not alike:
-            break
-        best = max(alike, key=lambda key: (foreseen(tried[key][0]), tried[key][1]))
-        levels, found = tried[best]
-        after = left_out(levels)
-        worse = after - before
-        # never true of nothing left out
-        taken = bool(worse.mean() < worse.std() / np.sqrt(len(worse)))
-        steps.append(
-            ClimbStep(
-                ladders[best[0]].name, best[1], found - evidence,
-                float(before.mean()), float(after.mean()), taken,
-            )
-        )  # fmt: skip
-        if taken:
-            here, evidence, before = levels, found, after
-        else:
-            barred.add(_names(levels))
-    offered = tuple(
-        offer
-        for k, ladder in enumerate(ladders)
-        for offer in _offers(
-            ladder,
-            here[k],
-            steps,
-            lambda level: solved([level]).evidence - bottom,
-            part is not None,
-        )
-    )
-    return Climb(
-        here, tuple(steps), offered, evidence - bottom, system.scale, len(count),
-        float(lowest.mean()), float(before.mean()), near, lambda: near,
-    )  # fmt: skip
-
-
-def _offers(
-    ladder: Ladder, reached: Level, steps: Sequence[ClimbStep], gain: Callable[[Level], float],
-    confirmed: bool,
-) -> Iterator[Offer]:  # fmt: skip
-    """What became of each level of a ladder."""
-    tried = {step.level: step.taken for step in steps if step.ladder == ladder.name}
-    for level in ladder.levels[1:]:
-        gained = gain(level)
-        outcome = "asked for" if gained > ASKED else "not asked for"
-        if level is reached:
-            outcome = "taken"
-        elif level.name in tried:
-            refused = "refused by the poses left out" if confirmed else "too few poses to confirm"
-            outcome = "replaced" if tried[level.name] else refused
-        elif reached.names and gained > ASKED:
-            outcome = f"not needed beside {reached.name}"
-        yield Offer(ladder.name, level.name, gained, outcome)
-    for reason in ladder.why_not:
-        what, why = reason.split(": ", maxsplit=1)
-        yield Offer(ladder.name, what, float("nan"), f"not offered: {why}")
-
-
-def _names(levels: Sequence[Level]) -> tuple[str, ...]:
-    return tuple(level.name for level in levels)

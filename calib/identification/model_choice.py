@@ -14,7 +14,8 @@ from calib.arrays import frozen
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
-from calib.identification.climb import Climb, Offer, climb
+from calib.identification.climb import climb
+from calib.identification.climbing import Climb, Offer
 from calib.identification.folds import FEWEST_TO_CONFIRM, FOLDS, parts_of, some_poses
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_parameters, with_joint_terms
@@ -133,7 +134,7 @@ def choose(
         factor=found.noise_factor, loss=loss, report=report,
         start=found.near if found.taken else None,
     )  # fmt: skip
-    best = best_offer(found)
+    best = None if found.taken else best_offer(found)
     return ModelChoice(
         chosen="extended" if found.taken else "geometric",
         identifications=(geometric, extended),

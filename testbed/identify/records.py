@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool, FloatOrNan, Index, wrong_shape
 from calib.geometry.model import RobotModel
-from calib.identification.climb import ClimbStep, Offer
+from calib.identification.climbing import ClimbStep, Offer
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
 from calib.measurement.accuracy import Accuracy

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib.identification.climb import ClimbStep, Offer
+from calib.identification.climbing import ClimbStep, Offer
 from testbed.report.page import Table
 from testbed.units import MM, fixed
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.model import RobotModel
-from calib.identification.climb import ASKED
+from calib.identification.climbing import ASKED
 from calib.uncertainty.statement.conditions import named
 from testbed.identify.records import Calibration
 from testbed.units import DEG, MM, fixed, significant

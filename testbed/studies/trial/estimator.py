@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.identification.climb import Climb, ClimbStep, Offer
+from calib.identification.climbing import Climb, ClimbStep, Offer
 from calib.identification.identify import Identification, Mode, identify
 from calib.identification.joint_models import with_joint_terms
 from calib.identification.ladders import ladders_of

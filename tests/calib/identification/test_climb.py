@@ -9,7 +9,8 @@ from calib.geometry.chain import Chain
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
-from calib.identification.climb import ASKED, climb
+from calib.identification.climb import climb
+from calib.identification.climbing import ASKED
 from calib.identification.identify import Status, identify
 from calib.identification.ladders import (
     MAP_ORDERS,

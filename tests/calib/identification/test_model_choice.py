@@ -7,7 +7,7 @@ import pytest
 
 from calib.errors import InputError
 from calib.geometry.parameters import parameters_of
-from calib.identification.climb import ASKED
+from calib.identification.climbing import ASKED
 from calib.identification.folds import parts_of, some_poses
 from calib.identification.identify import Status, identify
 from calib.identification.joint_models import extended_model, shared_waves

@@ -8,7 +8,7 @@ import pytest
 from calib.geometry.chain import Chain
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
-from calib.identification.climb import Offer
+from calib.identification.climbing import Offer
 from testbed.identify.applies.beyond import beyond_words, gravity_words, map_words
 
 ARM = Chain(np.zeros((3, 5)), ("revolute", "prismatic", "revolute"))

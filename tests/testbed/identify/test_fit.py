@@ -9,7 +9,7 @@ from calib.geometry.frames import exp_so3
 from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
-from calib.identification.climb import ASKED
+from calib.identification.climbing import ASKED
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model, extended_parameters
 from calib.identification.model_choice import identify_extended

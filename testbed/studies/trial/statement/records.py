@@ -5,7 +5,7 @@ from math import isnan
 from typing import Annotated
 
 from calib.arrays import Array, Bool, FloatOrNan, Index
-from calib.identification.climb import ClimbStep, Offer
+from calib.identification.climbing import ClimbStep, Offer
 from calib.identification.lack_of_fit import LackOfFit
 from calib.measurement.observations import Measurements
 from calib.uncertainty.conformal import Conformal

@@ -1,0 +1,253 @@
+"""How a climb decides: which level of which ladder is next, and whether poses left out confirm it.
+
+What a model has of evidence and misses is asked of whoever runs the climb, for one robot or for
+many at once.
+"""
+
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from calib.arrays import Array, FloatOrNan
+from calib.geometry.model import RobotModel
+from calib.identification.levels import Ladder, Level, foreseen
+
+ASKED = float(np.log(20))
+"""Log evidence from which the data ask for another level: odds of 20 to 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClimbStep:
+    """One level that the evidence asked for, and whether it was taken."""
+
+    ladder: str
+    level: str
+    gain: float
+    """Log evidence against the model before it."""
+    before: FloatOrNan
+    """Mean miss at training poses left out in turn, by the model before it; nan where poses are too
+    few to leave any out [m]."""
+    after: FloatOrNan
+    """The same with the level [m]."""
+    taken: bool
+    """Whether the poses left out confirm it: not worse by more than one standard error."""
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """A level of a ladder, or why a ladder has none, and what became of it."""
+
+    ladder: str
+    level: str
+    gain: FloatOrNan
+    """Log evidence against geometry alone, without any other level; nan where it is not offered."""
+    outcome: str
+    """taken, replaced, refused, asked for, not needed, not asked for, or not offered and why."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Climb:
+    """Where a climb ended, and how it went."""
+
+    levels: tuple[Level, ...]
+    """Those reached, one of each ladder."""
+    steps: tuple[ClimbStep, ...]
+    offers: Callable[[], tuple[Offer, ...]]
+    """What became of all that was offered, worked out when it is asked for."""
+    gain: float
+    """Log evidence of the levels reached against geometry alone."""
+    noise_factor: float
+    """Noise that the richest model leaves, in units of the stated one, one or more."""
+    poses: int
+    """So many were asked."""
+    before: float
+    """Mean miss at these poses, left out in turn, by geometry alone [m]."""
+    after: float
+    """The same by the model reached [m]."""
+    near: RobotModel
+    """The model reached as the linear system has it: close to its fit."""
+    richest: Callable[[], RobotModel]
+    """The same of the last level of every ladder, worked out when it is asked for."""
+
+    def __repr__(self) -> str:
+        return f"Climb({', '.join(level.name for level in self.taken) or 'geometry alone'})"
+
+    @property
+    def offered(self) -> tuple[Offer, ...]:
+        """One for each level of each ladder, or for a ladder that has none."""
+        return self.offers()
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether poses were left out to confirm anything."""
+        return not np.isnan(self.before)
+
+    @property
+    def taken(self) -> tuple[Level, ...]:
+        """Levels reached that are not empty."""
+        return tuple(level for level in self.levels if level.names)
+
+
+class Question(NamedTuple):
+    """What a climb asks: evidence of some models, or what one misses of the poses left out."""
+
+    models: tuple[tuple[Level, ...], ...]
+    """Levels of each, one of each ladder."""
+    left_out: bool
+    """Of the one model: the answer is its mean miss at each pose. Else one evidence of each."""
+
+
+class Course(NamedTuple):
+    """How a climb went."""
+
+    levels: tuple[Level, ...]
+    """Those reached, one of each ladder."""
+    steps: tuple[ClimbStep, ...]
+    alone: Mapping[Level, float]
+    """Log evidence of levels without any other against geometry alone, as far as it was asked;
+    where nothing was taken, of all."""
+    gain: float
+    """Log evidence of the levels reached against geometry alone."""
+    lowest: Array
+    """Mean miss at each pose left out, by geometry alone [m]."""
+    before: Array
+    """The same by the model reached [m]."""
+    margin: float
+    """By how much evidence may be wrong, or misses in units of their standard error, before another
+    way had been gone."""
+
+
+Answer: TypeAlias = Sequence[float] | Array
+Climbing: TypeAlias = Generator[Question, Answer, Course]
+
+
+def climbing(ladders: Sequence[Ladder]) -> Climbing:
+    """Climb over the levels of ladders, as `climb` says, by what answers to questions tell."""
+    bottom = here = tuple(ladder.levels[0] for ladder in ladders)
+    asked: dict[tuple[Level, ...], float] = {}
+
+    def ask(*models: tuple[Level, ...]) -> Generator[Question, Answer, None]:
+        new = tuple(levels for levels in models if levels not in asked)
+        if new:
+            asked.update(zip(new, (yield Question(new, False)), strict=True))
+
+    yield from ask(here)
+    evidence = asked[here]
+    lowest = before = np.asarray((yield Question((here,), True)))
+    steps: list[ClimbStep] = []
+    barred: set[tuple[str, ...]] = set()
+    margin = np.inf
+    while True:
+        reachable = {
+            (k, level.name): (*here[:k], level, *here[k + 1 :])
+            for k, ladder in enumerate(ladders)
+            for level in ladder.levels
+            if level is not here[k] and level.after in ("", here[k].name)
+        }
+        open_to = {key: levels for key, levels in reachable.items() if _names(levels) not in barred}
+        yield from ask(*open_to.values())
+        tried = {key: asked[levels] for key, levels in open_to.items()}
+        top = max([evidence, *tried.values()])
+        least = max(top - ASKED, evidence + ASKED)
+        margin = min([margin, *(abs(each - least) for each in tried.values())])
+        alike = [key for key in tried if tried[key] > least]
+        if not alike:
+            break
+        best = max(alike, key=lambda key: (foreseen(open_to[key]), tried[key]))
+        rivals = [tried[best] - tried[key] for key in alike if key != best]
+        margin = min([margin, *(abs(lead) for lead in rivals)])
+        levels, found = open_to[best], tried[best]
+        after = np.asarray((yield Question((levels,), True)))
+        worse = after - before
+        error = worse.std() / np.sqrt(len(worse))
+        # never true of nothing left out
+        taken = bool(worse.mean() < error)
+        if not np.isnan(error):
+            margin = min(margin, abs(worse.mean() - error) / max(error, 1e-300))
+        steps.append(
+            ClimbStep(
+                ladders[best[0]].name, best[1], found - evidence,
+                float(before.mean()), float(after.mean()), taken,
+            )
+        )  # fmt: skip
+        if taken:
+            here, evidence, before = levels, found, after
+        else:
+            barred.add(_names(levels))
+    single = {
+        level: (*bottom[:k], level, *bottom[k + 1 :])
+        for k, ladder in enumerate(ladders)
+        for level in ladder.levels[1:]
+    }
+    if not any(level.names for level in here):  # then the best one is told
+        yield from ask(*single.values())
+    lowest_evidence = asked[bottom]
+    alone = {level: asked[at] - lowest_evidence for level, at in single.items() if at in asked}
+    gain = evidence - lowest_evidence
+    return Course(here, tuple(steps), alone, gain, lowest, before, float(margin))
+
+
+def run(course: Climbing, answer: Callable[[Question], Answer]) -> Course:
+    """Climb to the end, all questions answered by one."""
+    question = next(course)
+    while True:
+        try:
+            question = course.send(answer(question))
+        except StopIteration as end:
+            found: Course = end.value
+            return found
+
+
+def climb_of(
+    course: Course,
+    ladders: Sequence[Ladder],
+    gain: Callable[[Level], float],
+    noise_factor: float,
+    near: RobotModel,
+    richest: Callable[[], RobotModel],
+) -> Climb:
+    """What a course led to; `gain` says of levels that were not asked what they gain alone."""
+    alone = dict(course.alone)
+
+    def of(level: Level) -> float:
+        if level not in alone:
+            alone[level] = gain(level)
+        return alone[level]
+
+    def offers() -> tuple[Offer, ...]:
+        each = zip(ladders, course.levels, strict=True)
+        return tuple(chain.from_iterable(_offers(*one, course, of) for one in each))
+
+    return Climb(
+        course.levels, course.steps, offers, course.gain, noise_factor, len(course.lowest),
+        float(course.lowest.mean()), float(course.before.mean()), near, richest,
+    )  # fmt: skip
+
+
+def _offers(
+    ladder: Ladder, reached: Level, course: Course, gain: Callable[[Level], float]
+) -> Iterator[Offer]:
+    """What became of each level of a ladder."""
+    tried = {step.level: step.taken for step in course.steps if step.ladder == ladder.name}
+    confirmed = not np.isnan(course.lowest).any()
+    for level in ladder.levels[1:]:
+        gained = gain(level)
+        outcome = "asked for" if gained > ASKED else "not asked for"
+        if level is reached:
+            outcome = "taken"
+        elif level.name in tried:
+            refused = "refused by the poses left out" if confirmed else "too few poses to confirm"
+            outcome = "replaced" if tried[level.name] else refused
+        elif reached.names and gained > ASKED:
+            outcome = f"not needed beside {reached.name}"
+        yield Offer(ladder.name, level.name, gained, outcome)
+    for reason in ladder.why_not:
+        what, why = reason.split(": ", maxsplit=1)
+        yield Offer(ladder.name, what, float("nan"), f"not offered: {why}")
+
+
+def _names(levels: Sequence[Level]) -> tuple[str, ...]:
+    return tuple(level.name for level in levels)
