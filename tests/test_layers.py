@@ -46,6 +46,7 @@ HOMES = {
         "testbed/robots/",
         "testbed/files/",
         "testbed/studies/many_robots.py",
+        "testbed/schemas/",
         "settings",
     ),
 }
@@ -59,7 +60,7 @@ FLOORS = {
         ("scenario", "recording", "jobsheet"),
         ("laboratory", "studies/protocol"),
         ("studies/trial", "studies/many_robots", "plan", "files", "engines"),
-        ("studies/kinds", "iso9283"),
+        ("studies/kinds", "iso9283", "schemas"),
         ("studies/pose_sets", "studies/coverage", "studies/compensation", "studies/wen2022",
          "identify", "run", "proposal"),
         ("cli", "front"),

@@ -4,20 +4,16 @@ Every table is a section, every key an entry with its unit, what is allowed, its
 sentence.
 """
 
-import inspect
 import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, get_args
 
 from made.fields import Key, keys, tables
-from testbed.files.visits.tables import CampaignFile
-from testbed.robots.file import RobotFile, TrackerFile
 from testbed.scenario.laboratory import TruthSettings
-from testbed.scenario.origin import ORIGIN, OriginTable
 from testbed.scenario.presets import TRUTH_COMMON, TRUTH_PRESETS
-from testbed.scenario.scenario import Scenario
+from testbed.schemas.described import summary
+from testbed.schemas.files import roots
 from testbed.strict import Strict, toml_value
-from testbed.studies import declared_tables
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
@@ -25,28 +21,14 @@ if TYPE_CHECKING:
 PLACE = re.compile(r"^<!-- (keys|presets): ?(\w*) -->$", re.MULTILINE)
 
 
-def roots(name: str) -> list[tuple[str, type[Strict]]]:
-    """The schemas of a file, each with the name of its table; the file itself has none."""
-    match name:
-        case "scenario":
-            studies = declared_tables(())
-            return [("", Scenario), *studies.items(), (ORIGIN, OriginTable)]
-        case "session":
-            return [("", CampaignFile)]
-        case "robot":
-            return [("", RobotFile)]
-        case "tracker":
-            return [("", TrackerFile)]
-    raise ValueError(f"no file is called {name}")
-
-
-FILES = ("scenario", "session", "robot", "tracker")
+FILES = {"scenario": "scene", "session": "session", "robot": "robot", "tracker": "tracker"}
+"""Names of pages, and of the files that they describe."""
 
 
 def places(file: str) -> dict[type[Strict], str]:
     """Every table of a file, once, where it stands first."""
     found: dict[type[Strict], str] = {}
-    for name, root in roots(file):
+    for name, root in roots(FILES[file]):
         for place, model in tables(root, name):
             found.setdefault(model, place)
     return found
@@ -57,13 +39,6 @@ def described(key: Key) -> str:
     if key.meaning or not key.tables:
         return key.meaning
     return "; or ".join(dict.fromkeys(summary(model)[0] for model in key.tables))
-
-
-def summary(model: type[Strict]) -> tuple[str, str]:
-    """What a table is, in one line without its name, and what its docstring says further."""
-    first, _, rest = (inspect.getdoc(model) or "").partition("\n\n")
-    title = re.sub(r"^\[[^:]*: ", "", first)
-    return title[:1].upper() + title[1:], rest
 
 
 def page(file: str) -> str:

@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from made.fields import unit
+from testbed.schemas.described import unit
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx

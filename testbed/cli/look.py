@@ -21,11 +21,10 @@ def scenes(
     """List the scenes that ship, or show one with every default written out."""
     with exit_codes(debug=debug):
         from testbed.assets import scene_names
-        from testbed.scenario.read import dump_scenario
         from testbed.studies import load_scenario
 
         if name is not None:
-            say(dump_scenario(load_scenario(name)).rstrip())
+            say(scene_in_full(name).rstrip())
             return
         from testbed.report.text import table
 
@@ -36,6 +35,23 @@ def scenes(
             rows.append([known, scene.robot, scene.title, trials])
         say(table("", ("scene", "robot", "what", "trials"), rows, wrap=True))
         say("\nPlay one: truebed run SCENE")
+
+
+def scene_in_full(name: str) -> str:
+    """A scene with every default, its author's comments, and the schema that an editor looks for.
+
+    The line that names the schema is the first, or editors do not see it.
+    """
+    from testbed.gates.comments import with_comments
+    from testbed.gates.toml import read_toml_bytes
+    from testbed.scenario.read import dump_scenario, scenario_path
+    from testbed.schemas.editor import directive, schema_name
+    from testbed.studies import load_scenario
+
+    whole = dump_scenario(load_scenario(name))
+    source = read_toml_bytes(*scenario_path(name)).decode("utf-8-sig")
+    how = f"# Write it beside this file: truebed schema scene > {schema_name('scene')}\n"
+    return directive("scene") + how + with_comments(whole, source)
 
 
 @app.command()

@@ -1,4 +1,4 @@
-"""The verbs that begin: new proposes files from what is there, check reads one."""
+"""The verbs that begin: new proposes files, check reads one, schema tells editors of them."""
 
 from pathlib import Path
 from typing import Annotated
@@ -40,12 +40,14 @@ def session(
         from testbed.proposal.text import session_text
         from testbed.proposal.write import require_new, write_new
         from testbed.robots.catalog import load_robot
+        from testbed.schemas.editor import schema_beside
 
         require_new(out)
         arm = load_robot(robot) if robot is not None else None
         looks = look_at(data, out.parent)
         proposed = propose_session(looks, arm, out.parent)
-        write_new(out, session_text(proposed, looks, str(out), robot, arm.name if arm else None))
+        text = session_text(proposed, looks, str(out), robot, arm.name if arm else None)
+        write_new(out, schema_beside(out, "session") + text)
         if not quiet:
             say(f"{proposed.tried}.")
             for sentence in proposed.assumed:
@@ -72,11 +74,12 @@ def robot(
     with exit_codes(debug=debug):
         from testbed.proposal.robot import robot_text
         from testbed.proposal.write import plain_name, require_new, write_new
+        from testbed.schemas.editor import schema_beside
 
         require_new(out)
         name = plain_name(table if table is not None else out)
         text, assumed = robot_text(table, joints, name)
-        write_new(out, text)
+        write_new(out, schema_beside(out, "robot") + text)
         if not quiet:
             for sentence in assumed:
                 say(f"  assumed  {sentence}")
@@ -98,9 +101,11 @@ def scene(
         from testbed.proposal.scene import scene_text
         from testbed.proposal.write import plain_name, require_new, write_new
         from testbed.robots.catalog import load_robot
+        from testbed.schemas.editor import schema_beside
 
         require_new(out)
-        write_new(out, scene_text(load_robot(robot), robot, plain_name(out)))
+        text = scene_text(load_robot(robot), robot, plain_name(out))
+        write_new(out, schema_beside(out, "scene") + text)
         if not quiet:
             say(f"Scene      {out}")
             say(f"Next       truebed run {out}")
@@ -131,3 +136,15 @@ def check(
         say(f"{file}: {said[0]}")
         for sentence in said[1:]:
             say(f"  {sentence}")
+
+
+@app.command()
+def schema(
+    file: Annotated[str, typer.Argument(metavar="FILE", help="scene, session, robot or tracker.")],
+    debug: Debug = False,
+) -> None:
+    """Print the JSON Schema of a TOML file, with which editors complete and check its keys."""
+    with exit_codes(debug=debug):
+        from testbed.schemas.editor import schema_text
+
+        say(schema_text(file).rstrip())
