@@ -35,7 +35,8 @@ def main() -> None:
         if isinstance(error, BrokenPipeError):
             return
         if isinstance(error, OSError):
-            error = MachineError(f"cannot be written: {error.strerror}", code="F3", where="stdout")
+            where = str(error.filename or "stdout")  # a file where --install-completion writes
+            error = MachineError(f"cannot be written: {error.strerror}", code="F3", where=where)
         with suppress(OSError):
             os.write(2, f"{error}\n".encode())
         sys.exit(MACHINE)

@@ -24,3 +24,8 @@ def scenes() -> Path:
 def scene_names() -> list[str]:
     """Names of the scenes that ship, in alphabetical order."""
     return sorted(path.stem for path in scenes().glob("*.toml"))
+
+
+def robot_names() -> list[str]:
+    """Names of the robots that ship, in alphabetical order."""
+    return sorted(file.parent.name for file in models().glob("*/robot.toml"))

@@ -11,13 +11,27 @@ from testbed.cli.output import say, warn
 
 app = typer.Typer(
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     help="A metrology laboratory for robot arms. Virtual: know the truth, and see how close "
     "calibration comes. Real: identify a robot from measurements, with proof on poses not used.",
     epilog="Begin with: truebed run quick",
 )
+
+
+def scenes_like(incomplete: str) -> list[str]:
+    """Scenes that ship whose names begin so, for the shell; files it completes itself."""
+    from testbed.assets import scene_names
+
+    return [name for name in scene_names() if name.startswith(incomplete)]
+
+
+def robots_like(incomplete: str) -> list[str]:
+    """Robots that ship whose names begin so."""
+    from testbed.assets import robot_names
+
+    return [name for name in robot_names() if name.startswith(incomplete)]
+
 
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, also for errors.")]

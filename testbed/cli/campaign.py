@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from testbed.cli.app import Debug, Json, Quiet, app
+from testbed.cli.app import Debug, Json, Quiet, app, scenes_like
 from testbed.cli.exit_codes import SOME_FAILED, exit_codes
 from testbed.cli.output import say, say_json, warn
 from testbed.machine import COMPUTING
@@ -15,7 +15,12 @@ if TYPE_CHECKING:
     from testbed.engines.engine import Engine
     from testbed.scenario.scenario import Scenario
 
-Scene = Annotated[str, typer.Argument(metavar="SCENE", help="A scene's name or a .toml file.")]
+Scene = Annotated[
+    str,
+    typer.Argument(
+        metavar="SCENE", help="A scene's name or a .toml file.", autocompletion=scenes_like
+    ),
+]
 Seed = Annotated[int | None, typer.Option(help="Another seed.")]
 Overwrite = Annotated[
     bool, typer.Option("--overwrite", help="Rename an old run of that name first.")

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from calib.errors import refuse
-from testbed.cli.app import Debug, Json, Run, app
+from testbed.cli.app import Debug, Json, Run, app, robots_like, scenes_like
 from testbed.cli.exit_codes import SOME_FAILED, exit_codes
 from testbed.cli.output import say, say_json, warn
 
@@ -15,7 +15,9 @@ Trial = Annotated[str | None, typer.Option(metavar="NAME", help="Of this trial [
 
 @app.command()
 def scenes(
-    name: Annotated[str | None, typer.Argument(help="Show this one in full.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(help="Show this one in full.", autocompletion=scenes_like)
+    ] = None,
     debug: Debug = False,
 ) -> None:
     """List the scenes that ship, or show one with every default written out."""
@@ -56,7 +58,9 @@ def scene_in_full(name: str) -> str:
 
 @app.command()
 def robots(
-    name: Annotated[str | None, typer.Argument(help="Show this one in full.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(help="Show this one in full.", autocompletion=robots_like)
+    ] = None,
     debug: Debug = False,
 ) -> None:
     """List the robots that ship, or show one."""

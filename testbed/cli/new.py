@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from testbed.cli.app import Debug, Json, Quiet, app
+from testbed.cli.app import Debug, Json, Quiet, app, robots_like
 from testbed.cli.exit_codes import exit_codes
 from testbed.cli.output import say, say_json
 
@@ -27,7 +27,11 @@ def session(
     ],
     robot: Annotated[
         str | None,
-        typer.Option(metavar="ROBOT", help="The robot that was measured: readings are tried."),
+        typer.Option(
+            metavar="ROBOT",
+            help="The robot that was measured: readings are tried.",
+            autocompletion=robots_like,
+        ),
     ] = None,
     out: Out = Path("session.toml"),
     quiet: Quiet = False,
@@ -90,7 +94,12 @@ def robot(
 @new.command()
 def scene(
     robot: Annotated[
-        str, typer.Argument(metavar="ROBOT", help="A shipped robot, robot.toml, URDF or MJCF.")
+        str,
+        typer.Argument(
+            metavar="ROBOT",
+            help="A shipped robot, robot.toml, URDF or MJCF.",
+            autocompletion=robots_like,
+        ),
     ],
     out: Out = Path("scene.toml"),
     quiet: Quiet = False,
@@ -118,7 +127,10 @@ def check(
         typer.Argument(metavar="FILE", help="Session, scenario, robot, or a table of data."),
     ],
     robot: Annotated[
-        str | None, typer.Option(metavar="ROBOT", help="Whose joints the data are.")
+        str | None,
+        typer.Option(
+            metavar="ROBOT", help="Whose joints the data are.", autocompletion=robots_like
+        ),
     ] = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -140,7 +152,14 @@ def check(
 
 @app.command()
 def schema(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="scene, session, robot or tracker.")],
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE",
+            help="scene, session, robot or tracker.",
+            autocompletion=lambda: ["scene", "session", "robot", "tracker"],
+        ),
+    ],
     debug: Debug = False,
 ) -> None:
     """Print the JSON Schema of a TOML file, with which editors complete and check its keys."""

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from testbed.cli.app import Debug, Json, Quiet, app
+from testbed.cli.app import Debug, Json, Quiet, app, robots_like
 from testbed.cli.campaign import Overwrite, Scene, Seed, default_folder, scenario_of
 from testbed.cli.exit_codes import SOME_FAILED, exit_codes
 from testbed.cli.output import say, say_json
@@ -54,7 +54,12 @@ def plan(
 @app.command()
 def identify(
     robot: Annotated[
-        str, typer.Argument(metavar="ROBOT", help="A shipped robot, robot.toml, URDF or MJCF file.")
+        str,
+        typer.Argument(
+            metavar="ROBOT",
+            help="A shipped robot, robot.toml, URDF or MJCF file.",
+            autocompletion=robots_like,
+        ),
     ],
     data: Data,
     config: Annotated[

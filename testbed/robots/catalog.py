@@ -13,6 +13,7 @@ from calib.geometry.frames import step_transform
 from calib.geometry.joint_errors import JointErrors, JointTerm
 from calib.geometry.model import RobotModel
 from testbed import assets
+from testbed.assets import robot_names as robot_names
 from testbed.gates.paths import real
 from testbed.gates.toml import read_toml
 from testbed.robots.assumed import (
@@ -45,11 +46,6 @@ ROBOT_FILE, TRACKER_FILE = "robot.toml", "tracker.toml"
 TRACKER = "laser_tracker"
 XML = (".urdf", ".xml", ".mjcf", ".xacro")
 """Endings of files that describe a robot as URDF or MJCF."""
-
-
-def robot_names() -> list[str]:
-    """Names of the shipped robots, sorted."""
-    return sorted(file.parent.name for file in assets.models().glob(f"*/{ROBOT_FILE}"))
 
 
 def load_robot(
