@@ -1,5 +1,6 @@
 """Border checks: shape and finiteness, once, where arrays enter; inside they are trusted."""
 
+from functools import lru_cache
 from typing import Annotated, Any
 
 import numpy as np
@@ -20,7 +21,8 @@ FloatOrNan = Annotated[float, MAY_BE_NAN]
 def frozen(values: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
     """Read-only C-ordered copy (or the same array if it already is one)."""
     array = np.asarray(values, dtype=dtype)
-    if array.flags.writeable or not array.flags.c_contiguous:
+    flags = array.flags
+    if flags.writeable or not flags.c_contiguous:
         array = np.array(array, dtype=dtype, order="C")
         array.setflags(write=False)
     return array
@@ -50,13 +52,12 @@ def check(spec: str, **arrays: ArrayLike) -> tuple[Array, ...]:
     """
     sizes: dict[str, int] = {}
     checked = []
-    for shape, (name, value) in zip(spec.split(","), arrays.items(), strict=True):
+    for wanted, (name, value) in zip(_shapes(spec), arrays.items(), strict=True):
         try:
             array = frozen(value)
         except (TypeError, ValueError) as error:
             message = f"{name} is not an array of numbers"
             raise refuse(name, code="A1", message=message) from error
-        wanted = shape.split()
         if array.ndim != len(wanted):
             raise wrong_shape(name, array.shape, f"expected ({', '.join(wanted)})")
         for axis, (size, letter) in enumerate(zip(array.shape, wanted, strict=True)):
@@ -69,10 +70,16 @@ def check(spec: str, **arrays: ArrayLike) -> tuple[Array, ...]:
     return tuple(checked)
 
 
+@lru_cache(maxsize=1024)
+def _shapes(spec: str) -> tuple[tuple[str, ...], ...]:
+    """Sizes and letters of each shape in a specification."""
+    return tuple(tuple(shape.split()) for shape in spec.split(","))
+
+
 def require_finite(name: str, array: Array) -> None:
     """Refuse nan and inf, by the place of the first."""
     finite = np.isfinite(array)
-    if not finite.all():
+    if not np.logical_and.reduce(finite, axis=None):
         where = tuple(int(i) for i in np.argwhere(~finite)[0])
         message = f"{name}{list(where)} is {array[where]}"
         value, allowed = float(array[where]), "every value must be finite"

@@ -54,7 +54,8 @@ def bodies(
     slide = value * chain.prismatic
     d, _ = grown_lengths(chain, growth)
     cosine, sine = np.cos(bent[..., None]), np.sin(bent[..., None])
-    for i, (c, s, shift, a, ca, sa, cb, sb) in enumerate(link_rotation_parts(chain, value, growth)):
+    for i, (*rows, ca, sa, cb, sb) in enumerate(link_rotation_parts(chain, value, growth)):
+        c, s, shift, a = (row[..., None] for row in rows)
         axes[:, i, Z], before = z, z
         x, y = c * x + s * y, c * y - s * x
         origin[:, i] = p + slide[:, i, None] * z

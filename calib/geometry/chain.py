@@ -1,20 +1,20 @@
 """The serial chain: all its geometric numbers in one frozen value, and its forward kinematics."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cache
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, check, frozen
+from calib.arrays import Array, check
 from calib.errors import refuse
 from calib.geometry.frames import (
     inverse,
     nearest_rigid,
     require_rigid,
     step_transform,
-    transform,
     transform_step,
 )
 
@@ -90,12 +90,9 @@ class Chain:
         their own axes about their own origin.
         """
         (step,) = check(f"{self.n_numbers}", step=step)
-        return replace(
-            self,
-            links=self.links + step[6:-6].reshape(-1, 5),
-            T_world_base=nearest_rigid(self.T_world_base @ step_transform(step[:6])),
-            T_flange_tool=nearest_rigid(self.T_flange_tool @ step_transform(step[-6:])),
-        )
+        ends = np.stack([self.T_world_base, self.T_flange_tool])
+        base, tool = nearest_rigid(ends @ step_transform(np.stack([step[:6], step[-6:]])))
+        return Chain(self.links + step[6:-6].reshape(-1, 5), self.kinds, base, tool)
 
     def step_to(self, other: "Chain") -> Array:
         """Step (12 + 5 n,) that moves this chain to `other`: ``a.moved(a.step_to(b))`` is b."""
@@ -111,6 +108,7 @@ class Chain:
         )
 
 
+@cache
 def chain_names(n_joints: int) -> tuple[str, ...]:
     """Names of the 12 + 5 n numbers: ``base.x`` ... ``theta1`` ... ``tool.rz``."""
     return (
@@ -125,19 +123,15 @@ def link_rotation_parts(
 ) -> Sequence[tuple[Array, Array, Array, Array, Array, Array, Array, Array]]:
     """Cosines, sines and slides per link: c, s (turn), d, a, ca, sa (alpha), cb, sb (beta).
 
-    Lengths d and a of pose k are 1 + `growth` (m,)[k] times as long.
+    The first three are rows (m,), as is a where lengths grow: those of pose k are 1 + `growth`
+    (m,)[k] times as long.
     """
     d, a = grown_lengths(chain, growth)
     turn = q * (1 - chain.prismatic) + chain.links[:, 0]
     shift = q * chain.prismatic + d
-    c, s = np.cos(turn), np.sin(turn)
-    ca, sa = np.cos(chain.links[:, 3]), np.sin(chain.links[:, 3])
-    cb, sb = np.cos(chain.links[:, 4]), np.sin(chain.links[:, 4])
-    return [
-        (c[:, i, None], s[:, i, None], shift[:, i, None], a[..., i, None], ca[i], sa[i], cb[i],
-         sb[i])
-        for i in range(chain.n_joints)
-    ]  # fmt: skip
+    rows = (np.ascontiguousarray(value.T) for value in (np.cos(turn), np.sin(turn), shift, a))
+    cosine, sine = np.cos(chain.links[:, 3:]).T.tolist(), np.sin(chain.links[:, 3:]).T.tolist()
+    return list(zip(*rows, cosine[0], sine[0], cosine[1], sine[1], strict=True))
 
 
 def grown_lengths(chain: Chain, growth: Array | None) -> tuple[Array, Array]:
@@ -154,19 +148,22 @@ def joint_vectors(chain: Chain, q: ArrayLike) -> Array:
     if q.shape[1] != chain.n_joints:
         wanted = f"axis 1 should be {chain.n_joints}, the joints of the chain"
         raise refuse("q", q.shape, wanted, code="A1", message=f"q has shape {q.shape}")
-    return frozen(q)
+    return q
+
+
+def on_base(chain: Chain, m: int) -> Iterator[Array]:
+    """Axes x, y, z and origin (3, m) in the world before the first link, the same m times."""
+    return (np.repeat(chain.T_world_base[:3, k, None], m, 1) for k in range(4))
 
 
 def after_links(
     chain: Chain, q: Array, growth: Array | None = None
 ) -> Iterator[tuple[Array, Array, Array, Array]]:
-    """Axes x, y, z and origins (m, 3) in the world before the first link and after each one.
+    """Axes x, y, z and origins (3, m) in the world before the first link and after each one.
 
     At checked joints q (m, n); see `forward`.
     """
-    R = np.broadcast_to(chain.T_world_base[:3, :3], (len(q), 3, 3))
-    p = np.broadcast_to(chain.T_world_base[:3, 3], (len(q), 3))
-    x, y, z = R[..., 0], R[..., 1], R[..., 2]
+    x, y, z, p = on_base(chain, len(q))
     yield x, y, z, p
     for c, s, d, a, ca, sa, cb, sb in link_rotation_parts(chain, q, growth):
         x, y = c * x + s * y, c * y - s * x
@@ -191,10 +188,23 @@ def forward(chain: Chain, q: ArrayLike, growth: Array | None = None) -> Array:
     >>> forward(chain, [[0.0]])[0, :3, 3]
     array([0.1, 0. , 0.3])
     """
-    q = joint_vectors(chain, q)
+    return forward_of(chain, joint_vectors(chain, q), growth)
+
+
+def forward_of(chain: Chain, q: Array, growth: Array | None = None) -> Array:
+    """The same at checked joints."""
     T = np.empty((len(q), 4, 4))
     for start in range(0, len(q), BATCH):
         some = slice(start, start + BATCH)
         *_, (x, y, z, p) = after_links(chain, q[some], None if growth is None else growth[some])
-        np.matmul(transform(np.stack([x, y, z], -1), p), chain.T_flange_tool, out=T[some])
+        held(x, y, z, p, chain.T_flange_tool, T[some])
     return T
+
+
+def held(x: Array, y: Array, z: Array, p: Array, tool: Array, out: Array) -> None:
+    """Fill `out` (m, 4, 4) with the poses of a tool held by frames of axes and origins (3, m)."""
+    flange = np.zeros(out.shape)
+    for k, column in enumerate((x, y, z, p)):
+        flange[:, :3, k] = column.T
+    flange[:, 3, 3] = 1
+    np.matmul(flange, tool, out=out)

@@ -93,6 +93,8 @@ class Fixtures:
     def moved(self, step: ArrayLike) -> "Fixtures":
         """Fixtures after a step [m, rad]: points add, frames move in their own axes."""
         (step,) = check(f"{self.n_numbers}", step=step)
+        if not len(step):
+            return self
         k, _, t, _ = self.counts
         points, frames = np.split(step, [self.first_station])
         moved = [

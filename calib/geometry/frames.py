@@ -92,8 +92,8 @@ def inverse(T: Array) -> Array:
 
 
 def step_transform(step: Array) -> Array:
-    """[Exp(r), t; 0, 1] (4, 4) of a frame step [t (m); r (rad)] (6,)."""
-    return transform(exp_so3(step[3:]), step[:3])
+    """[Exp(r), t; 0, 1] (..., 4, 4) of a frame step [t (m); r (rad)] (..., 6)."""
+    return transform(exp_so3(step[..., 3:]), step[..., :3])
 
 
 def transform_step(T: Array) -> Array:
@@ -127,9 +127,9 @@ def slide(x: float, y: float, z: float) -> Array:
 
 
 def nearest_rigid(T: Array) -> Array:
-    """The rigid transform (4, 4) nearest to T: rounding removed so that it never accumulates."""
-    U, _, Vt = np.linalg.svd(T[:3, :3])
-    return transform(U @ Vt, T[:3, 3])
+    """The rigid transforms (..., 4, 4) nearest to T: rounding removed, so it never accumulates."""
+    U, _, Vt = np.linalg.svd(T[..., :3, :3])
+    return transform(U @ Vt, T[..., :3, 3])
 
 
 def is_rigid(T: Array, tolerance: float = 1e-9) -> bool:

@@ -4,12 +4,25 @@ Every geometric number is a unit screw: a slide along an axis, or a turn about a
 point. The pass visits all axes in turn; a turn moves the tool origin by axis x (p_tool - point).
 """
 
+from functools import cache
+
 import numpy as np
 
-from calib.arrays import Array, Bool
+from calib.arrays import Array, Index, frozen
 from calib.geometry.bodies import X, Y, Z, bodies
-from calib.geometry.chain import BATCH, Chain, grown_lengths, link_rotation_parts
+from calib.geometry.chain import (
+    BATCH,
+    Chain,
+    JointKind,
+    grown_lengths,
+    held,
+    link_rotation_parts,
+    on_base,
+)
 from calib.geometry.frames import transform
+
+SWEPT = 400
+"""Poses per pass of the Jacobian: all its screws stay in the cache."""
 
 
 def pose_and_jacobian(chain: Chain, q: Array, growth: Array | None = None) -> tuple[Array, Array]:
@@ -23,11 +36,13 @@ def pose_and_jacobian(chain: Chain, q: Array, growth: Array | None = None) -> tu
     ----------
     Wen et al. 2022, eqs. (2)-(4), in six rows instead of twelve.
     """
-    T = np.zeros((len(q), 4, 4))
-    J = np.zeros((len(q), 6, chain.n_numbers))
-    for start in range(0, len(q), BATCH):
-        part = slice(start, start + BATCH)
-        _fill_batch(chain, q[part], _part(growth, part), T[part], J[part])
+    T = np.empty((len(q), 4, 4))
+    J = np.empty((len(q), 6, chain.n_numbers))
+    # one place for the screws of all batches: fresh memory costs more than the arithmetic
+    screws = np.zeros((6, chain.n_numbers, min(len(q), SWEPT)))
+    for start in range(0, len(q), SWEPT):
+        part = slice(start, start + SWEPT)
+        _fill_batch(chain, q[part], _part(growth, part), screws, T[part], J[part])
     return T, J
 
 
@@ -54,8 +69,8 @@ def bent_pose_and_jacobian(
     growth : (m,) array, optional
         As in `bodies`.
     """
-    T = np.zeros((len(q), 4, 4))
-    J = np.zeros((len(q), 6, chain.n_numbers + 3 * chain.n_joints))
+    T = np.empty((len(q), 4, 4))
+    J = np.empty((len(q), 6, chain.n_numbers + 3 * chain.n_joints))
     for start in range(0, len(q), BATCH):
         part = slice(start, start + BATCH)
         _fill_bent_batch(chain, q[part], bends[part], _part(growth, part), T[part], J[part])
@@ -74,73 +89,80 @@ def _fill_bent_batch(
     d, a = grown_lengths(chain, growth)
     end = start + d[..., None] * z + a[..., None] * x
     beta = np.cos(alpha) * y + np.sin(alpha) * z
-    axes, points = np.zeros((12 + 8 * n, m, 3)), np.zeros((12 + 8 * n, m, 3))
-    slides = np.zeros(12 + 8 * n, dtype=bool)
-    base = chain.T_world_base
-    axes[0:3] = axes[3:6] = base[:3, :3].T[:, None, :]
-    points[3:6], slides[:3] = base[:3, 3], True
+    screws = np.zeros((6, 12 + 8 * n, m))
     links, bent = slice(6, 6 + 5 * n), slice(12 + 5 * n, None)
-    axes[links] = _in_rows(np.stack([at.axes[:, :, Z], z, x, x, beta], 2))
-    points[links] = _in_rows(np.stack([start, start, end, end, end], 2))
-    slides[links] = [False, True, True, False, False] * n
-    axes[bent] = _in_rows(at.axes)
-    points[bent] = _in_rows(np.stack([start] * 3, 2))
-    slides[bent] = np.outer(chain.prismatic, [False, False, True]).ravel()
-    T_out[:] = transform(at.rotation[:, n], at.origin[:, n]) @ chain.T_flange_tool
-    _fill_columns(axes, points, slides, n, T_out, J_out)
+    screws[3:, links] = _in_rows(np.stack([at.axes[:, :, Z], z, x, x, beta], 2))
+    screws[:3, links] = _in_rows(np.stack([start, start, end, end, end], 2))
+    screws[3:, bent] = _in_rows(at.axes)
+    screws[:3, bent] = _in_rows(np.stack([start] * 3, 2))
+    np.matmul(transform(at.rotation[:, n], at.origin[:, n]), chain.T_flange_tool, out=T_out)
+    _fill_columns(chain, screws, T_out, J_out)
 
 
 def _in_rows(vectors: Array) -> Array:
-    """Vectors (m, n, k, 3) of joints as rows (n k, m, 3)."""
-    return np.moveaxis(vectors.reshape(len(vectors), -1, 3), 1, 0)
+    """Vectors (m, n, k, 3) of joints as rows (3, n k, m)."""
+    return vectors.reshape(len(vectors), -1, 3).T
 
 
-def _fill_batch(chain: Chain, q: Array, growth: Array | None, T_out: Array, J_out: Array) -> None:
-    """Fill poses and Jacobian of one batch."""
-    base, tool = chain.T_world_base, chain.T_flange_tool
-    m, n = q.shape
-    # all screws, from base to tool
-    axes = np.zeros((chain.n_numbers, m, 3))  # one axis per number
-    points = np.zeros((chain.n_numbers, m, 3))  # a point on it, for turns
-    slides = np.zeros(chain.n_numbers, dtype=bool)
-    axes[0:3] = axes[3:6] = base[:3, :3].T[:, None, :]
-    points[3:6] = base[:3, 3]
-    slides[0:3] = True
-    x, y, z = (np.broadcast_to(base[:3, k], (m, 3)) for k in range(3))
-    p = np.broadcast_to(base[:3, 3], (m, 3))
-    for i, (c, s, d, a, ca, sa, cb, sb) in enumerate(link_rotation_parts(chain, q, growth)):
-        k = 6 + 5 * i
-        axes[k], points[k] = z, p  # theta
-        axes[k + 1] = z  # d
+def _fill_batch(
+    chain: Chain, q: Array, growth: Array | None, screws: Array, T_out: Array, J_out: Array
+) -> None:
+    """Fill poses and Jacobian of one batch; `screws` (6, 12 + 5 n, m or more) are overwritten."""
+    screws = screws[:, :, : len(q)]
+    axes, points = screws[3:], screws[:3]
+    parts = link_rotation_parts(chain, q, growth)
+    x, y, z, p = on_base(chain, len(q))
+    for k, (c, s, d, a, ca, sa, cb, sb) in zip(range(6, chain.n_numbers, 5), parts, strict=False):
+        axes[:, k : k + 2] = z[:, None]  # theta, d
+        points[:, k] = p
         x, y = c * x + s * y, c * y - s * x
         p = p + d * z + a * x
-        axes[k + 2] = x  # a
-        axes[k + 3], points[k + 3] = x, p  # alpha
+        axes[:, k + 2 : k + 4] = x[:, None]  # a, alpha
+        points[:, k + 3 : k + 5] = p[:, None]
         y, z = ca * y + sa * z, ca * z - sa * y
-        axes[k + 4], points[k + 4] = y, p  # beta
+        axes[:, k + 4] = y  # beta
         x, z = cb * x - sb * z, sb * x + cb * z
-        slides[k + 1] = slides[k + 2] = True
-    T_out[:] = transform(np.stack([x, y, z], -1), p) @ tool
-    _fill_columns(axes, points, slides, n, T_out, J_out)
+    held(x, y, z, p, chain.T_flange_tool, T_out)
+    _fill_columns(chain, screws, T_out, J_out)
 
 
-def _fill_columns(
-    axes: Array, points: Array, slides: Bool, n: int, T_out: Array, J_out: Array
-) -> None:
-    """Put the screws of the tool after those of n links, and turn all screws into columns."""
-    k = 6 + 5 * n
-    axes[k : k + 3] = axes[k + 3 : k + 6] = np.moveaxis(T_out[:, :3, :3], -1, 0)
-    slides[k : k + 3] = True
-    origin = T_out[:, :3, 3]
-    points[k + 3 : k + 6] = origin
-    # columns: slides move along their axis, turns move by axis x arm
-    turns = ~slides
-    J_out[:, :3, slides] = np.moveaxis(axes[slides], 0, -1)
-    J_out[:, 3:, turns] = np.moveaxis(axes[turns], 0, -1)
-    arm, axis = origin - points[turns], axes[turns]
-    J_out[:, 0, turns] = (axis[..., 1] * arm[..., 2] - axis[..., 2] * arm[..., 1]).T
-    J_out[:, 1, turns] = (axis[..., 2] * arm[..., 0] - axis[..., 0] * arm[..., 2]).T
-    J_out[:, 2, turns] = (axis[..., 0] * arm[..., 1] - axis[..., 1] * arm[..., 0]).T
+def _fill_columns(chain: Chain, screws: Array, T_out: Array, J_out: Array) -> None:
+    """Add the screws of base and tool to those of links and bends, and make columns of them all.
+
+    Parameters
+    ----------
+    chain : Chain
+        Geometry.
+    screws : (6, P, m) array
+        A point on each axis, of slides any, and its direction; used up.
+    T_out, J_out : (m, 4, 4) and (m, 6, P) array
+        Poses of the tool, and what is filled in.
+    """
+    axes, points = screws[3:], screws[:3]
+    k, base = 6 + 5 * chain.n_joints, chain.T_world_base[:3, :, None]
+    axes[:, 0:3] = axes[:, 3:6] = base[:, :3]
+    axes[:, k : k + 3] = axes[:, k + 3 : k + 6] = T_out[:, :3, :3].transpose(1, 2, 0)
+    origin = T_out[:, :3, None, 3].swapaxes(0, 1).swapaxes(1, 2)
+    points[:, 3:6], points[:, k + 3 : k + 6] = base[:, 3:], origin
+    # slides move along their axis, turns move by axis x arm
+    slides, turns = _slides_and_turns(chain.kinds, screws.shape[1])
+    axis, arm = axes[:, turns], origin - points[:, turns]
+    points[0, turns] = axis[1] * arm[2] - axis[2] * arm[1]
+    points[1, turns] = axis[2] * arm[0] - axis[0] * arm[2]
+    points[2, turns] = axis[0] * arm[1] - axis[1] * arm[0]
+    points[:, slides], axes[:, slides] = axes[:, slides], 0.0
+    J_out[:] = screws.transpose(2, 0, 1)
+
+
+@cache
+def _slides_and_turns(kinds: tuple[JointKind, ...], numbers: int) -> tuple[Index, Index]:
+    """Which of the numbers of a chain, and of its bends if these are among them, slide or turn."""
+    k = 6 + 5 * len(kinds)
+    slide = np.zeros(numbers, dtype=bool)
+    slide[0:3] = slide[7:k:5] = slide[8:k:5] = slide[k : k + 3] = True
+    if numbers > k + 6:
+        slide[k + 8 :: 3] = [kind == "prismatic" for kind in kinds]
+    return frozen(np.flatnonzero(slide), np.int64), frozen(np.flatnonzero(~slide), np.int64)
 
 
 def joint_columns(chain: Chain) -> list[int]:

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check
 from calib.geometry.bodies import Z, bent_forward
-from calib.geometry.chain import Chain, chain_names, forward, joint_vectors
+from calib.geometry.chain import Chain, chain_names, forward_of, joint_vectors
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.jacobian import bent_pose_and_jacobian, joint_columns, pose_and_jacobian
 from calib.geometry.joint_errors import JointErrors
@@ -83,9 +83,9 @@ class RobotModel:
         """Model after a step (P,) [m, rad]: chain as in `Chain.moved`, coefficients add."""
         (step,) = check(f"{self.n_numbers}", step=step)
         k, end = self.chain.n_numbers, self.first_fixture
-        errors = replace(
-            self.joint_errors, coefficients=self.joint_errors.coefficients + step[k:end]
-        )
+        errors = self.joint_errors
+        if end > k:
+            errors = replace(errors, coefficients=errors.coefficients + step[k:end])
         return RobotModel(self.chain.moved(step[:k]), errors, self.fixtures.moved(step[end:]))
 
     def step_to(self, other: "RobotModel") -> Array:
@@ -105,7 +105,9 @@ class RobotModel:
         at.require_rows(len(q))
         if errors.springs:
             return bent_forward(self.chain, q, errors.bends(q, at), errors.growth(at))
-        return forward(self.chain, q + errors.offsets(q, at), errors.growth(at))
+        if errors.terms:
+            q = q + errors.of_terms(q, at)
+        return forward_of(self.chain, q, errors.growth(at))
 
     def poses_and_jacobian(
         self, q: ArrayLike, at: OperatingConditions = AS_USUAL
@@ -119,10 +121,13 @@ class RobotModel:
         """
         q, errors = joint_vectors(self.chain, q), self.joint_errors
         at.require_rows(len(q))
+        if not len(errors.coefficients):
+            T, own = pose_and_jacobian(self.chain, q)
+            if not self.fixtures.n_numbers:
+                return T, own
+            return T, np.concatenate([own, np.zeros((len(q), 6, self.fixtures.n_numbers))], axis=2)
         basis = errors.basis(q, at)
         apart = self.columns_apart(q, at, basis)
-        if self.n_numbers == self.chain.n_numbers:
-            return apart.T, apart.chain
         J = np.zeros((len(q), 6, self.n_numbers))
         first, k = self.chain.n_numbers, len(errors.terms)
         J[:, :, :first] = apart.chain

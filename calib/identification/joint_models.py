@@ -121,7 +121,7 @@ def gravity_quarters(chain: Chain) -> tuple[int, int] | None:
         return None
     near = np.cos(UPRIGHT)
     still = np.zeros((1, chain.n_joints))
-    ends = [(z[0], p[0]) for *_, z, p in after_links(chain, still)]
+    ends = [(z[:, 0], p[:, 0]) for *_, z, p in after_links(chain, still)]
     (axis, second), (of_third, third), (of_fourth, fourth) = ends[1:4]
     tip = forward(chain, still)[0, :3, 3]
     if chain.kinds[0] == "revolute" and abs(chain.T_world_base[2, 2]) < near:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from calib.arrays import Array
-from calib.measurement.observations import Measurements
+from calib.measurement.observations import Measurements, count_distinct
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +51,8 @@ def lack_of_fit(
     ----------
     F = [(SS - SS_pe) / (rows of distinct poses - p)] / [SS_pe / dof_pe]; Draper & Smith 1998, 2.1.
     """
+    if count_distinct(measurements.q) == len(measurements):
+        return None
     key = np.column_stack([measurements.q, measurements.target_key])
     distinct, group, visits = np.unique(key, axis=0, return_inverse=True, return_counts=True)
     if len(distinct) == len(key):

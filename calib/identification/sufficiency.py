@@ -9,7 +9,7 @@ from calib.geometry.inverse import spread
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.information.reduction import reduce
-from calib.measurement.observations import GIVEN, Measurements
+from calib.measurement.observations import GIVEN, Measurements, count_distinct
 from calib.measurement.residual import linearize
 
 
@@ -23,7 +23,9 @@ def require_equations(
     Numbers are counted as the directions that many poses of this kind would tell apart; one
     equation more than that leaves a residual to judge the fit by.
     """
-    count, have = _independent(measurements, parameters)
+    if 6 * count_distinct(measurements.q[measurements.is_pose]) > parameters.n_free:
+        return
+    count, have = independent_equations(measurements, parameters)
     if have > parameters.n_free:
         return
     numbers = _generic_rank(nominal, measurements, parameters)
@@ -35,7 +37,7 @@ def require_equations(
     raise refuse("measurements", count, code="M27", message=message, fix=fix)
 
 
-def _independent(measurements: Measurements, parameters: Parameters) -> tuple[int, int]:
+def independent_equations(measurements: Measurements, parameters: Parameters) -> tuple[int, int]:
     """Different joint vectors, and the equations they can give: a repeat adds none.
 
     Distances to one reflector at one joint vector give no more than the three of its place, and all

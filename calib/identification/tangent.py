@@ -128,7 +128,7 @@ class Tangent:
         """(p,) undamped step in scaled numbers, where the columns are told apart."""
         return np.asarray(dtrtrs(self.R, self.inside)[0])
 
-    @property
+    @cached_property
     def offset(self) -> float:
         """|Q1'r|: with unit noise, the length of the undamped step in standard deviations."""
         return float(np.linalg.norm(self.inside))
@@ -139,7 +139,7 @@ class Tangent:
         n, p = self.shape
         return n == p or self.cost < EXACT_FIT**2
 
-    @property
+    @cached_property
     def certificate(self) -> float:
         """How much of the residual the parameters could still explain, against what they cannot.
 

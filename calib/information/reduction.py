@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import sqrt
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -15,6 +16,8 @@ from calib.information.rank import RANK_TOLERANCE, count, practical_rank, singul
 
 KEEP_TOLERANCE = 1e-6
 """A column is kept when more than this part of it lies outside the columns already kept."""
+PLAIN = 100.0
+"""So many times more than that, and rounding has no say."""
 PARALLEL = np.cos(np.deg2rad(1.0))
 """Axes within 1 degree count as parallel: then beta is telling and d is not (Hayati)."""
 STILL = 1e-9
@@ -132,7 +135,8 @@ def reduce(
         *_count_sentences(len(A), len(keep), n_directions, len(names)),
         *(_dependency(names, lengths, keep, mixing, k) for k in left if k not in unloaded),
     ]
-    spread = singular_values(small[:, keep]) if keep else np.ones(1)
+    every = len(keep) == len(names)
+    spread = singular if every else singular_values(small[:, keep]) if keep else np.ones(1)
     return Reduction(
         singular_values=frozen(singular),
         rank=n_directions,
@@ -168,17 +172,23 @@ def _choose_columns(A: Array, order: Sequence[int]) -> _Kept:
     """Keep columns by Gram-Schmidt in the given order; express all columns in the kept ones."""
     size = np.linalg.norm(A, axis=0)
     silent = np.flatnonzero(size <= RANK_TOLERANCE * size.max())
+    if not len(silent) and len(A) == A.shape[1]:
+        # where each is plainly told apart, one triangle proves it
+        rests = np.abs(np.diagonal(np.linalg.qr(A[:, order], mode="r")))
+        if (rests > PLAIN * KEEP_TOLERANCE * size[order]).all():
+            return _Kept(list(order), np.eye(len(order)), silent)
     basis = np.zeros((A.shape[0], min(A.shape)))
     kept: list[int] = []
+    out = {*silent.tolist()}
     for k in order:
-        if size[k] == 0 or k in silent or len(kept) == basis.shape[1]:
+        if size[k] == 0 or k in out or len(kept) == basis.shape[1]:
             continue
         rest = A[:, k] / size[k]
         Q = basis[:, : len(kept)]
         # twice: once leaves rounding of the size of the column
         for _ in range(2):
             rest = rest - Q @ (Q.T @ rest)
-        length = float(np.linalg.norm(rest))
+        length = sqrt(rest @ rest)
         if length > KEEP_TOLERANCE:
             basis[:, len(kept)] = rest / length
             kept.append(k)

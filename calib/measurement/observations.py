@@ -218,6 +218,12 @@ def united(one: Index, other: Index) -> Index:
         group = lowest[one]
 
 
+def count_distinct(rows: Array) -> int:
+    """Number of distinct rows (m, k)."""
+    # adding zero takes the sign of zeros away
+    return len({row.tobytes() for row in rows + 0.0})
+
+
 def first_met(rows: Array | Index) -> Index:
     """Number (m,) of each distinct row, counted in order of appearance."""
     _, first, group = np.unique(rows, axis=0, return_index=True, return_inverse=True)

@@ -11,6 +11,7 @@ from calib.geometry.frames import (
     inverse,
     is_rigid,
     log_so3,
+    nearest_rigid,
     right_jacobian_inverse,
     rot_x,
     rot_y,
@@ -63,6 +64,9 @@ def test_stacks_give_the_same_as_single_matrices():
     w = np.random.default_rng(0).normal(size=(50, 3))
     one_by_one = np.array([log_so3(exp_so3(v)) for v in w])
     assert np.array_equal(log_so3(exp_so3(w)), one_by_one)
+    steps = np.random.default_rng(1).normal(size=(50, 6))
+    moved = [nearest_rigid(step_transform(step)) for step in steps]
+    assert np.array_equal(nearest_rigid(step_transform(steps)), moved)
 
 
 def test_skew_is_the_cross_product():

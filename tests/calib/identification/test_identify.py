@@ -16,7 +16,8 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, Status, identify
 from calib.identification.outliers import outliers
-from calib.measurement.observations import POINT, POSE, Measurements
+from calib.identification.sufficiency import independent_equations
+from calib.measurement.observations import POINT, POSE, Measurements, count_distinct
 from calib.measurement.residual import linearize, paper_stack
 from tests.reference import (
     DEG,
@@ -84,6 +85,17 @@ def largest_difference(one: RobotModel, other: RobotModel) -> tuple[float, float
         float(np.linalg.norm(A[:, :3, 3] - B[:, :3, 3], axis=1).max()),
         float(np.abs(A[:, :3, :3] - B[:, :3, :3]).max()),
     )
+
+
+@pytest.mark.parametrize("seen", [1, 4, 5, 6, 29])
+def test_poses_alone_never_promise_more_equations_than_all_rows(seen):
+    """What a quick look lets pass, the full count lets pass as well."""
+    parameters, offsets = parameters_of(tx60()), np.array([[0.1, 0, 0], [0, 0.1, 0.0]])
+    q = np.concatenate([POOL[:seen], POOL[:2], -0.0 * POOL[:3]])
+    for table in (measured(tx60(), q), reflectors(tx60(), q, offsets, poses=True)):
+        different = count_distinct(table.q[table.is_pose])
+        assert different == seen + (1 if seen > 1 else 2)
+        assert 6 * different <= independent_equations(table, parameters)[1]
 
 
 @pytest.mark.parametrize("mode", ["whitened", "paper"])

@@ -9,7 +9,7 @@ from scipy.stats import f as fisher
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, identify
 from calib.identification.prior import weak_prior
-from calib.measurement.observations import POINT, POSE, Measurements
+from calib.measurement.observations import POINT, POSE, Measurements, count_distinct
 from calib.measurement.residual import linearize, table_whiteners
 from tests.reference import DEG, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
@@ -30,6 +30,13 @@ def repeated(seed: int, visits: int = 3, *, noise: float = 1.0, sag: float = 0.0
         pose_id=np.tile(np.arange(12), visits),
         repeat=np.repeat(np.arange(visits), 12),
     )
+
+
+def test_joint_values_are_counted_as_numbers_not_as_bits():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        rows = rng.integers(-1, 2, (rng.integers(0, 12), 2)) * rng.choice([-1.0, 1.0], (1, 2))
+        assert count_distinct(rows) == len(np.unique(rows, axis=0))
 
 
 def fitted(table: Measurements) -> Identification:

@@ -11,6 +11,7 @@ from calib.geometry.jacobian import reflector_rows
 from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH, parameters_of
+from calib.information import reduction
 from calib.information.rank import practical_rank, rank, singular_values
 from calib.information.reduction import Reduction, reduce
 from calib.information.sizes import weak_prior_sd
@@ -258,6 +259,19 @@ def test_a_direction_counts_as_learned_when_its_sd_is_halved():
     assert practical_rank(A, np.ones(3)) == 2
     assert practical_rank(A / [2.0, 4.0, 8.0], [2.0, 4.0, 8.0]) == 2
     assert practical_rank(A, np.ones(3), ratio=0.2) == 1
+
+
+@pytest.mark.parametrize(
+    "free", [READABLE30, (*READABLE30, "d2")], ids=["all told apart", "one not"]
+)
+def test_one_triangle_keeps_what_columns_one_by_one_keep(free: tuple[str, ...], monkeypatch):
+    model, q = perturbed(3), pool_r()[:29]
+    quick = reduced(model, q, free)
+    monkeypatch.setattr(reduction, "PLAIN", np.inf)
+    slow = reduced(model, q, free)
+    assert (quick.kept, quick.sentences) == (slow.kept, slow.sentences)
+    assert np.array_equal(quick.mixing, slow.mixing)
+    assert quick.condition == slow.condition
 
 
 def test_singular_values_are_those_of_the_definition():
