@@ -52,6 +52,18 @@ class ManyModels:
         )
 
     @classmethod
+    def each(cls, like: RobotModel, models: Sequence[RobotModel]) -> "ManyModels":
+        """Models of the joints and joint terms of one, from which steps count."""
+        chains = [model.chain for model in models]
+        return cls(
+            like,
+            np.array([chain.links for chain in chains]),
+            np.array([chain.T_world_base[:3] for chain in chains]),
+            np.array([chain.T_flange_tool[:3] for chain in chains]),
+            np.array([model.joint_errors.coefficients for model in models]),
+        )
+
+    @classmethod
     def joined(cls, parts: Sequence["ManyModels"]) -> "ManyModels":
         """The robots of all parts, in order."""
         names = ("links", "base", "tool", "coefficients")

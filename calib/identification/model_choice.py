@@ -124,21 +124,35 @@ def choose(
         nominal, geometric.model, asked, parameters, ladders,
         parts_of(asked, rng), prior=prior, loss=loss,
     )  # fmt: skip
-    levels = found.taken or tuple(
-        next((level for level in ladder.levels if level.usual), ladder.levels[-1])
-        for ladder in ladders
-    )
-    wide, extended = extended_by(
-        nominal, measurements, parameters, levels,
+    extended = extended_by(
+        nominal, measurements, parameters, levels_shown(found, ladders),
         prior=prior if own_prior is None else own_prior,
         factor=found.noise_factor, loss=loss, report=report,
         start=found.near if found.taken else None,
     )  # fmt: skip
+    return choice_of(nominal, geometric, extended, found)
+
+
+def levels_shown(found: Climb, ladders: Sequence[Ladder]) -> tuple[Level, ...]:
+    """The levels that a climb took, or the usual ones where it took none."""
+    return found.taken or tuple(
+        next((level for level in ladder.levels if level.usual), ladder.levels[-1])
+        for ladder in ladders
+    )
+
+
+def choice_of(
+    nominal: RobotModel,
+    geometric: Identification,
+    extended: tuple[RobotModel, Identification],
+    found: Climb,
+) -> ModelChoice:
+    """The choice after a climb, with the fit of the geometry and what `extended_by` made."""
     best = None if found.taken else best_offer(found)
     return ModelChoice(
         chosen="extended" if found.taken else "geometric",
-        identifications=(geometric, extended),
-        starts=(nominal, wide),
+        identifications=(geometric, extended[1]),
+        starts=(nominal, extended[0]),
         climb=found,
         log_evidence=found.gain if found.taken else best.gain if best else float("nan"),
         sentence=sentence_of(found, nominal),
@@ -203,14 +217,22 @@ def under_noise(
     ----------
     inv(H)(A'A + factor^4 Lambda0)inv(H), H = A'A + factor^2 Lambda0.
     """
-    tighter = Prior.of_precision(prior.mean, prior.precision * factor**2, prior.names)
+    tighter = prior.weighed(factor**2)
     found = identify(
         nominal, measurements, parameters, prior=tighter, loss=loss, report=report, start=start
     )
+    return as_believed(found, factor)
+
+
+def as_believed(found: Identification, factor: float) -> Identification:
+    """A fit under a prior `factor` times too tight, with a covariance by the prior as it is."""
+    tighter = found.prior
+    if tighter is None or factor == 1.0:
+        return found
     at = [found.names.index(name) for name in tighter.names]
-    wider = found.covariance[:, at] @ tighter.precision @ found.covariance[at]
-    covariance = found.covariance + (factor**2 - 1) * (wider + wider.T) / 2
-    return replace(found, covariance=frozen(covariance))
+    spread = tighter.halved(found.covariance[:, at])
+    wider = (factor**2 - 1) * (spread @ spread.T)
+    return replace(found, covariance=frozen(found.covariance + wider))
 
 
 def sentence_of(found: Climb, nominal: RobotModel) -> str:

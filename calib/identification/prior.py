@@ -75,6 +75,16 @@ class Prior:
         (precision,) = check("k k", precision=precision)
         return cls(frozen(mean), _sd_of(precision), tuple(names), precision)
 
+    def weighed(self, factor: float) -> "Prior":
+        """The same belief with `factor` times the precision."""
+        return Prior.of_precision(self.mean, self.precision * factor, self.names)
+
+    def halved(self, rows: Array) -> Array:
+        """Rows (n, k) times L, where L L' is the precision."""
+        if _diagonal(self.precision):
+            return np.asarray(rows * np.sqrt(np.diagonal(self.precision)))
+        return np.asarray(rows @ _root(self.precision).T)
+
     def joined(self, other: "Prior") -> "Prior":
         """Both beliefs as one; they must be about different numbers."""
         a, b = len(self.names), len(other.names)
@@ -108,7 +118,7 @@ class PriorRows:
     @property
     def independent(self) -> bool:
         """Whether each number is believed in by itself."""
-        return int(np.count_nonzero(self.root)) == len(self.root)
+        return _diagonal(self.root)
 
     def at(self, model: RobotModel) -> tuple[Array, Array]:
         """Residual U (mean - x) (k,) and derivative U dx (k, P) by a small step of every number.
@@ -214,6 +224,8 @@ def frame_places(model: RobotModel) -> tuple[int, ...]:
 
 def _root(precision: Array) -> Array:
     """U (k, k) with U'U = precision, unit-free; refuses what is not positive definite."""
+    if _diagonal(precision):
+        return np.diag(np.sqrt(np.diag(precision)))
     size = np.sqrt(np.abs(np.diag(precision)))
     scaled = precision / np.outer(np.where(size > 0, size, 1.0), np.where(size > 0, size, 1.0))
     if np.abs(scaled - scaled.T).max() > 1e-9:
@@ -233,7 +245,15 @@ def _root(precision: Array) -> Array:
     return np.asarray(np.linalg.cholesky((scaled + scaled.T) / 2).T * size)
 
 
+def _diagonal(M: Array) -> bool:
+    """Whether a matrix (k, k) has a positive diagonal, and nothing beside it."""
+    return bool((np.diagonal(M) > 0).all()) and np.count_nonzero(M) == len(M)
+
+
 def _sd_of(precision: Array) -> Array:
     """Standard deviations (k,) that a precision (k, k) leaves to each number alone."""
-    inverse = np.linalg.solve(_root(precision), np.eye(len(precision)))
+    root = _root(precision)
+    if _diagonal(root):
+        return frozen(1 / np.diag(root))
+    inverse = np.linalg.solve(root, np.eye(len(precision)))
     return frozen(np.linalg.norm(inverse, axis=1))

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, check
+from calib.arrays import Array, Index, check
 
 RANK_TOLERANCE = 1e-9
 """A singular value counts above this part of the largest (TX60: the gap is 0.19 to 1e-15)."""
@@ -48,7 +48,13 @@ def practical_rank(A: ArrayLike, prior_sd: ArrayLike, *, ratio: float = PRACTICA
     In prior units the posterior sd along a singular direction is 1 / sqrt(1 + sigma^2).
     """
     A, prior_sd = check("N f, f", A=A, prior_sd=prior_sd)
-    return int((singular_values(A * prior_sd) > np.sqrt(ratio**-2 - 1)).sum())
+    return int(learned(A, prior_sd, np.ones(1), ratio)[0])
+
+
+def learned(A: Array, prior_sd: Array, factors: Array, ratio: float = PRACTICAL_RATIO) -> Index:
+    """The same (k,) under priors tighter by some factors (k,)."""
+    beyond = singular_values(A * prior_sd) / factors[:, None] > np.sqrt(ratio**-2 - 1)
+    return np.asarray(beyond.sum(axis=1), dtype=np.int64)
 
 
 def count(singular: Array, tolerance: float) -> int:

@@ -85,7 +85,8 @@ def fit_many(
     *,
     mode: Mode = "whitened",
     prior: Prior | None = None,
-    start: RobotModel | None = None,
+    weight: Array | None = None,
+    start: RobotModel | ManyModels | None = None,
     shared: bool | None = None,
 ) -> ManyFits:
     """Fit the free numbers to each of many tables.
@@ -106,11 +107,14 @@ def fit_many(
         Estimator, as in `identify`.
     prior : Prior, optional
         Of all free numbers.
-    start : RobotModel, optional
-        Where the search begins, as in `identify`.
+    weight : (R,) array, optional
+        Factor of each robot on the precision of the prior.
+    start : RobotModel or ManyModels, optional
+        Where the search begins, as in `identify`, of all or of each.
     shared : bool, optional
         Whether fits share the curvature there, which tables of one plan may; so do several by
-        default. No bit of a fit hangs on how many there are beside it, but on this.
+        default, from one start and under one prior. No bit of a fit hangs on how many there are
+        beside it, but on this.
 
     Raises
     ------
@@ -133,14 +137,19 @@ def fit_many(
     if n <= f and prior is None:
         message = f"{n} rows for {f} unknowns"
         raise refuse("tables", n, "more rows than unknowns", code="M27", message=message)
-    start = nominal if start is None else start
+    if shared is None:
+        alike = weight is None and not isinstance(start, ManyModels)
+        shared = alike and len(tables.q) == 1 < len(tables)
+    if not isinstance(start, ManyModels):
+        start = ManyModels.of(nominal if start is None else start, len(tables), nominal)
     rows = ManyRows.of(nominal, tables, parameters.free_index, mode)
-    belief = None if prior is None else ManyBeliefs.of(prior, parameters)
-    shared = len(tables.q) == 1 < len(tables) if shared is None else shared
-    common = _shared(rows, start, belief) if shared else None
+    belief = None if prior is None else ManyBeliefs.of(prior, parameters, weight)
+    common = _shared(rows, start.some(slice(0, 1)), belief) if shared else None
     parts = [
-        _fit_block(parameters, rows.some(slice(k, k + BLOCK)), start, belief, common)
-        for k in range(0, len(tables), BLOCK)
+        _fit_block(
+            parameters, rows.some(part), start.some(part), belief and belief.some(part), common
+        )
+        for part in (slice(k, k + BLOCK) for k in range(0, len(tables), BLOCK))
     ]
     return joined_fits(parts)
 
@@ -164,13 +173,14 @@ class _Shared(NamedTuple):
     """(f, f) inverse of the curvature."""
 
 
-def _shared(rows: ManyRows, start: RobotModel, belief: ManyBeliefs | None) -> _Shared | None:
-    """Columns and curvature at the start; None where they do not tell all numbers.
+def _shared(rows: ManyRows, start: ManyModels, belief: ManyBeliefs | None) -> _Shared | None:
+    """Columns and curvature at the one start; None where they do not tell all numbers.
 
     Of a table that sees what is predicted there: they hang on no robot.
     """
-    models = ManyModels.of(start, 1, rows.like)
-    at = ManyTangents.of(rows.some(slice(0, 1)).seeing(models), models, belief)
+    first = slice(0, 1)
+    belief = belief and belief.some(first)
+    at = ManyTangents.of(rows.some(first).seeing(start), start, belief)
     found = ManyInverses.of(at.normal(at.data))
     return _Shared(at.A[0].T, found.C[0]) if found.sound[0] else None
 
@@ -178,12 +188,11 @@ def _shared(rows: ManyRows, start: RobotModel, belief: ManyBeliefs | None) -> _S
 def _fit_block(
     parameters: Parameters,
     rows: ManyRows,
-    start: RobotModel,
+    models: ManyModels,
     belief: ManyBeliefs | None,
     shared: _Shared | None,
 ) -> ManyFits:
     """Fit the tables of one block."""
-    models = ManyModels.of(start, len(rows.tables), rows.like)
     if shared is not None:
         models = _by_chords(rows, models, belief, shared)
     slow = np.full(len(models), shared is None)
@@ -213,7 +222,7 @@ def _by_chords(
     for _ in range(CHORDS):
         pull = times(rows.residual_at(models), shared.A)
         if belief is not None:
-            pull += times(belief.at(models)[0], belief.precision)
+            pull += belief.at(models).pull
         models = moved_by(models, rows.free, times(pull, shared.C))
     return models
 
@@ -242,9 +251,7 @@ def _ended(
         chi_square += np.einsum("rf,rf->r", step, (data @ step[:, :, None])[:, :, 0] - 2 * pull)
         if at.held is not None:
             dof = n - np.einsum("rij,rij->r", data, found.C)
-            believed = np.linalg.slogdet(at.held.D)[1]
-            believed += np.linalg.slogdet(at.held.precision)[1] / 2
-            evidence = -(at.cost - inside) / 2 + believed - found.spread / 2
+            evidence = -(at.cost - inside - at.held.spread + found.spread) / 2
         p_value = chdtrc(dof, chi_square)
     return ManyFits(
         parameters=parameters,

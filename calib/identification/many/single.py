@@ -1,6 +1,7 @@
 """Identifications of many robots at one set of poses: each as `identify` makes it, all at once."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,8 +16,10 @@ from calib.identification.lack_of_fit import lack_of_fit
 from calib.identification.least_squares import Status
 from calib.identification.many.fit import BLOCK, ManyFits, fit_many
 from calib.identification.many.tables import ManyRows, ManyTables, known_to_many
+from calib.identification.many.tangents import ManyBeliefs
 from calib.identification.prior import Prior
 from calib.identification.result import Identification
+from calib.information.rank import learned
 from calib.information.reduction import Reduction, reduce
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import perfect
@@ -47,60 +50,92 @@ def identify_many(
     prior : Prior, optional
         Of all free numbers.
     """
-    fits, reduction = _together(nominal, tables, parameters, prior)
-    if fits is None or reduction is None:
-        return [identify(nominal, table, parameters, prior=prior) for table in tables]
-    begun, ended = _residuals(nominal, tables, fits)
-    precision = np.zeros(0) if prior is None else _precision(prior, fits)
+    found = together(nominal, tables, parameters, prior)
     return [
-        _single(fits, k, table, reduction, (begun[k], ended[k]), prior, precision)
-        if fits.converged[k]
-        else identify(nominal, table, parameters, prior=prior)
-        for k, table in enumerate(tables)
+        identify(nominal, table, parameters, prior=prior) if one is None else one
+        for one, table in zip(found, tables, strict=True)
     ]
 
 
-def _together(
+def together(
     nominal: RobotModel,
     tables: Sequence[Measurements],
     parameters: Parameters,
     prior: Prior | None,
-) -> tuple[ManyFits | None, Reduction | None]:
-    """All fits, and what their rows tell apart; None where arrays do not know them."""
-    many = ManyTables.alike(tables)
+    *,
+    weights: Array | None = None,
+    starts: Sequence[RobotModel] | None = None,
+) -> list[Identification | None]:
+    """What `identify` finds of each; None of whom arrays say nothing.
+
+    Parameters
+    ----------
+    nominal, tables, parameters, prior
+        As in `identify_many`.
+    weights : (R,) array, optional
+        Factor of each robot on the precision of the prior.
+    starts : sequence of RobotModel, optional
+        Where each search begins.
+    """
+    many, R = ManyTables.alike(tables), len(tables)
     told = prior is None or set(prior.names) == set(parameters.free_names)
     if many is None or len(many.q) > 1 or not known_to_many(nominal) or not told:
-        return None, None
-    # of a table that sees what is predicted: it hangs on no robot
-    A = linearize(nominal, perfect(nominal, tables[0])).A[:, parameters.free_index]
-    A = A * parameters.free_scale
-    sd = None
-    if prior is not None:
-        sd = prior.sd[[prior.names.index(name) for name in parameters.free_names]]
-    reduction = reduce(A, parameters, model=nominal, q=tables[0].q, prior_sd=sd)
-    kept = parameters.freeing(reduction.kept) if prior is None else parameters
-    if prior is None and len(A) <= kept.n_free:
-        return None, None
-    return fit_many(nominal, many, kept, prior=prior, shared=True), reduction
+        return [None] * R
+    told_apart = _reductions(nominal, tables[0], parameters, prior, weights)
+    kept = parameters.freeing(told_apart[0].kept) if prior is None else parameters
+    if prior is None and 6 * len(tables[0]) <= kept.n_free:
+        return [None] * R
+    begin = ManyModels.of(nominal, R) if starts is None else ManyModels.each(nominal, starts)
+    own = weights is not None or starts is not None
+    fits = fit_many(
+        nominal, many, kept, prior=prior, weight=weights,
+        start=begin if own else None, shared=not own,
+    )  # fmt: skip
+    rows = ManyRows.of(nominal, many, kept.free_index, "whitened")
+    residuals = zip(*(_residuals(rows, models) for models in (begin, fits.models)), strict=True)
+    costs = None if prior is None else _held(ManyBeliefs.of(prior, kept, weights), begin, fits)
+    believed = [prior] * R
+    if prior is not None and weights is not None:
+        believed = [prior.weighed(float(weight)) for weight in weights]
+    return [
+        _single(fits, k, table, told_apart[k % len(told_apart)], both, believed[k], costs)
+        if fits.converged[k]
+        else None
+        for k, (table, both) in enumerate(zip(tables, residuals, strict=True))
+    ]
 
 
-def _residuals(
-    nominal: RobotModel, tables: Sequence[Measurements], fits: ManyFits
-) -> tuple[Array, Array]:
-    """Whitened residuals (R, N), rows pose by pose, of the nominal robot and of each fit."""
-    rows = ManyRows.of(nominal, ManyTables.of(tables), fits.parameters.free_index, "whitened")
-    found = []
-    for models in (ManyModels.of(nominal, len(tables)), fits.models):
-        parts = (slice(k, k + BLOCK) for k in range(0, len(tables), BLOCK))
-        r = np.concatenate([rows.some(some).residual_at(models.some(some)) for some in parts])
-        found.append(r.reshape(len(r), 6, -1).swapaxes(1, 2).reshape(len(r), -1))
-    return found[0], found[1]
+def _reductions(
+    nominal: RobotModel,
+    table: Measurements,
+    parameters: Parameters,
+    prior: Prior | None,
+    weights: Array | None,
+) -> list[Reduction]:
+    """What rows of these poses tell apart, once or by the weight of the prior.
+
+    Of a table that sees what is predicted: it hangs on no robot.
+    """
+    A = linearize(nominal, perfect(nominal, table)).A[:, parameters.free_index]
+    found = reduce(A * parameters.free_scale, parameters, model=nominal, q=table.q)
+    if prior is None:
+        return [found]
+    sd = prior.sd[[prior.names.index(name) for name in parameters.free_names]]
+    beyond = learned(A, sd, np.sqrt(np.ones(1) if weights is None else weights))
+    return [replace(found, practical_rank=count) for count in beyond.tolist()]
 
 
-def _precision(prior: Prior, fits: ManyFits) -> Array:
-    """Lambda0 (f, f) in the order of the free numbers."""
-    order = [prior.names.index(name) for name in fits.parameters.free_names]
-    return prior.precision[np.ix_(order, order)]
+def _residuals(rows: ManyRows, models: ManyModels) -> Array:
+    """Whitened residuals (R, N), rows pose by pose."""
+    parts = (slice(k, k + BLOCK) for k in range(0, len(models), BLOCK))
+    r = np.concatenate([rows.some(some).residual_at(models.some(some)) for some in parts])
+    return r.reshape(len(r), 6, -1).swapaxes(1, 2).reshape(len(r), -1)
+
+
+def _held(belief: ManyBeliefs, begin: ManyModels, fits: ManyFits) -> Array:
+    """Parts (2, R) of a prior in the sums of squares where fits began and ended."""
+    both = (belief.at(models) for models in (begin, fits.models))
+    return np.array([(held.pull * held.left).sum(axis=1) for held in both])
 
 
 def _single(
@@ -110,7 +145,7 @@ def _single(
     reduction: Reduction,
     residuals: tuple[Array, Array],
     prior: Prior | None,
-    precision: Array,
+    held: Array | None,
 ) -> Identification:
     """One fit as an identification."""
     model, step, C = fits.models.one(k), fits.steps[k], fits.covariance[k]
@@ -119,13 +154,9 @@ def _single(
     if table.n_poses < len(table):
         learned = len(residuals[1]) - dof
         misfit = lack_of_fit(residuals[1], table, table_whiteners(table), learned)
-    trace = [float(residuals[0] @ residuals[0]), total]
-    if prior is not None:
-        mean = prior.mean[[prior.names.index(name) for name in fits.parameters.free_names]]
-        trace = [
-            square + float(left @ precision @ left)
-            for square, left in zip(trace, (mean, mean - step), strict=True)
-        ]
+    trace = np.array([residuals[0] @ residuals[0], total])
+    if held is not None:
+        trace += held[:, k]
     names = fits.parameters.free_names
     return Identification(
         model=model,

@@ -1,6 +1,6 @@
 """Tangent planes of many least-squares problems at once, by normal equations."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -29,46 +29,88 @@ def times(vectors: Array, matrices: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ManyBeliefs:
-    """What is believed beforehand of all free numbers, the same for all robots."""
+    """What is believed beforehand of all free numbers: the same of all robots, but for a weight."""
 
     mean: Array
     """(f,) step from the nominal model [m, rad]."""
     precision: Array
-    """(f, f) Lambda0."""
+    """(f, f) Lambda0, of weight one."""
+    weight: Array
+    """(R or 1,) of each robot."""
     free: Index
     """(f,) places in the full vector."""
 
     @classmethod
-    def of(cls, prior: Prior, parameters: Parameters) -> "ManyBeliefs":
-        """A prior of all free numbers, in their order."""
+    def of(cls, prior: Prior, parameters: Parameters, weight: Array | None = None) -> "ManyBeliefs":
+        """A prior of all free numbers, in their order; `weight` (R,), one if left out."""
         order = [prior.names.index(name) for name in parameters.free_names]
-        precision = prior.precision[np.ix_(order, order)]
-        return cls(prior.mean[order], precision, parameters.free_index)
+        precision, own = prior.precision[np.ix_(order, order)], np.ones(1)
+        weight = own if weight is None else weight
+        return cls(prior.mean[order], precision, weight, parameters.free_index)
 
-    def at(self, models: ManyModels) -> tuple[Array, Array]:
-        """Step still to go to the mean (R, f), and derivative D (R, f, f) of the step so far.
+    def some(self, which: slice | Index) -> "ManyBeliefs":
+        """Those of some robots."""
+        return self if len(self.weight) == 1 else replace(self, weight=self.weight[which])
+
+    def at(self, models: ManyModels) -> "ManyHeld":
+        """What is held of the free numbers at some models.
 
         References
         ----------
         As `prior.step_derivative`.
         """
         step, k = models.steps(), 6 + 5 * models.links.shape[1]
-        D = np.broadcast_to(np.eye(step.shape[1]), (*step.shape, step.shape[1])).copy()
-        for first in (0, k):
-            t, r = slice(first, first + 3), slice(first + 3, first + 6)
-            D[:, t, t], D[:, r, r] = exp_so3(step[:, r]), right_jacobian_inverse(step[:, r])
+        turned = np.zeros((len(step), 12, 12))
+        for to, first in ((0, 0), (6, k)):
+            t, r = slice(to, to + 3), slice(to + 3, to + 6)
+            turn = step[:, first + 3 : first + 6]
+            turned[:, t, t], turned[:, r, r] = exp_so3(turn), right_jacobian_inverse(turn)
+        frames = np.array([*range(6), *range(k, k + 6)])
+        own = np.flatnonzero(np.isin(frames, self.free))
         # in one order of memory, so that sums do not hang on how many robots there are
         left = np.ascontiguousarray(self.mean - step[:, self.free])
-        return left, np.ascontiguousarray(D[:, self.free[:, None], self.free])
+        D = np.ascontiguousarray(turned[:, own[:, None], own])
+        return ManyHeld(left, D, np.searchsorted(self.free, frames[own]), self)
 
 
-class PriorCurvature(NamedTuple):
-    """A prior at R models: D'Lambda0 D is what it adds to the normal equations."""
+class ManyHeld(NamedTuple):
+    """A prior at R models."""
 
+    left: Array
+    """(R, f) step still to go to the mean."""
     D: Array
-    """(R, f, f)"""
-    precision: Array
-    """(f, f) Lambda0."""
+    """(R, k, k) derivative of the step so far by a small one, of base and tool: there it turns."""
+    framed: Index
+    """(k,) places of their numbers among the free ones; all other steps add."""
+    belief: ManyBeliefs
+
+    @property
+    def pull(self) -> Array:
+        """(R, f) weighed step to the mean, as a step of the mean."""
+        return times(self.left, self.belief.precision) * self.belief.weight[:, None]
+
+    def along(self, pull: Array) -> Array:
+        """D'pull (R, f): the same as a small step."""
+        out = pull.copy()
+        out[:, self.framed] = (pull[:, None, self.framed] @ self.D)[:, 0]
+        return out
+
+    @property
+    def curvature(self) -> Array:
+        """(R, f, f) D'Lambda0 D: what the prior adds to normal equations."""
+        weight = self.belief.weight[:, None, None]
+        H = np.broadcast_to(self.belief.precision, (len(self.D), *self.belief.precision.shape))
+        H = H * weight
+        H[:, :, self.framed] = H[:, :, self.framed] @ self.D
+        H[:, self.framed] = np.swapaxes(self.D, 1, 2) @ H[:, self.framed]
+        return H
+
+    @property
+    def spread(self) -> Array:
+        """(R,) logarithm of the determinant of the curvature."""
+        of_weight = len(self.belief.free) * np.log(self.belief.weight)
+        of_all = np.linalg.slogdet(self.belief.precision)[1] + of_weight
+        return np.asarray(2 * np.linalg.slogdet(self.D)[1] + of_all)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +125,7 @@ class ManyTangents:
     """(R, f) A'r + D'Lambda0 (mean - x): the sum of squares falls along it."""
     cost: Array
     """(R,) r'r and the prior's part."""
-    held: PriorCurvature | None
+    held: ManyHeld | None
     """What the prior holds; None without one."""
 
     @classmethod
@@ -93,11 +135,11 @@ class ManyTangents:
         gradient, cost = (A @ r[:, :, None])[:, :, 0], np.einsum("ri,ri->r", r, r)
         if belief is None:
             return cls(r, A, gradient, cost, None)
-        left, D = belief.at(models)
-        weighed = times(left, belief.precision)
-        gradient = gradient + (weighed[:, None] @ D)[:, 0]
-        cost = cost + (weighed * left).sum(axis=1)
-        return cls(r, A, gradient, cost, PriorCurvature(D, belief.precision))
+        held = belief.at(models)
+        pull = held.pull
+        gradient = gradient + held.along(pull)
+        cost = cost + (pull * held.left).sum(axis=1)
+        return cls(r, A, gradient, cost, held)
 
     @property
     def data(self) -> Array:
@@ -106,10 +148,7 @@ class ManyTangents:
 
     def normal(self, data: Array) -> Array:
         """(R, f, f) A'A + D'Lambda0 D."""
-        if self.held is None:
-            return data
-        D, precision = self.held
-        return np.asarray(data + np.swapaxes(D, 1, 2) @ precision @ D)
+        return data if self.held is None else data + self.held.curvature
 
     def certificate(self, inside: Array) -> Array:
         """(R,) as in `Tangent.certificate`, from squared offsets (R,)."""

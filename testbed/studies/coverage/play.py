@@ -16,9 +16,10 @@ from calib.arrays import Array, Index
 from calib.identification.identify import Identification, identify
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import Ladder
+from calib.identification.many.choices import choose_many
 from calib.identification.many.single import identify_many
-from calib.identification.model_choice import choose
-from calib.identification.prior import own_prior, weak_prior
+from calib.identification.model_choice import ModelChoice, choose
+from calib.identification.prior import own_prior
 from calib.measurement.accuracy import point_distances
 from calib.uncertainty.covariance import standard_uncertainty
 from calib.uncertainty.regions import mahalanobis_squared
@@ -52,24 +53,14 @@ def play_robots(
     level = scenario.table(CoverageSettings).level
     poses = [poses_of(laboratory, k) for k in robots]  # robot k of every kind meets the same
     measured = [measure_robots(laboratory, kind, chosen, robots, poses) for kind in kinds]
-    ladders = offered(laboratory)
-    found = [
-        [models(one, ladders, fits) for one, fits in zip(of_kind, geometries(of_kind), strict=True)]
-        for of_kind in measured
-    ]
     everyone = [one for of_kind in measured for one in of_kind]
-    judged = zip(
-        *(
-            judge_models([one[0][k] for of_kind in found for one in of_kind], everyone, level)
-            for k in range(2)
-        ),
-        strict=True,
-    )
+    ladders = offered(laboratory)
+    found = [one for of_kind in measured for one in many_models(of_kind, ladders)]
+    of_each = (judge_models([one[0][k] for one in found], everyone, level) for k in range(2))
+    played = zip(everyone, found, zip(*of_each, strict=True), strict=True)
     return {
-        kind: gather(
-            [_played(kind, *one, next(judged)) for one in zip(robots, models, strict=True)]
-        )
-        for kind, robots, models in zip(kinds, measured, found, strict=True)
+        kind: gather([_played(kind, *next(played)) for _ in of_kind])
+        for kind, of_kind in zip(kinds, measured, strict=True)
     }
 
 
@@ -124,35 +115,35 @@ def offered(laboratory: Laboratory) -> tuple[Ladder, ...]:
     return ladders_of(laboratory.setting.nominal, moments=robot.moments, limits=robot.limits)
 
 
-def geometries(
-    measured: Sequence[MeasuredRobot],
-) -> list[tuple[Identification, Identification]]:
-    """The geometry of each robot, as its readings alone tell it, and under the weak prior."""
+def many_models(
+    measured: Sequence[MeasuredRobot], ladders: Sequence[Ladder]
+) -> list[tuple[tuple[Identification, ...], float, bool]]:
+    """What `models` finds of each robot of a kind."""
     own, seen = measured[0].laboratory, [one.seen for one in measured]
     nominal, free = own.setting.nominal, own.free("whitened")
     bare = identify_many(nominal, seen, free, prior=own_prior(free, nominal))
-    believed = identify_many(nominal, seen, free, prior=weak_prior(free, nominal))
-    return list(zip(bare, believed, strict=True))
+    choices = choose_many(nominal, seen, free, ladders=ladders)
+    return [_found(*one) for one in zip(bare, choices, strict=True)]
 
 
 def models(
-    measured: MeasuredRobot,
-    ladders: Sequence[Ladder],
-    fits: tuple[Identification, Identification] | None = None,
+    measured: MeasuredRobot, ladders: Sequence[Ladder]
 ) -> tuple[tuple[Identification, ...], float, bool]:
     """Geometric and extended model of a robot, the log evidence, and whether it climbs.
 
     The geometric one is what is identifiable, without a prior; the extended one is under the weak
-    prior. Validation poses have no say in the choice: they would no longer be a test. `fits` are
-    those of `geometries`, if already at hand.
+    prior. Validation poses have no say in the choice: they would no longer be a test.
     """
     nominal, free = measured.laboratory.setting.nominal, measured.laboratory.free("whitened")
-    geometric = None if fits is None else fits[1]
-    choice = choose(nominal, measured.seen, free, ladders=ladders, geometric=geometric)
-    if fits is None:
-        bare = identify(nominal, measured.seen, free, prior=own_prior(free, nominal))
-    else:
-        bare = fits[0]
+    choice = choose(nominal, measured.seen, free, ladders=ladders)
+    bare = identify(nominal, measured.seen, free, prior=own_prior(free, nominal))
+    return _found(bare, choice)
+
+
+def _found(
+    bare: Identification, choice: ModelChoice
+) -> tuple[tuple[Identification, ...], float, bool]:
+    """What is kept of a choice."""
     return (bare, choice.identifications[1]), choice.log_evidence, choice.chosen == "extended"
 
 
