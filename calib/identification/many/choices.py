@@ -6,7 +6,8 @@ import numpy as np
 
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.identification.climb import Climb, climb
+from calib.identification.climb import climb
+from calib.identification.climbing import Climb
 from calib.identification.folds import parts_of, some_poses
 from calib.identification.identify import Identification
 from calib.identification.levels import Ladder
