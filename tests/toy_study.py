@@ -11,10 +11,9 @@ from pydantic import Field
 
 from calib.arrays import Array
 from testbed.laboratory.truth.setting import Setting
-from testbed.recording.curves import draw_curve
-from testbed.recording.pen import Pen
+from testbed.recording.chart import Chart, Series
 from testbed.recording.story import Chapter
-from testbed.recording.timeline import Phase, spread
+from testbed.recording.timeline import spread
 from testbed.report.page import Section, Table, Text, Verdict
 from testbed.robots.robot import Robot
 from testbed.scenario.hashes import part, shared_part
@@ -125,11 +124,20 @@ class ToyStudy:
         if found is None:
             return ()
 
-        def draw(pen: Pen, phase: Phase) -> None:
-            draw_curve(pen, "toy/sd", phase, found.sd * 1e6, (9, 9, 9))
+        curve = Series("sd", found.sd * 1e6, (9, 9, 9))
 
         motion = spread(len(found.sd), 14)
-        return (Chapter("toy", "toy_robot", (1, 2, 3), motion, ("#### Toys",), draw),)
+        return (
+            Chapter(
+                "toy",
+                "toy_robot",
+                (1, 2, 3),
+                motion,
+                ("#### Toys",),
+                lambda *_: None,
+                charts=(Chart("toy", "sd", (curve,)),),
+            ),
+        )
 
 
 STUDY = ToyStudy()

@@ -13,9 +13,9 @@ from testbed.identify.records import Calibration, RowErrors
 from testbed.identify.words import mark, notice, r95, verdict
 from testbed.recording import style
 from testbed.recording.cell import draw_beam, draw_station
-from testbed.recording.curves import draw_curve, draw_fit
+from testbed.recording.chart import Chart, Series, before_after, fit_chart
 from testbed.recording.pen import Pen
-from testbed.recording.story import Chapter, Story
+from testbed.recording.story import Chapter, Story, numbered
 from testbed.recording.timeline import Phase, evenly, spread, visit
 from testbed.robots.robot import Robot
 from testbed.units import counted
@@ -130,7 +130,6 @@ def _measure(shown: ShownCalibration) -> Chapter:
     def draw(pen: Pen, phase: Phase) -> None:
         draw_sight(shown, pen, phase)
         draw_measured(shown, pen, phase)
-        _draw_errors(shown, pen, phase, shown.measured)
 
     return Chapter(
         name="measure",
@@ -140,13 +139,13 @@ def _measure(shown: ShownCalibration) -> Chapter:
         text=(
             f"#### 1 Measured: {counted(total, 'row')} to identify from",
             _part_shown(len(shown.measured), total),
-            "- dots: where the target was seen, dark to bright with growing error",
-            f"- red arrows: what the nominal links miss, drawn {shown.factor} times; base and tool "
-            "are fitted already",
+            "- dark dots: where the target was seen",
+            f"- vermilion arrows: what the nominal links miss, drawn {shown.factor} times",
             "- triad: the target on the tool",
         ),
         draw=draw,
-        plots={"measure": "1 Training poses mm: red before, green after"},
+        lines=_lines(shown, shown.measured),
+        charts=(_errors(shown, "measure", "Training", shown.measured),),
     )
 
 
@@ -166,8 +165,9 @@ def _identify(shown: ShownCalibration) -> Chapter:
             f"- {found.status.value}",
             f"- {calibration.choice.sentence}",
         ),
-        draw=lambda pen, phase: draw_fit(pen, phase, found.trace, found.dof),
-        plots={"identify": "2 log10(sum of squares / dof)"},
+        draw=lambda *_: None,
+        lines=numbered("step", len(found.trace)),
+        charts=(fit_chart(found.trace, found.dof),),
     )
 
 
@@ -184,7 +184,6 @@ def _evaluate(shown: ShownCalibration) -> Chapter:
         draw_judged(shown, pen, phase)
         if regions is not None:
             draw_regions(regions, pen, phase)
-        _draw_errors(shown, pen, phase, shown.judged)
 
     return Chapter(
         name="evaluate",
@@ -194,13 +193,14 @@ def _evaluate(shown: ShownCalibration) -> Chapter:
         text=(
             f"#### 3 {'Held out' if held else 'Again, none held out'}: {counted(judged, 'row')}",
             _part_shown(len(shown.judged), judged),
-            f"- red, green: error before and after, both drawn {shown.factor} times",
+            f"- vermilion, blue: error before and after, both drawn {shown.factor} times",
             "- dots: all of them, dark to bright with growing error after",
             within,
             region_words(regions),
         ),
         draw=draw,
-        plots={"evaluate": "3 Held-out mm: red before, green after"},
+        lines=_lines(shown, shown.judged),
+        charts=(_errors(shown, "evaluate", "Held-out" if held else "Same", shown.judged),),
     )
 
 
@@ -209,11 +209,21 @@ def _part_shown(shown: int, total: int) -> str:
     return "" if shown == total else f"- {shown} of them, evenly spread, are shown"
 
 
-def _draw_errors(shown: ShownCalibration, pen: Pen, phase: Phase, rows: Index) -> None:
+def _lines(shown: ShownCalibration, rows: Index) -> list[str]:
+    """Number of each pose shown, and its error before and after."""
+    before, after = shown.calibration.before_misses, shown.calibration.fit.misses
+    says = before_after(before.position[rows], after.position[rows])
+    return numbered("pose", len(rows), says)
+
+
+def _errors(shown: ShownCalibration, origin: str, whose: str, rows: Index) -> Chart:
     """Errors of the poses shown, before and after [mm]."""
     before, after = shown.calibration.before_misses, shown.calibration.fit.misses
-    draw_curve(pen, f"{phase.name}/before", phase, before.position[rows] * 1e3, style.RED)
-    draw_curve(pen, f"{phase.name}/after", phase, after.position[rows] * 1e3, style.GREEN)
+    curves = (
+        Series("before", before.position[rows] * 1e3, style.BEFORE_COLOR),
+        Series("after", after.position[rows] * 1e3, style.AFTER_COLOR),
+    )
+    return Chart(origin, f"{whose} error [mm] by pose shown", curves)
 
 
 def draw_cell(shown: ShownCalibration, floor: float, pen: Pen) -> None:
@@ -250,10 +260,10 @@ def draw_measured(shown: ShownCalibration, pen: Pen, phase: Phase) -> None:
     import rerun as rr
 
     before = shown.vectors(shown.calibration.before_misses)[shown.measured]
-    seen, size = shown.seen[shown.measured], np.linalg.norm(before, axis=1)
+    seen = shown.seen[shown.measured]
     cloud, arrows = "world/measured", f"world/error_before_x{shown.factor}"
-    dots = {"positions": seen, "colors": style.viridis(size, float(np.quantile(size, 0.98)))}
-    pen.grow(cloud, phase, rr.Points3D, dots, {"radii": 0.010})
+    look = {"radii": 0.010, "colors": (40, 46, 54)}
+    pen.grow(cloud, phase, rr.Points3D, {"positions": seen}, look)
     pen.grow_arrows(arrows, phase, seen - before, shown.factor * before, style.BEFORE_COLOR, 0.0032)
     pen.clear(pen.timeline.phase("identify").stop, cloud, arrows)
 

@@ -11,7 +11,7 @@ from testbed.robots.placements import quaternion_wxyz
 
 LARGEST = 0.07
 """Longest drawn semi-axis of a region [m]."""
-COLOR = (66, 112, 214, 120)
+COLOR = (*style.BLUE, 110)
 """As stated regions are drawn elsewhere, where the truth lies inside."""
 
 

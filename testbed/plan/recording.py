@@ -1,6 +1,7 @@
 """The recording of a plan: candidates by leverage, the number of poses, the tour, the goal."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -20,21 +21,18 @@ from testbed.plan.recording_cell import (
     draw_chosen,
     draw_goal,
     draw_tour,
-    reasons_shown,
 )
 from testbed.plan.records import Plan
 from testbed.plan.words import PROMISED, certificate_word, headline_rows
 from testbed.recording import style
-from testbed.recording.curves import draw_curve, draw_level
-from testbed.recording.pen import Pen
-from testbed.recording.story import Chapter, Story
+from testbed.recording.chart import Chart, Series, level
+from testbed.recording.story import Chapter, Story, numbered
 from testbed.recording.style import Color
-from testbed.recording.timeline import Phase, along, evenly, leaf, spread, visit
+from testbed.recording.timeline import along, evenly, leaf, spread, visit
 from testbed.report.page import SIMULATED
 from testbed.robots.robot import Robot
 from testbed.units import counted
 
-VERMILION, AMBER = (232, 100, 60), (232, 163, 61)
 CANDIDATE_FRAMES, BUDGET_FRAMES = 144, 60
 MOST_GOALS = 30
 """Goal postures the robot goes to; the others are drawn as points."""
@@ -86,9 +84,9 @@ def summary(plan: Plan) -> str:
 
 def _candidates(plan: Plan) -> Chapter:
     """The pool by leverage, and who was refused."""
-    pool, shown = plan.pool, reasons_shown(plan)
+    pool = plan.pool
     refused = [
-        f"- refused, {name}: {int(count)}" + (f" ({shown[name][0]})" if name in shown else "")
+        f"- refused, {name}: {int(count)}"
         for name, count in zip(pool.rejection_names, pool.rejection_counts, strict=True)
         if count
     ]
@@ -99,9 +97,8 @@ def _candidates(plan: Plan) -> Chapter:
         motion=leaf(pool.q, 1, CANDIDATE_FRAMES),
         text=(
             f"#### 1 Candidates: {len(pool.q)} of {pool.n_drawn} drawn",
-            "- purple over green to yellow: the pool, with growing leverage",
+            "- gray: candidates; vermilion: refused inside the box",
             *refused,
-            "- refused ones are shown inside the box only, at most 100 of each",
         ),
         draw=lambda pen, phase: draw_candidates(plan, pen, phase),
     )
@@ -111,16 +108,16 @@ def _budget(plan: Plan) -> Chapter:
     """Uncertainty by number of poses [um]."""
     curve, k = plan.curve, plan.scenario.plan.coverage
     colors = "- vermilion: no set of that size goes below; gray: random sets"
-
-    def draw(pen: Pen, phase: Phase) -> None:
-        draw_chosen(plan, pen, phase)
-        um = k * 1e6
-        top = 4.0 * um * float(np.median(curve.u))
-        _draw_below(pen, "budget/designed", phase, um * curve.u, top, style.LINE_COLOR)
-        _draw_below(pen, "budget/no_set_below", phase, um * curve.bound, top, VERMILION)
-        _draw_below(pen, "budget/random", phase, um * curve.random, top, style.MUTED_COLOR)
-        if curve.target is not None:
-            draw_level(pen, "budget/target", phase, um * curve.target, AMBER)
+    um = k * 1e6
+    top = 4.0 * um * float(np.median(curve.u))
+    curves = [
+        _below("designed", um * curve.u, top, style.BLUE),
+        _below("no_set_below", um * curve.bound, top, style.VERMILION, "no set goes below"),
+        _below("random", um * curve.random, top, style.MUTED_COLOR, "random sets"),
+    ]
+    if curve.target is not None:
+        count = len(curve.counts)
+        curves.append(level("target", count, um * curve.target, style.ORANGE))
 
     return Chapter(
         name="budget",
@@ -135,8 +132,11 @@ def _budget(plan: Plan) -> Chapter:
             f"- {curve.sentence or plan.proof.sentence}",
             f"- {certificate_word(plan)}",
         ),
-        draw=draw,
-        plots={"budget": "2 U in um by number: designed, bound, random"},
+        draw=partial(draw_chosen, plan),
+        lines=[
+            f"{n} poses, U = {um * u:.3g} um" for n, u in zip(curve.counts, curve.u, strict=True)
+        ],
+        charts=(Chart("budget", "U [um] by number of poses", curves, curve.counts),),
     )
 
 
@@ -145,15 +145,11 @@ def _tour(plan: Plan) -> Chapter:
     tour, um = plan.tour, plan.scenario.plan.coverage * 1e6
     motion = visit(tour.q)
     q = along(tour.start, tour.q, tour.vias, motion.steps // len(tour))
-
-    def draw(pen: Pen, phase: Phase) -> None:
-        draw_tour(plan, pen, phase)
-        measured = np.cumsum([role == "identify" for role in tour.roles])
-        # a held-out pose teaches nothing: the curve stays where it was
-        after = np.concatenate([[np.nan], plan.u_of_step])[measured]
-        known = after[np.isfinite(after)]
-        limit = 4.0 * um * float(np.median(known)) if len(known) else 1.0
-        _draw_below(pen, "tour/U", phase, um * after, limit, style.LINE_COLOR)
+    measured = np.cumsum([role == "identify" for role in tour.roles])
+    # a held-out pose teaches nothing: the curve stays where it was
+    after = np.concatenate([[np.nan], plan.u_of_step])[measured]
+    known = after[np.isfinite(after)]
+    limit = 4.0 * um * float(np.median(known)) if len(known) else 1.0
 
     return Chapter(
         name="tour",
@@ -163,13 +159,20 @@ def _tour(plan: Plan) -> Chapter:
         text=(
             f"#### 3 Tour: {counted(len(tour), 'pose')} in {minutes(tour.duration)}",
             "- numbers: measuring order; blue: to identify from, orange: held out",
-            "- line: the way of the tool; red: the beam",
+            "- line: the way of the tool",
             f"- curve: U ({factor_words(plan.coverage, OVER['V'])}) after each pose",
             f"- {tour.sentence}",
             f"- {order_words(plan)}",
         ),
-        draw=draw,
-        plots={"tour": "3 U in um after each pose"},
+        draw=partial(draw_tour, plan),
+        lines=numbered("pose", len(tour), (_known(um * u) for u in after)),
+        charts=(
+            Chart(
+                "tour",
+                "U [um] by pose measured",
+                (_below("U", um * after, limit, style.BLUE, "U after it"),),
+            ),
+        ),
     )
 
 
@@ -177,11 +180,10 @@ def _goal(plan: Plan) -> Chapter:
     """Uncertainty at goal postures [um]."""
     k = plan.scenario.plan.coverage
     goals = evenly(np.arange(len(plan.goal.q)), MOST_GOALS)
-
-    def draw(pen: Pen, phase: Phase) -> None:
-        draw_goal(plan, pen, phase)
-        draw_curve(pen, "goal/U", phase, k * 1e6 * plan.u[goals], style.LINE_COLOR)
-        draw_level(pen, "goal/mean", phase, k * 1e6 * plan.u_mean, style.MUTED_COLOR)
+    curves = (
+        Series("U", k * 1e6 * plan.u[goals], style.BLUE),
+        level("mean", len(goals), k * 1e6 * plan.u_mean, style.MUTED_COLOR, "RMS"),
+    )
 
     return Chapter(
         name="goal",
@@ -195,12 +197,20 @@ def _goal(plan: Plan) -> Chapter:
             f"worst {k * plan.u_worst * 1e6:.3g} µm",
             *(f"- {text}" for text in (*reach_warnings(plan), *reach_words(plan))),
         ),
-        draw=draw,
-        plots={"goal": "4 U in um at each goal pose"},
+        draw=partial(draw_goal, plan),
+        lines=numbered(
+            "goal pose", len(goals), (f"U = {k * 1e6 * u:.3g} um" for u in plan.u[goals])
+        ),
+        charts=(Chart("goal", "U [um] by goal pose", curves),),
     )
 
 
-def _draw_below(pen: Pen, path: str, phase: Phase, values: Array, top: float, color: Color) -> None:
+def _known(u: float) -> str:
+    """The uncertainty after a pose [um]."""
+    return f"U = {u:.3g} um" if np.isfinite(u) else "too few for a U"
+
+
+def _below(key: str, values: Array, top: float, color: Color, name: str = "") -> Series:
     """A curve without what is far too large or not there."""
     shown = np.flatnonzero(values <= top)
-    draw_curve(pen, path, phase, values[shown], color, local=shown)
+    return Series(key, values[shown], color, name, shown)

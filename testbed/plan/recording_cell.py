@@ -1,7 +1,5 @@
 """What a recording of a plan shows in the cell: stations, obstacles, candidates, tour, goal."""
 
-from itertools import cycle
-
 import numpy as np
 
 from calib.arrays import Array
@@ -10,22 +8,12 @@ from testbed.recording import style
 from testbed.recording.cell import draw_beam, draw_box, draw_station
 from testbed.recording.pen import Pen
 from testbed.recording.story import floor_height
-from testbed.recording.style import Color
 from testbed.recording.timeline import Phase
 from testbed.robots.robot import Robot
 
-REASONS: tuple[tuple[str, Color], ...] = (
-    ("red", (220, 60, 50)),
-    ("orange", (245, 150, 40)),
-    ("black", (40, 40, 40)),
-    ("pink", (240, 120, 200)),
-    ("brown", (130, 80, 40)),
-    ("white", (255, 255, 255)),
-)
-"""Colors of rejected candidates by reason after the box; none of them is a color of the pool."""
 OBSTACLE_COLOR = (150, 140, 128, 255)
-GOAL_BOX_COLOR = (58, 140, 72, 200)
-CHOSEN, HELD_OUT = (90, 170, 255), (255, 180, 60)
+GOAL_BOX_COLOR = (*style.LEAF, 200)
+CHOSEN, HELD_OUT = (120, 190, 255), (255, 190, 80)
 """Light: their numbers are written in the same colors on dark labels."""
 LABELLED = 60
 """More poses than this are not numbered."""
@@ -74,26 +62,18 @@ def _target(plan: Plan, q: Array) -> Array:
 
 
 def draw_candidates(plan: Plan, pen: Pen, phase: Phase) -> None:
-    """The pool by leverage until the tour begins; rejected candidates by reason at first."""
+    """The pool until the tour begins; rejected candidates, an entity a reason, at first."""
     import rerun as rr
 
-    low, high = np.quantile(plan.leverage, (0.02, 0.98))
-    colors = style.viridis(plan.leverage - low, float(high - low))
-    pool = rr.Points3D(plan.pool.T[:, :3, 3], radii=0.0045, colors=colors)
+    pool = rr.Points3D(plan.pool.T[:, :3, 3], radii=0.0045, colors=style.CANDIDATE_COLOR)
     pen.at(phase.start, "world/pool", pool)
     pen.clear(pen.timeline.phase("tour").start, "world/pool")
-    for name, (_, color) in reasons_shown(plan).items():
+    for name in sorted({*plan.pool.rejected_reason} - {*plan.pool.rejection_names[:1]}):
         q = plan.pool.rejected_q[[reason == name for reason in plan.pool.rejected_reason]]
         path = f"world/rejected/{name.replace(' ', '_')}"
-        pen.at(phase.start, path, rr.Points3D(_points(plan, q), radii=0.006, colors=color))
+        refused = rr.Points3D(_points(plan, q), radii=0.006, colors=style.VERMILION)
+        pen.at(phase.start, path, refused)
         pen.clear(phase.stop, path)
-
-
-def reasons_shown(plan: Plan) -> dict[str, tuple[str, Color]]:
-    """Name and value of the color of each reason that rejected candidates are shown for."""
-    pool = plan.pool
-    names = [name for name in pool.rejection_names[1:] if name in pool.rejected_reason]
-    return dict(zip(names, cycle(REASONS), strict=False))
 
 
 def draw_chosen(plan: Plan, pen: Pen, phase: Phase) -> None:
@@ -121,7 +101,7 @@ def draw_tour(plan: Plan, pen: Pen, phase: Phase) -> None:
     path = _points(plan, pen.timeline.q[phase.start : phase.stop])
     strips = rr.LineStrips3D.columns(strips=[[path[: k + 1]] for k in range(len(path))])
     pen.every_step("world/path", strips, phase.steps)
-    pen.static("world/path", rr.LineStrips3D.from_fields(radii=0.0018, colors=(28, 92, 190)))
+    pen.static("world/path", rr.LineStrips3D.from_fields(radii=0.0018, colors=style.BLUE))
     pen.clear(phase.stop, "world/path")
 
 

@@ -10,7 +10,7 @@ from calib.arrays import Array, Index
 from calib.geometry.chain import Chain
 from calib.geometry.frames import exp_so3, inverse, rot_y, rot_z
 from testbed.recording.pen import Pen
-from testbed.recording.style import Color
+from testbed.recording.style import BEAM_COLOR, Color
 from testbed.recording.timeline import Phase
 from testbed.robots.catalog import load_tracker_visuals
 from testbed.robots.meshes.files import Mesh, part_mesh
@@ -19,7 +19,6 @@ from testbed.robots.robot import Robot, Visual
 
 GHOST_SKIN = 0.002
 """A ghost is drawn thinner by this [m]: where it does not deviate it stays inside the robot."""
-BEAM_COLOR = (225, 30, 30, 230)
 BOX_COLOR = (120, 132, 146, 150)
 
 

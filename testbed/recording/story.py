@@ -1,13 +1,14 @@
 """What a recording tells: a robot in its cell, and chapters that verbs and studies bring along."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.chain import Chain
 from calib.geometry.frames import slide
+from testbed.recording.chart import Chart
 from testbed.recording.pen import Pen
 from testbed.recording.style import Color
 from testbed.recording.timeline import Motion, Phase, Timeline
@@ -16,7 +17,7 @@ from testbed.robots.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """A plane beside the cell, in a window of its own."""
+    """A plane in a window of its own."""
 
     origin: str
     """Root of its entities."""
@@ -24,8 +25,8 @@ class Panel:
     x: tuple[float, float]
     y: tuple[float, float]
     """What is in view, in the plane's own units."""
-    columns: tuple[float, float, float] = (2.5, 1.2, 1)
-    """Widths of cell, texts and this window, relative to each other."""
+    tall: bool = False
+    """Beside the cell, of which it takes half; else below it, beside the charts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,10 +44,12 @@ class Chapter:
     """Lines of Markdown that explain the screen, a heading first; empty ones are left out."""
     draw: Callable[[Pen, Phase], None]
     """Draws everything that begins in this phase, once the place of all phases is known."""
-    plots: Mapping[str, str] = field(default_factory=dict)
-    """Root and title of the curve windows, held on the phase's stretch of the timeline."""
+    lines: Sequence[str] = ()
+    """One for every item, in large letters when it is known; none where nothing is to be said."""
+    charts: Sequence[Chart] = ()
+    """Shown while the phase lasts."""
     panel: Panel | None = None
-    """Shown beside the cell; that of the last chapter that has one lies on top."""
+    """That of the last chapter that has one of its kind, tall or not, lies on top."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +73,13 @@ class Story:
     draw: Callable[[Pen], None]
     """Draws what is there at all times, beside the robot."""
     chapters: Sequence[Chapter]
+
+
+def numbered(what: str, count: int, says: Iterable[str] = ()) -> list[str]:
+    """A line for every item: its number of so many, and what is said of it."""
+    found = list(says)
+    ends = [f", {text}" for text in found] if found else [""] * count
+    return [f"{what} {k + 1} of {count}{end}" for k, end in enumerate(ends)]
 
 
 def floor_height(chain: Chain, robot: Robot) -> float:

@@ -9,19 +9,24 @@ Color = tuple[int, ...]
 
 ARROW_SIZE = 0.16
 """Longest drawn error before calibration [m]."""
-BEFORE_COLOR, AFTER_COLOR = (200, 52, 52), (20, 140, 70)
-"""Of errors in the cell."""
+
+BLUE, VERMILION = (0, 114, 178), (213, 94, 0)
+"""After and before, better and worse, inside and outside: of Okabe and Ito's colors these two are
+told apart by everybody, and in gray."""
+SKY, ORANGE, LEAF, PINK = (86, 180, 233), (230, 159, 0), (0, 158, 115), (204, 121, 167)
+"""More of their colors, where neither is better."""
+BEFORE_COLOR, AFTER_COLOR = VERMILION, BLUE
+GHOST_COLOR = (176, 40, 170, 110)
+"""The true robot: a color no robot has."""
+CANDIDATE_COLOR, CHOSEN_COLOR, BEAM_COLOR = (120, 132, 146), BLUE, (52, 58, 68, 230)
 
 SEARCH_PHASE, MEASURE_PHASE = (128, 104, 98), (52, 128, 196)
-IDENTIFY_PHASE, EVALUATE_PHASE, MOVE_PHASE = (58, 140, 72), (204, 146, 62), (150, 92, 160)
+IDENTIFY_PHASE, EVALUATE_PHASE, MOVE_PHASE = (24, 128, 118), (204, 146, 62), (150, 92, 160)
 """Of like phases on the bar, whatever the verb."""
 
-RED, GREEN = (232, 84, 80), (60, 190, 110)
-"""Before and after in the plots."""
-LINE_COLOR, STATED_COLOR, MUTED_COLOR = (92, 150, 240), (140, 160, 250), (150, 156, 164)
-BAND_COLOR, GRID_COLOR, TEXT_COLOR = (92, 98, 106), (124, 130, 138), (140, 146, 154)
-COVERED = (110, 240, 160)
-"""Readable on the dark and on the light ground of the viewer's two themes."""
+LINE_COLOR, STATED_COLOR, MUTED_COLOR = SKY, PINK, (150, 156, 164)
+BAND_COLOR, GRID_COLOR, TEXT_COLOR = (58, 63, 70), (66, 71, 78), (176, 182, 190)
+"""In the plots; readable on the dark and on the light ground of the viewer's two themes."""
 
 VIRIDIS = np.array(
     [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]], dtype=np.float64

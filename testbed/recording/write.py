@@ -1,6 +1,6 @@
 """A story as the file that Rerun plays, with the layout of its screen."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import timedelta
@@ -13,9 +13,10 @@ from calib.geometry.chain import forward
 from calib.geometry.frames import rot_z
 from testbed.machine import RECORDING, require_room
 from testbed.recording.cell import draw_arm
+from testbed.recording.chart import ROOT, SIZE, draw_charts
 from testbed.recording.pen import Pen
 from testbed.recording.story import Panel, Story, floor_height, timeline_of
-from testbed.recording.timeline import Phase, Timeline
+from testbed.recording.timeline import Timeline
 from testbed.robots.placements import link_poses
 
 APPLICATION = "truebed"
@@ -84,6 +85,12 @@ def _draw(story: Story, pen: Pen) -> None:
         text = "\n".join(line for line in chapter.text if line)
         pen.at(phase.start, "now", rr.TextDocument(text, media_type=markdown))
         pen.at(phase.start, "phase", rr.StateChange(state=chapter.name))
+        draw_charts(pen, phase, chapter.charts)
+        pen.at(phase.start, "line", rr.TextDocument("", media_type=markdown))
+        if chapter.lines:
+            words = [f"### {line}" for line in chapter.lines]
+            kinds = [markdown] * len(words)
+            pen.rows("line", phase, rr.TextDocument.columns(text=words, media_type=kinds))
         chapter.draw(pen, phase)
 
 
@@ -144,6 +151,8 @@ class _Layout:
 
 
 FRAMES_PER_SECOND = 24.0
+ROWS, TEXTS = (6.1, 0.9, 3.0), (0.6, 2.0, 2.6)
+"""Heights of cell, bar of phases and charts, and of the line, the words of now and the summary."""
 ASIDE, TOWARD_TRACKER = np.radians(140.0), 0.13
 """Camera: turned so far from the tracker's direction, aimed at this part of the way to it."""
 OPENING, ASPECT, FILLED = np.radians(55.0), 1.4, 0.92
@@ -152,35 +161,40 @@ both in which the axes of bodies stay: the bodies themselves are thicker."""
 
 
 def blueprint(story: Story, timeline: Timeline) -> Any:
-    """Layout of the viewer, embedded in the recording."""
+    """Layout of the viewer, embedded in the recording: the cell and what is said of it above.
+
+    Below are the bar of phases, the charts of the phase, and planes or else the summary.
+    """
     import rerun.blueprint as rrb
 
-    texts = rrb.Vertical(
-        rrb.TextDocumentView(origin="/summary", name="Summary"),
-        rrb.TextDocumentView(origin="/now", name="Now"),
-        row_shares=[1.6, 1],
-    )
     panels = [chapter.panel for chapter in reversed(story.chapters) if chapter.panel is not None]
-    planes = [_plane(panel) for panel in panels]
-    beside = [rrb.Tabs(*planes, active_tab=0)] if len(planes) > 1 else planes
-    widths = panels[0].columns if panels else (2.5, 1.3)
-    plots = (
-        _curves(origin, title, phase)
-        for chapter, phase in zip(story.chapters, timeline.phases, strict=True)
-        for origin, title in chapter.plots.items()
-    )
+    tall = [_plane(panel) for panel in panels if panel.tall]
+    low = [_plane(panel) for panel in panels if not panel.tall]
+    line = rrb.TextDocumentView(origin="/line", name="Line", titlebar=False)
+    now = rrb.TextDocumentView(origin="/now", name="Now")
+    summary = rrb.TextDocumentView(origin="/summary", name="Summary")
+    texts = [line, now, summary] if low else [line, now]
+    above = [_cell(story, timeline), rrb.Vertical(*texts, row_shares=TEXTS[: len(texts)])]
+    charts = [_chart(), *_curves(story, timeline)]
     return rrb.Blueprint(
         rrb.Vertical(
-            rrb.Horizontal(_cell(story, timeline), texts, *beside, column_shares=widths),
+            rrb.Horizontal(*above, *_stacked(tall), column_shares=[1.8, 1, 1.3][: 2 + bool(tall)]),
             rrb.StateTimelineView(origin="/phase", name="Phase"),
-            rrb.Horizontal(*plots),
-            row_shares=[6.5, 1.05, 2.4],
+            rrb.Horizontal(rrb.Tabs(*charts, active_tab=0), *_stacked(low or [summary])),
+            row_shares=ROWS,
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline="step", fps=FRAMES_PER_SECOND),
         auto_views=False,
     )
+
+
+def _stacked(views: Sequence[Any]) -> list[Any]:
+    """Views on top of each other; none where there are none."""
+    import rerun.blueprint as rrb
+
+    return [rrb.Tabs(*views, active_tab=0)] if len(views) > 1 else list(views)
 
 
 def _cell(story: Story, timeline: Timeline) -> Any:
@@ -254,16 +268,33 @@ def _plane(panel: Panel) -> Any:
     )
 
 
-def _curves(origin: str, title: str, phase: Phase) -> Any:
-    """A curve window held on the steps of a phase."""
+def _chart() -> Any:
+    """The window of the charts of the phase that is played."""
+    import rerun.blueprint as rrb
+
+    width, height = SIZE
+    return rrb.Spatial2DView(
+        origin=f"/{ROOT}",
+        name="Chart",
+        visual_bounds=rrb.VisualBounds2D(x_range=(0.0, width), y_range=(0.0, height)),
+    )
+
+
+def _curves(story: Story, timeline: Timeline) -> list[Any]:
+    """The same curves over the steps of their phases, one behind the other, to read numbers off."""
     import rerun as rr
     import rerun.blueprint as rrb
 
-    start = rr.TimeRangeBoundary.absolute(seq=phase.start)
-    end = rr.TimeRangeBoundary.absolute(seq=phase.stop - 1)
-    return rrb.TimeSeriesView(
-        origin=f"/{origin}",
-        name=title,
-        plot_legend=rrb.PlotLegend(visible=False),
-        axis_x=rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end)),
-    )
+    bound, views = rr.TimeRangeBoundary.absolute, []
+    for chapter, phase in zip(story.chapters, timeline.phases, strict=True):
+        stretch = rr.TimeRange(start=bound(seq=phase.start), end=bound(seq=phase.stop - 1))
+        views += [
+            rrb.TimeSeriesView(
+                origin=f"/{chart.origin}",
+                name=f"{chart.origin.replace('/', ', ')} by step",
+                plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=True),
+                axis_x=rrb.TimeAxis(view_range=stretch),
+            )
+            for chart in chapter.charts
+        ]
+    return views

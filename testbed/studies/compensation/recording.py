@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 
 from testbed.recording import style
-from testbed.recording.curves import draw_curve
+from testbed.recording.chart import Chart, Series
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter
 from testbed.recording.timeline import Phase, visit
@@ -16,7 +16,7 @@ from testbed.units import UM
 
 BEFORE, CHOSEN = VARIANTS.index("before"), VARIANTS.index("chosen")
 AP = FIGURES.index("AP")
-MARK_COLOR = (70, 90, 200)
+MARK_COLOR = (30, 34, 40)
 """Of the commanded points."""
 FRAMES = 144
 """Length of the phase."""
@@ -43,12 +43,13 @@ def chapter(campaign: Campaign) -> Chapter:
             f"#### Compensate: a program on a {study.truth} robot",
             f"- another robot of that kind, calibrated with {study.poses} poses, runs five poses "
             f"{study.cycles} times: as written, then with corrected joint targets",
-            "- blue: commanded points of the cube of ISO 9283",
-            f"- red, green: what the tracker reads before and after, drawn {factor(study)} times",
+            "- black: commanded points of the cube of ISO 9283",
+            f"- vermilion, blue: readings before and after, drawn {factor(study)} times",
             f"- mean AP {ap[BEFORE]:.0f} to {ap[CHOSEN]:.1f} µm; {floor:.1f} µm is noise alone",
         ),
         draw=partial(_draw, study),
-        plots={"compensate": "5 AP µm: red before, green after, gray noise floor"},
+        lines=_lines(study),
+        charts=(_chart(study),),
     )
 
 
@@ -72,12 +73,31 @@ def _draw(study: CompensationStudy, pen: Pen, phase: Phase) -> None:
         pen.grow(f"{path}/readings", phase, rr.Points3D, dots, look, begin=begin, each=cycles)
         mean = readings.mean(axis=1) - command
         pen.grow_arrows(f"{path}/mean", phase, command, mean, color, 0.0035, begin)
+
+
+def _lines(study: CompensationStudy) -> list[str]:
+    """Run, pose and its AP."""
+    ap = UM * study.figures[:, AP, 0, 0]
+    runs = (("as written", BEFORE), ("corrected", CHOSEN))
+    return [
+        f"{name}: P{number}, AP {value:.0f} µm"
+        for name, variant in runs
+        for number, value in zip(study.pose_id, ap[variant], strict=True)
+    ]
+
+
+def _chart(study: CompensationStudy) -> Chart:
+    """AP of every pose, in the run as written and in the corrected one."""
+    count = len(study.T)
     value, floor = UM * study.figures[:, AP, 0, 0], UM * study.figures[:, AP, 2, 0]
-    early, late = np.arange(count), np.arange(count, 2 * count)
-    draw_curve(pen, "compensate/before", phase, value[BEFORE], style.RED, "AP before", early)
-    draw_curve(pen, "compensate/after", phase, value[CHOSEN], style.GREEN, "AP after", late)
     floors = np.concatenate([floor[BEFORE], floor[CHOSEN]])
-    draw_curve(pen, "compensate/floor", phase, floors, style.MUTED_COLOR, "noise floor")
+    curves = (
+        Series("before", value[BEFORE], style.BEFORE_COLOR, "as written", np.arange(count)),
+        Series("after", value[CHOSEN], style.AFTER_COLOR, "corrected", count + np.arange(count)),
+        Series("floor", floors, style.MUTED_COLOR, "noise floor"),
+    )
+    # both runs over the same poses
+    return Chart("compensate", "AP [µm] by pose", curves, np.tile(study.pose_id * 1.0, 2))
 
 
 def factor(study: CompensationStudy) -> int:

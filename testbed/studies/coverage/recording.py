@@ -8,17 +8,16 @@ import numpy as np
 
 from calib.arrays import Array, Bool
 from testbed.recording import style
-from testbed.recording.curves import draw_curve, draw_grid, draw_labels, draw_level
+from testbed.recording.chart import Chart, Series, Word, draw_grid, draw_words, level
 from testbed.recording.pen import Pen, first
-from testbed.recording.story import Chapter, Panel
+from testbed.recording.story import Chapter, Panel, numbered
 from testbed.recording.timeline import Phase, growing, spread
 from testbed.studies.coverage.plots import TITLES
 from testbed.studies.coverage.study import MODELS, STATEMENTS, STUDY, CoverageStudy
 from testbed.studies.coverage.summary import Cell, cells
 from testbed.studies.trial.records import Campaign
 
-AMBER = (226, 150, 60)
-CURVES = (style.GREEN, style.LINE_COLOR, AMBER, style.RED, style.STATED_COLOR)
+CURVES = (style.LEAF, style.SKY, style.ORANGE, style.VERMILION, style.PINK, style.BLUE)
 """One per kind of robot, in turn."""
 STAGES = 40
 """The clouds of robots grow in so many rows."""
@@ -53,7 +52,7 @@ def chapter(campaign: Campaign) -> Chapter:
         title="Points inside what is stated, % (a dot is a robot)",
         x=(-1.05 * PANEL, len(STATEMENTS) * (PANEL + GAP)),
         y=(-1.7 * ROW, (len(studies) * len(MODELS) + 0.4) * ROW),
-        columns=(1.5, 1, 1.7),
+        tall=True,
     )
     return Chapter(
         name="coverage",
@@ -64,13 +63,14 @@ def chapter(campaign: Campaign) -> Chapter:
             "#### 5 Coverage: does the statement hold?",
             f"- {robots} robots of each of {len(studies)} kinds come in one by "
             "one, each calibrated, validated and judged",
-            f"- a dot: share of one robot's held-out points inside what is stated; blue line: the "
+            f"- a dot: share of one robot's held-out points inside what is stated; pale line: the "
             f"promised {100 * studies[0].level:g} %",
-            "- large: mean so far, green where the promise is kept, red where it is not",
+            "- large: mean so far, blue where the promise is kept, vermilion where it is not",
             f"- {short} of {len(found)} statements fall short, by bands over robots",
         ),
         draw=partial(_draw, studies, found),
-        plots={f"coverage/{model}": f"5 Inside %: {model}" for model in MODELS},
+        lines=numbered("robot", robots),
+        charts=[_chart(studies, i) for i in range(len(MODELS))],
         panel=panel,
     )
 
@@ -78,20 +78,24 @@ def chapter(campaign: Campaign) -> Chapter:
 def _draw(
     studies: tuple[CoverageStudy, ...], found: Sequence[Cell], pen: Pen, phase: Phase
 ) -> None:
-    """Curves and clouds of all kinds of robots, exactly as the records have them."""
-    for study, color in zip(studies, cycle(CURVES), strict=False):
-        for i, (model, shares) in enumerate(zip(MODELS, study.inside[:, 0], strict=True)):
-            path = f"coverage/{model}/{study.truth}"
-            draw_curve(pen, path, phase, running(shares, study.made(i, 0)), color, study.truth)
-    for model in MODELS:
-        level = 100 * studies[0].level
-        draw_level(pen, f"coverage/{model}/promise", phase, level, style.MUTED_COLOR, "promised")
+    """Clouds of all kinds of robots, exactly as the records have them."""
     _draw_frame(pen, studies)
     for k, cell in enumerate(found):
         row, column = divmod(k, len(STATEMENTS))
         study, i = studies[row // len(MODELS)], row % len(MODELS)
         made = study.made(i, column)
         _draw_robots(pen, phase, study.inside[i, column], made, cell, row, column)
+
+
+def _chart(studies: tuple[CoverageStudy, ...], i: int) -> Chart:
+    """The mean over the robots so far, of all kinds, with one of the two models."""
+    curves = [
+        Series(study.truth, running(study.inside[i, 0], study.made(i, 0)), color)
+        for study, color in zip(studies, cycle(CURVES), strict=False)
+    ]
+    promise, count = 100 * studies[0].level, studies[0].inside.shape[-1]
+    curves.append(level("promise", count, promise, style.MUTED_COLOR, "promised"))
+    return Chart(f"coverage/{MODELS[i]}", f"Inside [%] by robots, {MODELS[i]}", curves)
 
 
 def _draw_frame(pen: Pen, studies: tuple[CoverageStudy, ...]) -> None:
@@ -118,8 +122,7 @@ def _draw_frame(pen: Pen, studies: tuple[CoverageStudy, ...]) -> None:
         for k, study in enumerate(studies)
         for i, model in enumerate(MODELS)
     ]
-    places = [[x, y - 0.3 * ROW] for x, y, _ in words]
-    draw_labels(pen, "attained/words", places, [text for *_, text in words])
+    draw_words(pen, "attained/words", [Word(x, y - 0.3 * ROW, text) for x, y, text in words])
 
 
 def _draw_robots(
@@ -140,6 +143,6 @@ def _draw_robots(
     pen.static(f"{path}/robots", dots)
     means = np.stack([x + running(shares, made), np.full(count, ROW * row)], axis=-1)
     pen.every_step(f"{path}/mean", rr.Points2D.columns(positions=means), phase.at)
-    large, color = rr.Radius.ui_points(5.0), style.GREEN if cell.believable else style.RED
+    large, color = rr.Radius.ui_points(5.0), style.BLUE if cell.believable else style.VERMILION
     dot = rr.Points2D.from_fields(radii=large, colors=color, draw_order=10.0)
     pen.static(f"{path}/mean", dot)

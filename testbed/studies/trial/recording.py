@@ -1,15 +1,17 @@
 """A trial in the recording: four chapters from its pool to its held-out poses, and the summary."""
 
 from collections.abc import Sequence
+from functools import partial
 from itertools import compress
 
 import numpy as np
 
 from calib.uncertainty.statement.stated_point import widened
-from testbed.recording import curves, style
+from testbed.recording import parameters, style
 from testbed.recording.cell import draw_box, draw_station
+from testbed.recording.chart import Chart, Series, before_after, fit_chart, level
 from testbed.recording.pen import Pen
-from testbed.recording.story import Chapter, floor_height
+from testbed.recording.story import Chapter, floor_height, numbered
 from testbed.recording.timeline import Phase, leaf, spread, visit
 from testbed.report.page import SIMULATED
 from testbed.robots.robot import Robot
@@ -22,6 +24,8 @@ from testbed.studies.trial.records import Campaign, RandomSets
 
 SELECT_FRAMES, IDENTIFY_FRAMES = 144, 72
 """Length of the phases in which the robot does not have to be anywhere."""
+MOST_TRIALS = 4
+"""Rows of the summary, which has to fit its window."""
 
 
 def chapters(shown: ShownTrial, random_sets: Sequence[RandomSets]) -> tuple[Chapter, ...]:
@@ -77,13 +81,11 @@ def _select(shown: ShownTrial, sets: RandomSets | None) -> Chapter:
     trace = trial.selection.trace
     # a set that was not searched for has its own value
     best = trace if len(trace) else np.array([trial.selection.value])
-
-    def draw(pen: Pen, phase: Phase) -> None:
-        cell.draw_selected(shown, pen, phase)
-        curves.draw_curve(pen, f"select/{trial.selection.criterion}", phase, best, style.LINE_COLOR)
-        if sets is not None:
-            name = f"best of {len(sets.values)} random sets"
-            curves.draw_level(pen, "select/random", phase, sets.best, style.MUTED_COLOR, name)
+    criterion = trial.selection.criterion
+    curves = [Series(criterion, best, style.LINE_COLOR, "best so far")]
+    if sets is not None:
+        name = f"best of {len(sets.values)} random sets"
+        curves.append(level("random", len(best), sets.best, style.MUTED_COLOR, name))
 
     return Chapter(
         name="select",
@@ -93,13 +95,13 @@ def _select(shown: ShownTrial, sets: RandomSets | None) -> Chapter:
         text=(
             f"#### 1 Select: {trial.method}, {trial.selection.criterion}",
             f"- gray: {len(setting.pool_q)} candidate tool positions of {setting.n_drawn} drawn",
-            "- pale red: refused inside the box (collision, sight)",
             f"- blue, at the end: the {len(trial.selection.indices)} chosen poses",
             "- the robot leafs through the candidates",
             shown.ghost_words,
         ),
-        draw=draw,
-        plots={"select": "1 Index, best so far (gray: best random)"},
+        draw=partial(cell.draw_selected, shown),
+        lines=numbered("search", len(best), (f"best {criterion} {value:.5g}" for value in best)),
+        charts=(Chart("select", f"{criterion} by search", curves),),
     )
 
 
@@ -107,15 +109,14 @@ def _measure(shown: ShownTrial) -> Chapter:
     """What the tracker sees, and its distance from both models [mm]."""
     measurements = shown.trial.measurements
     models = (
-        ("nominal", shown.setting.nominal, style.RED),
-        ("identified", shown.estimate.identification.model, style.GREEN),
+        ("nominal", shown.setting.nominal, style.BEFORE_COLOR),
+        ("identified", shown.estimate.identification.model, style.AFTER_COLOR),
     )
-
-    def draw(pen: Pen, phase: Phase) -> None:
-        cell.draw_measured(shown, pen, phase)
-        for name, model, color in models:
-            size = measured_distance(measurements, model) * 1e3
-            curves.draw_curve(pen, f"measure/{name}", phase, size, color)
+    seen = measured_distance(measurements, shown.setting.nominal) * 1e3
+    curves = [
+        Series(name, measured_distance(measurements, model) * 1e3, color)
+        for name, model, color in models
+    ]
 
     return Chapter(
         name="measure",
@@ -125,12 +126,13 @@ def _measure(shown: ShownTrial) -> Chapter:
         text=(
             "#### 2 Measure",
             f"- the tracker measures {measurements.n_poses} poses",
-            "- dots: where the target was seen, dark to bright with growing error",
-            f"- red arrows: seen minus nominal, drawn {shown.arrows} times",
+            "- dark dots: where the target was seen",
+            f"- vermilion arrows: seen minus nominal, drawn {shown.arrows} times",
             shown.ghost_words,
         ),
-        draw=draw,
-        plots={"measure": "2 Seen mm: red before, green after"},
+        draw=partial(cell.draw_measured, shown),
+        lines=numbered("pose", len(seen), (f"{mm:.2f} mm off" for mm in seen)),
+        charts=(Chart("measure", "Seen minus predicted [mm] by pose number", curves),),
     )
 
 
@@ -139,15 +141,14 @@ def _identify(shown: ShownTrial) -> Chapter:
     found, judged = shown.estimate.identification, shown.estimate.comparison
 
     def draw(pen: Pen, phase: Phase) -> None:
-        curves.draw_fit(pen, phase, found.trace, found.dof)
         u = np.where(found.standard_uncertainty > 0, found.standard_uncertainty, np.inf)
         steps = np.concatenate([[0], phase.steps])
         error = judged.true_step - known(pen.timeline)[steps, None] * found.step
-        covered = np.abs(error) <= curves.BAND * u
+        covered = np.abs(error) <= parameters.BAND * u
         covered[-1] = judged.parameter_inside
         alone = shown.estimate.judged
         names = tuple(compress(found.parameters.free_names, alone.tolist()))
-        curves.draw_parameters(pen, names, (error / u)[:, alone], covered[:, alone], steps)
+        parameters.draw_parameters(pen, names, (error / u)[:, alone], covered[:, alone], steps)
 
     return Chapter(
         name="identify",
@@ -162,8 +163,9 @@ def _identify(shown: ShownTrial) -> Chapter:
             "- parameters: error over stated uncertainty moves into the gray 95 % band",
         ),
         draw=draw,
-        plots={"identify": "3 log10(sum of squares / dof)"},
-        panel=curves.parameter_panel(found.parameters.n_free),
+        lines=numbered("step", len(found.trace)),
+        charts=(fit_chart(found.trace, found.dof),),
+        panel=parameters.parameter_panel(found.parameters.n_free),
     )
 
 
@@ -174,15 +176,13 @@ def _evaluate(shown: ShownTrial) -> Chapter:
     believed = shown.estimate.belief is not None
     whose = "believed" if believed else "the fit's, not believed:"
     one_move = ("- lines around them: where 95 % of single moves end",) if shown.moved else ()
-
-    def draw(pen: Pen, phase: Phase) -> None:
-        cell.draw_held_out(shown, pen, phase)
-        stated = np.sqrt(np.trace(widened(shown.stated), axis1=1, axis2=2))
-        curves.draw_curve(pen, "evaluate/before", phase, judged.before * 1e3, style.RED)
-        curves.draw_curve(pen, "evaluate/after", phase, judged.after * 1e3, style.GREEN)
-        curves.draw_curve(
-            pen, "evaluate/stated", phase, stated * 1e3, style.STATED_COLOR, "stated u, 3-D, k = 1"
-        )
+    # as a distance, like the errors beside it
+    stated = np.sqrt(np.trace(widened(shown.stated), axis1=1, axis2=2))
+    curves = (
+        Series("before", judged.before * 1e3, style.BEFORE_COLOR),
+        Series("after", judged.after * 1e3, style.AFTER_COLOR),
+        Series("stated", stated * 1e3, style.STATED_COLOR, "stated u, 3-D, k = 1"),
+    )
 
     return Chapter(
         name="evaluate",
@@ -191,48 +191,34 @@ def _evaluate(shown: ShownTrial) -> Chapter:
         motion=visit(shown.setting.test_q),
         text=(
             f"#### 4 Evaluate: {count} held-out poses",
-            f"- red, green: error before and after, both drawn {shown.arrows} times",
+            f"- vermilion, blue: error before and after, both drawn {shown.arrows} times",
             f"- ellipsoids: {whose} 95 % regions of the mean tool point, drawn {shown.regions} "
-            "times, with the error as a thin arrow; blue holds the truth, orange does not",
+            "times, with the error as a thin arrow; blue holds the truth, vermilion does not",
             f"- {held} of {count} regions hold the truth",
             *one_move,
             f"- ghost: what is left of the deviation, drawn {shown.ghost} times",
         ),
-        draw=draw,
-        plots={"evaluate": "4 Held-out mm: red before, green after"},
+        draw=partial(cell.draw_held_out, shown),
+        lines=numbered("pose", count, before_after(judged.before, judged.after)),
+        charts=(Chart("evaluate", "Held-out error [mm] by pose number", curves),),
     )
 
 
 def summary(campaign: Campaign, verdict: str) -> str:
-    """Verdict first, then one row per trial and estimator; the first trial is the one shown."""
+    """Verdict first, then one row per trial, by its default estimator; the first one is shown."""
     scenario, trials = campaign.scenario, campaign.trials
     lines = [
-        f"#### {scenario.title or scenario.name}",
-        f"**{SIMULATED}** ({scenario.name}, seed {scenario.seed}, trial {trials[0].name})",
+        f"**{SIMULATED}**: {scenario.name}, seed {scenario.seed}, trial {trials[0].name}",
         "",
         verdict,
         "",
-        "| trial | estimator | before | after | 95 % | chi2/dof |",
-        "|---|---|--:|--:|--:|--:|",
+        "| trial | before mm | after mm | held |",
+        "|---|--:|--:|--:|",
     ]
-    for trial in trials:
-        for estimate in trial.estimates:
-            judged, found = estimate.comparison, estimate.identification
-            held = f"{int(estimate.inside.sum())}/{len(estimate.inside)}"
-            ratio = found.chi_square / found.dof if found.dof > 0 else np.nan
-            lines.append(
-                f"| {trial.name} | {estimate.mode} "
-                f"| {judged.accuracy_before.mean * 1e3:.3f} "
-                f"| {judged.accuracy_after.mean * 1e3:.3f} "
-                f"| {held} | {'-' if np.isnan(ratio) else f'{ratio:.2f}'} |"
-            )
-    lines += [
-        "",
-        "before, after: mean error on held-out poses [mm]; 95 %: believed regions that hold the "
-        "truth (paper: of the covariance of its fit)",
-        "",
-        f"shown: {trials[0].name}, {trials[0].estimates[0].mode}",
-    ]
-    if len(trials) > 1:
-        lines[-1] += "; other trials by `truebed record RUN --trial NAME`"
+    for trial in trials[:MOST_TRIALS]:
+        estimate = trial.estimates[0]
+        judged = estimate.comparison
+        held = f"{int(estimate.inside.sum())}/{len(estimate.inside)}"
+        before, after = judged.accuracy_before.mean * 1e3, judged.accuracy_after.mean * 1e3
+        lines.append(f"| {trial.name} | {before:.3f} | {after:.3f} | {held} |")
     return "\n".join(lines)

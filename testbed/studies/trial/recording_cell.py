@@ -25,11 +25,10 @@ from testbed.studies.trial.records import Campaign, Estimate, Trial
 
 GHOST_SIZE = 0.036
 """Mean drawn deviation of the ghost before calibration [m]: seen, and still a robot."""
-POOL_COLOR, REJECTED_COLOR, CHOSEN_COLOR = (120, 132, 146), (206, 150, 146), (28, 92, 190)
-ANCHOR_COLOR = (110, 70, 150)
+SEEN_COLOR, ANCHOR_COLOR = (40, 46, 54), (110, 70, 150)
 REGION_SIZE = 0.07
 """Longest drawn error or semi-axis of a stated region [m]."""
-INSIDE_COLOR, OUTSIDE_COLOR = (66, 112, 214, 120), (238, 136, 28, 150)
+INSIDE_COLOR, OUTSIDE_COLOR = (*style.BLUE, 110), (*style.VERMILION, 150)
 MOVE_COLOR = (60, 66, 76, 160)
 
 
@@ -58,7 +57,7 @@ class ShownTrial:
     def ghost_words(self) -> str:
         """What the ghost is, for a chapter before the model knows."""
         bent = ", bent by its weight" if self.arm else ""
-        return f"- red ghost: the true robot{bent}, its deviation drawn {self.ghost} times"
+        return f"- purple ghost: the true robot{bent}, its deviation drawn {self.ghost} times"
 
 
 def show(campaign: Campaign, trial: Trial) -> ShownTrial:
@@ -105,22 +104,15 @@ def tracked(setting: Setting, q: Array) -> Array:
 
 
 def draw_selected(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
-    """Candidate tool positions, those refused inside the box, and the chosen set."""
+    """Candidate tool positions, and the chosen set."""
     import rerun as rr
 
     setting = shown.setting
     pool = setting.pool_nominal[:, :3, 3]
-    pen.static("world/pool", rr.Points3D(pool, radii=0.0028, colors=POOL_COLOR))
-    outside = setting.rejection_names[0] if setting.rejection_names else ""
-    inside = [k for k, reason in enumerate(setting.rejected_reason) if reason != outside]
-    if inside:
-        refused = setting.nominal.poses(setting.rejected_q[inside])[:, :3, 3]
-        points = rr.Points3D(refused, radii=0.004, colors=REJECTED_COLOR)
-        pen.at(phase.start, "world/rejected", points)
-        pen.clear(phase.stop, "world/rejected")
+    pen.static("world/pool", rr.Points3D(pool, radii=0.0028, colors=style.CANDIDATE_COLOR))
     chosen = pool[shown.trial.selection.indices]
     pen.at(int(phase.at[-1]), "world/chosen", rr.Points3D(chosen))
-    pen.static("world/chosen", rr.Points3D.from_fields(radii=0.009, colors=CHOSEN_COLOR))
+    pen.static("world/chosen", rr.Points3D.from_fields(radii=0.009, colors=style.CHOSEN_COLOR))
     pen.clear(pen.timeline.phase("identify").stop, "world/chosen")
 
 
@@ -135,10 +127,9 @@ def draw_measured(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
     seen = seen_places(shown.estimate.identification.model, shown.trial.measurements)
     points = predicted_places(setting.nominal, shown.trial.measurements)
     vectors = seen - points
-    size = np.linalg.norm(vectors, axis=1)
     cloud, arrows = "world/measured", f"world/error_nominal_x{factor}"
-    dots = {"positions": seen, "colors": style.viridis(size, float(size.max()))}
-    pen.grow(cloud, phase, rr.Points3D, dots, {"radii": 0.012})
+    look = {"radii": 0.010, "colors": SEEN_COLOR}
+    pen.grow(cloud, phase, rr.Points3D, {"positions": seen}, look)
     pen.grow_arrows(arrows, phase, points, factor * vectors, style.BEFORE_COLOR, 0.0032)
     pen.clear(pen.timeline.phase("identify").stop, cloud, arrows)
 

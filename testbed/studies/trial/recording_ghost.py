@@ -9,11 +9,11 @@ from calib.geometry.jacobian import pose_and_jacobian
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from testbed.recording.cell import draw_arm
 from testbed.recording.pen import Pen
+from testbed.recording.style import GHOST_COLOR
 from testbed.recording.timeline import Timeline, eased
 from testbed.robots.robot import Robot
 from testbed.studies.trial.recording_cell import ShownTrial
 
-GHOST_COLOR = (222, 60, 50, 110)
 MOVE = "move"
 """The chapter in which a ghost of its own moves."""
 

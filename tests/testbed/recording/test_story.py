@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbed.recording.curves import draw_curve
+from testbed.recording.chart import Chart, Series
 from testbed.recording.story import Panel, timeline_of
 from testbed.recording.timeline import evenly, leaf, spread, visit
 from testbed.recording.write import blueprint, camera, story_bytes
@@ -21,10 +21,9 @@ from tests.toy_story import STOPS, chapter, held, story
 
 def test_a_chapter_brings_its_place_on_the_timeline_its_curve_and_its_words(tmp_path):
     values = np.array([3.0, 1.0, 2.0])
-    toy = chapter(
-        "toy", visit(STOPS), lambda pen, phase: draw_curve(pen, "toy/u", phase, values, (9, 9, 9))
-    )
-    whole = story(chapter("first", visit(STOPS[:2])), replace(toy, plots={"toy/u": "u"}))
+    chart = Chart("toy", "u by item", (Series("u", values, (9, 9, 9)),))
+    toy = replace(chapter("toy", visit(STOPS)), charts=(chart,), lines=("one", "two", "three"))
+    whole = story(chapter("first", visit(STOPS[:2])), toy)
     (tmp_path / "toy.rrd").write_bytes(story_bytes(whole))
     assert viewed.verify(tmp_path / "toy.rrd")
     opened = store(tmp_path / "toy.rrd")
@@ -33,6 +32,9 @@ def test_a_chapter_brings_its_place_on_the_timeline_its_curve_and_its_words(tmp_
     assert np.array_equal(at, phase.at)
     assert np.array_equal(drawn, values)
     assert scalars(opened, "/toy/u", "toy_item")[0].tolist() == [0, 1, 2]
+    steps, texts = column(opened, "/line", "TextDocument:text")
+    assert steps.tolist() == [0, phase.start, *phase.at]
+    assert texts[2:] == [["### one"], ["### two"], ["### three"]]
     steps, texts = column(opened, "/now", "TextDocument:text")
     assert steps.tolist() == [0, phase.start]
     assert texts[1] == ["#### Toy\n- toy"]
@@ -115,22 +117,28 @@ def test_of_many_places_evenly_spread_ones_are_taken_with_both_ends():
     assert np.array_equal(evenly(places, 5000), places)
 
 
-def test_the_panel_of_the_last_chapter_lies_on_top():
+def test_of_the_panels_of_a_kind_that_of_the_last_chapter_lies_on_top():
     from rerun.blueprint import Tabs
 
-    first = replace(chapter("a", visit(STOPS)), panel=Panel("a", "A", (0, 1), (0, 1)))
-    last = replace(
-        chapter("b", visit(STOPS)), panel=Panel("b", "B", (0, 1), (0, 1), columns=(1, 1, 2))
+    first, last = (
+        replace(chapter(name, visit(STOPS)), panel=Panel(name, name.upper(), (0, 1), (0, 1)))
+        for name in "ab"
     )
-    for chapters, names, widths in (
-        ((first, last), ["B", "A"], [1, 1, 2]), ((first,), ["A"], [2.5, 1.2, 1]),
+    tall = replace(last, panel=replace(last.panel, tall=True))
+    for chapters, low, beside in (
+        ((first, last), ["B", "A"], []), ((first, tall), ["A"], ["B"]), ((tall,), [], ["B"]),
+        ((chapter("c", visit(STOPS)),), [], []),
     ):  # fmt: skip
         whole = story(*chapters)
-        top = blueprint(whole, timeline_of(chapters)).root_container.contents[0]
-        beside = top.contents[2]
-        views = beside.contents if isinstance(beside, Tabs) else [beside]
-        assert [view.name for view in views] == names
-        assert list(top.column_shares) == widths
+        top, _, bottom = blueprint(whole, timeline_of(chapters)).root_container.contents
+        assert [view.name for view in bottom.contents[1:] if not isinstance(view, Tabs)] == (
+            low if len(low) == 1 else [] if low else ["Summary"]
+        )
+        found = [view.name for view in (bottom.contents[1].contents or ())] if len(low) > 1 else low
+        assert found == low
+        assert [view.name for view in top.contents[2:]] == beside
+        texts = [view.name for view in top.contents[1].contents]
+        assert texts == ["Line", "Now", *(["Summary"] if low else [])]
 
 
 def test_recordings_leave_no_thread_and_no_memory_behind():

@@ -3,8 +3,9 @@
 import numpy as np
 
 from calib.geometry.bodies import Z
-from testbed.recording import curves, style
+from testbed.recording import style
 from testbed.recording.cell import draw_arm
+from testbed.recording.chart import Chart, Series
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter
 from testbed.recording.timeline import Motion, Phase, glide
@@ -12,7 +13,7 @@ from testbed.recording.write import FRAMES_PER_SECOND
 from testbed.robots.robot import Robot
 from testbed.studies.trial.bending.records import Ways
 from testbed.studies.trial.recording_cell import ShownTrial
-from testbed.studies.trial.recording_ghost import GHOST_COLOR, MOVE
+from testbed.studies.trial.recording_ghost import MOVE
 from testbed.units import micrometres
 
 SWING_SIZE = 0.08
@@ -39,9 +40,7 @@ def move_chapter(shown: ShownTrial, ways: Ways, robot: Robot) -> Chapter:
         bends[phase.at] = factor * ways.film_bends
         turned, across = pen.timeline.q + bends[:, :, Z], bends[:, :, :Z]
         path = f"world/swings_x{factor}"
-        draw_arm(pen, path, robot, turned, (chain,), color=GHOST_COLOR, across=across)
-        away = 1e6 * ways.film_away
-        curves.draw_curve(pen, "move/tool", phase, away, style.LINE_COLOR)
+        draw_arm(pen, path, robot, turned, (chain,), color=style.GHOST_COLOR, across=across)
 
     return Chapter(
         name=MOVE,
@@ -51,12 +50,19 @@ def move_chapter(shown: ShownTrial, ways: Ways, robot: Robot) -> Chapter:
         text=(
             "#### Move: two ways to one pose",
             f"- {slower:.0f} times slower than the robot: it comes, stops, and swings on",
-            f"- red ghost: the true robot beside where it would rest, drawn {factor} times",
+            f"- purple ghost: the true robot beside where it would rest, drawn {factor} times",
             "- curve: so far is its tool from there",
             "- then it comes from the other side; friction leaves the tool "
             f"{micrometres(float(ways.apart.mean()), 2)} um apart, mean of "
             f"{len(ways.apart)} poses",
         ),
         draw=draw,
-        plots={"move": "Tool beside rest um"},
+        charts=(
+            Chart(
+                "move",
+                "Tool beside its place at rest [um] by time [s]",
+                (Series("tool", 1e6 * ways.film_away, style.LINE_COLOR),),
+                ways.film_step * np.arange(len(ways.film_away)),
+            ),
+        ),
     )

@@ -10,7 +10,7 @@ from calib.arrays import Array, Index
 from testbed.laboratory.truth.setting import Setting
 from testbed.recording import style
 from testbed.recording.cell import box_edges
-from testbed.recording.curves import draw_curve
+from testbed.recording.chart import Chart, Series
 from testbed.recording.pen import Pen, first
 from testbed.recording.story import Chapter
 from testbed.recording.style import Color
@@ -27,9 +27,7 @@ class Look:
 
     name: str
     color: Color
-    """Of dots and box."""
-    curve: Color
-    """In the plot."""
+    """Of dots, box and curve."""
     label: Color
     """Of the words, which stand on gray."""
     dot: float
@@ -39,8 +37,8 @@ class Look:
 
 
 LOOKS = (
-    Look("optimal set", (20, 70, 200), style.LINE_COLOR, (205, 225, 255), 1.7, 1),
-    Look("random sets", (226, 128, 30), (226, 150, 60), (255, 225, 185), 1.1, -1),
+    Look("optimal set", style.BLUE, (205, 225, 255), 1.7, 1),
+    Look("random sets", style.ORANGE, (255, 225, 185), 1.1, -1),
 )
 FEWEST, STAGES = 10, 24
 """Draws at first, and the steps in which they become all of them."""
@@ -77,8 +75,32 @@ def chapter(campaign: Campaign) -> Chapter | None:
             "- plot: a range grows with the draws, as that of normal numbers (gray)",
         ),
         draw=partial(_draw, clouds),
-        plots={"draw": "5 Half range of x, in u"},
+        lines=[
+            f"{whose}: {count} draws"
+            for whose, (best, _) in clouds.items()
+            for count in stages(len(best.points))
+        ],
+        charts=charts(clouds),
     )
+
+
+def charts(clouds: Mapping[str, tuple[Cloud, Cloud]]) -> tuple[Chart, ...]:
+    """How the range of x grows with the draws, of each pair of clouds beside normal numbers."""
+    found = []
+    for k, (whose, pair) in enumerate(clouds.items()):
+        local = np.arange(STAGES * k, STAGES * (k + 1))
+        curves = []
+        for cloud, look in zip(pair, LOOKS, strict=True):
+            counts = stages(len(cloud.points))
+            reach = [np.ptp(cloud.points[:count, 0]) / 2 / cloud.u[0] for count in counts]
+            key = cloud.source.replace(" ", "_")
+            curves.append(Series(key, np.array(reach), look.color, look.name, local))
+        counts = stages(len(pair[0].points))
+        expected = mean_half_width(counts.tolist())
+        curves.append(Series(f"normal_{k}", expected, style.MUTED_COLOR, "normal", local))
+        places = np.tile(np.log10(counts), len(clouds))
+        found.append(Chart("draw", f"Half range of x / u by log10(draws): {whose}", curves, places))
+    return tuple(found)
 
 
 def to_the_zero_pose_and_aside(setting: Setting) -> Array:
@@ -117,11 +139,6 @@ def _draw(clouds: Mapping[str, tuple[Cloud, Cloud]], pen: Pen, phase: Phase) -> 
             place = cloud.nominal + np.array([0, 0, look.side * away])
             _draw_label(pen, f"{path}/label", int(phase.at[local[0]]), place, words, look.label)
             pen.clear(int(end), path, f"{path}/range", f"{path}/label")
-            counts = stages(len(cloud.points))
-            reach = [np.ptp(cloud.points[:count, 0]) / 2 / cloud.u[0] for count in counts]
-            draw_curve(pen, f"draw/{source}", phase, np.array(reach), look.curve, words, local)
-        expected, title = mean_half_width(stages(len(pair[0].points)).tolist()), f"draw/normal_{k}"
-        draw_curve(pen, title, phase, expected, style.MUTED_COLOR, "normal numbers", local)
 
 
 def _draw_cloud(

@@ -1,0 +1,319 @@
+"""Charts of a recording: curves against the number of a pose, with a legend, drawn on a plane.
+
+A plane is measured in points of the screen at `SIZE`, from its left top corner; where its window is
+larger or smaller it is scaled as a whole, but for its words. The curves are in the file as scalars
+too, exactly as the record has them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, Index
+from testbed.recording import style
+from testbed.recording.pen import Pen
+from testbed.recording.style import Color
+from testbed.recording.timeline import Phase
+
+SIZE = (800.0, 264.0)
+"""Width and height of the plane."""
+LEFT, RIGHT, TOP, BOTTOM = 62.0, 18.0, 59.0, 35.0
+"""Margins of a chart, for its numbers, title and legend."""
+LETTER, LINE = 6.8, 21.0
+"""Width of a letter and height of a line of words."""
+SAMPLE = 22.0
+"""Length of the line before a name in a legend."""
+FEW = 40
+"""Curves with fewer points also show the points."""
+DECADE = 8.0
+"""Curves whose medians are further apart than this factor share a logarithmic axis."""
+ROOT = "chart"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Series:
+    """One scalar per item of a phase, exactly as the record has it times the unit's factor."""
+
+    key: str
+    """Name of its entity, below that of its chart."""
+    values: Array
+    """(k,) numbers."""
+    color: Color
+    name: str = ""
+    """In the legend; the key if empty."""
+    local: Index | None = None
+    """(k,) which items they belong to; None: all in turn."""
+
+    @property
+    def label(self) -> str:
+        """Its name in the legend."""
+        return self.name or self.key
+
+    @property
+    def items(self) -> Index:
+        """(k,) items of the phase."""
+        return np.arange(len(self.values)) if self.local is None else self.local
+
+
+def level(key: str, phase_items: int, value: float, color: Color, name: str = "") -> Series:
+    """A curve that stays at one value."""
+    return Series(key, np.full(phase_items, value), color, name)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chart:
+    """Curves over the items of a phase."""
+
+    origin: str
+    """Root of the entities of its curves."""
+    title: str
+    """What it shows, with the unit, and what counts along its axis."""
+    curves: Sequence[Series]
+    places: ArrayLike | None = None
+    """Number of every item on the axis; None: 1, 2 ..."""
+
+    def across(self, items: Index) -> Array:
+        """Numbers of items on the axis."""
+        return np.asarray(items + 1.0 if self.places is None else np.asarray(self.places)[items])
+
+
+def before_after(before: Array, after: Array) -> list[str]:
+    """Words for pairs of errors (k,) [m], with the digits that the smaller ones need."""
+    digits = 3 if np.median(after) < 1e-4 else 2
+    pairs = zip(1e3 * before, 1e3 * after, strict=True)
+    return [f"{one:.{digits}f} to {other:.{digits}f} mm" for one, other in pairs]
+
+
+def fit_chart(trace: Array, dof: int) -> Chart:
+    """Log10 of the sum of squares per degree of freedom: 0 where only noise is left."""
+    ratio = np.log10(np.maximum(trace / max(dof, 1), 1e-30))
+    curve = Series("fit", ratio, style.LINE_COLOR, "0: only noise is left")
+    title = "log10(sum of squares / dof) by iteration"
+    return Chart("identify", title, (curve,), np.arange(len(trace), dtype=np.float64))
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """Words with the middle of their upper edge at a place."""
+
+    x: float
+    y: float
+    text: str
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Left, top, right and bottom of what they cover."""
+        half = (LETTER * len(self.text) + 8.0) / 2
+        return self.x - half, self.y, self.x + half, self.y + LINE
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Axes:
+    """Where a chart lies on the plane and what it spans."""
+
+    chart: Chart
+    left: float
+    width: float
+    x: tuple[float, float]
+    y: tuple[float, float]
+    is_log: bool = False
+    """Whether the numbers beside it count decades."""
+
+    def place(self, across: Array, values: Array) -> Array:
+        """Points (k, 2) of the plane."""
+        right, high = self.left + self.width - RIGHT, SIZE[1] - BOTTOM
+        along = (across - self.x[0]) / (self.x[1] - self.x[0])
+        low, top = self.scaled(np.array(self.y))
+        up = (self.scaled(values) - low) / (top - low)
+        start = self.left + LEFT
+        return np.stack([start + along * (right - start), high - up * (high - TOP)], axis=-1)
+
+    def scaled(self, values: Array) -> Array:
+        """Values, or their decades."""
+        return np.log10(values) if self.is_log else values
+
+    def of(self, curve: Series) -> Array:
+        """Points (k, 2) of a curve; numbers that are not finite lie on its lower edge."""
+        values = np.where(np.isfinite(curve.values), curve.values, self.y[0])
+        return self.place(self.chart.across(curve.items), values)
+
+    @property
+    def marks(self) -> tuple[Array, Array]:
+        """Numbers marked along the axis and beside it."""
+        items = np.concatenate([self.chart.across(curve.items) for curve in self.chart.curves])
+        along = ticks(*self.x, 6)
+        if (items % 1 == 0).all():
+            along = along[along % 1 == 0]
+        if len(items):
+            along = along[(along >= items.min()) & (along <= items.max())]
+        return along, decades(*self.y) if self.is_log else ticks(*self.y, 4)
+
+    @property
+    def grid(self) -> Array:
+        """Thin lines (k, 2, 2)."""
+        along, up = self.marks
+        low, high = np.array(self.y), np.array(self.x)
+        stand = [self.place(np.full(2, mark), low) for mark in along]
+        return np.array(stand + [self.place(high, np.full(2, mark)) for mark in up])
+
+    @property
+    def samples(self) -> Array:
+        """Lines (curves, 2, 2) before the names of the legend."""
+        starts = [word.box[0] - SAMPLE + 2 for word in self._names]
+        y = LINE + 5 + LINE / 2
+        return np.array([[[start, y], [start + SAMPLE - 6, y]] for start in starts])
+
+    @property
+    def words(self) -> list[Word]:
+        """Title, legend, and the numbers of both axes."""
+        along, up = self.marks
+        title = LETTER * len(self.chart.title) / 2 + 12
+        found = [Word(self.left + title, 2, self.chart.title), *self._names]
+        for mark in along:
+            x, y = self.place(np.array(mark), np.array(self.y[0]))
+            found.append(Word(x, y + 12, f"{mark:g}"))
+        for mark in up:
+            x, y = self.place(np.array(self.x[0]), np.array(mark))
+            text = f"{mark:g}"
+            found.append(Word(x - 8 - (LETTER * len(text) + 8) / 2, y - LINE / 2, text))
+        return found
+
+    @property
+    def _names(self) -> list[Word]:
+        """The legend."""
+        at, found = self.left + 12.0, []
+        for curve in self.chart.curves:
+            half = (LETTER * len(curve.label) + 8) / 2
+            found.append(Word(at + SAMPLE + half, LINE + 5, curve.label))
+            at += SAMPLE + 2 * half + 12
+        return found
+
+
+def frames_of(charts: Sequence[Chart]) -> list[Axes]:
+    """The charts of a phase, side by side."""
+    width = SIZE[0] / max(len(charts), 1)
+    return [_frame(chart, k * width, width) for k, chart in enumerate(charts)]
+
+
+def _frame(chart: Chart, left: float, width: float) -> Axes:
+    """A chart with all of its finite points in view; from zero where zero is not far."""
+    x = np.concatenate([chart.across(curve.items) for curve in chart.curves])
+    y = np.concatenate([curve.values for curve in chart.curves])
+    y = y[np.isfinite(y)]
+    first, last = (float(x.min()), float(x.max())) if len(x) else (0.0, 1.0)
+    aside = 0.5 if last == first else 0.01 * (last - first)
+    across = first - aside, last + aside
+    if len(y) and y.min() > 0:
+        typical = [float(np.median(curve.values)) for curve in chart.curves if len(curve.values)]
+        if max(typical) > DECADE * min(typical):
+            return Axes(chart, left, width, across, (0.8 * y.min(), 1.25 * y.max()), True)
+    low, high = (float(y.min()), float(y.max())) if len(y) else (0.0, 1.0)
+    if 0 <= low < 0.5 * high:
+        low = 0.0
+    room = 0.06 * (high - low) or 0.1 * abs(high) or 1.0
+    below = 0.0 if low == 0.0 else room
+    return Axes(chart, left, width, across, (low - below, high + room))
+
+
+def decades(low: float, high: float) -> Array:
+    """Powers of ten from `low` to `high`; with fewer than two, the steps of 2 and 5 as well."""
+    powers = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
+    found = powers[(powers >= low) & (powers <= high)]
+    if len(found) < 2:
+        found = (powers[:, None] * [1, 2, 5]).ravel()
+        found = found[(found >= low) & (found <= high)]
+    return np.asarray(np.round(found, 12))
+
+
+def ticks(low: float, high: float, most: int) -> Array:
+    """Round numbers from `low` to `high`: steps of 1, 2 or 5 times a power of ten, few of them."""
+    power = 10.0 ** np.floor(np.log10((high - low) / most))
+    steps = (step * power for step in (1, 2, 5, 10))
+    step = next(step for step in steps if (high - low) / step <= most)
+    found = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1)
+    return np.asarray(np.round(found, 12)) + 0.0  # no minus before a zero
+
+
+def draw_charts(pen: Pen, phase: Phase, charts: Sequence[Chart]) -> None:
+    """The curves of a phase as scalars, and its charts on the plane while it lasts."""
+    import rerun as rr
+
+    for chart in charts:
+        for curve in chart.curves:
+            path = f"{chart.origin}/{curve.key}"
+            pen.rows(path, phase, rr.Scalars.columns(scalars=curve.values), curve.local)
+            pen.static(path, rr.SeriesLines(colors=curve.color, names=curve.label, widths=2))
+    root, at = f"{ROOT}/{phase.name}", partial(pen.at, phase.start)
+    frames = frames_of(charts)
+    if not frames:
+        return
+    thick = rr.Radius.ui_points(1.1)
+    grid = np.concatenate([frame.grid for frame in frames])
+    at(f"{root}/grid", grid_lines(grid, -20.0))
+    strips, colors, dots, dyes = list[Array](), list[Color](), list[Array](), list[Color]()
+    for frame in frames:
+        for curve, sample in zip(frame.chart.curves, frame.samples, strict=True):
+            points = frame.of(curve)
+            strips += [points, sample]
+            colors += 2 * [curve.color]
+            if 0 < len(points) < FEW and np.ptp(points[:, 1]) > 0:
+                dots.append(points)
+                dyes += len(points) * [curve.color]
+    at(f"{root}/curves", rr.LineStrips2D(strips, colors=colors, radii=thick, draw_order=0.0))
+    if dots:
+        small, cloud = rr.Radius.ui_points(2.5), np.concatenate(dots)
+        points = rr.Points2D(cloud, colors=dyes, radii=small, draw_order=1.0)
+        at(f"{root}/points", points)
+    words = [word for frame in frames for word in frame.words]
+    at(f"{root}/words", words_of(words))
+    _draw_cursor(pen, phase, root, frames)
+    if phase.stop < pen.timeline.n_steps:
+        pen.at(phase.stop, root, rr.Clear(recursive=True))
+
+
+def _draw_cursor(pen: Pen, phase: Phase, root: str, frames: Sequence[Axes]) -> None:
+    """A dot on each curve at the item that is shown."""
+    import rerun as rr
+
+    items = np.concatenate([c.items for frame in frames for c in frame.chart.curves])
+    points = np.concatenate([frame.of(c) for frame in frames for c in frame.chart.curves])
+    dyes = [c.color for frame in frames for c in frame.chart.curves for _ in c.items]
+    order = np.argsort(items, kind="stable")
+    shown, counts = np.unique(items, return_counts=True)
+    columns = rr.Points2D.columns(
+        positions=points[order], colors=np.array(dyes, dtype=np.uint8)[order]
+    ).partition(counts)
+    pen.every_step(f"{root}/now", columns, phase.at[shown])
+    large = rr.Radius.ui_points(5.5)
+    pen.static(f"{root}/now", rr.Points2D.from_fields(radii=large, draw_order=2.0))
+
+
+def grid_lines(lines: ArrayLike, order: float) -> Any:
+    """Thin lines (k, 2, 2) behind what a plane shows; those of the lowest order lie deepest."""
+    import rerun as rr
+
+    thin = rr.Radius.ui_points(0.5)
+    return rr.LineStrips2D(lines, colors=style.GRID_COLOR, radii=thin, draw_order=order)
+
+
+def words_of(words: Sequence[Word]) -> Any:
+    """Words on a plane."""
+    import rerun as rr
+
+    places, labels = [[word.x, word.y] for word in words], [word.text for word in words]
+    color = style.TEXT_COLOR
+    return rr.Points2D(places, labels=labels, show_labels=True, radii=0.01, colors=color)
+
+
+def draw_grid(pen: Pen, path: str, lines: ArrayLike, order: float) -> None:
+    """Thin lines at all times."""
+    pen.static(path, grid_lines(lines, order))
+
+
+def draw_words(pen: Pen, path: str, words: Sequence[Word]) -> None:
+    """Words at all times."""
+    pen.static(path, words_of(words))

@@ -1,0 +1,173 @@
+"""Charts: numbers that are round, words that do not lie on each other, colors everybody tells."""
+
+import colorsys
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from testbed.recording import style
+from testbed.recording.chart import SIZE, Chart, Series, decades, frames_of, level, ticks
+from testbed.recording.parameters import MOST_ROWS, parameter_words, place, row_heights
+from testbed.recording.story import numbered, timeline_of
+from testbed.recording.timeline import visit
+from testbed.recording.write import story_bytes
+from testbed.robots.catalog import load_robot, robot_names
+from tests.recorded import column, store
+from tests.toy_story import STOPS, chapter, story
+
+RNG = np.random.default_rng(5)
+
+
+def overlaps(words):
+    """Pairs of words that lie on each other."""
+    return [
+        (one.text, two.text)
+        for one, two in combinations(words, 2)
+        if one.box[0] < two.box[2] - 1 and two.box[0] < one.box[2] - 1
+        and one.box[1] < two.box[3] - 1 and two.box[1] < one.box[3] - 1
+    ]  # fmt: skip
+
+
+def chart(count, *scales, title="Held-out error [mm] by pose number"):
+    names = ("before", "after", "stated u, 3-D, k = 1", "promised")
+    curves = [
+        Series(name, scale * RNG.uniform(0.2, 1, count), (9, 9, 9), name)
+        for name, scale in zip(names, scales, strict=False)
+    ]
+    return Chart("toy", title, curves)
+
+
+CHARTS = [
+    [chart(61, 0.7, 0.012, 0.02)],
+    [chart(29, 0.7, 0.3)],
+    [chart(1, 40_000.0)],
+    [chart(900, 1e-7, 2e-7)],
+    [chart(200, 95, 90, title="Inside [%] by robots"), chart(200, 95, title="Inside [%]")],
+    [Chart("toy", "flat", (level("target", 12, 38021.7, (9, 9, 9)),))],
+]
+
+
+@pytest.mark.parametrize("charts", CHARTS)
+def test_no_words_of_a_chart_lie_on_each_other_or_leave_the_plane(charts):
+    words = [word for frame in frames_of(charts) for word in frame.words]
+    assert overlaps(words) == []
+    for word in words:
+        left, top, right, bottom = word.box
+        assert min(left, top) >= 0, word
+        assert right <= SIZE[0], word
+        assert bottom <= SIZE[1], word
+
+
+@pytest.mark.parametrize("charts", CHARTS)
+def test_curves_stay_below_their_legend_and_beside_their_numbers(charts):
+    for frame in frames_of(charts):
+        legend = max(word.box[3] for word in frame.words[: 1 + len(frame.chart.curves)])
+        for curve in frame.chart.curves:
+            points = frame.of(curve)
+            assert points[:, 1].min() >= legend
+            assert points[:, 0].min() >= frame.left
+            assert points[:, 0].max() <= frame.left + frame.width
+
+
+def test_parameter_names_do_not_lie_on_each_other_however_many():
+    for count in (1, 7, 24, 30, MOST_ROWS):
+        words = parameter_words(["discrepancy1"[: 5 + k % 4] for k in range(count)])
+        assert overlaps(words) == []
+        assert max(word.box[3] for word in words) <= SIZE[1] + 1
+        assert min(word.box[0] for word in words) >= 0
+        assert len(set(row_heights(count))) == -(-count // 4)
+
+
+def test_the_parameter_axis_is_odd_and_ends_within_its_block():
+    z = np.array([0.0, 0.5, 2.0, 100.0, 300.0])
+    np.testing.assert_allclose(place(-z), -place(z), rtol=0, atol=1e-15)
+    assert (np.diff(place(z)) > 0).all()
+
+
+def test_ticks_are_round_few_and_inside():
+    for _ in range(200):
+        low = float(RNG.normal(scale=10.0 ** RNG.integers(-3, 5)))
+        high = low + float(10.0 ** RNG.uniform(-2, 5))
+        found = ticks(low, high, 5)
+        assert 1 <= len(found) <= 6
+        assert found.min() >= low - 1e-9
+        assert found.max() <= high + 1e-9
+        step = np.diff(found)
+        if len(step):
+            # 1, 2 or 5 times a power of ten, every step alike
+            assert np.ptp(step) < 1e-6 * step[0] + 1e-9
+            assert round(step[0] / 10 ** np.floor(np.log10(step[0] * (1 + 1e-9))), 6) in (1, 2, 5)
+
+
+def test_decades_cover_a_logarithmic_axis():
+    assert decades(0.008, 1.4).tolist() == [0.01, 0.1, 1.0]
+    assert decades(0.3, 4.0).tolist() == [0.5, 1.0, 2.0]
+
+
+def test_curves_far_apart_share_a_logarithmic_axis_and_the_place_is_the_decade():
+    (frame,) = frames_of([chart(30, 0.7, 0.012)])
+    assert frame.is_log
+    x, y = frame.place(np.zeros(3), np.array([0.01, 0.1, 1.0])).T
+    assert np.ptp(np.diff(y)) < 1e-9  # equal steps up, by hand
+    assert y[0] > y[1]
+    assert x[0] == x[1]
+    assert not frames_of([chart(30, 0.7, 0.3)])[0].is_log
+
+
+def test_the_dot_is_at_the_item_that_is_shown_and_the_chart_goes_with_its_phase(tmp_path):
+    values = np.array([3.0, 1.0, 2.0])
+    one, two = (
+        Chart(name, "u by item", (Series("u", values, style.BLUE),), np.array([5, 10, 20]))
+        for name in "ab"
+    )
+    chapters = [
+        replace(chapter(c.origin, visit(STOPS)), charts=(c,), lines=numbered("pose", 3))
+        for c in (one, two)
+    ]
+    whole = story(*chapters)
+    (tmp_path / "toy.rrd").write_bytes(story_bytes(whole))
+    opened, phases = store(tmp_path / "toy.rrd"), timeline_of(chapters).phases
+    (frame,) = frames_of([one])
+    at, dots = column(opened, "/chart/b/now", "Points2D:positions")
+    assert at.tolist() == phases[1].at.tolist()
+    np.testing.assert_allclose(np.array(dots)[:, 0], frame.of(one.curves[0]), rtol=1e-6)
+    assert np.ptp(np.array(dots)[:, 0, 0]) > 500  # across most of the plane
+    cleared, _ = column(opened, "/chart/a", "Clear:is_recursive")
+    assert cleared.tolist() == [phases[1].start]
+    of_last = [line for line in opened.summary().splitlines() if "chart/b" in line]
+    assert "Clear" not in "".join(of_last)
+
+
+def luminance(color):
+    """Relative, as WCAG has it."""
+    c = np.array(color[:3]) / 255
+    return np.where(c <= 0.03928, c / 12.92, ((c + 0.055) / 1.055) ** 2.4) @ [
+        0.2126,
+        0.7152,
+        0.0722,
+    ]
+
+
+def test_better_and_worse_are_told_apart_by_everybody_and_on_the_viewers_dark_ground():
+    assert style.AFTER_COLOR == (0x00, 0x72, 0xB2)
+    assert style.BEFORE_COLOR == (0xD5, 0x5E, 0x00)
+    # what a red-blind and a green-blind eye see of both (Viénot 1999, linear): still far apart
+    linear = [np.array(c) / 255.0 for c in (style.BLUE, style.VERMILION)]
+    for red, blue in ((0.11238, 0.00401), (0.29275, -0.02234)):
+        rows = np.array([[red, 1 - red, 0], [red, 1 - red, 0], [blue, -blue, 1]])
+        one, two = (rows @ c for c in linear)
+        assert np.linalg.norm(one - two) > 0.6
+    for color in (style.BLUE, style.VERMILION, style.LINE_COLOR, style.MUTED_COLOR):
+        assert (luminance(color) + 0.05) / (luminance((14, 14, 14)) + 0.05) > 3  # WCAG, graphics
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_no_robot_has_the_color_of_the_ghost(name):
+    hue = colorsys.rgb_to_hsv(*(value / 255 for value in style.GHOST_COLOR[:3]))[0]
+    for visual in load_robot(name).visuals:
+        own, saturation, value = colorsys.rgb_to_hsv(*visual.rgb)
+        if saturation > 0.25 and value > 0.2:  # else it is gray
+            away = abs(own - hue)
+            assert 360 * min(away, 1 - away) > 40, visual.name
