@@ -13,11 +13,13 @@ from calib.identification.result import Identification
 from calib.identification.robust import Loss
 from calib.identification.start.start import Start, start_frames
 from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predict
+from calib.shown import ResultTable, Shown
 from calib.uncertainty.judgement import Circumstances, Judgement, judge
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CalibratedRobot:
+class CalibratedRobot(Shown):
     """A robot after its calibration: what was identified, from where, and from what."""
 
     identification: Identification
@@ -28,6 +30,13 @@ class CalibratedRobot:
 
     def __repr__(self) -> str:
         return f"CalibratedRobot({self.identification!r}, from {len(self.measured)} rows)"
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``numbers`` with U and unit; ``residuals``: measured minus predicted position [m]."""
+        points = self.measured.rows(~self.measured.is_distance)
+        x, y, z = predict(self.model, points).residual[:, :3].T
+        rest = ResultTable({"pose": points.pose_id, "x_m": x, "y_m": y, "z_m": z})
+        return {**self.identification.tables(), "residuals": rest}
 
     @property
     def model(self) -> RobotModel:

@@ -28,6 +28,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from calib.measurement.accuracy import position_errors, rotation_errors
+from calib.shown import ResultTable, Shown
 
 LARGEST = np.radians(5.0)
 """A correction that moves a joint farther than this comes from a nearly singular posture [rad, and
@@ -36,7 +37,7 @@ UNLIMITED = 1e3
 """Farther than any joint goes [rad, m]."""
 
 
-class _Corrected:
+class _Corrected(Shown):
     """Targets with a status each."""
 
     __slots__ = ()
@@ -79,6 +80,12 @@ class Correction(_Corrected):
     def __repr__(self) -> str:
         left = f"{1e6 * self.position_error.max(initial=0.0):.3g} um"
         return f"Correction({self.corrected.sum()} of {len(self.q)} targets, largest rest: {left})"
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``targets``: corrected joints, what is left and what there was [m, rad]."""
+        joints = {f"q{k + 1}": q for k, q in enumerate(self.q.T)}
+        off = {"before_m": self.position_before, "left_m": self.position_error}
+        return {"targets": ResultTable({**joints, **off, "status": self.status})}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,10 +7,11 @@ import numpy as np
 from calib.arrays import Array, frozen
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
+from calib.shown import Shown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SinglePoses:
+class SinglePoses(Shown):
     """A robot model ready for single postures; of many at once `RobotModel.poses` is faster.
 
     Examples

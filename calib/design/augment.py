@@ -7,13 +7,14 @@ import numpy as np
 from calib.arrays import Array, Index, frozen
 from calib.design.problem import Problem
 from calib.errors import refuse
+from calib.shown import ResultTable, Shown
 
 SHOWN = 10
 """Poses in a ranking by default."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ranking:
+class Ranking(Shown):
     """The best next poses, best first; each alone, not together."""
 
     indices: Index
@@ -28,6 +29,11 @@ class Ranking:
     def __repr__(self) -> str:
         best = f"pose {self.indices[0]} takes {self.before:.4g} to {self.figure[0]:.4g}"
         return f"Ranking({len(self.indices)} next poses; {best})"
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``poses``, best first: place in the pool, gain, figure with it."""
+        columns = {"place": self.indices, "gain": self.gain, "figure": self.figure}
+        return {"poses": ResultTable(columns)}
 
 
 def best_next(problem: Problem, *, shown: int = SHOWN) -> Ranking:

@@ -10,13 +10,14 @@ from calib.design.problem import Problem
 from calib.design.relaxation import ITERATIONS, TOLERANCE, relaxation
 from calib.information.criteria.base import Certifiable, Criterion
 from calib.information.criteria.d import D
+from calib.shown import Shown
 
 CERTAIN = 1e-9
 """Part below which a difference is none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Certificate:
+class Certificate(Shown):
     """What no set of the same size from the same pool can exceed, and where this one stands."""
 
     value: float

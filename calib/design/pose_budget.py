@@ -13,6 +13,7 @@ from calib.design.problem import Problem
 from calib.design.relaxation import Grams, relaxation
 from calib.errors import refuse
 from calib.information.criteria.base import Certifiable
+from calib.shown import ResultTable, Shown
 
 RESTARTS = 3
 """Local searches of the exchange at each number of poses."""
@@ -21,7 +22,7 @@ STEP = 1.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PoseBudget:
+class PoseBudget(Shown):
     """Uncertainty against the number of poses: reached by a designed set, and possible at all."""
 
     criterion: str
@@ -47,6 +48,11 @@ class PoseBudget:
 
     def __repr__(self) -> str:
         return f"PoseBudget({self.criterion}: {self.sentence})"
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``curve``: figures against the number of poses, reached and possible at all."""
+        curve = {"poses": self.counts, "reached": self.reached, "possible": self.possible}
+        return {"curve": ResultTable(curve)}
 
 
 class _Point(NamedTuple):

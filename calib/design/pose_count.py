@@ -18,6 +18,7 @@ from calib.information.observability import (
     index_of_singular,
     singular_of_information,
 )
+from calib.shown import ResultTable, Shown
 
 WINDOW = 10
 """Values on either side of a pose number that are compared."""
@@ -26,7 +27,7 @@ SETTLED = 0.005
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PoseCount:
+class PoseCount(Shown):
     """Mean index of random sets against the number of poses."""
 
     criterion: IndexName
@@ -45,6 +46,10 @@ class PoseCount:
     def __repr__(self) -> str:
         stable = "not stable" if self.chosen is None else f"stable from {self.chosen}"
         return f"PoseCount({self.criterion} of {self.counts[0]} to {self.counts[-1]}, {stable})"
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``curve``: the index against the number of poses."""
+        return {"curve": ResultTable({"poses": self.counts, "mean": self.mean, "sd": self.sd})}
 
 
 def pose_count(

@@ -22,13 +22,14 @@ from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from calib.information.criteria.base import Criterion, Pool
 from calib.information.criteria.named import criterion_named
 from calib.information.goals import goal_matrix
+from calib.shown import Shown
 
 NO_POSES = frozen(np.zeros(0), np.int64)
 LARGER_POOL = "enlarge the pool or choose fewer poses"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Problem:
+class Problem(Shown):
     """Choose m poses of a pool, beside those already measured, so that a criterion is best.
 
     Made by `of_blocks` or `of_poses`, which check it; all methods of design trust it.

@@ -10,13 +10,14 @@ from calib.design.problem import LARGER_POOL, Problem, poses_wanted
 from calib.design.selection import Selection, figure_of_rows, selection_of
 from calib.errors import refuse
 from calib.information.criteria.lazy import first_best
+from calib.shown import Shown
 
 DRAWS = 1000
 """Random sets drawn before giving up on a nonsingular one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RandomFigures:
+class RandomFigures(Shown):
     """Many random pose sets of one size, and the best of them."""
 
     indices: Index

@@ -9,6 +9,7 @@ from calib.design.problem import Problem
 from calib.errors import refuse
 from calib.information.criteria.base import Certifiable
 from calib.information.criteria.whitened import grams
+from calib.shown import Shown
 
 ITERATIONS = 400
 """Most steps at each order of sharpness."""
@@ -23,7 +24,7 @@ PACKED_AT_ONCE = 2000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Weights:
+class Weights(Shown):
     """Weights on a pool that stand for m poses, and what no set of m poses can exceed."""
 
     w: Array

@@ -13,10 +13,11 @@ from calib.design.problem import NO_POSES, Problem
 from calib.information.criteria.base import Criterion
 from calib.information.observability import index_of_singular
 from calib.information.rank import singular_values
+from calib.shown import ResultTable, Shown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Selection:
+class Selection(Shown):
     """A pose set chosen from a pool."""
 
     indices: Annotated[Index, "m"]
@@ -47,6 +48,10 @@ class Selection:
 
     def __len__(self) -> int:
         return len(self.indices)
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``poses``: the places in the pool."""
+        return {"poses": ResultTable({"place": self.indices})}
 
     @property
     def proof(self) -> str:

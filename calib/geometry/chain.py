@@ -17,6 +17,7 @@ from calib.geometry.frames import (
     step_transform,
     transform_step,
 )
+from calib.shown import Shown
 
 JointKind = Literal["revolute", "prismatic"]
 BATCH = 1000
@@ -27,7 +28,7 @@ FRAME_AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Chain:
+class Chain(Shown):
     """Modified Denavit-Hartenberg chain with Hayati's beta, base and tool: 12 + 5 n numbers.
 
     T_world_tool = T_world_base A_1 ... A_n T_flange_tool with

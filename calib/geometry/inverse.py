@@ -30,6 +30,7 @@ from calib.geometry.inverse_search import joint_jacobian as joint_jacobian
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH as L
+from calib.shown import Shown
 
 InverseStatus = Literal["reached", "singular", "limits", "out of reach"]
 SINGULAR_CONDITION = 1e3
@@ -37,7 +38,7 @@ SINGULAR_CONDITION = 1e3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Inverse:
+class Inverse(Shown):
     """One posture per target, and how near it brings the tool."""
 
     q: Array

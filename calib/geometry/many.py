@@ -13,10 +13,11 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.geometry.frames import exp_so3, log_so3, transform
 from calib.geometry.model import RobotModel
+from calib.shown import Shown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ManyModels:
+class ManyModels(Shown):
     """R robots of one kind."""
 
     like: RobotModel

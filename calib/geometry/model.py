@@ -13,6 +13,7 @@ from calib.geometry.fixtures import Fixtures
 from calib.geometry.jacobian import bent_pose_and_jacobian, joint_columns, pose_and_jacobian
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.operating import AS_USUAL, OperatingConditions
+from calib.shown import Shown
 
 NO_ERRORS, NO_FIXTURES = JointErrors(), Fixtures()
 
@@ -33,7 +34,7 @@ class ColumnsApart(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RobotModel:
+class RobotModel(Shown):
     """Geometry and joint errors, T(q) = forward(chain, q + dq(q)), and what stands beside them.
 
     Springs among the joint errors bend the joints about three axes: T(q) = bent_forward(chain, q,

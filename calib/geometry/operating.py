@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Bool, Index, check
 from calib.errors import refuse
+from calib.shown import Shown
 
 STILL = 1e-4
 """A joint that moves less than this between two poses stays where it is [rad, m]."""
@@ -18,7 +19,7 @@ _SHAPES = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OperatingConditions:
+class OperatingConditions(Shown):
     """What m poses say beside their joints; None where they say nothing.
 
     What a model needs and nobody states is as it was on average where the model was identified,

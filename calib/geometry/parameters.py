@@ -11,13 +11,14 @@ import numpy as np
 from calib.arrays import Array, Bool, check, frozen
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
+from calib.shown import Shown
 
 CHARACTERISTIC_LENGTH = 0.3
 """L [m]: one radian counts like L metres in scaled columns and rows; about half a TX60's reach."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Parameters:
+class Parameters(Shown):
     """Names of all P numbers of a model, the free ones, and their column scale."""
 
     names: Annotated[tuple[str, ...], "P"]

@@ -16,6 +16,7 @@ from calib.geometry.gravity import (
     gravity_regressor,
     torque_slopes,
 )
+from calib.shown import Shown
 
 UNSAID = 2.0
 """Payload that may hang on the flange though nobody says so [kg]."""
@@ -45,7 +46,7 @@ class _Loaded(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SprungJoints:
+class SprungJoints(Shown):
     """Springs at some axes of some joints, loaded by gravity; what they are and do.
 
     A spring bends its joint by its number times its load's share of `load`. So a number is the bend

@@ -27,6 +27,7 @@ from calib.identification.tangent import covariance_factor
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.measurement.residual import linearize, table_whiteners
+from calib.shown import Shown
 
 CHANCE = 0.01
 """Chance that a table of sound observations, whose noise is as stated, has any suspect."""
@@ -40,7 +41,7 @@ MOST = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BadShots:
+class BadShots(Shown):
     """Observations that no model explains, and those that a richer one does."""
 
     bad: Index

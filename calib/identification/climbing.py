@@ -14,6 +14,7 @@ import numpy as np
 from calib.arrays import Array, FloatOrNan
 from calib.geometry.model import RobotModel
 from calib.identification.levels import Ladder, Level, foreseen
+from calib.shown import ResultTable, Shown
 
 ASKED = float(np.log(20))
 """Log evidence from which the data ask for another level: odds of 20 to 1."""
@@ -49,7 +50,7 @@ class Offer:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Climb:
+class Climb(Shown):
     """Where a climb ended, and how it went."""
 
     levels: tuple[Level, ...]
@@ -74,6 +75,12 @@ class Climb:
 
     def __repr__(self) -> str:
         return f"Climb({', '.join(level.name for level in self.taken) or 'geometry alone'})"
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``levels``: log evidence of each that was offered against geometry, and its outcome."""
+        names, offered = ("ladder", "level", "gain", "outcome"), self.offered
+        columns = {name: [getattr(offer, name) for offer in offered] for name in names}
+        return {"levels": ResultTable(columns)}
 
     @property
     def offered(self) -> tuple[Offer, ...]:

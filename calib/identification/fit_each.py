@@ -22,6 +22,7 @@ from calib.identification.tangent import NEGLIGIBLE, column_norms, tangent_plane
 from calib.information.reduction import KEEP_TOLERANCE
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import table_whiteners
+from calib.shown import Shown
 
 FEW_STEPS = 12
 """Gauss-Newton steps that a fit from the nominal robot may take: five or six are usual."""
@@ -32,7 +33,7 @@ End = tuple[RobotModel, float, Status]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fits:
+class Fits(Shown):
     """K fits of one set of numbers, each to a table of its own."""
 
     models: tuple[RobotModel, ...]

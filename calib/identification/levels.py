@@ -10,10 +10,11 @@ from calib.arrays import Array, check, frozen
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import NO_ERRORS, RobotModel
 from calib.identification.prior import Prior
+from calib.shown import Shown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Level:
+class Level(Shown):
     """Joint errors that a model may have, and what is believed of their sizes."""
 
     name: str
@@ -49,7 +50,7 @@ NOTHING = Level("none")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ladder:
+class Ladder(Shown):
     """The levels of one cause."""
 
     name: str

@@ -27,10 +27,11 @@ from calib.identification.result import Identification
 from calib.identification.robust import Loss
 from calib.identification.row_ladders import NOTHING_KNOWN, RowTerms, row_ladders
 from calib.measurement.observations import Measurements
+from calib.shown import ResultTable, Shown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ModelChoice:
+class ModelChoice(Shown):
     """Two models of one robot, identified from one table, and which of them to use."""
 
     chosen: Literal["geometric", "extended"]
@@ -47,6 +48,10 @@ class ModelChoice:
 
     def __repr__(self) -> str:
         return f"ModelChoice({self.sentence})"
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``levels`` that were offered; ``numbers`` of the chosen model."""
+        return {**self.climb.tables(), **self.identification.tables()}
 
     @property
     def identification(self) -> Identification:

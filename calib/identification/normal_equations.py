@@ -25,6 +25,7 @@ from calib.identification.spring_products import Products, products_of, settled
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import mount, predict_at
 from calib.measurement.residual import table_whiteners
+from calib.shown import Shown
 
 SETTLED = 1e-4
 """Part by which the noise scale changes once it is found."""
@@ -61,7 +62,7 @@ class _Inside(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NormalEquations:
+class NormalEquations(Shown):
     """Rows and normal equations of the widest model: geometry under a prior, and joint errors."""
 
     A: Array

@@ -15,6 +15,7 @@ from calib.identification.result import Identification
 from calib.identification.robust import sizes
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import linearize
+from calib.shown import Shown
 
 HONEST = 1.5
 """Typical residual, in stated noises, up to which the stated noise is taken at its word."""
@@ -26,7 +27,7 @@ CALMER = 0.8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OutlierSearch:
+class OutlierSearch(Shown):
     """What does not fit the others, and the fit that shows it."""
 
     noise_factor: float

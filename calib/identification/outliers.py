@@ -13,13 +13,14 @@ from calib.identification.result import Identification
 from calib.identification.tangent import covariance_factor
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import linearize
+from calib.shown import Shown
 
 UNCHECKED = 1e-9
 """Eigenvalue of I - H below which no other observation checks that direction."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Outliers:
+class Outliers(Shown):
     """How each observation fits to all others."""
 
     score: Array

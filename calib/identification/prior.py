@@ -14,13 +14,14 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.tangent import Believed
 from calib.information.sizes import weak_prior_sd
+from calib.shown import Shown
 
 AGREE = 1e-6
 """Part by which `sd` may differ from that of `precision`, where both are given."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Prior:
+class Prior(Shown):
     """Normal belief about some numbers of a model, as the step that leads from the nominal model.
 
     Give `sd` for independent numbers; for correlated ones use `Prior.of_precision`.

@@ -15,6 +15,7 @@ from calib.identification.least_squares import Status
 from calib.identification.prior import Prior, step_derivative
 from calib.identification.robust import Loss
 from calib.information.reduction import Reduction
+from calib.shown import ResultTable, Shown, decimals
 
 Mode = Literal["whitened", "paper"]
 ILL_CONDITIONED = 1e3
@@ -22,7 +23,7 @@ ILL_CONDITIONED = 1e3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Identification:
+class Identification(Shown):
     """An identified robot with the numbers that were really estimated and their covariance."""
 
     model: RobotModel
@@ -105,6 +106,17 @@ class Identification:
         """Which of the f numbers has the largest standard uncertainty for its scale."""
         return int(np.argmax(self.standard_uncertainty / self.parameters.free_scale))
 
+    @property
+    def shown_in(self) -> tuple[tuple[str, ...], Array]:
+        """(f,) unit in which people read each number, and how many of it are one of SI."""
+        lengths = self.parameters.is_length[self.parameters.free_index].tolist()
+        pairs = [shown_in(*one) for one in zip(self.names, lengths, strict=True)]
+        return tuple(unit for unit, _ in pairs), np.array([scale for _, scale in pairs])
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``numbers`` with value, U (k = 2) and unit; ``residuals``, whitened."""
+        return {"numbers": numbers(self), "residuals": ResultTable({"residual": self.residual})}
+
     def summary(self) -> str:
         """Numbers with their U (k = 2), the tests of the fit, and what to know, as text."""
         return "\n".join([*_table(self), "", *_tests(self), *_remarks(self)])
@@ -135,18 +147,31 @@ def values_and_uncertainties(result: Identification) -> tuple[Array, Array]:
     return values, np.sqrt(np.diagonal(moves @ result.full_covariance @ moves.T))
 
 
-def _table(result: Identification) -> list[str]:
-    """Lines with name, value, U and unit of each number that was estimated."""
+def numbers(result: Identification) -> ResultTable:
+    """What was estimated, as people read it; U (k = 2) is nan of what has none of its own."""
     values, u = values_and_uncertainties(result)
-    width = max(map(len, result.names), default=0)
-    lines = [f"{'':{width}}  {'value':>14}  {'U (k = 2)':>12}  unit"]
     springs = result.model.joint_errors.springs
     together = () if springs is None else springs.names
-    for name, place in zip(result.names, result.parameters.free_index, strict=True):
-        unit, scale = shown_in(name, bool(result.parameters.is_length[place]))
-        value, U = scale * values[place], 2 * scale * u[place]
-        places = max(0, 1 - int(np.floor(np.log10(U)))) if U > 0 else 6
-        stated = "with others" if name in together else f"{U:.{places}f}"
+    place = result.parameters.free_index
+    units, scale = result.shown_in
+    return ResultTable(
+        {
+            "name": result.names,
+            "value": scale * values[place],
+            "U": np.where(np.isin(result.names, together), np.nan, 2 * scale * u[place]),
+            "unit": units,
+        },
+        precision="U",
+    )
+
+
+def _table(result: Identification) -> list[str]:
+    """Lines with name, value, U and unit of each number that was estimated."""
+    width = max(map(len, result.names), default=0)
+    lines = [f"{'':{width}}  {'value':>14}  {'U (k = 2)':>12}  unit"]
+    for name, value, U, unit in zip(*numbers(result).values(), strict=True):
+        places = decimals(U)
+        stated = "with others" if np.isnan(U) else f"{U:.{places}f}"
         lines.append(f"{name:{width}}  {value:z14.{places}f}  {stated:>12}  {unit}")
     return lines
 

@@ -10,12 +10,13 @@ from calib.errors import refuse
 from calib.geometry.jacobian import reflector_rows
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from calib.shown import Shown
 
 NAME_GOALS = "name the poses or the box where the tool must be right"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Goals:
+class Goals(Shown):
     """Goal poses for a design: how each scaled parameter moves the tool point there."""
 
     rows: Array

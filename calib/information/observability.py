@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, check
 from calib.errors import refuse
+from calib.shown import ResultTable, Shown
 
 IndexName = Literal["O1", "O2", "O3", "O4", "O5"]
 CRITERIA: tuple[IndexName, ...] = ("O1", "O2", "O3", "O4", "O5")
@@ -27,7 +28,7 @@ class Indices:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Observability:
+class Observability(Shown):
     """The five indices in three forms; they depend on row weights and column units (O1 least)."""
 
     n_poses: int
@@ -42,6 +43,16 @@ class Observability:
     def __repr__(self) -> str:
         values = (f"{c} = {getattr(self.correct, c):.4g}" for c in CRITERIA)
         return f"Observability({self.n_poses} poses: {', '.join(values)})"
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``indices`` O1 to O5 in the three forms."""
+        forms = (self.printed, self.correct, self.per_pose)
+        values = [[getattr(form, c) for c in CRITERIA] for form in forms]
+        return {
+            "indices": ResultTable(
+                {"index": CRITERIA, **dict(zip(map(str, FORMS), values, strict=True))}
+            )
+        }
 
 
 def index_of_singular(

@@ -13,6 +13,7 @@ from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.information.rank import RANK_TOLERANCE, count, practical_rank, singular_values, triangle
+from calib.shown import Shown
 
 KEEP_TOLERANCE = 1e-6
 """A column is kept when more than this part of it lies outside the columns already kept."""
@@ -25,7 +26,7 @@ STILL = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reduction:
+class Reduction(Shown):
     """Which free numbers are kept, the rank, and what each dropped number looks like."""
 
     singular_values: Array

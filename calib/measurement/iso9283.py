@@ -32,10 +32,11 @@ from calib.measurement.cycles import (
     sd_bias,
     widest,
 )
+from calib.shown import Shown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class IsoFigure:
+class IsoFigure(Shown):
     """One figure at each pose, with its uncertainty and noise floor [m or rad]."""
 
     value: Array

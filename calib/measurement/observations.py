@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from calib.arrays import LATER, Array, Bool, Index, check, frozen
 from calib.errors import refuse
 from calib.geometry.operating import AS_USUAL, OperatingConditions, joined_conditions
+from calib.shown import ResultTable, Shown
 
 POSE, POINT, DISTANCE = "pose", "point", "distance"
 KINDS = (POSE, POINT, DISTANCE)
@@ -23,7 +24,7 @@ def _whole() -> Index:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Measurements:
+class Measurements(Shown):
     """A table of observations; row i was taken at commanded joints q[i].
 
     A *pose* row has the position and rotation of the tool; a *point* row the place of one reflector
@@ -122,6 +123,15 @@ class Measurements:
         rows = {kind: int((self.kind == kind).sum()) for kind in KINDS}
         counted = ", ".join(f"{count} {kind} rows" for kind, count in rows.items() if count)
         return f"Measurements({counted or 'no rows'}, {self.n_poses} poses)"
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``rows``: pose, kind, joints as commanded [rad, m], what was measured [m]."""
+        joints = {f"q{k + 1}": q for k, q in enumerate(self.q.T)}
+        seen = dict(zip(("x_m", "y_m", "z_m"), self.position.T, strict=True))
+        far = {"distance_m": self.distance} if self.is_distance.any() else {}
+        return {
+            "rows": ResultTable({"pose": self.pose_id, "kind": self.kind, **joints, **seen, **far})
+        }
 
     @property
     def is_pose(self) -> Bool:

@@ -12,10 +12,11 @@ from calib.geometry.model import RobotModel
 from calib.measurement.noise import whiteners
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
+from calib.shown import Shown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stack:
+class Stack(Shown):
     """Linear system of one model and one table: r is about A dx for a small step dx."""
 
     r: Array

@@ -8,6 +8,7 @@ from scipy.linalg import solve_triangular
 
 from calib.arrays import Array, check, frozen, require_probability
 from calib.errors import refuse
+from calib.shown import Shown
 from calib.uncertainty.covariance import correlation
 from calib.uncertainty.monte_carlo import numerical_tolerance
 
@@ -19,7 +20,7 @@ MOST_DRAWS = 5_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Adaptive:
+class Adaptive(Shown):
     """Outcome of the adaptive procedure for k outputs together."""
 
     mean: Array

@@ -13,6 +13,7 @@ from calib.geometry.parameters import Parameters
 from calib.kernels.loops import Loops, loops_for
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
+from calib.shown import ResultTable, Shown
 from calib.uncertainty.batch import WIDTH
 from calib.uncertainty.covariance import covariance_factor, standard_uncertainty
 from calib.uncertainty.one_by_one import fitted_one_by_one
@@ -40,7 +41,7 @@ BAND = 4.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Bootstrap:
+class Bootstrap(Shown):
     """What N virtual calibrations of the identified robot say about the stated covariance."""
 
     names: Annotated[tuple[str, ...], "f"]
@@ -58,6 +59,12 @@ class Bootstrap:
 
     def __repr__(self) -> str:
         return f"Bootstrap({self.sentence})"
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``numbers``: scatter over the stated sd, and mean error in stated sd."""
+        return {
+            "numbers": ResultTable({"name": self.names, "ratio": self.ratio, "bias": self.bias})
+        }
 
     @property
     def replicates(self) -> int:

@@ -11,6 +11,7 @@ from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.information.propagation import point_uncertainty, tool_covariance
+from calib.shown import ResultTable, Shown
 from calib.uncertainty.covariance import (
     common_input_covariance,
     covariance_factor,
@@ -32,7 +33,7 @@ class RowNoise:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Contribution:
+class Contribution(Shown):
     """One line of a budget."""
 
     name: str
@@ -45,7 +46,7 @@ class Contribution:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ToolBudget:
+class ToolBudget(Shown):
     """What each source leaves at the tool point of N postures."""
 
     names: tuple[str, ...]
@@ -61,6 +62,11 @@ class ToolBudget:
         u = 1e6 * self.combined.mean()
         return f"ToolBudget({len(self.names)} sources, mean u {u:.3g} um)"
 
+    def tables(self) -> dict[str, ResultTable]:
+        """``sources``: what each leaves at the tool point alone, root mean square [m]."""
+        u = np.sqrt(np.mean(self.standard**2, axis=1))
+        return {"sources": ResultTable({"source": self.names, "u_m": u})}
+
     @property
     def combined(self) -> Array:
         """(N,) combined u_3D [m]."""
@@ -73,7 +79,7 @@ class ToolBudget:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Budget:
+class Budget(Shown):
     """Contributions to the covariance of the estimate, source by source."""
 
     parameters: Parameters
@@ -81,6 +87,12 @@ class Budget:
 
     def __repr__(self) -> str:
         return f"Budget({', '.join(self.names)})"
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``numbers``: u of each from each source and from all [m, rad]."""
+        sources = dict(zip(self.names, self.standard, strict=True))
+        columns = {"name": self.parameters.free_names, **sources, "combined": self.combined}
+        return {"numbers": ResultTable(columns)}
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -9,11 +9,12 @@ from scipy.special import fdtri
 from calib.arrays import Array, frozen, require_probability
 from calib.errors import refuse
 from calib.held_out_counts import FEWEST
+from calib.shown import Shown
 from calib.uncertainty.held_out import HeldOut
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Discrepancy:
+class Discrepancy(Shown):
     """Covariance of position errors beyond what parameters and measurements explain."""
 
     covariance: Annotated[Array, 3, 3]

@@ -12,6 +12,7 @@ from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
+from calib.shown import ResultTable, Shown
 from calib.uncertainty.covariance import covariance_factor
 
 SAME_POSE = 1e-9
@@ -19,7 +20,7 @@ SAME_POSE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HeldOut:
+class HeldOut(Shown):
     """Position errors at n held-out poses, and what was predicted for them."""
 
     error: Annotated[Array, "n", 3]
@@ -39,6 +40,13 @@ class HeldOut:
     def __repr__(self) -> str:
         mean = 1e6 * self.distance.mean()
         return f"HeldOut({len(self)} poses, mean error {mean:.3g} um, p = {self.p_value:.2g})"
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``errors``, pose by pose [m]; u is stated of them, 3-D, the reading's noise in it."""
+        spread = np.trace(self.predicted + self.measured, axis1=1, axis2=2)
+        x, y, z = self.error.T
+        columns = {"x_m": x, "y_m": y, "z_m": z, "distance_m": self.distance}
+        return {"errors": ResultTable({**columns, "u_m": np.sqrt(spread)})}
 
     @property
     def distance(self) -> Array:

@@ -4,6 +4,7 @@ One rule for every robot: parameters, the largest misfit that the evidence allow
 instrument shares and what a drift leaves. Other statements stand beside it for comparison.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
 from calib.measurement.observations import Measurements
 from calib.measurement.remembered import remembering
+from calib.shown import ResultTable, Shown
 from calib.uncertainty.bootstrap import REPLICATES, Bootstrap, bootstrap
 from calib.uncertainty.circumstances import Circumstances as Circumstances
 from calib.uncertainty.circumstances import MeasuredNoise, measured_noise
@@ -33,7 +35,7 @@ from calib.uncertainty.validation import LinearCheck
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Judgement:
+class Judgement(Shown):
     """What held-out poses show of one identification, and what is believed of it."""
 
     belief: Belief | None
@@ -63,6 +65,12 @@ class Judgement:
         return (
             f"Judgement(believe={self.trust.believe!r}, held-out poses: {count}, radius: {radius})"
         )
+
+    def tables(self) -> Mapping[str, ResultTable]:
+        """``errors`` at the held-out poses [m]; ``questions`` and the p-value of each."""
+        asked = {"question": self.questions.names, "p_value": self.questions.p_values}
+        errors = {} if self.held_out is None else self.held_out.tables()
+        return {**errors, "questions": ResultTable(asked)}
 
     def summary(self) -> str:
         """All that was stated, as text of one line for each statement."""

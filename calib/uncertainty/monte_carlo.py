@@ -9,6 +9,7 @@ from calib.arrays import Array, check, frozen
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.information.propagation import point_uncertainty, tool_covariance
+from calib.shown import Shown
 from calib.uncertainty.covariance import correlated_draws as correlated_draws
 from calib.uncertainty.covariance import independent_draws as independent_draws
 from calib.uncertainty.tool_point import Configurations, configurations, tool_points
@@ -21,7 +22,7 @@ POSE_BLOCK = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DistanceSpread:
+class DistanceSpread(Shown):
     """The paper's statement about N postures: scatter of |P| for independent parameters."""
 
     draws: int
@@ -65,7 +66,7 @@ class DistanceSpread:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PointSpread:
+class PointSpread(Shown):
     """Scatter of the tool point at N postures, correlations included, beside linear propagation."""
 
     draws: int

@@ -15,6 +15,7 @@ from calib.kernels.loops import loops_for
 from calib.measurement.observations import GIVEN, Measurements
 from calib.measurement.prediction import perfect, targets
 from calib.measurement.residual import linearize, padded_covariance, table_whiteners
+from calib.shown import Shown
 from calib.uncertainty.batch import WIDTH, Batch
 from calib.uncertainty.covariance import RANK_TOLERANCE, covariance_factor
 from calib.uncertainty.parallel import mapped
@@ -32,7 +33,7 @@ first is known to first order alone."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Refits:
+class Refits(Shown):
     """K fits of one set of numbers to K tables that differ only in what was measured."""
 
     steps: Array

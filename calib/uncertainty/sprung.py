@@ -17,6 +17,7 @@ from calib.identification.result import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import mount, perfect, predict_at
 from calib.measurement.residual import linearize, table_whiteners
+from calib.shown import Shown
 
 UNFELT = 1e-4
 """Products whose scatter moves no row by more of a standard deviation are left out."""
@@ -38,7 +39,7 @@ class Settled(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Valley:
+class Valley(Shown):
     """The calibration of an arm on springs, linear but for the products of their numbers."""
 
     free: Index

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, check, frozen
 from calib.errors import refuse
+from calib.shown import Shown
 from calib.uncertainty.statement.stated_point import widened
 from calib.uncertainty.tool_point import ToolStatement
 
@@ -17,7 +18,7 @@ BLOCK = 20_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ToolMap:
+class ToolMap(Shown):
     """u_3D over a grid of cells; nan where no posture came by."""
 
     corner: Array

@@ -21,12 +21,13 @@ from calib.information.propagation import (
     propagated,
     tool_covariance,
 )
+from calib.shown import Shown
 from calib.uncertainty.discrepancy import Discrepancy
 from calib.uncertainty.regions import coverage_factor, ellipsoid, inside
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ToolStatement:
+class ToolStatement(Shown):
     """Tool points at N postures with their regions; in world axes."""
 
     position: Array

@@ -7,6 +7,7 @@ from typing import Literal
 from calib.held_out_counts import fewest_poses
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
+from calib.shown import Shown
 from calib.uncertainty.bootstrap import Bootstrap
 from calib.uncertainty.conformal import Conformal
 from calib.uncertainty.held_out import HeldOut
@@ -23,7 +24,7 @@ StatementName = Literal["region", "none"]
 
 
 @dataclass(frozen=True, slots=True)
-class Trust:
+class Trust(Shown):
     """Whether the region is believed, whether the parameters alone are refuted, and the reasons."""
 
     believe: StatementName

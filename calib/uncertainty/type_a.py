@@ -7,10 +7,11 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, check, frozen
 from calib.errors import refuse
+from calib.shown import Shown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TypeA:
+class TypeA(Shown):
     """Mean and experimental standard deviation of v repeated estimates of f numbers."""
 
     mean: Array
@@ -70,7 +71,7 @@ def root_sum_square(*components: ArrayLike) -> Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ParameterBudget:
+class ParameterBudget(Shown):
     """Standard uncertainties of the f identified numbers, by contributor [m or rad]."""
 
     repeatability: Array

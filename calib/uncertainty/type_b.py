@@ -8,13 +8,14 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
 from calib.errors import refuse
+from calib.shown import Shown
 from calib.uncertainty.covariance import common_input_covariance, covariance_factor
 from calib.uncertainty.refit import Frozen
 from calib.uncertainty.statement.gain import least_squares_gain
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CommonInput:
+class CommonInput(Shown):
     """Something wrong in the same way all campaign long: an offset, a scale, a mounting."""
 
     name: str

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
+from calib.shown import Shown
 from calib.uncertainty.adaptive import Adaptive
 from calib.uncertainty.covariance import correlation, covariance_factor
 from calib.uncertainty.monte_carlo import numerical_tolerance
@@ -19,7 +20,7 @@ DIFFERENCE_STEP = 1e-2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FirstOrder:
+class FirstOrder(Shown):
     """Result of the law of propagation for k outputs."""
 
     value: Array
@@ -44,7 +45,7 @@ class FirstOrder:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LinearCheck:
+class LinearCheck(Shown):
     """The verdict on first-order propagation, and what it rests on."""
 
     outcome: CheckOutcome

@@ -9,6 +9,7 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 from calib.geometry.fixtures import Fixtures
 from calib.measurement.observations import Measurements
+from calib.shown import Shown
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.conditions import SetUp
 from testbed.files.refusal import refusal
@@ -83,8 +84,8 @@ class Stated:
         return rows_of(self, index, ("numbers",))
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Session:
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
+class Session(Shown):
     """Everything a calibration needs of a measuring session; the world is the first station."""
 
     name: str

@@ -1,6 +1,6 @@
 """What a calibration from measurements leaves behind: one frozen record; nothing is computed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -12,6 +12,7 @@ from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
 from calib.measurement.accuracy import Accuracy
 from calib.measurement.observations import Measurements
+from calib.shown import ResultTable, Shown
 from calib.uncertainty.judgement import Judgement
 from calib.uncertainty.statement.conditions import Conditions
 from calib.uncertainty.statement.instrument import SharedErrors
@@ -24,8 +25,8 @@ from testbed.scenario.tolerance import Decision
 ModelName = Literal["geometric", "extended"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Origin:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Origin(Shown):
     """Where the measurements come from, and what happened to them before any fit."""
 
     name: str
@@ -52,8 +53,8 @@ class Origin:
     warnings: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class HeldOutSplit:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class HeldOutSplit(Shown):
     """Which rows are held out."""
 
     is_test: Annotated[Bool, "m"]
@@ -66,8 +67,8 @@ class HeldOutSplit:
     sentence: str
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RowErrors:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RowErrors(Shown):
     """What one model misses in every row of the table."""
 
     vector: Annotated[Array, "m", 3]
@@ -78,8 +79,8 @@ class RowErrors:
     """(m,) angle; zero for other than pose rows [rad]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Figures:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Figures(Shown):
     """Statistics of one model's misses over one part of the table, each pose once."""
 
     position: Accuracy
@@ -90,8 +91,8 @@ class Figures:
     """Of the position misses: gross errors do not move it [m]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FittedModel:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class FittedModel(Shown):
     """One identified model and how it does."""
 
     model: ModelName
@@ -108,8 +109,8 @@ class FittedModel:
     """At the held-out rows; None if there are none."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Choice:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Choice(Shown):
     """Which model is handed out, and why."""
 
     chosen: ModelName
@@ -128,8 +129,8 @@ class Choice:
     """Each level of joint errors, what speaks for it and what became of it."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class OutlierRows:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class OutlierRows(Shown):
     """Rows that do not fit the others."""
 
     noise_factor: float
@@ -143,8 +144,8 @@ class OutlierRows:
     """Held-out rows far off; they stay in every figure."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Calibration:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Calibration(Shown):
     """A robot calibrated from measurements."""
 
     source: Origin
@@ -220,6 +221,27 @@ class Calibration:
         joints, q = self.nominal.chain.n_joints, self.measurements.q
         if q.shape[1] != joints:
             raise wrong_shape("measurements.q", q.shape, f"one for each of {joints} joints")
+
+    def __repr__(self) -> str:
+        before = 1e3 * self.before_misses.position[self.is_judged].mean()
+        after = 1e3 * self.fit.misses.position[self.is_judged].mean()
+        where = "held-out" if self.split.is_test.any() else "training"
+        return (
+            f"Calibration({self.source.name!r} of {self.source.robot}: {before:.3g} -> {after:.3g} "
+            f"mm at {where} rows, {self.choice.chosen} model; {self.proof!r})"
+        )
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``numbers`` as estimated, with the U that is stated; ``errors``, row by row."""
+        fit = replace(self.fit.identification, covariance=self.covariance)
+        role = np.select([self.split.is_test, self.is_used], ["test", "identify"], "left out")
+        errors = {
+            "pose": [self.pose_names[k] for k in self.measurements.pose_id],
+            "role": role,
+            "before_mm": 1e3 * self.before_misses.position,
+            "after_mm": 1e3 * self.fit.misses.position,
+        }
+        return {"numbers": fit.tables()["numbers"], "errors": ResultTable(errors)}
 
     @property
     def fit(self) -> FittedModel:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array
+from calib.shown import ResultTable, Shown
 from testbed.gates.text import SourceFile
 from testbed.jobsheet.sheet import JobSheet
 from testbed.scenario.systematic import SystematicTable
@@ -15,8 +16,8 @@ POSE_CYCLES, PATH_CYCLES = 30, 10
 """Cycles that the standard asks for: of poses and distances, of paths."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Visits:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Visits(Shown):
     """Poses that were visited n times each, from one direction of approach or from several."""
 
     pose: tuple[str, ...]
@@ -50,8 +51,8 @@ class Visits:
         return int(self.position.shape[1])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PathRuns:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PathRuns(Shown):
     """One commanded path and the n measured ones."""
 
     name: str
@@ -69,8 +70,8 @@ class PathRuns:
     """(3, 3) covariance of one reading, mean over the path [m^2]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CycleTest:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class CycleTest(Shown):
     """What was read."""
 
     name: str
@@ -133,8 +134,8 @@ class StatedFigure:
         return 0.0 if self.lower <= 0 <= self.upper else min(abs(self.lower), abs(self.upper))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PoseDrift:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PoseDrift(Shown):
     """Drift of one pose over blocks of cycles."""
 
     where: str
@@ -156,8 +157,8 @@ class PoseDrift:
         return np.array([np.abs(figures[1:] - figures[0]).max() for figures in both])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PathShown:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PathShown(Shown):
     """What the picture of a path needs."""
 
     name: str
@@ -173,8 +174,8 @@ class PathShown:
     """(m,) [m]"""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CycleResult:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class CycleResult(Shown):
     """All figures of a test."""
 
     test: CycleTest
@@ -186,6 +187,28 @@ class CycleResult:
     paths: tuple[PathShown, ...]
     frame: str
     """How the frames of readings and commands go together, in words."""
+
+    def __repr__(self) -> str:
+        worst = ((name, self.worst(name)) for name in ("AP", "RP"))
+        sizes = [f"{name} {1e6 * figure.size:.3g} um" for name, figure in worst if figure]
+        return f"CycleResult({self.test.name!r}: {', '.join(sizes) or 'no poses'})"
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``figures`` with their 95 % limits, u and floor [um, mdeg]."""
+        scale = np.array([np.degrees(1e3) if one.angle else 1e6 for one in self.figures])
+        sizes = {
+            name: scale * np.array([getattr(one, name) for one in self.figures])
+            for name in ("value", "lower", "upper", "u", "floor")
+        }
+        words = {
+            "figure": [one.name for one in self.figures],
+            "where": [one.where for one in self.figures],
+        }
+        last = {
+            "unit": ["mdeg" if one.angle else "um" for one in self.figures],
+            "cycles": [one.cycles for one in self.figures],
+        }
+        return {"figures": ResultTable({**words, **sizes, **last})}
 
     def of(self, *names: str) -> tuple[StatedFigure, ...]:
         """Figures of some names."""

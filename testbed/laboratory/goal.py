@@ -10,6 +10,7 @@ from calib.geometry.frames import exp_so3, inverse, log_so3, slide, transform
 from calib.geometry.inverse import inverse_kinematics
 from calib.information.criteria import NEEDS_GOALS
 from calib.information.goals import Goals, goal_matrix
+from calib.shown import Shown
 from testbed.laboratory.bench import PROBED_POSES, Bench
 from testbed.laboratory.joint_lists import from_deg
 from testbed.laboratory.pool import joint_ranges
@@ -25,8 +26,8 @@ MOST_POSES = 5000
 """A path is cut into at most so many postures."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Goal:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Goal(Shown):
     """The postures at which the tool point's uncertainty counts."""
 
     q: Array

@@ -9,6 +9,7 @@ from scipy.spatial import KDTree
 from calib.arrays import Array, Bool, Index, frozen
 from calib.errors import refuse
 from calib.geometry.frames import inverse
+from calib.shown import Shown
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot
 from testbed.scenario.tables import PoolSettings
@@ -43,8 +44,8 @@ PATIENCE = ((200_000, 1e-4), (4_000, 1e-2))
 """After so many candidates (drawn; in the box), give up below this feasible share."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PosePool:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PosePool(Shown):
     """Feasible joint vectors, and what was thrown away on the way to them."""
 
     q: Array

@@ -8,6 +8,7 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from calib.shown import ResultTable, Shown
 from calib.uncertainty.statement.applicability import Applicability
 from calib.uncertainty.statement.conditions import Conditions
 from calib.uncertainty.statement.instrument import SharedErrors
@@ -23,8 +24,8 @@ Role = Literal["identify", "test"]
 Move = Literal["free", "around", "blocked"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Curve:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Curve(Shown):
     """Predicted uncertainty against the number of poses, and what no set can go below."""
 
     counts: Index
@@ -49,8 +50,8 @@ class Curve:
     """What the curve says."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Proof:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Proof(Shown):
     """How far the chosen set can be from the best one of its size."""
 
     efficiency: float | None
@@ -60,8 +61,8 @@ class Proof:
     sentence: str
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Foresight:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Foresight(Shown):
     """What the measurements will leave unknown, and what they will show."""
 
     covariance: Array
@@ -118,8 +119,8 @@ class Reading:
     """(s,) distance [m]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Tour:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Tour(Shown):
     """Every pose to go to, in measuring order, and the way between them."""
 
     q: Array
@@ -169,8 +170,8 @@ class Tour:
         return len(self.q)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Plan:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Plan(Shown):
     """Everything `truebed plan` says."""
 
     scenario: Scenario
@@ -208,6 +209,30 @@ class Plan:
     """Tracker stations compared; the plan is for the best one. None: only the tracker's own."""
     obstacles: tuple[Obstacle, ...]
     """Of the cell."""
+
+    def __repr__(self) -> str:
+        R95, count = 1e6 * self.foresight.R95_over, len(self.places)
+        return (
+            f"Plan({self.scenario.name!r}: {count} poses to identify of {len(self.tour)}, "
+            f"R95 {R95:.3g} um over the goal, {self.tour.duration:.0f} s)"
+        )
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``stops`` in measuring order, joints [rad, m]; ``goal``: u at each posture [um]."""
+        tour, q = self.tour, self.tour.q.T
+        stops = {
+            "role": tour.roles,
+            **{f"q{k + 1}": values for k, values in enumerate(q)},
+            "move": [tour.move_word(k) for k in range(len(tour))],
+            "move_s": tour.move,
+        }
+        parts = {
+            "noise_um": self.foresight.noise,
+            "shared_um": self.foresight.shared,
+            "u_um": self.u,
+        }
+        goal = {name: 1e6 * u for name, u in parts.items()}
+        return {"stops": ResultTable(stops), "goal": ResultTable(goal)}
 
     @property
     def coverage(self) -> float:

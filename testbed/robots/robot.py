@@ -11,6 +11,7 @@ from calib.arrays import Array
 from calib.geometry.frames import inverse
 from calib.geometry.gravity import moments_of
 from calib.geometry.model import RobotModel
+from calib.shown import Shown
 from testbed.units import in_units
 
 Affine: TypeAlias = tuple[tuple[float, ...], ...]
@@ -79,8 +80,8 @@ class Workspace:
     """Lowest and highest value of each joint there (mm where it slides); empty: its limits."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Robot:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Robot(Shown):
     """A robot as its maker describes it."""
 
     name: str
@@ -121,6 +122,10 @@ class Robot:
     """(n,) names of the joints in its URDF or MJCF; empty if it does not come from one."""
     notes: tuple[str, ...] = ()
     """What is odd in its file, or was assumed because the file leaves it open; sentences."""
+
+    def __repr__(self) -> str:
+        return f"Robot({self.name!r}: {self.title}, {self.model!r})"
+
     tolerances: Array | None = None
     """(n, 5) how far each number of a link may lie from nominal, a standard deviation [rad, m, m,
     rad, rad]; None where its file states none."""

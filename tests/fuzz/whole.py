@@ -14,7 +14,7 @@ from testbed.run.play import play_run
 from testbed.scenario.read import dump_scenario
 from testbed.store import layout, npz
 from testbed.studies import load_scenario
-from testbed.studies.trial.records import PoseCountStudy, RandomSets, RandomSetsStudy
+from testbed.studies.trial.set_records import PoseCountStudy, RandomSets, RandomSetsStudy
 from tests.testbed.files.made import ROBOT, made
 from tests.testbed.files.test_mutation import FILES
 from tests.testbed.iso9283.made import SESSION, path_rows, pose_rows, text_of

@@ -21,6 +21,7 @@ from calib.identification.many.tangents import ManyBeliefs, ManyInverses, ManyTa
 from calib.identification.prior import Prior
 from calib.identification.result import Mode
 from calib.identification.tangent import RELATIVE_OFFSET
+from calib.shown import Shown
 
 BLOCK = 32
 """Robots in one pass, whose columns stay in the second-level cache; part of what fixes the bits of
@@ -38,7 +39,7 @@ SLOW = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ManyFits:
+class ManyFits(Shown):
     """R fits of the same f numbers; one that is not `converged` is no estimate."""
 
     parameters: Parameters

@@ -12,6 +12,7 @@ from calib.identification.result import Mode
 from calib.kernels.robots_plain import residual, system
 from calib.measurement.noise import whiteners
 from calib.measurement.observations import POSE, Measurements
+from calib.shown import Shown
 
 PAPER = np.sqrt([1e6, 1e6, 1e6, 2.0, 2.0, 2.0])
 """Root weights of position [1/m] and of half the sum of axis x axis seen [1], by which six rows
@@ -19,7 +20,7 @@ have the normal equations of the paper's twelve; see `covariance.matrix_row_weig
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ManyTables:
+class ManyTables(Shown):
     """What was measured of R robots at m full poses each, from one station."""
 
     q: Array

@@ -32,6 +32,7 @@ from calib.identification.sufficiency import require_equations
 from calib.information.reduction import Reduction, reduce
 from calib.measurement.observations import GIVEN, POINT, Measurements
 from calib.measurement.prediction import predict, require_fixtures
+from calib.shown import Shown
 
 SUBSET = 200
 """Rows on which initial guesses are compared."""
@@ -40,7 +41,7 @@ GOOD = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Start:
+class Start(Shown):
     """A nominal robot put where it was measured."""
 
     model: RobotModel

@@ -23,6 +23,7 @@ from calib.identification.joint_models import extended_model
 from calib.information.propagation import propagated
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
+from calib.shown import Shown
 from calib.uncertainty.statement.gain import estimator_gain
 
 WARNED, REFUSED = 4.0, 9.0
@@ -36,7 +37,7 @@ MOST_OUTSIDE = 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Applicability:
+class Applicability(Shown):
     """Whether a statement reaches N targets."""
 
     transfer: Array

@@ -19,6 +19,7 @@ from calib.identification.identify import Identification
 from calib.information.propagation import propagated
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict, predicted_positions
+from calib.shown import Shown
 from calib.uncertainty.regions import coverage_factor, mahalanobis_squared
 from calib.uncertainty.statement.applicability import Proven, proven_at
 from calib.uncertainty.statement.distance import SPARE, distance_radius
@@ -34,7 +35,7 @@ from calib.uncertainty.tool_point import ToolStatement
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Belief:
+class Belief(Shown):
     """What is believed of an identified robot's tool point, wherever it is asked for."""
 
     model: RobotModel

@@ -14,6 +14,7 @@ import numpy as np
 
 from calib.arrays import LATER, Array, Bool, Index, check, frozen
 from calib.errors import refuse
+from calib.shown import Shown
 
 AS_MEASURED, NOT_STATED = "as measured", "not stated"
 """Words of a target under the conditions of the data, and of one of which that cannot be told."""
@@ -46,7 +47,7 @@ class Tolerance:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Conditions:
+class Conditions(Shown):
     """What N rows or targets say of their conditions; None where they say nothing."""
 
     payload: Annotated[Array, "N"] | None = None
@@ -104,7 +105,7 @@ class Conditions:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Departure:
+class Departure(Shown):
     """Which of N targets lie under other conditions than the data."""
 
     data: Conditions

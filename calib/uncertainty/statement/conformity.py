@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from calib.arrays import Array, check, frozen, require_probability
 from calib.errors import refuse
+from calib.shown import ResultTable, Shown
 from calib.uncertainty.statement.distance import distance_radius, probability_within
 
 Rule = Literal["guarded", "simple"]
@@ -15,7 +16,7 @@ RULES: tuple[Rule, ...] = ("guarded", "simple")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Conformity:
+class Conformity(Shown):
     """Decisions on N tool points against one tolerance."""
 
     rule: Rule
@@ -35,6 +36,11 @@ class Conformity:
 
     def __repr__(self) -> str:
         return f"Conformity({', '.join(f'{n} {word}' for word, n in self.counts.items())})"
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``points``: distance, guard band [m], risk of each, and the outcome."""
+        lengths = {"distance_m": self.distance, "guard_m": self.guard}
+        return {"points": ResultTable({**lengths, "risk": self.risk, "outcome": self.outcome})}
 
     @property
     def counts(self) -> dict[str, int]:

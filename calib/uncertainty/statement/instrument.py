@@ -16,6 +16,7 @@ from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification
 from calib.measurement.observations import GIVEN, POINT, Measurements, joined
 from calib.measurement.prediction import predict, predicted_positions, tool_poses
+from calib.shown import Shown
 from calib.uncertainty.statement.gain import beside_held, estimator_gain
 
 SOURCES = (
@@ -119,7 +120,7 @@ class InstrumentErrors:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SharedErrors:
+class SharedErrors(Shown):
     """What all readings share, source by source, and what held-out poses can show of it."""
 
     names: Annotated[tuple[str, ...], "s"]

@@ -16,6 +16,7 @@ from calib.errors import refuse
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
+from calib.shown import Shown
 from calib.uncertainty.statement.beside_drift import beside_drift
 from calib.uncertainty.statement.evidence import believed_before, reduced
 from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers
@@ -38,7 +39,7 @@ REMEMBERS = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SlowDrift:
+class SlowDrift(Shown):
     """The largest drift that the rows allow, and what it leaves in the estimate."""
 
     sd: float

@@ -17,6 +17,7 @@ from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
+from calib.shown import Shown
 from calib.uncertainty.statement.evidence import (
     SEEN,
     NoiseRepeats,
@@ -40,7 +41,7 @@ NO_WHITE_NOISE = 1.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HiddenMisfit:
+class HiddenMisfit(Shown):
     """Sizes of a misfit, one standard deviation per axis [m], as far as the evidence goes."""
 
     shape: MisfitShape

@@ -12,6 +12,7 @@ from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict, predicted_positions
+from calib.shown import Shown
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.motion_fit import asked, chi_square, explained
 from calib.uncertainty.statement.rigid import (
@@ -36,7 +37,7 @@ FEWEST = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OtherFrame:
+class OtherFrame(Shown):
     """The rigid motion that explains held-out errors best, and whether there is one."""
 
     shift: Annotated[Array, 3]

@@ -5,7 +5,7 @@ radians; what is written to disk is what the command of the same name writes.
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from testbed.files.session import Session
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from testbed.plan.records import Plan
     from testbed.robots.robot import Robot
     from testbed.scenario.scenario import Scenario
+    from testbed.store.written import WrittenFolder
     from testbed.studies.trial.records import Campaign
 
 __all__ = ("identify", "iso9283", "load", "plan", "robot", "run")
@@ -106,22 +107,38 @@ def iso9283(data: str | Path, out: str | Path | None = None) -> "CycleResult":
     return play_test(test) if out is None else play_iso9283(test, Path(out))
 
 
-def load(folder: str | Path) -> "Campaign | Calibration | dict[str, Any]":
-    """What `run` or `identify` wrote into a folder; of a plan the numbers, as in plan.json."""
+def load(folder: str | Path) -> "Campaign | Calibration | Session | Robot | WrittenFolder":
+    """What any folder that this program wrote holds; what it is stands first when it is printed.
+
+    A campaign or a calibration comes back as `run` or `identify` gave it; of a plan or a test after
+    ISO 9283 the numbers and tables of its files; of exported measurements the session; of the
+    folder of a robot the robot. Nothing is computed.
+
+    Parameters
+    ----------
+    folder : path
+        The folder, as given by ``--out``.
+    """
+    from testbed.files.read import read_session
+    from testbed.files.session_toml import SESSION_FILE
+    from testbed.gates.toml import read_toml_bytes, toml_document
     from testbed.identify.folder import load_calibration
+    from testbed.robots.catalog import ROBOT_FILE, load_robot
     from testbed.run.play import load_run
-    from testbed.store.layout import PLAN
     from testbed.store.manifest import CALIBRATION, kind_of, read_manifest
-    from testbed.store.npz import read_json
+    from testbed.store.written import written_folder
 
     path = Path(folder)
-    if (path / PLAN).is_file():
-        return read_json(
-            path / PLAN, fix="give the `truebed plan` command again with another --out"
-        )
-    return (
-        load_calibration(path)[0] if kind_of(read_manifest(path)) == CALIBRATION else load_run(path)
-    )
+    if (written := written_folder(path)) is not None:
+        return written
+    if (path / ROBOT_FILE).is_file():
+        return load_robot(path)
+    if (file := path / SESSION_FILE).is_file():
+        document = toml_document(read_toml_bytes(file, str(file)), str(file))
+        return read_session(file, load_robot(str(document.get("robot", ""))))
+    if kind_of(read_manifest(path)) == CALIBRATION:
+        return load_calibration(path)[0]
+    return load_run(path)
 
 
 def _scenario(scenario: "str | Path | Scenario") -> "Scenario":

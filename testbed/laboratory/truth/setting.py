@@ -9,6 +9,7 @@ from calib.arrays import Array, Index
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import OperatingConditions, approaches
+from calib.shown import Shown
 from testbed.laboratory.bench import Bench, open_bench
 from testbed.laboratory.tracker.rounds import true_fixtures
 from testbed.laboratory.tracker.stations import require_ranges, require_stations
@@ -19,8 +20,8 @@ from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Setting:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Setting(Shown):
     """The setup of a campaign, which all trials share: robot nominal and true, pool, test poses."""
 
     nominal: RobotModel

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.arrays import Array, Bool, Index
+from calib.shown import Shown
 from testbed.studies.compensation.settings import CompensationSettings
 from testbed.studies.kinds import KindsStudy
 
@@ -19,8 +20,8 @@ WORTH = ("value", "uncertainty", "floor")
 """What stands beside each other for every figure: itself, standard uncertainty, noise floor."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CompensationStudy:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class CompensationStudy(Shown):
     """R robots of one kind: an ISO 9283 test before and after the targets were corrected."""
 
     truth: str

@@ -6,6 +6,7 @@ from typing import Annotated
 import numpy as np
 
 from calib.arrays import Array, Bool
+from calib.shown import ResultTable, Shown
 from testbed.studies.coverage.settings import CoverageSettings
 from testbed.studies.kinds import KindsStudy
 
@@ -17,8 +18,8 @@ alone, the same with discrepancy, and a ball that needs no model."""
 BELIEVED = STATEMENTS[0]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CoverageStudy:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class CoverageStudy(Shown):
     """R robots of one kind, each calibrated, validated and judged against its noise-free truth."""
 
     truth: str
@@ -61,6 +62,23 @@ class CoverageStudy:
     """(f, R) estimate minus truth of these numbers, over its stated standard uncertainty."""
     nees: Array
     """(R,) normalized estimation error squared of these numbers, expected f; else (0,)."""
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``coverage``: the share that each statement of each model holds, the mean over robots."""
+        cells = [(i, j) for i in range(len(MODELS)) for j in range(len(STATEMENTS))]
+        made = [self.made(i, j) for i, j in cells]
+        shares = [self.inside[i, j, some] for (i, j), some in zip(cells, made, strict=True)]
+        sizes = [self.radius[i, j, some] for (i, j), some in zip(cells, made, strict=True)]
+        columns = {
+            "truth": self.truth,
+            "model": [MODELS[i] for i, _ in cells],
+            "statement": [STATEMENTS[j] for _, j in cells],
+            "robots": [int(some.sum()) for some in made],
+            "inside": [share.mean() for share in shares],
+            "sd": [share.std(ddof=1) if share.size > 1 else np.nan for share in shares],
+            "radius_um": [1e6 * size.mean() for size in sizes],
+        }
+        return {"coverage": ResultTable(columns)}
 
     def made(self, model: int, statement: int) -> Bool:
         """Robots (R,) on which a statement is made somewhere; on none, all are judged anyway."""

@@ -19,7 +19,8 @@ from testbed.report.plots import (
     toward,
 )
 from testbed.report.svg import DARK, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
-from testbed.studies.trial.records import Campaign, PoseCountStudy, RandomSets, Trial
+from testbed.studies.trial.records import Campaign, Trial
+from testbed.studies.trial.set_records import PoseCountStudy, RandomSets
 from testbed.units import MM, UM
 
 if TYPE_CHECKING:

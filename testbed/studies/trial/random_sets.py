@@ -10,7 +10,8 @@ from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.protocol import Records
 from testbed.studies.trial.play import criterion_of
-from testbed.studies.trial.records import PoseCountStudy, RandomSets, RandomSetsStudy, Trial
+from testbed.studies.trial.records import Trial
+from testbed.studies.trial.set_records import PoseCountStudy, RandomSets, RandomSetsStudy
 
 SPARE_POSES = 2
 """Poses beyond the fewest where the curves begin."""

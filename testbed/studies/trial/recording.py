@@ -20,7 +20,8 @@ from testbed.studies.trial import recording_cell as cell
 from testbed.studies.trial.compare import measured_distance
 from testbed.studies.trial.recording_cell import ShownTrial
 from testbed.studies.trial.recording_ghost import draw_ghost, known
-from testbed.studies.trial.records import Campaign, RandomSets
+from testbed.studies.trial.records import Campaign
+from testbed.studies.trial.set_records import RandomSets
 
 SELECT_FRAMES, IDENTIFY_FRAMES = 144, 72
 """Length of the phases in which the robot does not have to be anywhere."""

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import numpy as np
 
-from calib.arrays import Array, Bool, Index
+from calib.arrays import Array, Bool
 from calib.design import Selection
 from calib.errors import CalibError
 from calib.identification.identify import Identification, Mode
@@ -18,16 +18,18 @@ from calib.information.observability import Observability
 from calib.information.propagation import point_uncertainty
 from calib.measurement.accuracy import Accuracy
 from calib.measurement.observations import Measurements
+from calib.shown import ResultTable, Shown, concatenated
 from calib.uncertainty.statement.belief import Belief
 from testbed.laboratory.truth.setting import Setting
 from testbed.scenario.scenario import Scenario
 from testbed.studies.protocol import Records
 from testbed.studies.trial.bending.records import Ways
+from testbed.studies.trial.set_records import PoseCountStudy, RandomSets, RandomSetsStudy
 from testbed.studies.trial.statement.records import Statement, Validation
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Comparison(Shown):
     """An identified model against the truth, on held-out poses and parameter by parameter."""
 
     before: Annotated[Array, "t"]
@@ -66,8 +68,8 @@ class Comparison:
         return float(np.sqrt(np.mean(point_uncertainty(self.covariance) ** 2)))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Replications:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Replications(Shown):
     """The same poses measured and identified again and again: what the stated intervals hold."""
 
     count: int
@@ -98,8 +100,8 @@ def judged_numbers(identification: Identification, true_step: Array) -> Bool:
     return np.asarray(np.isfinite(true_step) & ~together)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Estimate:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Estimate(Shown):
     """One estimator applied to one trial."""
 
     mode: Mode
@@ -115,6 +117,40 @@ class Estimate:
     stated: a prior, or what the tracker gets wrong all campaign long."""
     statement: Statement | None = None
     """What to believe and why; only for the default estimator."""
+
+    def __repr__(self) -> str:
+        before, after = 1e3 * self.comparison.before.mean(), 1e3 * self.comparison.after.mean()
+        stated = f", R95 {1e6 * self.radius:.3g} um" if np.isfinite(self.radius) else ""
+        return f"Estimate({self.mode}: {before:.3g} -> {after:.3g} mm{stated})"
+
+    def tables(self) -> dict[str, ResultTable]:
+        """``errors`` at the held-out poses, against the truth; ``numbers`` with what is true."""
+        found = self.comparison
+        errors = {"before_mm": 1e3 * found.before, "after_mm": 1e3 * found.after}
+        units, scale = self.identification.shown_in
+        alone = np.isfinite(self.identification.tables()["numbers"]["U"])
+        U = 2 * scale * self.identification.standard_uncertainty
+        numbers = {
+            "name": self.identification.names,
+            "step": scale * self.identification.step,
+            "true_step": scale * found.true_step,
+            "U": np.where(alone, U, np.nan),
+            "unit": units,
+            "judged": self.judged,
+            "inside": found.parameter_inside,
+        }
+        return {
+            "errors": ResultTable(
+                {"pose": np.arange(len(self.inside)), **errors, "inside": self.inside}
+            ),
+            "numbers": ResultTable(numbers, precision="U"),
+        }
+
+    @property
+    def radius(self) -> float:
+        """R95 of the mean tool point that is believed; nan where nothing is [m]."""
+        stated = None if self.statement is None else self.statement.point
+        return float("nan") if stated is None else stated.radius_mean
 
     @property
     def judged(self) -> Bool:
@@ -141,8 +177,8 @@ class Estimate:
         return self.statement.point.u_mean
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Trial:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Trial(Shown):
     """One pose set, measured and identified."""
 
     name: str
@@ -159,65 +195,38 @@ class Trial:
     """The first visit of each pose: what is identified."""
     estimates: tuple[Estimate, ...]
 
+    def __repr__(self) -> str:
+        return f"Trial({self.name!r}: {self.selection!r}; {', '.join(map(repr, self.estimates))})"
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PoseCountStudy:
-    """Mean index of random sets against the number of poses, and where the rule stops."""
+    def tables(self) -> dict[str, ResultTable]:
+        """``estimates``: what each leaves, states and holds; their `Estimate.tables`."""
+        found = {"estimates": concatenated(map(self._line, self.estimates))}
+        for name in ("errors", "numbers"):
+            found[name] = concatenated(
+                ResultTable({"trial": self.name, "estimator": one.mode, **table}, table.precision)
+                for one in self.estimates
+                for table in [one.tables()[name]]
+            )
+        return found
 
-    counts: Annotated[Index, "k"]
-    """(k,) poses per set."""
-    names: Annotated[tuple[str, ...], "i"]
-    """(i,) O1 ... O5."""
-    mean: Annotated[Array, "i", "k"]
-    """(i, k) mean index over the random sets, paper rows; O3, O4, O5 as printed."""
-    mean_per_pose: Annotated[Array, "i", "k"]
-    """(i, k) correct per-pose form."""
-    spread: Annotated[Array, "i", "k"]
-    """(i, k) standard deviation over the sets (printed form)."""
-    chosen: tuple[int | None, ...]
-    """Poses the rule chooses for O1 and for O2, in that order; None if it never settles."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RandomSets:
-    """The figure of one trial's set beside those of random sets of the same size."""
-
-    trial: str
-    criterion: str
-    unit: str
-    """Of the figure: "1" for an index, "m" for an uncertainty."""
-    larger_is_better: bool
-    n_poses: int
-    chosen_value: float
-    values: Annotated[Array, "k"]
-    """(k,) figure of each random set."""
-
-    @property
-    def beaten(self) -> int:
-        """Random sets that are worse."""
-        sign = 1.0 if self.larger_is_better else -1.0
-        return int((sign * self.values < sign * self.chosen_value).sum())
-
-    @property
-    def mean(self) -> float:
-        """Mean figure of the random sets."""
-        return float(self.values.mean())
-
-    @property
-    def best(self) -> float:
-        """Figure of the best random set."""
-        return float(self.values.max() if self.larger_is_better else self.values.min())
+    def _line(self, one: Estimate) -> ResultTable:
+        """One estimate in one row."""
+        return ResultTable(
+            {
+                "trial": [self.name],
+                "estimator": one.mode,
+                "poses": len(self.selection),
+                "before_mm": 1e3 * one.comparison.before.mean(),
+                "after_mm": 1e3 * one.comparison.after.mean(),
+                "largest_mm": 1e3 * one.comparison.after.max(),
+                "R95_um": 1e6 * one.radius,
+                "inside": one.inside.mean(),
+            }
+        )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RandomSetsStudy:
-    """Every designed trial's set beside random sets."""
-
-    sets: tuple[RandomSets, ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Campaign:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Campaign(Shown):
     """A scenario played once: what all studies stand on, and the records of the others."""
 
     scenario: Scenario
@@ -226,6 +235,25 @@ class Campaign:
     trials: tuple[Trial, ...]
     """Those that did not fail, in the order of the scenario; at least one."""
     records: Records
+
+    def __repr__(self) -> str:
+        name, seed = self.scenario.name, self.scenario.seed
+        first = self.trials[0]
+        return (
+            f"Campaign({name!r}, seed {seed}, {len(self.trials)} trials; "
+            f"{first.name}: {first.estimates[0]!r})"
+        )
+
+    def tables(self) -> dict[str, ResultTable]:
+        """Those of the trials, ``errors`` against the truth among them; then those of studies."""
+        found: dict[str, list[ResultTable]] = {}
+        names = {trial.name for trial in self.trials}
+        others = [record for key, record in self.records.values.items() if key not in names]
+        for record in (*self.trials, *others):
+            tables = record.tables() if isinstance(record, Shown) else {}
+            for name, table in tables.items():
+                found.setdefault(name, []).append(table)
+        return {name: concatenated(parts) for name, parts in found.items()}
 
     @property
     def estimates(self) -> tuple[tuple[Trial, Estimate], ...]:

@@ -7,9 +7,10 @@ import numpy as np
 from calib.information.observability import CRITERIA
 from testbed.report.page import Block, Figure, Points, Section, Table, Text, heads, rejection_table
 from testbed.studies.trial import plots
-from testbed.studies.trial.records import Campaign, PoseCountStudy, RandomSets
+from testbed.studies.trial.records import Campaign
 from testbed.studies.trial.report_accuracy import set_in_words
 from testbed.studies.trial.report_rounds import round_tables
+from testbed.studies.trial.set_records import PoseCountStudy, RandomSets
 from testbed.units import counted, micrometres, sentence, significant
 
 

@@ -11,7 +11,8 @@ from testbed.scenario.scenario import Scenario
 from testbed.store.quantities import Quantity
 from testbed.studies.protocol import Answer, Record, Records, Task
 from testbed.studies.trial.bending.records import Ways
-from testbed.studies.trial.records import PoseCountStudy, RandomSetsStudy, Trial, campaign_of
+from testbed.studies.trial.records import Trial, campaign_of
+from testbed.studies.trial.set_records import PoseCountStudy, RandomSetsStudy
 from testbed.studies.trial.statement.records import Validation
 
 if TYPE_CHECKING:

@@ -7,7 +7,8 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.geometry.parameters import parameters_of
 from calib.information.rank import rank
-from testbed.studies.trial.records import Campaign, PoseCountStudy
+from testbed.studies.trial.records import Campaign
+from testbed.studies.trial.set_records import PoseCountStudy
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.cloud.draws import clouds_of, mean_half_width, ranges_of
 from testbed.studies.wen2022.finding import Finding, NotPlayedError, played

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from calib.arrays import Array, Index
+from calib.shown import Shown
 from testbed.scenario.tables import BudgetSettings
 from testbed.studies.many_robots import of_each_kind
 from testbed.studies.trial.records import Campaign
@@ -30,8 +31,8 @@ point itself within that; the ellipsoid of independent numbers with u_best. Besi
 ellipsoid of the full covariance that a fit claims of itself: unweighted, and whitened."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TrialSets:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class TrialSets(Shown):
     """One trial's kind of set in each of P pools, and what measurement noise alone makes of it."""
 
     trial: str
@@ -51,8 +52,8 @@ class TrialSets:
     poses; for random sets the mean over many [m]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PoolSets:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PoolSets(Shown):
     """P pools, with the sets that are compared."""
 
     names: Annotated[tuple[str, ...], "f"]
@@ -67,8 +68,8 @@ class PoolSets:
     """(P, 2) poses at which O1 and O2 of random sets settle; -1 where they do not."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Reexamined:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Reexamined(Shown):
     """R robots of one kind, each measured by the paper's protocol on one of the pools."""
 
     truth: str
@@ -104,8 +105,8 @@ class Reexamined:
     """(d, R) mean over held-out poses of the stated u of |P| [m]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PaperBudget:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PaperBudget(Shown):
     """The paper's uncertainties per parameter: contributors and their combination [m, rad].
 
     Each designed trial stands on the optimal side in turn; the random side is one for all.
@@ -142,8 +143,8 @@ class PaperBudget:
         return np.asarray((self.best_repeatability / self.repeatability).mean(axis=1))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ToolPointStudy:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ToolPointStudy(Shown):
     """Monte Carlo of the tool point: zero pose first, then the held-out poses.
 
     The paper's form draws independent parameters and looks at |P|; the correct form draws from the

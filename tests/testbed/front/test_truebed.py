@@ -31,10 +31,21 @@ def test_a_campaign_runs_in_memory_and_comes_back_from_its_folder(tmp_path):
     again = truebed.load(str(tmp_path / "identified"))
     for found in (written, again):
         assert np.array_equal(found.fits[0].identification.step, inside.fits[0].identification.step)
+        assert repr(found) == repr(inside)
+
+    session = truebed.load(tmp_path / "files")
+    assert again.tables()["errors"].rows == len(session.measurements)
+    assert truebed.load(tmp_path / "identified" / "robot").name.startswith("staubli_tx60")
 
 
 def test_a_plan_is_made_and_its_numbers_come_back(tmp_path):
     made = truebed.plan(planned.scenario(planned.QUICK), tmp_path / "plan")
     numbers = truebed.load(tmp_path / "plan")
     assert numbers["poses"] == len(made.places)
+    assert "a plan's folder" in repr(numbers)
+    stops = numbers.tables()["plan"]["role"].tolist()
+    assert made.tables()["stops"]["role"].tolist() == [
+        role for role in stops if role in ("identify", "test")
+    ]
+    np.testing.assert_allclose(made.tables()["goal"]["u_um"], 1e6 * made.u)
     assert len(truebed.plan(planned.scenario(planned.QUICK)).places) == len(made.places)

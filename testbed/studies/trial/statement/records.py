@@ -8,6 +8,7 @@ from calib.arrays import Array, Bool, FloatOrNan, Index
 from calib.identification.climbing import ClimbStep, Offer
 from calib.identification.lack_of_fit import LackOfFit
 from calib.measurement.observations import Measurements
+from calib.shown import Shown
 from calib.uncertainty.conformal import Conformal
 from calib.uncertainty.discrepancy import Discrepancy
 from calib.uncertainty.held_out import HeldOut
@@ -25,8 +26,8 @@ BELIEVED = ("region", "move")
 """Statements that are believed; the others stand beside them."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Validation:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Validation(Shown):
     """The held-out poses, measured once after the trials; and the secret that judges statements."""
 
     seen: Measurements
@@ -63,8 +64,8 @@ class Replayed:
     sentence: str
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Statement:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Statement(Shown):
     """What the default estimator's result may be trusted with, and why."""
 
     model: str

@@ -119,7 +119,7 @@ def test_bytes_do_not_depend_on_the_hash_seed_of_the_process():
     code = (
         "import sys, numpy as np\n"
         "from testbed.studies.trial.plots import pose_count\n"
-        "from testbed.studies.trial.records import PoseCountStudy\n"
+        "from testbed.studies.trial.set_records import PoseCountStudy\n"
         "n = np.arange(6, 60)\n"
         "m = np.outer(np.arange(1.0, 6.0), 1 - 1 / n)\n"
         "s = PoseCountStudy(n, ('O1', 'O2', 'O3', 'O4', 'O5'), m, m, 0.01 * m, (30, None))\n"

@@ -1,0 +1,172 @@
+"""What a result shows of itself in a notebook, and its tables for pandas and Arrow."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from html import escape
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.errors import refuse
+
+ROWS = 40
+"""Rows of a table that a notebook shows; the frames hold all."""
+LINE = 100
+"""Characters of the line of a result that writes none of its own."""
+FRAMES = "pip install 'truebed[frames]'"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ResultTable(Mapping[str, "NDArray[Any]"]):
+    """Columns of equal length, by names that end in their unit; ``dict(table)`` is plain arrays."""
+
+    columns: Mapping[str, Any]
+    """Sequences or arrays of equal length; a single value stands in every row."""
+    precision: str = ""
+    """Column of uncertainties: of a row, the numbers beside it are shown to two of its digits."""
+
+    def __post_init__(self) -> None:
+        names = tuple(self.columns)
+        columns = np.broadcast_arrays(*map(np.asarray, self.columns.values()), subok=False)
+        assert all(column.ndim == 1 for column in columns), "columns of unequal length"
+        object.__setattr__(self, "columns", dict(zip(names, columns, strict=True)))
+
+    def __getitem__(self, name: str) -> "NDArray[Any]":
+        return np.asarray(self.columns[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
+    def __len__(self) -> int:
+        return len(self.columns)
+
+    def __repr__(self) -> str:
+        return f"ResultTable({self.rows} rows of {', '.join(self)})"
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return max((len(values) for values in self.values()), default=0)
+
+    def to_pandas(self) -> Any:
+        """The table as a ``pandas.DataFrame`` (extra ``frames``)."""
+        with _needed("pandas"):
+            from pandas import DataFrame
+
+        return DataFrame({name: values.copy() for name, values in self.items()})
+
+    def to_arrow(self) -> Any:
+        """The table as a ``pyarrow.Table`` (extra ``frames``)."""
+        with _needed("pyarrow"):
+            from pyarrow import table
+
+        return table({name: values.tolist() for name, values in self.items()})
+
+    def _repr_html_(self) -> str:
+        shown = [[self._cell(name, row) for name in self] for row in range(min(self.rows, ROWS))]
+        head = "".join(f"<th>{escape(name)}</th>" for name in self)
+        body = "".join(f"<tr>{''.join(cells)}</tr>" for cells in shown)
+        rest = f"<p>{self.rows - ROWS} more rows</p>" if self.rows > ROWS else ""
+        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{rest}"
+
+    def _cell(self, name: str, row: int) -> str:
+        """One cell: words to the left, numbers to the right."""
+        value = self[name][row]
+        if not isinstance(value, np.floating):
+            side = "right" if isinstance(value, np.integer) else "left"
+            return f'<td style="text-align:{side}">{escape(str(value))}</td>'
+        return f'<td style="text-align:right">{self._number(float(value), row)}</td>'
+
+    def _number(self, value: float, row: int) -> str:
+        """A number with the digits that it deserves."""
+        if not np.isfinite(value):
+            return "–"
+        size = float(self[self.precision][row]) if self.precision else 0.0
+        return f"{value:z.{decimals(size)}f}" if 0 < size < np.inf else f"{value:.4g}"
+
+
+def concatenated(tables: Iterable[ResultTable]) -> ResultTable:
+    """Tables of the same columns below each other."""
+    parts = list(tables)
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    return ResultTable(columns, parts[0].precision)
+
+
+class Shown:
+    """A result: one line, the same with words and a table in a notebook, tables for frames."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        """Its fields as far as a line holds them: small ones by value, arrays by shape."""
+        names = (field.name for field in fields(cast("Any", self)))
+        parts = [text for name in names if (text := _field(name, getattr(self, name)))]
+        line = f"{type(self).__name__}({', '.join(parts)}"
+        return f"{line})" if len(line) < LINE else f"{line[: LINE - 4].rpartition(',')[0]}, ...)"
+
+    def tables(self) -> Mapping[str, ResultTable]:
+        """Tables by name, the one that a notebook shows first; none by default."""
+        return {}
+
+    def to_pandas(self, table: str = "") -> Any:
+        """One of `tables`, by default the first, as a ``pandas.DataFrame`` (extra ``frames``)."""
+        return self._table(table).to_pandas()
+
+    def to_arrow(self, table: str = "") -> Any:
+        """One of `tables`, by default the first, as a ``pyarrow.Table`` (extra ``frames``)."""
+        return self._table(table).to_arrow()
+
+    def _table(self, name: str) -> ResultTable:
+        """The table of a name."""
+        tables = self.tables()
+        if not tables:
+            message = f"{type(self).__name__} has no table"
+            raise refuse("table", code="A3", message=message, fix="its fields are plain arrays")
+        if name and name not in tables:
+            raise refuse("table", name, f"one of {', '.join(tables)}", code="A3")
+        return tables[name or next(iter(tables))]
+
+    def _repr_html_(self) -> str:
+        """For notebooks: the line, the summary folded away where there is one, and a table."""
+        parts = [f"<p><b>{escape(repr(self))}</b></p>"]
+        if summary := getattr(self, "summary", None):
+            text = f"<pre>{escape(summary())}</pre>"
+            parts.append(f"<details><summary>summary</summary>{text}</details>")
+        for name, table in list(self.tables().items())[:1]:
+            parts.append(f"<p>{escape(name)}</p>{table._repr_html_()}")
+        return "\n".join(parts)
+
+
+def _field(name: str, value: object) -> str:
+    """A field of a result in a few characters; empty where that is not enough."""
+    if isinstance(value, np.ndarray):
+        return f"{name} {value.shape}"
+    if isinstance(value, float):
+        return f"{name}={value:.4g}"
+    if isinstance(value, str | int) and len(f"{value}") < LINE // 3:
+        return f"{name}={value!r}"
+    return f"{len(value)} {name}" if isinstance(value, tuple) and value else ""
+
+
+def decimals(uncertainty: float) -> int:
+    """Places behind the point that leave an uncertainty two digits; six where there is none.
+
+    Examples
+    --------
+    >>> decimals(0.0123), decimals(4.5), decimals(120.0)
+    (3, 1, 0)
+    """
+    known = 0 < uncertainty < np.inf
+    return max(0, 1 - int(np.floor(np.log10(uncertainty)))) if known else 6
+
+
+@contextmanager
+def _needed(package: str) -> Iterator[None]:
+    """Say what to type where an optional package is missing."""
+    try:
+        yield
+    except ImportError as error:
+        message = f"a frame needs the package {package}, which is not installed"
+        raise refuse("", code="A8", message=message, fix=FRAMES) from error
