@@ -19,10 +19,11 @@ from testbed.store.npz import (
     require_own,
     to_bytes,
 )
+from testbed.store.packing import packed, unpacked
 
 T = TypeVar("T")
-OF_PART = "/"
-"""Stands between the key of a record and the path of a field of its part."""
+BLOCK = "/arrays"
+"""Follows the key of a record in the name of the arrays of its part."""
 
 
 def piece_name(cut: str, piece: int) -> str:
@@ -35,21 +36,24 @@ def piece_bytes(
 ) -> bytes:
     """The file of one piece: the part of each record or its `Failure`, and who computed it.
 
-    With `single`, figures of each robot are rounded to float32.
+    With `single`, figures of each robot are rounded to float32. The arrays of each part are one
+    entry of the archive: as entries of their own they would take more for their heads than many of
+    them have to say.
     """
-    arrays: dict[str, np.ndarray[Any, Any]] = {}
+    blocks: dict[str, np.ndarray[Any, Any]] = {}
     told: dict[str, Any] = {}
     for key, part in parts.items():
         if isinstance(part, Failure):
-            told[key] = {"status": FAILED, "reason": part.reason, "values": {}}
+            told[key] = {"status": FAILED, "reason": part.reason}
             continue
-        packed = pack(part, single=single)
-        found = {path: value for path, value in packed.items() if isinstance(value, np.ndarray)}
-        arrays |= {f"{key}{OF_PART}{path}": value for path, value in found.items()}
-        values = {path: value for path, value in packed.items() if path not in found}
-        told[key] = {"status": DONE, "reason": "", "values": values}
+        content = pack(part, single=single)
+        arrays = {path: value for path, value in content.items() if isinstance(value, np.ndarray)}
+        values = {path: value for path, value in content.items() if path not in arrays}
+        table, block = packed(arrays)
+        told[key] = {"status": DONE, "values": values, "arrays": table}
+        blocks[f"{key}{BLOCK}"] = np.frombuffer(block, np.uint8)
     head = {"format": FORMAT, "key": name, "spec_sha256": spec, "processor": processor}
-    return to_bytes({**head, "parts": told}, arrays)
+    return to_bytes({**head, "parts": told}, blocks)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,9 +64,10 @@ class StoredPiece:
     """Kind of processor that computed it."""
     failures: Mapping[str, str]
     """Why parts failed, by the key of their record."""
-    values: Mapping[str, Mapping[str, Any]]
-    """Of each part what is no array, by the key of its record."""
-    arrays: Mapping[str, np.ndarray[Any, Any]]
+    told: Mapping[str, Mapping[str, Any]]
+    """Of each part what is no array, and where the arrays are, by the key of its record."""
+    blocks: Mapping[str, np.ndarray[Any, Any]]
+    """Its arrays."""
 
     def part(self, key: str, cls: type[T]) -> T | Failure:
         """The part of one record.
@@ -74,14 +79,10 @@ class StoredPiece:
         """
         if key in self.failures:
             return Failure(self.failures[key])
-        start = f"{key}{OF_PART}"
-        arrays = {
-            name.removeprefix(start): array
-            for name, array in self.arrays.items()
-            if name.startswith(start)
-        }
         try:
-            return unpack(cls, {**self.values[key], **arrays})
+            told = self.told[key]
+            arrays = unpacked(told["arrays"], self.blocks[f"{key}{BLOCK}"].tobytes())
+            return unpack(cls, {**told["values"], **arrays})
         except (ValueError, TypeError, KeyError, InputError) as error:
             raise OtherVersionError(str(error)) from error
         except CalibError as error:  # a number that is not finite: no version writes one
@@ -96,12 +97,11 @@ def piece_from(data: bytes | IO[bytes], name: str, spec: str) -> StoredPiece:
     DamagedError
         Its checksum does not hold, it is another piece, or of another scenario, size or version.
     """
-    meta, arrays = from_bytes(data)
+    meta, blocks = from_bytes(data)
     require_own(meta, name, spec)
     try:
-        told = meta["parts"].items()
-        failures = {key: str(one["reason"]) for key, one in told if one["status"] == FAILED}
-        values = {key: dict(one["values"]) for key, one in told}
+        told = dict(meta["parts"])
+        failures = {k: str(one["reason"]) for k, one in told.items() if one["status"] == FAILED}
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise OtherVersionError(f"{type(error).__name__}: {error}") from error
-    return StoredPiece(str(meta.get("processor", "")), failures, values, arrays)
+    return StoredPiece(str(meta.get("processor", "")), failures, told, blocks)
