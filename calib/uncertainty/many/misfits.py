@@ -1,4 +1,4 @@
-"""The evidence for a misfit of many robots: rows turned together, likelihoods one by one."""
+"""The evidence for a misfit of many robots: rows turned together, and few systems of each."""
 
 from typing import NamedTuple
 
@@ -6,9 +6,9 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.uncertainty.many.gains import ManyGains
+from calib.uncertainty.many.likelihoods import likelihood_between
 from calib.uncertainty.many.sights import ManySights
 from calib.uncertainty.statement.evidence import PositionRows, believed_before
-from calib.uncertainty.statement.likelihood import likelihood
 
 
 class ManyMisfits(NamedTuple):
@@ -42,7 +42,7 @@ def misfits(seen: ManySights, gains: ManyGains, drop: float) -> ManyMisfits:
     for k, fit in enumerate(seen.fits):
         rows = PositionRows(X[k, :, :-1], X[k, :, -1], lam[k], float(noise[k]))
         unit = rows.noise_sd
-        values = likelihood(rows, unit, None, believed_before(fit))
+        values = likelihood_between(rows, unit, believed_before(fit))
         if values is not None:
             best = values.size[np.argmax(values.value)]
             found[:, k] = unit * best, unit * values.limit(drop)

@@ -164,16 +164,29 @@ def _alike(pose: Index, at: Bool, heavy: Bool) -> list[Index]:
     return [np.array(rows) for rows in groups.values()]
 
 
-def reduced(A: Array) -> Array:
-    """A derivative (n, f) of positions in the directions (n, p) that they show."""
+def reduced(A: Array, prior: Array | None = None) -> Array:
+    """A derivative (n, f) of positions in the directions (n, p) that they show.
+
+    `prior` are those of its rows that are a prior, if any.
+    """
+    if prior is not None and _triangular(prior) and _sure(prior, float(np.linalg.norm(A))):
+        return A
     root = triangle(A)
-    if len(root) == A.shape[1] and _sure(root):
+    if len(root) == A.shape[1] and _sure(root, float(np.linalg.norm(root))):
         return A
     _, singular, directions = np.linalg.svd(root, full_matrices=False)
     return np.asarray(A @ directions[singular > RANK_TOLERANCE * singular[0]].T)
 
 
-def _sure(root: Array) -> bool:
-    """Whether a triangle (p, p) has full rank, by a bound on its smallest singular value."""
+def _triangular(X: Array) -> bool:
+    """Whether rows are an upper triangle (p, p)."""
+    return len(X) == X.shape[1] and not np.tril(X, -1).any()
+
+
+def _sure(root: Array, size: float) -> bool:
+    """Whether rows of some size, among them those of a triangle (p, p), have full rank.
+
+    By a bound on the smallest singular value.
+    """
     inverse, flaw = dtrtri(root)
-    return flaw == 0 and bool(RANK_TOLERANCE * np.linalg.norm(root) * np.linalg.norm(inverse) < 1.0)
+    return flaw == 0 and bool(RANK_TOLERANCE * size * np.linalg.norm(inverse) < 1.0)

@@ -27,6 +27,7 @@ from calib.uncertainty.statement.shape import misfit_shape
 from tests.calib import kinds
 
 TX60 = RobotModel(kinds.ARMS["tx60"])
+SYSTEMS = "calib.uncertainty.statement.likelihood_systems"
 
 
 def visit(rng, m, first=0):
@@ -159,7 +160,7 @@ def test_many_rows_pooled_say_what_each_by_itself_says(monkeypatch):
     rows = PositionRows(rng.normal(size=(n, p)), 1.4 * rng.normal(size=n), lam, float(n))
     before = PositionRows(np.eye(p), rng.normal(size=p), np.zeros(p), 0.0)
     plain = likelihood(rows, 1.0, None, before)
-    monkeypatch.setattr("calib.uncertainty.statement.likelihood.COSTLY", 0.0)
+    monkeypatch.setattr(f"{SYSTEMS}.COSTLY", 0.0)
     pooled = likelihood(rows, 1.0, None, before)
     near = plain.value > plain.value.max() - 20
     # weights to 1e-5 where nodes are 5 % apart, each of 900 rows with its share of the logarithm
@@ -178,7 +179,9 @@ def test_rows_fewer_than_numbers_say_what_the_numbers_say(monkeypatch, p):
     before = PositionRows(root.T, root.T @ rng.normal(size=p), np.zeros(p), 0.0)
     found = []
     for limit in (2.0, 0.0):
-        monkeypatch.setattr("calib.uncertainty.statement.likelihood.ROWS_FOR_NUMBERS", limit)
+        monkeypatch.setattr(
+            "calib.uncertainty.statement.likelihood_systems.ROWS_FOR_NUMBERS", limit
+        )
         found.append(likelihood(rows, 1.0, NoiseRepeats(60, 90.0), before))
     ours, theirs = found
     near = theirs.value > theirs.value.max() - 20

@@ -1,0 +1,72 @@
+"""The likelihood of a misfit from systems at few sizes, and by polynomials at all between them."""
+
+from functools import cache
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.uncertainty.statement.evidence import PositionRows, reduced
+from calib.uncertainty.statement.likelihood import HOPELESS, Grid, Likelihood, values_of
+from calib.uncertainty.statement.likelihood_systems import systems_of
+
+PART = 3.0
+"""Length of one polynomial in s = ln(1 + c t^2)."""
+TERMS = 18
+"""Of one polynomial: see below."""
+
+
+def likelihood_between(
+    rows: PositionRows, unit: float, before: PositionRows | None = None
+) -> Likelihood | None:
+    """What `likelihood` finds where no repeats tell the scale of the noise, to 1e-10.
+
+    References
+    ----------
+    ln|1 + t^2 lam|, ln|H| and y'Py are analytic in s = ln(1 + c t^2), c no less than any lam,
+    wherever |Im s| < pi: there no 1 + t^2 lam is zero, and the imaginary parts of all weights
+    1 / (1 + t^2 lam) have one sign, so that H, a sum of these and a positive prior, has no null
+    vector. A polynomial in Chebyshev points of a stretch L falls short of such functions by
+    rho^-TERMS, rho = b + sqrt(1 + b^2) with b = 2 pi / L (Trefethen 2013, theorem 8.2): 1e-12.
+    """
+    both = rows if before is None or not len(before.y) else rows.joined(before)
+    A = reduced(both.A, None if before is None else before.A)
+    n, p = len(rows.y), A.shape[1]
+    if len(A) - p < 1:
+        return None
+    grid, lam = Grid.of(None), unit**2 * rows.lam
+    nodes = grid.nodes if n < len(A) else np.zeros(1)
+    systems = systems_of(np.column_stack([A, both.y]), lam, nodes)
+    most = max(float(lam.max()), float(grid.t[-1]) ** -2)
+    s = np.log1p(most * grid.t**2)
+    x, to_terms = _chebyshev()
+    of_both, start, best = np.full((len(s), len(grid.log_g)), -np.inf), 0, -np.inf
+    while start < len(s):
+        low = s[start]
+        end = int(np.searchsorted(s, low + PART, side="right"))
+        at = slice(start, end)
+        t = np.sqrt(np.expm1(low + PART * (x + 1) / 2) / most)
+        found = np.stack(systems.eliminated(t))  # (2, nodes, TERMS)
+        logarithms = np.log1p(t[:, None] ** 2 * lam).sum(axis=1)
+        series = np.cos(np.arange(TERMS) * np.arccos(2 * (s[at, None] - low) / PART - 1))
+        between = (series @ to_terms).T
+        values = values_of(tuple(found @ between), nodes, grid.log_g, n, p)
+        of_both[at] = values - (logarithms @ between)[:, None] / 2 - grid.known
+        value = of_both[at].max(axis=1)
+        if value[-1] < max(best, value.max()) - HOPELESS:
+            break  # larger ones are less likely still
+        best, start = max(best, float(value.max())), end
+    return grid.profile(of_both)
+
+
+@cache
+def _chebyshev() -> tuple[Array, Array]:
+    """Points (k,) in -1 to 1, and what makes the terms of a series of values there (k, k).
+
+    References
+    ----------
+    Trefethen 2013, chapter 3.
+    """
+    angle = np.pi * (np.arange(TERMS) + 0.5) / TERMS
+    to_terms = 2 / TERMS * np.cos(np.arange(TERMS)[:, None] * angle)
+    to_terms[0] /= 2
+    return np.cos(angle), to_terms

@@ -1,0 +1,166 @@
+"""Systems of numbers behind the likelihood of a misfit: by numbers, by rows, or by pooled rows."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from calib.arrays import Array
+
+COSTLY, POOLS = 5e7, 120
+"""Products of columns above which rows that share noise and misfit alike are pooled; pools."""
+ROWS_FOR_NUMBERS = 2.0
+"""Rows for each number up to which the covariance of rows is the smaller work."""
+EPSILON = 1e-12
+"""Part of the largest share below which no misfit shows in a row."""
+
+
+def systems_of(X: Array, lam: Array, nodes: Array) -> "OfNumbers | OfRows":
+    """Of rows and a prior, columns [A, y], by numbers or by rows as it costs less."""
+    n, p = len(lam), X.shape[1] - 1
+    if n <= ROWS_FOR_NUMBERS * p and len(X) - n >= p:
+        return OfRows.of(X[:n], X[n:], lam, nodes)
+    pooled = n * X.shape[1] ** 2 > COSTLY and lam.any()
+    before = X[n:].T @ X[n:]
+    return OfNumbers(X[:n], before, lam, nodes, _Pools.of(X[:n], lam) if pooled else None)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OfNumbers:
+    """One system of numbers for each size and scale of the noise."""
+
+    X: Array
+    """(n, p + 1) columns [A, y] of the rows."""
+    before: Array
+    """(p + 1, p + 1) products of the same columns of the prior."""
+    lam: Array
+    """(n,) variance per t^2 of misfit."""
+    nodes: Array
+    """(k,) logarithms of the scale."""
+    pools: "_Pools | None"
+
+    def eliminated(self, t: Array) -> tuple[Array, Array]:
+        """ln|H| and y'Py (nodes, k) of sizes t (k,)."""
+        pools = self.pools
+        H = _normal(self.X, self.lam, t) if pools is None else pools.normal(t)
+        found = []
+        for node in self.nodes:
+            whole = H * np.exp(-2 * node)
+            whole += self.before
+            found.append(_eliminated(whole))
+        return np.stack([one[0] for one in found]), np.stack([one[1] for one in found])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OfRows:
+    """The same where rows are few and all numbers have a prior: by the covariance of the rows.
+
+    References
+    ----------
+    K = A inv(Lambda0) A', V = g^2 + K + g^2 t^2 Lambda: with the eigenvalues mu of Lambda against
+    g^2 + K all t are at hand. ln|H| = ln|V| + ln|Lambda0| - ln|g^2 (1 + t^2 Lambda)|.
+    """
+
+    lam: Array
+    """(n,) variance per t^2 of misfit."""
+    nodes: Array
+    """(k,) logarithms of the scale."""
+    logarithm: Array
+    """(k,) ln|g^2 + K| + ln|Lambda0| - 2 n ln g."""
+    mu: Array
+    """(k, n) eigenvalues, times g^2."""
+    y: Array
+    """(k, n) residuals along the eigenvectors, of variance one."""
+
+    @classmethod
+    def of(cls, X: Array, prior: Array, lam: Array, nodes: Array) -> "OfRows":
+        """Those of columns [A, y] of rows (n, p + 1) and prior."""
+        p = X.shape[1] - 1
+        both = prior if len(prior) == p and not np.tril(prior, -1).any() else _triangle(prior)
+        root, pull = both[:p, :p], both[:p, p]
+        B = solve_triangular(root, X[:, :p].T, trans=1, check_finite=False)
+        y = X[:, p] - pull @ B
+        K, of_prior = B.T @ B, 2 * np.log(np.abs(np.diag(root))).sum()
+        logarithm, mu, along = [], [], []
+        for g in np.exp(nodes):
+            L = np.linalg.cholesky(K + g**2 * np.eye(len(y)))
+            both = np.column_stack([g * np.diag(np.sqrt(lam)), y])
+            both = solve_triangular(L, both, lower=True, check_finite=False)
+            values, axes = np.linalg.eigh(both[:, :-1] @ both[:, :-1].T)
+            logarithm.append(2 * np.log(np.diag(L) / g).sum() + of_prior)
+            mu.append(np.maximum(values, 0.0))
+            along.append(both[:, -1] @ axes)
+        return cls(lam, nodes, np.array(logarithm), np.array(mu), np.array(along))
+
+    def eliminated(self, t: Array) -> tuple[Array, Array]:
+        """ln|H| and y'Py (nodes, k) of sizes t (k,)."""
+        square = t[:, None] ** 2
+        size = 1 + square * self.mu[:, None]
+        logarithm = np.log(size).sum(axis=2) - np.log1p(square * self.lam).sum(axis=1)
+        return self.logarithm[:, None] + logarithm, (self.y[:, None] ** 2 / size).sum(axis=2)
+
+
+def _triangle(X: Array) -> Array:
+    """Upper triangle with the products of the columns of X."""
+    return np.asarray(np.linalg.qr(X, mode="r"))
+
+
+def _normal(X: Array, lam: Array, t: Array) -> Array:
+    """X'inv(V)X (k, p, p) of rows X (n, p) for sizes t (k,), V = 1 + t^2 lam."""
+    weights = 1 / (1 + t[:, None] ** 2 * lam)
+    halves = (X.T * root for root in np.sqrt(weights))
+    return np.stack([half @ half.T for half in halves])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pools:
+    """Products of the columns of many rows, pooled by how misfit and noise share in them.
+
+    Between two nodes the weight of a row is straight in ln lam: for nodes 4 % apart to 2e-5. They
+    stand close where rows do.
+    """
+
+    lam: Array
+    """(b,) at the nodes."""
+    products: Array
+    """(b, p, p) what belongs to each."""
+
+    @classmethod
+    def of(cls, X: Array, lam: Array) -> "_Pools":
+        """Those of rows X (n, p)."""
+        shares = lam > lam.max() * EPSILON
+        x = np.log(np.where(shares, lam, lam.max()))
+        even = np.linspace(x.min(), x.max(), POOLS // 3)
+        nodes = np.unique([*even, *np.quantile(x, np.linspace(0, 1, POOLS - len(even)))])
+        nodes = nodes if len(nodes) > 1 else np.append(nodes, nodes + 1.0)
+        place = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, len(nodes) - 2)
+        beyond = (x - nodes[place]) / np.diff(nodes)[place]
+        products = np.empty((len(nodes) + 1, X.shape[1], X.shape[1]))
+        sharing = np.flatnonzero(shares)
+        in_order = sharing[np.argsort(place[sharing], kind="stable")]
+        ends = np.searchsorted(place[in_order], np.arange(len(nodes)))
+        for k in range(len(nodes)):
+            # rows before a node belong to it by how far they are, those behind by what is left
+            rows = in_order[ends[max(k - 1, 0)] : ends[min(k + 1, len(ends) - 1)]]
+            share = np.where(place[rows] < k, beyond[rows], 1 - beyond[rows])
+            some = X[rows]
+            np.matmul(some.T * share, some, out=products[k])
+        products[-1] = X[~shares].T @ X[~shares]  # where no misfit shows
+        return cls(np.append(np.exp(nodes), 0.0), products)
+
+    def normal(self, t: Array) -> Array:
+        """X'inv(V)X (k, p, p) for sizes t (k,)."""
+        weights = 1 / (1 + t[:, None] ** 2 * self.lam)
+        return np.asarray(np.tensordot(weights, self.products, 1))
+
+
+def _eliminated(H: Array) -> tuple[Array, Array]:
+    """ln|A'inv(V)A| (k,) and what is left of y'inv(V)y (k,), of products of the columns [A, y].
+
+    These are used up.
+    """
+    # one factor serves both; the corner is raised, so that it has one where nothing is left
+    raised = H[:, -1, -1] + 1.0
+    H[:, -1, -1] += raised
+    pivots = np.diagonal(np.linalg.cholesky(H), axis1=1, axis2=2)
+    return 2 * np.log(pivots[:, :-1]).sum(axis=1), pivots[:, -1] ** 2 - raised

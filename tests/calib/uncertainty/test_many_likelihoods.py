@@ -1,0 +1,48 @@
+"""The likelihood of a misfit by few systems and polynomials, held to that of a system per size."""
+
+import numpy as np
+import pytest
+
+from calib.uncertainty.many.likelihoods import likelihood_between
+from calib.uncertainty.statement.evidence import PositionRows
+from calib.uncertainty.statement.likelihood import likelihood
+from calib.uncertainty.statement.misfit import DROP
+
+
+def rows(n, p, size, spread, *, priors=0, seed=1):
+    """Rows with a misfit of some size whose shares differ by `spread`, and those of a prior."""
+    rng = np.random.default_rng(seed)
+    lam = np.exp(rng.uniform(-spread, spread, n) / 2)
+    y = rng.normal(size=n) * np.sqrt(1 + size**2 * lam)
+    A = rng.normal(size=(n, p)) * np.exp(rng.uniform(0, 4, p))
+    root = np.triu(rng.normal(size=(priors, p))) / 4 + 3 * np.eye(priors, p)
+    before = PositionRows(root, rng.normal(size=priors), np.zeros(priors), 0.0)
+    return PositionRows(A, y, lam, float(n)), before if priors else None
+
+
+@pytest.mark.parametrize(("size", "spread"), [(0.0, 1.6), (0.5, 0.0), (3.0, 6.0), (300.0, 2.0)])
+@pytest.mark.parametrize(("p", "priors"), [(20, 0), (20, 20), (20, 7), (80, 80)])
+def test_few_sizes_say_what_all_say(size, spread, p, priors):
+    """By numbers, with prior or without, and by rows. Limits to what a fall of 1e-9 moves them."""
+    own, before = rows(90, p, size, spread, priors=priors)
+    found, every = likelihood_between(own, 1.0, before), likelihood(own, 1.0, None, before)
+    near = every.value > every.value.max() - 5
+    fallen = [one.value[near] - one.value.max() for one in (found, every)]
+    assert fallen[0] == pytest.approx(fallen[1], abs=3e-9)
+    assert found.value.argmax() == every.value.argmax()
+    np.testing.assert_array_equal(found.size, every.size)
+    np.testing.assert_array_equal(found.noise_scale[near], every.noise_scale[near])
+    assert found.limit(DROP) == pytest.approx(every.limit(DROP), rel=1e-9)
+
+
+def test_rows_that_say_nothing_have_no_likelihood():
+    few, none = rows(6, 6, 0.0, 1.0)
+    assert none is None
+    assert likelihood_between(few, 1.0) is None
+    flat, _ = rows(40, 5, 1.0, 1.0)
+    flat = PositionRows(flat.A, flat.y, np.zeros(40), flat.noise)
+    assert (
+        likelihood_between(flat, 1.0).limit(DROP)
+        == np.inf
+        == likelihood(flat, 1.0, None).limit(DROP)
+    )
