@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from testbed.cli.app import Debug, Json, Quiet, app, scenes_like
-from testbed.cli.exit_codes import SOME_FAILED, exit_codes
+from testbed.cli.exit_codes import MACHINE, SOME_FAILED, exit_codes
 from testbed.cli.output import say, say_json, warn
 from testbed.machine import COMPUTING
 
@@ -83,7 +83,7 @@ def run(
                 played = play_slice(
                     scenario, folder, number, count, progress=report, where=where, engine=engine
                 )
-            end.code = SOME_FAILED if played.failed else end.code
+            end.code = MACHINE if played.failed else end.code  # an array job is not done with it
             if not (quiet or as_json):
                 for name, reason in played.failed.items():
                     say(f"FAILED {name}: {reason}")

@@ -5,6 +5,7 @@ import tempfile
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any
@@ -36,8 +37,8 @@ class Cluster:
     """
 
     def __init__(self, address: str, call: "Callable[[bytes, Piece], bytes]") -> None:
-        self._call, self._address = call, address
-        self._seen, self._threads = 0.0, 0  # when workers were counted last, and their threads
+        # and when workers were counted last, and their threads
+        self._call, self._address, self._seen, self._threads = call, address, 0.0, 0
         name = address.removeprefix("file:")
         where = {"address": name} if name == address else {"scheduler_file": name}
         fix = "start one by `dask scheduler`, and give the address that it prints"
@@ -73,8 +74,7 @@ class Cluster:
                 flying[self._client.submit(_there, *told, key=key, pure=False)] = piece
             for future in [one for one in flying if one.status != "pending"]:
                 piece = flying.pop(future)
-                found = self._found(future, piece, tried)
-                if found is None:
+                if (found := self._found(future, piece, tried)) is None:
                     waiting.append(piece)
                 else:
                     yield piece, found
@@ -112,26 +112,20 @@ class Cluster:
         MachineError
             F12: it does not come back, or has had no workers for long.
         """
-        now = time.monotonic()
-        if self._client.status == "running" and now < self._seen + 1:
+        now, threads, state = time.monotonic(), 0, self._client.status
+        if state == "running" and now < self._seen + 1:
             return self._threads
-        try:
-            if self._client.status == "running":
+        with suppress(OSError, TimeoutError):  # it may come back, until the client gives it up
+            if state == "running":
                 asked = self._client.scheduler.ncores
-                threads = int(sum(self._client.sync(asked, callback_timeout=ANSWER).values()))
-                if threads:
-                    self._seen, self._threads = now, threads
-                    return threads
-        except (OSError, TimeoutError):
-            pass  # it may come back, until the client gives it up
-        away = self._client.status == "closed"
-        if away or now > self._seen + PATIENCE:
-            told = "is gone" if away else "has no workers any more"
-            raise MachineError(
-                f"the scheduler {self._address} {told}", code="F12", value=self._address,
-                fix="start it again, then go on with --resume",
-            )  # fmt: skip
-        return 0
+                threads = sum(self._client.sync(asked, callback_timeout=ANSWER).values())
+        if threads:
+            self._seen, self._threads = now, threads
+        elif state == "closed" or now > self._seen + PATIENCE:
+            told = "is gone" if state == "closed" else "has no workers any more"
+            fix, at = "start it again, then go on with --resume", self._address
+            raise MachineError(f"the scheduler {at} {told}", code="F12", value=at, fix=fix)
+        return threads
 
     def _unusable(self, told: str, fix: str) -> InputError:
         """The error for a scheduler that cannot be used."""

@@ -27,6 +27,8 @@ GOLDEN = 0.6180339887498949
 """Fractional steps of this fill an interval evenly: no two robots lie on each other."""
 SPREAD = 0.55
 """Part of a row over which its robots lie."""
+MOST_SHOWN = 2000
+"""Robots of a kind that come in: more are no more to the eye, and each is some kB."""
 FRAMES = 144
 """About the length of the phase."""
 
@@ -42,10 +44,18 @@ def running(shares: Array, made: Bool) -> Array:
     return np.asarray(np.where(count > 0, mean, 100 * shares[first_made]))
 
 
+def first_of(study: CoverageStudy, model: int, statement: int) -> tuple[Array, Bool]:
+    """Shares of the robots that are shown, and on which of them the statement is made."""
+    made = study.made(model, statement)
+    return study.inside[model, statement, :MOST_SHOWN], made[:MOST_SHOWN]
+
+
 def chapter(campaign: Campaign) -> Chapter:
     """Robots of all kinds come in one by one, beside the promise."""
     studies = STUDY.of(campaign)
     found, robots = cells(studies), studies[0].before.size
+    shown = min(robots, MOST_SHOWN)
+    some = str(robots) if shown == robots else f"the first {shown} of {robots}"
     short = sum(not cell.believable for cell in found)
     panel = Panel(
         origin="attained",
@@ -58,10 +68,10 @@ def chapter(campaign: Campaign) -> Chapter:
         name="coverage",
         local="robot",
         color=(140, 92, 170),
-        motion=spread(robots, FRAMES),
+        motion=spread(shown, FRAMES),
         text=(
             "#### 5 Coverage: does the statement hold?",
-            f"- {robots} robots of each of {len(studies)} kinds come in one by "
+            f"- {some} robots of each of {len(studies)} kinds come in one by "
             "one, each calibrated, validated and judged",
             f"- a dot: share of one robot's held-out points inside what is stated; pale line: the "
             f"promised {100 * studies[0].level:g} %",
@@ -69,7 +79,7 @@ def chapter(campaign: Campaign) -> Chapter:
             f"- {short} of {len(found)} statements fall short, by bands over robots",
         ),
         draw=partial(_draw, studies, found),
-        lines=numbered("robot", robots),
+        lines=numbered("robot", shown),
         charts=[_chart(studies, i) for i in range(len(MODELS))],
         panel=panel,
     )
@@ -83,17 +93,17 @@ def _draw(
     for k, cell in enumerate(found):
         row, column = divmod(k, len(STATEMENTS))
         study, i = studies[row // len(MODELS)], row % len(MODELS)
-        made = study.made(i, column)
-        _draw_robots(pen, phase, study.inside[i, column], made, cell, row, column)
+        shares, made = first_of(study, i, column)
+        _draw_robots(pen, phase, shares, made, cell, row, column)
 
 
 def _chart(studies: tuple[CoverageStudy, ...], i: int) -> Chart:
     """The mean over the robots so far, of all kinds, with one of the two models."""
     curves = [
-        Series(study.truth, running(study.inside[i, 0], study.made(i, 0)), color)
+        Series(study.truth, running(*first_of(study, i, 0)), color)
         for study, color in zip(studies, cycle(CURVES), strict=False)
     ]
-    promise, count = 100 * studies[0].level, studies[0].inside.shape[-1]
+    promise, count = 100 * studies[0].level, len(curves[0].values)
     curves.append(level("promise", count, promise, style.MUTED_COLOR, "promised"))
     return Chart(f"coverage/{MODELS[i]}", f"Inside [%] by robots, {MODELS[i]}", curves)
 

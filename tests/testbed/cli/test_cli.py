@@ -12,6 +12,8 @@ from typer.testing import CliRunner
 from testbed.cli import app
 from testbed.cli.exit_codes import MACHINE
 from testbed.run import play as runner
+from testbed.run import slices
+from testbed.run.slices import SliceOutcome
 from tests.testbed.studies.trial.fake_campaign import SCENARIO, Fake, content
 
 ROOT = Path(__file__).parents[3]
@@ -149,6 +151,15 @@ def test_a_defect_of_ours_keeps_its_traceback_in_the_run_folder(truebed, scene):
     assert "KeyError" in Path("runs/tiny-seed5/crash.txt").read_text()
     result = truebed("run", scene, "--debug", "--overwrite", fake=Broken)
     assert "Traceback" in result.stderr
+
+
+def test_a_slice_with_a_failed_piece_gives_exit_code_3(truebed, scene, monkeypatch):
+    failed = {"many.000001 many.b": "no luck. [T1]"}
+    for found, code in (({}, 0), (failed, 3)):
+        monkeypatch.setattr(slices, "play_slice", lambda *_, f=found, **__: SliceOutcome(2, f))
+        result = truebed("run", scene, "--slice", "1/2")
+        assert result.exit_code == code
+        assert ("FAILED many.000001 many.b: no luck. [T1]" in result.stdout) == bool(found)
 
 
 WRONG = [

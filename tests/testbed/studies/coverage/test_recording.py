@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from testbed.studies.coverage import recording
 from testbed.studies.coverage.recording import GAP, PANEL, ROW, chapter
 from testbed.studies.coverage.study import STUDY, CoverageStudy
 from testbed.studies.coverage.summary import cells
@@ -99,6 +100,17 @@ def test_the_phase_comes_last_and_the_words_count_what_falls_short(campaign):
     assert len(np.unique(last.at)) == ROBOTS
     assert np.array_equal(story.q[last.start], bare.q[-1])
     assert chapter(campaign).text[-1].startswith("- 8 of 16 statements fall short")
+
+
+def test_of_very_many_robots_the_first_are_shown_and_the_words_count_all(campaign, monkeypatch):
+    every = chapter(campaign)
+    monkeypatch.setattr(recording, "MOST_SHOWN", 5)
+    found = chapter(campaign)
+    assert found.text[1].startswith("- the first 5 of 12 robots of each of 2 kinds come in")
+    assert found.text[-1] == every.text[-1]
+    assert len(timeline(campaign).phase("coverage").at) == 5
+    shown, all_of = (one.charts[0].curves[0].values for one in (found, every))
+    assert np.array_equal(shown, all_of[:5])
 
 
 def test_the_file_is_whole(path):
