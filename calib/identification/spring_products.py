@@ -6,9 +6,9 @@ product for each spring, and one for each spring and free moment or tilt; models
 springs share these columns. What a tilt makes of a moment that is added is left to the fit itself.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -22,6 +22,9 @@ STEPS = 60
 """Most steps of a fit, halved ones counted."""
 GAIN = 1e-6
 """A step that promises less than this of the loss is the last one."""
+
+Bowl: TypeAlias = Callable[[Array], tuple[Array, Array, Array]]
+"""A loss as in `ModelSprings.bowl`, at numbers in units of their prior sd."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,12 +67,12 @@ class ModelSprings(NamedTuple):
 
     def products(self, x: Array) -> Array:
         """(p (1 + f),) at numbers in units of sd."""
-        return np.outer(*self._factors(x)).ravel()
+        return np.outer(*self.factors(x)).ravel()
 
     def at(self, x: Array) -> tuple[Array, Array]:
         """Products (p (1 + f),) and their slopes (p (1 + f), p + f) at numbers in units of sd."""
         p, f = len(self.load), self.moments
-        give, more = self._factors(x)
+        give, more = self.factors(x)
         slopes = np.zeros((p, 1 + f, p + f))
         slopes[range(p), :, range(p)] = (self.sd[:p] / self.load)[:, None] * more
         slopes[:, range(1, 1 + f), range(p, p + f)] = give[:, None] * self.sd[p:]
@@ -82,7 +85,7 @@ class ModelSprings(NamedTuple):
         what weighs, so N is contracted with one of them at a time.
         """
         p, wide = len(self.load), 1 + self.moments
-        give, more = self._factors(x)
+        give, more = self.factors(x)
         by_more = (normal.reshape(-1, wide) @ more).reshape(p, wide, p)
         by_give = (give @ normal.reshape(p, -1)).reshape(wide, p, wide)
         left = pull.reshape(p, wide) - by_more @ give
@@ -97,7 +100,7 @@ class ModelSprings(NamedTuple):
         bend[:p, p:] = bend[p:, :p].T
         return H, bend, np.concatenate([gives * (left @ more), weighs * (give @ left)[1:]]) - x
 
-    def _factors(self, x: Array) -> tuple[Array, Array]:
+    def factors(self, x: Array) -> tuple[Array, Array]:
         """What each spring gives (p,), and what weighs on all (1 + f,)."""
         p = len(self.load)
         return self.sd[:p] * x[:p] / self.load, np.append(1.0, self.sd[p:] * x[p:])
@@ -123,10 +126,6 @@ class Bent(NamedTuple):
 def settled(springs: ModelSprings, normal: Array, pull: Array) -> Bent:
     """Numbers x that minimize y'N y - 2 pull'y + x'x, y their products.
 
-    What gives and what weighs can stand for each other: along that valley the second derivative of
-    their products counts, far from its floor it misleads. Of the steps with and without it the one
-    is taken that leads lower, halved until it does.
-
     Parameters
     ----------
     springs : ModelSprings
@@ -136,17 +135,27 @@ def settled(springs: ModelSprings, normal: Array, pull: Array) -> Bent:
     pull : (p (1 + f),) array
         Likewise.
     """
-    x, share, loss = np.zeros(len(springs.sd)), 1.0, 0.0
-    if not len(x):
-        return Bent(x, *springs.at(x), np.eye(0), loss, 0.0)
 
     def loss_at(x: Array) -> float:
         y = springs.products(x)
         return float(y @ (normal @ y) - 2 * pull @ y + x @ x)
 
-    H, bend, force = springs.bowl(x, normal, pull)
+    return lowest(springs, loss_at, lambda x: springs.bowl(x, normal, pull))
+
+
+def lowest(springs: ModelSprings, loss_at: Callable[[Array], float], bowl: Bowl) -> Bent:
+    """Numbers of springs where a loss is lowest, searched from zero.
+
+    What gives and what weighs can stand for each other: along that valley the second derivative of
+    their products counts, far from its floor it misleads. Of the steps with and without it the one
+    is taken that leads lower, halved until it does.
+    """
+    x, share, loss = np.zeros(len(springs.sd)), 1.0, 0.0
+    if not len(x):
+        return Bent(x, *springs.at(x), np.eye(0), loss, 0.0)
+    H, bend, force = bowl(x)
     for _ in range(STEPS):
-        steps = _steps(H, bend, force)
+        steps = newton_steps(H, bend, force)
         if float(steps[0] @ force) < GAIN:
             break
         while share > GAIN:
@@ -157,12 +166,12 @@ def settled(springs: ModelSprings, normal: Array, pull: Array) -> Bent:
         else:
             break
         x, loss, share = x + share * steps[k], new, min(1.0, 2 * share)
-        H, bend, force = springs.bowl(x, normal, pull)
+        H, bend, force = bowl(x)
     inverse = cho_solve(cho_factor(H), np.eye(len(x)))
     return Bent(x, *springs.at(x), inverse, loss, float(np.linalg.slogdet(H)[1]))
 
 
-def _steps(H: Array, bend: Array, force: Array) -> list[Array]:
+def newton_steps(H: Array, bend: Array, force: Array) -> list[Array]:
     """Newton's step (k,) where that has a minimum, and the one without the bend of the products."""
     plain = np.asarray(dposv(H, force)[1])
     _, step, flaw = dposv(H + bend, force)

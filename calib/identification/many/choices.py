@@ -2,15 +2,10 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.identification.climb import climb
-from calib.identification.climbing import Climb
-from calib.identification.folds import parts_of, some_poses
-from calib.identification.identify import Identification
 from calib.identification.levels import Ladder
+from calib.identification.many.climb import climb_many
 from calib.identification.many.extended import extended_many
 from calib.identification.many.single import identify_many
 from calib.identification.model_choice import ModelChoice, choice_of, levels_shown
@@ -38,13 +33,9 @@ def choose_many(
     prior = weak_prior(parameters, nominal) if prior is None else prior
     geometric = identify_many(nominal, tables, parameters, prior=prior)
 
-    def climbed(table: Measurements, fit: Identification) -> Climb:
-        rng = np.random.default_rng(0)
-        asked = some_poses(table, rng)
-        part = parts_of(asked, rng)
-        return climb(nominal, fit.model, asked, parameters, ladders, part, prior=prior)
-
-    found = [climbed(*one) for one in zip(tables, geometric, strict=True)]
+    found = climb_many(
+        nominal, [fit.model for fit in geometric], tables, parameters, ladders, prior=prior
+    )
     extended = extended_many(
         nominal, tables, parameters, [levels_shown(one, ladders) for one in found],
         prior=prior, factors=[one.noise_factor for one in found],

@@ -1,0 +1,201 @@
+"""The climb of many robots at once, each as `climb` climbs: rows where numbers are too many."""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache, partial
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.geometry.many import ManyModels
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
+from calib.identification.climb import climb
+from calib.identification.climbing import (
+    Answer,
+    Climb,
+    Climbing,
+    Course,
+    Question,
+    climb_of,
+    climbing,
+)
+from calib.identification.folds import parts_of, some_poses
+from calib.identification.levels import Ladder, Level
+from calib.identification.many.climb_plan import Plan, apart, plan_of
+from calib.identification.many.climb_rows import ClimbRows
+from calib.identification.many.climber import Climber, Fitted, Task
+from calib.identification.many.grounds import Ground, Rest
+from calib.identification.many.settle import SprungRows, settled_many
+from calib.identification.many.tables import ManyTables
+from calib.identification.normal_equations import MOST_TURNS, SETTLED
+from calib.identification.prior import Prior
+from calib.measurement.observations import Measurements
+
+BLOCK = 25
+"""Robots in one pass; a robot's bits hang on none of the others."""
+SURE = 1e-6
+"""Evidence, or part of a standard error of misses, within which rounding may decide: such a robot
+climbs alone."""
+FEW_PRODUCTS = 128
+"""Products of springs up to which their normal equations are made, and solved for many robots at
+once; with more of them rows are fewer."""
+
+
+def climb_many(
+    nominal: RobotModel,
+    near: Sequence[RobotModel],
+    tables: Sequence[Measurements],
+    parameters: Parameters,
+    ladders: Sequence[Ladder],
+    *,
+    prior: Prior,
+) -> list[Climb]:
+    """Climb with each of many robots at the same poses, as `choose` has one climb.
+
+    Where rows or models are not known to arrays, see `plan_of`, and where rounding may decide, a
+    robot climbs by itself; so it does for the richest model, and for the evidence of levels that
+    only a report asks for.
+
+    Parameters
+    ----------
+    nominal, parameters, ladders, prior
+        As in `climb`, the same of all.
+    near : sequence of RobotModel
+        Each robot after a fit of its geometry.
+    tables : sequence of Measurements
+        What may be looked at of each.
+    """
+    many = ManyTables.alike(tables)
+    plan = None
+    if many is not None and len(many.q) == 1:
+        plan = plan_of(nominal, tables, parameters, tuple(ladders), prior)
+
+    def alone(k: int) -> Climb:
+        rng = np.random.default_rng(0)
+        asked = some_poses(tables[k], rng)
+        part = parts_of(asked, rng)
+        return climb(nominal, near[k], asked, parameters, ladders, part, prior=prior)
+
+    if many is None or plan is None:
+        return [alone(k) for k in range(len(tables))]
+    models = ManyModels.each(nominal, near)
+    found = []
+    for first in range(0, len(tables), BLOCK):
+        some = slice(first, first + BLOCK)
+        rows = ClimbRows.of(models.some(some), many.some(some), parameters.free_index)
+        step = models.some(some).steps()[:, parameters.free_index]
+        robots = at_their_noise(robots_of(plan, rows, step - plan.mean))
+        for k, (robot, course) in enumerate(zip(robots, courses(robots), strict=True), first):
+            found.append(_climb(robot, course, near[k], parameters, k, alone))
+    return found
+
+
+def _climb(
+    robot: Climber, course: Course, near: RobotModel, parameters: Parameters, k: int,
+    alone: Callable[[int], Climb],
+) -> Climb:  # fmt: skip
+    """What the course of robot k led to."""
+    if course.margin < SURE:
+        return alone(k)
+    by_itself = cache(partial(alone, k))
+
+    def gain(level: Level) -> float:
+        return next(one.gain for one in by_itself().offered if one.level == level.name)
+
+    reached = near
+    if any(level.names for level in course.levels):
+        reached = robot.moved(course.levels, near, parameters.free_names)
+    return climb_of(
+        course, robot.plan.ladders, gain, robot.scale, reached, lambda: by_itself().richest()
+    )
+
+
+def robots_of(plan: Plan, rows: ClimbRows, offset: Array) -> list[Climber]:
+    """Robots of a block, whose geometry is `offset` (R, f) from what is believed."""
+    metres = np.broadcast_to(rows.metres, (len(offset), *rows.metres.shape[1:]))
+    parts = zip(rows.geometry, rows.bends, rows.r, offset, metres, strict=True)
+    return [Climber(plan, *each) for each in parts]
+
+
+def at_their_noise(robots: Sequence[Climber]) -> list[Climber]:
+    """Robots in units of the noise that their richest model leaves."""
+    found, turning = list(robots), list(range(len(robots)))
+    richest = tuple(ladder.levels[-1] for ladder in robots[0].plan.ladders)
+    for _ in range(MOST_TURNS):
+        fit_all(task for k in turning for task in found[k].tasks(richest, False))
+        new = [found[k].noise(richest) for k in turning]
+        still = []
+        for k, scale in zip(turning, new, strict=True):
+            if abs(scale / found[k].scale - 1) >= SETTLED:
+                still.append(k)
+            if scale != found[k].scale:
+                found[k] = found[k].at_noise(scale)
+        turning = still
+        if not turning:
+            break
+    return found
+
+
+def courses(robots: Sequence[Climber]) -> list[Course]:
+    """How each robot climbs; what several ask in one round is worked out together."""
+    walks: list[Climbing] = [climbing(robot.plan.ladders) for robot in robots]
+    asked: dict[int, Question] = {k: next(walk) for k, walk in enumerate(walks)}
+    ended: dict[int, Course] = {}
+    while asked:
+        fit_all(
+            task
+            for k, question in asked.items()
+            for levels in question.models
+            for task in robots[k].tasks(levels, question.left_out)
+        )
+        after: dict[int, Question] = {}
+        for k, question in asked.items():
+            try:
+                after[k] = walks[k].send(_answer(robots[k], question))
+            except StopIteration as end:
+                ended[k] = end.value
+        asked = after
+    return [ended[k] for k in range(len(robots))]
+
+
+def _answer(robot: Climber, question: Question) -> Answer:
+    if question.left_out:
+        return robot.missed(question.models[0])
+    return [robot.evidence(levels) for levels in question.models]
+
+
+def fit_all(tasks: Iterable[Task]) -> None:
+    """Fit springs of many models, those of few products and one kind together."""
+    few: dict[Level, list[Task]] = defaultdict(list)
+    for task in tasks:
+        robot, ground, levels, k = task
+        sprung = apart(robot.plan, levels)[1]
+        assert sprung is not None
+        springs = robot.plan.springs[sprung][0]
+        if len(springs.columns) <= FEW_PRODUCTS:
+            few[sprung].append(task)
+            continue
+        rows = robot.sprung(sprung)
+        one = rows.settled(ground.inverse, ground.v)
+        robot.fits[levels, k] = Fitted(one.numbers, rows.bent(one.numbers), one.loss, one.spread)
+    for sprung, alike in few.items():
+        springs = alike[0][0].plan.springs[sprung][0]
+        systems = [_products(robot.sprung(sprung), ground) for robot, ground, _, _ in alike]
+        normal, pull = (np.array(part) for part in zip(*systems, strict=True))
+        found = settled_many(springs, normal, pull)
+        for (robot, _, levels, k), x, loss, spread in zip(alike, *found, strict=True):
+            bent = robot.sprung(sprung).bent(x)
+            robot.fits[levels, k] = Fitted(x, bent, float(loss), float(spread))
+
+
+def _products(rows: SprungRows, ground: Ground | Rest) -> tuple[Array, Array]:
+    """N and pull of the products of some springs, where all linear numbers follow them."""
+    P = rows.products()
+    whole = ground.whole if isinstance(ground, Rest) else ground
+    N, pull = P.T @ (whole.inverse @ P), whole.v @ P
+    if isinstance(ground, Rest):
+        across = ground.across.T @ P
+        N -= across.T @ (ground.back @ P)
+        pull = pull - ground.missed @ across
+    return N, pull

@@ -1,0 +1,121 @@
+"""What robots at the same poses share in a climb: columns of terms, loads of springs, the prior."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
+from calib.identification.folds import parts_of
+from calib.identification.levels import Ladder, Level
+from calib.identification.prior import Prior
+from calib.identification.spring_products import ModelSprings, Products, products_of
+from calib.measurement.observations import Measurements
+
+MOST_ROWS = 400
+"""Rows up to which their covariance is smaller than the normal equations of a joint map."""
+
+
+class Plan(NamedTuple):
+    """What is the same for all robots of a climb."""
+
+    ladders: tuple[Ladder, ...]
+    terms: dict[Level, tuple[Index, Array]]
+    """Of each level of terms the joint (k,) that a term turns, and by how much (m, k) at its sd."""
+    fewest: dict[Level, tuple[Index, Array]]
+    """The same by no more columns of a joint than there are poses, of the same covariance."""
+    springs: dict[Level, tuple[ModelSprings, Index, Array]]
+    """Of each level of springs these, their places (p,) and loads (m, p, 1 + f)."""
+    precision: Array
+    """(f, f) of the geometry's prior."""
+    mean: Array
+    """(f,) of the same."""
+    constant: float
+    """Its log determinant."""
+    part: list[Index]
+    """Poses of each part that is left out."""
+    pose: Index
+    """(m,) pose of each row."""
+
+
+def plan_of(
+    nominal: RobotModel,
+    tables: Sequence[Measurements],
+    parameters: Parameters,
+    ladders: tuple[Ladder, ...],
+    prior: Prior,
+) -> Plan | None:
+    """What all robots of a climb share; None where arrays do not know it.
+
+    They know full poses of one station at the same joints, of which nothing further is said, up to
+    `MOST_ROWS` rows; a nominal chain alone; and ladders of waves, believed to be zero, and of one
+    kind of springs.
+    """
+    table = tables[0]
+    plain = all(
+        one.conditions.payload is None and np.array_equal(one.pose_id, table.pose_id)
+        for one in tables
+    )
+    bare = not nominal.joint_errors.names and not nominal.fixtures.n_numbers
+    if not (plain and bare) or 6 * len(table) > MOST_ROWS:
+        return None
+    levels = [level for ladder in ladders for level in ladder.levels if level.names]
+    sprung = [level for level in levels if level.errors.springs is not None]
+    only = all(not level.errors.terms for level in sprung)
+    waves = all(term.is_wave for level in levels for term in level.errors.terms)
+    one = len({k for k, ladder in enumerate(ladders) for each in ladder.levels if each in sprung})
+    if not (only and waves and one <= 1) or any(level.mean.any() for level in levels):
+        return None
+    springs = [level.errors.springs for level in sprung if level.errors.springs is not None]
+    terms = {
+        level: (np.array(level.errors.joints), level.errors.basis(table.q) * level.sd)
+        for level in levels
+        if level not in sprung
+    }
+    part = parts_of(table, np.random.default_rng(0))
+    order = [prior.names.index(name) for name in parameters.free_names]
+    precision = prior.precision[np.ix_(order, order)]
+    return Plan(
+        ladders,
+        terms,
+        {level: _fewest(*columns) for level, columns in terms.items()},
+        _sprung(sprung, *products_of(springs, table.q, 0)),
+        precision,
+        prior.mean[order],
+        float(np.linalg.slogdet(precision)[1]),
+        [] if part is None else [np.flatnonzero(part == k) for k in np.unique(part)],
+        np.unique(table.together, return_inverse=True)[1].ravel(),
+    )
+
+
+def _fewest(joints: Index, values: Array) -> tuple[Index, Array]:
+    """As few columns (m, k) of each joint as give their rows the same covariance."""
+    found = []
+    for joint in np.unique(joints):
+        own = values[:, joints == joint]
+        if own.shape[1] > len(own):
+            own = np.asarray(np.linalg.qr(own.T, mode="r")).T
+        found.append((np.full(own.shape[1], joint), own))
+    return np.concatenate([one[0] for one in found]), np.hstack([one[1] for one in found])
+
+
+def _sprung(
+    levels: Sequence[Level], products: Products, loads: Array
+) -> dict[Level, tuple[ModelSprings, Index, Array]]:
+    """Of each level its springs, their places, and loads of its own."""
+    wide, found = loads.shape[2] if loads.size else 1, {}
+    for level in levels:
+        springs = products.of(level.errors, level.sd)
+        place, weighs = np.divmod(springs.columns.reshape(len(springs.load), -1), wide)
+        own = np.ascontiguousarray(loads[:, place[:, 0]][:, :, weighs[0]])
+        found[level] = springs, np.array(products.places)[place[:, 0]], own
+    return found
+
+
+def apart(plan: Plan, levels: Sequence[Level]) -> tuple[tuple[Level, ...], Level | None]:
+    """Levels of terms, those of most columns first, and the one of springs if there is one."""
+    terms = [level for level in levels if level in plan.terms]
+    terms.sort(key=lambda level: -len(plan.fewest[level][0]))
+    return tuple(terms), next((level for level in levels if level in plan.springs), None)

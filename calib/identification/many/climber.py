@@ -1,0 +1,154 @@
+"""One robot of many that climb: its rows, what models leave of them, and what they predict."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.geometry.model import RobotModel
+from calib.identification.levels import Level, joined, with_errors
+from calib.identification.many.climb_plan import Plan, apart
+from calib.identification.many.grounds import Ground, Rest
+from calib.identification.many.settle import SprungRows
+from calib.identification.normal_equations import LEAST_FREE
+
+
+class Fitted(NamedTuple):
+    """Springs on a ground."""
+
+    numbers: Array
+    """(s,) in units of their prior sd."""
+    bent: Array
+    """(n,) what they move."""
+    loss: float
+    spread: float
+
+
+Task = tuple["Climber", Ground | Rest, tuple[Level, ...], int]
+"""Springs to fit: whose, on what ground, of which model, without which part (-1: of all rows)."""
+
+
+@dataclass(eq=False)
+class Climber:
+    """One robot of a climb and what is known of its models so far."""
+
+    plan: Plan
+    geometry: Array
+    """(f, n) columns of the geometry, and of all bends."""
+    bends: Array
+    r: Array
+    offset: Array
+    metres: Array
+    """(m, 3, 3) as in `ClimbRows`."""
+    scale: float = 1.0
+    grounds: dict[tuple[Level, ...], Ground] = field(default_factory=dict)
+    fits: dict[tuple[tuple[Level, ...], int], Fitted] = field(default_factory=dict)
+
+    def at_noise(self, scale: float) -> "Climber":
+        """The same with rows in units of a noise so many times the stated one."""
+        return replace(self, scale=scale, grounds={}, fits={})
+
+    def ground(self, terms: tuple[Level, ...]) -> Ground:
+        """With some levels of terms."""
+        if terms not in self.grounds:
+            if not terms:
+                rows = self.geometry / self.scale, self.r / self.scale
+                self.grounds[terms] = Ground.of_geometry(*rows, self.plan.precision, self.offset)[0]
+            else:
+                joints, values = self.plan.fewest[terms[-1]]
+                columns = self._columns(joints, values)
+                self.grounds[terms] = self.ground(terms[:-1]).widened(columns)
+        return self.grounds[terms]
+
+    def _columns(self, joints: Index, values: Array) -> Array:
+        """Columns (n, k) of terms that turn joints (k,) by values (m, k)."""
+        turns = self.bends[2::3][joints].reshape(len(joints), -1, 6) / self.scale
+        return np.ascontiguousarray((turns * values.T[:, :, None]).reshape(len(joints), -1).T)
+
+    def sprung(self, level: Level) -> SprungRows:
+        """Rows of a level of springs."""
+        springs, places, loads = self.plan.springs[level]
+        columns = self.bends[places].reshape(len(places), -1, 6) / self.scale
+        return SprungRows(springs, np.ascontiguousarray(np.moveaxis(columns, 0, 2)), loads)
+
+    def tasks(self, levels: tuple[Level, ...], left_out: bool) -> Iterable[Task]:
+        """Fits of springs without which a question cannot be answered."""
+        terms, sprung = apart(self.plan, levels)
+        if sprung is None:
+            return
+        ground = self.ground(terms)
+        for k in range(len(self.plan.part)) if left_out else (-1,):
+            if (levels, k) not in self.fits:
+                yield self, self._on(ground, k), levels, k
+
+    def _on(self, ground: Ground, k: int) -> "Ground | Rest":
+        if k < 0:
+            return ground
+        rows = (6 * self.plan.part[k][:, None] + np.arange(6)).ravel()
+        return ground.rest(rows, k)
+
+    def evidence(self, levels: tuple[Level, ...]) -> float:
+        """As in `NormalEquations.solved`."""
+        terms, sprung = apart(self.plan, levels)
+        ground = self.ground(terms)
+        loss, spread = ground.loss, ground.spread
+        if sprung is not None:
+            fitted = self.fits[levels, -1]
+            loss, spread = loss + fitted.loss, spread + fitted.spread
+        return (self.plan.constant - loss - spread) / 2
+
+    def missed(self, levels: tuple[Level, ...]) -> Array:
+        """Mean miss of each pose left out in turn [m]."""
+        terms, sprung = apart(self.plan, levels)
+        pose, away = self.plan.pose, np.full(len(self.plan.pose), np.nan)
+        for k, rows in enumerate(self.plan.part):
+            rest = self._on(self.ground(terms), k)
+            assert isinstance(rest, Rest)
+            left = rest.missed if sprung is None else rest.left(self.fits[levels, k].bent)
+            left = self.metres[rows] @ (self.scale * left).reshape(-1, 6)[:, :3, None]
+            away[rows] = np.sqrt((left[:, :, 0] ** 2).sum(axis=1))
+        return np.asarray(np.bincount(pose, away) / np.bincount(pose))
+
+    def noise(self, levels: tuple[Level, ...]) -> float:
+        """Noise that a model leaves, one or more, in units of the stated one."""
+        terms, sprung = apart(self.plan, levels)
+        ground = self.ground(terms)
+        S, left = ground.inverse, ground.v
+        learned = len(left) - float(np.trace(S))
+        if sprung is not None:
+            rows, fitted = self.sprung(sprung), self.fits[levels, -1]
+            left = left - S @ fitted.bent
+            D = rows.slopes(fitted.numbers)
+            moved = S @ D
+            H = D.T @ moved
+            H[np.diag_indices(len(H))] += 1.0
+            learned += float(np.trace(np.linalg.solve(H, moved.T @ moved)))
+        free = max(len(left) - learned, LEAST_FREE * len(left))
+        return max(1.0, self.scale * float(np.sqrt(left @ left / free)))
+
+    def moved(self, levels: tuple[Level, ...], near: RobotModel, free: Sequence[str]) -> RobotModel:
+        """The robot with a model's numbers, beside its geometry `near` of some free numbers."""
+        terms, sprung = apart(self.plan, levels)
+        ground = self.ground(terms)
+        left, moved = ground.v, np.zeros(len(self.r))
+        found: dict[str, float] = {}
+        if sprung is not None:
+            fitted, sd = self.fits[levels, -1], self.plan.springs[sprung][0].sd
+            left, moved = left - ground.inverse @ fitted.bent, fitted.bent
+            found |= zip(sprung.names, (sd * fitted.numbers).tolist(), strict=True)
+        turns = self.bends[2::3].reshape(-1, len(self.plan.pose), 6) / self.scale
+        pushed = (turns * left.reshape(-1, 6)).sum(axis=2)
+        for level in terms:
+            joints, values = self.plan.terms[level]
+            x = (values.T * pushed[joints]).sum(axis=1)
+            found |= zip(level.names, (level.sd * x).tolist(), strict=True)
+            bends = np.zeros(turns.shape[:2])
+            np.add.at(bends, joints, values.T * x[:, None])
+            moved = moved + (turns * bends[:, :, None]).sum(axis=0).ravel()
+        rows = self.geometry / self.scale, self.r / self.scale - moved
+        step = Ground.of_geometry(*rows, self.plan.precision, self.offset)[1]
+        found |= zip(free, step.tolist(), strict=True)
+        wide = with_errors(near, joined(levels))
+        return wide.moved(np.array([found.get(name, 0.0) for name in wide.names]))

@@ -1,0 +1,175 @@
+"""Springs of many models at once: the same steps as one after the other, to the same numbers."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.identification.spring_products import (
+    GAIN,
+    STEPS,
+    Bent,
+    ModelSprings,
+    lowest,
+    newton_steps,
+)
+
+AWAKE = 0.75
+"""Part of the problems that still move below which the others are left behind."""
+
+
+class Settled(NamedTuple):
+    """Springs of Q problems where their fits ended."""
+
+    numbers: Array
+    """(Q, s) in units of their prior sd."""
+    loss: Array
+    """(Q,) what they change of the loss, their prior included."""
+    spread: Array
+    """(Q,) log determinants of half the second derivatives without the bend of the products."""
+
+
+def settled_many(springs: ModelSprings, normal: Array, pull: Array) -> Settled:
+    """As `spring_products.settled`, of N (Q, k, k) and pulls (Q, k) of one kind of springs."""
+    count, s = len(pull), len(springs.sd)
+    found = Settled(np.zeros((count, s)), np.zeros(count), np.zeros(count))
+    here = _Problems(springs, np.arange(count), normal, pull)
+    x, share, loss = np.zeros((count, s)), np.ones(count), np.zeros(count)
+    awake = np.ones(count, dtype=bool)
+    H, bend, force = here.bowls(x)
+    for _ in range(STEPS):
+        steps = np.zeros((2, *x.shape))
+        for k in np.flatnonzero(awake):
+            both = newton_steps(H[k], bend[k], force[k])
+            steps[0, k], steps[1, k] = both[0], both[-1]
+            awake[k] = float(both[0] @ force[k]) >= GAIN
+        looking, moved = awake.copy(), np.zeros_like(awake)
+        while looking.any():
+            tries = [here.losses(x + share[:, None] * step) for step in steps]
+            which = (tries[1] < tries[0]).astype(np.int64)
+            new = np.minimum(*tries)
+            lower = looking & (new < loss)
+            step = steps[which, np.arange(len(x))]
+            x[lower] += share[lower, None] * step[lower]
+            loss[lower], share[lower] = new[lower], np.minimum(1.0, 2 * share[lower])
+            moved |= lower
+            looking &= ~lower
+            share[looking] /= 2
+            looking &= share > GAIN
+        awake &= moved
+        if not awake.any():
+            break
+        H[awake], bend[awake], force[awake] = (part[awake] for part in here.bowls(x))
+        if awake.mean() < AWAKE:
+            asleep = ~awake
+            found.numbers[here.which[asleep]] = x[asleep]
+            found.loss[here.which[asleep]] = loss[asleep]
+            found.spread[here.which[asleep]] = np.linalg.slogdet(H[asleep])[1]
+            here = here.some(awake)
+            x, share, loss = x[awake], share[awake], loss[awake]
+            H, bend, force = H[awake], bend[awake], force[awake]
+            awake = awake[awake]
+    found.numbers[here.which], found.loss[here.which] = x, loss
+    found.spread[here.which] = np.linalg.slogdet(H)[1]
+    return found
+
+
+class _Problems(NamedTuple):
+    """Springs of one kind, their losses and slopes."""
+
+    springs: ModelSprings
+    which: Index
+    normal: Array
+    pull: Array
+
+    def some(self, which: Array) -> "_Problems":
+        """Some of the problems."""
+        return _Problems(self.springs, self.which[which], self.normal[which], self.pull[which])
+
+    def factors(self, x: Array) -> tuple[Array, Array]:
+        """What each spring gives (Q, p), and what weighs on all (Q, 1 + f)."""
+        p, sd = len(self.springs.load), self.springs.sd
+        more = np.concatenate([np.ones((len(x), 1)), sd[p:] * x[:, p:]], axis=1)
+        return sd[:p] * x[:, :p] / self.springs.load, more
+
+    def losses(self, x: Array) -> Array:
+        """Losses (Q,) at numbers (Q, s)."""
+        give, more = self.factors(x)
+        y = (give[:, :, None] * more[:, None]).reshape(len(x), -1)
+        bowl = y[:, None] @ self.normal @ y[:, :, None]
+        pulled = self.pull[:, None] @ y[:, :, None]
+        return np.asarray((bowl - 2 * pulled + x[:, None] @ x[:, :, None])[:, 0, 0])
+
+    def bowls(self, x: Array) -> tuple[Array, Array, Array]:
+        """As `ModelSprings.bowl`, of all."""
+        p, wide, many = len(self.springs.load), 1 + self.springs.moments, len(x)
+        give, more = self.factors(x)
+        by_more = (self.normal.reshape(many, -1, wide) @ more[:, :, None]).reshape(many, p, wide, p)
+        by_give = (give[:, None] @ self.normal.reshape(many, p, -1)).reshape(many, wide, p, wide)
+        pushed = by_more.reshape(many, p * wide, p) @ give[:, :, None]
+        left = (self.pull[:, :, None] - pushed).reshape(many, p, wide)
+        gives, weighs = self.springs.sd[:p] / self.springs.load, self.springs.sd[p:]
+        H = np.zeros((many, p + wide - 1, p + wide - 1))
+        H[:, :p, :p] = gives[:, None] * (more[:, None, None] @ by_more)[:, :, 0] * gives
+        H[:, p:, p:] = weighs[:, None] * (give[:, None, None] @ by_give)[:, 1:, 0, 1:] * weighs
+        crossed = (by_give @ more[:, None, :, None])[:, 1:, :, 0]
+        H[:, p:, :p] = weighs[:, None] * crossed * gives
+        H[:, :p, p:] = H[:, p:, :p].swapaxes(1, 2)
+        H[:, range(H.shape[1]), range(H.shape[1])] += 1.0
+        bend = np.zeros_like(H)
+        bend[:, p:, :p] = -weighs[:, None] * left[:, :, 1:].swapaxes(1, 2) * gives
+        bend[:, :p, p:] = bend[:, p:, :p].swapaxes(1, 2)
+        weighed = gives * (left @ more[:, :, None])[:, :, 0]
+        given = weighs * (give[:, None] @ left)[:, 0, 1:]
+        return H, bend, np.concatenate([weighed, given], axis=1) - x
+
+
+class SprungRows(NamedTuple):
+    """Springs of one model before the rows of one robot, n = 6 m of them pose by pose."""
+
+    springs: ModelSprings
+    columns: Array
+    """(m, 6, p) bends of the springs."""
+    loads: Array
+    """(m, p, 1 + f) what multiplies them."""
+
+    def products(self) -> Array:
+        """(n, p (1 + f)) columns of all products."""
+        every = self.columns[:, :, :, None] * self.loads[:, None]
+        return np.asarray(every.reshape(6 * len(every), -1))
+
+    def bent(self, x: Array) -> Array:
+        """What numbers (s,) in units of their prior sd move (n,)."""
+        give, more = self.springs.factors(x)
+        each = (self.loads @ more) * give
+        return np.asarray((self.columns @ each[:, :, None]).ravel())
+
+    def slopes(self, x: Array) -> Array:
+        """Slopes (n, s) of that."""
+        p, sd = len(self.springs.load), self.springs.sd
+        give, more = self.springs.factors(x)
+        by_give = self.columns * ((self.loads @ more) * (sd[:p] / self.springs.load))[:, None]
+        by_more = (self.columns @ (give[:, None] * self.loads[:, :, 1:])) * sd[p:]
+        return np.concatenate([by_give, by_more], axis=2).reshape(-1, len(sd))
+
+    def settled(self, S: Array, v: Array) -> Bent:
+        """As `spring_products.settled`, of rows with S (n, n) and v (n,); see `grounds.Ground`."""
+        springs, p = self.springs, len(self.springs.load)
+        gives, weighs = springs.sd[:p] / springs.load, springs.sd[p:]
+
+        def loss_at(x: Array) -> float:
+            h = self.bent(x)
+            return float(h @ (S @ h) - 2 * v @ h + x @ x)
+
+        def bowl(x: Array) -> tuple[Array, Array, Array]:
+            D = self.slopes(x)
+            left = v - S @ self.bent(x)
+            H, bend = D.T @ (S @ D), np.zeros((len(x), len(x)))
+            H[np.diag_indices(len(H))] += 1.0
+            pushed = (left.reshape(-1, 1, 6) @ self.columns)[:, 0]
+            crossed = (pushed[:, :, None] * self.loads[:, :, 1:]).sum(axis=0)
+            bend[:p, p:] = -gives[:, None] * crossed * weighs
+            bend[p:, :p] = bend[:p, p:].T
+            return H, bend, D.T @ left - x
+
+        return lowest(springs, loss_at, bowl)
