@@ -22,7 +22,7 @@ from calib.identification.climbing import (
 )
 from calib.identification.folds import parts_of, some_poses
 from calib.identification.levels import Ladder, Level
-from calib.identification.many.climb_plan import Plan, apart, plan_of
+from calib.identification.many.climb_plan import ClimbPlan, apart, plan_of
 from calib.identification.many.climb_rows import ClimbRows
 from calib.identification.many.climber import Climber, Fitted, Task
 from calib.identification.many.grounds import Ground, Rest
@@ -111,7 +111,7 @@ def _climb(
     )
 
 
-def robots_of(plan: Plan, rows: ClimbRows, offset: Array) -> list[Climber]:
+def robots_of(plan: ClimbPlan, rows: ClimbRows, offset: Array) -> list[Climber]:
     """Robots of a block, whose geometry is `offset` (R, f) from what is believed."""
     metres = np.broadcast_to(rows.metres, (len(offset), *rows.metres.shape[1:]))
     parts = zip(rows.geometry, rows.bends, rows.r, offset, metres, strict=True)

@@ -18,7 +18,7 @@ MOST_ROWS = 400
 """Rows up to which their covariance is smaller than the normal equations of a joint map."""
 
 
-class Plan(NamedTuple):
+class ClimbPlan(NamedTuple):
     """What is the same for all robots of a climb."""
 
     ladders: tuple[Ladder, ...]
@@ -46,7 +46,7 @@ def plan_of(
     parameters: Parameters,
     ladders: tuple[Ladder, ...],
     prior: Prior,
-) -> Plan | None:
+) -> ClimbPlan | None:
     """What all robots of a climb share; None where arrays do not know it.
 
     They know full poses of one station at the same joints, of which nothing further is said, up to
@@ -77,7 +77,7 @@ def plan_of(
     part = parts_of(table, np.random.default_rng(0))
     order = [prior.names.index(name) for name in parameters.free_names]
     precision = prior.precision[np.ix_(order, order)]
-    return Plan(
+    return ClimbPlan(
         ladders,
         terms,
         {level: _fewest(*columns) for level, columns in terms.items()},
@@ -114,7 +114,7 @@ def _sprung(
     return found
 
 
-def apart(plan: Plan, levels: Sequence[Level]) -> tuple[tuple[Level, ...], Level | None]:
+def apart(plan: ClimbPlan, levels: Sequence[Level]) -> tuple[tuple[Level, ...], Level | None]:
     """Levels of terms, those of most columns first, and the one of springs if there is one."""
     terms = [level for level in levels if level in plan.terms]
     terms.sort(key=lambda level: -len(plan.fewest[level][0]))

@@ -9,7 +9,7 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.geometry.model import RobotModel
 from calib.identification.levels import Level, joined, with_errors
-from calib.identification.many.climb_plan import Plan, apart
+from calib.identification.many.climb_plan import ClimbPlan, apart
 from calib.identification.many.grounds import Ground, Rest
 from calib.identification.many.settle import SprungRows
 from calib.identification.normal_equations import LEAST_FREE
@@ -34,7 +34,7 @@ Task = tuple["Climber", Ground | Rest, tuple[Level, ...], int]
 class Climber:
     """One robot of a climb and what is known of its models so far."""
 
-    plan: Plan
+    plan: ClimbPlan
     geometry: Array
     """(f, n) columns of the geometry, and of all bends."""
     bends: Array

@@ -18,7 +18,7 @@ AWAKE = 0.75
 """Part of the problems that still move below which the others are left behind."""
 
 
-class Settled(NamedTuple):
+class ManyBent(NamedTuple):
     """Springs of Q problems where their fits ended."""
 
     numbers: Array
@@ -29,10 +29,10 @@ class Settled(NamedTuple):
     """(Q,) log determinants of half the second derivatives without the bend of the products."""
 
 
-def settled_many(springs: ModelSprings, normal: Array, pull: Array) -> Settled:
+def settled_many(springs: ModelSprings, normal: Array, pull: Array) -> ManyBent:
     """As `spring_products.settled`, of N (Q, k, k) and pulls (Q, k) of one kind of springs."""
     count, s = len(pull), len(springs.sd)
-    found = Settled(np.zeros((count, s)), np.zeros(count), np.zeros(count))
+    found = ManyBent(np.zeros((count, s)), np.zeros(count), np.zeros(count))
     here = _Problems(springs, np.arange(count), normal, pull)
     x, share, loss = np.zeros((count, s)), np.ones(count), np.zeros(count)
     awake = np.ones(count, dtype=bool)
