@@ -5,7 +5,7 @@ import sys
 from contextlib import suppress
 
 from calib.errors import MachineError
-from testbed.machine import LOOKING, require_room
+from testbed.machine import LOOKING, lacking, require_room
 
 ENVIRONMENT = {
     # one BLAS thread: sums keep their order, so the same scenario gives the same bytes
@@ -30,13 +30,17 @@ def main() -> None:
 
         open_streams()
         sys.exit(answer())
-    except (OSError, MachineError) as error:  # help and version end here, every verb by itself
+    except (OSError, MachineError, ImportError) as error:  # help and version end here
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         if isinstance(error, BrokenPipeError):
             return
         if isinstance(error, OSError):
             where = str(error.filename or "stdout")  # a file where --install-completion writes
             error = MachineError(f"cannot be written: {error.strerror}", code="F3", where=where)
+        elif isinstance(error, ImportError):
+            if (lack := lacking(error)) is None:
+                raise
+            error = lack
         with suppress(OSError):
             os.write(2, f"{error}\n".encode())
         sys.exit(MACHINE)

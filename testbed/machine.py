@@ -82,3 +82,13 @@ def ran_out(error: BaseException | None, room: Room | None = None) -> MachineErr
             return MachineError(message, code="F10", fix=fix)
         error = error.__cause__ or error.__context__
     return None
+
+
+def lacking(error: BaseException) -> MachineError | None:
+    """What to tell if a package of another house is not installed; else None."""
+    name = error.name if isinstance(error, ModuleNotFoundError) and error.name else "testbed"
+    package = name.partition(".")[0]
+    if package in ("calib", "testbed", "truebed"):
+        return None
+    fix = "pip install truebed brings it; `import calib` does without"
+    return MachineError(f"the package {package} is not installed", code="F13", fix=fix)

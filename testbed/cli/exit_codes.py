@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 
 from calib.errors import CalibError, InputError, MachineError
 from testbed.cli.output import drop_stdout, say_json, warn
-from testbed.machine import Room, ran_out, require_room
+from testbed.machine import Room, lacking, ran_out, require_room
 
 GOOD, SOME_FAILED, BAD_INPUT, MACHINE, DEFECT, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 70, 130, 143
 Handler = Callable[[int, FrameType | None], Any] | int | None
@@ -64,7 +64,7 @@ def exit_codes(
     except Exception as error:
         if debug:
             warn(traceback.format_exc().rstrip())
-        scarce = ran_out(error)
+        scarce = ran_out(error) or lacking(error)
         if scarce is not None:
             _report(end, str(scarce), scarce.code)
             leave(MACHINE)

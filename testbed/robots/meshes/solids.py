@@ -1,6 +1,6 @@
 """Solids: the drawing vocabulary (puck, ball, hull, union, cut), shading, and OBJ out.
 
- Lengths in m. A solid is closed; its file keeps one index for
+Lengths in m. A solid is closed; its file keeps one index for
 places and one for normals, so the file is closed as well and still has crisp edges.
 """
 
@@ -11,6 +11,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from calib.arrays import Array, Index
+from calib.errors import refuse
 from calib.geometry.frames import rot_x, rot_y
 
 Solid: TypeAlias = Any  # trimesh.Trimesh: its types are not checked here
@@ -90,16 +91,22 @@ def hull(*solids: Solid) -> Solid:
 
 def union(*solids: Solid) -> Solid:
     """One closed solid of all."""
-    from trimesh import boolean
-
-    return boolean.union(list(solids), engine="manifold")
+    return _boolean().union(list(solids), engine="manifold")
 
 
 def cut(body: Solid, *tools: Solid) -> Solid:
     """What the tools leave of the body."""
+    return _boolean().difference([body, *tools], engine="manifold")
+
+
+def _boolean() -> Any:
+    """What joins and cuts solids; only drawings of shipped robots need it."""
     from trimesh import boolean
 
-    return boolean.difference([body, *tools], engine="manifold")
+    if "manifold" not in boolean.engines_available:
+        message = "drawing meshes needs the package manifold3d, which is not installed"
+        raise refuse("", code="R9", message=message, fix="pip install 'truebed[dev]'")
+    return boolean
 
 
 def groove(

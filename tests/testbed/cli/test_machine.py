@@ -14,7 +14,7 @@ import typer
 
 from testbed.cli import output
 from testbed.cli.exit_codes import exit_codes
-from testbed.machine import ran_out
+from testbed.machine import lacking, ran_out
 from testbed.scenario.read import dump_scenario
 from tests.testbed.studies.trial.fake_campaign import Fake, scenario
 
@@ -315,3 +315,22 @@ def test_causes_that_lead_back_to_where_they_began_end():
     assert ran_out(first) is None
     second.__context__ = MemoryError()
     assert ran_out(first) is not None
+
+
+@pytest.mark.parametrize("package", ["typer", "pydantic"])
+def test_a_package_that_is_not_installed_is_named_in_one_sentence(package):
+    gone = f"import sys; sys.modules['{package}'] = None; sys.argv[1:] = ['scenes']"
+    ran = subprocess.run(
+        [sys.executable, "-c", f"{gone}; from testbed.__main__ import main; main()"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert ran.returncode == 3
+    assert ran.stderr == (
+        f"the package {package} is not installed; pip install truebed brings it; "
+        "`import calib` does without. [F13]\n"
+    )
+
+
+def test_a_module_of_our_own_that_is_missing_is_our_defect():
+    assert lacking(ModuleNotFoundError("no", name="testbed.attic")) is None
+    assert lacking(ImportError("no")) is None

@@ -12,14 +12,6 @@ import truebed
 from calib.errors import InputError
 from calib.shown import ROWS, ResultTable, Shown, concatenated, decimals
 from testbed.robots.catalog import load_robot
-from testbed.scenario.read import changed
-from testbed.studies import load_scenario
-from tests.testbed.front.test_truebed import SMALL
-
-
-@pytest.fixture(scope="module")
-def campaign():
-    return truebed.run(changed(load_scenario("quick"), SMALL))
 
 
 @pytest.fixture(scope="module")

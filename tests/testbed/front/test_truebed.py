@@ -7,18 +7,12 @@ from testbed.run.export import export_campaign
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from tests import planned
-
-SMALL = {
-    "identification.estimators": ["whitened"],
-    "uncertainty.replications": 0,
-    "uncertainty.repeats": 2,
-    "studies.random_sets": 0,
-}
+from tests.testbed.front.conftest import SMALL
 
 
-def test_a_campaign_runs_in_memory_and_comes_back_from_its_folder(tmp_path):
+def test_a_campaign_runs_in_memory_and_comes_back_from_its_folder(tmp_path, campaign):
     scenario = changed(load_scenario("quick"), SMALL)
-    played = truebed.run(scenario)
+    played = campaign
     assert truebed.run(scenario, tmp_path / "run").trials[0].name == played.trials[0].name
     loaded = truebed.load(tmp_path / "run")
     one, other = (c.trials[0].estimates[0].identification for c in (played, loaded))

@@ -68,6 +68,12 @@ def test_what_is_cut_off_and_what_is_left_add_up():
     assert missing == pytest.approx(np.pi * (0.05**2 - 0.048**2) * 0.004, rel=0.02)
 
 
+def test_what_cuts_solids_is_named_where_it_is_missing(monkeypatch):
+    monkeypatch.setattr("trimesh.boolean.engines_available", {None})
+    with pytest.raises(InputError, match=r"needs the package manifold3d.*truebed\[dev\]"):
+        union(puck(0.05, 0, 0.1), puck(0.05, 0, 0.2))
+
+
 def test_normals_of_a_ball_point_outward_and_edges_of_a_disc_stay_crisp():
     vertices, faces = on_grid(ball(0.1, (0, 0, 0), 3))
     normals = corner_normals(vertices, faces)
