@@ -73,6 +73,12 @@ class ManyModels(Shown):
             *(np.concatenate([getattr(part, name) for part in parts]) for name in names),
         )
 
+    def widened(self, wide: RobotModel) -> "ManyModels":
+        """The same robots with more joint terms, as `wide` has them behind those of one."""
+        more = wide.joint_errors.coefficients[self.coefficients.shape[1] :]
+        more = np.broadcast_to(more, (len(self), len(more)))
+        return replace(self, like=wide, coefficients=np.hstack([self.coefficients, more]))
+
     def some(self, which: slice | Index) -> "ManyModels":
         """Some of the robots."""
         return replace(

@@ -5,15 +5,18 @@ What a prediction costs is paid once for the identified model and all it lacks.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
+from calib.geometry.many import ManyModels
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL
 from calib.held_out_counts import fewest_poses
 from calib.identification.identify import Identification, Status
+from calib.identification.joint_models import gravity_quarters
+from calib.identification.many.tables import ManyRows, ManyTables, known_to_many, position_rows
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict_at
 from calib.uncertainty.statement.applicability import lacking, unheld_columns
@@ -25,18 +28,18 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ManyRowsSeen:
-    """What R robots predict of m rows each of full poses."""
+    """What R robots predict at m poses each."""
 
     q: Array
     """(R, m, n) joints [rad, m]."""
     residual: Array
-    """(R, m, 6) seen minus predicted [m, rad]."""
+    """(R, m, r) seen minus predicted [m, rad]; r is six, of targets three."""
     rows: Array
-    """(R, m, 6, P) derivative by the numbers of the model."""
+    """(R, m, r, P) derivative by the numbers of the model."""
     unheld: Array
-    """(R, m, 6, k + 1) by what it has no number for: joint errors, then a foot that yields."""
+    """(R, m, r, k + 1) by what it has no number for: joint errors, then a foot that yields."""
     covariance: Array
-    """(R, m, 6, 6) of the noise [m, rad]."""
+    """(R, m, r, r) of the noise [m, rad]."""
     p: Array
     """(R, m, 3) predicted positions [m]."""
     tool: Array
@@ -61,7 +64,7 @@ class ManySights:
     test: ManyRowsSeen
     """What was held out."""
     there: ManyRowsSeen
-    """Targets: residuals and noise are zero, and only position rows count."""
+    """Targets: residuals and noise are zero."""
 
     def __len__(self) -> int:
         return len(self.fits)
@@ -75,20 +78,65 @@ def sights(
 ) -> ManySights:
     """What robots alike in structure predict of their tables and of targets (t, n) [rad, m]."""
     first = fits[0]
-    each = [
-        _of_one(fit.model, train, test, q)
-        for fit, train, test, q in zip(fits, trains, tests, targets, strict=True)
-    ]
-    train, test, there = (
-        ManyRowsSeen(*(np.stack(part) for part in zip(*tables, strict=True)))
-        for tables in zip(*each, strict=True)
-    )
+    wide = lacking(first.model)
+    if known_to_many(wide):
+        models = ManyModels.each(first.model, [fit.model for fit in fits]).widened(wide)
+        tables = _of_all(models, first.model, trains, tests, targets)
+    else:
+        each = [
+            _of_one(fit.model, train, test, q)
+            for fit, train, test, q in zip(fits, trains, tests, targets, strict=True)
+        ]
+        tables = [
+            ManyRowsSeen(*(np.stack(part) for part in zip(*of_each, strict=True)))
+            for of_each in zip(*each, strict=True)
+        ]
     return ManySights(
         fits, first.parameters.free_index, first.parameters.free_scale,
         np.stack([fit.covariance for fit in fits]),
         np.stack([prior_precision(fit) for fit in fits]),
-        train, test, there,
+        *tables,
     )  # fmt: skip
+
+
+def _of_all(
+    models: ManyModels,
+    like: RobotModel,
+    trains: Sequence[Measurements],
+    tests: Sequence[Measurements],
+    targets: Sequence[Array],
+) -> list[ManyRowsSeen]:
+    """The three tables of robots with all that they lack, in few passes over arrays.
+
+    `like` has the numbers that they do not lack.
+    """
+    R, every = len(models), np.arange(models.like.n_numbers)
+
+    def table(q: Array, J: Array, residual: Array, covariance: Array) -> ManyRowsSeen:
+        axes, p = models.frames(models.reached(q))
+        tool, p = axes.transpose(2, 3, 1, 0), np.moveaxis(p, 0, 2)
+        rows = np.ascontiguousarray(J.transpose(0, 3, 2, 1))
+        arm = (p - models.base[:, None, :, 3]) @ models.base[:, :, :3]
+        foot = rows[..., 3:6] @ np.cross(arm, UP)[..., None]
+        beyond = np.concatenate([rows[..., like.n_numbers :], foot], axis=3)
+        own = np.ascontiguousarray(rows[..., : like.n_numbers])
+        return ManyRowsSeen(q, residual, own, beyond, covariance, p, tool)
+
+    found = []
+    for tables in (trains, tests):
+        q, position, rotation, covariance = (
+            np.array([getattr(table, name) for table in tables])
+            for name in ("q", "position", "rotation", "covariance")
+        )
+        plain = np.broadcast_to(np.eye(6), (1, *covariance.shape[1:]))
+        seen = ManyTables.read(q, position, rotation, plain)
+        r, J = ManyRows.of(models.like, seen, every, "whitened").at(models)
+        r, J = (part.reshape(*part.shape[:-1], 6, -1) for part in (r, J))
+        found.append(table(q, J, r.swapaxes(1, 2), covariance))
+    q = np.array(targets)
+    _, J = position_rows(models, q, every)
+    m = q.shape[1]
+    return [*found, table(q, J, np.zeros((R, m, 3)), np.zeros((R, m, 3, 3)))]
 
 
 def _of_one(
@@ -137,7 +185,9 @@ def alike(
     free: Bool = fit.parameters.free
     believed = None if fit.prior is None else fit.prior.names
     poses = train.pose_id.tobytes(), test.pose_id.tobytes()
-    return fit.model.names, free.tobytes(), believed, poses
+    # by which `lacking` offers them the same
+    quarters = gravity_quarters(replace(fit.model.chain, T_flange_tool=np.eye(4)))
+    return fit.model.names, free.tobytes(), believed, poses, quarters
 
 
 def _plain(table: Measurements) -> bool:
