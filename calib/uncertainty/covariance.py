@@ -208,21 +208,25 @@ def independent_draws(standard: ArrayLike, draws: int, rng: np.random.Generator)
         least = float(standard.min())
         raise refuse("standard", least, "zero (fixed) or more", code="A3", message=message)
     moving = np.flatnonzero(standard)
-    steps = np.zeros((_checked(draws), len(standard)))
+    steps = np.zeros((checked(draws), len(standard)))
     steps[:, moving] = rng.standard_normal((draws, len(moving))) * standard[moving]
     return steps
 
 
 def correlated_draws(covariance: ArrayLike, draws: int, rng: np.random.Generator) -> Array:
     """Steps (M, P), normal about zero with the full covariance (P, P) [m, rad]."""
-    L = covariance_factor(np.asarray(covariance, dtype=np.float64))
+    return drawn(covariance_factor(np.asarray(covariance, dtype=np.float64)), checked(draws), rng)
+
+
+def drawn(L: Array, draws: int, rng: np.random.Generator) -> Array:
+    """The same by a factor L (P, P) of the covariance."""
     moving = np.flatnonzero(L.any(axis=1))
-    steps = np.zeros((_checked(draws), len(L)))
+    steps = np.zeros((draws, len(L)))
     steps[:, moving] = rng.standard_normal((draws, len(moving))) @ L[np.ix_(moving, moving)].T
     return steps
 
 
-def _checked(draws: int) -> int:
+def checked(draws: int) -> int:
     """At least two draws: a standard deviation needs them."""
     if draws < 2:
         raise refuse("draws", draws, "2 or more", code="A3")

@@ -10,15 +10,17 @@ from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.information.propagation import point_uncertainty, tool_covariance
 from calib.shown import Shown
+from calib.uncertainty.covariance import checked, covariance_factor, drawn
 from calib.uncertainty.covariance import correlated_draws as correlated_draws
 from calib.uncertainty.covariance import independent_draws as independent_draws
-from calib.uncertainty.tool_point import Configurations, configurations, tool_points
+from calib.uncertainty.point_loops import PASS, PointLoop
 from calib.uncertainty.tool_point import propagate as propagate
 
 DRAWS = 10_000
 """M of the paper; leaves 0.7 % in a standard uncertainty."""
-POSE_BLOCK = 64
-"""Poses whose draws are held at once where ranges and quantiles need all of them."""
+POSE_BLOCK, VALUES = 64, 4_000_000
+"""Poses whose draws are held at once where ranges and quantiles need all of them: the fewer, the
+more draws there are, but never fewer than 8."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,7 +87,7 @@ class PointSpread(Shown):
     The linear part of the same draws is the control variate: a thousand draws give u to about 1e-6.
     """
     worst_remainder: Array
-    """(N,) largest |exact - linear| of any draw, in units of the linear u_3D."""
+    """(N,) largest |exact - linear| of the first 10 000 draws, in units of the linear u_3D."""
 
     def __repr__(self) -> str:
         u = 1e6 * self.point.mean()
@@ -156,10 +158,14 @@ def distance_spread(
     radial = nominal / distance[:, None]
     slope = np.einsum("ni,nip->np", radial, J[:, :3, moving])  # d|P| / d parameter
     rows: list[tuple[Array, ...]] = []
-    for start in range(0, len(nominal), POSE_BLOCK):
-        part = slice(start, start + POSE_BLOCK)
-        at = configurations(model, np.asarray(q, dtype=np.float64)[part])
-        deviation = _deviations(at, steps, nominal[part])
+    size = min(POSE_BLOCK, max(8, VALUES // draws))
+    for start in range(0, len(nominal), size):
+        part = slice(start, start + size)
+        some, there = np.asarray(q, dtype=np.float64)[part], nominal[part]
+        loop = PointLoop.of(model, some, there, -(-draws * len(nominal) // len(some)))
+        deviation = np.empty((3, draws, len(some)))
+        for these, points in loop.deviations(steps):
+            deviation[:, these] = points
         g = np.linalg.norm(deviation + nominal[part].T[:, None, :], axis=0)
         straight = steps[:, moving] @ slope[part].T
         rows.append(
@@ -221,36 +227,36 @@ def point_spread(
     """
     covariance = np.asarray(covariance, dtype=np.float64)
     linear = tool_covariance(model, q, covariance)[:, :3, :3]
-    steps = correlated_draws(covariance, draws, rng)
-    moving = np.flatnonzero(steps.any(axis=0))
+    L = covariance_factor(covariance)
+    moving = np.flatnonzero(L.any(axis=1))
     T, J = model.poses_and_jacobian(q)
-    nominal, slope = T[:, :3, 3], np.moveaxis(J[:, :3, moving], 1, 0)  # (3, N, f)
-    at = configurations(model, q)
-    sums = np.zeros((2, 3, len(nominal)))
-    squares = np.zeros((2, len(nominal), 3, 3))
+    nominal, slope = T[:, :3, 3], J[:, :3, moving]
+    loop = PointLoop.of(model, np.asarray(q, dtype=np.float64), nominal, checked(draws))
+    first, second = np.zeros(len(moving)), np.zeros((len(moving),) * 2)
     worst = np.zeros(len(nominal))
-    for start in range(0, draws, at.rows):
-        part = steps[start : start + at.rows]
-        exact = tool_points(at, part) - nominal.T[:, None, :]
-        straight = np.swapaxes(slope @ part[:, moving].T, 1, 2)  # (3, M, N)
-        rest = exact - straight
-        worst = np.maximum(worst, np.square(rest).sum(axis=0).max(axis=0))
-        for k, e in enumerate((exact, straight)):
-            sums[k] += e.sum(axis=1)
-            lanes = e.transpose(2, 0, 1)
-            squares[k] += lanes @ lanes.swapaxes(1, 2)
-    mean = sums / draws
-    outer = np.einsum("kin,kjn->knij", mean, mean)
-    exact_cov, straight_cov = (squares - draws * outer) / (draws - 1)
-    u = point_uncertainty(linear)
+    size = PASS if loop.compiled else DRAWS
+    for start in range(0, draws, size):
+        steps = drawn(L, min(size, draws - start), rng)
+        own = steps[:, moving]
+        first += own.sum(axis=0)
+        second += own.T @ own
+        for part, exact in loop.deviations(steps):
+            if start >= DRAWS:
+                continue
+            straight = np.moveaxis(slope @ own[part].T, 0, -1)
+            worst = np.maximum(worst, np.square(exact - straight).sum(axis=0).max(axis=0))
+    mean, spread = loop.moments(draws)
+    # the linear part of the same draws, from their own moments
+    center = first / draws
+    scatter = (second - draws * np.outer(center, center)) / (draws - 1)
     return PointSpread(
         draws=draws,
         nominal=frozen(nominal),
-        shift=frozen((mean[0] - mean[1]).T),
-        covariance=frozen(exact_cov),
+        shift=frozen(mean - slope @ center),
+        covariance=frozen(spread),
         linear=frozen(linear),
-        controlled=frozen(linear + exact_cov - straight_cov),
-        worst_remainder=frozen(_in_units(np.sqrt(worst), u)),
+        controlled=frozen(linear + spread - slope @ scatter @ np.swapaxes(slope, 1, 2)),
+        worst_remainder=frozen(_in_units(np.sqrt(worst), point_uncertainty(linear))),
     )
 
 
@@ -264,15 +270,6 @@ def numerical_tolerance(standard: float, digits: int = 2) -> float:
     if not standard > 0:
         raise refuse("standard", standard, "a standard uncertainty above zero", code="A3")
     return float(0.5 * 10.0 ** (np.floor(np.log10(standard)) - (digits - 1)))
-
-
-def _deviations(at: Configurations, steps: Array, nominal: Array) -> Array:
-    """All draws' tool points minus nominal (3, M, N) [m], gathered in cache-sized passes."""
-    out = np.empty((3, len(steps), len(nominal)))
-    for start in range(0, len(steps), at.rows):
-        part = slice(start, start + at.rows)
-        out[:, part] = tool_points(at, steps[part]) - nominal.T[:, None, :]
-    return out
 
 
 def _in_units(values: Array, u: Array) -> Array:

@@ -12,6 +12,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.measurement import tables
 from calib.uncertainty.bootstrap import bootstrap
+from calib.uncertainty.monte_carlo import point_spread
 from calib.uncertainty.tool_point import propagate
 from tests.calib.uncertainty.test_monte_carlo import calibration_covariance
 from tests.reference import SIGMA_POSITION, SIGMA_ROTATION, WEN24, pool_r, tx60
@@ -41,6 +42,15 @@ def test_numpy_20000_draws_of_50_poses(benchmark):
 def test_plain_loop_100_draws_of_50_poses(benchmark):
     steps = np.random.default_rng(0).multivariate_normal(np.zeros(42), C, 100)
     benchmark(lambda: [MODEL.moved(step).poses(Q) for step in steps])
+
+
+@pytest.mark.benchmark(group="propagation")
+def test_compiled_1e6_draws_of_50_poses(benchmark):
+    """Draws and moments included: at most 1.0 s."""
+    rounds = {"rounds": 5, "warmup_rounds": 1, "iterations": 1}
+    benchmark.pedantic(
+        lambda: point_spread(MODEL, Q, C, np.random.default_rng(0), draws=1_000_000), **rounds
+    )
 
 
 @pytest.mark.benchmark(group="end to end")

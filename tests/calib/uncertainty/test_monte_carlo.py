@@ -9,6 +9,8 @@ from calib.geometry.frames import exp_so3, transform
 from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.information.propagation import distance_uncertainty, point_uncertainty, tool_covariance
+from calib.kernels.loops import NUMBA
+from calib.uncertainty import monte_carlo, point_loops
 from calib.uncertainty import tool_point as tool_points
 from calib.uncertainty.covariance import sandwich
 from calib.uncertainty.monte_carlo import (
@@ -69,6 +71,58 @@ MODELS = {
 }
 
 
+COMPILED = pytest.mark.skipif(not NUMBA, reason="numba is not installed: nothing is compiled")
+LOOPS = pytest.mark.parametrize(
+    "many", [pytest.param(0, id="compiled", marks=COMPILED), pytest.param(np.inf, id="numpy")]
+)
+
+
+@LOOPS
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("which", ["all", "links", "one", "none", "terms", "far"])
+def test_loops_over_draws_give_points_and_sums_of_models_moved_one_by_one(
+    name, which, many, monkeypatch
+):
+    monkeypatch.setattr(point_loops, "MANY_POINTS", many)
+    monkeypatch.setattr(point_loops, "PASS", 7)
+    rng = np.random.default_rng(7)
+    model = MODELS[name](rng)
+    n, P = model.chain.n_joints, model.n_numbers
+    q, steps, mask = rng.uniform(-np.pi, np.pi, (13, n)), rng.normal(size=(25, P)), np.zeros(P)
+    mask[
+        {
+            "links": slice(6, 6 + 5 * n),
+            "one": slice(9, 10),
+            "none": slice(0, 0),
+            "terms": slice(12 + 5 * n, None),
+        }.get(which, slice(None))
+    ] = 1.0
+    # normal steps reach 4 sd, terms of a joint come together: within the series, or far beyond it
+    steps *= mask * (0.1 if which == "far" else 2e-3)
+    nominal = model.poses(q)[:, :3, 3]
+    loop = point_loops.PointLoop.of(model, q, nominal, 25)
+    assert loop.compiled == (many == 0)
+    found = np.concatenate([part for _, part in loop.deviations(steps)], axis=1)
+    expected = np.stack([model.moved(step).poses(q)[:, :3, 3] for step in steps]) - nominal
+    # a few dozen products of lengths up to 10 m: 1e-15 each
+    np.testing.assert_allclose(np.moveaxis(found, 0, 2), expected, rtol=0, atol=1e-12)
+    mean, covariance = loop.moments(25)
+    np.testing.assert_allclose(mean, expected.mean(axis=0), rtol=0, atol=1e-12)
+    each = np.stack([np.cov(expected[:, k].T) for k in range(13)])
+    # of points off by lengths up to 1 m, squared
+    np.testing.assert_allclose(covariance, each, rtol=0, atol=1e-12 * max(1, each.max()))
+
+
+def test_few_draws_and_machines_without_numba_compile_nothing(monkeypatch):
+    model, q = tx60(), pool_r(50)
+    nominal = model.poses(q)[:, :3, 3]
+    few = point_loops.MANY_POINTS // 50 - 1
+    assert not point_loops.PointLoop.of(model, q, nominal, few).compiled
+    assert point_loops.PointLoop.of(model, q, nominal, few + 1).compiled == NUMBA
+    monkeypatch.setattr(point_loops, "NUMBA", False)
+    assert not point_loops.PointLoop.of(model, q, nominal, 10 * few).compiled
+
+
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("which", ["all", "links", "one", "none", "terms"])
 def test_fast_propagation_equals_moving_the_model_draw_by_draw(name, which):
@@ -111,7 +165,9 @@ def test_the_same_stream_gives_the_same_bits():
     np.testing.assert_array_equal(first.shift, second.shift)
 
 
-def test_streamed_moments_equal_those_of_all_points_at_once():
+@LOOPS
+def test_streamed_moments_equal_those_of_all_points_at_once(many, monkeypatch):
+    monkeypatch.setattr(point_loops, "MANY_POINTS", many)
     model, q, C = tx60(), pool_r(30), calibration_covariance()
     spread = point_spread(model, q, C, np.random.default_rng(5), draws=2000)
     steps = correlated_draws(C, 2000, np.random.default_rng(5))
@@ -201,7 +257,11 @@ def test_draws_have_the_covariance_asked_for_and_leave_fixed_numbers_alone():
     assert not independent[:, fixed].any()
 
 
-def test_the_paper_form_is_the_scatter_of_the_distance():
+@LOOPS
+@pytest.mark.parametrize("values", [4_000_000, 30_000], ids=["64 postures", "10 postures"])
+def test_the_paper_form_is_the_scatter_of_the_distance(many, values, monkeypatch):
+    monkeypatch.setattr(point_loops, "MANY_POINTS", many)
+    monkeypatch.setattr(monte_carlo, "VALUES", values)
     model, q, u = tx60(), pool_r(70), free_standard()  # more poses than one block holds
     spread = distance_spread(model, q, u, np.random.default_rng(6), draws=3000)
     points = propagate(model, q, independent_draws(u, 3000, np.random.default_rng(6)))
