@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from calib.arrays import Index
 from calib.design.local import add_and_drop, shake
 from calib.design.problem import Problem
 from calib.design.random import starting_set
@@ -56,17 +57,18 @@ def detmax(
             raise refuse(name, constant, allowed, code="A3", fix=here)
     chosen, criterion = starting_set(problem, rng, start), problem.criterion
     best, winner, trace = -np.inf, chosen, list[float]()
-    fails = evaluated = 0
+    fails, evaluated, way = 0, 0, list[Index]()
     while fails < d:
         end = add_and_drop(problem, chosen)
         evaluated += end.evaluated
         if not trace or criterion.rises(end.value, best):
             best, winner, fails = end.value, end.chosen, 0
             figure = criterion.figure(problem.information(winner), problem.n_poses)
+            way += [winner] if way else end.way
         else:
             fails += 1
         trace.append(figure)
         if not problem.addable(end.chosen).any():
             break  # the whole pool: nothing to exchange
         chosen = shake(problem, end.chosen, c if fails >= a else b, rng)
-    return selection_of(problem, winner, "detmax", trace, evaluated)
+    return selection_of(problem, winner, "detmax", trace, evaluated, way)

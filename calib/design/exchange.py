@@ -36,6 +36,8 @@ class Best(NamedTuple):
     value: float
     trace: list[float]
     evaluated: int
+    way: list[Index]
+    """As `Selection` has it."""
 
 
 def exchange(problem: Problem, rng: np.random.Generator, *, restarts: int = RESTARTS) -> Selection:
@@ -67,7 +69,7 @@ def exchange(problem: Problem, rng: np.random.Generator, *, restarts: int = REST
     small = problem.m * len(problem.pool) <= PAIRS_OF_G
     pairs = small or not isinstance(problem.criterion, G)
     best = best_exchange(problem, rng, restarts=restarts, pairs=pairs)
-    return selection_of(problem, best.chosen, "exchange", best.trace, best.evaluated)
+    return selection_of(problem, best.chosen, "exchange", best.trace, best.evaluated, best.way)
 
 
 def best_exchange(
@@ -85,6 +87,7 @@ def best_exchange(
         mean = best_exchange(replace(problem, criterion=criterion.mean()), rng, restarts=restarts)
         first = mean.chosen.tolist()
     chosen, value, trace, evaluated = np.zeros(0, np.int64), -np.inf, list[float](), 0
+    way = list[Index]()
     for start in range(restarts):
         if start == 0:
             begin = _first(problem, rng, first)
@@ -100,12 +103,14 @@ def best_exchange(
         evaluated += end.evaluated
         if not trace or criterion.rises(end.value, value):
             chosen, value = end.chosen, end.value
+            way += [chosen] if way else end.way
         trace.append(criterion.figure(problem.information(chosen), problem.n_poses))
     if pairs:
         end = best_pairs(problem, chosen)
         chosen, value, evaluated = end.chosen, end.value, evaluated + end.evaluated
+        way += end.way[1:]
         trace.append(criterion.figure(problem.information(chosen), problem.n_poses))
-    return Best(chosen, value, trace, evaluated)
+    return Best(chosen, value, trace, evaluated, way)
 
 
 def _of_noise(problem: Problem, criterion: Total) -> Problem:
@@ -147,4 +152,4 @@ def fedorov(
     """
     end = best_pairs(problem, starting_set(problem, rng, start))
     figure = problem.criterion.figure(problem.information(end.chosen), problem.n_poses)
-    return selection_of(problem, end.chosen, "fedorov", [figure], end.evaluated)
+    return selection_of(problem, end.chosen, "fedorov", [figure], end.evaluated, end.way)

@@ -20,6 +20,8 @@ class LocalOptimum(NamedTuple):
     chosen: Index
     value: float
     evaluated: int
+    way: list[Index]
+    """The first set, and the one after each exchange."""
 
 
 def add_and_drop(problem: Problem, chosen: Index) -> LocalOptimum:
@@ -70,7 +72,7 @@ def _climb(
     move: Callable[[Array, Index, Bool], tuple[Index | None, int]],
 ) -> LocalOptimum:
     """Change a set (m,) by a move until it offers none or the value stops rising."""
-    criterion, evaluated = problem.criterion, 0
+    criterion, evaluated, way = problem.criterion, 0, [chosen]
     M = problem.information(chosen)
     value = float(criterion.value(M))
     while (allowed := problem.addable(chosen)).any():
@@ -83,7 +85,8 @@ def _climb(
         if not criterion.rises(reached, value):
             break
         chosen, value = after, reached
-    return LocalOptimum(chosen, value, evaluated)
+        way.append(chosen)
+    return LocalOptimum(chosen, value, evaluated, way)
 
 
 def shake(problem: Problem, chosen: Index, swaps: int, rng: np.random.Generator) -> Index:

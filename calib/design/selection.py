@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Index, frozen
+from calib.arrays import LATER, Array, Index, frozen
 from calib.design.certificate import Certificate, certificate_of, no_proof
 from calib.design.problem import NO_POSES, Problem
 from calib.information.criteria.base import Criterion
@@ -41,6 +41,11 @@ class Selection(Shown):
     """(k,) places of poses already measured, counted in the value."""
     prior: bool = False
     """Whether a prior precision is counted in the value."""
+    way: Annotated[Index, "w", "m", LATER] | None = None
+    """(w, m) sets on the way to it: the first one, those after each exchange of the first search,
+    and the better ones that later searches ended in; None where nothing was exchanged."""
+    way_figures: Annotated[Array, "w", LATER] | None = None
+    """(w,) their figures."""
 
     def __repr__(self) -> str:
         figure = f"{self.criterion} = {self.value:.4g}"
@@ -70,9 +75,15 @@ def figure_of_rows(rows: Array, n_poses: int, criterion: Criterion) -> float:
 
 
 def selection_of(
-    problem: Problem, indices: ArrayLike, method: str, trace: Sequence[float], evaluations: int
+    problem: Problem,
+    indices: ArrayLike,
+    method: str,
+    trace: Sequence[float],
+    evaluations: int,
+    way: Sequence[Index] = (),
 ) -> Selection:
     """A selection with its value computed afresh and, where there is one, its certificate."""
+    figures = [problem.criterion.figure(problem.information(one), problem.n_poses) for one in way]
     return Selection(
         indices=frozen(indices, np.int64),
         criterion=problem.criterion.name,
@@ -84,4 +95,6 @@ def selection_of(
         certificate=certificate_of(problem, indices),
         given=problem.given,
         prior=problem.prior,
+        way=frozen(way, np.int64) if way else None,
+        way_figures=frozen(figures) if way else None,
     )

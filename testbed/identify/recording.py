@@ -106,8 +106,7 @@ def calibration_story(calibration: Calibration, robot: Robot) -> Story:
 def summary(calibration: Calibration) -> str:
     """The verdict first, then the errors of every model."""
     lines = [
-        f"#### {calibration.source.robot_title}: {calibration.source.name}",
-        f"**{notice(calibration)}**",
+        f"**{notice(calibration)}**: {calibration.source.robot_title}, {calibration.source.name}",
         "",
         verdict(calibration),
         "",

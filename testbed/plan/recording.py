@@ -34,6 +34,8 @@ from testbed.robots.robot import Robot
 from testbed.units import counted
 
 CANDIDATE_FRAMES, BUDGET_FRAMES = 144, 60
+MOST_ROWS = 4
+"""Rows of the summary, which has to fit its window."""
 MOST_GOALS = 30
 """Goal postures the robot goes to; the others are drawn as points."""
 
@@ -65,19 +67,15 @@ def plan_story(plan: Plan, robot: Robot) -> Story:
 def summary(plan: Plan) -> str:
     """The promise first, then the plan in numbers."""
     scenario = plan.scenario
+    rows = [row for k, row in enumerate(headline_rows(plan)) if k not in PROMISED]
     lines = [
-        f"#### {scenario.title or scenario.name}",
-        f"**{SIMULATED}** (plan of {scenario.name}, seed {scenario.seed})",
+        f"**{SIMULATED}**: plan of {scenario.name}, seed {scenario.seed}",
         "",
         promise(plan),
         "",
         "| | | |",
         "|---|--:|---|",
-        *(
-            f"| {what} | {value} | {unit} |"
-            for k, (what, value, unit) in enumerate(headline_rows(plan))
-            if k not in PROMISED
-        ),
+        *(f"| {what} | {value} | {unit} |" for what, value, unit in rows[:MOST_ROWS]),
     ]
     return "\n".join(lines)
 

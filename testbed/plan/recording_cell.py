@@ -8,15 +8,14 @@ from testbed.recording import style
 from testbed.recording.cell import draw_beam, draw_box, draw_station
 from testbed.recording.pen import Pen
 from testbed.recording.story import floor_height
-from testbed.recording.timeline import Phase
+from testbed.recording.timeline import Phase, growing
 from testbed.robots.robot import Robot
 
 OBSTACLE_COLOR = (150, 140, 128, 255)
 GOAL_BOX_COLOR = (*style.LEAF, 200)
-CHOSEN, HELD_OUT = (120, 190, 255), (255, 190, 80)
-"""Light: their numbers are written in the same colors on dark labels."""
-LABELLED = 60
-"""More poses than this are not numbered."""
+MOST_STAGES = 120
+"""Rows in which the way of the tool grows."""
+CHOSEN, HELD_OUT = style.BLUE, style.ORANGE
 
 
 def draw_cell(plan: Plan, robot: Robot, pen: Pen) -> None:
@@ -77,30 +76,40 @@ def draw_candidates(plan: Plan, pen: Pen, phase: Phase) -> None:
 
 
 def draw_chosen(plan: Plan, pen: Pen, phase: Phase) -> None:
-    """Chosen poses with their numbers, until the tour has passed them."""
+    """Chosen poses, until the tour has passed them."""
     import rerun as rr
 
-    tour, numbered = plan.tour, len(plan.tour) <= LABELLED
+    tour = plan.tour
     test = np.array([role == "test" for role in tour.roles])
     chosen = rr.Points3D(
         _points(plan, tour.q),
         radii=0.010,
         colors=np.where(test[:, None], HELD_OUT, CHOSEN).astype(np.uint8),
-        labels=[str(k + 1) for k in range(len(tour))] if numbered else None,
-        show_labels=numbered,
     )
     pen.at(phase.start, "world/chosen", chosen)
     pen.clear(pen.timeline.phase("tour").stop, "world/chosen")
 
 
 def draw_tour(plan: Plan, pen: Pen, phase: Phase) -> None:
-    """The way of the tool as it grows, and the beam."""
+    """The way of the tool as it grows, the beam, and the number of the pose.
+
+    One number at a time, which cannot lie on another one.
+    """
     import rerun as rr
 
     draw_beam(pen, phase, plan.T_world_tracker[:3, 3], _target(plan, pen.timeline.q))
     path = _points(plan, pen.timeline.q[phase.start : phase.stop])
-    strips = rr.LineStrips3D.columns(strips=[[path[: k + 1]] for k in range(len(path))])
-    pen.every_step("world/path", strips, phase.steps)
+    lengths = growing(len(path), MOST_STAGES)
+    strips = rr.LineStrips3D.columns(strips=[[path[:length]] for length in lengths])
+    pen.every_step("world/path", strips, phase.steps[lengths - 1])
+    count = len(plan.tour)
+    numbers = rr.Points3D.columns(
+        positions=_points(plan, plan.tour.q), labels=[str(k + 1) for k in range(count)]
+    )
+    pen.rows("world/number", phase, numbers)
+    look = rr.Points3D.from_fields(radii=1e-4, colors=(255,) * 3, show_labels=True)
+    pen.static("world/number", look)
+    pen.clear(phase.stop, "world/number")
     pen.static("world/path", rr.LineStrips3D.from_fields(radii=0.0018, colors=style.BLUE))
     pen.clear(phase.stop, "world/path")
 

@@ -144,12 +144,10 @@ class Axes:
     @property
     def marks(self) -> tuple[Array, Array]:
         """Numbers marked along the axis and beside it."""
-        items = np.concatenate([self.chart.across(curve.items) for curve in self.chart.curves])
+        numbers = self.chart.across(self.chart.curves[0].items)
         along = ticks(*self.x, 6)
-        if (items % 1 == 0).all():
+        if (numbers % 1 == 0).all():
             along = along[along % 1 == 0]
-        if len(items):
-            along = along[(along >= items.min()) & (along <= items.max())]
         return along, decades(*self.y) if self.is_log else ticks(*self.y, 4)
 
     @property
@@ -193,19 +191,19 @@ class Axes:
         return found
 
 
-def frames_of(charts: Sequence[Chart]) -> list[Axes]:
-    """The charts of a phase, side by side."""
+def frames_of(charts: Sequence[Chart], count: int) -> list[Axes]:
+    """The charts of a phase with so many items, side by side."""
     width = SIZE[0] / max(len(charts), 1)
-    return [_frame(chart, k * width, width) for k, chart in enumerate(charts)]
+    return [_frame(chart, k * width, width, count) for k, chart in enumerate(charts)]
 
 
-def _frame(chart: Chart, left: float, width: float) -> Axes:
-    """A chart with all of its finite points in view; from zero where zero is not far."""
-    x = np.concatenate([chart.across(curve.items) for curve in chart.curves])
+def _frame(chart: Chart, left: float, width: float, count: int) -> Axes:
+    """A chart with all items and finite points in view; from zero where zero is not far."""
+    x = chart.across(np.arange(count))
     y = np.concatenate([curve.values for curve in chart.curves])
     y = y[np.isfinite(y)]
-    first, last = (float(x.min()), float(x.max())) if len(x) else (0.0, 1.0)
-    aside = 0.5 if last == first else 0.01 * (last - first)
+    first, last = float(x.min()), float(x.max())
+    aside = 0.4 if last == first else min(0.01 * (last - first), 0.4)
     across = first - aside, last + aside
     if len(y) and y.min() > 0:
         typical = [float(np.median(curve.values)) for curve in chart.curves if len(curve.values)]
@@ -248,7 +246,7 @@ def draw_charts(pen: Pen, phase: Phase, charts: Sequence[Chart]) -> None:
             pen.rows(path, phase, rr.Scalars.columns(scalars=curve.values), curve.local)
             pen.static(path, rr.SeriesLines(colors=curve.color, names=curve.label, widths=2))
     root, at = f"{ROOT}/{phase.name}", partial(pen.at, phase.start)
-    frames = frames_of(charts)
+    frames = frames_of(charts, len(phase.at))
     if not frames:
         return
     thick = rr.Radius.ui_points(1.1)

@@ -151,8 +151,12 @@ class _Layout:
 
 
 FRAMES_PER_SECOND = 24.0
-ROWS, TEXTS = (6.1, 0.9, 3.0), (0.6, 2.0, 2.6)
-"""Heights of cell, bar of phases and charts, and of the line, the words of now and the summary."""
+WIDTHS = (1.8, 1.0), (1.5, 1.0, 1.5)
+"""Of cell and texts, and of both beside a tall plane."""
+ROWS = (6.1, 0.9, 3.0)
+"""Heights of cell, bar of phases and charts."""
+TEXTS, FEWER_TEXTS = (0.6, 2.0, 2.6), (0.6, 4.6)
+"""Of the line, the words of now and, unless it stands elsewhere, the summary."""
 ASIDE, TOWARD_TRACKER = np.radians(140.0), 0.13
 """Camera: turned so far from the tracker's direction, aimed at this part of the way to it."""
 OPENING, ASPECT, FILLED = np.radians(55.0), 1.4, 0.92
@@ -173,12 +177,12 @@ def blueprint(story: Story, timeline: Timeline) -> Any:
     line = rrb.TextDocumentView(origin="/line", name="Line", titlebar=False)
     now = rrb.TextDocumentView(origin="/now", name="Now")
     summary = rrb.TextDocumentView(origin="/summary", name="Summary")
-    texts = [line, now, summary] if low else [line, now]
-    above = [_cell(story, timeline), rrb.Vertical(*texts, row_shares=TEXTS[: len(texts)])]
+    texts, heights = ([line, now, summary], TEXTS) if low else ([line, now], FEWER_TEXTS)
+    above = [_cell(story, timeline), rrb.Vertical(*texts, row_shares=heights)]
     charts = [_chart(), *_curves(story, timeline)]
     return rrb.Blueprint(
         rrb.Vertical(
-            rrb.Horizontal(*above, *_stacked(tall), column_shares=[1.8, 1, 1.3][: 2 + bool(tall)]),
+            rrb.Horizontal(*above, *_stacked(tall), column_shares=WIDTHS[bool(tall)]),
             rrb.StateTimelineView(origin="/phase", name="Phase"),
             rrb.Horizontal(rrb.Tabs(*charts, active_tab=0), *_stacked(low or [summary])),
             row_shares=ROWS,

@@ -8,7 +8,16 @@ import numpy as np
 
 from calib.arrays import Array, Bool
 from testbed.recording import style
-from testbed.recording.chart import Chart, Series, Word, draw_grid, draw_words, level
+from testbed.recording.chart import (
+    LETTER,
+    LINE,
+    Chart,
+    Series,
+    Word,
+    draw_grid,
+    draw_words,
+    level,
+)
 from testbed.recording.pen import Pen, first
 from testbed.recording.story import Chapter, Panel, numbered
 from testbed.recording.timeline import Phase, growing, spread
@@ -21,8 +30,10 @@ CURVES = (style.LEAF, style.SKY, style.ORANGE, style.VERMILION, style.PINK, styl
 """One per kind of robot, in turn."""
 STAGES = 40
 """The clouds of robots grow in so many rows."""
-PANEL, GAP, ROW = 100.0, 22.0, 27.0
-"""Width of a statement's panel (a percent is one unit), between panels, height of a row."""
+PANEL, GAP, ROW = 100.0, 12.0, 27.0
+"""Width of a statement's panel, between panels, height of a row; a percent is about a point."""
+NAMES, FOOT = 168.0, 30.0
+"""Room for the names of rows, and for the numbers below."""
 GOLDEN = 0.6180339887498949
 """Fractional steps of this fill an interval evenly: no two robots lie on each other."""
 SPREAD = 0.55
@@ -60,8 +71,8 @@ def chapter(campaign: Campaign) -> Chapter:
     panel = Panel(
         origin="attained",
         title="Points inside what is stated, % (a dot is a robot)",
-        x=(-1.05 * PANEL, len(STATEMENTS) * (PANEL + GAP)),
-        y=(-1.7 * ROW, (len(studies) * len(MODELS) + 0.4) * ROW),
+        x=(-NAMES, len(STATEMENTS) * (PANEL + GAP)),
+        y=(-0.6 * ROW - 2 * (LINE + 1), (len(studies) * len(MODELS) - 0.4) * ROW + FOOT),
         tall=True,
     )
     return Chapter(
@@ -125,14 +136,23 @@ def _draw_frame(pen: Pen, studies: tuple[CoverageStudy, ...]) -> None:
     lines = [[[x + level, low], [x + level, high]] for x in left]
     promise = rr.LineStrips2D(lines, colors=style.LINE_COLOR, radii=thick, draw_order=-20.0)
     pen.static("attained/promise", promise)
-    words = [(x + PANEL / 2, -0.95 * ROW, TITLES[s]) for x, s in zip(left, STATEMENTS, strict=True)]
-    words += [(x + at, high + 0.6 * ROW, f"{at:.0f}") for x in left for at in (0, 50, 100)]
-    words += [
-        (-0.54 * PANEL, (len(MODELS) * k + i) * ROW, f"{study.truth}, {model}")
-        for k, study in enumerate(studies)
-        for i, model in enumerate(MODELS)
+    draw_words(pen, "attained/words", frame_words([study.truth for study in studies]))
+
+
+def frame_words(truths: Sequence[str]) -> list[Word]:
+    """Titles in two lines in turn, numbers below, and names before the rows."""
+    low, high = -0.6 * ROW, (len(truths) * len(MODELS) - 0.4) * ROW
+    left = [j * (PANEL + GAP) for j in range(len(STATEMENTS))]
+    words = [
+        Word(x + PANEL / 2, low - (1 + j % 2) * (LINE + 1), TITLES[s])
+        for j, (x, s) in enumerate(zip(left, STATEMENTS, strict=True))
     ]
-    draw_words(pen, "attained/words", [Word(x, y - 0.3 * ROW, text) for x, y, text in words])
+    words += [Word(x + at, high + 4, f"{at:.0f}") for x in left for at in (50, 100)]
+    rows = [f"{truth}, {model}" for truth in truths for model in MODELS]
+    return words + [
+        Word(-4 - (LETTER * len(name) + 8) / 2, k * ROW - LINE / 2, name)
+        for k, name in enumerate(rows)
+    ]
 
 
 def _draw_robots(

@@ -9,10 +9,10 @@ import numpy as np
 from calib.uncertainty.statement.stated_point import widened
 from testbed.recording import parameters, style
 from testbed.recording.cell import draw_box, draw_station
-from testbed.recording.chart import Chart, Series, before_after, fit_chart, level
+from testbed.recording.chart import Chart, Series, before_after, fit_chart
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter, floor_height, numbered
-from testbed.recording.timeline import Phase, leaf, spread, visit
+from testbed.recording.timeline import Phase, spread, visit
 from testbed.report.page import SIMULATED
 from testbed.robots.robot import Robot
 from testbed.scenario.scenario import Scenario
@@ -20,11 +20,12 @@ from testbed.studies.trial import recording_cell as cell
 from testbed.studies.trial.compare import measured_distance
 from testbed.studies.trial.recording_cell import ShownTrial
 from testbed.studies.trial.recording_ghost import draw_ghost, known
+from testbed.studies.trial.recording_select import select_chapter
 from testbed.studies.trial.records import Campaign
 from testbed.studies.trial.set_records import RandomSets
 
-SELECT_FRAMES, IDENTIFY_FRAMES = 144, 72
-"""Length of the phases in which the robot does not have to be anywhere."""
+IDENTIFY_FRAMES = 72
+"""Length of the phase in which the robot stays."""
 MOST_TRIALS = 4
 """Rows of the summary, which has to fit its window."""
 
@@ -32,7 +33,8 @@ MOST_TRIALS = 4
 def chapters(shown: ShownTrial, random_sets: Sequence[RandomSets]) -> tuple[Chapter, ...]:
     """Select, measure, identify and evaluate."""
     mine = (sets for sets in random_sets if sets.trial == shown.trial.name)
-    return _select(shown, next(mine, None)), _measure(shown), _identify(shown), _evaluate(shown)
+    first = select_chapter(shown, next(mine, None))
+    return first, _measure(shown), _identify(shown), _evaluate(shown)
 
 
 def draw_scene(shown: ShownTrial, scenario: Scenario, robot: Robot, pen: Pen) -> None:
@@ -73,36 +75,6 @@ def _send_properties(shown: ShownTrial, scenario: Scenario, pen: Pen) -> None:
             nominal_links=setting.nominal.chain.links.ravel(),
             T_world_tracker=setting.T_world_tracker.ravel(),
         ),
-    )
-
-
-def _select(shown: ShownTrial, sets: RandomSets | None) -> Chapter:
-    """Pool and chosen set, and the best index so far."""
-    setting, trial = shown.setting, shown.trial
-    trace = trial.selection.trace
-    # a set that was not searched for has its own value
-    best = trace if len(trace) else np.array([trial.selection.value])
-    criterion = trial.selection.criterion
-    curves = [Series(criterion, best, style.LINE_COLOR, "best so far")]
-    if sets is not None:
-        name = f"best of {len(sets.values)} random sets"
-        curves.append(level("random", len(best), sets.best, style.MUTED_COLOR, name))
-
-    return Chapter(
-        name="select",
-        local="search",
-        color=style.SEARCH_PHASE,
-        motion=leaf(setting.pool_q, len(best), SELECT_FRAMES),
-        text=(
-            f"#### 1 Select: {trial.method}, {trial.selection.criterion}",
-            f"- gray: {len(setting.pool_q)} candidate tool positions of {setting.n_drawn} drawn",
-            f"- blue, at the end: the {len(trial.selection.indices)} chosen poses",
-            "- the robot leafs through the candidates",
-            shown.ghost_words,
-        ),
-        draw=partial(cell.draw_selected, shown),
-        lines=numbered("search", len(best), (f"best {criterion} {value:.5g}" for value in best)),
-        charts=(Chart("select", f"{criterion} by search", curves),),
     )
 
 

@@ -103,19 +103,6 @@ def tracked(setting: Setting, q: Array) -> Array:
     return target_points(setting.nominal.poses(q), setting.target)
 
 
-def draw_selected(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
-    """Candidate tool positions, and the chosen set."""
-    import rerun as rr
-
-    setting = shown.setting
-    pool = setting.pool_nominal[:, :3, 3]
-    pen.static("world/pool", rr.Points3D(pool, radii=0.0028, colors=style.CANDIDATE_COLOR))
-    chosen = pool[shown.trial.selection.indices]
-    pen.at(int(phase.at[-1]), "world/chosen", rr.Points3D(chosen))
-    pen.static("world/chosen", rr.Points3D.from_fields(radii=0.009, colors=style.CHOSEN_COLOR))
-    pen.clear(pen.timeline.phase("identify").stop, "world/chosen")
-
-
 def draw_measured(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
     """The beam, what the tracker has seen so far, and its distance from the nominal prediction."""
     import rerun as rr

@@ -168,6 +168,26 @@ def test_where_only_points_are_measured_the_turn_of_the_tool_is_no_number():
         Problem.of_poses(tx60(), pool_r()[:60], poses=15, noise=np.eye(2))
 
 
+@pytest.mark.parametrize("name", ["D", "O1", "V"])
+@pytest.mark.parametrize("method", METHODS)
+def test_the_way_to_a_set_goes_by_single_exchanges_and_then_by_better_ends(method: str, name: str):
+    blocks, criterion = small_pool(11, 24), small_criterion(name)
+    found = METHODS[method](Problem.of_blocks(blocks, 6, criterion), np.random.default_rng(3))
+    if method in ("greedy", "random", "best_of_random"):
+        assert found.way is found.way_figures is None
+        return
+    figures = [criterion.figure(information(blocks[one]), 6) for one in found.way]
+    np.testing.assert_allclose(found.way_figures, figures, rtol=1e-12)
+    sign = 1.0 if criterion.larger_is_better else -1.0
+    assert (np.diff(sign * found.way_figures) > 0).all()  # every step is better than the one before
+    np.testing.assert_array_equal(found.way[-1], found.indices)
+    new = [len(set(b) - set(a)) for a, b in zip(found.way[:-1], found.way[1:], strict=True)]
+    first = next((k for k, count in enumerate(new) if count > 1), len(new))
+    # the first set exchanges until nothing is gained: some exchanges, one pose each
+    assert first >= 1 or len(new) == 0
+    assert min(new, default=1) >= 1
+
+
 def test_a_method_bears_the_name_of_its_module():
     assert calib.design.exchange is METHODS["exchange"]
     found = calib.design.exchange(

@@ -78,7 +78,7 @@ def test_no_set_smaller_than_proven_reaches_the_target(name: str, known: str):
 def test_a_poor_search_asks_for_more_poses_but_proves_no_more(monkeypatch):
     def poor(problem, rng, *, restarts):
         chosen = draw_set(problem, rng)
-        return Best(chosen, float(problem.criterion.value(problem.information(chosen))), [], 0)
+        return Best(chosen, float(problem.criterion.value(problem.information(chosen))), [], 0, [])
 
     blocks, criterion = small_pool(1, 10), small_criterion("V")
     target = 1.2 * criterion.figure(information(blocks), 10)

@@ -2,7 +2,6 @@
 
 import colorsys
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 import pytest
@@ -14,20 +13,16 @@ from testbed.recording.story import numbered, timeline_of
 from testbed.recording.timeline import visit
 from testbed.recording.write import story_bytes
 from testbed.robots.catalog import load_robot, robot_names
+from tests.planes import overlaps
 from tests.recorded import column, store
 from tests.toy_story import STOPS, chapter, story
 
 RNG = np.random.default_rng(5)
 
 
-def overlaps(words):
-    """Pairs of words that lie on each other."""
-    return [
-        (one.text, two.text)
-        for one, two in combinations(words, 2)
-        if one.box[0] < two.box[2] - 1 and two.box[0] < one.box[2] - 1
-        and one.box[1] < two.box[3] - 1 and two.box[1] < one.box[3] - 1
-    ]  # fmt: skip
+def count(charts):
+    """Items of a phase."""
+    return len(charts[0].curves[0].values)
 
 
 def chart(count, *scales, title="Held-out error [mm] by pose number"):
@@ -51,7 +46,7 @@ CHARTS = [
 
 @pytest.mark.parametrize("charts", CHARTS)
 def test_no_words_of_a_chart_lie_on_each_other_or_leave_the_plane(charts):
-    words = [word for frame in frames_of(charts) for word in frame.words]
+    words = [word for frame in frames_of(charts, count(charts)) for word in frame.words]
     assert overlaps(words) == []
     for word in words:
         left, top, right, bottom = word.box
@@ -62,7 +57,7 @@ def test_no_words_of_a_chart_lie_on_each_other_or_leave_the_plane(charts):
 
 @pytest.mark.parametrize("charts", CHARTS)
 def test_curves_stay_below_their_legend_and_beside_their_numbers(charts):
-    for frame in frames_of(charts):
+    for frame in frames_of(charts, count(charts)):
         legend = max(word.box[3] for word in frame.words[: 1 + len(frame.chart.curves)])
         for curve in frame.chart.curves:
             points = frame.of(curve)
@@ -107,13 +102,13 @@ def test_decades_cover_a_logarithmic_axis():
 
 
 def test_curves_far_apart_share_a_logarithmic_axis_and_the_place_is_the_decade():
-    (frame,) = frames_of([chart(30, 0.7, 0.012)])
+    (frame,) = frames_of([chart(30, 0.7, 0.012)], 30)
     assert frame.is_log
     x, y = frame.place(np.zeros(3), np.array([0.01, 0.1, 1.0])).T
     assert np.ptp(np.diff(y)) < 1e-9  # equal steps up, by hand
     assert y[0] > y[1]
     assert x[0] == x[1]
-    assert not frames_of([chart(30, 0.7, 0.3)])[0].is_log
+    assert not frames_of([chart(30, 0.7, 0.3)], 30)[0].is_log
 
 
 def test_the_dot_is_at_the_item_that_is_shown_and_the_chart_goes_with_its_phase(tmp_path):
@@ -129,7 +124,7 @@ def test_the_dot_is_at_the_item_that_is_shown_and_the_chart_goes_with_its_phase(
     whole = story(*chapters)
     (tmp_path / "toy.rrd").write_bytes(story_bytes(whole))
     opened, phases = store(tmp_path / "toy.rrd"), timeline_of(chapters).phases
-    (frame,) = frames_of([one])
+    (frame,) = frames_of([one], 3)
     at, dots = column(opened, "/chart/b/now", "Points2D:positions")
     assert at.tolist() == phases[1].at.tolist()
     np.testing.assert_allclose(np.array(dots)[:, 0], frame.of(one.curves[0]), rtol=1e-6)

@@ -69,13 +69,33 @@ def opened(path):
 def test_curves_are_the_records_numbers_bit_for_bit(opened, shown):
     judged, trial = shown.estimate.comparison, shown.trial
     for entity, timeline, expected in (
-        (f"/select/{trial.selection.criterion}", "search", trial.selection.trace),
+        (f"/select/{trial.selection.criterion}", "exchange", trial.selection.way_figures),
         ("/evaluate/before", "test", judged.before * 1e3),
         ("/evaluate/after", "test", judged.after * 1e3),
     ):
         at, values = scalars(opened, entity, timeline)
         assert np.array_equal(at, np.arange(len(expected)))
         assert np.array_equal(values, expected)
+
+
+def test_exchange_after_exchange_ends_at_the_chosen_set_and_the_robot_shows_what_comes_in(
+    opened, shown, timeline
+):
+    selection, phase = shown.trial.selection, timeline.phase("select")
+    places = shown.setting.pool_nominal[:, :3, 3].astype(np.float32)
+    at, rows = column(opened, "/world/chosen", "Points3D:positions")
+    shown_sets = [np.array(row) for row in rows if row]
+    assert np.array_equal(at[: len(shown_sets)], phase.at)
+    assert len(shown_sets) == len(selection.way) > 3
+    assert np.array_equal(shown_sets[-1], places[selection.indices])
+    _, gone = column(opened, "/world/leaves", "Points3D:positions")
+    for k in range(1, len(selection.way)):
+        before, after = set(selection.way[k - 1].tolist()), set(selection.way[k].tolist())
+        assert {tuple(p) for p in gone[k]} == {tuple(places[j].tolist()) for j in before - after}
+        # at rest at a pose that is new in the set
+        away = np.abs(shown.setting.pool_q[sorted(after - before)] - timeline.q[phase.at[k]])
+        assert away.max(axis=1).min() < 1e-14
+    assert phase.stop - phase.start <= 150
 
 
 def test_seen_errors_are_distances_between_measured_and_predicted_poses(opened, shown):

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from testbed.studies.coverage import recording
-from testbed.studies.coverage.recording import GAP, PANEL, ROW, chapter
+from testbed.studies.coverage.recording import GAP, NAMES, PANEL, ROW, chapter, frame_words
 from testbed.studies.coverage.study import STUDY, CoverageStudy
 from testbed.studies.coverage.summary import cells
 from tests import viewed
 from tests.campaign import with_records
+from tests.planes import overlaps
 from tests.recorded import column, record, scalars, small_campaign, store, timeline
 
 ROBOTS = 12
@@ -69,6 +70,12 @@ def test_curves_are_the_mean_over_the_robots_so_far(opened, campaign):
             assert at.tolist() == list(range(ROBOTS))
             # two orders of summation of twelve numbers up to 100
             assert np.abs(values - naive).max() < 1e-12
+
+
+def test_titles_names_and_numbers_do_not_lie_on_each_other():
+    kinds = ["rigid", "wen2022", "soft", "elastic", "unmodelled", "slight"]
+    assert overlaps(frame_words(kinds)) == []
+    assert min(word.box[0] for word in frame_words(kinds)) >= -NAMES
 
 
 def test_a_robot_is_a_dot_at_its_share_in_its_row(opened, campaign):

@@ -1,0 +1,95 @@
+"""The choice of a trial's poses in the recording: exchange after exchange, as the record has it."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.design import Selection
+from testbed.recording import style
+from testbed.recording.chart import Chart, Series, level
+from testbed.recording.pen import Pen
+from testbed.recording.story import Chapter, numbered
+from testbed.recording.timeline import Motion, Phase, visit
+from testbed.studies.trial.recording_cell import ShownTrial
+from testbed.studies.trial.set_records import RandomSets
+
+FRAMES, MOST_FRAMES = 4, 144
+"""For each exchange, and about for all of them: the chapter is short."""
+FEWEST_FRAMES = 24
+"""Where nothing was exchanged."""
+
+
+def sets_on_the_way(selection: Selection) -> tuple[Index, Array]:
+    """Sets (w, m) in turn, the chosen one last, and their figures (w,)."""
+    way, figures = selection.way, selection.way_figures
+    if way is None or figures is None:  # drawn, grown, or a record of an older version
+        return selection.indices[None], np.array([selection.value])
+    return way, figures
+
+
+def exchanged(sets: Index) -> tuple[list[Index], list[Index]]:
+    """What left and what came in with each set; with the first one nothing did."""
+    none = np.zeros(0, dtype=np.int64)
+    pairs = list(pairwise(sets))
+    left = [np.setdiff1d(one, two) for one, two in pairs]
+    return [none, *left], [none, *(np.setdiff1d(two, one) for one, two in pairs)]
+
+
+def select_chapter(shown: ShownTrial, sets: RandomSets | None) -> Chapter:
+    """The pool and the set, exchange after exchange; the robot shows a pose that comes in."""
+    selection, pool = shown.trial.selection, shown.setting.pool_q
+    way, figures = sets_on_the_way(selection)
+    came = [new if len(new) else one[:1] for one, new in zip(way, exchanged(way)[1], strict=True)]
+    criterion, count = selection.criterion, len(way)
+    curves = [Series(criterion, figures, style.BLUE, "the set")]
+    if sets is not None:
+        name = f"best of {len(sets.values)} random sets"
+        curves.append(level("random", count, sets.best, style.MUTED_COLOR, name))
+    says = (f"{criterion} {figure:.5g}" for figure in figures)
+    return Chapter(
+        name="select",
+        local="exchange",
+        color=style.SEARCH_PHASE,
+        motion=_motion(pool[[one[0] for one in came]]),
+        text=(
+            f"#### 1 Select: {shown.trial.method}, {criterion}",
+            f"- gray: {len(pool)} candidates; blue: the set of {len(selection.indices)} poses",
+            *(("- vermilion leaves; the robot shows what comes in",) if count > 1 else ()),
+            *(
+                (f"- a first search, then the better ends of {selection.searches} searches",)
+                if count > 1
+                else ()
+            ),
+            shown.ghost_words,
+        ),
+        draw=lambda pen, phase: draw_exchanges(shown, pen, phase),
+        lines=numbered("set", count, says),
+        charts=(Chart("select", f"{criterion} of the set, by exchange", curves),),
+    )
+
+
+def _motion(stops: Array) -> Motion:
+    """From pose to pose, as slowly as there is time for."""
+    if len(stops) == 1:
+        return visit(stops, FEWEST_FRAMES)
+    return visit(stops, max(1, min(FRAMES, MOST_FRAMES // len(stops))))
+
+
+def draw_exchanges(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
+    """Candidate tool positions, the set at every exchange, and what leaves it."""
+    import rerun as rr
+
+    places = shown.setting.pool_nominal[:, :3, 3]
+    pen.static("world/pool", rr.Points3D(places, radii=0.0028, colors=style.CANDIDATE_COLOR))
+    way, _ = sets_on_the_way(shown.trial.selection)
+    left, _ = exchanged(way)
+    chosen = rr.Points3D.columns(positions=places[way.ravel()])
+    pen.rows("world/chosen", phase, chosen.partition(np.full(len(way), way.shape[1])))
+    pen.static("world/chosen", rr.Points3D.from_fields(radii=0.009, colors=style.CHOSEN_COLOR))
+    pen.clear(pen.timeline.phase("identify").stop, "world/chosen")
+    if len(way) > 1:
+        gone = rr.Points3D.columns(positions=places[np.concatenate(left)])
+        pen.rows("world/leaves", phase, gone.partition([len(one) for one in left]))
+        pen.static("world/leaves", rr.Points3D.from_fields(radii=0.016, colors=style.VERMILION))
+        pen.clear(phase.stop, "world/leaves")
