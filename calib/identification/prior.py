@@ -39,8 +39,8 @@ class Prior(Shown):
     def __post_init__(self) -> None:
         names = tuple(self.names)
         mean, sd = check(f"{len(names)}, {len(names)}", mean=self.mean, sd=self.sd)
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if not names or twice:
+        if not names or len(set(names)) < len(names):
+            twice = sorted({name for name in names if names.count(name) > 1})
             message = f"the prior names {', '.join(twice)} twice" if twice else "the prior is empty"
             allowed = "each name once, at least one"
             raise refuse("names", tuple(twice), allowed, code="A3", message=message)

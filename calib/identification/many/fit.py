@@ -17,7 +17,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import require_match
 from calib.identification.many.tables import ManyRows, ManyTables, known_to_many, twelve_rows
-from calib.identification.many.tangents import ManyBeliefs, ManyInverses, ManyTangents, times
+from calib.identification.many.tangents import ManyBeliefs, ManyCurvatures, ManyTangents, times
 from calib.identification.prior import Prior
 from calib.identification.result import Mode
 from calib.identification.tangent import RELATIVE_OFFSET
@@ -182,8 +182,8 @@ def _shared(rows: ManyRows, start: ManyModels, belief: ManyBeliefs | None) -> _S
     first = slice(0, 1)
     belief = belief and belief.some(first)
     at = ManyTangents.of(rows.some(first).seeing(start), start, belief)
-    found = ManyInverses.of(at.normal(at.data))
-    return _Shared(at.A[0].T, found.C[0]) if found.sound[0] else None
+    found = ManyCurvatures.of(at)
+    return _Shared(at.A[0].T, found.inverses[0]) if found.sound[0] else None
 
 
 def _fit_block(
@@ -201,10 +201,10 @@ def _fit_block(
     near = NEAR if rows.mode == "whitened" and belief is None else NEARER
     for _ in range(MOST_STEPS):
         at = ManyTangents.of(rows, models, belief)
-        step = at.gradient if shared is None else times(at.gradient, shared.C)
+        step, own = at.gradient if shared is None else times(at.gradient, shared.C), None
         if slow.any():
-            own = ManyInverses.of(at.normal(at.data)).C
-            step = np.where(slow[:, None], times(at.gradient, own), step)
+            own = ManyCurvatures.of(at)
+            step = np.where(slow[:, None], own.step(at.gradient), step)
         inside = (step * at.gradient).sum(axis=1)
         # those that are there stay, whatever the others do: at rounding no step leads further
         left = ~(at.certificate(inside) <= near) & (inside < 0.25 * before)
@@ -213,7 +213,7 @@ def _fit_block(
         slow |= left & (inside > SLOW**2 * before)
         before = np.where(left, inside, 0.0)
         models = moved_by(models, rows.free, np.where(left[:, None], step, 0.0))
-    return _ended(parameters, rows, models, at)
+    return _ended(parameters, rows, models, at, own or ManyCurvatures.of(at))
 
 
 def _by_chords(
@@ -229,14 +229,13 @@ def _by_chords(
 
 
 def _ended(
-    parameters: Parameters, rows: ManyRows, models: ManyModels, at: ManyTangents
-) -> ManyFits:
+    parameters: Parameters, rows: ManyRows, models: ManyModels, at: ManyTangents,
+    found: ManyCurvatures,
+) -> ManyFits:  # fmt: skip
     """The last step, by each robot's own curvature, and the statistics there."""
     R, f, n = at.A.shape
-    data = at.data
-    normal = at.normal(data)
-    found = ManyInverses.of(normal)
-    step = times(at.gradient, found.C)
+    data, C = found.data, found.inverses
+    step = found.step(at.gradient)
     inside = (step * at.gradient).sum(axis=1)
     certificate = at.certificate(inside)
     models = moved_by(models, rows.free, np.nan_to_num(step))
@@ -251,15 +250,15 @@ def _ended(
         chi_square = np.einsum("ri,ri->r", at.r, at.r)
         chi_square += np.einsum("rf,rf->r", step, (data @ step[:, :, None])[:, :, 0] - 2 * pull)
         if at.held is not None:
-            dof = n - np.einsum("rij,rij->r", data, found.C)
+            dof = n - np.einsum("rij,rij->r", data, C)
             evidence = -(at.cost - inside - at.held.spread + found.spread) / 2
         p_value = chdtrc(dof, chi_square)
     return ManyFits(
         parameters=parameters,
         models=models,
         steps=models.steps()[:, rows.free],
-        covariance=variance[:, None, None] * found.C,
-        normal=normal,
+        covariance=variance[:, None, None] * C,
+        normal=found.normal,
         variance=variance,
         chi_square=chi_square,
         dof=dof,

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
 from calib.arrays import Array, Bool, Index
 from calib.geometry.frames import exp_so3, right_jacobian_inverse
@@ -146,10 +147,6 @@ class ManyTangents:
         """(R, f, f) A'A."""
         return np.asarray(self.A @ np.swapaxes(self.A, 1, 2))
 
-    def normal(self, data: Array) -> Array:
-        """(R, f, f) A'A + D'Lambda0 D."""
-        return data if self.held is None else data + self.held.curvature
-
     def certificate(self, inside: Array) -> Array:
         """(R,) as in `Tangent.certificate`, from squared offsets (R,)."""
         f, n = self.A.shape[1:]
@@ -160,30 +157,59 @@ class ManyTangents:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ManyInverses:
-    """Inverses of normal equations."""
+class ManyCurvatures:
+    """Normal equations of R robots and their Cholesky factors, of unit diagonals."""
 
-    C: Array
-    """(R, f, f)"""
-    sound: Bool
-    """(R,) whether rounding spares them."""
-    spread: Array
-    """(R,) logarithms of the determinants of the normal equations."""
+    data: Array
+    """(R, f, f) A'A."""
+    normal: Array
+    """(R, f, f) A'A + D'Lambda0 D."""
+    scale: Array
+    """(R, f) roots of the diagonal."""
+    factor: Array
+    """(R, f, f) upper triangles; nan where there is none."""
 
     @classmethod
-    def of(cls, H: Array) -> "ManyInverses":
-        """Of H (R, f, f), through unit diagonals; of those that have none, nan."""
-        s = np.sqrt(np.diagonal(H, axis1=1, axis2=2))
+    def of(cls, at: ManyTangents) -> "ManyCurvatures":
+        """At some models."""
+        data = at.data
+        normal = data if at.held is None else data + at.held.curvature
+        s = np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
         with np.errstate(invalid="ignore", divide="ignore"):
-            scaled = H / (s[:, :, None] * s[:, None, :])
-        try:
-            pivots = np.diagonal(np.linalg.cholesky(scaled), axis1=1, axis2=2)
-        except np.linalg.LinAlgError:
-            # one of them has none: each by itself
-            if len(H) > 1:
-                each = [cls.of(one[None]) for one in H]
-                return cls(*(np.concatenate([getattr(e, n) for e in each]) for n in cls.__slots__))
-            return cls(np.full(H.shape, np.nan), np.zeros(1, dtype=bool), np.full(1, np.nan))
-        C = np.linalg.solve(scaled, np.eye(H.shape[1])) / (s[:, :, None] * s[:, None, :])
-        spread = 2 * (np.log(pivots) + np.log(s)).sum(axis=1)
-        return cls((C + np.swapaxes(C, 1, 2)) / 2, pivots.min(axis=1) ** 2 > SMALLEST_PIVOT, spread)
+            factor = np.ascontiguousarray(normal / (s[:, :, None] * s[:, None, :]))
+        for one in factor:
+            # of a transposed symmetric matrix, which LAPACK overwrites
+            flaw = dpotrf(one.T, lower=1, overwrite_a=1)[1] if np.isfinite(one).all() else 1
+            if flaw:
+                one[:] = np.nan
+        return cls(data, normal, s, factor)
+
+    @property
+    def pivots(self) -> Array:
+        """(R, f) on the diagonals of the factors."""
+        return np.diagonal(self.factor, axis1=1, axis2=2)
+
+    @property
+    def sound(self) -> Bool:
+        """(R,) whether rounding spares their inverses."""
+        return np.asarray(self.pivots.min(axis=1) ** 2 > SMALLEST_PIVOT)
+
+    @property
+    def spread(self) -> Array:
+        """(R,) logarithms of the determinants of the normal equations."""
+        return np.asarray(2 * (np.log(self.pivots) + np.log(self.scale)).sum(axis=1))
+
+    def step(self, gradient: Array) -> Array:
+        """(R, f) where the gradient (R, f) leads; nan where there is no factor."""
+        scaled = gradient / self.scale
+        each = zip(self.factor, scaled, strict=True)
+        return np.array([dpotrs(one.T, g, lower=1)[0] for one, g in each]) / self.scale
+
+    @property
+    def inverses(self) -> Array:
+        """(R, f, f) of the normal equations."""
+        found = np.empty(self.normal.shape)
+        for to, one, s in zip(found, self.factor, self.scale, strict=True):
+            half = np.tril(dpotri(one.T, lower=1)[0] / (s[:, None] * s))
+            to[:] = half + np.tril(half, -1).T
+        return found
