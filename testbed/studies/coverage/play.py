@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from calib.arrays import Array, Index
+from calib.arrays import Index
 from calib.identification.identify import Identification, identify
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import Ladder
@@ -21,24 +21,16 @@ from calib.identification.many.single import identify_many
 from calib.identification.model_choice import ModelChoice, choose
 from calib.identification.prior import own_prior
 from calib.measurement.accuracy import point_distances
-from calib.uncertainty.covariance import standard_uncertainty
-from calib.uncertainty.regions import mahalanobis_squared
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
 from testbed.laboratory.truth.setting import Setting
-from testbed.laboratory.truth.terms import UnmodelledTerms
 from testbed.scenario.scenario import Scenario
+from testbed.studies.coverage.errors import Errors, many_parameter_errors, parameter_errors
 from testbed.studies.coverage.judge import OF_A_MODEL, MeasuredRobot, judge_model, judge_models
 from testbed.studies.coverage.settings import CoverageSettings
 from testbed.studies.coverage.study import CoverageStudy
 from testbed.studies.coverage.visits import measure_robot, measure_robots, poses_of
 from testbed.studies.many_robots import alone, together
-from testbed.studies.trial.compare import true_step
 from testbed.studies.trial.records import Trial
-from testbed.studies.trial.statement.sources import systematic_covariance
-
-EXACT = 1e-9
-"""A model that repeats the noise-free truth this well holds it [m]."""
-
 
 OF_A_ROBOT = ("extended", "log_evidence", "before", "normal_error", "nees")
 AXES = dict.fromkeys((*OF_A_MODEL, *OF_A_ROBOT), -1)
@@ -53,14 +45,25 @@ def play_robots(
     level = scenario.table(CoverageSettings).level
     poses = [poses_of(laboratory, k) for k in robots]  # robot k of every kind meets the same
     measured = [measure_robots(laboratory, kind, chosen, robots, poses) for kind in kinds]
-    everyone = [one for of_kind in measured for one in of_kind]
     ladders = offered(laboratory)
-    found = [one for of_kind in measured for one in many_models(of_kind, ladders)]
-    of_each = (judge_models([one[0][k] for one in found], everyone, level) for k in range(2))
-    played = zip(everyone, found, zip(*of_each, strict=True), strict=True)
+    found = [many_models(of_kind, ladders) for of_kind in measured]
+    errors = [
+        many_parameter_errors([fits[0] for fits, *_ in own], of_kind)
+        for own, of_kind in zip(found, measured, strict=True)
+    ]
+    everyone = [one for of_kind in measured for one in of_kind]
+    judged = zip(
+        *(
+            judge_models([fits[k] for own in found for fits, *_ in own], everyone, level)
+            for k in range(2)
+        ),
+        strict=True,
+    )
     return {
-        kind: gather([_played(kind, *next(played)) for _ in of_kind])
-        for kind, of_kind in zip(kinds, measured, strict=True)
+        kind: gather(
+            [_played(kind, *one, next(judged)) for one in zip(of_kind, own, wrong, strict=True)]
+        )
+        for kind, of_kind, own, wrong in zip(kinds, measured, found, errors, strict=True)
     }
 
 
@@ -79,19 +82,22 @@ def play_robot(laboratory: Laboratory, truth: str, chosen: Index, robot: int) ->
     measured = measure_robot(laboratory, truth, chosen, robot)
     found = models(measured, offered(laboratory))
     level = laboratory.scenario.table(CoverageSettings).level
-    return _played(truth, measured, found, [judge_model(fit, measured, level) for fit in found[0]])
+    errors = parameter_errors(found[0][0], measured)
+    judged = [judge_model(fit, measured, level) for fit in found[0]]
+    return _played(truth, measured, found, errors, judged)
 
 
 def _played(
     truth: str,
     measured: MeasuredRobot,
     found: tuple[tuple[Identification, ...], float, bool],
+    errors: Errors | None,
     judged: Sequence[Mapping[str, Any]],
 ) -> CoverageStudy:
     """The record of one robot, its models found and judged."""
     scenario, nominal = measured.laboratory.scenario, measured.laboratory.setting.nominal
     fits, evidence, extended = found
-    normal_error, nees = parameter_errors(fits[0], measured) or (np.zeros(0), np.nan)
+    normal_error, nees = errors or (np.zeros(0), np.nan)
     return CoverageStudy(
         truth=truth,
         level=scenario.table(CoverageSettings).level,
@@ -145,22 +151,3 @@ def _found(
 ) -> tuple[tuple[Identification, ...], float, bool]:
     """What is kept of a choice."""
     return (bare, choice.identifications[1]), choice.log_evidence, choice.chosen == "extended"
-
-
-def parameter_errors(found: Identification, measured: MeasuredRobot) -> tuple[Array, float] | None:
-    """Normalized errors (f,) and NEES of the geometric numbers; None if they cannot hold the truth.
-
-    They cannot where joints or links do what no geometry does, or where numbers that differ are
-    held fixed.
-    """
-    setting, truth = measured.laboratory.setting, measured.laboratory.truth
-    if truth.model.joint_errors.coefficients.any() or truth.unmodelled != UnmodelledTerms():
-        return None
-    step = true_step(setting, found, measured.seen)
-    exact = setting.nominal.moved(found.parameters.expand(step))
-    if point_distances(exact.poses(measured.judge_q)[:, :3, 3], measured.true).max() > EXACT:
-        return None
-    wrong = found.step - step
-    covariance = found.covariance + systematic_covariance(measured.laboratory, found, measured.seen)
-    nees = float(mahalanobis_squared(wrong, covariance))
-    return wrong / standard_uncertainty(covariance), nees
