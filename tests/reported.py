@@ -1,12 +1,14 @@
 """Small campaigns to report on, each played once per process, and how to read a page."""
 
+import re
+from collections import Counter
 from dataclasses import fields
 from functools import cache
 from html.parser import HTMLParser
 
 import numpy as np
 
-from testbed.report.page import render
+from testbed.report.page import SIMULATED, render
 from testbed.run.derive import page_of
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
@@ -79,6 +81,7 @@ class Reader(HTMLParser):
     def __init__(self):
         super().__init__(convert_charrefs=True)
         self.open, self.tags, self.text, self.ids, self.links = [], [], [], [], []
+        self.said = []  # as text, but nothing of figures
 
     def handle_starttag(self, tag, attrs):
         self.tags.append(tag)
@@ -102,6 +105,8 @@ class Reader(HTMLParser):
     def handle_data(self, data):
         if data.strip() and "style" not in self.open and "title" not in self.open:
             self.text.append(" ".join(data.split()))
+            if "svg" not in self.open:
+                self.said.append(self.text[-1])
 
 
 def read(html):
@@ -110,3 +115,19 @@ def read(html):
     reader.feed(html)
     reader.close()
     return reader
+
+
+def words(html):
+    """How many words a page shows, folded sections and notes included, figures not."""
+    return sum(len(text.split()) for text in read(html).said)
+
+
+def said_twice(html):
+    """Sentences of four words or more that a page shows more than once; numbers are none."""
+    counts = Counter(
+        sentence
+        for text in read(html).said
+        for sentence in re.split(r"(?<=[.!?]) (?=[A-Z])", text)
+        if len(re.findall(r"[A-Za-z]{2,}", sentence)) >= 4 and sentence != SIMULATED
+    )
+    return [sentence for sentence, count in counts.items() if count > 1]

@@ -36,11 +36,10 @@ from testbed.report.page import (
     Table,
     Text,
     record_section,
-    rejection_table,
+    rejections,
     render,
 )
 from testbed.robots.catalog import Robot
-from testbed.scenario.read import dump_scenario
 from testbed.units import DEG, MDEG, MM, UM, counted, fixed, significant
 
 
@@ -65,10 +64,9 @@ def plan_report_html(plan: Plan, robot: Robot, *, versions: Mapping[str, str]) -
         candidate_section(plan),
         parameter_section(plan),
         record_section(
-            f"Seed {scenario.seed}. Planning the scenario below again with the same versions gives "
-            f"the same table. {certificate_word(plan)}",
+            f"Seed {scenario.seed}. scenario.toml beside this page, planned again with the same "
+            f"versions, gives the same table; plan.json has every figure. {certificate_word(plan)}",
             versions,
-            dump_scenario(scenario),
         ),
     )
     page = Page(
@@ -197,8 +195,10 @@ def candidate_section(plan: Plan) -> Section:
             "Vermilion: the chosen poses.",
             plots.leverage_map(plan),
         ),
-        Text(f"Refused by floor or obstacle: {near}, the base aside."),
-        rejection_table(pool.n_drawn, pool.rejection_names, pool.rejection_counts, len(pool.q)),
+        Text(
+            rejections(pool.n_drawn, pool.rejection_names, pool.rejection_counts, len(pool.q))
+            + f" By floor or obstacle: {near}, the base aside."
+        ),
         Figure(
             "Candidates refused inside the box, by reason (at most 100 each), over the pool "
             "(gray).",

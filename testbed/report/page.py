@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Literal, get_args
 
 from calib.arrays import Index
 from calib.errors import visible
+from testbed.units import listed
 
 SIMULATED = "SIMULATED - not a calibration certificate"
 """On everything that was made from a virtual robot."""
@@ -70,15 +71,7 @@ class Figure:
     svg: str
 
 
-@dataclass(frozen=True, slots=True)
-class Code:
-    """Text kept as it is, line by line."""
-
-    kind: ClassVar[str] = "code"
-    text: str
-
-
-Block = Text | Points | Table | Figure | Code
+Block = Text | Points | Table | Figure
 Part = Literal["answer", "campaign", "detail", "record"]
 """Where a section stands: what answers the question of a scene, what was played, the rest."""
 PARTS: tuple[Part, ...] = get_args(Part)
@@ -109,6 +102,8 @@ class Page:
     headline: Table
     next_step: str
     sections: tuple[Section, ...]
+    recording: str = ""
+    """Name of the file beside the page that plays what happened; empty if there is none."""
     picture: Figure | None = None
     """Beside the verdict on the first screen; without one the first figure of the sections."""
 
@@ -143,38 +138,28 @@ def render(page: Page) -> str:
     return visible(environment.get_template("report.html.j2").render(page=page.opened()))
 
 
-def record_section(text: str, versions: Mapping[str, str], scenario: str = "") -> Section:
-    """What is needed to make the result again: versions, and the scenario in full.
+def record_section(text: str, versions: Mapping[str, str]) -> Section:
+    """How the result was made: what makes it again, and by which versions.
 
     Parameters
     ----------
     text : str
-        What is promised to whoever does.
+        Where the files lie, and what is promised to whoever uses them again.
     versions : mapping of str to str
         Program and packages.
-    scenario : str
-        TOML of the scenario that was played; empty if none was.
     """
-    table = Table("Versions", ("program or package", "version"), tuple(versions.items()), "ll")
-    if not scenario:
-        return Section("record", "Versions", (Text(text), table))
-    return Section("record", "Scenario and versions", (Text(text), table, Code(scenario)))
+    made = ", ".join(f"{name} {version}" for name, version in versions.items())
+    return Section("record", "How it was made", (Text(text), Text(f"Versions: {made}.")))
 
 
-def rejection_table(n_drawn: int, names: Sequence[str], rejected: Index, size: int) -> Table:
+def rejections(n_drawn: int, names: Sequence[str], rejected: Index, size: int) -> str:
     """How many of `n_drawn` candidate poses were refused for which reason, for a pool of `size`."""
-    counts = {f"refused: {name}": int(n) for name, n in zip(names, rejected, strict=True)}
-    kept = n_drawn - sum(counts.values())
-    rows = [("drawn", str(n_drawn), "100 %")]
-    for name, count in {**counts, "feasible": kept}.items():
-        rows.append((name, str(count), f"{100 * count / max(n_drawn, 1):.1f} %"))
-    return Table(
-        f"Candidate poses: a pool of {size}",
-        heads("candidates, number, share"),
-        tuple(rows),
-        note="Each candidate is counted under the first reason that applies. "
-        + (f"The first {size} feasible ones are the pool." if kept > size else ""),
-    )
+    counts = [(name, int(n)) for name, n in zip(names, rejected, strict=True) if n]
+    kept = n_drawn - sum(n for _, n in counts)
+    said = listed([f"{n} {name}" for name, n in counts])
+    first = f"the first {size} of {kept} feasible ones" if kept > size else f"{kept} feasible ones"
+    refused = f"refused were {said}" if counts else "none was refused"
+    return f"Of {n_drawn} candidate poses {refused}; the pool is {first}."
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 INK, SOFT, FAINT = "#1a1a1a", "#6b6b6b", "#c4c4c4"
-DARK, MIDDLE, LIGHT = "#0b4f8a", "#d55e00", "#e8a33d"
-"""Blue, vermilion, amber: told apart by hue, in gray by lightness, and each has its own marker."""
+DARK, MIDDLE, LIGHT = "#0072b2", "#d55e00", "#e8a33d"
+"""Blue, vermilion, amber (Okabe and Ito 2008): told apart by all eyes, in gray by marker."""
 FONT = "'Liberation Sans', Arial, Helvetica, sans-serif"
 
 TICKS = {

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from calib.errors import refuse
 from testbed.report.page import PARTS, SIMULATED, Page, record_section, render
-from testbed.scenario.read import dump_scenario
 from testbed.scenario.scenario import Scenario
 from testbed.store import npz
 from testbed.store.layout import ARRAYS, FORMAT, OF_TRIAL, RECORDING, REPORT, RESULT
@@ -154,11 +153,10 @@ def page_of(
         for section in study.sections(scenario, campaign.records, first=study is asked)
     ]
     record = record_section(
-        f"Seed {scenario.seed}. Every number of this report comes from the scenario below; "
-        "playing it again with the same versions on the same kind of processor gives the same "
-        "bytes.",
+        f"Seed {scenario.seed}. scenario.toml beside this page, played again with the same "
+        "versions on the same kind of processor, gives the same bytes; result.json has every "
+        "figure, arrays.npz every pose and parameter.",
         versions,
-        dump_scenario(scenario),
     )
     return Page(
         banner=SIMULATED,
@@ -172,6 +170,7 @@ def page_of(
         next_step=answer.next_step,
         # sections of one part keep the order of their studies
         sections=(*sorted(sections, key=lambda section: PARTS.index(section.part)), record),
+        recording=RECORDING,
         picture=answer.picture,
     )
 

@@ -46,11 +46,22 @@ def golden_file(scene: str) -> Path:
 
 
 def headline_of(scene: str, poses: int | None = None) -> dict[str, Any]:
-    """Play a shipped scene in memory, a long one smaller, and return its headline.
+    """Headline of a shipped scene played in memory, a long one smaller; see `played`."""
+    return headline(played(scene, poses))
+
+
+def headline(campaign: Any) -> dict[str, Any]:
+    """Headline of a campaign as its file would give it back."""
+    from testbed.run import derive
+
+    return json.loads(json.dumps(derive.headline(campaign), allow_nan=False))
+
+
+def played(scene: str, poses: int | None = None) -> Any:
+    """A shipped scene played in memory, a long one smaller.
 
     With `poses`, only its trials with that number of poses are played.
     """
-    from testbed.run.derive import headline
     from testbed.run.play import play_run
     from testbed.scenario.read import changed
     from testbed.studies import load_scenario
@@ -62,7 +73,7 @@ def headline_of(scene: str, poses: int | None = None) -> dict[str, Any]:
         trials = [trial for trial in scenario.document()["trial"] if trial["poses"] == poses]
         scenario = changed(scenario, {"trial": trials})
     scenario = changed(scenario, FEWER.get(scene, {}))
-    return json.loads(json.dumps(headline(play_run(scenario).campaign), allow_nan=False))
+    return play_run(scenario).campaign
 
 
 if __name__ == "__main__":

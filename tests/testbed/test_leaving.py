@@ -11,7 +11,7 @@ from testbed.files.read import read_session
 from testbed.files.text import read_sheet
 from testbed.gates.text import read_text
 from testbed.laboratory.joint_lists import read_joints
-from testbed.report.page import Code, Page, Section, Table, Text, render
+from testbed.report.page import Page, Points, Section, Table, Text, render
 from testbed.report.text import csv_text, guarded, table, unguarded
 from testbed.robots.catalog import load_robot
 from testbed.robots.write.toml import robot_toml
@@ -147,7 +147,7 @@ def test_comments_of_a_robot_file_hold_no_line_separator(one):
 def test_the_page_shows_what_it_cannot_print():
     wild = "".join(["a", *(one for one in STEERING if one != "\udc9b"), "b"])
     head = Table(wild, (wild, "u"), ((wild, "1"),), "ll")
-    section = Section("s", wild, (Text(wild), Code(wild)))
+    section = Section("s", wild, (Text(wild), Points((wild,))))
     text = render(Page(wild, wild, wild, True, wild, wild, (wild,), head, wild, (section,)))
     assert text == visible(text)
     assert text.count(r"a\x00\x01") == 16

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from math import ceil
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from testbed.report.plots import (
     BARS,
     Look,
     dots,
-    label,
     legend_above,
     log_ticks,
     marked_line,
@@ -37,6 +36,8 @@ LOOKS: dict[str, Look] = {
     "paper": {"marker": "^", "color": MIDDLE, "markersize": 3.6, "markerfacecolor": "none"},
 }
 """Marker and color of each estimator, the same in every figure."""
+DASHES: dict[str, Any] = {"whitened": "-", "paper": (0, (1.5, 1))}
+"""Of their lines, told apart in gray."""
 NAMES = {"whitened": "default estimator", "paper": "paper mode"}
 
 
@@ -67,6 +68,7 @@ def error_distributions(trials: Sequence[Trial]) -> str:
             _shares_below(ax, before, look)
             for estimate in trial.estimates:
                 look = {"color": LOOKS[estimate.mode]["color"], "label": NAMES[estimate.mode]}
+                look["linestyle"] = DASHES[estimate.mode]
                 _shares_below(ax, estimate.comparison.after, look)
                 if estimate.statement is not None and estimate.statement.point is not None:
                     radius = estimate.statement.point.radius_mean
@@ -124,29 +126,6 @@ def pose_space(campaign: Campaign) -> str:
             if view == "above":
                 toward(ax, station)
             ax.set_aspect("equal")
-        return svg_of(figure)
-
-
-def search_convergence(trials: Sequence[Trial]) -> str:
-    """Best index known after each local search of the designed sets."""
-    trials = trials[:MOST_VIEWS]
-    with drawing(1, len(trials), height=2.1) as (figure, axes):
-        for ax, trial in zip(axes, trials, strict=True):
-            chosen = trial.selection
-            scale, name = unit_factor(unit_of_criterion(trial), chosen.criterion)
-            trace = chosen.trace * scale
-            x = np.arange(1, len(trace) + 1)
-            ax.step(x, trace, where="post", color=DARK)
-            best = int(np.argmax(trace == trace[-1]))
-            ax.plot(x[best], trace[best], "o", color=MIDDLE)
-            late = best > 0.6 * len(x)
-            label(
-                ax, f"best: search {x[best]}", (x[best], trace[best]), (-5 if late else 5, -11),
-                size=7, ha="right" if late else "left",
-            )  # fmt: skip
-            ylabel = f"best {name}, {trial.rows} rows"
-            ax.set(title=trial.name, xlabel="local search", ylabel=ylabel)
-            short_ticks(ax)
         return svg_of(figure)
 
 

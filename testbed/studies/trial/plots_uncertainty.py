@@ -1,5 +1,6 @@
 """The figures of uncertainty: stated beside true, the budget, and the tool point over the room."""
 
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -72,6 +73,8 @@ def _symlog_ticks(ax: "Axes") -> None:
 
 CELL = 0.1
 """Edge of the cells of the map [m]."""
+FLAT = 1.5
+"""Largest over smallest u below which no map is drawn."""
 
 
 def budget_bars(statements: list[tuple[str, Statement]]) -> str:
@@ -106,10 +109,34 @@ def bar_look(name: str) -> dict[str, Any]:
     return {"color": INK if name in ("parameters alone", "believed") else DARK}
 
 
-def tool_maps(campaign: Campaign, trial: Trial) -> str:
-    """Believed u_3D of the tool point over the pool's work space, from above and from the side."""
-    from matplotlib import colormaps
+@dataclass(frozen=True, slots=True)
+class ToolViews:
+    """Believed u of the tool point over the work space, from above and from the side."""
 
+    edges: tuple[Array, Array, Array]
+    """Edges of the cells along x, y and z [m]."""
+    above: Array
+    side: Array
+    """u [um] per cell of each view; nan where no posture came by."""
+
+    @property
+    def low(self) -> float:
+        """Smallest u shown [um]."""
+        return float(min(np.nanmin(u) for u in (self.above, self.side)))
+
+    @property
+    def high(self) -> float:
+        """Largest u shown [um]."""
+        return float(max(np.nanmax(u) for u in (self.above, self.side)))
+
+    @property
+    def flat(self) -> bool:
+        """Whether u is so much the same everywhere that a map says nothing."""
+        return self.high < FLAT * self.low
+
+
+def tool_views(campaign: Campaign, trial: Trial) -> ToolViews:
+    """Believed u_3D of the tool point over the pool's work space."""
     (belief,) = (
         one.statement.belief
         for one in trial.estimates
@@ -124,17 +151,22 @@ def tool_maps(campaign: Campaign, trial: Trial) -> str:
     )
     x, y, z = (edges(made.corner[k], made.count.shape[k]) for k in range(3))
     square: Array = np.where(made.count > 0, made.mean**2, 0.0) * made.count
-    views = [(x, y, 2, "above", "y"), (x, z, 1, "side", "z")]
-    flat = [shown(square, made.count, axis) for _, _, axis, _, _ in views]
-    low = min(float(np.nanmin(u)) for u in flat)
-    high = max(float(np.nanmax(u)) for u in flat)
+    above, side = (shown(square, made.count, axis) for axis in (2, 1))
+    return ToolViews((x, y, z), above, side)
+
+
+def tool_maps(views: ToolViews) -> str:
+    """Two maps of u, from above and from the side."""
+    from matplotlib import colormaps
+
+    x, y, z = views.edges
+    low, high = views.low, views.high
     middle = (low + high) / 2
-    # a difference of a few percent must not look like one of black and white
-    low, high = min(low, 0.8 * middle), max(high, 1.2 * middle)
     # few enough colors that the bar beside the map is drawn, not embedded as a picture
     colors = colormaps["cividis"].resampled(24)
-    with drawing(1, 2, height=2.6) as (figure, axes):
-        for ax, (across, up, _, title, letter), u in zip(axes, views, flat, strict=True):
+    with drawing(1, 2, height=2.3) as (figure, axes):
+        shown = ((x, y, views.above, "above", "y"), (x, z, views.side, "side", "z"))
+        for ax, (across, up, u, title, letter) in zip(axes, shown, strict=True):
             mesh = ax.pcolormesh(
                 across * MM, up * MM, u.T, cmap=colors, vmin=low, vmax=high, edgecolor="white",
                 linewidth=0.2,

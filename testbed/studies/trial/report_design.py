@@ -5,57 +5,54 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib.information.observability import CRITERIA
-from testbed.report.page import Block, Figure, Points, Section, Table, Text, heads, rejection_table
+from testbed.report.page import Block, Figure, Points, Section, Table, heads, rejections
 from testbed.studies.trial import plots
 from testbed.studies.trial.records import Campaign
 from testbed.studies.trial.report_accuracy import set_in_words
 from testbed.studies.trial.report_rounds import round_tables
 from testbed.studies.trial.set_records import PoseCountStudy, RandomSets
-from testbed.units import counted, micrometres, sentence, significant
+from testbed.units import NARROW, counted, micrometres, sentence, significant, typeset
 
 
 def index_table(campaign: Campaign) -> Table:
-    """Observability indices of every trial's set, in two kinds of rows; of many, in one."""
+    """Observability indices of every trial's set, per pose, in two kinds of rows; of many, in one.
+
+    The paper's twelve rows exist for full poses only.
+    """
+    scenario, many = campaign.scenario, len(campaign.trials) > plots.MOST_PANELS
+    poses = scenario.tracker.measures == "pose" and scenario.fixtures is None and not many
     rows = []
-    few = len(campaign.trials) <= plots.MOST_PANELS
-    scenario = campaign.scenario
-    poses = scenario.tracker.measures == "pose" and scenario.fixtures is None and few
     for trial in campaign.trials:
-        kinds = [("whitened, L = 0.3 m", trial.whitened_observability, "per_pose")]
-        if poses:
-            # the paper's twelve rows exist for full poses only
-            kinds = [
-                ("12 rows, mm, rad", trial.observability, "printed"),
-                ("", trial.observability, "per_pose"),
-                *kinds,
-            ]
-        for k, (name, seen, form) in enumerate(kinds):
-            values = (significant(getattr(getattr(seen, form), c), 3) for c in CRITERIA)
-            head = (trial.name, set_in_words(trial)) if k == 0 else ("", "")
-            rows.append((*head, name, form.replace("_", " "), *values))
+        kinds = [("paper", trial.observability)] if poses else []
+        kinds.append(("whitened", trial.whitened_observability))
+        for k, (name, seen) in enumerate(kinds):
+            values = (significant(getattr(seen.per_pose, c), 3) for c in CRITERIA)
+            head = f"{trial.name}, {set_in_words(trial)}" if k == 0 else ""
+            rows.append((head, name, *values))
     return Table(
-        caption="Observability indices; larger is better, except for the printed O5",
-        head=("trial", "pose set", "rows and units", "form", "O1", "O2", "O3", "O4", "O5"),
+        caption="Observability indices per pose; larger is better",
+        head=("set", "rows", "O1", "O2", "O3", "O4", "O5"),
         rows=tuple(rows),
-        align="llllrrrrr",
+        align="llrrrrr",
         size="small",
-        note=("" if few else "Whitened rows only, per pose: there are many trials. ")
-        + "Every index but O1 depends on the units of rows and columns: compare only within one "
-        "kind of rows. 12 rows: of the robot's set wen2022 where it has one; whitened: of the "
-        "numbers the default estimator keeps. printed: eq. (6) of the paper. per pose: O3, O4, O5 "
-        "divided by the root of "
-        "the number of poses, O5 as the reciprocal of the printed sum.",
+        note="Compare within one kind of rows only. paper: twelve rows, mm and rad. whitened: of "
+        "the numbers that the default estimator keeps, L = 0.3 m. O3 to O5 are divided by the root "
+        "of the number of poses; O5 is the reciprocal of the printed sum.",
     )
 
 
 def design_section(campaign: Campaign) -> Section:
-    """Pool, indices, searches, random sets, number of poses."""
+    """Pool, indices, random sets, number of poses, and what they can identify."""
     setting = campaign.setting
-    drawn = rejection_table(
-        setting.n_drawn, setting.rejection_names, setting.rejection_counts, len(setting.pool_q)
-    )
+    counts = (setting.n_drawn, setting.rejection_names, setting.rejection_counts)
+    said = [rejections(*counts, len(setting.pool_q))]
+    few = len(campaign.random_sets) <= plots.MOST_VIEWS
+    if few:
+        said += [beaten(one) for one in campaign.random_sets]
+    if campaign.pose_count is not None:
+        said.append(settling(campaign.pose_count))
     blocks: list[Block] = [
-        drawn,
+        Points(tuple(said)),
         Figure(
             "The pool (gray) and the chosen poses: designed sets as blue dots, random sets as "
             f"vermilion triangles{plots.only(campaign.trials, plots.MOST_VIEWS)}.",
@@ -64,38 +61,24 @@ def design_section(campaign: Campaign) -> Section:
         *round_tables(campaign),
         index_table(campaign),
     ]
-    searched = [t for t in campaign.trials if t.method == "detmax"]
-    if searched:
+    if not few:
+        blocks.append(beaten_table(campaign.random_sets))
+    # where all random sets were calibrated, a figure shows their indices beside their errors
+    if campaign.random_sets and not campaign.scenario.studies.paper_budget:
         blocks.append(
             Figure(
-                "DETMAX: the best index known after each local search"
-                f"{plots.only(searched, plots.MOST_VIEWS)}.",
-                plots.search_convergence(searched),
-            )
-        )
-    if campaign.random_sets:
-        few = len(campaign.random_sets) <= plots.MOST_VIEWS
-        said = Text(" ".join(beaten(one) for one in campaign.random_sets))
-        blocks.append(said if few else beaten_table(campaign.random_sets))
-        blocks.append(
-            Figure(
-                "The figure of each designed set (line) beside "
-                f"{len(campaign.random_sets[0].values)}"
-                f" random sets of the same size (histogram)"
+                f"{len(campaign.random_sets[0].values)} random sets of the same size (histogram) "
+                "and the designed one (line)"
                 f"{plots.only(campaign.random_sets, plots.MOST_VIEWS)}.",
                 plots.random_sets(campaign.random_sets),
             )
         )
     if campaign.pose_count is not None:
-        blocks += [
-            Text(settling(campaign.pose_count)),
-            Figure(
-                "Observability index of random sets against the number of poses (rows in mm and "
-                "rad); the dashed line is where the rule stops.",
-                plots.pose_count(campaign.pose_count),
-            ),
-        ]
-    return Section("poses", "Pose sets", tuple(blocks))
+        text = "Index of random sets against their size (rows in mm and rad)."
+        blocks.append(Figure(text, plots.pose_count(campaign.pose_count)))
+    return Section(
+        "poses", "Poses, and what they can identify", (*blocks, *identifiable_blocks(campaign))
+    )
 
 
 def beaten(one: RandomSets) -> str:
@@ -105,9 +88,9 @@ def beaten(one: RandomSets) -> str:
     side = "above" if one.larger_is_better else "below"
     return (
         f"{one.trial} ({counted(one.n_poses, 'pose')}) beats {all_of_them} {len(one.values)} "
-        f"random sets in its own {'index' if one.unit == '1' else 'uncertainty'}: {one.criterion} "
-        f"= {own} against a mean of {mean} and a best of {best}, "
-        f"{significant(ahead(one), 2)} standard deviations {side} the mean."
+        f"random sets in its own {'index' if one.unit == '1' else 'uncertainty'}, {one.criterion} "
+        f"= {own}; theirs: mean {mean}, best {best}. It is {significant(ahead(one), 2)} "
+        f"standard deviations {side} their mean."
     )
 
 
@@ -168,36 +151,33 @@ def settling(study: PoseCountStudy) -> str:
         for name, chosen in (("O1", first), ("O2", second))
     ]
     return (
-        "The rule stops at the first number of poses where the mean of the next ten values differs "
-        f"by less than 0.5 % from that of the previous ten: {', '.join(stops)}. From "
-        f"{study.counts[k]} to {last} poses the printed indices change by the factors {names}."
+        f"The paper's rule (means of ten values differ by less than 0.5{NARROW}%) stops at "
+        f"{', '.join(stops)}; from {study.counts[k]} to {last} poses the printed indices change by "
+        f"the factors {names}."
     )
 
 
-def identifiable_section(campaign: Campaign) -> Section:
+def identifiable_blocks(campaign: Campaign) -> tuple[Block, ...]:
     """What the measurements can tell apart, in words."""
-    trial = campaign.trials[0]
-    blocks: list[Block] = []
-    for estimate in trial.estimates:
-        found = estimate.identification.reduction
+    said: list[str] = []
+    for estimate in campaign.trials[0].estimates:
+        fit = estimate.identification
+        found, name = fit.reduction, plots.NAMES[estimate.mode].capitalize()
         free = len(found.kept) + len(found.dropped)
-        fixed_count = len(estimate.identification.parameters.names) - free
         text = (
-            f"{plots.NAMES[estimate.mode].capitalize()}: {counted(free, 'number')} free, "
-            f"{fixed_count} held at their nominal values; rank {found.rank} (singular values above "
-            f"{found.tolerance:.0e} of the largest count), condition "
-            f"{significant(found.condition, 3)} of the kept columns. "
+            f"{name}: {counted(free, 'number')} free, {len(fit.parameters.names) - free} held; "
+            f"rank {found.rank}, condition {significant(found.condition, 3)}"
         )
-        text += (
-            "All free numbers can be told apart."
-            if not found.dropped
-            else f"{counted(len(found.dropped), 'number')} cannot be told from others and "
-            f"{'is' if len(found.dropped) == 1 else 'are'} left nominal:"
-        )
-        blocks.append(Text(text))
         if found.sentences:
-            blocks.append(Points(found.sentences))
-        extra = estimate.identification.notes[len(found.sentences) :]
-        if extra:
-            blocks.append(Points(tuple(map(sentence, extra))))
-    return Section("identifiable", "What can be identified", tuple(blocks))
+            text += f". Left nominal: {', '.join(map(briefly, found.sentences))}"
+        said.append(sentence(text))
+        notes = fit.notes[len(found.sentences) :]
+        # that of chi-square is among the reasons of the verdict
+        said += [sentence(note) for note in notes if not note.startswith("chi-square")]
+    return (Points(tuple(map(typeset, said))),)
+
+
+def briefly(text: str) -> str:
+    """A sentence on a number that others stand for, cut down to their names; others whole."""
+    name, told, others = text.partition(" cannot be told from ")
+    return f"{name} (as {others.partition(': ')[0]})" if told else text

@@ -4,10 +4,10 @@ import numpy as np
 
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import shown_in
-from testbed.report.page import Block, Section, Table, Text, heads
+from testbed.report.page import Block, Figure, Section, Table, Text, heads
 from testbed.scenario.fixtures import targets_mm
 from testbed.scenario.scenario import Scenario
-from testbed.studies.trial import plots
+from testbed.studies.trial import plots, plots_uncertainty
 from testbed.studies.trial.compare import INTERVAL
 from testbed.studies.trial.records import Campaign, Estimate, Trial
 from testbed.units import (
@@ -16,6 +16,8 @@ from testbed.units import (
 )
 
 NONE = "–"
+TOP = 6
+"""Parameters in the table of a report."""
 SPRUNG = (
     " Compliances, moments and tilts have no U of their own: what springs bend together is "
     "measured, and one number of them stands for what the model lacks as well. A true bend is the "
@@ -24,36 +26,20 @@ SPRUNG = (
 
 
 def parameter_section(campaign: Campaign) -> Section:
-    """Every parameter: nominal, identified, true, error, uncertainty."""
-    left = len(campaign.trials) - plots.MOST_PANELS
-    elsewhere = (
-        f" Shown are the first {plots.MOST_PANELS} trials; the numbers of the other {left} are in "
-        "arrays.npz."
+    """Every error of the first trial in a figure, its largest changes in a table."""
+    trial = campaign.trials[0]
+    estimate = trial.estimates[0]
+    said = "All numbers of all trials are in arrays.npz." + SPRUNG * (
+        estimate.identification.model.joint_errors.springs is not None
     )
     blocks: list[Block] = [
-        Text(
-            "Angles in deg, lengths in mm. Values are rounded to the second digit of their own "
-            "standard uncertainty. error = true minus identified. U = 2 u, which holds one number "
-            "with 95.4 % probability if the model lacks nothing (1-D, k = 2), by the covariance of "
-            "the fit; s: scatter of repeated calibrations (type A, what Wen et al. "
-            "2022 state). inside: the true value lies in the 95 % interval of the one or the "
-            "other. Base and tool rows are displacements "
-            "from the nominal frame, along and about its own axes. The true column is the truth "
-            "seen through the parameters that were estimated: what redundant parameters really "
-            "did is carried by the ones that stand for them."
-            + SPRUNG
-            * any(
-                estimate.identification.model.joint_errors.springs is not None
-                for _, estimate in campaign.estimates
-            )
-            + fixture_names(campaign.scenario)
-            + elsewhere * (left > 0)
-        )
-    ]
-    blocks += [
-        parameter_table(campaign.setting.nominal, trial, estimate)
-        for trial in plots.shown(campaign)
-        for estimate in trial.estimates
+        Figure(
+            f"{trial.name}: error of each number in units of its stated u (fit), and how often "
+            "its interval held the truth.",
+            plots_uncertainty.parameter_errors(trial),
+        ),
+        parameter_table(campaign.setting.nominal, trial, estimate, TOP),
+        Text(said + fixture_names(campaign.scenario)),
     ]
     return Section("parameters", "Parameters", tuple(blocks), part="detail")
 
@@ -72,8 +58,13 @@ def fixture_names(scenario: Scenario) -> str:
     )
 
 
-def parameter_table(nominal: RobotModel, trial: Trial, estimate: Estimate) -> Table:
-    """Nominal, identified, true, error, U and inside for every parameter of one estimate."""
+def parameter_table(
+    nominal: RobotModel, trial: Trial, estimate: Estimate, most: int | None = None
+) -> Table:
+    """Nominal, identified, true, error, U and inside for every parameter of one estimate.
+
+    With `most`, only for those that changed most in units of their own u, largest first.
+    """
     found, seen = estimate.identification, estimate.comparison
     is_length = found.parameters.is_length[found.parameters.free_index]
     # base, tool and stations are displacements: nominal is zero
@@ -92,7 +83,11 @@ def parameter_table(nominal: RobotModel, trial: Trial, estimate: Estimate) -> Ta
     start, step, true, u, type_a = np.array(values) * [scale for _, scale in units]
     held = np.abs(found.step - seen.true_step) <= INTERVAL * estimate.type_a
     rows = []
-    for k, name in enumerate(found.names):
+    order = np.arange(len(found.names))
+    if most is not None:
+        order = np.argsort(-np.abs(step) / u, kind="stable")[:most]
+    for k in order:
+        name = found.names[k]
         written = with_uncertainty(
             start[k] + step[k], u[k], start[k] + true[k], true[k] - step[k], 2 * u[k]
         )
@@ -107,10 +102,11 @@ def parameter_table(nominal: RobotModel, trial: Trial, estimate: Estimate) -> Ta
             expanded, inside, by_repeats = NONE if name in together else expanded, NONE, NONE
         cells = (identified, truth, error, expanded, repeated, inside, by_repeats)
         rows.append((name, units[k][0], at_start, *cells))
+    shown = "" if len(rows) == len(found.names) else f"; the {len(rows)} that changed most"
     return Table(
         caption=f"{trial.name}, {plots.NAMES[estimate.mode]}: "
         f"{int(seen.parameter_inside.sum())} of {int(judged.sum())} inside by the fit's "
-        f"covariance, {int(held[judged].sum())} by the scatter of repeats (type A)",
+        f"covariance, {int(held[judged].sum())} by the scatter of repeats (type A){shown}",
         head=heads(
             "parameter, unit, nominal, identified, true, error, U of fit (1-D: 95.4 %), "
             f"s of {counted(len(estimate.repeated), 'repeat')}, inside fit, inside type A"
@@ -118,4 +114,7 @@ def parameter_table(nominal: RobotModel, trial: Trial, estimate: Estimate) -> Ta
         rows=tuple(rows),
         align="llrrrrrrll",
         size="small",
+        note="error: true minus identified. U = 2 u, if the model lacks nothing; s: scatter of "
+        "repeats. Base and tool: displacements along and about their axes. true: seen through the "
+        "numbers that were estimated.",
     )

@@ -2,7 +2,7 @@
 
 from testbed.report.page import Section, Table, Text
 from testbed.studies.trial.records import Campaign
-from testbed.units import counted, millimetres
+from testbed.units import millimetres
 
 MEANINGS = {
     "geometry": "link lengths, offsets and angles",
@@ -22,6 +22,10 @@ MEANINGS = {
 """What each term of the truth stands for."""
 
 
+MOST_IN_WORDS = 4
+"""Terms and their sum that are not tabulated but told."""
+
+
 def secret_section(campaign: Campaign) -> Section:
     """How far each term of the truth alone moves the tool."""
     validation = campaign.validation
@@ -37,14 +41,13 @@ def secret_section(campaign: Campaign) -> Section:
         rows=tuple(rows),
         align="llr",
         strong=(len(rows) - 1,),
-        note=f"True minus nominal tool position, root mean square over "
-        f"{counted(len(campaign.setting.test_q), 'held-out pose')}. Terms add as vectors: beyond "
-        f"their sum they do {millimetres(validation.interaction_rms, 2)} mm together.",
+        note="True minus nominal tool position, root mean square over the held-out poses. Terms "
+        f"add as vectors; beyond their sum {millimetres(validation.interaction_rms, 2)} mm.",
     )
     return Section(
         "secret",
         "The secret: what makes this robot wrong",
-        (Text(secret_words(rows)), table),
+        (Text(secret_words(rows)), *((table,) if len(rows) > MOST_IN_WORDS else ())),
         part="campaign",
     )
 
@@ -54,7 +57,10 @@ def secret_words(rows: list[tuple[str, str, str]]) -> str:
     if len(rows) == 1:
         return "Nothing: the true robot is the nominal one."
     name, meaning, size = rows[0]
-    text = f"Most of this robot's error is {name.replace('_', ' ')} ({meaning}): {size} mm."
+    text = (
+        f"Most of this robot's error is {name.replace('_', ' ')} ({meaning}): {size} of "
+        f"{rows[-1][2]} mm rms at the held-out poses."
+    )
     unmodelled = [row for row in rows[:-1] if row[0] not in ("geometry", "frames", "repeatability")]
     if not unmodelled:
         return f"{text} Nothing that a geometric model cannot follow is switched on."

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from calib.information.criteria import NEEDS_GOALS
 from testbed.laboratory.truth.setting import Setting
+from testbed.report.glossary import glossary_section
 from testbed.report.page import Section
 from testbed.scenario.hashes import goal_part, part, shared_part
 from testbed.scenario.scenario import Scenario
@@ -84,7 +85,7 @@ class TrialStudy:
 
         campaign = campaign_of(scenario, records)
         step = next_step(campaign) + decided_in_words(campaign)
-        picture = distributions(campaign, first=True)
+        picture = distributions(campaign.trials[:1])
         return Answer(trial_verdict(campaign), headline_table(campaign), step, picture)
 
     def results(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
@@ -105,21 +106,21 @@ class TrialStudy:
         from testbed.studies.trial.bending.report import bending_section
         from testbed.studies.trial.decisions import decision_section
         from testbed.studies.trial.report_secret import secret_section
-        from testbed.studies.trial.statement.report import statement_section
 
         campaign = campaign_of(scenario, records)
-        found = (statement_section(campaign), decision_section(campaign))
-        table = None if first else report_accuracy.headline_table(campaign)
-        return (
-            *(section for section in found if section is not None),
-            report_accuracy.accuracy_section(campaign, table),
+        found = (
+            report_accuracy.accuracy_section(
+                campaign, None if first else report_accuracy.headline_table(campaign)
+            ),
             report_accuracy.belief_section(campaign),
-            report_design.identifiable_section(campaign),
+            decision_section(campaign),
             report_design.design_section(campaign),
             secret_section(campaign),
-            *(section for section in (bending_section(campaign),) if section is not None),
+            bending_section(campaign),
             report_parameters.parameter_section(campaign),
+            glossary_section(),
         )
+        return tuple(section for section in found if section is not None)
 
     def recording(
         self, scenario: Scenario, records: Records, trial: str | None = None

@@ -101,8 +101,8 @@ def truth_says(estimate: Estimate) -> tuple[list[str], list[str]]:
         say(
             share >= statement.honest,
             f"the believed region holds the true mean tool point at {_percent(share)} of "
-            f"{JUDGES} (poses of one robot share its error: of 1000 robots whose region is "
-            f"honest 999 reach {_percent(statement.honest)} or more)",
+            f"{JUDGES} (honest regions: {_percent(statement.honest)} or more on 999 of 1000 "
+            "robots)",
         )
     if played is None:
         if statement is None:

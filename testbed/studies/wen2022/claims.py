@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.geometry.model import RobotModel
+from testbed.scenario.scenario import Scenario
 from testbed.studies.trial.records import Campaign
 from testbed.studies.wen2022 import claims_many_robots as many_robots
 from testbed.studies.wen2022 import claims_model as model
@@ -152,6 +153,12 @@ def is_paper_robot(model: RobotModel) -> bool:
     full = np.concatenate([np.zeros(6), model.chain.links.ravel(), np.zeros(6)])
     own = full[[model.names.index(name) for name in paper.PARAMETERS]]
     return bool((np.abs(own - paper.table3("nominal")) <= 1e-9).all())
+
+
+def plays_paper(scenario: Scenario) -> bool:
+    """Whether a scenario plays a study of the paper, so that its claims are asked about."""
+    asked = scenario.studies
+    return asked.pose_count or asked.paper_budget or asked.tool_point
 
 
 def examine(campaign: Campaign) -> Examined | None:

@@ -1,18 +1,16 @@
 """The figures: parameter budget and tool point on one robot, and the re-examination on many."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calib.arrays import Array
-from calib.uncertainty.regions import coverage_factor
 from testbed.report.plots import (
     Look,
     label,
     legend_above,
     legend_entries,
     log_ticks,
-    plain_log,
     rows_of,
     share_ends,
 )
@@ -23,14 +21,11 @@ from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.ratio import PRINTED, Split
 from testbed.studies.wen2022.records import (
     ESTIMATORS,
-    OURS_BEST,
-    OURS_RANDOM,
     STATEMENTS,
     PaperBudget,
-    ToolPointStudy,
 )
 from testbed.studies.wen2022.summary import Errors, Held, Predicted
-from testbed.units import MM, UM, in_units
+from testbed.units import in_units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -188,71 +183,3 @@ def parameter_budget(budget: PaperBudget) -> str:
             ax.set_xticks(x, names, rotation=90)
         legend_above(figure, axes[0])
         return svg_of(figure)
-
-
-def zero_pose_regions(study: ToolPointStudy) -> str:
-    """95 % regions of the tool point at the zero pose in three planes, both forms."""
-    k = coverage_factor(2)
-    with drawing(1, 3, height=2.75) as (figure, axes):
-        axis = "xyz"
-        for ax, (i, j) in zip(axes, ((0, 1), (0, 2), (1, 2)), strict=True):
-            full = study.covariance[0, 0][np.ix_([i, j], [i, j])]
-            factor = k * np.linalg.cholesky(full) * UM
-            _ellipse(ax, factor, color=DARK, label="full covariance, 3-D")
-            for source, label, style in (
-                (OURS_BEST, "independent draws, ours", "--"),
-                (paper.TABLE3_BEST, "independent draws, Table 3", ":"),
-            ):
-                if source in study.source:
-                    spread = study.spread[study.source.index(source), 0][[i, j]]
-                    look = {"color": MIDDLE if style == "--" else INK, "linestyle": style}
-                    _ellipse(ax, k * np.diag(spread) * UM, label=label, **look)
-            ax.set_xlabel(f"{axis[i]} [µm]")
-            ax.set_ylabel(f"{axis[j]} [µm]")
-            ax.set_aspect("equal")
-        reach = max(abs(edge) for ax in axes for edge in (*ax.get_xlim(), *ax.get_ylim()))
-        for ax in axes:
-            ax.set(xlim=(-reach, reach), ylim=(-reach, reach))
-        legend_above(figure, axes[0])
-        return svg_of(figure)
-
-
-def held_out_uncertainty(study: ToolPointStudy) -> str:
-    """Tool-point uncertainty over the held-out poses: |P| and 3-D, optimal against random."""
-    groups = {
-        title: pair
-        for pair, title in (
-            ((paper.TABLE3_BEST, paper.TABLE3_RANDOM), "u from Table 3"),
-            ((OURS_BEST, OURS_RANDOM), "u of this campaign"),
-        )
-        if pair[0] in study.source
-    }
-    x = np.arange(1, study.distance_sd.shape[1])
-    full = np.sqrt(np.trace(study.covariance[0, 1:], axis1=1, axis2=2))
-    with drawing(1, len(groups), height=2.9, sharey=True) as (figure, axes):
-        for ax, (title, sources) in zip(axes, groups.items(), strict=True):
-            for source in sources:
-                at, best = study.source.index(source), source == sources[0]
-                color, name = (DARK, "optimal") if best else (MIDDLE, "random")
-                marker = "o" if best else "^"
-                look: Look = {"color": color, "linestyle": "none", "markersize": 3.2}
-                ax.plot(x, study.spatial[at, 1:] * MM, marker, label=f"{name}, 3-D", **look)
-                look["markerfacecolor"] = "none"
-                distance = study.distance_sd[at, 1:] * MM
-                ax.plot(x, distance, marker, label=f"{name}, |P| only", **look)
-            if title.endswith("campaign"):
-                ax.plot(x, full * MM, "_", color=INK, label="full covariance, 3-D", markersize=5)
-            ax.set_yscale("log")
-            ax.set_title(title)
-            ax.set_xlabel("held-out pose")
-        axes[0].set_ylabel("standard uncertainty [mm]")
-        legend_above(figure, axes[-1])
-        plain_log(axes[0])
-        return svg_of(figure)
-
-
-def _ellipse(ax: "Axes", factor: Array, **look: Any) -> None:
-    """Outline of the image of the unit circle under `factor` (2, 2)."""
-    angle = np.linspace(0.0, 2 * np.pi, 121)
-    x, y = factor @ np.array([np.cos(angle), np.sin(angle)])
-    ax.plot(x, y, **look)

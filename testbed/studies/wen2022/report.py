@@ -111,7 +111,6 @@ def reexamined_section(again: Reexamination, examined: Examined) -> Section:
         ),
         tables.held_table(again.statements),
         *tables.set_tables(again),
-        tables.parameter_table(again),
     ]
     if again.others:
         kinds = (of_kind(again.splits, kind)[0] for kind in again.kinds)

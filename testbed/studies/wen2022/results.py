@@ -17,7 +17,7 @@ from testbed.store.quantities import (
 from testbed.studies.trial.records import Campaign
 from testbed.studies.wen2022.calibrated_sets.records import random_calibrations_of
 from testbed.studies.wen2022.calibrated_sets.summary import OverSets, Rank, ranks
-from testbed.studies.wen2022.claims import Examined, examine
+from testbed.studies.wen2022.claims import Examined, examine, plays_paper
 from testbed.studies.wen2022.cloud.draws import clouds_of, ranges_of
 from testbed.studies.wen2022.ratio import over, printed_split
 from testbed.studies.wen2022.records import (
@@ -52,6 +52,8 @@ SPLIT = {name: name for name in ("ratio", "repeats", "counted", "geometric")} | 
     "u_w_over_u_r": "w_over_r",
 }
 """Names of the ratio of the protocol and its parts."""
+PARTS = ("best", "random", "repeatability", "pose_number", "location")
+"""Uncertainties of the paper's budget."""
 TABLES = {"own_before_mm": "own_before", "own_after_mm": "own_after", "held_out_mm": "after"}
 """Names of the figures of Tables 1 and 2."""
 
@@ -85,10 +87,21 @@ def published(campaign: Campaign) -> Iterator[Quantity]:
         yield Quantity(f"{key}/from_nominal_mm", one.ends, METRE)
         yield Quantity(f"{key}/half_width_in_u", one.half_width)
         yield Quantity(f"{key}/as_predicted", one.good)
+    examined, again = examine(campaign), reexamination_of(campaign)
+    if examined is not None and again is None and plays_paper(campaign.scenario):
+        yield Quantity("claims", _claims(examined))
     for rank in ranks(campaign):
         yield from below(f"random_calibrations/{rank.trial}", _rank(rank))
-    if (again := reexamination_of(campaign)) is not None:
-        yield from below("reexamined", _reexamined(again, examine(campaign)))
+    if again is not None:
+        yield from below("reexamined", _reexamined(again, examined))
+
+
+def _claims(examined: Examined) -> dict[int, dict[str, str]]:
+    """Verdict, figure and reasons of each claim."""
+    return {
+        number: {"verdict": found.verdict, "here": found.ours, "why": found.sentence}
+        for number, found in examined.findings.items()
+    }
 
 
 def _ratios(budget: PaperBudget, k: int) -> list[Quantity]:
@@ -123,7 +136,9 @@ def published_arrays(campaign: Campaign) -> list[Quantity]:
         for kind in ("designed", "random")
         for name, field in SET_ARRAYS.items()
     }
-    return in_si(many | sets)
+    budget = paper_budget_of(campaign)
+    parts = {} if budget is None else {f"paper_budget/{n}": getattr(budget, n) for n in PARTS}
+    return in_si(many | sets | parts)
 
 
 def _rank(rank: Rank) -> Iterator[Quantity]:
@@ -157,14 +172,10 @@ def _spread(name: str, figure: OverSets, unit: Unit = ONE) -> Iterator[Quantity]
 
 def _reexamined(again: Reexamination, examined: Examined | None) -> Iterator[Quantity]:
     """Every figure of the re-examination with its interval, and the verdict on each claim."""
-    findings = {} if examined is None else examined.findings
     yield Quantity("robots", again.robots)
     yield Quantity("pools", len(again.sets.pool_q))
     yield Quantity("judged_on", again.judged.truth)
-    claims = {
-        number: {"verdict": found.verdict, "here": found.ours} for number, found in findings.items()
-    }
-    yield Quantity("claims", claims)
+    yield Quantity("claims", {} if examined is None else _claims(examined))
     yield Quantity("claims_that_hold", examined.count("holds") if examined else 0)
     yield from below("printed", fields_of(printed_split(), SPLIT))
     for name, counts in zip(("O1", "O2"), again.sets.pose_number.T, strict=True):

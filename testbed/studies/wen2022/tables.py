@@ -1,32 +1,17 @@
 """The tables of the re-examination: the ratio apart, like for like, what u_best holds, 1 to 3."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
-from calib.arrays import Array
-from testbed.report.page import Table, heads
+from testbed.report.page import Table
 from testbed.studies.many_robots import change, plus_minus, printed_change, share, within
-from testbed.studies.trial.report_accuracy import NONE
 from testbed.studies.wen2022 import paper
-from testbed.studies.wen2022.cloud.draws import (
-    CONFIDENCE,
-    Cloud,
-    mean_half_width,
-    predicted_band,
-    ranges_of,
-)
-from testbed.studies.wen2022.ratio import PRINTED, combined, over, printed_split
+from testbed.studies.wen2022.ratio import PRINTED, over, printed_split
 from testbed.studies.wen2022.records import ESTIMATORS
 from testbed.studies.wen2022.summary import Errors, Held, Predicted, Reexamination
-from testbed.units import DEG, MM, NARROW, counted, fixed, unit_of
+from testbed.units import MM, fixed
 
 ESTIMATOR_NAMES = {"paper": "paper", "whitened": "noise weighed"}
-HEADS = dict(
-    zip(paper.COLUMNS[1:7], heads("u_r best, u_r random, u_p, u_w, u best, u random"), strict=True)
-)
-"""Of the columns of Table 3."""
 
 
 def of_columns(caption: str, columns: Mapping[str, Sequence[str]], **rest: Any) -> Table:
@@ -175,97 +160,6 @@ def set_tables(again: Reexamination) -> tuple[Table, ...]:
             note="Our errors are against the noise-free truth, those printed against what was "
             "measured. The optimal sets of the kinds of robots are the same.",
         ),
-    )
-
-
-def table3(
-    caption: str,
-    note: str,
-    names: tuple[str, ...],
-    ours: Mapping[paper.Column, Sequence[Array]],
-    ratios: Sequence[Array],
-) -> Table:
-    """Table 3 as printed beside ours (f,), one or several, of each of `names` [m or rad]."""
-
-    def cell(column: paper.Column, places: int, name: str, values: Iterable[float]) -> str:
-        """The printed figure before ours."""
-        row = paper.TABLE3.get(name)
-        said = NONE if row is None else fixed(row[paper.COLUMNS.index(column)], places)
-        return " / ".join([said, *(fixed(float(value), places) for value in values)])
-
-    rows = []
-    for k, name in enumerate(names):
-        length = paper.is_length(name)
-        scale = MM if length else DEG
-        cells = [cell(column, 4, name, [u[k] * scale for u in us]) for column, us in ours.items()]
-        ratio = cell("ratio", 2, name, [one[k] for one in ratios])
-        rows.append((name, unit_of(length), *cells, ratio))
-    means = [fixed(paper.PARAMETER_RATIO, 2), *(fixed(float(one.mean()), 2) for one in ratios)]
-    rows.append(("mean", "", *[""] * len(ours), " / ".join(means)))
-    return Table(
-        caption=caption,
-        head=("", "unit", *(HEADS[column] for column in ours), "ratio"),
-        rows=tuple(rows),
-        align="ll" + "r" * (len(ours) + 1),
-        size="small",
-        strong=(len(rows) - 1,),
-        note=note,
-    )
-
-
-def parameter_table(again: Reexamination) -> Table:
-    """Table 3 beside every kind of robots, with the set that stands for the paper's."""
-    best = [kind.u_best[kind.best.index(again.paper_set)] for kind in again.kinds]
-    parts = [(u, kind.u_r, kind.u_p, kind.u_w) for u, kind in zip(best, again.kinds, strict=True)]
-    ours = [[np.sqrt(np.mean(part**2, axis=0)) for part in one] for one in parts]
-    order = " / ".join([PRINTED, *(kind.truth for kind in again.kinds)])
-    return table3(
-        f"Table 3: {order}; optimal set {again.paper_set}",
-        f"Root mean square over {counted(again.robots, 'robot')} of each kind; the "
-        "ratio u best / u random is the mean over robots. Repeats hardly see the kind of robot; "
-        "number and place of the poses do.",
-        again.sets.names,
-        dict(zip(paper.PARTS, zip(*ours, strict=True), strict=True)),
-        [
-            (combined(again.u_c, u) / combined(again.u_c, *random)).mean(axis=0)
-            for u, *random in parts
-        ],
-    )
-
-
-def range_table(clouds: Mapping[str, Sequence[Cloud]]) -> Table:
-    """Ranges of the tool point at the zero pose, printed and drawn, beside what M draws reach."""
-    found, best = ranges_of(clouds), next(iter(clouds.values()))[0]
-    draws, printed = len(best.points), any(one.printed for one in found)
-    expected, (low, high) = mean_half_width([draws])[0], predicted_band(draws, len(found))
-    columns = {
-        "uncertainties from": [one.source for one in found],
-        "axis": [one.axis for one in found],
-        "range": ["printed" if one.printed else "drawn" for one in found],
-        "smallest to largest [mm]": [interval_mm(one.ends) for one in found],
-        "u, linear [mm]": [fixed(one.u * MM, 4) for one in found],
-        "ends / u": [
-            f"{fixed(one.ends[0] / one.u, 2)}, {fixed(one.ends[1] / one.u, 2)}" for one in found
-        ],
-        "half / u": [fixed(one.half_width, 2) for one in found],
-        "judged": ["as predicted" if one.good else "not as predicted" for one in found],
-    }
-    known = (
-        "Of the six ranges that the paper prints, our sources hold that of x for the optimal set "
-        "alone; the other five are not judged, and nothing printed stands beside ours. "
-        if printed
-        else ""
-    )
-    return of_columns(
-        f"Ranges of the tool point at the zero pose over {draws} draws, from nominal",
-        columns,
-        align="lllrrrrl",
-        size="small",
-        strong=tuple(k for k, one in enumerate(found) if one.printed),
-        note=f"{known}u is that of linear propagation, J diag(u²) J': no draw is in it. The range "
-        f"of {draws} normal numbers has a half width of {fixed(float(expected), 2)} standard "
-        f"deviations on average; all {len(found)} lie between {fixed(low, 2)} and {fixed(high, 2)} "
-        f"with {100 * CONFIDENCE:g}{NARROW}% (exact distribution of the range).",
     )
 
 

@@ -10,8 +10,12 @@ import numpy as np
 import pytest
 
 from testbed.assets import scenes
+from testbed.report.page import render
+from testbed.run.derive import page_of
 from testbed.studies import load_scenario
-from tests.golden.write import BY_HAND, LONG, SCENES, golden_file, headline_of
+from testbed.versions import all_versions
+from tests.golden.write import BY_HAND, LONG, SCENES, golden_file, headline, headline_of, played
+from tests.reported import said_twice, words
 
 TOLERANCE = 1e-6
 """Relative. A fit ends within 1e-8 standard deviations of the optimum, and other BLAS kernels leave
@@ -19,6 +23,8 @@ TOLERANCE = 1e-6
 UNSTABLE = ("certificate", "p_value", "sentence", "reasons")
 """The certificate is rounding itself; the texts hold rounded numbers."""
 
+MOST_WORDS = {"quick": 1800, "wen2022": 3500}
+"""That a report may have, folded sections and notes included."""
 PLANS = ("plan_tx60",)
 """Scenes made for `truebed plan`, which knows no truth; test_plan*.py look at them."""
 
@@ -51,7 +57,12 @@ def differences(golden, now, path=""):
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", [scene for scene in SCENES if scene not in BY_HAND])
 def test_headline_numbers_are_the_golden_ones(scene):
-    assert differences(golden(scene), headline_of(scene)) == []
+    campaign = played(scene)
+    assert differences(golden(scene), headline(campaign)) == []
+    if scene in MOST_WORDS:
+        page = render(page_of(campaign, all_versions()))
+        assert words(page) <= MOST_WORDS[scene]
+        assert said_twice(page) == []
 
 
 @pytest.mark.study

@@ -41,8 +41,8 @@ def map_figure(campaign: Campaign, trial: Trial, estimate: Estimate) -> tuple[Bl
     if not joints:
         return ()
     text = (
-        "What each joint turns beside its command over one turn, sag left out: in truth (broken; "
-        f"only a simulation knows it), and by the model of {trial.name}"
+        "What each joint turns beside its command over one turn, sag left out: in truth (broken) "
+        f"and by the model of {trial.name}"
     )
     text += "; the band holds 2 u of the fit." if len(model.joints) else ", which has no waves."
     if campaign.scenario.truth.drive_nm_per_mrad:
@@ -74,10 +74,10 @@ def sag_figure(campaign: Campaign, trial: Trial, estimate: Estimate) -> tuple[Bl
         for size in (sag.size, sag.left)
     )
     text = (
-        f"Left: how far gravity moves the true tool at the poses of the pool, {mean} µm on average "
-        f"and {most} µm at most, in the upright plane through base and tool. Right: how far the "
-        f"true tool then is from where the model of {trial.name} has it, {left} µm on average, "
-        f"{worst} µm at most, whatever the cause. Play, warmth and motion are in neither."
+        f"Left: how far gravity moves the true tool over the pool, {mean} µm on average, {most} µm "
+        f"at most, in the upright plane through base and tool. Right: what the model of "
+        f"{trial.name} leaves, {left} µm on average, {worst} µm at most; play, warmth and motion "
+        "are in neither."
     )
     return (Figure(text, plots.sag_maps(sag)),)
 

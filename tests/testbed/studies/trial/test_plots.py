@@ -1,10 +1,10 @@
 """Figures: what is drawn is the data, in bytes that repeat, readable without color."""
 
+import itertools
 import os
 import re
 import subprocess
 import sys
-from colorsys import rgb_to_hls
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -39,9 +39,6 @@ def all_figures(campaign):
         "space": plots.pose_space(campaign),
         "parameters": plots_uncertainty.parameter_errors(campaign.trials[0]),
     }
-    searched = [trial for trial in campaign.trials if trial.method == "detmax"]
-    if searched:
-        out["search"] = plots.search_convergence(searched)
     if campaign.random_sets:
         out["random"] = plots.random_sets(campaign.random_sets)
     if campaign.pose_count:
@@ -49,8 +46,6 @@ def all_figures(campaign):
     if paper_budget_of(campaign):
         out["budget"] = plots_paper.parameter_budget(paper_budget_of(campaign))
     if tool_point_of(campaign):
-        out["zero"] = plots_paper.zero_pose_regions(tool_point_of(campaign))
-        out["tool"] = plots_paper.held_out_uncertainty(tool_point_of(campaign))
         out["clouds"] = zero_pose_clouds(clouds_of(campaign))
     return out
 
@@ -139,15 +134,29 @@ def test_bytes_do_not_depend_on_the_hash_seed_of_the_process():
     assert outputs[0].count(b"the rule") == 1
 
 
-def test_series_differ_in_marker_and_in_lightness_not_only_in_hue():
+def test_series_differ_in_marker_and_in_dashes_not_only_in_hue():
     looks = list(plots.LOOKS.values())
     assert len({look["marker"] for look in looks}) == len(looks)
-    gray = sorted(
-        rgb_to_hls(*(int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)))[1]
-        for color in (DARK, MIDDLE, LIGHT)
-    )
-    # a tenth of the scale between neighbors is still told apart on paper
-    assert min(np.diff(gray)) > 0.1
+    assert len(set(plots.DASHES.values())) == len(plots.DASHES) == len(looks)
+
+
+# Vienot, Brettel and Mollon 1999: linear sRGB as one who lacks red or green cones sees it
+BLIND = {
+    "protan": [[0.11238, 0.88762, 0.0], [0.11238, 0.88762, 0.0], [0.00401, -0.00401, 1.0]],
+    "deutan": [[0.29275, 0.70725, 0.0], [0.29275, 0.70725, 0.0], [-0.02234, 0.02234, 1.0]],
+}
+
+
+@pytest.mark.parametrize("eye", ["protan", "deutan"])
+def test_the_colors_of_all_pictures_are_told_apart_by_color_blind_eyes(eye):
+    def seen(color):
+        srgb = np.array([int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)])
+        linear = np.clip(np.array(BLIND[eye]) @ srgb**2.2, 0, 1)
+        return linear ** (1 / 2.2)
+
+    for one, other in itertools.combinations((DARK, MIDDLE, LIGHT), 2):
+        # a quarter of an edge of the color cube: far beyond a just noticeable difference
+        assert np.linalg.norm(seen(one) - seen(other)) > 0.25, (one, other)
 
 
 def test_captions_say_when_a_figure_shows_only_the_first_trials():

@@ -1,5 +1,6 @@
 """What may be believed of a calibration: sources, shots, held-out poses, and the words for it."""
 
+import re
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -20,15 +21,17 @@ from testbed.scenario.read import changed
 from testbed.store.codec import pack, unpack
 from testbed.store.quantities import as_json
 from testbed.studies import load_scenario
+from testbed.studies.trial import plots_uncertainty
 from testbed.studies.trial.compare import attained, target_prediction
 from testbed.studies.trial.estimator import estimator_for
 from testbed.studies.trial.play import validation_visit
+from testbed.studies.trial.plots_uncertainty import tool_views
 from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.report_secret import secret_section
 from testbed.studies.trial.results import statement_headline, truth_headline
 from testbed.studies.trial.statement.linear_check import linear_check, moved_targets, moving_axes
 from testbed.studies.trial.statement.regions import honest_share
-from testbed.studies.trial.statement.report import reasons, statement_section
+from testbed.studies.trial.statement.report import question_table, reasons, statement_blocks
 from testbed.studies.trial.statement.sources import drift_left
 from testbed.studies.trial.statement.state import sound_held_out, state
 from testbed.studies.trial.verdict import (
@@ -133,9 +136,11 @@ def test_where_joints_sag_the_misfit_is_in_the_region_and_the_parameters_alone_a
     assert f"within {told.point.radius_mean * 1e6:.3g} um of the predicted one" in verdict.sentence
     assert "with 95 % probability (3-D radius" in verdict.sentence
     assert verdict.mark == GOOD
-    said = " ".join(reasons(told))
+    said = told.trust.sentence
     assert "The readings show a misfit" in said
     assert "The parameters alone do not explain the readings" in said
+    # which the verdict says of each test, and the report not once more
+    assert "The parameters alone do not" not in " ".join(reasons(told))
     assert "agree" not in said
     # no p-value of a hundred zeros, and micrometres as one letter
     assert "e-" not in " ".join(reasons(told))
@@ -274,8 +279,9 @@ def test_a_station_that_wanders_is_looked_for_and_named():
 
 def test_chance_is_not_called_a_misfit_of_the_model_and_quiet_tests_are_no_proof():
     told = estimate(rigid()).statement
-    said = " ".join(reasons(told))
+    said = told.trust.sentence
     assert told.questions.combined > 0.05
+    assert "Nothing seen is no proof." in question_table([(rigid().trials[0], told)]).note
     assert "show a misfit" not in said
     assert "that is no proof" in said
     assert "would have been seen; less may hide" in said
@@ -506,26 +512,30 @@ def test_a_record_hangs_on_the_largest_trial_only_where_the_robot_grows_warm():
             assert same_hash is not moves
 
 
-def test_the_section_has_a_row_per_statement_and_marks_the_one_to_believe():
-    section = statement_section(sagging())
-    table = section.blocks[0]
-    assert [row[1] for row in table.rows] == [
-        "believed region, mean of many moves", "parameters alone", "bootstrap",
-        "parameters and discrepancy", "conformal ball",
-    ]  # fmt: skip
-    assert [row[-1] for row in table.rows] == [
-        "believed", "contradicted", "contradicted", "approximate", "not needed"
-    ]  # fmt: skip
-    assert table.strong == (0,)
-    assert section.blocks[1].text == "one, geometric model: as the scenario says."
-    assert "<svg" in section.blocks[-2].svg
-    words = [row[-1] for row in statement_section(rigid()).blocks[0].rows]
-    assert words == ["believed", "not needed", "not needed", "approximate", "not needed"]
-    # one move has its own line where joints scatter
-    rows = statement_section(at960()).blocks[0].rows
-    assert [row[1] for row in rows[:2]] == [
-        "believed region, mean of many moves", "believed region, one move"
-    ]  # fmt: skip
+def test_the_table_has_a_row_per_trial_and_marks_what_is_contradicted(monkeypatch):
+    blocks = statement_blocks(sagging())
+    (row,), told = blocks[0].rows, estimate(sagging()).statement
+    assert blocks[0].head == (
+        "trial", "believed µm", "inside", "parameters alone µm", "inside", "with discrepancy µm",
+        "inside", "conformal ball µm", "inside",
+    )  # fmt: skip
+    shown = dict(zip(told.names, told.radius, strict=True))
+    assert row[1] == f"{1e6 * shown['region']:.3g}"
+    assert row[3] == f"{1e6 * shown['parameters']:.3g} ✗"
+    tests, budget = (block for block in blocks if block.kind == "table" and block != blocks[0])
+    assert tests.rows[0][-1] == "misfit"
+    assert [one[0] for one in budget.rows][-2:] == ["believed", "discrepancy"]
+    assert blocks[-1].svg.startswith("<svg")  # the map: uncertainty grows where the arm sags
+    blocks = statement_blocks(rigid())
+    assert "✗" not in "".join(blocks[0].rows[0])
+    # what is the same everywhere is a sentence, no map
+    views = tool_views(rigid(), rigid().trials[0])
+    monkeypatch.setattr(plots_uncertainty, "FLAT", 1.01 * views.high / views.low)
+    assert views.flat
+    (said,) = (b.text for b in statement_blocks(rigid()) if b.kind == "text")
+    assert re.fullmatch(r"Believed u .*: \d+ to \d+ µm\.", said)
+    # one move has its own column where joints scatter
+    assert statement_blocks(at960())[0].head[3] == "one move µm"
 
 
 def test_a_statement_that_the_truth_alone_contradicts_is_still_not_believed():

@@ -26,7 +26,6 @@ from testbed.studies.trial import (
     report_parameters,
     report_secret,
 )
-from testbed.studies.trial.statement import report as report_statement
 from testbed.studies.trial.verdict import trial_verdict
 from testbed.studies.wen2022 import claims_many_robots as claims_robots
 from testbed.studies.wen2022 import paper, report_tool_point
@@ -465,7 +464,6 @@ def test_the_page_opens_with_the_verdict_on_the_paper_and_shows_each_claim_once(
         (report_design, "design_section"),
         (report_tool_point, "tool_section"),
         (report_parameters, "parameter_section"),
-        (report_statement, "statement_section"),
         (report_secret, "secret_section"),
     ):
         monkeypatch.setattr(room, name, lambda *_: Section("left-out", "left out", ()))

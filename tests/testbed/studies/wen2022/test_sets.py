@@ -36,7 +36,7 @@ from testbed.studies.wen2022.calibrated_sets.summary import (
 )
 from testbed.studies.wen2022.claims_one_robot import calibration_errors, held_out_errors
 from testbed.studies.wen2022.records import ESTIMATORS
-from testbed.studies.wen2022.report_paper import error_tables
+from testbed.studies.wen2022.report_paper import error_table
 from tests.campaign import planned, with_records, without
 from tests.reported import assert_same, bare_campaign, paper_campaign, rigid_campaign
 
@@ -185,10 +185,10 @@ def test_random_rows_of_tables_1_and_2_are_means_over_all_random_sets():
     assert second.weighed == spread_of(one.random.error[1])
     assert second.own_before == spread_of(one.random.own_before)
     assert first.error == OverSets(one.designed.error[0, 0], 0.0)
-    own, held_out = error_tables(paper_campaign())
-    assert own.rows[1][0] == f"61 random, {SETS} sets"
-    assert held_out.rows[1][4] == second.error.millimetres
-    assert "± is the standard deviation between random sets" in held_out.caption
+    table = error_table(paper_campaign())
+    assert table.rows[1][0] == f"61 random, {SETS} sets"
+    assert table.rows[1][6] == second.error.millimetres
+    assert "± standard deviation between random sets" in table.caption
 
 
 def test_without_calibrated_sets_the_tables_show_the_one_random_trial():
@@ -198,9 +198,9 @@ def test_without_calibrated_sets_the_tables_show_the_one_random_trial():
     seen = next(e.comparison for e in trial.estimates if e.mode == "paper")
     assert [row.sets for row in rows] == [1] * 4
     assert rows[3].error == OverSets(seen.accuracy_after.mean, 0.0)
-    own, held_out = error_tables(lone)
-    assert own.rows[1][0] == "61 random"
-    assert "±" not in held_out.caption + "".join(map("".join, held_out.rows))
+    table = error_table(lone)
+    assert table.rows[1][0] == "61 random"
+    assert "±" not in table.caption + "".join(map("".join, table.rows))
     assert "one of each can neither prove nor disprove" in held_out_errors(lone).sentence
     assert held_out_errors(lone).verdict in ("holds", "in part")
 
@@ -302,9 +302,8 @@ def test_the_section_shows_every_designed_set_by_both_estimators():
     assert table in section.blocks
     assert [row[0] for row in table.rows] == ["best-61", "", "best-29", ""]
     rank = rank_of(study().sets[1], "paper")
-    text = " ".join(text for block in section.blocks if isinstance(block, Points)
-                    for text in block.items)  # fmt: skip
-    assert f"better than {rank.better_than} of 30" in text
+    assert table.rows[2][5] == f"{rank.better_than} of 30"
+    assert table.rows[2][6].startswith(f"{rank.correlation:.2f} (".replace("-", "−"))
     svg = plots.error_against_index(study().sets)
     assert svg.count("<svg") == 1
     assert "held-out" in svg
