@@ -105,10 +105,10 @@ def test_shades_grow_with_leverage_and_use_every_step():
     assert set(plan_plots.levels(np.ones(5)).tolist()) == {0}
 
 
-def test_every_rejected_reason_has_its_mark_and_its_count(text):
+def test_every_reason_that_refused_a_pose_has_its_mark_and_its_count(text):
     pool = small_plan().pool
     for name, count in zip(pool.rejection_names, pool.rejection_counts, strict=True):
-        assert f"refused: {name} {int(count)} " in text
+        assert (f"{int(count)} {name}" in text) == (count > 0)
     figure = plan_plots.rejections(small_plan())
     for name in set(pool.rejected_reason) - {pool.rejection_names[0]}:
         assert name in figure
