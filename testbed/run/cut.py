@@ -1,12 +1,14 @@
 """Records that are played in pieces: each piece once, kept as it comes, and joined in order."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from testbed.engines.engine import Engine
 from testbed.engines.kit import Kit
 from testbed.engines.piece import Piece, failed, pieces_of
+from testbed.store.codec import narrowed
 from testbed.store.npz import Failure
 from testbed.store.pieces import StoredPiece, piece_from
 from testbed.store.run_folder import RunFolder
@@ -74,18 +76,25 @@ class Pieces:
         self, folder: RunFolder | None, kit: Kit, record: Record, pieces: Sequence[Piece]
     ) -> object:
         """The record from its parts; the first of them that failed is its `Failure`."""
-        parts: list[object] = []
-        for piece in pieces:
+
+        def read(piece: Piece) -> object:
             stored = self._stored(folder, piece)
             if stored is None:
                 raise RuntimeError(f"{piece.name} is lost")
             part = stored.part(record.key, record.kind)
             if isinstance(part, Failure):
-                return part
-            parts.append(part)
-        if len(parts) == 1:
-            return parts[0]
-        return kit.study.gather(kit.scenario, record.key, parts)
+                raise _FailedError(part)
+            return narrowed(part) if piece.single else part
+
+        parts: Sequence[object] = _Parts(read, pieces)
+        try:
+            if not pieces[0].single:
+                parts = list(parts)
+            if len(parts) == 1:
+                return parts[0]
+            return kit.study.gather(kit.scenario, record.key, parts)
+        except _FailedError as error:
+            return error.failure
 
     def failures(self, folder: RunFolder | None, pieces: Sequence[Piece]) -> dict[str, str]:
         """Why parts of pieces failed, by the names of both."""
@@ -107,3 +116,25 @@ class Pieces:
             return folder.read_piece(piece.name, piece.spec)
         data = self._memory.get(piece.name)
         return None if data is None else piece_from(data, piece.name, piece.spec)
+
+
+@dataclass(frozen=True, slots=True)
+class _Parts(Sequence[object]):
+    """Parts of a record of very many robots: each is read when it is asked for."""
+
+    read: Callable[[Piece], object]
+    pieces: Sequence[Piece]
+
+    def __len__(self) -> int:
+        return len(self.pieces)
+
+    def __getitem__(self, at: Any) -> Any:
+        return self.read(self.pieces[at])
+
+
+class _FailedError(Exception):
+    """A part of a record failed."""
+
+    def __init__(self, failure: Failure) -> None:
+        super().__init__(failure.reason)
+        self.failure = failure

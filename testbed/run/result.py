@@ -8,8 +8,9 @@ from typing import Any
 
 from calib.errors import refuse
 from testbed.store import layout
+from testbed.store.documents import check_format, damaged, read_json
 from testbed.store.manifest import read_manifest, require_campaign
-from testbed.store.npz import MOST_BYTES, check_format, damaged, read_json
+from testbed.store.npz import MOST_BYTES
 
 EACH = "*"
 """Stands for every name of a table."""

@@ -15,7 +15,16 @@ from testbed.run.derive import Derive, Played
 from testbed.scenario.hashes import record_hash
 from testbed.scenario.scenario import Scenario
 from testbed.store import layout, npz
-from testbed.store.npz import DONE, FAILED, Failure, record_bytes, record_from
+from testbed.store.npz import (
+    DONE,
+    FAILED,
+    Content,
+    Failure,
+    record_bytes,
+    record_content,
+    record_from,
+    to_bytes,
+)
 from testbed.store.run_folder import RunFolder
 from testbed.studies.protocol import Record, Records, Study, Task
 from testbed.versions import all_versions, own_version
@@ -87,9 +96,10 @@ class Work:
         spec = record_hash(record.reads, self.robot, key)
         stored: object = None
         if self.folder and self.only_stored:
-            stored = self.folder.require_record(key, record.kind, spec, fix=LOST)
+            stored = self._required(self.folder, record, spec)
         elif self.folder:
-            stored = self.folder.read_record(key, record.kind, spec)
+            kept = self._stays(record)
+            stored = self.folder.read_record(key, record.kind, spec, kept=kept)
         if stored is None:
             stored = self._make(study, record, spec)
         else:
@@ -119,16 +129,34 @@ class Work:
         seconds = round(self._clock.seconds[key], 3)
         self.event("record", key=key, status=status, seconds=seconds)
         # read back: what follows sees the same bits, whether this was made now or kept
-        return record_from(data, key, record.kind, spec)
+        if isinstance(data, bytes):
+            return record_from(data, key, record.kind, spec)
+        assert self.folder is not None  # only there a record stays in its file
+        del data
+        return self._required(self.folder, record, spec)
 
-    def _computed(self, study: Study, record: Record, spec: str) -> tuple[bytes, str]:
+    def _required(self, folder: RunFolder, record: Record, spec: str) -> object:
+        """A record that must be there."""
+        kept = self._stays(record)
+        return folder.require_record(record.key, record.kind, spec, fix=LOST, kept=kept)
+
+    def _stays(self, record: Record) -> bool:
+        """Whether a record has so many robots that its figures stay in its file.
+
+        One that others are made from is looked at too often.
+        """
+        large = self.folder is not None and record.cut is not None and record.cut.single
+        return large and not any(record.key in other.needs for _, other in self.planned.values())
+
+    def _computed(self, study: Study, record: Record, spec: str) -> tuple[bytes | Content, str]:
         """The file of one record; a failure that is a result of the study is a record too."""
         key = record.key
         try:
             whole = self._whole(study, record)
             status = FAILED if isinstance(whole, Failure) else DONE
             single = record.cut is not None and record.cut.single
-            return record_bytes(key, whole, spec, single=single), status
+            content = record_content(key, whole, spec, single=single)
+            return content if self._stays(record) else to_bytes(*content), status
         except MachineError:
             raise
         except MemoryError as error:

@@ -50,6 +50,12 @@ def pack(record: object, *, single: bool = False) -> Packed:
     return packed
 
 
+def narrowed(record: T) -> T:
+    """The same record, figures of each robot rounded to float32."""
+    found = {name: _narrow(getattr(record, name)) for name in _of_robots(cast(Any, type(record)))}
+    return cast(T, dataclasses.replace(cast(Any, record), **found)) if found else record
+
+
 def unpack(cls: type[T], packed: Mapping[str, Any]) -> T:
     """The dataclass `cls` from its flat content; arrays come back read-only.
 
@@ -127,6 +133,8 @@ def _of_robots(cls: Any) -> tuple[str, ...]:
 
 def _narrow(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     """Rounded to float32; what is beyond its largest number becomes that one."""
+    if array.dtype == np.float32:
+        return array
     most = np.finfo(np.float32).max
     narrow: np.ndarray[Any, Any] = np.clip(array, -most, most).astype(np.float32)
     return narrow

@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from calib.errors import InputError, refuse
+from testbed.store.documents import check_format, damaged, read_json
 from testbed.store.layout import FORMAT, MANIFEST, SCENARIO
-from testbed.store.npz import check_format, damaged, pretty_json, read_json
+from testbed.store.npz import pretty_json
 from testbed.versions import number_versions
 
 PROCESSORS = "processors"

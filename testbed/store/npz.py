@@ -4,16 +4,15 @@ import io
 import json
 import math
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
-from pathlib import Path
-from typing import IO, Any, NoReturn, TypeVar
+from typing import IO, Any, NamedTuple, NoReturn, TypeVar
 
 import numpy as np
 
-from calib.errors import CalibError, InputError, MachineError, refuse
-from testbed.disk import read_bounded
+from calib.errors import CalibError, InputError, MachineError
 from testbed.machine import Room, require_room
 from testbed.store.codec import KINDS, Header, pack, require_fit, unpack
 from testbed.store.layout import FORMAT
@@ -39,27 +38,51 @@ class OtherVersionError(DamagedError):
     """A whole file does not hold what this version of the program writes."""
 
 
-def digest(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]) -> str:
+Arrays = Mapping[str, np.ndarray[Any, Any]]
+Headers = Mapping[str, Header]
+
+
+class Content(NamedTuple):
+    """What an archive holds."""
+
+    meta: Mapping[str, Any]
+    arrays: Arrays
+
+
+def digest(meta: Mapping[str, Any], arrays: Arrays) -> str:
     """Hex sha256 over the meta data and each array's name, type, shape and bytes."""
+    flat = {name: np.ascontiguousarray(array).reshape(-1) for name, array in arrays.items()}
+    return digest_of(meta, arrays, lambda name: (flat[name].view("V1").data,))
+
+
+def digest_of(
+    meta: Mapping[str, Any],
+    arrays: Headers | Arrays,
+    blocks: Callable[[str], Iterable[bytes | memoryview]],
+) -> str:
+    """The same where an array's bytes come in blocks."""
     total = sha256(canonical({k: v for k, v in meta.items() if k != "sha256"}))
-    for name, array in sorted(arrays.items()):
-        total.update(f"{name}|{array.dtype.str}|{array.shape}|".encode())
-        total.update(np.ascontiguousarray(array).reshape(-1).view("V1").data)
+    for name in sorted(arrays):
+        total.update(f"{name}|{arrays[name].dtype.str}|{arrays[name].shape}|".encode())
+        for block in blocks(name):
+            total.update(block)
     return total.hexdigest()
 
 
-def to_bytes(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]) -> bytes:
-    """The archive: arrays and ``meta``, JSON with a checksum over everything."""
+def write_archive(file: IO[bytes], meta: Mapping[str, Any], arrays: Arrays) -> None:
+    """Write the archive: arrays and ``meta``, JSON with a checksum over everything."""
     ordered = {name: np.asarray(arrays[name], order="C") for name in sorted(arrays)}
     text = canonical({**meta, "sha256": digest(meta, ordered)})
-    buffer = io.BytesIO()
     # uncompressed, and numpy dates every entry 1980: the same content gives the same bytes
     members: dict[str, Any] = {META: np.frombuffer(text, np.uint8), **ordered}
-    np.savez(buffer, **members)
+    np.savez(file, **members)
+
+
+def to_bytes(meta: Mapping[str, Any], arrays: Arrays) -> bytes:
+    """The same as bytes."""
+    buffer = io.BytesIO()
+    write_archive(buffer, meta, arrays)
     return buffer.getvalue()
-
-
-Headers = Mapping[str, Header]
 
 
 def from_bytes(
@@ -76,7 +99,29 @@ def from_bytes(
     MachineError
         F10: it is large, and there is not that much memory.
     """
-    file = io.BytesIO(data) if isinstance(data, bytes) else data
+    with opened_archive(io.BytesIO(data) if isinstance(data, bytes) else data) as opened:
+        archive, meta, headers, size = opened
+        if size > LARGE and accept is not None:
+            accept(meta, headers)
+        if size > LARGE:
+            require_room(Room(2 * size // 10**6, 0))
+        arrays = {name: read_array(archive, name) for name in headers}
+    if meta.get("sha256") != digest(meta, arrays):
+        raise DamagedError("the checksum does not hold")
+    return meta, arrays
+
+
+@contextmanager
+def opened_archive(
+    file: IO[bytes],
+) -> Iterator[tuple[zipfile.ZipFile, dict[str, Any], Headers, int]]:
+    """An archive, its meta data, what its arrays are, and its size in bytes.
+
+    Raises
+    ------
+    DamagedError
+        It is none that this module writes, or what is done with it fails.
+    """
     size = file.seek(0, io.SEEK_END)
     if size > MOST_BYTES:
         raise DamagedError(f"it has {size / 1e6:.6g} MB, at most {MOST_BYTES / 1e6:.6g} are read")
@@ -87,20 +132,13 @@ def from_bytes(
                 raise DamagedError("it has no meta data")
             if math.prod(headers[META].shape) > MOST_JSON:
                 raise DamagedError("its meta data are too large")
-            meta = strict_json(_array(archive, META).tobytes())
+            meta = strict_json(read_array(archive, META).tobytes())
             del headers[META]
-            if size > LARGE and accept is not None:
-                accept(meta, headers)
-            if size > LARGE:
-                require_room(Room(2 * size // 10**6, 0))
-            arrays = {name: _array(archive, name) for name in headers}
+            yield archive, meta, headers, size
     except (DamagedError, MemoryError, MachineError):
         raise
     except Exception as error:  # zip and npy readers raise almost anything
         raise DamagedError(f"{type(error).__name__}: {error}") from error
-    if meta.get("sha256") != digest(meta, arrays):
-        raise DamagedError("the checksum does not hold")
-    return meta, arrays
 
 
 def _headers(archive: zipfile.ZipFile, size: int) -> dict[str, Header]:
@@ -125,7 +163,7 @@ def _headers(archive: zipfile.ZipFile, size: int) -> dict[str, Header]:
     return headers
 
 
-def _array(archive: zipfile.ZipFile, name: str) -> np.ndarray[Any, Any]:
+def read_array(archive: zipfile.ZipFile, name: str) -> np.ndarray[Any, Any]:
     """One array of an archive whose headers have been looked at."""
     with archive.open(f"{name}{NPY}") as member:
         return np.lib.format.read_array(member, allow_pickle=False)
@@ -138,18 +176,23 @@ class Failure:
     reason: str
 
 
-def record_bytes(key: str, record: object, spec: str, *, single: bool = False) -> bytes:
-    """The file of one record: its content, its key and the hash of what it depends on.
+def record_bytes(key: str, record: object, spec: str) -> bytes:
+    """The file of one record: its content, its key and the hash of what it depends on."""
+    return to_bytes(*record_content(key, record, spec))
+
+
+def record_content(key: str, record: object, spec: str, *, single: bool = False) -> Content:
+    """What the file of a record holds.
 
     With `single`, figures of each robot are rounded to float32.
     """
     head = {"format": FORMAT, "key": key, "spec_sha256": spec}
     if isinstance(record, Failure):
-        return to_bytes({**head, "status": FAILED, "reason": record.reason, "values": {}}, {})
+        return Content({**head, "status": FAILED, "reason": record.reason, "values": {}}, {})
     packed = pack(record, single=single)
     arrays = {name: value for name, value in packed.items() if isinstance(value, np.ndarray)}
     values = {name: value for name, value in packed.items() if name not in arrays}
-    return to_bytes({**head, "status": DONE, "reason": "", "values": values}, arrays)
+    return Content({**head, "status": DONE, "reason": "", "values": values}, arrays)
 
 
 def record_from(data: bytes | IO[bytes], key: str, cls: type[T], spec: str) -> T | Failure:
@@ -187,42 +230,6 @@ def require_own(meta: Mapping[str, Any], key: str, spec: str) -> None:
     for name, value in (("format", FORMAT), ("spec_sha256", spec)):
         if meta.get(name) != value:
             raise OtherVersionError(f"{name} is {meta.get(name)!r} instead of {value!r}")
-
-
-def read_json(path: Path, *, fix: str) -> dict[str, Any]:
-    """A JSON object from a file, whose size is seen first; `fix` says how a whole one is had.
-
-    Raises
-    ------
-    FileNotFoundError, NotADirectoryError
-        It is not there.
-    InputError
-        D42: it cannot be read, is too large, or no such object.
-    """
-    try:
-        return strict_json(read_bounded(path, MOST_JSON))
-    except (FileNotFoundError, NotADirectoryError):
-        raise
-    except (OSError, ValueError) as error:
-        raise damaged(path, getattr(error, "strerror", None) or str(error), fix) from error
-
-
-def check_format(document: Mapping[str, Any], path: Path, fix: str) -> None:
-    """Refuse a document of a newer version, or of none."""
-    version = document.get("format")
-    if type(version) is int and version > FORMAT:
-        message, allowed = f"has format {version}", f"this version reads format {FORMAT}"
-        newer = "install a newer truebed"
-        raise refuse(
-            "format", version, allowed, code="D42", message=message, fix=newer, where=str(path)
-        )
-    if type(version) is not int or version != FORMAT:
-        raise damaged(path, f"format is {version!r}", fix)
-
-
-def damaged(path: Path, reason: str, fix: str) -> InputError:
-    """The error for a file of ours that does not hold what we write."""
-    return refuse("", code="D42", message=f"is damaged: {reason}", fix=fix, where=str(path))
 
 
 def strict_json(text: bytes | str) -> dict[str, Any]:

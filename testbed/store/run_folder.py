@@ -9,6 +9,7 @@ from typing import IO, Any, Self, TypeVar
 from calib.errors import refuse
 from testbed.disk import (
     acquire,
+    atomic_path,
     atomic_write,
     becomes,
     keep_or_write,
@@ -16,8 +17,16 @@ from testbed.disk import (
     unfollowed,
 )
 from testbed.store import layout
+from testbed.store.kept import kept_record
 from testbed.store.manifest import check_same_run, manifest_bytes, read_manifest
-from testbed.store.npz import DamagedError, Failure, OtherVersionError, record_from
+from testbed.store.npz import (
+    Content,
+    DamagedError,
+    Failure,
+    OtherVersionError,
+    record_from,
+    write_archive,
+)
 from testbed.store.pieces import StoredPiece, piece_from
 from testbed.store.whole_folder import check_movable, make_way, real_folder, writing
 
@@ -130,17 +139,34 @@ class RunFolder:
         """File of a record."""
         return self.path / layout.TRIALS / f"{key}.npz"
 
-    def write_record(self, key: str, data: bytes) -> None:
+    def write_record(self, key: str, data: bytes | Content) -> None:
         """Write the file of one record; whole or not at all."""
         path = self._record_path(key)
         path.parent.mkdir(exist_ok=True)
-        atomic_write(path, data)
+        if isinstance(data, bytes):
+            atomic_write(path, data)
+            return
+        with atomic_path(path) as temporary, temporary.open("wb") as file:
+            write_archive(file, *data)
 
-    def read_record(self, key: str, cls: type[T], spec: str) -> T | Failure | None:
-        """A record; None if it is missing, damaged or belongs to another scenario."""
-        with suppress(OSError, DamagedError), _opened(self._record_path(key)) as file:
-            return record_from(file, key, cls, spec)
+    def read_record(
+        self, key: str, cls: type[T], spec: str, *, kept: bool = False
+    ) -> T | Failure | None:
+        """A record; None if it is missing, damaged or belongs to another scenario.
+
+        The arrays of one that is `kept` stay in its file.
+        """
+        with suppress(OSError, DamagedError):
+            return self._record(key, cls, spec, kept)
         return None
+
+    def _record(self, key: str, cls: type[T], spec: str, kept: bool) -> T | Failure:
+        """A record that is whole."""
+        path = self._record_path(key)
+        with _opened(path) as file:
+            if kept:
+                return kept_record(file, path, key, cls, spec)
+            return record_from(file, key, cls, spec)
 
     def write_piece(self, name: str, data: bytes) -> None:
         """Write the file of one piece of work; whole or not at all."""
@@ -161,7 +187,9 @@ class RunFolder:
         path.parent.mkdir(exist_ok=True)
         atomic_write(path, data)
 
-    def require_record(self, key: str, cls: type[T], spec: str, *, fix: str) -> T | Failure:
+    def require_record(
+        self, key: str, cls: type[T], spec: str, *, fix: str, kept: bool = False
+    ) -> T | Failure:
         """A record that must be there; `fix` says how one is had that is lost.
 
         Raises
@@ -170,8 +198,7 @@ class RunFolder:
             D42: it is missing or damaged, or whole and of another version of the program.
         """
         try:
-            with _opened(self._record_path(key)) as file:
-                return record_from(file, key, cls, spec)
+            return self._record(key, cls, spec, kept)
         except FileNotFoundError:
             told = "is missing"
         except OSError as error:

@@ -9,8 +9,8 @@ import numpy as np
 
 from calib.shown import ResultTable, Shown
 from testbed.gates.text import read_text, split
+from testbed.store.documents import read_json
 from testbed.store.layout import ISO9283, OWNERS, PLAN, RESULT
-from testbed.store.npz import read_json
 
 NUMBERS = {PLAN: PLAN, ISO9283: RESULT}
 """Where the numbers of a folder stand, by the file that marks it."""

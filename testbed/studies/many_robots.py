@@ -219,15 +219,29 @@ def alone(axes: Axes, **figures: ArrayLike) -> dict[str, Any]:
 def together(parts: Sequence[R], axes: Axes) -> R:
     """Records of some robots each as one of all, in the order given.
 
-    What counts no robots is taken from the first part.
+    What counts no robots is taken from the first part. One part is looked at at a time, for there
+    may be thousands.
     """
-    return dataclasses.replace(
-        parts[0],
-        **{
-            name: np.concatenate([getattr(part, name) for part in parts], axis=axis)
-            for name, axis in axes.items()
-        },
-    )
+    first = parts[0]
+    fields = [(name, axis % getattr(first, name).ndim) for name, axis in axes.items()]
+    shapes = {name: [*getattr(first, name).shape] for name in axes}
+    kinds = {name: getattr(first, name).dtype for name in axes}
+    ends = dict.fromkeys(axes, 0)
+    for part in parts:
+        for name, axis in fields:
+            array = getattr(part, name)
+            ends[name] += array.shape[axis]
+            if array.dtype != kinds[name]:
+                kinds[name] = np.promote_types(kinds[name], array.dtype)
+    for name, axis in fields:
+        shapes[name][axis], ends[name] = ends[name], 0
+    whole = {name: np.empty(shape, kinds[name]) for name, shape in shapes.items()}
+    for part in parts:
+        for name, axis in fields:
+            array, begun = getattr(part, name), ends[name]
+            ends[name] += array.shape[axis]
+            whole[name][(slice(None),) * axis + (slice(begun, ends[name]),)] = array
+    return dataclasses.replace(first, **whole)
 
 
 def plus_minus(mean: Mean, places: int = 2) -> str:

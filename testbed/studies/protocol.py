@@ -148,7 +148,10 @@ class Study(Protocol):
         """
 
     def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> object:
-        """The record from its parts in two or more pieces, in the order of their numbers."""
+        """The record from its parts in two or more pieces, in the order of their numbers.
+
+        Those of a cut that is `single` are read each time one is asked for, figures in float32.
+        """
 
     def answer(self, scenario: Scenario, records: Records) -> Answer | None:
         """Its answer to the question of the scene; None where it has nothing to say."""

@@ -32,7 +32,8 @@ from testbed.studies.coverage.visits import measure_robot, measure_robots, poses
 from testbed.studies.many_robots import alone, together
 from testbed.studies.trial.records import Trial
 
-OF_A_ROBOT = ("extended", "log_evidence", "before", "normal_error", "nees")
+OF_NUMBERS = ("normal_error", "nees")
+OF_A_ROBOT = ("extended", "log_evidence", "before", *OF_NUMBERS)
 AXES = dict.fromkeys((*OF_A_MODEL, *OF_A_ROBOT), -1)
 
 
@@ -69,12 +70,11 @@ def play_robots(
 
 def gather(parts: Sequence[CoverageStudy]) -> CoverageStudy:
     """The robots of all parts; numbers that one of them cannot hold are judged on none."""
-    if not all(part.names for part in parts):
-        parts = [
-            replace(part, names=(), normal_error=np.zeros((0, len(part.before))), nees=np.zeros(0))
-            for part in parts
-        ]
-    return replace(together(parts, AXES), names=parts[-1].names)
+    if all(part.names for part in parts):
+        return together(parts, AXES)
+    found = together(parts, {name: axis for name, axis in AXES.items() if name not in OF_NUMBERS})
+    none = np.zeros((0, len(found.before)))
+    return replace(found, names=(), normal_error=none, nees=none[:, 0])
 
 
 def play_robot(laboratory: Laboratory, truth: str, chosen: Index, robot: int) -> CoverageStudy:

@@ -14,6 +14,7 @@ from scipy.special import chdtr, kolmogorov, ndtr
 from calib.arrays import Array
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.statement.memory import REMEMBERS
+from testbed.store.kept import each_row
 from testbed.store.quantities import METRE, Quantity, below, in_si
 from testbed.studies.coverage.study import BELIEVED, MODELS, STATEMENTS, CoverageStudy
 from testbed.studies.many_robots import family_confidence, mean_over_robots
@@ -100,13 +101,15 @@ def cells(studies: tuple[CoverageStudy, ...]) -> tuple[Cell, ...]:
             model,
             statement,
             study.level,
-            mean_over_robots(study.inside[i, j, made]),
-            mean_over_robots(study.inside[i, j, made], probability=together),
-            float(study.radius[i, j, made].mean()),
+            mean_over_robots(inside[j, made]),
+            mean_over_robots(inside[j, made], probability=together),
+            float(radius[j, made].mean()),
             statement == BELIEVED and not study.believed[i].any(),
         )
         for study in studies
-        for i, model in enumerate(MODELS)
+        for i, (model, inside, radius) in enumerate(
+            zip(MODELS, each_row(study, "inside"), each_row(study, "radius"), strict=True)
+        )
         for j, statement in enumerate(STATEMENTS)
         for made in [study.made(i, j)]
     )
@@ -126,20 +129,26 @@ def followed(study: CoverageStudy) -> tuple[Array, int]:
 
 def numbers_check(study: CoverageStudy) -> NumbersCheck | None:
     """Parameter-level tests; None where the geometric model cannot hold the truth."""
-    f, count = study.normal_error.shape
+    f, count = len(study.names), study.before.size
     if not f:
         return None
-    held = np.abs(study.normal_error) <= coverage_factor(1, study.level)
-    ranks = min(uniform_p(ndtr(row)) for row in study.normal_error)
+    k = coverage_factor(1, study.level)
+    shares, ranks = zip(
+        *(
+            (np.mean(np.abs(row) <= k), uniform_p(ndtr(row)))
+            for row in each_row(study, "normal_error")
+        ),
+        strict=True,
+    )
     return NumbersCheck(
         study.truth,
         study.names,
-        held.mean(axis=1),
+        np.array(shares),
         binomial_band(count, study.level, 1 - (1 - BAND) / f),
         float(study.nees.mean()),
         chi_square_mean_band(f, count),
         uniform_p(chdtr(f, study.nees)),
-        min(1.0, f * ranks),
+        min(1.0, f * min(ranks)),
     )
 
 

@@ -221,6 +221,10 @@ def test_a_stop_after_more_robots_were_asked_for_leaves_no_old_result(tmp_path):
 
 
 def test_a_piece_that_fails_is_a_result_of_its_kind_alone(tmp_path):
+    many = Many(failing=(3, 1))
+    many.single = True
+    outcome = run(tmp_path / "single", many)
+    assert outcome.failed == {"many.b": "piece 1 did not work. [T0]"}
     outcome = run(tmp_path / "whole", Many(failing=(3, 1)))
     assert outcome.failed == {"many.b": "piece 1 did not work. [T0]"}
     assert len(outcome.records.get("many.a", Found).value) == 14
@@ -239,7 +243,11 @@ def test_figures_of_very_many_robots_are_kept_in_half_the_bytes(tmp_path):
     many = Many()
     many.single, many.wrong = True, 1e300
     in_memory = run(None, many).records
-    run(tmp_path / "a", many)
+    one = run(tmp_path / "a", many).records.get("many.a", Found)
+    assert isinstance(one, Found)
+    assert type(one) is not Found  # its figures stay in the file
+    assert one.value.tolist() == in_memory.get("many.a", Found).value.tolist()
+    assert type(run(tmp_path / "a", many, resume=True).records.get("many.a", Found)) is type(one)
     for k in (2, 1):
         part(tmp_path / "b", k, 2, many)
     run(tmp_path / "b", many, resume=True)
