@@ -102,8 +102,9 @@ class ModelSprings(NamedTuple):
 
     def factors(self, x: Array) -> tuple[Array, Array]:
         """What each spring gives (p,), and what weighs on all (1 + f,)."""
-        p = len(self.load)
-        return self.sd[:p] * x[:p] / self.load, np.append(1.0, self.sd[p:] * x[p:])
+        p, more = len(self.load), np.ones(1 + self.moments)
+        more[1:] = self.sd[p:] * x[p:]
+        return self.sd[:p] * x[:p] / self.load, more
 
 
 class Bent(NamedTuple):
@@ -143,7 +144,12 @@ def settled(springs: ModelSprings, normal: Array, pull: Array) -> Bent:
     return lowest(springs, loss_at, lambda x: springs.bowl(x, normal, pull))
 
 
-def lowest(springs: ModelSprings, loss_at: Callable[[Array], float], bowl: Bowl) -> Bent:
+def lowest(
+    springs: ModelSprings,
+    loss_at: Callable[[Array], float],
+    bowl: Bowl,
+    enough: Callable[[Array, float], bool] | None = None,
+) -> Bent:
     """Numbers of springs where a loss is lowest, searched from zero.
 
     What gives and what weighs can stand for each other: along that valley the second derivative of
@@ -156,7 +162,8 @@ def lowest(springs: ModelSprings, loss_at: Callable[[Array], float], bowl: Bowl)
     H, bend, force = bowl(x)
     for _ in range(STEPS):
         steps = newton_steps(H, bend, force)
-        if float(steps[0] @ force) < GAIN:
+        promised = float(steps[0] @ force)
+        if promised < GAIN or (enough is not None and enough(x, promised)):
             break
         while share > GAIN:
             new, k = min((loss_at(x + share * step), k) for k, step in enumerate(steps))

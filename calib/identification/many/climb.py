@@ -123,7 +123,6 @@ def at_their_noise(robots: Sequence[Climber]) -> list[Climber]:
     found, turning = list(robots), list(range(len(robots)))
     richest = tuple(ladder.levels[-1] for ladder in robots[0].plan.ladders)
     for _ in range(MOST_TURNS):
-        fit_all(task for k in turning for task in found[k].tasks(richest, False))
         new = [found[k].noise(richest) for k in turning]
         still = []
         for k, scale in zip(turning, new, strict=True):

@@ -14,6 +14,9 @@ from calib.identification.many.grounds import Ground, Rest
 from calib.identification.many.settle import SprungRows
 from calib.identification.normal_equations import LEAST_FREE
 
+FAR_BELOW = 0.7
+"""Part of the least sum of squares that tells of more noise than stated."""
+
 
 class Fitted(NamedTuple):
     """Springs on a ground."""
@@ -112,21 +115,23 @@ class Climber:
         return np.asarray(np.bincount(pose, away) / np.bincount(pose))
 
     def noise(self, levels: tuple[Level, ...]) -> float:
-        """Noise that a model leaves, one or more, in units of the stated one."""
+        """Noise that a model leaves, one or more, in units of the stated one.
+
+        Where much less is left than would tell of more noise than stated, springs are not followed
+        to their end: the loss only falls on the way there.
+        """
         terms, sprung = apart(self.plan, levels)
         ground = self.ground(terms)
         S, left = ground.inverse, ground.v
+        least = LEAST_FREE * len(left)
         learned = len(left) - float(np.trace(S))
         if sprung is not None:
-            rows, fitted = self.sprung(sprung), self.fits[levels, -1]
-            left = left - S @ fitted.bent
-            D = rows.slopes(fitted.numbers)
-            moved = S @ D
-            H = D.T @ moved
-            H[np.diag_indices(len(H))] += 1.0
-            learned += float(np.trace(np.linalg.solve(H, moved.T @ moved)))
-        free = max(len(left) - learned, LEAST_FREE * len(left))
-        return max(1.0, self.scale * float(np.sqrt(left @ left / free)))
+            rows = self.sprung(sprung)
+            bent = rows.settled(S, left, FAR_BELOW * least if self.scale == 1.0 else 0.0)
+            left = left - S @ rows.bent(bent.numbers)
+            moved = S @ rows.slopes(bent.numbers)
+            learned += float(np.trace(bent.inverse @ (moved.T @ moved)))
+        return max(1.0, self.scale * float(np.sqrt(left @ left / max(len(left) - learned, least))))
 
     def moved(self, levels: tuple[Level, ...], near: RobotModel, free: Sequence[str]) -> RobotModel:
         """The robot with a model's numbers, beside its geometry `near` of some free numbers."""

@@ -17,6 +17,9 @@ from calib.identification.spring_products import (
 AWAKE = 0.75
 """Part of the problems that still move below which the others are left behind."""
 
+LITTLE = 3.0
+"""Of a loss near the number of rows: a step that promises less changes no more what is left."""
+
 
 class ManyBent(NamedTuple):
     """Springs of Q problems where their fits ended."""
@@ -152,8 +155,12 @@ class SprungRows(NamedTuple):
         by_more = (self.columns @ (give[:, None] * self.loads[:, :, 1:])) * sd[p:]
         return np.concatenate([by_give, by_more], axis=2).reshape(-1, len(sd))
 
-    def settled(self, S: Array, v: Array) -> Bent:
-        """As `spring_products.settled`, of rows with S (n, n) and v (n,); see `grounds.Ground`."""
+    def settled(self, S: Array, v: Array, most: float = 0.0) -> Bent:
+        """As `spring_products.settled`, of rows with S (n, n) and v (n,); see `grounds.Ground`.
+
+        Short of that it ends where the rows are left with a sum of squares below `most` and the
+        next step promises less than `LITTLE`.
+        """
         springs, p = self.springs, len(self.springs.load)
         gives, weighs = springs.sd[:p] / springs.load, springs.sd[p:]
 
@@ -172,4 +179,8 @@ class SprungRows(NamedTuple):
             bend[p:, :p] = bend[:p, p:].T
             return H, bend, D.T @ left - x
 
-        return lowest(springs, loss_at, bowl)
+        def enough(x: Array, promised: float) -> bool:
+            left = v - S @ self.bent(x)
+            return promised < LITTLE and float(left @ left) < most
+
+        return lowest(springs, loss_at, bowl, enough if most else None)
