@@ -25,8 +25,7 @@ from calib.identification.levels import Ladder, Level
 from calib.identification.many.climb_plan import ClimbPlan, apart, plan_of
 from calib.identification.many.climb_rows import ClimbRows
 from calib.identification.many.climber import Climber, Fitted, Task
-from calib.identification.many.grounds import Ground, Rest
-from calib.identification.many.settle import SprungRows, settled_many
+from calib.identification.many.settle import settled_many
 from calib.identification.many.tables import ManyTables
 from calib.identification.normal_equations import MOST_TURNS, SETTLED
 from calib.identification.prior import Prior
@@ -176,25 +175,13 @@ def fit_all(tasks: Iterable[Task]) -> None:
             few[sprung].append(task)
             continue
         rows = robot.sprung(sprung)
-        one = rows.settled(ground.inverse, ground.v)
+        one = rows.settled(ground.rows)
         robot.fits[levels, k] = Fitted(one.numbers, rows.bent(one.numbers), one.loss, one.spread)
     for sprung, alike in few.items():
         springs = alike[0][0].plan.springs[sprung][0]
-        systems = [_products(robot.sprung(sprung), ground) for robot, ground, _, _ in alike]
+        systems = [robot.normal(sprung, levels, ground) for robot, ground, levels, _ in alike]
         normal, pull = (np.array(part) for part in zip(*systems, strict=True))
         found = settled_many(springs, normal, pull)
         for (robot, _, levels, k), x, loss, spread in zip(alike, *found, strict=True):
             bent = robot.sprung(sprung).bent(x)
             robot.fits[levels, k] = Fitted(x, bent, float(loss), float(spread))
-
-
-def _products(rows: SprungRows, ground: Ground | Rest) -> tuple[Array, Array]:
-    """N and pull of the products of some springs, where all linear numbers follow them."""
-    P = rows.products()
-    whole = ground.whole if isinstance(ground, Rest) else ground
-    N, pull = P.T @ (whole.inverse @ P), whole.v @ P
-    if isinstance(ground, Rest):
-        across = ground.across.T @ P
-        N -= across.T @ (ground.back @ P)
-        pull = pull - ground.missed @ across
-    return N, pull

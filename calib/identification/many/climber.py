@@ -48,10 +48,14 @@ class Climber:
     scale: float = 1.0
     grounds: dict[tuple[Level, ...], Ground] = field(default_factory=dict)
     fits: dict[tuple[tuple[Level, ...], int], Fitted] = field(default_factory=dict)
+    products: dict[tuple[tuple[Level, ...], Level | None], tuple[Array, Array, Array]] = field(
+        default_factory=dict
+    )
+    """Columns of springs on a ground, A'S A and A'v of them."""
 
     def at_noise(self, scale: float) -> "Climber":
         """The same with rows in units of a noise so many times the stated one."""
-        return replace(self, scale=scale, grounds={}, fits={})
+        return replace(self, scale=scale, grounds={}, fits={}, products={})
 
     def ground(self, terms: tuple[Level, ...]) -> Ground:
         """With some levels of terms."""
@@ -66,15 +70,29 @@ class Climber:
         return self.grounds[terms]
 
     def _columns(self, joints: Index, values: Array) -> Array:
-        """Columns (n, k) of terms that turn joints (k,) by values (m, k)."""
+        """Columns (k, n) of terms that turn joints (k,) by values (m, k)."""
         turns = self.bends[2::3][joints].reshape(len(joints), -1, 6) / self.scale
-        return np.ascontiguousarray((turns * values.T[:, :, None]).reshape(len(joints), -1).T)
+        return np.asarray((turns * values.T[:, :, None]).reshape(len(joints), -1))
 
     def sprung(self, level: Level) -> SprungRows:
         """Rows of a level of springs."""
         springs, places, loads = self.plan.springs[level]
         columns = self.bends[places].reshape(len(places), -1, 6) / self.scale
         return SprungRows(springs, np.ascontiguousarray(np.moveaxis(columns, 0, 2)), loads)
+
+    def normal(
+        self, sprung: Level, levels: tuple[Level, ...], ground: Ground | Rest
+    ) -> tuple[Array, Array]:
+        """N and pull of the products of some springs, where all linear numbers follow them."""
+        key = apart(self.plan, levels)
+        if key not in self.products:
+            P, whole = self.sprung(sprung).products(), self.ground(key[0]).rows
+            self.products[key] = P, whole.gram(P), whole.v @ P
+        P, N, pull = self.products[key]
+        if isinstance(ground, Rest):
+            told = ground.new @ P
+            N, pull = N - told.T @ told, pull - ground.pulled @ told
+        return N, pull
 
     def tasks(self, levels: tuple[Level, ...], left_out: bool) -> Iterable[Task]:
         """Fits of springs without which a question cannot be answered."""
@@ -90,7 +108,7 @@ class Climber:
         if k < 0:
             return ground
         rows = (6 * self.plan.part[k][:, None] + np.arange(6)).ravel()
-        return ground.rest(rows, k)
+        return ground.rest(k, rows)
 
     def evidence(self, levels: tuple[Level, ...]) -> float:
         """As in `NormalEquations.solved`."""
@@ -109,7 +127,7 @@ class Climber:
         for k, rows in enumerate(self.plan.part):
             rest = self._on(self.ground(terms), k)
             assert isinstance(rest, Rest)
-            left = rest.missed if sprung is None else rest.left(self.fits[levels, k].bent)
+            left = rest.left(None if sprung is None else self.fits[levels, k].bent)
             left = self.metres[rows] @ (self.scale * left).reshape(-1, 6)[:, :3, None]
             away[rows] = np.sqrt((left[:, :, 0] ** 2).sum(axis=1))
         return np.asarray(np.bincount(pose, away) / np.bincount(pose))
@@ -121,27 +139,26 @@ class Climber:
         to their end: the loss only falls on the way there.
         """
         terms, sprung = apart(self.plan, levels)
-        ground = self.ground(terms)
-        S, left = ground.inverse, ground.v
+        under = self.ground(terms).rows
+        left, learned = under.v, float((under.spent**2).sum())
         least = LEAST_FREE * len(left)
-        learned = len(left) - float(np.trace(S))
         if sprung is not None:
             rows = self.sprung(sprung)
-            bent = rows.settled(S, left, FAR_BELOW * least if self.scale == 1.0 else 0.0)
-            left = left - S @ rows.bent(bent.numbers)
-            moved = S @ rows.slopes(bent.numbers)
+            bent = rows.settled(under, FAR_BELOW * least if self.scale == 1.0 else 0.0)
+            left = left - under.times(rows.bent(bent.numbers))
+            moved = under.times(rows.slopes(bent.numbers))
             learned += float(np.trace(bent.inverse @ (moved.T @ moved)))
         return max(1.0, self.scale * float(np.sqrt(left @ left / max(len(left) - learned, least))))
 
     def moved(self, levels: tuple[Level, ...], near: RobotModel, free: Sequence[str]) -> RobotModel:
         """The robot with a model's numbers, beside its geometry `near` of some free numbers."""
         terms, sprung = apart(self.plan, levels)
-        ground = self.ground(terms)
-        left, moved = ground.v, np.zeros(len(self.r))
+        under = self.ground(terms).rows
+        left, moved = under.v, np.zeros(len(self.r))
         found: dict[str, float] = {}
         if sprung is not None:
             fitted, sd = self.fits[levels, -1], self.plan.springs[sprung][0].sd
-            left, moved = left - ground.inverse @ fitted.bent, fitted.bent
+            left, moved = left - under.times(fitted.bent), fitted.bent
             found |= zip(sprung.names, (sd * fitted.numbers).tolist(), strict=True)
         turns = self.bends[2::3].reshape(-1, len(self.plan.pose), 6) / self.scale
         pushed = (turns * left.reshape(-1, 6)).sum(axis=2)

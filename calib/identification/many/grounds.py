@@ -2,9 +2,11 @@
 
 A joint map has hundreds of numbers and a robot a few dozen poses. Seen from the rows, terms whose
 sizes are believed beforehand are noise that is shared between poses, and the covariance of that is
-no larger with more of them. What stands below is its inverse, geometry eliminated.
+no larger with more of them. With rows in units of the noise its inverse is S = 1 - Y'Y, where each
+number, or direction of them, that the rows tell has a row in Y.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -15,23 +17,35 @@ from calib.arrays import Array, Index
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
-    """Rows of one robot under a model of geometry and terms, in units of the noise.
+class RowsLeft:
+    """Rows under the inverse of their covariance, S = 1 - Y'Y."""
 
-    With C the covariance of the rows that the noise and what is believed of the model's numbers
-    give, S is the inverse of C, and v is S times what was measured.
-    """
+    spent: Array
+    """(k, n) Y; the sum of its squares is how many numbers are learned."""
+    v: Array
+    """(n,) S times what was measured, what is believed of the geometry taken off."""
+
+    def gram(self, columns: Array) -> Array:
+        """A'S A (c, c) of columns A (n, c)."""
+        told = self.spent @ columns
+        return np.asarray(columns.T @ columns - told.T @ told)
+
+    def times(self, rows: Array) -> Array:
+        """S times rows (n,) or columns of them (n, c)."""
+        return np.asarray(rows - self.spent.T @ (self.spent @ rows))
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """All rows of one robot under a model of geometry and terms."""
 
     loss: float
     """Sum of squares that is left, with what the prior adds."""
     spread: float
     """Log determinant of the normal equations, as in `NormalEquations.solved`."""
-    below: "tuple[Ground, Array, Array, Array] | None" = None
-    """What it was widened from, (n, k) S times the new columns there, and the triangle and force
-    by which these were eliminated."""
-    start: tuple[Array, Array] | None = None
-    """(n, n) S and (n,) v where it was not widened."""
-    memory: "dict[int, Rest]" = field(default_factory=dict)
+    made: Callable[[], RowsLeft]
+    """Its rows, worked out when they are asked for."""
+    rests: "dict[int, Rest]" = field(default_factory=dict)
 
     @classmethod
     def of_geometry(
@@ -48,50 +62,39 @@ class Ground:
         force = X @ r - precision @ offset
         pulled = inner @ force
         step = inner.T @ pulled
-        Y = inner @ X
         loss = r @ r + offset @ precision @ offset - pulled @ pulled
         spread = 2 * (np.log(np.diag(L)).sum() + np.log(root).sum())
-        S = -(Y.T @ Y)
-        S[np.diag_indices(len(r))] += 1.0
-        return cls(float(loss), float(spread), start=(S, r - step @ X)), step
+        rows = RowsLeft(inner @ X, r - step @ X)
+        return cls(float(loss), float(spread), lambda: rows), step
 
     @cached_property
-    def _whole(self) -> tuple[Array, Array]:
-        if self.below is None:
-            assert self.start is not None
-            return self.start
-        below, Z, L, pulled = self.below
-        Y = dtrtrs(L.T, Z.T, lower=0, trans=1)[0]
-        return below.inverse - Y.T @ Y, below.v - pulled @ Y
-
-    @property
-    def inverse(self) -> Array:
-        """(n, n) inverse of the covariance."""
-        return self._whole[0]
-
-    @property
-    def v(self) -> Array:
-        """(n,) S times what was measured, what is believed of the geometry taken off."""
-        return self._whole[1]
+    def rows(self) -> RowsLeft:
+        """Its rows."""
+        return self.made()
 
     def widened(self, columns: Array) -> "Ground":
-        """With further numbers of prior sd one, by their columns (n, k)."""
-        Z = self.inverse @ columns
-        inner = columns.T @ Z
+        """With further numbers of prior sd one, by their columns (k, n)."""
+        rows = self.rows
+        told = rows.spent @ columns.T
+        inner = columns @ columns.T - told.T @ told
         inner[np.diag_indices(len(inner))] += 1.0
         L = np.linalg.cholesky(inner)
-        pulled = dtrtrs(L.T, columns.T @ self.v, lower=0, trans=1)[0].ravel()
-        loss, spread = self.loss - pulled @ pulled, self.spread + 2 * np.log(np.diag(L)).sum()
-        return Ground(float(loss), float(spread), (self, Z, np.asarray(L), pulled))
+        pulled = dtrtrs(L.T, columns @ rows.v, lower=0, trans=1)[0].ravel()
 
-    def rest(self, rows: Index, which: int) -> "Ground | Rest":
-        """Without some rows (l,), the part of number `which`."""
-        if which not in self.memory:
-            across = self.inverse[:, rows]
-            back = np.linalg.solve(across[rows], np.column_stack([self.v[rows], across.T]))
-            parts = np.asarray(back[:, 0]), np.asarray(back[:, 1:])
-            self.memory[which] = Rest(self, rows, across, *parts)
-        return self.memory[which]
+        def made() -> RowsLeft:
+            new = dtrtrs(L.T, columns - told.T @ rows.spent, lower=0, trans=1)[0]
+            return RowsLeft(np.concatenate([rows.spent, new]), rows.v - pulled @ new)
+
+        spread = self.spread + 2 * np.log(np.diag(L)).sum()
+        return Ground(float(self.loss - pulled @ pulled), float(spread), made)
+
+    def rest(self, which: int, out: Index) -> "Rest":
+        """Without part number `which`, some rows (l,)."""
+        if which not in self.rests:
+            own = self.rows.spent[:, out]
+            L = np.asarray(np.linalg.cholesky(np.eye(len(out)) - own.T @ own))
+            self.rests[which] = Rest(self, out, L)
+        return self.rests[which]
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,26 +106,33 @@ class Rest:
     The inverse of a part of a covariance is a Schur complement in the inverse of the whole.
     """
 
-    whole: Ground
-    rows: Index
-    """(l,) those left out."""
-    across: Array
-    """(n, l) their columns of S."""
-    missed: Array
-    """(l,) what the others leave of them where nothing is bent."""
-    back: Array
-    """(l, n) their part of S inverted, times their rows of S."""
+    ground: Ground
+    out: Index
+    """(l,) rows that are left out."""
+    L: Array
+    """(l, l) triangle of their part of S."""
 
     @cached_property
-    def inverse(self) -> Array:
-        """(n, n) as of a ground; zero for the rows left out."""
-        return np.asarray(self.whole.inverse - self.across @ self.back)
+    def new(self) -> Array:
+        """(l, n) what they add to Y; S is zero for them then."""
+        spent = self.ground.rows.spent
+        across = -(spent[:, self.out].T @ spent)
+        across[range(len(self.out)), self.out] += 1.0
+        return np.asarray(dtrtrs(self.L.T, across, lower=0, trans=1)[0])
 
     @cached_property
-    def v(self) -> Array:
-        """(n,) likewise."""
-        return np.asarray(self.whole.v - self.across @ self.missed)
+    def pulled(self) -> Array:
+        """(l,) their part of v in units of the triangle."""
+        v = self.ground.rows.v[self.out]
+        return np.asarray(dtrtrs(self.L.T, v, lower=0, trans=1)[0].ravel())
 
-    def left(self, bent: Array) -> Array:
-        """What the others leave (l,) of the rows where springs bend all rows by `bent` (n,)."""
-        return np.asarray(self.missed - self.back @ bent)
+    @cached_property
+    def rows(self) -> RowsLeft:
+        """The rows that are not left out; zero for the others."""
+        whole = self.ground.rows
+        return RowsLeft(np.concatenate([whole.spent, self.new]), whole.v - self.pulled @ self.new)
+
+    def left(self, bent: Array | None = None) -> Array:
+        """What the others leave (l,) of the rows, where springs bend all rows by `bent` (n,)."""
+        found = self.pulled if bent is None else self.pulled - self.new @ bent
+        return np.asarray(dtrtrs(self.L.T, found, lower=0)[0].ravel())

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calib.arrays import Array, Index
+from calib.identification.many.grounds import RowsLeft
 from calib.identification.spring_products import (
     GAIN,
     STEPS,
@@ -151,27 +152,31 @@ class SprungRows(NamedTuple):
         """Slopes (n, s) of that."""
         p, sd = len(self.springs.load), self.springs.sd
         give, more = self.springs.factors(x)
-        by_give = self.columns * ((self.loads @ more) * (sd[:p] / self.springs.load))[:, None]
-        by_more = (self.columns @ (give[:, None] * self.loads[:, :, 1:])) * sd[p:]
-        return np.concatenate([by_give, by_more], axis=2).reshape(-1, len(sd))
+        found = np.empty((*self.columns.shape[:2], len(sd)))
+        each = (self.loads @ more) * (sd[:p] / self.springs.load)
+        np.multiply(self.columns, each[:, None], out=found[:, :, :p])
+        weighed = give[:, None] * self.loads[:, :, 1:] * sd[p:]
+        np.matmul(self.columns, weighed, out=found[:, :, p:])
+        return found.reshape(-1, len(sd))
 
-    def settled(self, S: Array, v: Array, most: float = 0.0) -> Bent:
-        """As `spring_products.settled`, of rows with S (n, n) and v (n,); see `grounds.Ground`.
+    def settled(self, rows: RowsLeft, most: float = 0.0) -> Bent:
+        """As `spring_products.settled`, of the rows of a `Ground`.
 
         Short of that it ends where the rows are left with a sum of squares below `most` and the
         next step promises less than `LITTLE`.
         """
-        springs, p = self.springs, len(self.springs.load)
+        springs, p, v = self.springs, len(self.springs.load), rows.v
         gives, weighs = springs.sd[:p] / springs.load, springs.sd[p:]
 
         def loss_at(x: Array) -> float:
             h = self.bent(x)
-            return float(h @ (S @ h) - 2 * v @ h + x @ x)
+            told = rows.spent @ h
+            return float(h @ h - told @ told - 2 * v @ h + x @ x)
 
         def bowl(x: Array) -> tuple[Array, Array, Array]:
             D = self.slopes(x)
-            left = v - S @ self.bent(x)
-            H, bend = D.T @ (S @ D), np.zeros((len(x), len(x)))
+            left = v - rows.times(self.bent(x))
+            H, bend = rows.gram(D), np.zeros((len(x), len(x)))
             H[np.diag_indices(len(H))] += 1.0
             pushed = (left.reshape(-1, 1, 6) @ self.columns)[:, 0]
             crossed = (pushed[:, :, None] * self.loads[:, :, 1:]).sum(axis=0)
@@ -180,7 +185,7 @@ class SprungRows(NamedTuple):
             return H, bend, D.T @ left - x
 
         def enough(x: Array, promised: float) -> bool:
-            left = v - S @ self.bent(x)
+            left = v - rows.times(self.bent(x))
             return promised < LITTLE and float(left @ left) < most
 
         return lowest(springs, loss_at, bowl, enough if most else None)

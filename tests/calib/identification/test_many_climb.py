@@ -125,6 +125,19 @@ def test_what_only_a_report_asks_for_is_worked_out_when_it_does():
     np.testing.assert_array_equal(found.richest().poses(q), alone.richest().poses(q))
 
 
+def test_with_too_few_poses_to_confirm_anything_nothing_is_taken():
+    tables = [table.rows(np.arange(16)) for table in visits()[1:3]]
+    near = fitted(tables)
+    found = climb_many(TX60, near, tables, FREE, LADDERS, prior=PRIOR)
+    for one, other in zip(found, one_by_one(near, tables), strict=True):
+        assert one.steps
+        assert not one.taken
+        assert [step.level for step in one.steps] == [step.level for step in other.steps]
+        assert [offer.outcome for offer in one.offered] == [each.outcome for each in other.offered]
+        gains = [[offer.gain for offer in each.offered] for each in (one, other)]
+        np.testing.assert_allclose(*gains, rtol=1e-9, atol=1e-8)
+
+
 def test_no_bit_hangs_on_who_climbs_beside():
     tables = visits()[:3]
     near = fitted(tables)
