@@ -19,6 +19,8 @@ from testbed.robots.robot import Robot, Visual
 
 GHOST_SKIN = 0.002
 """A ghost is drawn thinner by this [m]: where it does not deviate it stays inside the robot."""
+SMALL = 5e-5
+"""Volume of a part that a ghost goes without [m^3]: a matchbox."""
 BOX_COLOR = (120, 132, 146, 150)
 
 
@@ -26,6 +28,12 @@ BOX_COLOR = (120, 132, 146, 150)
 def mesh(visual: Visual) -> Mesh:
     """A part's mesh, read once: robot and ghost share it."""
     return part_mesh(visual)
+
+
+def volume(part: Mesh) -> float:
+    """Of a closed mesh [m^3]: that of the tetrahedra from the origin to its faces."""
+    a, b, c = part.vertices[part.faces].astype(np.float64).transpose(1, 0, 2)
+    return float(abs(np.einsum("fi,fi->", a, np.cross(b, c)))) / 6
 
 
 def draw_arm(
@@ -65,12 +73,17 @@ def draw_arm(
 def _draw_parts(
     pen: Pen, paths: Sequence[str], visuals: tuple[Visual, ...], color: Color | None = None
 ) -> None:
-    """Meshes below the entities of their links, in their own color or, as a ghost, in one."""
+    """Meshes below the entities of their links, in their own color or, as a ghost, in one.
+
+    A ghost has no small parts, which are told from its large ones by their colors only.
+    """
     import rerun as rr
 
     skin = GHOST_SKIN if color else 0.0
     for visual in visuals:
         part = mesh(visual)
+        if color and volume(part) < SMALL:
+            continue
         pen.static(
             f"{paths[visual.link]}/{visual.name}",
             rr.Mesh3D(

@@ -21,8 +21,8 @@ from testbed.recording.timeline import Phase
 
 SIZE = (800.0, 264.0)
 """Width and height of the plane."""
-LEFT, RIGHT, TOP, BOTTOM = 62.0, 18.0, 59.0, 35.0
-"""Margins of a chart, for its numbers, title and legend."""
+LEFT, RIGHT, TICK, BOTTOM = 62.0, 18.0, 12.0, 35.0
+"""Margins of a chart: for its numbers, below its legend, and for the numbers along it."""
 LETTER, LINE = 6.8, 21.0
 """Width of a letter and height of a line of words."""
 SAMPLE = 22.0
@@ -130,7 +130,8 @@ class Axes:
         low, top = self.scaled(np.array(self.y))
         up = (self.scaled(values) - low) / (top - low)
         start = self.left + LEFT
-        return np.stack([start + along * (right - start), high - up * (high - TOP)], axis=-1)
+        top = self._names[-1].y + LINE + TICK
+        return np.stack([start + along * (right - start), high - up * (high - top)], axis=-1)
 
     def scaled(self, values: Array) -> Array:
         """Values, or their decades."""
@@ -161,9 +162,8 @@ class Axes:
     @property
     def samples(self) -> Array:
         """Lines (curves, 2, 2) before the names of the legend."""
-        starts = [word.box[0] - SAMPLE + 2 for word in self._names]
-        y = LINE + 5 + LINE / 2
-        return np.array([[[start, y], [start + SAMPLE - 6, y]] for start in starts])
+        lines = [(word.box[0] - SAMPLE + 2, word.y + LINE / 2) for word in self._names]
+        return np.array([[[x, y], [x + SAMPLE - 6, y]] for x, y in lines])
 
     @property
     def words(self) -> list[Word]:
@@ -182,12 +182,15 @@ class Axes:
 
     @property
     def _names(self) -> list[Word]:
-        """The legend."""
-        at, found = self.left + 12.0, []
+        """The legend, in as many lines as it needs."""
+        start, y, found = self.left + 12.0, LINE + 5, list[Word]()
+        at = start
         for curve in self.chart.curves:
-            half = (LETTER * len(curve.label) + 8) / 2
-            found.append(Word(at + SAMPLE + half, LINE + 5, curve.label))
-            at += SAMPLE + 2 * half + 12
+            width = LETTER * len(curve.label) + 8
+            if found and at + SAMPLE + width > self.left + self.width:
+                at, y = start, y + LINE + 1
+            found.append(Word(at + SAMPLE + width / 2, y, curve.label))
+            at += SAMPLE + width + 10
         return found
 
 

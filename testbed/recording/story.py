@@ -53,6 +53,19 @@ class Chapter:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Window:
+    """One of several windows on the cell, to switch between."""
+
+    name: str
+    root: str = ""
+    """Of the entities that no other window shows; the first one has none."""
+    hidden: Sequence[str] = ()
+    """Entities of the others that it does not show."""
+    draw: Callable[[Pen], None] = lambda _: None
+    """Draws what is its own."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Story:
     """Everything that a recording holds."""
 
@@ -73,6 +86,8 @@ class Story:
     draw: Callable[[Pen], None]
     """Draws what is there at all times, beside the robot."""
     chapters: Sequence[Chapter]
+    windows: Sequence[Window] = ()
+    """On the cell; none: there is but one."""
 
 
 def numbered(what: str, count: int, says: Iterable[str] = ()) -> list[str]:

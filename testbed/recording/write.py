@@ -81,6 +81,8 @@ def _draw(story: Story, pen: Pen) -> None:
     pen.static("phase", rr.StateConfiguration(values=names, colors=colors))
     draw_arm(pen, "world/robot", story.robot, timeline.q, (story.chain,))
     story.draw(pen)
+    for window in story.windows:
+        window.draw(pen)
     for chapter, phase in zip(story.chapters, timeline.phases, strict=True):
         text = "\n".join(line for line in chapter.text if line)
         pen.at(phase.start, "now", rr.TextDocument(text, media_type=markdown))
@@ -178,7 +180,7 @@ def blueprint(story: Story, timeline: Timeline) -> Any:
     now = rrb.TextDocumentView(origin="/now", name="Now")
     summary = rrb.TextDocumentView(origin="/summary", name="Summary")
     texts, heights = ([line, now, summary], TEXTS) if low else ([line, now], FEWER_TEXTS)
-    above = [_cell(story, timeline), rrb.Vertical(*texts, row_shares=heights)]
+    above = [*_stacked(_cells(story, timeline)), rrb.Vertical(*texts, row_shares=heights)]
     charts = [_chart(), *_curves(story, timeline)]
     return rrb.Blueprint(
         rrb.Vertical(
@@ -201,7 +203,27 @@ def _stacked(views: Sequence[Any]) -> list[Any]:
     return [rrb.Tabs(*views, active_tab=0)] if len(views) > 1 else list(views)
 
 
-def _cell(story: Story, timeline: Timeline) -> Any:
+def _cells(story: Story, timeline: Timeline) -> list[Any]:
+    """The windows on the cell: what is of one of them only, the others do not show."""
+    if not story.windows:
+        return [_cell(story, timeline, "Cell", "/world/**")]
+    return [
+        _cell(
+            story,
+            timeline,
+            f"Cell: {window.name}",
+            [
+                "+ /world/**",
+                *(f"- /{one.root}/**" for one in story.windows if one.root),
+                *(f"- /{path}" for path in window.hidden),
+                *([f"+ /{window.root}/**"] if window.root else []),
+            ],
+        )
+        for window in story.windows
+    ]
+
+
+def _cell(story: Story, timeline: Timeline, name: str, contents: str | list[str]) -> Any:
     """The robot's cell, the robot in front and the tracker in the background."""
     import rerun as rr
     import rerun.blueprint as rrb
@@ -212,7 +234,8 @@ def _cell(story: Story, timeline: Timeline) -> Any:
     position, target = camera(story.reach, story.chain.T_world_base[:3, 3], story.station, drawn)
     return rrb.Spatial3DView(
         origin="/world",
-        name="Cell",
+        contents=contents,
+        name=name,
         background=[246, 247, 249],
         line_grid=rrb.LineGrid3D(
             visible=True,

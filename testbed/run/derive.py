@@ -195,6 +195,7 @@ def recording_bytes(
     from testbed.recording.write import story_bytes
     from testbed.studies.trial import recording as trial
     from testbed.studies.trial.recording_cell import show
+    from testbed.studies.trial.recording_others import other_windows
     from testbed.studies.trial.verdict import trial_verdict
 
     scenario, setting = campaign.scenario, campaign.setting
@@ -212,6 +213,7 @@ def recording_bytes(
         station=setting.T_world_tracker[:3, 3],
         draw=lambda pen: trial.draw_scene(shown, scenario, robot, pen),
         chapters=chapters_of(campaign, studies),
+        windows=other_windows(campaign, shown),
     )
     return story_bytes(story)
 

@@ -71,7 +71,7 @@ def chapter(campaign: Campaign) -> Chapter:
     panel = Panel(
         origin="attained",
         title="Points inside what is stated, % (a dot is a robot)",
-        x=(-NAMES, len(STATEMENTS) * (PANEL + GAP)),
+        x=(-NAMES, len(STATEMENTS) * (PANEL + GAP) + GAP),
         y=(-0.6 * ROW - 2 * (LINE + 1), (len(studies) * len(MODELS) - 0.4) * ROW + FOOT),
         tall=True,
     )

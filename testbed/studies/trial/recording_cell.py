@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +31,9 @@ REGION_SIZE = 0.07
 """Longest drawn error or semi-axis of a stated region [m]."""
 INSIDE_COLOR, OUTSIDE_COLOR = (*style.BLUE, 110), (*style.VERMILION, 150)
 MOVE_COLOR = (60, 66, 76, 160)
+CHOSEN, LEAVES, MEASURED, HELD_OUT = (
+    f"world/{name}" for name in ("chosen", "leaves", "measured", "held_out")
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,6 +56,16 @@ class ShownTrial:
     """The same of where one move ends; None where nothing tells."""
     arm: ElasticArm | None = None
     """The true arm at rest on its springs; None where nothing gives way."""
+
+    @property
+    def error_path(self) -> str:
+        """Entity of the errors that are measured."""
+        return f"world/error_nominal_x{self.arrows}"
+
+    @property
+    def ghost_path(self) -> str:
+        """Root of the ghost's entities."""
+        return f"world/true_x{self.ghost}"
 
     @property
     def ghost_words(self) -> str:
@@ -114,7 +128,7 @@ def draw_measured(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
     seen = seen_places(shown.estimate.identification.model, shown.trial.measurements)
     points = predicted_places(setting.nominal, shown.trial.measurements)
     vectors = seen - points
-    cloud, arrows = "world/measured", f"world/error_nominal_x{factor}"
+    cloud, arrows = MEASURED, shown.error_path
     look = {"radii": 0.010, "colors": SEEN_COLOR}
     pen.grow(cloud, phase, rr.Points3D, {"positions": seen}, look)
     pen.grow_arrows(arrows, phase, points, factor * vectors, style.BEFORE_COLOR, 0.0032)
@@ -191,24 +205,35 @@ def _placed(T: Array, points: Array) -> Array:
 
 
 def draw_held_out(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
-    """Held-out poses: true minus nominal, true minus identified, and the believed 95 % regions.
+    """What there is at held-out poses, as the robot comes to them."""
+    drawn = held_out(shown, HELD_OUT)
+    for path, (archetype, values, look) in drawn.items():
+        pen.grow(path, phase, archetype, values, look)
+    leaves = pen.timeline.moves_on(phase.stop)
+    if leaves is not None:
+        pen.clear(leaves, *drawn)
 
-    Before and after share one factor. Regions have a larger one, and so have the errors drawn from
-    their centers: an arrow ends inside its ellipsoid exactly where the record says so.
+
+def held_out(shown: ShownTrial, root: str) -> dict[str, tuple[Any, dict[str, Array], Any]]:
+    """True minus nominal, true minus identified, and the believed 95 % regions, of every pose.
+
+    By entity: one of Rerun's archetypes, its rows, and what is alike for all. Before and after
+    share one factor. Regions have a larger one, and so have the errors drawn from their centers: an
+    arrow ends inside its ellipsoid exactly where the record says so.
     """
     import rerun as rr
 
     setting = shown.setting
     true = target_points(setting.test_true, setting.target)
     nominal, stated = tracked(setting, setting.test_q), shown.stated.position
-    root, few, many = "world/held_out", shown.arrows, shown.regions
-    arrows = {
-        f"{root}/before_x{few}": (nominal, few, style.BEFORE_COLOR, 0.0024),
-        f"{root}/after_x{few}": (stated, few, style.AFTER_COLOR, 0.004),
-        f"{root}/after_x{many}": (stated, many, (30, 40, 90), 0.002),
-    }
-    for path, (origin, times, color, radius) in arrows.items():
-        pen.grow_arrows(path, phase, origin, times * (true - origin), color, radius)
+    few, many, found = shown.arrows, shown.regions, dict[str, tuple[Any, dict[str, Array], Any]]()
+    for path, origin, times, color, radius in (
+        (f"{root}/before_x{few}", nominal, few, style.BEFORE_COLOR, 0.0024),
+        (f"{root}/after_x{few}", stated, few, style.AFTER_COLOR, 0.004),
+        (f"{root}/after_x{many}", stated, many, (30, 40, 90), 0.002),
+    ):
+        arrows = {"origins": origin, "vectors": times * (true - origin)}
+        found[path] = rr.Arrows3D, arrows, {"radii": radius, "colors": color}
     colors = np.where(shown.estimate.inside[:, None], INSIDE_COLOR, OUTSIDE_COLOR)
     drawn = [(f"{root}/region_95_x{many}", shown.stated, colors, "solid")]
     if shown.moved is not None:
@@ -222,7 +247,5 @@ def draw_held_out(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
             "quaternions": quaternion_wxyz(turn)[:, [1, 2, 3, 0]],
             "colors": np.asarray(own.astype(np.uint8)),
         }
-        pen.grow(path, phase, rr.Ellipsoids3D, regions, {"fill_mode": fill})
-    leaves = pen.timeline.moves_on(phase.stop)
-    if leaves is not None:
-        pen.clear(leaves, *arrows, *(path for path, *_ in drawn))
+        found[path] = rr.Ellipsoids3D, regions, {"fill_mode": fill}
+    return found

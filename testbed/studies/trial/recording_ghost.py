@@ -40,7 +40,7 @@ def draw_ghost(shown: ShownTrial, robot: Robot, pen: Pen) -> None:
     for phase in pen.timeline.phases:
         if phase.name == MOVE:
             bends[phase.steps], index[phase.steps] = 0.0, len(values)
-    path, across = f"world/true_x{shown.ghost}", bends[:, :, :Z] if bends[:, :, :Z].any() else None
+    path, across = shown.ghost_path, bends[:, :, :Z] if bends[:, :, :Z].any() else None
     turned = q + bends[:, :, Z]
     draw_arm(pen, path, robot, turned, chains, index.reshape(-1), GHOST_COLOR, across)
 

@@ -11,7 +11,7 @@ from testbed.recording.chart import Chart, Series, level
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter, numbered
 from testbed.recording.timeline import Motion, Phase, visit
-from testbed.studies.trial.recording_cell import ShownTrial
+from testbed.studies.trial.recording_cell import CHOSEN, LEAVES, ShownTrial
 from testbed.studies.trial.set_records import RandomSets
 
 FRAMES, MOST_FRAMES = 4, 144
@@ -85,11 +85,11 @@ def draw_exchanges(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
     way, _ = sets_on_the_way(shown.trial.selection)
     left, _ = exchanged(way)
     chosen = rr.Points3D.columns(positions=places[way.ravel()])
-    pen.rows("world/chosen", phase, chosen.partition(np.full(len(way), way.shape[1])))
-    pen.static("world/chosen", rr.Points3D.from_fields(radii=0.009, colors=style.CHOSEN_COLOR))
-    pen.clear(pen.timeline.phase("identify").stop, "world/chosen")
+    pen.rows(CHOSEN, phase, chosen.partition(np.full(len(way), way.shape[1])))
+    pen.static(CHOSEN, rr.Points3D.from_fields(radii=0.009, colors=style.CHOSEN_COLOR))
+    pen.clear(pen.timeline.phase("identify").stop, CHOSEN)
     if len(way) > 1:
         gone = rr.Points3D.columns(positions=places[np.concatenate(left)])
-        pen.rows("world/leaves", phase, gone.partition([len(one) for one in left]))
-        pen.static("world/leaves", rr.Points3D.from_fields(radii=0.016, colors=style.VERMILION))
-        pen.clear(phase.stop, "world/leaves")
+        pen.rows(LEAVES, phase, gone.partition([len(one) for one in left]))
+        pen.static(LEAVES, rr.Points3D.from_fields(radii=0.016, colors=style.VERMILION))
+        pen.clear(phase.stop, LEAVES)

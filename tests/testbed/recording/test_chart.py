@@ -34,12 +34,20 @@ def chart(count, *scales, title="Held-out error [mm] by pose number"):
     return Chart("toy", title, curves)
 
 
+def seven():
+    """As many kinds of robots as a coverage study has, and the promise."""
+    kinds = ("rigid", "wen2022", "soft", "elastic", "unmodelled", "slight", "promised")
+    curves = [Series(kind, RNG.uniform(60, 100, 200), (9, 9, 9)) for kind in kinds]
+    return Chart("toy", "Inside [%] by robots, geometric", curves)
+
+
 CHARTS = [
     [chart(61, 0.7, 0.012, 0.02)],
     [chart(29, 0.7, 0.3)],
     [chart(1, 40_000.0)],
     [chart(900, 1e-7, 2e-7)],
     [chart(200, 95, 90, title="Inside [%] by robots"), chart(200, 95, title="Inside [%]")],
+    [seven(), seven()],
     [Chart("toy", "flat", (level("target", 12, 38021.7, (9, 9, 9)),))],
 ]
 

@@ -1,6 +1,7 @@
 """A recording shows what was measured, and any trial of a campaign can be shown."""
 
 import json
+import re
 import shutil
 from dataclasses import replace
 
@@ -14,6 +15,8 @@ from calib.geometry.frames import step_transform
 from calib.measurement import tables
 from calib.measurement.observations import joined
 from testbed.cli import app
+from testbed.recording.timeline import visit
+from testbed.recording.write import _cells
 from testbed.robots.catalog import load_robot
 from testbed.run.derive import led_by
 from testbed.run.play import load_run, play_run, recording_of
@@ -22,10 +25,13 @@ from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from testbed.studies.protocol import Records
 from testbed.studies.trial.recording_cell import beam, predicted_places, seen_places
+from testbed.studies.trial.recording_others import other_windows
 from tests import recorded, viewed
 from tests.recorded import column, properties, record, small_campaign, store, structure
 from tests.reference import pool_r
 from tests.reported import SMALL, played
+from tests.toy_story import STOPS, story
+from tests.toy_story import chapter as toy_chapter
 
 SINGLE = 2e-7
 """Scene geometry is float32: 6e-8 of about 2 m."""
@@ -143,7 +149,11 @@ def test_another_trial_is_shown_like_the_first(tmp_path):
     index = {f"/select/{t.selection.criterion}" for t in campaign.trials}
     index |= {"/select/random", "/world/leaves", "/chart/select/points"}
     lines = [
-        {line for line in structure(store(path)) if line.split()[0] not in index}
+        {
+            re.sub("/trials/[^/ ]+", "/trials/OTHER", line)
+            for line in structure(store(path))
+            if line.split()[0] not in index
+        }
         for path in (first, second)
     ]
     assert lines[0] == lines[1]
@@ -244,3 +254,57 @@ def test_a_trial_that_failed_cannot_be_shown():
         f'the trial "{name}" failed and cannot be shown (its poses are too few); '
         f"one of {campaign.trials[0].name}. [C41]"
     )
+
+
+def test_each_trial_has_a_window_that_hides_what_is_of_the_others(tmp_path):
+    """Which entities a window shows, by the rule of the viewer: the most special line decides."""
+    campaign = small_campaign()
+    first, other = campaign.trials
+    shown = recorded.shown(campaign)
+    windows = other_windows(campaign, shown)
+    assert [window.name for window in windows] == [first.name, other.name]
+    opened = store(record(tmp_path / "both.rrd"))
+    entities = {line.split()[0] for line in opened.summary().splitlines()}
+    views = _cells(story_of(windows), recorded.timeline(campaign))
+    seen = [
+        {one for one in entities if one.startswith("/world") and shows(view.contents, one)}
+        for view in views
+    ]
+    own = f"/world/trials/{other.name}"
+    assert {one for one in seen[0] if one.startswith("/world/trials")} == set()
+    assert any(one.startswith(own) for one in seen[1])
+    for gone in ("/world/chosen", "/world/measured", "/world/beam", f"/{shown.error_path}"):
+        assert gone in seen[0], gone
+        assert gone not in seen[1], gone
+    assert not any(one.startswith((f"/{shown.ghost_path}", "/world/held_out")) for one in seen[1])
+    # what both have: the robot, the tracker, the candidates
+    both = {one for one in entities if one.startswith(("/world/robot", "/world/tracker"))}
+    assert both | {"/world/pool"} <= seen[0] & seen[1]
+    last = np.array(column(opened, f"{own}/measured", "Points3D:positions")[1][0])
+    assert np.array_equal(last, other.measurements.position.astype(np.float32))
+    after = column(opened, f"{own}/held_out/after_x{shown.arrows}", "Arrows3D:vectors")[1][0]
+    judged = other.estimates[0].comparison
+    np.testing.assert_allclose(
+        np.linalg.norm(after, axis=1), shown.arrows * judged.after, rtol=0, atol=1e-5
+    )
+
+
+def test_a_trial_alone_has_the_one_window(tmp_path):
+    campaign = small_campaign()
+    alone = replace(campaign, trials=campaign.trials[:1])
+    assert other_windows(alone, recorded.shown(alone)) == ()
+
+
+def shows(contents, entity):
+    """Whether a query of the viewer holds an entity."""
+    best = (-1, False)
+    for line in contents:
+        sign, path = line.split(maxsplit=1)
+        root = path.removesuffix("/**")
+        if entity == root or entity.startswith(f"{root}/"):
+            best = max(best, (len(root), sign == "+"))
+    return best[1]
+
+
+def story_of(windows):
+    return replace(story(toy_chapter("first", visit(STOPS))), windows=windows)
