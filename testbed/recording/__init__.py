@@ -1,1 +1,1 @@
-"""The file that Rerun plays: cells, curves, layouts and stories, for every verb."""
+"""The file that Rerun plays: cells, charts, layouts and stories, for every verb."""

@@ -1,23 +1,18 @@
-"""A story as the file that Rerun plays, with the layout of its screen."""
+"""A story as the file that Rerun plays."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any
 
-import numpy as np
-
-from calib.arrays import Array
-from calib.geometry.chain import forward
-from calib.geometry.frames import rot_z
 from testbed.machine import RECORDING, require_room
 from testbed.recording.cell import draw_arm
-from testbed.recording.chart import ROOT, SIZE, draw_charts
+from testbed.recording.chart import draw_charts
+from testbed.recording.layout import blueprint
 from testbed.recording.pen import Pen
-from testbed.recording.story import Panel, Story, floor_height, timeline_of
+from testbed.recording.story import Story, timeline_of
 from testbed.recording.timeline import Timeline
-from testbed.robots.placements import link_poses
 
 APPLICATION = "truebed"
 
@@ -150,178 +145,3 @@ class _Layout:
         """End the stream if there was one."""
         if self.stream is not None:
             self.stream.disconnect()
-
-
-FRAMES_PER_SECOND = 24.0
-WIDTHS = (1.8, 1.0), (1.5, 1.0, 1.5)
-"""Of cell and texts, and of both beside a tall plane."""
-ROWS = (6.1, 0.9, 3.0)
-"""Heights of cell, bar of phases and charts."""
-TEXTS, FEWER_TEXTS = (0.6, 2.0, 2.6), (0.6, 4.6)
-"""Of the line, the words of now and, unless it stands elsewhere, the summary."""
-ASIDE, TOWARD_TRACKER = np.radians(140.0), 0.13
-"""Camera: turned so far from the tracker's direction, aimed at this part of the way to it."""
-OPENING, ASPECT, FILLED = np.radians(55.0), 1.4, 0.92
-"""The viewer's angle of view from bottom to top, the cell's width over its height, and the part of
-both in which the axes of bodies stay: the bodies themselves are thicker."""
-
-
-def blueprint(story: Story, timeline: Timeline) -> Any:
-    """Layout of the viewer, embedded in the recording: the cell and what is said of it above.
-
-    Below are the bar of phases, the charts of the phase, and planes or else the summary.
-    """
-    import rerun.blueprint as rrb
-
-    panels = [chapter.panel for chapter in reversed(story.chapters) if chapter.panel is not None]
-    tall = [_plane(panel) for panel in panels if panel.tall]
-    low = [_plane(panel) for panel in panels if not panel.tall]
-    line = rrb.TextDocumentView(origin="/line", name="Line", titlebar=False)
-    now = rrb.TextDocumentView(origin="/now", name="Now")
-    summary = rrb.TextDocumentView(origin="/summary", name="Summary")
-    texts, heights = ([line, now, summary], TEXTS) if low else ([line, now], FEWER_TEXTS)
-    above = [*_stacked(_cells(story, timeline)), rrb.Vertical(*texts, row_shares=heights)]
-    charts = [_chart(), *_curves(story, timeline)]
-    return rrb.Blueprint(
-        rrb.Vertical(
-            rrb.Horizontal(*above, *_stacked(tall), column_shares=WIDTHS[bool(tall)]),
-            rrb.StateTimelineView(origin="/phase", name="Phase"),
-            rrb.Horizontal(rrb.Tabs(*charts, active_tab=0), *_stacked(low or [summary])),
-            row_shares=ROWS,
-        ),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline="step", fps=FRAMES_PER_SECOND),
-        auto_views=False,
-    )
-
-
-def _stacked(views: Sequence[Any]) -> list[Any]:
-    """Views on top of each other; none where there are none."""
-    import rerun.blueprint as rrb
-
-    return [rrb.Tabs(*views, active_tab=0)] if len(views) > 1 else list(views)
-
-
-def _cells(story: Story, timeline: Timeline) -> list[Any]:
-    """The windows on the cell: what is of one of them only, the others do not show."""
-    if not story.windows:
-        return [_cell(story, timeline, "Cell", "/world/**")]
-    return [
-        _cell(
-            story,
-            timeline,
-            f"Cell: {window.name}",
-            [
-                "+ /world/**",
-                *(f"- /{one.root}/**" for one in story.windows if one.root),
-                *(f"- /{path}" for path in window.hidden),
-                *([f"+ /{window.root}/**"] if window.root else []),
-            ],
-        )
-        for window in story.windows
-    ]
-
-
-def _cell(story: Story, timeline: Timeline, name: str, contents: str | list[str]) -> Any:
-    """The robot's cell, the robot in front and the tracker in the background."""
-    import rerun as rr
-    import rerun.blueprint as rrb
-
-    bodies = link_poses(story.chain, timeline.q)[:, :, :3, 3].reshape(-1, 3)
-    tools = forward(story.chain, timeline.q)[:, :3, 3]
-    drawn = np.vstack([bodies, tools, story.station])
-    position, target = camera(story.reach, story.chain.T_world_base[:3, 3], story.station, drawn)
-    return rrb.Spatial3DView(
-        origin="/world",
-        contents=contents,
-        name=name,
-        background=[246, 247, 249],
-        line_grid=rrb.LineGrid3D(
-            visible=True,
-            spacing=0.25,
-            plane=rr.components.Plane3D.XY.with_distance(floor_height(story.chain, story.robot)),
-            color=[120, 130, 140, 70],
-        ),
-        eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital,
-            position=position,
-            look_target=target,
-            eye_up=(0, 0, 1),
-        ),
-    )
-
-
-def camera(reach: Array, base: Array, station: Array, drawn: Array) -> tuple[Array, Array]:
-    """Eye and the point it looks at (3,), so that workspace, robot and tracker are in view [m].
-
-    Parameters
-    ----------
-    reach : (N, 3) array
-        Tool positions.
-    base, station : (3,) array
-        The robot's base and the tracker.
-    drawn : (k, 3) array
-        Where bodies and tools are at any step, and whatever else must be in view.
-    """
-    middle = (reach.mean(axis=0) + base) / 2
-    radius = float(np.quantile(np.linalg.norm(reach - middle, axis=1), 0.95))
-    away = station - middle
-    away[2] = 0.0
-    distance = float(np.linalg.norm(away))
-    ahead = away / distance if distance > 0 else np.array([1.0, 0.0, 0.0])
-    front = reach.mean(axis=0) - base
-    sides = [rot_z(sign * ASIDE)[:3, :3] @ ahead for sign in (1, -1)]
-    side = max(sides, key=lambda direction: float(direction @ front))
-    target = middle + TOWARD_TRACKER * away - [0, 0, 0.2 * radius]
-    back = 2.9 * side + np.array([0, 0, 1.15])
-    back = back / np.linalg.norm(back)
-    right = np.cross([0.0, 0.0, 1.0], back)
-    right /= np.linalg.norm(right)
-    x, y, z = np.stack([right, np.cross(back, right), back]) @ (drawn - target).T
-    # a point is in view if it is nearer to the line of sight than its share of its depth
-    depth = np.maximum(np.abs(x) / ASPECT, np.abs(y)) / (FILLED * np.tan(OPENING / 2)) + z
-    return target + max(3.12 * radius, float(depth.max())) * back, target
-
-
-def _plane(panel: Panel) -> Any:
-    """The window of a panel, all of it in view."""
-    import rerun.blueprint as rrb
-
-    return rrb.Spatial2DView(
-        origin=f"/{panel.origin}",
-        name=panel.title,
-        visual_bounds=rrb.VisualBounds2D(x_range=panel.x, y_range=panel.y),
-    )
-
-
-def _chart() -> Any:
-    """The window of the charts of the phase that is played."""
-    import rerun.blueprint as rrb
-
-    width, height = SIZE
-    return rrb.Spatial2DView(
-        origin=f"/{ROOT}",
-        name="Chart",
-        visual_bounds=rrb.VisualBounds2D(x_range=(0.0, width), y_range=(0.0, height)),
-    )
-
-
-def _curves(story: Story, timeline: Timeline) -> list[Any]:
-    """The same curves over the steps of their phases, one behind the other, to read numbers off."""
-    import rerun as rr
-    import rerun.blueprint as rrb
-
-    bound, views = rr.TimeRangeBoundary.absolute, []
-    for chapter, phase in zip(story.chapters, timeline.phases, strict=True):
-        stretch = rr.TimeRange(start=bound(seq=phase.start), end=bound(seq=phase.stop - 1))
-        views += [
-            rrb.TimeSeriesView(
-                origin=f"/{chart.origin}",
-                name=f"{chart.origin.replace('/', ', ')} by step",
-                plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=True),
-                axis_x=rrb.TimeAxis(view_range=stretch),
-            )
-            for chart in chapter.charts
-        ]
-    return views

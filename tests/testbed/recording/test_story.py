@@ -9,9 +9,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from testbed.recording.chart import Chart, Series
+from testbed.recording.layout import blueprint, camera
 from testbed.recording.story import Panel, timeline_of
 from testbed.recording.timeline import evenly, leaf, spread, visit
-from testbed.recording.write import blueprint, camera, story_bytes
+from testbed.recording.write import story_bytes
 from testbed.robots.catalog import load_robot, robot_names
 from testbed.robots.placements import link_poses
 from tests import viewed

@@ -15,8 +15,8 @@ from calib.geometry.frames import step_transform
 from calib.measurement import tables
 from calib.measurement.observations import joined
 from testbed.cli import app
+from testbed.recording.layout import cells
 from testbed.recording.timeline import visit
-from testbed.recording.write import _cells
 from testbed.robots.catalog import load_robot
 from testbed.run.derive import led_by
 from testbed.run.play import load_run, play_run, recording_of
@@ -265,7 +265,7 @@ def test_each_trial_has_a_window_that_hides_what_is_of_the_others(tmp_path):
     assert [window.name for window in windows] == [first.name, other.name]
     opened = store(record(tmp_path / "both.rrd"))
     entities = {line.split()[0] for line in opened.summary().splitlines()}
-    views = _cells(story_of(windows), recorded.timeline(campaign))
+    views = cells(story_of(windows), recorded.timeline(campaign))
     seen = [
         {one for one in entities if one.startswith("/world") and shows(view.contents, one)}
         for view in views

@@ -6,10 +6,10 @@ from calib.geometry.bodies import Z
 from testbed.recording import style
 from testbed.recording.cell import draw_arm
 from testbed.recording.chart import Chart, Series
+from testbed.recording.layout import FRAMES_PER_SECOND
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter
 from testbed.recording.timeline import Motion, Phase, glide
-from testbed.recording.write import FRAMES_PER_SECOND
 from testbed.robots.robot import Robot
 from testbed.studies.trial.bending.records import Ways
 from testbed.studies.trial.recording_cell import ShownTrial
